@@ -1,0 +1,1 @@
+"""The wire to a suction probe. Knows nothing of skin."""

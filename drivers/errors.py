@@ -1,0 +1,25 @@
+"""The error tree of the driver. An error's type says who is to blame."""
+
+
+class DriverError(Exception):
+    """Root of everything that the driver raises."""
+
+
+class LinkError(DriverError, OSError):
+    """The link: no such port, unplugged, refused, timed out."""
+
+
+class ProtocolError(DriverError):
+    """Root of what goes wrong in the conversation itself."""
+
+
+class LocalProtocolError(ProtocolError):
+    """We asked for what is not allowed in this state or beyond a limit; nothing was sent."""
+
+
+class RemoteProtocolError(ProtocolError):
+    """The instrument said what the protocol does not allow."""
+
+
+class InstrumentRefusedError(DriverError):
+    """The instrument understood and said no; the message carries its reason."""

@@ -1,0 +1,1 @@
+"""Measure human skin at the bedside."""

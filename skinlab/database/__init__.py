@@ -1,0 +1,1 @@
+"""The precomputed finite-element database: build, store, verify, interpolate."""

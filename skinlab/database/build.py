@@ -1,0 +1,63 @@
+"""Compute a grid's curves with the finite elements, on as many cores as asked for."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from multiprocessing import get_context
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinlab.database.grid import GridDatabase, GridSpec
+from skinlab.fem.suction import MESH_OF_RECORD, SOLVER_VERSION, assembly_for, solve
+from skinlab.materials.compressibility import kappa_ratio
+
+Array = NDArray[np.float64]
+
+Row = tuple[int, Array, float, int]  # entry, deflections (p,), holds to, iterations
+
+
+def compute_entry(spec: GridSpec, entry: int) -> Row:
+    """Return one entry's curve on the spec's pressures."""
+    x1, x2, nu = spec.parameters(entry)
+    parameters = {"X1_MPa": x1, "X2_MPa": x2, "kappa_MPa": x1 * kappa_ratio(nu, spec.kappa)}
+    curve = solve(spec.geometry, parameters, max(spec.pressure_mbar), law=spec.law)
+    return entry, curve(np.array(spec.pressure_mbar)), curve.holds_to_mbar, curve.iterations
+
+
+def build_grid(
+    spec: GridSpec,
+    workers: int = 1,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> GridDatabase:
+    """Return the built grid; the numbers do not depend on `workers`.
+
+    `progress` is called with (done, total) after each entry.
+    """
+    deflection = np.full(spec.shape, np.nan)
+    holds = np.zeros(spec.shape[:3])
+    iterations = np.zeros(spec.shape[:3], dtype=np.int32)
+    for done, (entry, curve, holds_to, spent) in enumerate(
+        _computed(spec, range(spec.entries), workers), start=1
+    ):
+        at = np.unravel_index(entry, spec.shape[:3])
+        deflection[at], holds[at], iterations[at] = curve, holds_to, spent
+        progress(done, spec.entries)
+    assembly, _ = assembly_for(spec.geometry, MESH_OF_RECORD, spec.law)
+    return GridDatabase(
+        spec, deflection, holds, iterations, MESH_OF_RECORD.name, SOLVER_VERSION, assembly.n
+    )
+
+
+def _computed(spec: GridSpec, entries: Sequence[int], workers: int) -> Iterator[Row]:
+    compute = partial(compute_entry, spec)
+    if workers <= 1:
+        yield from map(compute, entries)
+        return
+    # One thread of linear algebra a process: the cores are shared out by entries.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        yield from pool.map(compute, entries, chunksize=8)

@@ -1,0 +1,68 @@
+"""The paper's grid: X1 × X2 × ν at one geometry, with a curve in every node."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinlab.fem.suction import Geometry
+from skinlab.materials.compressibility import KappaConvention
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class GridSpec:
+    """What is computed. The defaults are the paper's section 2.3."""
+
+    law: str = "extended_neo_hookean"
+    kappa: KappaConvention = "paper"
+    geometry: Geometry = field(default_factory=lambda: Geometry(6.0, 1.0))
+    X1_MPa: tuple[float, ...] = tuple(round(0.01 * i, 10) for i in range(1, 11))
+    X2_MPa: tuple[float, ...] = tuple(round(0.1 + 0.3 * i, 10) for i in range(17))
+    nu: tuple[float, ...] = tuple(round(0.2 + 0.04 * i, 10) for i in range(8))
+    pressure_mbar: tuple[float, ...] = tuple(2.0 * i for i in range(51))
+
+    @property
+    def shape(self) -> tuple[int, int, int, int]:
+        """Nodes along X1, X2, ν and pressure."""
+        return len(self.X1_MPa), len(self.X2_MPa), len(self.nu), len(self.pressure_mbar)
+
+    @property
+    def entries(self) -> int:
+        """Number of curves."""
+        return len(self.X1_MPa) * len(self.X2_MPa) * len(self.nu)
+
+    def parameters(self, entry: int) -> tuple[float, float, float]:
+        """Return (X1, X2, ν) of the entry with this flat number."""
+        i, j, k = np.unravel_index(entry, self.shape[:3])
+        return self.X1_MPa[int(i)], self.X2_MPa[int(j)], self.nu[int(k)]
+
+
+@dataclass(frozen=True, eq=False)
+class GridDatabase:
+    """A built grid.
+
+    `deflection_mm` (X1, X2, ν, p) is NaN above `holds_to_mbar` (X1, X2, ν).
+    """
+
+    spec: GridSpec
+    deflection_mm: Array
+    holds_to_mbar: Array
+    iterations: NDArray[np.int32]  # Newton iterations of each entry
+    mesh_name: str
+    solver_version: str
+    dofs: int
+
+    @property
+    def content_hash(self) -> str:
+        """`sha256:…` over what is computed from what, and the numbers themselves."""
+        digest = hashlib.sha256()
+        head = (self.spec, self.mesh_name, self.solver_version, self.dofs)
+        digest.update(repr(head).encode())
+        for array in (self.deflection_mm, self.holds_to_mbar, self.iterations):
+            digest.update(np.ascontiguousarray(array).tobytes())
+        return f"sha256:{digest.hexdigest()}"

@@ -1,0 +1,124 @@
+"""The grid as a forward model for one curve: fast misfits of many candidates at once.
+
+The database's curves live in a space of a dozen dimensions: with orthonormal components Q of the
+curves at the measured pressures, ‖M − Ω‖² = ‖M⊥‖² + ‖c_M − c_Ω‖² exactly, so that a candidate
+costs a few multiplications instead of one per sample.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinlab.database.grid import GridDatabase
+from skinlab.database.lagrange import TensorLagrange, matrix
+from skinlab.errors import NotTrustworthyError
+from skinlab.fem.suction import EXTENSION_ABOVE, EXTENSION_BELOW_MBAR, Geometry
+from skinlab.materials.compressibility import KappaConvention, kappa_ratio, nu_from_ratio
+from skinlab.parameters import ParameterSpace
+
+Array = NDArray[np.float64]
+
+_KEPT_MM = 1e-6  # components whose part in all curves together is below 1 nm are dropped
+
+
+@lru_cache(maxsize=4)
+def _components(database: GridDatabase) -> tuple[Array, Array]:
+    """Return coordinates (entries, k) and basis (k, p) of all curves on the grid's pressures."""
+    curves = database.deflection_mm.reshape(-1, database.spec.shape[-1])
+    holds = np.isfinite(curves).all(axis=1)
+    _, s, vt = np.linalg.svd(curves[holds], full_matrices=False)
+    k = int((s > _KEPT_MM).sum())
+    coordinates = np.full((len(curves), k), np.nan)
+    coordinates[holds] = curves[holds] @ vt[:k].T
+    return coordinates, vt[:k]
+
+
+def covered(database: GridDatabase, pressure_mbar: Array) -> NDArray[np.bool_]:
+    """Return which pressures (n,) the database speaks of, its small extensions included."""
+    low = min(database.spec.pressure_mbar) - EXTENSION_BELOW_MBAR
+    high = max(database.spec.pressure_mbar) * (1 + EXTENSION_ABOVE)
+    return np.asarray((pressure_mbar >= low) & (pressure_mbar <= high))
+
+
+class GridModel:
+    """The grid at given pressures; parameters are (X1_MPa, X2_MPa, nu)."""
+
+    def __init__(
+        self,
+        database: GridDatabase,
+        geometry: Geometry,
+        pressure_mbar: Array,
+        kappa: KappaConvention = "paper",
+    ) -> None:
+        """Prepare for these pressures (u,).
+
+        Raises:
+            NotTrustworthyError: the database does not speak of this geometry.
+        """
+        spec = database.spec
+        stored = spec.geometry.thickness_mm / spec.geometry.radius_mm
+        asked = geometry.thickness_mm / geometry.radius_mm
+        if abs(asked / stored - 1) > 1e-9:
+            raise NotTrustworthyError(
+                f"thickness/radius is {asked:.4g}, and this database holds for {stored:.4g} only "
+                f"(a {spec.geometry.aperture_mm:g} mm opening on "
+                f"{spec.geometry.thickness_mm:g} mm of skin)"
+            )
+        self._database, self._kappa = database, kappa
+        # w/R depends on p/X1, X2/X1, ν and h/R: a similar geometry only scales the deflection.
+        self._scale = geometry.radius_mm / spec.geometry.radius_mm
+        coordinates, basis = _components(database)
+        at_points = self._scale * basis @ matrix(spec.pressure_mbar, pressure_mbar).T
+        q, r = np.linalg.qr(at_points.T)
+        self._q = q  # (u, k) orthonormal
+        values = (coordinates @ r.T).reshape(*spec.shape[:3], -1)
+        axes = (np.array(spec.X1_MPa), np.array(spec.X2_MPa), np.array(spec.nu))
+        self._tensor = TensorLagrange(axes, values)
+        ratio = (kappa_ratio(axes[2][0], spec.kappa), kappa_ratio(axes[2][-1], spec.kappa))
+        nu = tuple(float(nu_from_ratio(x, kappa)) for x in ratio)
+        self.space = ParameterSpace(
+            ("X1_MPa", "X2_MPa", "nu"),
+            (float(axes[0][0]), float(axes[1][0]), nu[0]),
+            (float(axes[0][-1]), float(axes[1][-1]), nu[1]),
+        )
+
+    def _coordinates(self, parameters: Array) -> Array:
+        points = parameters
+        if self._kappa != self._database.spec.kappa:
+            ratio = kappa_ratio(parameters[:, 2], self._kappa)
+            points = parameters.copy()
+            points[:, 2] = nu_from_ratio(ratio, self._database.spec.kappa)
+        return self._tensor(points)
+
+    def deflection_mm(self, parameters: Array) -> Array:
+        """Return the curves (n, u) of candidates (n, 3); NaN where the database does not hold."""
+        return np.asarray(self._coordinates(parameters) @ self._q.T)
+
+    def misfit(self, measured_mm: Array) -> Misfit:
+        """Return the sum of squared differences to these deflections (u,), as a function."""
+        return Misfit(self, measured_mm)
+
+
+class Misfit:
+    """Σ (M − Ω)² over a curve's samples, mm², for many candidates at once."""
+
+    def __init__(self, model: GridModel, measured_mm: Array) -> None:
+        """Split the measured curve into what the database can reach and the rest."""
+        self._model = model
+        self._reachable = model._q.T @ measured_mm
+        rest = measured_mm - model._q @ self._reachable
+        self._rest = float(rest @ rest)
+
+    def __call__(self, parameters: Array) -> Array:
+        """Return the sums (n,) for candidates (n, k); infinite where the database does not hold."""
+        difference = self._model._coordinates(parameters) - self._reachable
+        total = self._rest + np.einsum("nk,nk->n", difference, difference)
+        return np.where(np.isfinite(total), total, np.inf)
+
+    def residuals(self, parameters: Array) -> Array:
+        """Return residuals (k + 1,) of one candidate whose squares sum up to the misfit."""
+        difference = self._model._coordinates(parameters[None])[0] - self._reachable
+        return np.append(difference, np.sqrt(self._rest))

@@ -1,0 +1,160 @@
+"""Meshes of the skin's cross-section: a grid of quadrilaterals, graded to the tape's edge."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Nodes and elements, with what the suction problem needs to find on them.
+
+    `nodes` (n, 2) are (r, z) in mm, numbered column by column so that the band is narrow;
+    `elements` (m, 8 or 9) in the order of `element.py`; `loaded_edges` (k, 3) are the edges on the
+    top surface inside the opening, from the axis outwards: inner end, outer end, middle;
+    `layer` (m,) tells which layer from the top an element belongs to.
+    """
+
+    nodes: Array
+    elements: Index
+    loaded_edges: Index
+    apex: int
+    axis: Index
+    tape: Index  # nodes of the top surface with r ≥ R
+    outer: Index  # nodes at r = r_out
+    bottom: Index
+
+
+@dataclass(frozen=True)
+class Grading:
+    """How fine: everything in mm, for an opening of radius R on a skin of thickness h."""
+
+    edge: float  # size of the elements at the tape's edge
+    ratio: float  # from one element to the next
+    inside: float  # largest size under the opening
+    outside: float  # largest size under the tape
+    through: float  # largest size through the thickness
+    quarter_point: bool = False  # see `_to_quarter_points`
+
+
+def graded_sizes(length: float, first: float, ratio: float, largest: float) -> Array:
+    """Return sizes that start at `first`, grow by about `ratio` up to `largest`, and fill `length`.
+
+    The ratio is lowered a little where the sizes would not fit exactly; `first` is kept.
+    """
+    if first >= largest or first >= length:
+        n = max(1, math.ceil(length / largest - 1e-9))
+        return np.full(n, length / n)
+
+    def sizes(q: float, n: int) -> Array:
+        return np.asarray(np.minimum(first * q ** np.arange(n), largest))
+
+    n = 1
+    while sizes(ratio, n).sum() < length - 1e-12:
+        n += 1
+    low = 1.0
+    if sizes(low, n).sum() >= length:  # `first` alone fills it
+        return np.full(n, length / n)
+    q = brentq(lambda q: float(sizes(q, n).sum()) - length, low, ratio, xtol=1e-14)
+    return sizes(float(q), n)
+
+
+def suction_mesh(
+    radius_mm: float,
+    thickness_mm: float,
+    outer_radius_mm: float,
+    grading: Grading,
+    nodes_per_element: int = 8,
+    held_from_mm: float | None = None,
+) -> Mesh:
+    """Return the mesh of a skin 0 ≤ r ≤ r_out, −h ≤ z ≤ 0, with lines through r = R.
+
+    `held_from_mm` is where the tape starts to hold (default: R).
+    """
+    held = radius_mm if held_from_mm is None else held_from_mm
+    g = grading
+    inside = graded_sizes(radius_mm, g.edge, g.ratio, g.inside)[::-1]
+    spans = [inside]
+    if held > radius_mm:
+        n = max(1, math.ceil((held - radius_mm) / (4 * g.edge)))
+        spans.append(np.full(n, (held - radius_mm) / n))
+    spans.append(graded_sizes(outer_radius_mm - held, g.edge, g.ratio, g.outside))
+    r_lines = np.concatenate([[0.0], np.cumsum(np.concatenate(spans))])
+    z_sizes = graded_sizes(thickness_mm, g.edge, g.ratio, g.through)
+    z_lines = np.concatenate([[0.0], -np.cumsum(z_sizes)])[::-1].copy()
+    z_lines[-1], z_lines[0] = 0.0, -thickness_mm
+    r_lines[len(inside)] = radius_mm
+    mesh = grid_mesh(r_lines, z_lines, radius_mm, held, nodes_per_element)
+    if g.quarter_point:
+        _to_quarter_points(mesh, rim=int(mesh.tape[0]))
+    return mesh
+
+
+def grid_mesh(
+    r_lines: Array, z_lines: Array, radius_mm: float, held_mm: float, nodes_per_element: int
+) -> Mesh:
+    """Return the mesh with these grid lines (ascending, mm); the top is the last z line."""
+    nr, nz = len(r_lines) - 1, len(z_lines) - 1
+    r_fine = _with_middles(r_lines)
+    z_fine = _with_middles(z_lines)
+    # Number the nodes of the refined grid column by column; 8-node elements skip the centres.
+    number = np.full((2 * nr + 1, 2 * nz + 1), -1, dtype=np.intp)
+    used = np.ones_like(number, dtype=bool)
+    if nodes_per_element == 8:
+        used[1::2, 1::2] = False
+    number[used] = np.arange(int(used.sum()))
+    i = np.repeat(2 * np.arange(nr), nz)
+    j = np.tile(2 * np.arange(nz), nr)
+    offsets = [(0, 0), (2, 0), (2, 2), (0, 2), (1, 0), (2, 1), (1, 2), (0, 1), (1, 1)]
+    elements = np.column_stack([number[i + a, j + b] for a, b in offsets[:nodes_per_element]])
+    grid_i, grid_j = np.nonzero(used)
+    top = number[:, -1]
+    tolerance = 1e-9 * max(radius_mm, 1.0)
+    edges = np.column_stack([top[0:-2:2], top[2::2], top[1::2]])
+    inside = r_lines[1:] <= radius_mm + tolerance
+    return Mesh(
+        nodes=np.column_stack([r_fine[grid_i], z_fine[grid_j]]),
+        elements=elements,
+        loaded_edges=edges[inside],
+        apex=int(top[0]),
+        axis=_present(number[0]),
+        tape=_present(top[r_fine >= held_mm - tolerance]),
+        outer=_present(number[-1]),
+        bottom=_present(number[:, 0]),
+    )
+
+
+def _to_quarter_points(mesh: Mesh, rim: int) -> None:
+    """Move the middle nodes next to the rim to a quarter of their edges.
+
+    Where a held surface meets a free one the displacement goes like the square root of the
+    distance and the strain is singular. With its middle nodes at the quarter points a quadratic
+    element holds exactly that root (Henshell and Shaw 1975, Barsoum 1976), so that a coarse edge
+    is accurate.
+    """
+    for element in mesh.elements:
+        for k in np.flatnonzero(element[:4] == rim):
+            for middle, other in (
+                (element[4 + k], element[(k + 1) % 4]),
+                (element[4 + (k - 1) % 4], element[(k - 1) % 4]),
+            ):
+                mesh.nodes[middle] = 0.75 * mesh.nodes[rim] + 0.25 * mesh.nodes[other]
+
+
+def _with_middles(lines: Array) -> Array:
+    fine = np.empty(2 * len(lines) - 1)
+    fine[::2] = lines
+    fine[1::2] = 0.5 * (lines[1:] + lines[:-1])
+    return fine
+
+
+def _present(numbers: Index) -> Index:
+    return numbers[numbers >= 0]

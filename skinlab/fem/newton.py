@@ -1,0 +1,183 @@
+"""Follow the equilibrium path in pressure: Newton's method with steps that adapt.
+
+At each converged point the factorised tangent also gives the path's slope du/dp, so that the next
+step starts from a cubic Hermite extrapolation through the last two points, and w(p) between points
+is a cubic Hermite interpolation. The extrapolation's error, seen when the step converges, bounds
+the interpolation's: for equal steps the remainders h²(2h)² f⁗/4! and (h/2)⁴ f⁗/4! are 64 : 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import lapack
+
+from skinlab.fem.assembly import Assembly
+
+Array = NDArray[np.float64]
+
+
+_FIRST_STEP_ALLOWANCE = 10.0
+
+
+@dataclass(frozen=True)
+class StepSettings:
+    """How the path is followed; the defaults serve the mesh of record."""
+
+    first_step_mbar: float = 2.0
+    smallest_step_mbar: float = 0.01
+    extrapolation_error: float = 1e-4  # aimed at, in units of the opening's radius
+    correction: float = 3e-7  # Newton ends when no displacement moves more, in mm
+    most_iterations: int = 8
+    tries: int = 6
+
+
+@dataclass
+class EquilibriumPath:
+    """Converged points of the path, in order of pressure; the first is the unloaded state."""
+
+    pressure_mpa: list[float] = field(default_factory=list)
+    displacements: list[Array] = field(default_factory=list)  # unknowns, mm
+    slopes: list[Array] = field(default_factory=list)  # d unknowns / d pressure, mm/MPa
+    j_min: list[float] = field(default_factory=list)
+    j_max: list[float] = field(default_factory=list)
+    energy: list[float] = field(default_factory=list)  # stored, N mm
+    volume: list[float] = field(default_factory=list)  # under the dome, mm³
+    iterations: int = 0
+    stopped: str = ""  # why the path ends before its goal; empty where it does not
+
+
+@dataclass(frozen=True)
+class Point:
+    """One converged point."""
+
+    unknowns: Array
+    slope: Array
+    energy: float
+    volume: float
+    j_min: float
+    j_max: float
+    iterations: int
+
+
+def solve_point(
+    assembly: Assembly,
+    guess: Array,
+    pressure_mpa: float,
+    parameters: Mapping[str, Any],
+    settings: StepSettings,
+) -> tuple[Point | None, int]:
+    """Return the equilibrium near `guess` and the iterations spent; None where Newton fails.
+
+    Fails: an element turned inside out, a tangent that is not positive definite (the state is not
+    stable), corrections that grow, or too many iterations.
+    """
+    u = guess.copy()
+    last = np.inf
+    for iteration in range(1, settings.most_iterations + 1):
+        state = assembly.evaluate(u, pressure_mpa, parameters)
+        if state is None:
+            return None, iteration
+        factor, info = lapack.dpbtrf(state.tangent.T, lower=1, overwrite_ab=1)
+        if info != 0:
+            return None, iteration
+        both, _ = lapack.dpbtrs(factor, np.column_stack([-state.residual, state.load]), lower=1)
+        correction = float(np.abs(both[:, 0]).max())
+        if not np.isfinite(correction) or correction > 4.0 * last:
+            return None, iteration
+        u += both[:, 0]
+        if correction <= settings.correction:
+            point = Point(
+                u, both[:, 1], state.energy, state.volume, state.j_min, state.j_max, iteration
+            )
+            return point, iteration
+        last = correction
+    return None, settings.most_iterations
+
+
+def follow(
+    assembly: Assembly,
+    goal_mpa: float,
+    parameters: Mapping[str, Any],
+    scale_mm: float,
+    settings: StepSettings | None = None,
+    watch: int | None = None,
+) -> EquilibriumPath:
+    """Return the path from zero to `goal_mpa` (either sign), or as far as it goes.
+
+    `watch` is the unknown whose extrapolation error steers the steps (the apex deflection);
+    `scale_mm` is what that error is measured against.
+    """
+    settings = settings or StepSettings()
+    path = EquilibriumPath()
+    start, spent = solve_point(assembly, np.zeros(assembly.n), 0.0, parameters, settings)
+    path.iterations += spent
+    if start is None:
+        path.stopped = "the tangent of the unloaded skin is not positive definite"
+        return path
+    _append(path, 0.0, start)
+    sign = 1.0 if goal_mpa >= 0 else -1.0
+    step = min(settings.first_step_mbar * 1e-4, abs(goal_mpa))
+    smallest = settings.smallest_step_mbar * 1e-4
+    tries = 0
+    while abs(path.pressure_mpa[-1]) < abs(goal_mpa) * (1 - 1e-12):
+        left = abs(goal_mpa) - abs(path.pressure_mpa[-1])
+        n = max(1, int(np.ceil(left / step - 1e-9)))
+        # Even out the last steps rather than end with a sliver.
+        step_now = left / n if n <= 2 else step
+        target = goal_mpa if n == 1 else path.pressure_mpa[-1] + sign * step_now
+        guess = extrapolate(path, target)
+        point, spent = solve_point(assembly, guess, target, parameters, settings)
+        path.iterations += spent
+        if point is None:
+            tries += 1
+            step = 0.35 * step_now
+            if tries > settings.tries or step < smallest:
+                path.stopped = f"no convergence beyond {path.pressure_mpa[-1] * 1e4:.2f} mbar"
+                break
+            continue
+        miss = guess - point.unknowns
+        error = float(abs(miss[watch])) if watch is not None else float(np.abs(miss).max())
+        wanted = settings.extrapolation_error * scale_mm
+        # The first extrapolation is a straight line: its error is of second order and larger.
+        first = len(path.pressure_mpa) == 1
+        if first:
+            wanted *= _FIRST_STEP_ALLOWANCE
+        order = 2.0 if first else 4.0
+        factor = 0.9 * (wanted / max(error, 1e-3 * wanted)) ** (1.0 / order)
+        step = step_now * min(2.5, max(0.25, factor))
+        if first and error > 2.0 * wanted and step >= smallest:
+            continue  # a first step this curved would spoil the interpolation across it
+        tries = 0
+        _append(path, target, point)
+    return path
+
+
+def extrapolate(path: EquilibriumPath, target: float) -> Array:
+    """Return the unknowns expected at `target` from the last two points and their slopes."""
+    p1, u1, s1 = path.pressure_mpa[-1], path.displacements[-1], path.slopes[-1]
+    if len(path.pressure_mpa) == 1:
+        return u1 + (target - p1) * s1
+    p0, u0, s0 = path.pressure_mpa[-2], path.displacements[-2], path.slopes[-2]
+    h = p1 - p0
+    t = (target - p0) / h
+    return (
+        (1 + 2 * t) * (1 - t) ** 2 * u0
+        + h * t * (1 - t) ** 2 * s0
+        + t**2 * (3 - 2 * t) * u1
+        + h * t**2 * (t - 1) * s1
+    )
+
+
+def _append(path: EquilibriumPath, pressure: float, point: Point) -> None:
+    path.pressure_mpa.append(pressure)
+    path.displacements.append(point.unknowns)
+    path.slopes.append(point.slope)
+    path.j_min.append(point.j_min)
+    path.j_max.append(point.j_max)
+    path.energy.append(point.energy)
+    path.volume.append(point.volume)

@@ -1,0 +1,184 @@
+"""The suction test: geometry, mesh of record, and the curve that the finite elements give.
+
+Axisymmetric, quasi-static, finite strain. Tape: the top surface is held for r ≥ R. The bottom is
+free. The outer edge (r_out = 3R, or R + 6h where that is more) slides on a wall. Suction is a
+follower pressure on the deformed top surface r < R.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import CubicHermiteSpline
+
+from skinlab.errors import InputError
+from skinlab.fem.assembly import Assembly
+from skinlab.fem.element import QUAD8_FULL, QUAD9_FULL, Element
+from skinlab.fem.mesh import Grading, Mesh, suction_mesh
+from skinlab.fem.newton import EquilibriumPath, StepSettings, follow
+from skinlab.materials import get_law
+
+Array = NDArray[np.float64]
+
+MBAR = 1e-4  # MPa
+
+SOLVER_VERSION = "1"  # raise it whenever a curve changes by more than round-off
+
+# Below zero and above the programmed maximum a noisy pressure channel still has a model.
+EXTENSION_BELOW_MBAR = 2.0
+EXTENSION_ABOVE = 0.02
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """What is measured: opening diameter and skin thickness, mm."""
+
+    aperture_mm: float
+    thickness_mm: float
+
+    def __post_init__(self) -> None:
+        """Refuse what is no length."""
+        for name, value in (("aperture_mm", self.aperture_mm), ("thickness_mm", self.thickness_mm)):
+            if not (math.isfinite(value) and value > 0):
+                raise InputError(f"{name} must be a positive number of mm, got {value}")
+
+    @property
+    def radius_mm(self) -> float:
+        """Radius of the opening."""
+        return 0.5 * self.aperture_mm
+
+    @property
+    def outer_radius_mm(self) -> float:
+        """Where the model ends: beyond it the apex no longer notices (0.1 µm)."""
+        return max(3 * self.radius_mm, self.radius_mm + 6 * self.thickness_mm)
+
+
+@dataclass(frozen=True)
+class Discretisation:
+    """A recipe for meshes: sizes as fractions of the opening's radius.
+
+    Except `outside`, of the taped width r_out − R, and `through`, of the thickness.
+
+    All sizes scale with the geometry, so that w/R depends on p/X1, X2/X1, ν and h/R alone.
+    """
+
+    name: str
+    element: Element
+    edge: float
+    ratio: float
+    inside: float
+    outside: float
+    through: float
+    quarter_point: bool = False
+
+    def mesh(self, geometry: Geometry, held_from_mm: float | None = None) -> Mesh:
+        """Return the mesh for this geometry."""
+        r = geometry.radius_mm
+        grading = Grading(
+            edge=self.edge * r,
+            ratio=self.ratio,
+            inside=self.inside * r,
+            outside=self.outside * (geometry.outer_radius_mm - r),
+            through=self.through * geometry.thickness_mm,
+            quarter_point=self.quarter_point,
+        )
+        return suction_mesh(
+            r,
+            geometry.thickness_mm,
+            geometry.outer_radius_mm,
+            grading,
+            self.element.nodes,
+            held_from_mm,
+        )
+
+
+# Why these numbers: docs/decisions/0003-mesh-of-record.md
+MESH_OF_RECORD = Discretisation(
+    "record-1", QUAD8_FULL, 1 / 60, 2.0, 2 / 15, 2 / 15, 0.25, quarter_point=True
+)
+# For comparison with other programs: plain 9-node elements, 0.02 mm at the edge of a 6 mm opening.
+VERIFICATION_MESH = Discretisation("verification-1", QUAD9_FULL, 0.02 / 3, 1.5, 0.1, 0.1, 0.2)
+
+
+@dataclass(frozen=True)
+class SuctionCurve:
+    """Apex deflection against suction, as cubic Hermite pieces between converged points."""
+
+    pressure_mbar: Array  # (k,), from 0
+    deflection_mm: Array  # (k,)
+    slope_mm_per_mbar: Array  # (k,)
+    holds_to_mbar: float  # the goal, or the last pressure that converged
+    stopped: str  # why it does not reach the goal; empty where it does
+    iterations: int
+    path: EquilibriumPath
+
+    def __call__(self, pressure_mbar: ArrayLike) -> Array:
+        """Return deflection (mm) at these pressures; NaN where the curve does not hold.
+
+        A little beyond both ends (2 mbar below zero, 2 % above the top) the end pieces go on.
+        """
+        p = np.asarray(pressure_mbar, dtype=float)
+        if len(self.pressure_mbar) < 2:
+            return np.full(p.shape, np.nan)
+        spline = CubicHermiteSpline(
+            self.pressure_mbar, self.deflection_mm, self.slope_mm_per_mbar, extrapolate=True
+        )
+        top = self.holds_to_mbar * (1 + (EXTENSION_ABOVE if not self.stopped else 0.0))
+        inside = (p >= -EXTENSION_BELOW_MBAR - 1e-9) & (p <= top + 1e-9)
+        return np.where(inside, spline(p), np.nan)
+
+
+@lru_cache(maxsize=16)
+def assembly_for(
+    geometry: Geometry, discretisation: Discretisation, law_name: str
+) -> tuple[Assembly, int]:
+    """Return the prepared problem and the unknown that is the apex deflection."""
+    mesh = discretisation.mesh(geometry)
+    fixed = np.unique(
+        np.concatenate([2 * mesh.axis, 2 * mesh.tape, 2 * mesh.tape + 1, 2 * mesh.outer])
+    )
+    assembly = Assembly(mesh, discretisation.element, get_law(law_name), fixed)
+    return assembly, int(assembly.equation[2 * mesh.apex + 1])
+
+
+def solve(
+    geometry: Geometry,
+    parameters: Mapping[str, float],
+    goal_mbar: float,
+    *,
+    law: str = "extended_neo_hookean",
+    discretisation: Discretisation = MESH_OF_RECORD,
+    settings: StepSettings | None = None,
+) -> SuctionCurve:
+    """Return the curve from 0 to `goal_mbar`, or as far as the model holds.
+
+    `parameters` are what the law asks for, in MPa (for the paper's law: X1_MPa, X2_MPa, kappa_MPa).
+
+    Raises:
+        InputError: a parameter or the pressure is out of its physical range.
+    """
+    if not (math.isfinite(goal_mbar) and goal_mbar > 0):
+        raise InputError(f"pressure_mbar must be a positive number of mbar, got {goal_mbar}")
+    assembly, apex = assembly_for(geometry, discretisation, law)
+    for name in assembly.law.parameter_names:
+        value = parameters[name]
+        if not (math.isfinite(value) and value >= 0) or (name != "X2_MPa" and value == 0):
+            raise InputError(f"{name} must be a positive number of MPa, got {value}")
+    path = follow(assembly, goal_mbar * MBAR, parameters, geometry.radius_mm, settings, watch=apex)
+    pressure = np.array(path.pressure_mpa) / MBAR
+    return SuctionCurve(
+        pressure_mbar=pressure,
+        deflection_mm=np.array([u[apex] for u in path.displacements]),
+        slope_mm_per_mbar=np.array([s[apex] for s in path.slopes]) * MBAR,
+        holds_to_mbar=goal_mbar
+        if not path.stopped
+        else (float(pressure[-1]) if len(pressure) else 0.0),
+        stopped=path.stopped,
+        iterations=path.iterations,
+        path=path,
+    )

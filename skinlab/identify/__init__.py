@@ -1,0 +1,1 @@
+"""The inverse problem: from a curve to the skin's parameters."""

@@ -1,0 +1,133 @@
+"""Identify a curve: choose its samples, ask the database, run a method, judge the answer."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinlab.curve import FEWEST_POINTS, Curve
+from skinlab.database.grid import GridDatabase
+from skinlab.database.grid_model import GridModel, covered
+from skinlab.errors import InputError, NotTrustworthyError
+from skinlab.fem.suction import Geometry
+from skinlab.identify.problem import Estimate, Options, Problem
+from skinlab.identify.registry import get_method
+from skinlab.identify.result import Identification, Provenance, Value
+from skinlab.materials.compressibility import KappaConvention, kappa_ratio, nu_consistent
+
+Array = NDArray[np.float64]
+
+_AT_BOUND = 1e-6  # of the parameter's range
+
+
+@dataclass(frozen=True)
+class Identifier:
+    """How to identify curves; the same for all curves of a run.
+
+    `clock` only fills the field `seconds`.
+    """
+
+    database: GridDatabase
+    method: str = "auto"
+    options: Options = field(default_factory=Options)
+    seed: int = 0
+    kappa: KappaConvention = "paper"
+    phases: tuple[str, ...] = ("load",)
+    clock: Callable[[], float] = time.perf_counter
+
+    def provenance(self) -> Provenance:
+        """Return what a reader of the result must know to repeat it."""
+        spec = self.database.spec
+        model = f"{spec.law} kappa={self.kappa} mesh={self.database.mesh_name}"
+        return Provenance(
+            model_name="base",
+            model_hash="sha256:" + hashlib.sha256(model.encode()).hexdigest(),
+            kappa=self.kappa,
+            database_hash=self.database.content_hash,
+            method=self.method,
+            seed=self.seed,
+        )
+
+    def __call__(self, curve: Curve) -> Identification:
+        """Return the answer; where there can be none, one whose `error` says why.
+
+        Raises:
+            InputError: the method or its options are wrong.
+        """
+        method = get_method(self.method)
+        started = self.clock()
+        try:
+            fitted, model, problem = self._problem(curve)
+        except (InputError, NotTrustworthyError) as error:
+            outside = isinstance(error, NotTrustworthyError)
+            return Identification(
+                curve.name,
+                curve.setup,
+                str(error),
+                points=len(curve),
+                phases=self.phases,
+                flags=("outside_database",) if outside else (),
+            )
+        estimate = method(problem, self.options, np.random.default_rng(self.seed))
+        return self._answer(curve, fitted, model, problem, estimate, self.clock() - started)
+
+    def _problem(self, curve: Curve) -> tuple[NDArray[np.bool_], GridModel, Problem]:
+        chosen = curve.in_phases(self.phases)
+        fitted = chosen & covered(self.database, curve.pressure_mbar)
+        if int(fitted.sum()) < FEWEST_POINTS:
+            raise InputError(
+                f"{curve.name}: {int(fitted.sum())} samples to fit in phases "
+                f"{','.join(self.phases)}; expected at least {FEWEST_POINTS}"
+            )
+        geometry = Geometry(curve.setup.aperture_mm, curve.setup.thickness_mm)
+        model = GridModel(self.database, geometry, curve.pressure_mbar[fitted], self.kappa)
+        misfit = model.misfit(curve.deflection_mm[fitted])
+        return fitted, model, Problem(model.space, misfit, int(fitted.sum()))
+
+    def _answer(
+        self,
+        curve: Curve,
+        fitted: NDArray[np.bool_],
+        model: GridModel,
+        problem: Problem,
+        estimate: Estimate,
+        seconds: float,
+    ) -> Identification:
+        x = estimate.parameters
+        low, high = problem.space.bounds
+        flags = []
+        for k, name in enumerate(problem.space.names):
+            if min(x[k] - low[k], high[k] - x[k]) <= _AT_BOUND * (high[k] - low[k]):
+                flags.append(f"at_bound:{name}")
+        if curve.in_phases(self.phases).sum() > fitted.sum():
+            flags.append("outside_database")
+        if not estimate.converged:
+            flags.append("not_converged")
+        if curve.partial:
+            flags.append("partial_curve")
+        ratio = float(kappa_ratio(x[2], self.kappa))
+        model_mm = np.full(len(curve), np.nan)
+        model_mm[fitted] = model.deflection_mm(x[None])[0]
+        return Identification(
+            curve.name,
+            curve.setup,
+            None,
+            points=len(curve),
+            phases=self.phases,
+            parameters={n: Value(float(v)) for n, v in zip(problem.space.names, x, strict=True)},
+            nu_consistent=float(nu_consistent(ratio)),
+            kappa_MPa=ratio * float(x[0]),
+            error_um=estimate.error_um,
+            rms_um=estimate.error_um * float(np.sqrt(problem.points)),
+            iterations=estimate.iterations,
+            evaluations=estimate.evaluations,
+            seconds=seconds,
+            flags=tuple(flags),
+            fitted=fitted,
+            model_mm=model_mm,
+        )

@@ -1,0 +1,117 @@
+"""The answer for one curve, and its JSON form (`skinlab.identification/1`)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinlab.curve import Setup
+
+Array = NDArray[np.float64]
+
+SCHEMA = "skinlab.identification/1"
+
+
+@dataclass(frozen=True)
+class Value:
+    """One identified parameter with its interval; None where the method gives none."""
+
+    value: float
+    low: float | None = None
+    high: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """What was identified from one curve, how, and whether to trust it."""
+
+    file: str
+    setup: Setup
+    error: str | None  # one sentence where nothing could be identified
+    points: int = 0
+    phases: tuple[str, ...] = ("load",)
+    parameters: dict[str, Value] | None = None  # by name, with unit; the order is `order`
+    nu_consistent: float | None = None
+    kappa_MPa: float | None = None
+    correlation: tuple[tuple[float, ...], ...] | None = None
+    error_um: float | None = None  # the paper's E
+    rms_um: float | None = None  # root mean square residual
+    noise_um: float | None = None
+    iterations: int = 0
+    evaluations: int = 0
+    seconds: float = 0.0
+    flags: tuple[str, ...] = ()
+    fitted: NDArray[np.bool_] | None = None  # (points,) which samples were fitted
+    model_mm: Array | None = None  # (points,) the fitted curve; NaN where there is no model
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the entry of `curves` in the identification document."""
+        values = self.parameters or {}
+        return {
+            "file": self.file,
+            "error": self.error,
+            "points": self.points,
+            "fitted_points": 0 if self.fitted is None else int(self.fitted.sum()),
+            "phases": list(self.phases),
+            "aperture_mm": self.setup.aperture_mm,
+            "thickness_mm": self.setup.thickness_mm,
+            "parameters": {
+                name: {"value": v.value, "low": v.low, "high": v.high} for name, v in values.items()
+            }
+            or None,
+            "nu_consistent": self.nu_consistent,
+            "kappa_MPa": self.kappa_MPa,
+            "order": list(values),
+            "correlation": None
+            if self.correlation is None
+            else [list(r) for r in self.correlation],
+            "error_um": self.error_um,
+            "rms_um": self.rms_um,
+            "noise_um": self.noise_um,
+            "iterations": self.iterations,
+            "evaluations": self.evaluations,
+            "seconds": self.seconds,
+            "flags": list(self.flags),
+        }
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """With which model, database, method and seed."""
+
+    model_name: str
+    model_hash: str
+    kappa: str
+    database_hash: str
+    method: str
+    seed: int
+    effects: tuple[str, ...] = ()
+
+
+def document(
+    provenance: Provenance, results: Sequence[Identification], session: str | None = None
+) -> dict[str, Any]:
+    """Return the whole identification document."""
+    whole: dict[str, Any] = {
+        "schema": SCHEMA,
+        "model": {
+            "name": provenance.model_name,
+            "hash": provenance.model_hash,
+            "kappa": provenance.kappa,
+            "effects": list(provenance.effects),
+        },
+        "database": {"hash": provenance.database_hash},
+        "method": provenance.method,
+        "seed": provenance.seed,
+        "interval": 0.9,
+        "curves": [result.to_json() for result in results],
+        "joint": None,
+        "advice": None,
+    }
+    if session is not None:
+        whole["session"] = session
+    return whole

@@ -1,0 +1,289 @@
+"""What is asked of the pump: ramps, holds, releases and rests, as text and as objects.
+
+Grammar: segments separated by commas. `ramp:P@RATE` goes to P mbar at RATE mbar/s, up or down;
+`hold:S` stays for S seconds; `release` vents as fast as the instrument can; `rest:S` waits at zero.
+The classic modes are short names: `mode1:P,ON,OFF[,N]`, `mode2:P@RATE[,N]`, `mode3:P,ON@RATE[,N]`,
+`mode4:P@RATE,OFF[,N]`. Every program ends with a vent, whether it says so or not.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from skinlab.errors import InputError
+
+MOST_PRESSURE_MBAR = 500.0
+MOST_SUCTION_S = 60.0
+MOST_CYCLES = 100
+STEP_RATE_MBAR_PER_S = 2000.0  # "at once" in modes 1 and 3: faster than the pump can follow
+
+Phase = Literal["load", "hold", "unload", "rest"]
+
+
+@dataclass(frozen=True, slots=True)
+class Ramp:
+    """Go to `target_mbar` at `rate_mbar_per_s`, up or down."""
+
+    target_mbar: float
+    rate_mbar_per_s: float
+
+    def __str__(self) -> str:
+        return f"ramp:{self.target_mbar:g}@{self.rate_mbar_per_s:g}"
+
+
+@dataclass(frozen=True, slots=True)
+class Hold:
+    """Stay at the present pressure."""
+
+    duration_s: float
+
+    def __str__(self) -> str:
+        return f"hold:{self.duration_s:g}"
+
+
+@dataclass(frozen=True, slots=True)
+class Release:
+    """Vent as fast as the instrument can."""
+
+    def __str__(self) -> str:
+        return "release"
+
+
+@dataclass(frozen=True, slots=True)
+class Rest:
+    """Wait at zero."""
+
+    duration_s: float
+
+    def __str__(self) -> str:
+        return f"rest:{self.duration_s:g}"
+
+
+Segment = Ramp | Hold | Release | Rest
+
+
+@dataclass(frozen=True)
+class Program:
+    """A checked sequence of segments, bounded in pressure and time.
+
+    Raises:
+        InputError: empty, a pressure beyond 0–500 mbar, a rate or duration that is not positive,
+            or more than 60 s of suction without a pause.
+    """
+
+    segments: tuple[Segment, ...]
+
+    def __post_init__(self) -> None:
+        """Refuse what no probe should do."""
+        if not self.segments:
+            raise InputError("program is empty; expected for example ramp:100@20")
+        suction_s = 0.0
+        for segment, phase, start, end in zip(
+            self.segments, self.phases, self._starts(), self._ends(), strict=True
+        ):
+            _check(segment)
+            if end > 0 or start > 0:
+                suction_s += _duration(segment, start)
+            if phase == "rest" or end == 0:
+                suction_s = 0.0
+            if suction_s > MOST_SUCTION_S:
+                raise InputError(
+                    f"program {self}: {suction_s:g} s of suction without a pause; "
+                    f"expected at most {MOST_SUCTION_S:g} s"
+                )
+        if self.max_pressure_mbar <= 0:
+            raise InputError(f"program {self}: never leaves zero; expected a ramp to a pressure")
+
+    def __str__(self) -> str:
+        return ",".join(str(s) for s in self.segments)
+
+    def _ends(self) -> list[float]:
+        """Pressure that each segment ends at, mbar."""
+        ends, present = [], 0.0
+        for segment in self.segments:
+            if isinstance(segment, Ramp):
+                present = segment.target_mbar
+            elif isinstance(segment, Release | Rest):
+                present = 0.0
+            ends.append(present)
+        return ends
+
+    def _starts(self) -> list[float]:
+        return [0.0, *self._ends()[:-1]]
+
+    @property
+    def max_pressure_mbar(self) -> float:
+        """Highest pressure asked for."""
+        return max(self._ends())
+
+    @property
+    def phases(self) -> tuple[Phase, ...]:
+        """What the skin sees in each segment."""
+        return tuple(
+            _phase(s, a, b)
+            for s, a, b in zip(self.segments, self._starts(), self._ends(), strict=True)
+        )
+
+    @property
+    def first_load(self) -> tuple[int, ...]:
+        """Indices of the segments that load the skin for the first time."""
+        indices = []
+        for i, phase in enumerate(self.phases):
+            if phase == "load":
+                indices.append(i)
+            elif indices and phase != "hold":
+                break
+        return tuple(indices)
+
+    def boundaries_s(self) -> NDArray[np.float64]:
+        """Return the ideal times (segments + 1,) between which each segment runs."""
+        durations = [_duration(s, a) for s, a in zip(self.segments, self._starts(), strict=True)]
+        return np.concatenate([[0.0], np.cumsum(durations)])
+
+    @property
+    def duration_s(self) -> float:
+        """Ideal duration, without the final vent."""
+        return float(self.boundaries_s()[-1])
+
+    def pressure_mbar(self, time_s: ArrayLike) -> NDArray[np.float64]:
+        """Return the pressure asked for at these times since the start."""
+        t, p = [0.0], [0.0]
+        for segment, begin, end, (t0, t1) in zip(
+            self.segments, self._starts(), self._ends(), pairwise(self.boundaries_s()), strict=True
+        ):
+            jump = isinstance(segment, Release | Rest)
+            t += [float(t0), float(t1)]
+            p += [end if jump else begin, end]
+        return np.asarray(np.interp(np.asarray(time_s, dtype=float), t, p))
+
+    def segment_at(self, time_s: ArrayLike) -> NDArray[np.intp]:
+        """Return the index of the segment that runs at these times; a boundary belongs to both.
+
+        It is given to the earlier one, so that the peak of a ramp is part of the loading.
+        """
+        edges = self.boundaries_s()
+        found = np.searchsorted(edges, np.asarray(time_s, dtype=float) - 1e-9, side="right") - 1
+        return np.asarray(np.clip(found, 0, len(self.segments) - 1))
+
+
+def _phase(segment: Segment, start: float, end: float) -> Phase:
+    if isinstance(segment, Ramp):
+        if end == start:
+            return "hold" if end > 0 else "rest"
+        return "load" if end > start else "unload"
+    if isinstance(segment, Hold):
+        return "hold" if end > 0 else "rest"
+    return "unload" if isinstance(segment, Release) and start > 0 else "rest"
+
+
+def _duration(segment: Segment, start: float) -> float:
+    if isinstance(segment, Ramp):
+        return abs(segment.target_mbar - start) / segment.rate_mbar_per_s
+    return 0.0 if isinstance(segment, Release) else segment.duration_s
+
+
+def _check(segment: Segment) -> None:
+    if isinstance(segment, Ramp):
+        if not 0 <= segment.target_mbar <= MOST_PRESSURE_MBAR:
+            raise InputError(
+                f"segment {segment}: pressure must lie in 0–{MOST_PRESSURE_MBAR:g} mbar"
+            )
+        if not segment.rate_mbar_per_s > 0:
+            raise InputError(f"segment {segment}: rate must be positive, in mbar/s")
+    elif not isinstance(segment, Release) and not segment.duration_s > 0:
+        raise InputError(f"segment {segment}: duration must be positive, in s")
+
+
+# ---- text ------------------------------------------------------------------------------------
+
+
+def parse_program(text: str) -> Program:
+    """Return the program that `text` describes.
+
+    Raises:
+        InputError: the text does not follow the grammar, or the program is beyond the limits.
+    """
+    segments: list[Segment] = []
+    for part in re.split(r",(?=\s*[a-z])", text.strip().lower()):
+        segments += _parse_part(part.strip(), text)
+    return Program(tuple(segments))
+
+
+def _parse_part(part: str, text: str) -> list[Segment]:
+    name, _, arguments = part.partition(":")
+    parser = _PARSERS.get(name)
+    if parser is None:
+        raise InputError(
+            f"program {text!r}: {part!r} is no segment; expected one of: {', '.join(_PARSERS)}"
+        )
+    form, parse = parser
+    try:
+        numbers = [float(x) for x in re.split(r"[,@]", arguments)] if arguments else []
+        # The separators must be the grammar's, in the grammar's order.
+        signs = re.sub(r"[^,@]", "", arguments)
+        expected = re.sub(r"[^,@]", "", form.partition(":")[2].partition("[")[0])
+        optional = "[,N]" in form
+        if signs not in ({expected, expected + ","} if optional else {expected}):
+            raise ValueError
+        if not all(math.isfinite(x) for x in numbers):
+            raise ValueError
+        return parse(numbers)
+    except (ValueError, IndexError):
+        raise InputError(
+            f"program {text!r}: {part!r} was not understood; expected {form}"
+        ) from None
+
+
+def _cycles(numbers: list[float], position: int) -> int:
+    if len(numbers) <= position:
+        return 1
+    n = numbers[position]
+    if n != int(n) or not 1 <= n <= MOST_CYCLES:
+        raise InputError(f"number of cycles must be a whole number of 1–{MOST_CYCLES}, got {n:g}")
+    return int(n)
+
+
+def _bare(numbers: list[float]) -> list[Segment]:
+    if numbers:
+        raise ValueError
+    return [Release()]
+
+
+def _mode1(n: list[float]) -> list[Segment]:
+    pulse: list[Segment] = [Ramp(n[0], STEP_RATE_MBAR_PER_S), Hold(n[1]), Release(), Rest(n[2])]
+    return pulse * _cycles(n, 3)
+
+
+def _mode2(n: list[float]) -> list[Segment]:
+    pulse: list[Segment] = [Ramp(n[0], n[1]), Ramp(0.0, n[1])]
+    return pulse * _cycles(n, 2)
+
+
+def _mode3(n: list[float]) -> list[Segment]:
+    pulse: list[Segment] = [Ramp(n[0], STEP_RATE_MBAR_PER_S), Hold(n[1]), Ramp(0.0, n[2])]
+    return pulse * _cycles(n, 3)
+
+
+def _mode4(n: list[float]) -> list[Segment]:
+    pulse: list[Segment] = [Ramp(n[0], n[1]), Release(), Rest(n[2])]
+    return pulse * _cycles(n, 3)
+
+
+_PARSERS: dict[str, tuple[str, Callable[[list[float]], list[Segment]]]] = {
+    "ramp": ("ramp:P@RATE", lambda n: [Ramp(n[0], n[1])]),
+    "hold": ("hold:S", lambda n: [Hold(n[0])]),
+    "release": ("release", _bare),
+    "rest": ("rest:S", lambda n: [Rest(n[0])]),
+    "mode1": ("mode1:P,ON,OFF[,N]", _mode1),
+    "mode2": ("mode2:P@RATE[,N]", _mode2),
+    "mode3": ("mode3:P,ON@RATE[,N]", _mode3),
+    "mode4": ("mode4:P@RATE,OFF[,N]", _mode4),
+}
