@@ -10,6 +10,9 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 
+PROGRAM_END = "program end"  # reason of the State with which a run that was not cut short ends
+
+
 class SegmentKind(StrEnum):
     """What the pump does during one segment of a program."""
 

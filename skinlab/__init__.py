@@ -1,1 +1,3 @@
 """Measure human skin at the bedside."""
+
+__version__ = "0.1.0"

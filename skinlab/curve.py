@@ -131,8 +131,6 @@ class Curve:
         A short hold inside a stepped loading is not part of it.
         """
         load = self.phase == "load"
-        if self.setup.cycle != 1:
-            return np.zeros(len(self), dtype=bool)
         after = np.flatnonzero((self.phase == "unload") | (self.phase == "rest"))
         starts = np.flatnonzero(load)
         if starts.size:

@@ -36,7 +36,7 @@ class Ramp:
     rate_mbar_per_s: float
 
     def __str__(self) -> str:
-        return f"ramp:{self.target_mbar:g}@{self.rate_mbar_per_s:g}"
+        return f"ramp:{_text(self.target_mbar)}@{_text(self.rate_mbar_per_s)}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,7 @@ class Hold:
     duration_s: float
 
     def __str__(self) -> str:
-        return f"hold:{self.duration_s:g}"
+        return f"hold:{_text(self.duration_s)}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +64,7 @@ class Rest:
     duration_s: float
 
     def __str__(self) -> str:
-        return f"rest:{self.duration_s:g}"
+        return f"rest:{_text(self.duration_s)}"
 
 
 Segment = Ramp | Hold | Release | Rest
@@ -188,6 +188,11 @@ def _duration(segment: Segment, start: float) -> float:
     if isinstance(segment, Ramp):
         return abs(segment.target_mbar - start) / segment.rate_mbar_per_s
     return 0.0 if isinstance(segment, Release) else segment.duration_s
+
+
+def _text(number: float) -> str:
+    """Return the shortest text that reads back as the same number."""
+    return str(int(number)) if number == int(number) else repr(number)
 
 
 def _check(segment: Segment) -> None:

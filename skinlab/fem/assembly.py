@@ -4,6 +4,11 @@ Total Lagrangian: the gradients of the shape functions are those of the referenc
 are computed once. A point's deformation gradient has five components, in the order
 (F_rr, F_rz, F_zr, F_zz, F_θθ). The energy W is a function of a = F_rr² + F_rz² + F_zr² + F_zz²,
 j = F_rr F_zz − F_rz F_zr and f = F_θθ alone, since I1 = a + f², I2 = j² + a f², J = j f.
+
+Elements with dilatation modes see, in place of J, its projection J̄ on the constants or the linear
+functions of the element (Nagtegaal, Parks and Rice 1974; Simo, Taylor and Pister 1985). The stored
+energy is ∫ W(F) − U(J) + U(J̄), with U(J) the law's energy of a pure dilatation F = J^(1/3) 1, so
+that any law can be used; for W = W_iso + U it is ∫ W_iso(F) + U(J̄).
 """
 
 from __future__ import annotations
@@ -15,18 +20,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.fem.element import Element, line_shape, quadrature, shape
+from skinlab.fem.element import Element, dilatation_basis, line_shape, quadrature, shape
 from skinlab.fem.mesh import Mesh
 from skinlab.materials.base import Law
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
-
-# ∂²j/∂F² for j = F_rr F_zz − F_rz F_zr
-_D2J = np.zeros((4, 4))
-_D2J[0, 3] = _D2J[3, 0] = 1.0
-_D2J[1, 2] = _D2J[2, 1] = -1.0
-_EYE4 = np.eye(4)
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +39,8 @@ class State:
     volume: float  # under the dome, mm³: the pressure's work is the integral of p dV
     j_min: float  # smallest and largest det F at a quadrature point
     j_max: float
+    deformation: Array  # (5, m, q) deformation gradients, and
+    moduli: Array  # (5, 5, m, q) ∂²W/∂F² there, MPa: what admissibility is judged by
 
 
 class Assembly:
@@ -79,12 +80,21 @@ class Assembly:
         g[:, :, 2, 1::2] = gradient[..., 0]
         g[:, :, 3, 1::2] = gradient[..., 1]
         g[:, :, 4, 0::2] = values / radius[..., None]
-        self.gradients = g.reshape(m, q * 5, 2 * a)
-        self._gradients_t = np.ascontiguousarray(self.gradients.transpose(0, 2, 1))
+        self.gradients = g  # ∂F/∂u, (m, q, 5, 2 a)
+        self._gradients_t = np.ascontiguousarray(g.reshape(m, q * 5, 2 * a).transpose(0, 2, 1))
+        # F takes half of the products when u_r and u_z are kept apart: rows ∂N/∂r, ∂N/∂z, N/r.
+        self._scalar_gradients = np.concatenate(
+            [gradient[..., 0], gradient[..., 1], values / radius[..., None]], axis=1
+        )
         self.volumes = 2 * np.pi * radius * det * weights  # (m, q)
         self.dofs = np.stack([2 * self.mesh.elements, 2 * self.mesh.elements + 1], -1).reshape(
             m, -1
         )
+        # J̄ = projection @ J, by weights, on the element's dilatation modes: (m, q, q)
+        if self.element.dilatation_modes:
+            basis = dilatation_basis(self.element.dilatation_modes, at)
+            weighted = basis.T * self.volumes[:, None]
+            self._projection = basis @ np.linalg.solve(weighted @ basis, weighted)
 
     def _set_edges(self) -> None:
         at, weights = np.polynomial.legendre.leggauss(3)  # exact: the integrand is of degree 5
@@ -121,12 +131,15 @@ class Assembly:
         return np.asarray(np.append(unknowns, 0.0)[self.equation])
 
     def deformation_gradients(self, displacements: Array) -> Array:
-        """Return F (m, q, 5) at the quadrature points."""
-        u = displacements[self.dofs]
-        f = np.matmul(self.gradients, u[..., None])[..., 0]
-        points: Array = f.reshape(len(u), -1, 5)
-        points[..., [0, 3, 4]] += 1.0
-        return points
+        """Return F (5, m, q) at the quadrature points."""
+        m, q = self.volumes.shape
+        u = displacements.reshape(-1, 2)[self.mesh.elements]  # (m, a, 2)
+        parts = np.matmul(self._scalar_gradients, u).reshape(m, 3, q, 2)
+        f = np.empty((5, m, q))
+        f[0], f[1], f[4] = parts[:, 0, :, 0], parts[:, 1, :, 0], parts[:, 2, :, 0]
+        f[2], f[3] = parts[:, 0, :, 1], parts[:, 1, :, 1]
+        f[[0, 3, 4]] += 1.0
+        return f
 
     def evaluate(
         self, unknowns: Array, pressure_mpa: float, parameters: Mapping[str, Any]
@@ -134,19 +147,23 @@ class Assembly:
         """Return the State at these unknowns, or None where an element is turned inside out."""
         u = self.full(unknowns)
         f = self.deformation_gradients(u)
-        energy, stress, tangent, det = stress_and_tangent(f, self.law, parameters)
+        energy, stress, moduli, det = stress_and_tangent(f, self.law, parameters)
         j_min, j_max = float(det.min()), float(det.max())
         if not j_min > 0.0:
             return None
-        m = len(self.dofs)
         w = self.volumes
-        stress *= w[..., None]
-        tangent *= w[..., None, None]
-        force = np.matmul(self._gradients_t, stress.reshape(m, -1, 1))[..., 0]
-        g = self.gradients.reshape(m, -1, 5, self.dofs.shape[1])
-        stiffness = np.matmul(
-            self._gradients_t, np.matmul(tangent, g).reshape(m, w.shape[1] * 5, -1)
-        )
+        m, q = w.shape
+        consistent = moduli
+        if self.element.dilatation_modes:
+            stored, stress, consistent, rank = self._project(f, det, stress, moduli, parameters)
+            energy = energy + stored
+        weighted = np.ascontiguousarray((w * consistent).reshape(25, -1).T).reshape(m, q, 5, 5)
+        products = np.matmul(weighted, self.gradients).reshape(m, q * 5, -1)
+        stiffness = np.matmul(self._gradients_t, products)
+        if self.element.dilatation_modes:
+            stiffness += rank
+        forces = np.ascontiguousarray((w * stress).reshape(5, -1).T).reshape(m, -1, 1)
+        force = np.matmul(self._gradients_t, forces)
         load, load_stiffness, volume = self._suction(u)
         internal = _gather(self._equations, force, self.n + 1)[:-1]
         external = _gather(self._edge_equations, load, self.n + 1)[:-1]
@@ -165,7 +182,42 @@ class Assembly:
             volume=volume,
             j_min=j_min,
             j_max=j_max,
+            deformation=f,
+            moduli=moduli,
         )
+
+    def _project(
+        self, f: Array, det: Array, stress: Array, moduli: Array, parameters: Mapping[str, Any]
+    ) -> tuple[Array, Array, Array, Array]:
+        """Put J̄ in place of J in the energy of dilatation.
+
+        Return what that adds to the energy (m, q), the new stress and moduli, and the part of the
+        element stiffness (m, 2 a, 2 a) that couples the points of an element.
+        """
+        mean = np.matmul(self._projection, det[..., None])[..., 0]
+        here, d_here, dd_here = dilatation(self.law, det, parameters)
+        there, d_there, dd_there = dilatation(self.law, mean, parameters)
+        weights = self.volumes
+        # The projection is its own transpose under the weights.
+        pressure = np.matmul(self._projection, d_there[..., None])[..., 0] - d_here
+        hoop = f[4]
+        by_f = np.stack([f[3] * hoop, -f[2] * hoop, -f[1] * hoop, f[0] * hoop, det / hoop])
+        stress = stress + pressure * by_f
+        moduli = moduli - dd_here * by_f[:, None] * by_f
+        for i, k, second in (
+            (0, 3, hoop),
+            (1, 2, -hoop),
+            (0, 4, f[3]),
+            (1, 4, -f[2]),
+            (2, 4, -f[1]),
+            (3, 4, f[0]),
+        ):
+            moduli[i, k] += pressure * second
+            moduli[k, i] += pressure * second
+        by_u = np.einsum("imq,mqik->mqk", by_f, self.gradients)
+        rows = np.matmul(self._projection, by_u)
+        rank = np.matmul(rows.transpose(0, 2, 1), (weights * dd_there)[..., None] * rows)
+        return there - here, stress, moduli, rank
 
     def _suction(self, displacements: Array) -> tuple[Array, Array, float]:
         """Return load (k, 6), its symmetrised derivative (k, 6, 6) per MPa, and the dome's volume.
@@ -199,59 +251,72 @@ def _gather(slots: Index, values: Array, length: int) -> Array:
     return np.asarray(np.bincount(slots, values.ravel(), minlength=length), dtype=float)
 
 
+def dilatation(law: Law, j: Array, parameters: Mapping[str, Any]) -> tuple[Array, Array, Array]:
+    """Return U(J), the law's energy at F = J^(1/3) 1, and its first and second derivative."""
+    third = np.cbrt(j)
+    p = law.potential(3 * third**2, 3 * third**4, j, parameters)
+    x, y = 2 / third, 4 * third  # dI1/dJ, dI2/dJ
+    first = p.d_i1 * x + p.d_i2 * y + p.d_j
+    second = (
+        p.d_i1_i1 * x * x
+        + p.d_i2_i2 * y * y
+        + p.d_j_j
+        + 2 * (p.d_i1_i2 * x * y + p.d_i1_j * x + p.d_i2_j * y)
+        + (p.d_i2 * y - p.d_i1 * x) / (3 * j)
+    )
+    return p.energy, first, second
+
+
 def stress_and_tangent(
     f: Array, law: Law, parameters: Mapping[str, Any]
 ) -> tuple[Array, Array, Array, Array]:
-    """Return energy (...), first Piola-Kirchhoff stress (..., 5), tangent (..., 5, 5) and det F.
+    """Return energy (...), first Piola-Kirchhoff stress (5, ...), tangent (5, 5, ...) and det F.
 
-    `f` has shape (..., 5); energy and stress in MPa. Where det F ≤ 0 the rest has no meaning.
+    `f` has shape (5, ...), components first: then every operation runs over contiguous memory.
+    Energy and stress in MPa. Where det F ≤ 0 the rest has no meaning.
     """
-    plane, hoop = f[..., :4], f[..., 4]
-    cof = np.stack([f[..., 3], -f[..., 2], -f[..., 1], f[..., 0]], axis=-1)
-    a = np.einsum("...i,...i->...", plane, plane)
-    j = f[..., 0] * f[..., 3] - f[..., 1] * f[..., 2]
+    plane, hoop = f[:4], f[4]
+    cof = np.stack([f[3], -f[2], -f[1], f[0]])
+    a = (plane * plane).sum(axis=0)
+    j = f[0] * f[3] - f[1] * f[2]
     h2 = hoop * hoop
     det = j * hoop
     safe = det if det.min() > 0.0 else np.where(det > 0.0, det, 1.0)
     p = law.potential(a + h2, j * j + a * h2, safe, parameters)
 
     # First and second derivatives by (a, j, f), by the chain rule through I1, I2, J.
+    twice_j, twice_hoop = 2 * j, 2 * hoop
     w_a = p.d_i1 + h2 * p.d_i2
-    w_j = 2 * j * p.d_i2 + hoop * p.d_j
-    w_f = 2 * hoop * (p.d_i1 + a * p.d_i2) + j * p.d_j
-    # ∂/∂(I1, I2, J) of w_a, w_j, w_f
+    w_j = twice_j * p.d_i2 + hoop * p.d_j
+    by_f = p.d_i1 + a * p.d_i2
+    # ∂/∂(I1, I2, J) of w_a and w_j, and of by_f, of which w_f = 2 f by_f + j ∂W/∂J is made
     a1, a2, a3 = p.d_i1_i1 + h2 * p.d_i1_i2, p.d_i1_i2 + h2 * p.d_i2_i2, p.d_i1_j + h2 * p.d_i2_j
-    j1, j2, j3 = (
-        2 * j * p.d_i1_i2 + hoop * p.d_i1_j,
-        2 * j * p.d_i2_i2 + hoop * p.d_i2_j,
-        2 * j * p.d_i2_j + hoop * p.d_j_j,
-    )
-    f1, f2, f3 = (
-        2 * hoop * (p.d_i1_i1 + a * p.d_i1_i2) + j * p.d_i1_j,
-        2 * hoop * (p.d_i1_i2 + a * p.d_i2_i2) + j * p.d_i2_j,
-        2 * hoop * (p.d_i1_j + a * p.d_i2_j) + j * p.d_j_j,
-    )
+    j2 = twice_j * p.d_i2_i2 + hoop * p.d_i2_j
+    j3 = twice_j * p.d_i2_j + hoop * p.d_j_j
+    f1, f2, f3 = p.d_i1_i1 + a * p.d_i1_i2, p.d_i1_i2 + a * p.d_i2_i2, p.d_i1_j + a * p.d_i2_j
     w_aa = a1 + h2 * a2
-    w_aj = 2 * j * a2 + hoop * a3
-    w_jj = 2 * p.d_i2 + 2 * j * j2 + hoop * j3
-    w_af = 2 * hoop * p.d_i2 + 2 * hoop * (a1 + a * a2) + j * a3
-    w_jf = p.d_j + 2 * hoop * (j1 + a * j2) + j * j3
-    w_ff = 2 * (p.d_i1 + a * p.d_i2) + 2 * hoop * (f1 + a * f2) + j * f3
+    w_aj = twice_j * a2 + hoop * a3
+    w_jj = 2 * p.d_i2 + twice_j * j2 + hoop * j3
+    w_af = twice_hoop * (p.d_i2 + a1 + a * a2) + j * a3
+    w_jf = p.d_j + twice_hoop * (twice_j * f2 + hoop * f3) + j * j3
+    w_ff = 2 * by_f + twice_hoop * (twice_hoop * (f1 + a * f2) + 2 * j * f3) + j * j * p.d_j_j
 
     stress = np.empty_like(f)
-    stress[..., :4] = 2 * w_a[..., None] * plane + w_j[..., None] * cof
-    stress[..., 4] = w_f
-    tangent = np.empty((*f.shape, 5))
+    stress[:4] = 2 * w_a * plane + w_j * cof
+    stress[4] = twice_hoop * by_f + j * p.d_j
+    tangent = np.empty((5, *f.shape))
     # 4 w_aa F Fᵀ + 2 w_aj (F cofᵀ + cof Fᵀ) + w_jj cof cofᵀ as one sum of two outer products
-    left = 4 * w_aa[..., None] * plane + 2 * w_aj[..., None] * cof
-    right = 2 * w_aj[..., None] * plane + w_jj[..., None] * cof
-    block = left[..., :, None] * plane[..., None, :]
-    block += right[..., :, None] * cof[..., None, :]
-    block += 2 * w_a[..., None, None] * _EYE4
-    block += w_j[..., None, None] * _D2J
-    tangent[..., :4, :4] = block
-    coupling = 2 * w_af[..., None] * plane + w_jf[..., None] * cof
-    tangent[..., :4, 4] = coupling
-    tangent[..., 4, :4] = coupling
-    tangent[..., 4, 4] = w_ff
+    left = 4 * w_aa * plane + 2 * w_aj * cof
+    right = 2 * w_aj * plane + w_jj * cof
+    block = tangent[:4, :4]
+    np.multiply(left[:, None], plane, out=block)
+    block += right[:, None] * cof
+    for i in range(4):
+        block[i, i] += 2 * w_a
+    for i, k in ((0, 3), (3, 0)):  # ∂²j/∂F²
+        block[i, k] += w_j
+    for i, k in ((1, 2), (2, 1)):
+        block[i, k] -= w_j
+    tangent[:4, 4] = tangent[4, :4] = 2 * w_af * plane + w_jf * cof
+    tangent[4, 4] = w_ff
     return p.energy, stress, tangent, det

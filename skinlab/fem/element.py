@@ -19,17 +19,28 @@ _MIDDLES = np.array([[0.0, -1.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0]])
 
 @dataclass(frozen=True)
 class Element:
-    """An element type: number of nodes and Gauss points a direction."""
+    """An element type: number of nodes and Gauss points a direction.
+
+    `dilatation_modes`: 0, every point has its own change of volume; 1 or 3, it is a constant or a
+    linear function in the element, which removes the locking of nearly incompressible skin.
+    """
 
     name: str
     nodes: int
     points_1d: int
+    dilatation_modes: int = 0
 
 
 QUAD8_REDUCED = Element("quad8-reduced", 8, 2)  # the paper's choice
 QUAD8_FULL = Element("quad8-full", 8, 3)
 QUAD9_FULL = Element("quad9-full", 9, 3)
-ELEMENTS = {e.name: e for e in (QUAD8_REDUCED, QUAD8_FULL, QUAD9_FULL)}
+QUAD8_MEAN_DILATATION = Element("quad8-mean-dilatation", 8, 3, dilatation_modes=1)
+# Biquadratic displacement, linear pressure: stable at any compressibility.
+QUAD9_LINEAR_DILATATION = Element("quad9-linear-dilatation", 9, 3, dilatation_modes=3)
+ELEMENTS = {
+    e.name: e
+    for e in (QUAD8_REDUCED, QUAD8_FULL, QUAD9_FULL, QUAD8_MEAN_DILATATION, QUAD9_LINEAR_DILATATION)
+}
 
 
 def quadrature(points_1d: int) -> tuple[Array, Array]:
@@ -37,6 +48,11 @@ def quadrature(points_1d: int) -> tuple[Array, Array]:
     x, w = np.polynomial.legendre.leggauss(points_1d)
     xi, eta = np.meshgrid(x, x, indexing="ij")
     return np.column_stack([xi.ravel(), eta.ravel()]), np.outer(w, w).ravel()
+
+
+def dilatation_basis(modes: int, at: Array) -> Array:
+    """Return the first `modes` of 1, ξ, η (n, modes) at points (n, 2)."""
+    return np.column_stack([np.ones(len(at)), at])[:, :modes]
 
 
 def shape(nodes: int, at: Array) -> tuple[Array, Array]:

@@ -22,16 +22,18 @@ Array = NDArray[np.float64]
 
 
 _FIRST_STEP_ALLOWANCE = 10.0
+_QUADRATIC = 0.05  # below this ratio of corrections Newton is taken to converge quadratically
+_SAFETY = 0.1
 
 
 @dataclass(frozen=True)
 class StepSettings:
     """How the path is followed; the defaults serve the mesh of record."""
 
-    first_step_mbar: float = 2.0
+    first_step: float = 0.008  # straight-line prediction of the watched unknown, same units
     smallest_step_mbar: float = 0.01
     extrapolation_error: float = 1e-4  # aimed at, in units of the opening's radius
-    correction: float = 3e-7  # Newton ends when no displacement moves more, in mm
+    correction: float = 3e-7  # Newton ends when no displacement would move more, in mm
     most_iterations: int = 8
     tries: int = 6
 
@@ -85,14 +87,26 @@ def solve_point(
         factor, info = lapack.dpbtrf(state.tangent.T, lower=1, overwrite_ab=1)
         if info != 0:
             return None, iteration
-        both, _ = lapack.dpbtrs(factor, np.column_stack([-state.residual, state.load]), lower=1)
-        correction = float(np.abs(both[:, 0]).max())
+        step, _ = lapack.dpbtrs(factor, -state.residual, lower=1)
+        correction = float(np.abs(step).max())
         if not np.isfinite(correction) or correction > 4.0 * last:
             return None, iteration
-        u += both[:, 0]
-        if correction <= settings.correction:
+        u += step
+        # Quadratic convergence: the next correction would be about ratio² times this one.
+        ratio = correction / last if iteration > 1 else 1.0
+        foreseen = ratio * ratio * correction if ratio < _QUADRATIC else np.inf
+        if correction <= settings.correction or foreseen <= _SAFETY * settings.correction:
+            slope, _ = lapack.dpbtrs(factor, state.load, lower=1)
+            internal = state.residual + pressure_mpa * state.load
             point = Point(
-                u, both[:, 1], state.energy, state.volume, state.j_min, state.j_max, iteration
+                u,
+                slope,
+                # `state` is that before the last correction: to first order, what it changes
+                state.energy + float(internal @ step),
+                state.volume + float(state.load @ step),
+                state.j_min,
+                state.j_max,
+                iteration,
             )
             return point, iteration
         last = correction
@@ -121,7 +135,8 @@ def follow(
         return path
     _append(path, 0.0, start)
     sign = 1.0 if goal_mpa >= 0 else -1.0
-    step = min(settings.first_step_mbar * 1e-4, abs(goal_mpa))
+    compliance = float(abs(start.slope[watch]) if watch is not None else abs(start.slope).max())
+    step = min(settings.first_step * scale_mm / max(compliance, 1e-300), abs(goal_mpa))
     smallest = settings.smallest_step_mbar * 1e-4
     tries = 0
     while abs(path.pressure_mpa[-1]) < abs(goal_mpa) * (1 - 1e-12):

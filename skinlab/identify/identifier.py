@@ -108,6 +108,8 @@ class Identifier:
             flags.append("outside_database")
         if not estimate.converged:
             flags.append("not_converged")
+        if curve.setup.cycle != 1:
+            flags.append("not_first_cycle")
         if curve.partial:
             flags.append("partial_curve")
         ratio = float(kappa_ratio(x[2], self.kappa))

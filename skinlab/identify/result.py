@@ -30,7 +30,7 @@ class Identification:
     """What was identified from one curve, how, and whether to trust it."""
 
     file: str
-    setup: Setup
+    setup: Setup | None  # None where the input could not be read
     error: str | None  # one sentence where nothing could be identified
     points: int = 0
     phases: tuple[str, ...] = ("load",)
@@ -57,8 +57,8 @@ class Identification:
             "points": self.points,
             "fitted_points": 0 if self.fitted is None else int(self.fitted.sum()),
             "phases": list(self.phases),
-            "aperture_mm": self.setup.aperture_mm,
-            "thickness_mm": self.setup.thickness_mm,
+            "aperture_mm": self.setup and self.setup.aperture_mm,
+            "thickness_mm": self.setup and self.setup.thickness_mm,
             "parameters": {
                 name: {"value": v.value, "low": v.low, "high": v.high} for name, v in values.items()
             }
@@ -77,6 +77,11 @@ class Identification:
             "seconds": self.seconds,
             "flags": list(self.flags),
         }
+
+
+def not_trustworthy(result: Identification) -> bool:
+    """Return whether the numbers should not be used: what `--strict` refuses."""
+    return result.error is not None or bool({"outside_database", "not_converged"} & {*result.flags})
 
 
 @dataclass(frozen=True)

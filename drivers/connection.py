@@ -1,0 +1,194 @@
+"""Sans-I/O conversation with one instrument: bytes in, events out; commands in, bytes out.
+
+No clock, thread, socket or serial port here. Any bytes at all give events or RemoteProtocolError.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from drivers.dialects import Dialect
+from drivers.errors import LocalProtocolError, RemoteProtocolError
+from drivers.events import (
+    Arm,
+    Command,
+    Damaged,
+    Event,
+    Gap,
+    Hello,
+    Identify,
+    InstrumentEvent,
+    InstrumentState,
+    KeepAlive,
+    Load,
+    Loaded,
+    Refused,
+    Reset,
+    Sample,
+    Start,
+    State,
+    Vent,
+)
+from drivers.limits import DEFAULT_LIMITS, Limits, check_load
+
+MAX_BACKLOG_BYTES = 1 << 20  # of bytes that nobody turned into events yet
+_NUMBERS = 1 << 16  # command numbers wrap here
+
+
+@dataclass(frozen=True, slots=True)
+class StateRow:
+    """One row of the state table: what we may send, and where the instrument may go by itself."""
+
+    commands: frozenset[type[Command]]
+    followers: frozenset[InstrumentState]
+
+
+_S = InstrumentState
+_ALWAYS: frozenset[type[Command]] = frozenset({Identify, Vent})
+_SAFE = frozenset({_S.VENTING, _S.FAULT})
+
+# The one table. `None`: the instrument has not said its state yet. Staying is always allowed.
+STATES: Mapping[InstrumentState | None, StateRow] = {
+    None: StateRow(_ALWAYS, frozenset(_S)),
+    _S.IDLE: StateRow(_ALWAYS | {Load, Reset}, _SAFE | {_S.LOADED}),
+    _S.LOADED: StateRow(_ALWAYS | {Load, Arm, Reset}, _SAFE | {_S.IDLE, _S.ARMED}),
+    _S.ARMED: StateRow(_ALWAYS | {Start, KeepAlive}, _SAFE | {_S.RUNNING}),
+    _S.RUNNING: StateRow(_ALWAYS | {KeepAlive}, _SAFE),
+    _S.VENTING: StateRow(_ALWAYS | {KeepAlive}, _SAFE | {_S.IDLE, _S.LOADED}),
+    _S.FAULT: StateRow(_ALWAYS | {Reset}, frozenset({_S.IDLE})),
+}
+
+
+class Connection:
+    """The host's side of the conversation with one instrument.
+
+    `receive_data` takes bytes as they come, `next_event` gives what they mean, `send` gives the
+    bytes of a command that is legal now and within the limits.
+    """
+
+    def __init__(self, dialect: Dialect, limits: Limits = DEFAULT_LIMITS) -> None:
+        self._dialect = dialect
+        self._limits = limits
+        self._buffer = bytearray()
+        self._ready: deque[Event] = deque()
+        self._state: InstrumentState | None = None
+        self._hello: Hello | None = None
+        self._number = -1
+        self._load_number: int | None = None  # None: this side asked for no program
+        self._next_sequence: int | None = None  # None: whatever comes first
+
+    @property
+    def state(self) -> InstrumentState | None:
+        """The instrument's state as it last said; None before that."""
+        return self._state
+
+    @property
+    def hello(self) -> Hello | None:
+        """Who the instrument is; None before it said so."""
+        return self._hello
+
+    def receive_data(self, data: bytes) -> None:
+        """Take bytes from the instrument, in pieces of any size.
+
+        Raises RemoteProtocolError when more than MAX_BACKLOG_BYTES wait for `next_event`; these
+        are then dropped.
+        """
+        if len(self._buffer) + len(data) > MAX_BACKLOG_BYTES:
+            self._buffer.clear()
+            raise RemoteProtocolError(f"more than {MAX_BACKLOG_BYTES} bytes came at once")
+        self._buffer += data
+
+    def next_event(self) -> Event | None:
+        """Give the next event, or None where more bytes are needed.
+
+        Raises RemoteProtocolError where the instrument does what the protocol does not allow; the
+        event that showed it is delivered by the next call, and reading goes on.
+        """
+        while True:
+            if self._ready:
+                return self._ready.popleft()
+            taken = self._dialect.take(self._buffer)
+            if taken is None or isinstance(taken, Damaged):
+                return taken
+            try:
+                event, number = self._dialect.decode_event(taken)
+            except RemoteProtocolError as error:
+                return Damaged(str(error), taken)
+            self._judge(event, number, taken)
+
+    def send(self, command: Command) -> bytes:
+        """Bytes of `command`.
+
+        Raises LocalProtocolError where it is not legal in the instrument's state or exceeds a
+        limit; nothing may be sent then.
+        """
+        name = type(command).__name__
+        if type(command) not in STATES[self._state].commands:
+            where = "not identified yet" if self._state is None else self._state.value
+            raise LocalProtocolError(f"{name} is not allowed: the instrument is {where}")
+        if isinstance(command, Load):
+            if self._hello is None:
+                raise LocalProtocolError(f"{name} is not allowed before the instrument's Hello")
+            check_load(command, self._limits, self._hello)
+        number = self._number
+        if isinstance(command, Load | Arm | Start | Reset):
+            number = (number + 1) % _NUMBERS
+        data = self._dialect.encode_command(command, max(number, 0))
+        self._number = number
+        if isinstance(command, Load):
+            self._load_number = number
+        return data
+
+    # ---- what an event means ------------------------------------------------------------
+
+    def _judge(self, event: InstrumentEvent, number: int | None, frame: bytes) -> None:
+        match event:
+            case Sample():
+                self._judge_sample(event, frame)
+            case State():
+                self._ready.append(event)
+                self._judge_state(event.state)
+            case Hello():
+                self._ready.append(event)
+                if event.protocol_version != self._dialect.protocol_version:
+                    raise RemoteProtocolError(
+                        f"{event.model} speaks version {event.protocol_version} of "
+                        f"{event.dialect!r}; this driver speaks {self._dialect.protocol_version}"
+                    )
+                self._hello = event
+            case Loaded():
+                self._judge_loaded(event, number, frame)
+            case Refused() if number != self._number and self._number >= 0:
+                self._ready.append(Damaged("answer to an older command", frame))
+            case _:
+                self._ready.append(event)
+
+    def _judge_sample(self, sample: Sample, frame: bytes) -> None:
+        due = self._next_sequence
+        if due is not None and sample.sequence < due:
+            reason = f"sample {sample.sequence} again where {due} was due"
+            self._ready.append(Damaged(reason, frame))
+            return
+        if due is not None and sample.sequence > due:
+            self._ready.append(Gap(expected=due, received=sample.sequence))
+        self._next_sequence = sample.sequence + 1
+        self._ready.append(sample)
+
+    def _judge_state(self, state: InstrumentState) -> None:
+        before, self._state = self._state, state
+        if state is InstrumentState.ARMED:
+            self._next_sequence = 0  # here and not at RUNNING: that frame may be lost
+        elif state is InstrumentState.RUNNING and before not in {state, InstrumentState.ARMED}:
+            self._next_sequence = None
+        if state is not before and state not in STATES[before].followers:
+            raise RemoteProtocolError(f"the instrument went from {before} to {state}")
+
+    def _judge_loaded(self, event: Loaded, number: int | None, frame: bytes) -> None:
+        if self._load_number is not None and number != self._load_number:
+            self._ready.append(Damaged("read-back of an older program", frame))
+            return
+        self._ready.append(event)
+        if self._state in {InstrumentState.ARMED, InstrumentState.RUNNING}:
+            raise RemoteProtocolError(f"the instrument changed its program while {self._state}")

@@ -1,0 +1,157 @@
+"""Limits of the driver, and the check of a program against them. Refused, never clipped.
+
+Not clinically validated. An instrument's own stricter limits win.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from drivers.errors import LocalProtocolError
+from drivers.events import Hello, Load, Segment, SegmentKind
+
+CEILING_PRESSURE_MBAR = 500.0
+CEILING_SUCTION_S = 60.0
+MAX_RAMP_MBAR_PER_S = 100_000.0  # a step is a ramp this steep; the pump follows as it can
+MIN_PAUSE_S = 0.25  # a shorter rest does not let the pressure fall, and is no pause
+_TIME_SLACK_S = 1e-6  # one count of time on the wire: sums of floats may end that far off
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What the driver allows, and when it vents. The two ceilings can be lowered, never raised.
+
+    Raises ValueError for a limit that is not positive and finite, or above its ceiling.
+    """
+
+    max_pressure_mbar: float = CEILING_PRESSURE_MBAR  # of any command
+    max_suction_s: float = CEILING_SUCTION_S  # suction without a pause
+    overshoot_mbar: float = 10.0  # above the command; this or the fraction, whichever is more
+    overshoot_fraction: float = 0.05
+    stale_s: float = 0.3  # without a sample; this or so many intervals, whichever is more
+    stale_intervals: float = 3.0
+    keep_alive_s: float = 0.1  # between two keep-alive frames
+    vent_pressure_mbar: float = 5.0  # below this after a vent ...
+    vent_time_s: float = 1.0  # ... within this time
+    frozen_s: float = 0.5  # identical deflection samples for this long ...
+    frozen_pressure_mbar: float = 5.0  # ... while the pressure moved by this much
+
+    def __post_init__(self) -> None:
+        """Refuse limits that are no limits."""
+        for name in self.__slots__:
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0):
+                raise ValueError(f"limit {name} must be positive and finite, not {value}")
+        if self.max_pressure_mbar > CEILING_PRESSURE_MBAR:
+            raise ValueError(f"limit max_pressure_mbar cannot exceed {CEILING_PRESSURE_MBAR:g}")
+        if self.max_suction_s > CEILING_SUCTION_S:
+            raise ValueError(f"limit max_suction_s cannot exceed {CEILING_SUCTION_S:g}")
+
+    def overshoot_above(self, command_mbar: float) -> float:
+        """Pressure (mbar) above which a command of `command_mbar` is overshot."""
+        return command_mbar + max(self.overshoot_mbar, self.overshoot_fraction * command_mbar)
+
+
+DEFAULT_LIMITS = Limits()
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """What a program needs at most: pressure in mbar, suction without a pause in s."""
+
+    max_pressure_mbar: float
+    max_suction_s: float
+
+
+def program_bounds(segments: Sequence[Segment]) -> Bounds:
+    """Highest target and longest suction without a pause of a program.
+
+    A pause is a release, or a rest of at least MIN_PAUSE_S; a ramp to zero is none.
+    Raises LocalProtocolError for a segment that makes no sense.
+    """
+    target = highest = suction = longest = 0.0
+    for index, segment in enumerate(segments):
+        _check_segment(index, segment)
+        if segment.kind is SegmentKind.RAMP:
+            suction += abs(segment.target_mbar - target) / segment.rate_mbar_per_s
+            target = segment.target_mbar
+        elif segment.kind is SegmentKind.HOLD:
+            suction += segment.duration_s if target > 0 else 0.0
+        else:
+            target = 0.0
+            pause = segment.kind is SegmentKind.RELEASE or segment.duration_s >= MIN_PAUSE_S
+            suction = 0.0 if pause else suction + segment.duration_s
+        highest = max(highest, target)
+        longest = max(longest, suction)
+    return Bounds(highest, longest)
+
+
+def check_load(load: Load, limits: Limits, hello: Hello) -> None:
+    """Raise LocalProtocolError where `load` exceeds a limit; the message names what, and which."""
+    if not load.segments:
+        raise LocalProtocolError("the program is empty")
+    needs = program_bounds(load.segments)
+    max_pressure, whose_pressure = _stricter(limits.max_pressure_mbar, hello.max_pressure_mbar)
+    max_suction, whose_suction = _stricter(limits.max_suction_s, hello.max_suction_s)
+    for what, value in (
+        ("highest target", needs.max_pressure_mbar),
+        ("maximum pressure", load.max_pressure_mbar),
+    ):
+        if not 0 <= value <= max_pressure:
+            raise LocalProtocolError(
+                f"{what} {value:g} mbar is outside 0 to {max_pressure:g} mbar ({whose_pressure})"
+            )
+    for what, value in (
+        ("suction without a pause", needs.max_suction_s),
+        ("maximum suction time", load.max_suction_s),
+    ):
+        if not 0 <= value <= max_suction + _TIME_SLACK_S:
+            raise LocalProtocolError(
+                f"{what} of {value:g} s is outside 0 to {max_suction:g} s ({whose_suction})"
+            )
+    if not hello.min_rate_hz <= load.rate_hz <= hello.max_rate_hz:
+        raise LocalProtocolError(
+            f"sample rate {load.rate_hz:g} Hz is outside {hello.min_rate_hz:g} to "
+            f"{hello.max_rate_hz:g} Hz (limit of the instrument)"
+        )
+    if needs.max_pressure_mbar > load.max_pressure_mbar:
+        raise LocalProtocolError(
+            f"highest target {needs.max_pressure_mbar:g} mbar is above the program's own maximum "
+            f"pressure {load.max_pressure_mbar:g} mbar"
+        )
+    if needs.max_suction_s > load.max_suction_s + _TIME_SLACK_S:
+        raise LocalProtocolError(
+            f"suction without a pause of {needs.max_suction_s:g} s is above the program's own "
+            f"maximum {load.max_suction_s:g} s"
+        )
+
+
+def _stricter(driver: float, instrument: float) -> tuple[float, str]:
+    if instrument < driver:
+        return instrument, "limit of the instrument"
+    return driver, "limit of the driver"
+
+
+def _check_segment(index: int, segment: Segment) -> None:
+    kind = segment.kind
+    used = {
+        SegmentKind.RAMP: {"target_mbar", "rate_mbar_per_s"},
+        SegmentKind.HOLD: {"duration_s"},
+        SegmentKind.RELEASE: set(),
+        SegmentKind.REST: {"duration_s"},
+    }[kind]
+    for name in ("target_mbar", "rate_mbar_per_s", "duration_s"):
+        value = getattr(segment, name)
+        if not (math.isfinite(value) and value >= 0):
+            raise LocalProtocolError(
+                f"segment {index} ({kind}): {name} must be finite and not negative, not {value}"
+            )
+        if value and name not in used:
+            raise LocalProtocolError(f"segment {index} ({kind}): {name} must be 0, not {value:g}")
+    if kind is SegmentKind.RAMP and not 0 < segment.rate_mbar_per_s <= MAX_RAMP_MBAR_PER_S:
+        raise LocalProtocolError(
+            f"segment {index} (ramp): rate {segment.rate_mbar_per_s:g} mbar/s is outside 0 "
+            f"(excluded) to {MAX_RAMP_MBAR_PER_S:g} mbar/s"
+        )

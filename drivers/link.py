@@ -1,0 +1,132 @@
+"""`open_link(url)`: bytes to and from an instrument, by pyserial. The only file that imports it."""
+
+from __future__ import annotations
+
+import errno
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Protocol
+
+import serial
+from serial.tools import list_ports as serial_list_ports
+
+from drivers.errors import LinkError
+
+BAUD_RATE = 115_200
+_POLL_S = 0.01  # one read waits this long; fixed, because setting it talks to the port each time
+_WRITE_TIMEOUT_S = 0.5
+_SIMULATOR = "sim_device"  # where pyserial finds `sim://`; a name, so that nothing is imported here
+
+
+class Link(Protocol):
+    """An open way to an instrument. Used by one thread."""
+
+    def read(self, max_bytes: int, timeout_s: float) -> bytes:
+        """Up to `max_bytes`; empty if nothing came in `timeout_s`. Raises LinkError."""
+
+    def write(self, data: bytes) -> None:
+        """Send all of `data`. Raises LinkError."""
+
+    def close(self) -> None:
+        """Close; never raises."""
+
+
+@dataclass(frozen=True, slots=True)
+class PortInfo:
+    """A serial port of this computer: what to open, and what to show for it."""
+
+    url: str
+    description: str
+
+
+def list_ports() -> tuple[PortInfo, ...]:
+    """Look for serial ports of this computer, sorted by name."""
+    return tuple(
+        PortInfo(port.device, port.description or port.device)
+        for port in sorted(serial_list_ports.comports(), key=lambda port: port.device)
+    )
+
+
+def open_link(url: str) -> Link:
+    """Open a serial port, or what a pyserial URL names.
+
+    `/dev/ttyUSB0`, `COM3`, `socket://HOST:PORT`, `rfc2217://HOST:PORT`, `sim://?skin=FILE&seed=N`.
+    Raises LinkError, one sentence that names the URL.
+    """
+    if _SIMULATOR not in serial.protocol_handler_packages:
+        serial.protocol_handler_packages.append(_SIMULATOR)
+    try:
+        port = serial.serial_for_url(
+            url,
+            baudrate=BAUD_RATE,
+            timeout=_POLL_S,
+            write_timeout=_WRITE_TIMEOUT_S,
+            exclusive=True,
+        )
+    except Exception as error:
+        raise LinkError(f"cannot open {url}: {_why(error)}") from error
+    return _SerialLink(url, port)
+
+
+class _SerialLink:
+    def __init__(self, url: str, port: serial.SerialBase) -> None:
+        self._url = url
+        self._port = port
+
+    def read(self, max_bytes: int, timeout_s: float) -> bytes:
+        try:
+            for _ in range(max(1, round(timeout_s / _POLL_S))):
+                data = self._port.read(max_bytes)
+                if data:
+                    return bytes(data)
+        except Exception as error:
+            raise LinkError(f"lost {self._url}: {_why(error)}") from error
+        return b""
+
+    def write(self, data: bytes) -> None:
+        try:
+            self._port.write(data)
+        except Exception as error:
+            raise LinkError(f"cannot write to {self._url}: {_why(error)}") from error
+
+    def close(self) -> None:
+        try:
+            self._port.close()
+        except Exception:  # noqa: BLE001 -- it is gone already, which is what was wanted
+            return
+
+
+_REASONS = {
+    errno.ENOENT: "there is no such port (is the probe plugged in and switched on?)",
+    errno.ENODEV: "there is no device at this port",
+    errno.ENXIO: "there is no device at this port",
+    errno.EACCES: "permission denied (on Linux, your user must be in the group dialout)",
+    errno.EPERM: "permission denied",
+    errno.EBUSY: "another program uses it",
+    errno.EAGAIN: "another program uses it",
+    errno.ECONNREFUSED: "connection refused (nothing listens there)",
+    errno.ENOTTY: "it is not a serial port",
+    errno.EIO: "the device is gone",
+}
+
+
+def _why(error: BaseException) -> str:
+    """Say why in one line; pyserial often keeps the system's own error only as the context."""
+    for cause in _chain(error):
+        number = cause.errno if isinstance(cause, OSError) else None
+        if number is None and cause.args and isinstance(cause.args[0], int):
+            number = cause.args[0]  # termios.error
+        if number in _REASONS:
+            return _REASONS[number]
+    text = " ".join(str(error).split()) or type(error).__name__
+    if "protocol" in text and "not known" in text:
+        return "this kind of URL is not known (a port, socket://, rfc2217:// or sim://)"
+    if "returned no data" in text:
+        return "the device is gone"
+    return text
+
+
+def _chain(error: BaseException | None) -> Iterator[BaseException]:
+    while error is not None:
+        yield error
+        error = error.__cause__ or error.__context__

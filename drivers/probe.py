@@ -1,0 +1,291 @@
+"""Probe: the only object that moves hardware."""
+
+from __future__ import annotations
+
+import atexit
+import queue
+import threading
+import time
+from collections.abc import Callable, Sequence
+from types import TracebackType
+from typing import Self
+
+from drivers.connection import Connection
+from drivers.dialects import get_dialect
+from drivers.engine import Engine, OnBytes, Request
+from drivers.errors import DriverError, LinkError, LocalProtocolError, RemoteProtocolError
+from drivers.events import (
+    Arm,
+    Command,
+    Event,
+    Hello,
+    Identify,
+    InstrumentState,
+    Load,
+    Loaded,
+    Reset,
+    Segment,
+    Start,
+    State,
+    TimedEvent,
+    VentConfirmed,
+)
+from drivers.limits import DEFAULT_LIMITS, Limits, program_bounds
+from drivers.link import Link, open_link
+
+__all__ = ["DEFAULT_LIMITS", "Limits", "Probe"]
+
+_LOAD_TIMEOUT_S = 60.0  # a simulated skin is computed while it loads
+_COMMAND_TIMEOUT_S = 2.0
+_JOIN_TIMEOUT_S = 5.0
+_UNSETTLED = frozenset({InstrumentState.ARMED, InstrumentState.RUNNING, InstrumentState.VENTING})
+
+
+class Probe:
+    """One suction probe at a port. Constructing is not connecting; every method is thread-safe.
+
+    What happens comes out of `next_event`, the driver's own orders and alarms included. Leaving the
+    `with` block, `close` and the end of the interpreter vent first.
+
+    `on_bytes(direction, host_time_s, data)` sees every chunk, "rx" and "tx", in the I/O thread; if
+    it raises, the probe vents and refuses to go on. `clock` gives seconds and never goes back.
+    Raises ValueError for a dialect that does not exist.
+    """
+
+    def __init__(
+        self,
+        url: str,
+        *,
+        dialect: str = "reference",
+        limits: Limits = DEFAULT_LIMITS,
+        clock: Callable[[], float] = time.monotonic,
+        open_link: Callable[[str], Link] = open_link,
+        on_bytes: OnBytes | None = None,
+    ) -> None:
+        self.url = url
+        self._dialect = get_dialect(dialect)
+        self._limits = limits
+        self._clock = clock
+        self._open_link = open_link
+        self._on_bytes = on_bytes
+        self._events: queue.SimpleQueue[TimedEvent] = queue.SimpleQueue()
+        self._calls = threading.RLock()  # one command at a time; vent and close go past it
+        self._engine: Engine | None = None
+        self._seen: Engine | None = None  # the last one, still good to read after close
+        self._link: Link | None = None
+        self._thread: threading.Thread | None = None
+        self._verified = False  # the loaded program is the one that was asked for
+
+    # ---- what is known ------------------------------------------------------------
+
+    @property
+    def hello(self) -> Hello | None:
+        """Who the instrument is; None before `open`."""
+        engine = self._seen
+        return None if engine is None else engine.connection.hello
+
+    @property
+    def state(self) -> InstrumentState | None:
+        """The instrument's state as it last said; None before `open`."""
+        engine = self._seen
+        return None if engine is None else engine.connection.state
+
+    @property
+    def alarm(self) -> str | None:
+        """Text of the latched alarm, or None."""
+        engine = self._seen
+        return None if engine is None else engine.alarm
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the I/O thread runs; False again once the link is lost."""
+        engine = self._seen
+        return engine is not None and engine.ended is None
+
+    def next_event(self, timeout_s: float | None = None) -> TimedEvent | None:
+        """Give the next event in order, or None if none came in `timeout_s` (None: wait for ever).
+
+        Events stay readable after the link was lost and after `close`.
+        """
+        try:
+            if timeout_s is not None and timeout_s <= 0:
+                return self._events.get_nowait()
+            return self._events.get(timeout=timeout_s)
+        except queue.Empty:
+            return None
+
+    # ---- commands ------------------------------------------------------------
+
+    def open(self, timeout_s: float = 5.0) -> Hello:
+        """Connect and identify. An instrument that is found armed or running is vented first.
+
+        Raises LinkError (no port, no answer), RemoteProtocolError (another protocol version),
+        LocalProtocolError (open already).
+        """
+        with self._calls:
+            if self._engine is not None:
+                raise LocalProtocolError(f"{self.url} is open already")
+            self._link = self._open_link(self.url)
+            self._engine = Engine(
+                self._link,
+                Connection(self._dialect, self._limits),
+                self._limits,
+                self._clock,
+                self._events.put,
+                self._on_bytes,
+            )
+            self._seen = self._engine
+            self._verified = False
+            self._thread = threading.Thread(
+                target=self._engine.run, name=f"probe {self.url}", daemon=True
+            )
+            self._thread.start()
+            atexit.register(self.close)
+            try:
+                return self._meet(self._engine, timeout_s)
+            except BaseException:
+                self.close()
+                raise
+
+    def load(self, segments: Sequence[Segment], rate_hz: float) -> Loaded:
+        """Load a program, with the bounds that it needs, and compare what is read back.
+
+        segments: in order; rate_hz: samples a second. Returns what the instrument will do: what was
+        asked for, to the resolution of the wire. Raises LocalProtocolError (a limit, or the state),
+        InstrumentRefusedError, LinkError, RemoteProtocolError (the read-back differs; vented).
+        """
+        with self._calls:
+            self._verified = False
+            bounds = program_bounds(segments)
+            load = Load(tuple(segments), rate_hz, bounds.max_pressure_mbar, bounds.max_suction_s)
+            # Encoding refuses what the wire cannot carry, in the caller's thread
+            asked, _ = self._dialect.decode_command(self._dialect.encode_command(load, 0))
+            answer = self._call(
+                load,
+                lambda event: isinstance(event, Loaded),
+                _is_state(InstrumentState.LOADED),
+                timeout_s=_LOAD_TIMEOUT_S,
+            )
+            loaded = next(event for event in answer if isinstance(event, Loaded))
+            if not isinstance(asked, Load) or loaded != _read_back(asked):
+                self.vent("read-back differs from the program that was sent")
+                raise RemoteProtocolError(
+                    f"the instrument read back another program than was sent: {loaded}"
+                )
+            self._verified = True
+            return loaded
+
+    def arm(self) -> None:
+        """Make ready to start; keep-alive runs from here on.
+
+        Raises LocalProtocolError (no program of ours is loaded, an alarm is latched),
+        InstrumentRefusedError, LinkError.
+        """
+        with self._calls:
+            if not self._verified:
+                raise LocalProtocolError("load a program first")
+            self._call(Arm(), _is_state(InstrumentState.ARMED))
+
+    def start(self) -> None:
+        """Run the loaded program once; samples come as events. To repeat: arm and start again.
+
+        Raises LocalProtocolError (not armed), InstrumentRefusedError, LinkError.
+        """
+        with self._calls:
+            self._call(Start(), _is_state(InstrumentState.RUNNING))
+
+    def reset(self) -> None:
+        """Acknowledge a fault of the instrument, or drop its program: it becomes idle.
+
+        Raises LocalProtocolError (state), InstrumentRefusedError (the cause persists), LinkError.
+        """
+        with self._calls:
+            self._verified = False
+            self._call(Reset(), _is_state(InstrumentState.IDLE))
+
+    def vent(self, reason: str = "operator") -> None:
+        """Open the valve before anything else is done. Returns at once, in every state.
+
+        HostVented follows when it was sent, VentConfirmed when the pressure fell, Alarm if it did
+        not. Without a link it does nothing: LinkLost has said so.
+        """
+        engine = self._engine
+        if engine is not None:
+            engine.order_vent(reason)
+
+    def acknowledge_alarm(self) -> None:
+        """Unlatch the alarm; it comes back if its cause is still there."""
+        engine = self._seen
+        if engine is not None:
+            engine.acknowledge()
+
+    def close(self) -> None:
+        """Vent, wait up to 1 s for the pressure to fall, let go of the port. Raises nothing."""
+        engine, self._engine = self._engine, None
+        if engine is None:
+            return
+        atexit.unregister(self.close)
+        try:
+            wait = engine.connection.hello is not None
+            request = Request(None, [_is_confirmed], self._limits.vent_time_s + 0.1)
+            confirmed = engine.submit(request)
+            engine.order_vent("close")
+            if wait:
+                confirmed.result(_JOIN_TIMEOUT_S)
+        except (DriverError, TimeoutError):
+            pass  # the event stream has said why
+        engine.stop()
+        if self._thread is not None:
+            self._thread.join(_JOIN_TIMEOUT_S)
+        if self._link is not None:
+            self._link.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    # ---- inside ------------------------------------------------------------
+
+    def _meet(self, engine: Engine, timeout_s: float) -> Hello:
+        is_state = _is_state(*InstrumentState)
+        answer = self._call(
+            Identify(), lambda event: isinstance(event, Hello), is_state, timeout_s=timeout_s
+        )
+        hello = next(event for event in answer if isinstance(event, Hello))
+        state = next(event for event in answer if isinstance(event, State))
+        if state.state in _UNSETTLED:
+            settled = _is_state(*(set(InstrumentState) - _UNSETTLED))
+            wait = engine.submit(Request(None, [settled], timeout_s))
+            engine.order_vent(f"found {state.state} when opened")
+            wait.result()
+        return hello
+
+    def _call(
+        self,
+        command: Command,
+        *wanted: Callable[[Event], bool],
+        timeout_s: float = _COMMAND_TIMEOUT_S,
+    ) -> list[Event]:
+        engine = self._engine
+        if engine is None:
+            raise LinkError(f"{self.url} is not open")
+        return engine.submit(Request(command, list(wanted), timeout_s)).result()
+
+
+def _is_state(*states: InstrumentState) -> Callable[[Event], bool]:
+    return lambda event: isinstance(event, State) and event.state in states
+
+
+def _is_confirmed(event: Event) -> bool:
+    return isinstance(event, VentConfirmed)
+
+
+def _read_back(load: Load) -> Loaded:
+    return Loaded(load.segments, load.rate_hz, load.max_pressure_mbar, load.max_suction_s)

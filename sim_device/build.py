@@ -1,0 +1,41 @@
+"""A simulated probe from what a user can say about it; shared by `sim://` and `python -m`."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from sim_device.device import KEEP_ALIVE_S, Device
+from sim_device.files import SkinFile, load_skin_file
+
+APERTURES_MM = (2.0, 4.0, 6.0, 8.0)
+MAX_SPEED = 200.0  # beyond, the simulation could not keep up with itself
+
+
+def build_device(
+    skin_file: str | Path | None, *, seed: int, speed: float, aperture_mm: float
+) -> Device:
+    """Build a probe on the skin of `skin_file` (None: the default skin).
+
+    speed: seconds of the device in one of the host. Keep-alive comes from the host, so that its
+    limit is scaled with it: 500 ms on the host's clock at every speed.
+    Raises ValueError, one sentence, for what is out of range or wrong in the file.
+    """
+    if not (math.isfinite(speed) and 1 <= speed <= MAX_SPEED):
+        raise ValueError(f"speed must be 1 to {MAX_SPEED:g}, not {speed:g}")
+    if aperture_mm not in APERTURES_MM:
+        known = ", ".join(f"{aperture:g}" for aperture in APERTURES_MM)
+        raise ValueError(f"aperture_mm must be one of {known}, not {aperture_mm:g}")
+    if seed < 0:
+        raise ValueError(f"seed must not be negative, not {seed}")
+    description = SkinFile() if skin_file is None else load_skin_file(skin_file)
+    # Not at the top: the finite elements behind it are slow to import
+    from sim_device.skin import make_skin
+
+    return Device(
+        make_skin(description.skin, description.effects),
+        description.sensor,
+        aperture_mm=aperture_mm,
+        seed=seed,
+        keep_alive_s=KEEP_ALIVE_S * speed,
+    )

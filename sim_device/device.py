@@ -1,0 +1,388 @@
+"""The simulated probe: an instrument that moves only by `process(dt_s)`. Bytes in, bytes out.
+
+Its firmware keeps its own limits and vents by itself; it shares the grammar of the wire with the
+host, and nothing else.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from drivers.dialects import Dialect, get_dialect
+from drivers.errors import RemoteProtocolError
+from drivers.events import (
+    Arm,
+    Command,
+    Damaged,
+    Hello,
+    Identify,
+    InstrumentEvent,
+    InstrumentFault,
+    InstrumentState,
+    KeepAlive,
+    Load,
+    Loaded,
+    Refused,
+    Reset,
+    Sample,
+    Start,
+    State,
+    Vent,
+)
+from sim_device.files import SensorSection
+from sim_device.plant import Plant
+from sim_device.program import Run, needs
+
+STEP_US = 1_000  # everything moves on this grid, so that the sizes of dt_s change nothing
+MAX_PRESSURE_MBAR = 500.0
+MAX_SUCTION_S = 60.0
+MIN_RATE_HZ = 1.0
+MAX_RATE_HZ = 1000.0
+KEEP_ALIVE_S = 0.5
+VENTED_MBAR = 2.0  # samples and the state VENTING end below this
+SAFE_MBAR = 5.0  # a fault can be reset, and a release has worked, below this ...
+VENT_TIME_S = 1.0  # ... within this
+_TEXT_CHARACTERS = 80  # of a reason; escaped, three bytes each at worst, that fits the wire
+_SLACK_S = 1e-5
+_SUCTION_SLACK_US = 5 * STEP_US  # segments end between two steps
+_LONGEST_MM = 1000.0
+
+_S = InstrumentState
+_LIVE = frozenset({_S.ARMED, _S.RUNNING})
+
+
+class Skin(Protocol):
+    """What is under the probe."""
+
+    def prepare(self, aperture_mm: float, max_pressure_mbar: float) -> None:
+        """Get ready for a program that goes up to `max_pressure_mbar`; its error refuses Load."""
+
+    def deflection_mm(self, pressure_mbar: float) -> float:
+        """Height of the dome's apex at this suction."""
+
+
+class Device:
+    """A probe with its firmware, on a skin.
+
+    seed: of all noise; the same seed and the same conversation give the same bytes.
+    keep_alive_s: time without keep-alive after which it vents, on the device's own clock (whoever
+    runs that clock faster than the host's must scale it, or the host could not keep up).
+    """
+
+    def __init__(
+        self,
+        skin: Skin,
+        sensor: SensorSection,
+        *,
+        aperture_mm: float = 6.0,
+        seed: int = 0,
+        keep_alive_s: float = KEEP_ALIVE_S,
+        dialect: Dialect | None = None,
+    ) -> None:
+        self._skin = skin
+        self._sensor = sensor
+        self._aperture_mm = aperture_mm
+        self._rng = np.random.default_rng(seed)
+        self._keep_alive_us = round(keep_alive_s * 1e6)
+        self._dialect = get_dialect("reference") if dialect is None else dialect
+        self._plant = Plant(STEP_US / 1e6)
+        self._in = bytearray()
+        self._out = bytearray()
+        self._now_us = 0
+        self._owed_ns = 0  # time that process() was given and that is less than a step
+        self._state = _S.IDLE
+        self._load: Load | None = None
+        self._run: Run | None = None
+        self._number: int | None = None  # of the last command that changed something
+        self._alive_us = 0
+        self._vent_us: int | None = None  # the valve is open since then and the chamber not empty
+        self._vent_reason = ""
+        self._suction_us = 0  # without a pause, so far
+        self._sequence = 0
+        self._started_us = 0
+
+    @property
+    def state(self) -> InstrumentState:
+        """What the firmware is doing."""
+        return self._state
+
+    @property
+    def pressure_mbar(self) -> float:
+        """True pressure of the chamber."""
+        return self._plant.pressure_mbar
+
+    @property
+    def resting(self) -> bool:
+        """Nothing moves: time alone changes nothing, and no bytes will come."""
+        return self._state not in _LIVE and self._vent_us is None and not self._plant.pressure_mbar
+
+    # ---- the three methods of a device --------------------------------------------------------
+
+    def receive(self, data: bytes) -> None:
+        """Take bytes from the host. Damaged ones are dropped: the host repeats what it needs."""
+        self._in += data
+        while (taken := self._dialect.take(self._in)) is not None:
+            if isinstance(taken, Damaged):
+                continue
+            try:
+                command, number = self._dialect.decode_command(taken)
+            except RemoteProtocolError:
+                continue
+            self._obey(command, number)
+
+    def process(self, dt_s: float) -> None:
+        """Let `dt_s` seconds of the device's own time pass."""
+        self._owed_ns += round(dt_s * 1e9)
+        steps, self._owed_ns = divmod(self._owed_ns, STEP_US * 1000)
+        for done in range(steps):
+            if self.resting:
+                self._now_us += (steps - done) * STEP_US
+                return
+            self._step()
+
+    def transmit(self) -> bytes:
+        """Take the bytes that the device wants to send."""
+        data = bytes(self._out)
+        self._out.clear()
+        return data
+
+    # ---- commands -----------------------------------------------------------------------------
+
+    def _obey(self, command: Command, number: int | None) -> None:
+        if number is not None and number == self._number:
+            self._answer_again(command, number)
+            return
+        match command:
+            case Identify():
+                self._number = None
+                self._send(self._hello())
+                self._say("identify")
+            case Vent():
+                self._vent("host")
+            case KeepAlive():
+                self._alive_us = self._now_us
+            case Load():
+                self._take_load(command, number)
+            case Arm() | Start() | Reset():
+                self._take_move(command, number)
+
+    def _answer_again(self, command: Command, number: int) -> None:
+        """Repeat the answer to a command that was done: it was lost, and is all that is missing."""
+        if isinstance(command, Load) and self._load is not None:
+            self._send(_read_back(self._load), number)
+        self._say("repeated")
+
+    def _take_load(self, load: Load, number: int | None) -> None:
+        problem = self._problem_with(load)
+        if problem is None:
+            try:
+                self._skin.prepare(self._aperture_mm, load.max_pressure_mbar)
+            except Exception as error:  # noqa: BLE001 -- a skin that cannot be computed is refused
+                problem = str(error) or type(error).__name__
+        if problem is not None:
+            self._refuse("Load", number, problem)
+            return
+        self._number = number
+        self._load = load
+        self._send(_read_back(load), number)
+        self._enter(_S.LOADED, "loaded")
+
+    def _problem_with(self, load: Load) -> str | None:
+        highest, suction_s = needs(load.segments)
+        if self._state not in {_S.IDLE, _S.LOADED}:
+            return f"not while {self._state}"
+        if not MIN_RATE_HZ <= load.rate_hz <= MAX_RATE_HZ:
+            return f"rate {load.rate_hz:g} Hz is outside {MIN_RATE_HZ:g} to {MAX_RATE_HZ:g} Hz"
+        if load.max_pressure_mbar > MAX_PRESSURE_MBAR:
+            return f"{load.max_pressure_mbar:g} mbar is above {MAX_PRESSURE_MBAR:g} mbar"
+        if load.max_suction_s > MAX_SUCTION_S + _SLACK_S:
+            return f"suction of {load.max_suction_s:g} s is above {MAX_SUCTION_S:g} s"
+        if highest > load.max_pressure_mbar:
+            return f"the program goes to {highest:g} mbar, above {load.max_pressure_mbar:g} mbar"
+        if not suction_s <= load.max_suction_s + _SLACK_S:
+            return f"the program pulls for {suction_s:g} s, above {load.max_suction_s:g} s"
+        return None
+
+    def _take_move(self, command: Arm | Start | Reset, number: int | None) -> None:
+        name = type(command).__name__
+        legal = {
+            Arm: frozenset({_S.LOADED}),
+            Start: frozenset({_S.ARMED}),
+            Reset: frozenset({_S.FAULT, _S.LOADED, _S.IDLE}),
+        }
+        if self._state not in legal[type(command)]:
+            self._refuse(name, number, f"not while {self._state}")
+            return
+        if isinstance(command, Reset) and self._pressure() >= SAFE_MBAR:
+            self._refuse(name, number, "the chamber is not vented")
+            return
+        self._number = number
+        self._alive_us = self._now_us
+        match command:
+            case Arm():
+                self._enter(_S.ARMED, "armed")
+            case Start():
+                self._start()
+            case Reset():
+                self._load = None
+                self._enter(_S.IDLE, "reset")
+
+    def _refuse(self, name: str, number: int | None, reason: str) -> None:
+        self._send(Refused(name, _short(reason)), number)
+
+    def _start(self) -> None:
+        assert self._load is not None
+        self._run = Run(self._load)
+        self._sequence = 0
+        self._started_us = self._now_us
+        self._run.advance(0, self._pressure())
+        self._suction_us = 0
+        self._enter(_S.RUNNING, "started")
+        self._sample()
+
+    # ---- one step of time -----------------------------------------------------------------
+
+    def _step(self) -> None:
+        self._now_us += STEP_US
+        set_point, valve_open = 0.0, True
+        if self._state is _S.RUNNING and self._run is not None:
+            self._run.advance(self._now_us - self._started_us, self._pressure())
+            set_point, valve_open = self._run.set_point_mbar, self._run.valve_open
+        self._plant.step(set_point, valve_open)
+        if self._state in _LIVE and self._now_us - self._alive_us > self._keep_alive_us:
+            self._load = None
+            self._open_valve("keep-alive lost")
+        if self._state is _S.RUNNING and self._run is not None:
+            self._check_run(self._run)
+        else:
+            self._check_vent()
+        self._sample()
+        self._finish_vent()
+
+    def _check_run(self, run: Run) -> None:
+        pressure, maximum = self._pressure(), run.load.max_pressure_mbar
+        if run.valve_open and pressure < SAFE_MBAR:
+            self._suction_us = 0
+        elif run.set_point_mbar > 0:
+            self._suction_us += STEP_US
+        if pressure > maximum + max(10.0, 0.05 * maximum):
+            self._fault("pressure", f"{pressure:.1f} mbar, above the maximum of {maximum:g} mbar")
+        elif run.release_us > VENT_TIME_S * 1e6 and pressure >= SAFE_MBAR:
+            self._fault("vent", f"{pressure:.1f} mbar {VENT_TIME_S:g} s after a release")
+        elif run.ended:
+            self._open_valve("program end")
+        elif self._suction_us > run.load.max_suction_s * 1e6 + _SUCTION_SLACK_US:
+            self._fault("suction", f"more than {run.load.max_suction_s:g} s without a pause")
+
+    def _check_vent(self) -> None:
+        """Take a vent that does not work as a fault; the valve stays open."""
+        if self._vent_us is None or self._state is _S.FAULT:
+            return
+        pressure = self._pressure()
+        if self._now_us - self._vent_us > VENT_TIME_S * 1e6 and pressure >= SAFE_MBAR:
+            self._fault("vent", f"{pressure:.1f} mbar {VENT_TIME_S:g} s after a vent")
+
+    def _sample(self) -> None:
+        run = self._run
+        if run is None:
+            return
+        elapsed_us = self._now_us - self._started_us
+        if elapsed_us < self._sequence * 10**9 // round(run.load.rate_hz * 1000):
+            return
+        try:
+            deflection = self._skin.deflection_mm(self._plant.pressure_mbar)
+            if not abs(deflection) < _LONGEST_MM:
+                raise ValueError(f"a deflection of {deflection} mm")
+        except Exception as error:  # noqa: BLE001 -- a skin that cannot be computed is a fault
+            self._run = None
+            self._fault("skin", str(error) or type(error).__name__)
+            return
+        pressure_noise, deflection_noise = self._rng.standard_normal(2)
+        sensor = self._sensor
+        pressure = self._plant.pressure_mbar + sensor.pressure_noise_mbar * pressure_noise
+        deflection_um = 1e3 * deflection + sensor.noise_um * deflection_noise
+        sample = Sample(
+            sequence=self._sequence,
+            device_time_s=elapsed_us / 1e6,
+            pressure_mbar=_quantised(pressure, sensor.pressure_resolution_mbar),
+            deflection_mm=_quantised(deflection_um, sensor.resolution_um) / 1e3,
+            segment=run.index if self._state is _S.RUNNING else len(run.load.segments),
+        )
+        self._sequence += 1
+        self._send(sample)
+
+    # ---- valve, faults, states ----------------------------------------------------------------
+
+    def _vent(self, reason: str) -> None:
+        if self._state is _S.FAULT:
+            self._say(reason)  # the valve is open already, and the fault stays
+        else:
+            self._open_valve(reason)
+
+    def _open_valve(self, reason: str) -> None:
+        if self._vent_us is None:
+            self._vent_us = self._now_us
+            self._vent_reason = reason
+        self._enter(_S.VENTING, reason)
+
+    def _finish_vent(self) -> None:
+        if self._vent_us is None or self._pressure() >= VENTED_MBAR:
+            return
+        self._vent_us = None
+        self._run = None
+        if self._state is _S.FAULT:
+            self._say("vented")
+        else:
+            reason = "done" if self._vent_reason == "program end" else "vented"
+            self._enter(_S.IDLE if self._load is None else _S.LOADED, reason)
+
+    def _fault(self, code: str, text: str) -> None:
+        self._load = None
+        if self._vent_us is None:
+            self._vent_us = self._now_us
+        self._send(InstrumentFault(code, _short(text)))
+        self._enter(_S.FAULT, code)
+
+    def _enter(self, state: InstrumentState, reason: str) -> None:
+        self._state = state
+        self._say(reason)
+
+    def _say(self, reason: str) -> None:
+        self._send(State(self._state, reason, self._pressure()))
+
+    def _pressure(self) -> float:
+        """Give what the firmware's own pressure sensor reads, in mbar."""
+        return self._plant.pressure_mbar
+
+    def _hello(self) -> Hello:
+        return Hello(
+            dialect=self._dialect.name,
+            protocol_version=self._dialect.protocol_version,
+            model="skinlab simulated probe",
+            firmware="1.0",
+            serial_number="SIM-1",
+            aperture_mm=self._aperture_mm,
+            max_pressure_mbar=MAX_PRESSURE_MBAR,
+            max_suction_s=MAX_SUCTION_S,
+            min_rate_hz=MIN_RATE_HZ,
+            max_rate_hz=MAX_RATE_HZ,
+            simulated=True,
+            default_rate_hz=self._sensor.rate_hz,
+        )
+
+    def _send(self, event: InstrumentEvent, number: int | None = None) -> None:
+        self._out += self._dialect.encode_event(event, number)
+
+
+def _read_back(load: Load) -> Loaded:
+    return Loaded(load.segments, load.rate_hz, load.max_pressure_mbar, load.max_suction_s)
+
+
+def _quantised(value: float, resolution: float) -> float:
+    return float(round(value / resolution) * resolution if resolution > 0 else value)
+
+
+def _short(text: str) -> str:
+    return text.encode("ascii", "replace").decode("ascii")[:_TEXT_CHARACTERS]

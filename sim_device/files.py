@@ -1,0 +1,85 @@
+"""SKIN.toml: what skin and what sensor the simulated probe has. Decoded strictly."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec import Meta, field
+
+
+class SkinSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The true skin: parameters of the law, and its thickness."""
+
+    X1_MPa: Annotated[float, Meta(gt=0, le=100)] = 0.025
+    X2_MPa: Annotated[float, Meta(ge=0, le=10_000)] = 2.95
+    nu: Annotated[float, Meta(ge=0, lt=0.5)] = 0.28
+    kappa: Literal["paper", "consistent"] = "paper"
+    thickness_mm: Annotated[float, Meta(gt=0, le=50)] = 1.0
+
+    def __post_init__(self) -> None:
+        """Refuse what is not finite."""
+        _finite(self)
+
+
+class SensorSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Sampling rate, noise (one standard deviation) and resolution (0: none) of both channels."""
+
+    rate_hz: Annotated[float, Meta(ge=1, le=1000)] = 20.0
+    noise_um: Annotated[float, Meta(ge=0, le=10_000)] = 3.0
+    resolution_um: Annotated[float, Meta(ge=0, le=1000)] = 1.0
+    pressure_noise_mbar: Annotated[float, Meta(ge=0, le=100)] = 0.2
+    pressure_resolution_mbar: Annotated[float, Meta(ge=0, le=100)] = 0.1
+
+    def __post_init__(self) -> None:
+        """Refuse what is not finite."""
+        _finite(self)
+
+
+class SkinFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A whole SKIN.toml; everything has a default. `effects`: name -> parameter -> value."""
+
+    skin: SkinSection = field(default_factory=SkinSection)
+    effects: dict[str, dict[str, float]] = field(default_factory=dict)
+    sensor: SensorSection = field(default_factory=SensorSection)
+
+    def __post_init__(self) -> None:
+        """Refuse what is not finite."""
+        for effect, parameters in self.effects.items():
+            for name, value in parameters.items():
+                if not math.isfinite(value):
+                    raise ValueError(f"effects.{effect}.{name} must be finite, not {value}")
+
+
+def load_skin_file(path: str | Path) -> SkinFile:
+    """Read and check a SKIN.toml.
+
+    Raises ValueError, one sentence that names the file and the field or line.
+    """
+    try:
+        raw = Path(path).read_bytes()
+    except OSError as error:
+        raise ValueError(f"{path}: cannot be read ({error.strerror or error})") from error
+    try:
+        return msgspec.toml.decode(raw, type=SkinFile)
+    except ValueError as error:  # msgspec's, tomllib's and Unicode's all are
+        raise ValueError(f"{path}: {_plain(str(error))}") from error
+
+
+def _finite(section: msgspec.Struct) -> None:
+    for name in section.__struct_fields__:
+        value = getattr(section, name)
+        if isinstance(value, float) and not math.isfinite(value):
+            raise ValueError(f"{name} must be finite, not {value}")
+
+
+def _plain(message: str) -> str:
+    """Put msgspec's `... - at `$.skin.nu`` in front, where a reader looks for the field."""
+    match = re.fullmatch(r"(.*) - at `\$\.?(.*)`", message, re.DOTALL)
+    if match is None:
+        return message
+    what, where = match.groups()
+    return f"{where.replace('[...]', '.*')}: {what[:1].lower()}{what[1:]}" if where else what

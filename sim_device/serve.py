@@ -1,0 +1,157 @@
+"""Where a host can reach the simulated probe's process: a pseudo terminal or a TCP port."""
+
+from __future__ import annotations
+
+import os
+import select
+import socket
+import time
+from collections.abc import Callable
+from types import TracebackType
+from typing import Protocol, Self
+
+from sim_device.device import Device
+
+_TICK_S = 0.005  # while something moves
+_IDLE_S = 1.0  # while nothing does: only a host can change that
+_READ_BYTES = 4096
+_UNREAD_BYTES = 1 << 16  # what nobody fetches beyond this is lost, as on a serial line
+
+
+class Host(Protocol):
+    """The way to whoever connects."""
+
+    def wait(self, timeout_s: float) -> bytes:
+        """Bytes from the host; empty if none came in time, or nobody is there."""
+
+    def send(self, data: bytes) -> None:
+        """Send what can be sent now; what nobody fetches is lost."""
+
+
+def serve(
+    device: Device, host: Host, speed: float, clock: Callable[[], float] = time.monotonic
+) -> None:
+    """Let the device live, for ever; it goes on living while no host is connected."""
+    last = clock()
+    while True:
+        data = host.wait(_IDLE_S if device.resting else _TICK_S)
+        now = clock()
+        # What came while it rested came now: else a first command would be as old as the rest
+        device.process((now - last) * speed)
+        last = now
+        device.receive(data)
+        host.send(device.transmit())
+
+
+class _Closing:
+    """Closes with its `with` block."""
+
+    url: str
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        raise NotImplementedError
+
+
+class PtyHost(_Closing):
+    """A raw pseudo terminal; `url` is the path that the host opens. Raises OSError."""
+
+    def __init__(self) -> None:
+        try:
+            import tty
+        except ImportError:
+            raise OSError("this system has no pseudo terminals; use --tcp") from None
+        # The other end stays open here: so it stays raw, and a host can leave and come back
+        self._mine, self._other = os.openpty()
+        tty.setraw(self._other)
+        os.set_blocking(self._mine, False)
+        self.url = os.ttyname(self._other)
+        self._unread = b""
+
+    def wait(self, timeout_s: float) -> bytes:
+        """See Host."""
+        ready, writable, _ = select.select(
+            [self._mine], [self._mine] if self._unread else [], [], timeout_s
+        )
+        if writable:
+            self.send(b"")
+        return os.read(self._mine, _READ_BYTES) if ready else b""
+
+    def send(self, data: bytes) -> None:
+        """See Host."""
+        self._unread += data
+        try:
+            self._unread = self._unread[os.write(self._mine, self._unread) :]
+        except BlockingIOError:
+            if len(self._unread) > _UNREAD_BYTES:
+                self._unread = b""
+
+    def close(self) -> None:
+        """Close both ends: the host sees the device go."""
+        os.close(self._mine)
+        os.close(self._other)
+
+
+class TcpHost(_Closing):
+    """A TCP port of this computer, for one host at a time; the next one waits. Raises OSError."""
+
+    def __init__(self, port: int) -> None:
+        self._listener = socket.create_server(("127.0.0.1", port))
+        self._peer: socket.socket | None = None
+        self._unread = b""
+        self.url = f"socket://127.0.0.1:{self._listener.getsockname()[1]}"
+
+    def wait(self, timeout_s: float) -> bytes:
+        """See Host."""
+        source = self._listener if self._peer is None else self._peer
+        ready, _, _ = select.select([source], [], [], timeout_s)
+        if not ready:
+            return b""
+        if self._peer is None:
+            self._peer, _ = self._listener.accept()
+            self._peer.setblocking(False)
+            self._peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            return b""
+        try:
+            data = self._peer.recv(_READ_BYTES)
+        except OSError:
+            data = b""
+        if not data:
+            self._leave()
+        return data
+
+    def send(self, data: bytes) -> None:
+        """See Host."""
+        if self._peer is None:
+            return
+        self._unread += data
+        if not self._unread:
+            return
+        try:
+            self._unread = self._unread[self._peer.send(self._unread) :]
+        except BlockingIOError:
+            if len(self._unread) > _UNREAD_BYTES:
+                self._unread = b""
+        except OSError:
+            self._leave()
+
+    def close(self) -> None:
+        """Close the port and whoever is connected."""
+        self._leave()
+        self._listener.close()
+
+    def _leave(self) -> None:
+        if self._peer is not None:
+            self._peer.close()
+        self._peer = None
+        self._unread = b""

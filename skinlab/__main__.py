@@ -1,0 +1,5 @@
+"""`python -m skinlab` is `skinlab`."""
+
+from skinlab.cli.main import main
+
+main()

@@ -1,0 +1,106 @@
+"""From driver events to curves. No clock, no thread: the same events give the same curves.
+
+Only what the instrument said decides, not what the driver added, so that a replay of the bytes
+cuts a curve where the live run did.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from drivers.events import (
+    PROGRAM_END,
+    Event,
+    Gap,
+    InstrumentState,
+    LinkLost,
+    Sample,
+    State,
+)
+from skinlab.curve import FEWEST_POINTS, Curve, Setup
+from skinlab.stream import CurveCompleted, CurveStarted, Happened, Message, Sampled
+
+
+class CurveAssembler:
+    """Collects the samples of each run into a curve; the final vent is not part of it."""
+
+    def __init__(self) -> None:
+        self._setup: Setup | None = None
+        self._samples: list[Sample] = []
+        self._index = 0
+        self._running = False
+        self._cut: str | None = None
+        self._lost = 0
+
+    def plan(self, setup: Setup) -> None:
+        """Say what the next run belongs to."""
+        self._setup = setup
+
+    @property
+    def running(self) -> bool:
+        """Whether a curve is being collected."""
+        return self._running
+
+    def feed(self, event: Event) -> list[Message]:
+        """Return what this event means, in order."""
+        messages: list[Message] = []
+        match event:
+            case State(InstrumentState.RUNNING) if not self._running and self._setup is not None:
+                messages.append(self._begin())
+            case State(state, reason) if self._running and state is not InstrumentState.RUNNING:
+                if reason != PROGRAM_END:
+                    self._cut = self._cut or reason
+                messages += self._finish()
+            case Sample() if self._running and self._setup is not None:
+                if event.segment >= self._segments():
+                    messages += self._finish()
+                else:
+                    self._samples.append(event)
+            case Gap() if self._running:
+                self._lost += event.received - event.expected
+            case LinkLost(reason) if self._running:
+                self._cut = self._cut or reason
+                messages += self._finish()
+            case _:
+                pass
+        if isinstance(event, Sample) and self._index:
+            messages.append(Sampled(self._index, event))
+        else:
+            messages.append(Happened(event))
+        return messages
+
+    def end(self, reason: str) -> list[Message]:
+        """Return the cut curve where the stream ends in the middle of one."""
+        if not self._running:
+            return []
+        self._cut = self._cut or reason
+        return self._finish()
+
+    def _segments(self) -> int:
+        program = self._setup.program if self._setup else None
+        return len(program.segments) if program else 0
+
+    def _begin(self) -> CurveStarted:
+        assert self._setup is not None
+        self._index += 1
+        self._running, self._samples, self._cut, self._lost = True, [], None, 0
+        return CurveStarted(self._index, self._setup)
+
+    def _finish(self) -> list[Message]:
+        assert self._setup is not None
+        self._running = False
+        samples = self._samples
+        if not samples or samples[-1].segment < self._segments() - 1:
+            self._cut = self._cut or "the program did not reach its end"
+        if len(samples) < FEWEST_POINTS:
+            return []  # nothing that could be called a curve; the samples stay in the record
+        curve = Curve(
+            name=f"curve {self._index}",
+            setup=self._setup,
+            time_s=np.array([s.device_time_s for s in samples]),
+            pressure_mbar=np.array([s.pressure_mbar for s in samples]),
+            deflection_mm=np.array([s.deflection_mm for s in samples]),
+            segment=np.array([s.segment for s in samples], dtype=np.intp),
+            partial=self._cut is not None,
+        )
+        return [CurveCompleted(self._index, curve, self._cut, self._lost)]

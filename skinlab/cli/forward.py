@@ -1,0 +1,61 @@
+"""`skinlab forward`: a simulated curve."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from skinlab.cli.options import kappa_option
+
+if TYPE_CHECKING:
+    from skinlab.materials.compressibility import KappaConvention
+
+
+@click.command()
+@click.option("--x1-mpa", type=float, required=True, help="X1 of the law, MPa.")
+@click.option("--x2-mpa", type=float, required=True, help="X2 of the law, MPa.")
+@click.option("--nu", type=float, required=True, help="Poisson's ratio, 0 to below 0.5.")
+@click.option("--aperture-mm", type=float, required=True, help="Opening's diameter: 2, 4, 6, 8.")
+@click.option("--thickness-mm", type=float, required=True, help="Thickness of the skin.")
+@click.option("--program", required=True, help="What the pump does, e.g. ramp:100@20.")
+@kappa_option()
+@click.option("--rate-hz", default=20.0, show_default=True, help="Samples a second.")
+@click.option("--direct", is_flag=True, help="Run the finite elements; else the database answers.")
+@click.option("--csv", "csv_path", type=click.Path(path_type=Path), help="Write to this file.")
+def command(
+    x1_mpa: float,
+    x2_mpa: float,
+    nu: float,
+    aperture_mm: float,
+    thickness_mm: float,
+    program: str,
+    kappa: KappaConvention,
+    rate_hz: float,
+    direct: bool,
+    csv_path: Path | None,
+) -> int:
+    """Simulate the curve of a skin and print it as CSV.
+
+    \b
+    Example: skinlab forward --direct --x1-mpa 0.03 --x2-mpa 1.0 --nu 0.32 \\
+             --aperture-mm 6 --thickness-mm 1 --program ramp:100@20 --csv curve.csv
+    """
+    from skinlab.curve import Setup
+    from skinlab.curve_csv import write_curve
+    from skinlab.forward import simulate
+    from skinlab.program import parse_program
+
+    setup = Setup(aperture_mm, thickness_mm, parse_program(program))
+    curve, warning = simulate(x1_mpa, x2_mpa, nu, setup, kappa, rate_hz, direct=direct)
+    if csv_path is None:
+        write_curve(sys.stdout, curve)
+    else:
+        with csv_path.open("w", encoding="utf-8", newline="") as file:
+            write_curve(file, curve)
+    if warning:
+        click.echo(f"skinlab: {warning}", err=True)
+        return 5
+    return 0

@@ -1,0 +1,116 @@
+"""Entry point: finds the command, and turns every error into one sentence and an exit status."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+
+import click
+
+# Name on the command line → (module, help): `--help` imports none of the modules.
+_COMMANDS = {
+    "ui": ("ui", "The bedside terminal UI (also without a command)."),
+    "measure": ("measure", "Measure without a screen: acquire, identify, record."),
+    "replay": ("replay", "Run a recorded session through the same pipeline."),
+    "recover": ("recover", "Turn what a crash left into a session."),
+    "session": ("session", "Check a session, or say what is in it."),
+    "identify": ("identify", "Identify skin parameters from curves."),
+    "forward": ("forward", "Simulate a curve."),
+    "database": ("database", "The precomputed finite-element database."),
+}
+
+INTERRUPTED = 130
+INTERNAL = 70  # a bug of ours, as in sysexits.h
+
+
+class _LazyGroup(click.Group):
+    """A group whose commands are imported when they are used."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(_COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in _COMMANDS:
+            return None
+        module = importlib.import_module(f"skinlab.cli.{_COMMANDS[cmd_name][0]}")
+        command: click.Command = module.command
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, text) for name, (_, text) in _COMMANDS.items()])
+
+
+@click.group(
+    cls=_LazyGroup,
+    invoke_without_command=True,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+@click.version_option(package_name="skinlab")
+@click.pass_context
+def cli(ctx: click.Context) -> None:
+    """Measure human skin at the bedside, identify its parameters, record and replay.
+
+    Without a command: the terminal UI on the simulated probe; in a pipe, with no terminal, one
+    simulated measurement whose result is printed.
+
+    \b
+    Example: skinlab identify curve.csv --aperture-mm 6 --thickness-mm 1.0
+    """
+    if ctx.invoked_subcommand is None:
+        ui = importlib.import_module("skinlab.cli.ui")
+        ctx.invoke(ui.command)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line and exit with the status of contracts: 0, 1, 2, 3, 4, 5 or 130."""
+    sys.exit(run(arguments))
+
+
+def run(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; return the exit status."""
+    try:
+        result = cli.main(args=arguments, prog_name="skinlab", standalone_mode=False)
+        sys.stdout.flush()
+        return result if isinstance(result, int) else 0
+    except click.exceptions.Exit as done:
+        return done.exit_code
+    except click.UsageError as error:
+        error.show()
+        return 2
+    except click.ClickException as error:
+        error.show()
+        return error.exit_code
+    except (click.Abort, KeyboardInterrupt):
+        return _say("interrupted", INTERRUPTED)
+    except BrokenPipeError:
+        # The reader went away (`| head`): nothing is wrong, and nothing may be flushed at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except Exception as error:  # noqa: BLE001 -- the last resort: a sentence, never a traceback
+        return _explain(error)
+
+
+def _explain(error: Exception) -> int:
+    from drivers.errors import DriverError
+    from skinlab.errors import SkinlabError
+
+    if isinstance(error, SkinlabError):
+        return _say(str(error), error.exit_status)
+    if isinstance(error, DriverError):
+        return _say(str(error), 4)
+    if isinstance(error, OSError):
+        return _say(str(error), 3)
+    from skinlab.log import log_exception
+
+    where = log_exception(error)
+    return _say(
+        f"internal error ({type(error).__name__}: {error}); details are in {where}", INTERNAL
+    )
+
+
+def _say(sentence: str, status: int) -> int:
+    click.echo(f"skinlab: {sentence}", err=True)
+    return status

@@ -1,0 +1,130 @@
+"""`skinlab measure`: acquire, identify and record without a screen."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import click
+
+from skinlab.cli.options import (
+    geometry_options,
+    identification_options,
+    json_option,
+    make_identifier,
+    print_json,
+)
+
+
+@click.command()
+@click.option("--port", required=True, help="pyserial URL: /dev/ttyUSB0, COM3, socket://…, sim://")
+@geometry_options(required=True)
+@click.option("--program", required=True, help="What the pump does, e.g. ramp:100@20.")
+@click.option("--repeats", default=1, show_default=True, help="How many curves.")
+@click.option("--rest-s", default=5.0, show_default=True, help="Rest between repeats.")
+@click.option("--rate-hz", type=float, help="Samples a second [default: the instrument's].")
+@click.option("--subject", default="", help="Pseudonym; never a name.")
+@click.option("--site", default="", help="Where on the body.")
+@click.option("--first-cycle", default=1, show_default=True, help="Cycle of the first repeat.")
+@click.option("--out", required=True, type=click.Path(path_type=Path), help="The session to write.")
+@identification_options()
+@json_option()
+def command(
+    port: str,
+    aperture_mm: float,
+    thickness_mm: float,
+    thickness_sd_mm: float | None,
+    program: str,
+    repeats: int,
+    rest_s: float,
+    rate_hz: float | None,
+    subject: str,
+    site: str,
+    first_cycle: int,
+    out: Path,
+    as_json: bool,
+    **options: Any,
+) -> int:
+    """Measure: each curve is identified as it completes, and everything is recorded.
+
+    \b
+    Example: skinlab measure --port "sim://?seed=1" --aperture-mm 6 --thickness-mm 1.0 \\
+             --program ramp:100@20 --repeats 2 --out visit.h5 --json
+    """
+    from skinlab.curve import Setup
+    from skinlab.errors import InputError
+    from skinlab.measure import Plan
+    from skinlab.program import parse_program
+
+    if not 1 <= repeats <= 1000:
+        raise InputError(f"repeats {repeats}: expected 1–1000")
+    if not 0 <= rest_s <= 3600:
+        raise InputError(f"rest_s {rest_s:g}: expected 0–3600 s")
+    setup = Setup(
+        aperture_mm,
+        thickness_mm,
+        parse_program(program),
+        cycle=first_cycle,
+        thickness_sd_mm=thickness_sd_mm,
+    )
+    plan = Plan(setup, repeats=repeats, rest_s=rest_s, rate_hz=rate_hz)
+    return run(port, plan, out, make_identifier(**options), subject, site, as_json=as_json)
+
+
+def run(
+    port: str,
+    plan: Any,
+    out: Path,
+    identifier: Any,
+    subject: str = "",
+    site: str = "",
+    *,
+    as_json: bool,
+) -> int:
+    """Measure by the plan, print results as they come (or one JSON document at the end).
+
+    Raises:
+        AcquisitionError, DriverError, KeyboardInterrupt: after the probe was vented and the session
+            was written.
+    """
+    from drivers.probe import Probe
+    from skinlab.identify.result import Identification, document
+    from skinlab.measure import measure
+    from skinlab.pipeline import Pipeline
+    from skinlab.recording import Recording
+    from skinlab.report.text import describe
+    from skinlab.sources import LiveSource
+    from skinlab.stream import Identified, Message
+
+    results: list[Identification] = []
+
+    def show(message: Message) -> None:
+        if isinstance(message, Identified):
+            results.append(message.result)
+            if not as_json:
+                click.echo(describe(message.result))
+
+    # A terminated process vents like an interrupted one.
+    signal.signal(signal.SIGTERM, _interrupt)
+    recording = Recording(out, identifier, subject=subject, site=site, url=port)
+    try:
+        with Probe(port, on_bytes=recording.journal.raw) as probe:
+            hello = probe.open()
+            if hello.simulated and sys.stderr.isatty():
+                click.echo(f"SIMULATED probe: {hello.model} {hello.firmware}", err=True)
+            source = LiveSource(probe, recording.journal)
+            measure(source, plan, Pipeline(identifier, [recording, show]))
+    finally:
+        recording.finish()
+        if as_json:
+            print_json(document(identifier.provenance(), results, session=str(out)))
+        else:
+            click.echo(f"session: {out}")
+    return 0
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    raise KeyboardInterrupt

@@ -1,0 +1,142 @@
+"""Options that several commands share, and how they become objects."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import click
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+METHODS = ("auto", "sto")
+
+
+def _stack(*options: Callable[[F], F]) -> Callable[[F], F]:
+    def apply(function: F) -> F:
+        for option in reversed(options):
+            function = option(function)
+        return function
+
+    return apply
+
+
+def geometry_options(required: bool) -> Callable[[F], F]:
+    """`--aperture-mm`, `--thickness-mm`, `--thickness-sd-mm`."""
+    return _stack(
+        click.option(
+            "--aperture-mm",
+            type=float,
+            required=required,
+            help="Diameter of the probe's opening: 2, 4, 6 or 8.",
+        ),
+        click.option(
+            "--thickness-mm", type=float, required=required, help="Thickness of the skin."
+        ),
+        click.option(
+            "--thickness-sd-mm", type=float, help="Its standard deviation, where measured."
+        ),
+    )
+
+
+def identification_options() -> Callable[[F], F]:
+    """`--method`, `--samples`, `--best`, `--tolerance-um`, `--seed`, `--kappa`, `--phases`."""
+    return _stack(
+        click.option(
+            "--method",
+            type=click.Choice(METHODS),
+            default="auto",
+            show_default=True,
+            help="Inverse method; sto is the paper's.",
+        ),
+        click.option("--samples", default=1000, show_default=True, help="Candidates a draw, N."),
+        click.option("--best", default=20, show_default=True, help="Of these span the next box."),
+        click.option(
+            "--tolerance-um", default=1e-5, show_default=True, help="Ends when E changes less."
+        ),
+        click.option("--seed", default=0, show_default=True, help="Of the random draws."),
+        kappa_option(),
+        click.option(
+            "--phases",
+            default="load",
+            show_default=True,
+            help="Which samples to fit: load, hold, unload, rest, separated by commas.",
+        ),
+    )
+
+
+def kappa_option() -> Callable[[F], F]:
+    """`--kappa`."""
+    return click.option(
+        "--kappa",
+        type=click.Choice(["paper", "consistent"]),
+        default="paper",
+        show_default=True,
+        help="What nu means: eq. (3) as printed, or linear elasticity.",
+    )
+
+
+def json_option() -> Callable[[F], F]:
+    """`--json`."""
+    return click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
+
+
+def parse_phases(text: str) -> tuple[str, ...]:
+    """Return the phases of `--phases`.
+
+    Raises:
+        click.BadParameter: one of them does not exist.
+    """
+    phases = tuple(part.strip() for part in text.split(",") if part.strip())
+    known = ("load", "hold", "unload", "rest")
+    for phase in phases:
+        if phase not in known:
+            raise click.BadParameter(
+                f"{phase!r} is no phase; expected of {', '.join(known)}", param_hint="--phases"
+            )
+    if not phases:
+        raise click.BadParameter("names no phase", param_hint="--phases")
+    return phases
+
+
+def make_identifier(
+    *,
+    method: str,
+    samples: int,
+    best: int,
+    tolerance_um: float,
+    seed: int,
+    kappa: str,
+    phases: str,
+) -> Any:
+    """Return the Identifier that the options describe.
+
+    Raises:
+        InputError: an option is out of its range.
+    """
+    from skinlab.database.store import shipped_grid
+    from skinlab.errors import InputError
+    from skinlab.identify.identifier import Identifier
+    from skinlab.identify.problem import Options
+    from skinlab.identify.stochastic import check
+
+    options = Options(samples=samples, best=best, tolerance_um=tolerance_um)
+    check(options)
+    if seed < 0:
+        raise InputError(f"seed {seed}: expected zero or more")
+    return Identifier(
+        shipped_grid(),
+        method=method,
+        options=options,
+        seed=seed,
+        kappa="consistent" if kappa == "consistent" else "paper",
+        phases=parse_phases(phases),
+    )
+
+
+def print_json(document: dict[str, Any]) -> None:
+    """Print one JSON document; nothing in it may be NaN or infinite."""
+    json.dump(document, sys.stdout, indent=1, allow_nan=False)
+    sys.stdout.write("\n")

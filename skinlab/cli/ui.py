@@ -1,0 +1,72 @@
+"""`skinlab ui`: the bedside terminal UI; with no terminal, the same measurement headless."""
+
+from __future__ import annotations
+
+import sys
+from datetime import datetime
+from pathlib import Path
+
+import click
+
+SIMULATED = "sim://?seed=1"
+
+
+@click.command()
+@click.option("--port", default=SIMULATED, help="pyserial URL [default: the simulated probe].")
+@click.option("--sessions", type=click.Path(path_type=Path), help="Folder for the sessions.")
+def command(port: str = SIMULATED, sessions: Path | None = None) -> int:
+    """Open the bedside terminal UI.
+
+    With no terminal (in a pipe): one measurement, headless, whose result is printed.
+
+    \b
+    Example: skinlab ui --port /dev/ttyUSB0
+    """
+    folder = sessions or default_folder()
+    if sys.stdin.isatty() and sys.stdout.isatty():
+        from skinlab.tui.app import SkinlabApp
+
+        app = SkinlabApp(port, folder)
+        app.run()
+        return app.return_code or 0
+    return _headless(port, folder)
+
+
+def default_folder() -> Path:
+    """Return where sessions go when nobody says where."""
+    from platformdirs import user_data_path
+
+    return user_data_path("skinlab", appauthor=False) / "sessions"
+
+
+def new_session_path(folder: Path, now: datetime) -> Path:
+    """Return a name for a session that is not there yet."""
+    stem = now.strftime("session-%Y%m%d-%H%M%S")
+    path = folder / f"{stem}.h5"
+    number = 2
+    while path.exists() or path.with_name(path.name + ".journal").exists():
+        path = folder / f"{stem}-{number}.h5"
+        number += 1
+    return path
+
+
+def _headless(port: str, folder: Path) -> int:
+    from skinlab.cli.measure import run
+    from skinlab.cli.options import make_identifier
+    from skinlab.curve import Setup
+    from skinlab.measure import Plan
+    from skinlab.program import parse_program
+
+    click.echo(f"no terminal: measuring once at {port}", err=True)
+    identifier = make_identifier(
+        method="auto",
+        samples=1000,
+        best=20,
+        tolerance_um=1e-5,
+        seed=0,
+        kappa="paper",
+        phases="load",
+    )
+    plan = Plan(Setup(6.0, 1.0, parse_program("ramp:100@20")))
+    out = new_session_path(folder, datetime.now())
+    return run(port, plan, out, identifier, as_json=False)

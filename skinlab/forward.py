@@ -1,0 +1,88 @@
+"""The forward problem for users: from parameters and a program to a curve."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinlab.curve import FEWEST_POINTS, Curve, Setup
+from skinlab.errors import InputError, NotTrustworthyError
+from skinlab.fem.suction import Geometry, solve
+from skinlab.materials.compressibility import KappaConvention, kappa_ratio
+
+Array = NDArray[np.float64]
+
+
+def simulate(
+    X1_MPa: float,
+    X2_MPa: float,
+    nu: float,
+    setup: Setup,
+    kappa: KappaConvention = "paper",
+    rate_hz: float = 20.0,
+    *,
+    direct: bool = False,
+) -> tuple[Curve, str | None]:
+    """Return the curve along the setup's program, and a warning where it had to end early.
+
+    `direct` runs the finite elements; otherwise the shipped database answers.
+
+    Raises:
+        InputError: a value is out of its range.
+        NotTrustworthyError: the model does not hold even for the first samples.
+    """
+    if setup.program is None:
+        raise InputError("a simulated curve needs a program")
+    for name, value in (("X1_MPa", X1_MPa), ("rate_hz", rate_hz)):
+        if not (math.isfinite(value) and value > 0):
+            raise InputError(f"{name} must be positive, got {value}")
+    if not (math.isfinite(X2_MPa) and X2_MPa >= 0):
+        raise InputError(f"X2_MPa must not be negative, got {X2_MPa}")
+    time_s = np.arange(math.floor(setup.program.duration_s * rate_hz + 1e-9) + 1) / rate_hz
+    pressure = setup.program.pressure_mbar(time_s)
+    geometry = Geometry(setup.aperture_mm, setup.thickness_mm)
+    ratio = float(kappa_ratio(nu, kappa))
+    if direct:
+        parameters = {"X1_MPa": X1_MPa, "X2_MPa": X2_MPa, "kappa_MPa": ratio * X1_MPa}
+        deflection = solve(geometry, parameters, setup.program.max_pressure_mbar)(pressure)
+    else:
+        deflection = _from_database(np.array([X1_MPa, X2_MPa, nu]), geometry, pressure, kappa)
+    holds = np.isfinite(deflection)
+    end = len(holds) if holds.all() else int(np.argmin(holds))
+    warning = None
+    if end < len(holds):
+        warning = (
+            f"the model holds to {pressure[:end].max(initial=0.0):.4g} mbar only; "
+            f"the curve ends there"
+        )
+        if end < FEWEST_POINTS:
+            raise NotTrustworthyError(warning)
+    curve = Curve("simulated", setup, time_s[:end], pressure[:end], deflection[:end])
+    return curve, warning
+
+
+def _from_database(
+    parameters: Array, geometry: Geometry, pressure: Array, kappa: KappaConvention
+) -> Array:
+    from skinlab.database.grid_model import GridModel, covered
+    from skinlab.database.store import shipped_grid
+
+    database = shipped_grid()
+    model = GridModel(database, geometry, pressure, kappa)
+    for name, value, low, high in zip(
+        model.space.names, parameters, model.space.low, model.space.high, strict=True
+    ):
+        if not low <= value <= high:
+            raise InputError(
+                f"{name} {value:g} is outside the database ({low:.4g}–{high:.4g}); "
+                "use --direct, or a value inside"
+            )
+    inside = covered(database, pressure)
+    if not inside.all():
+        top = max(database.spec.pressure_mbar)
+        raise InputError(
+            f"pressure {pressure.max():g} mbar is outside the database (0–{top:g}); use --direct"
+        )
+    return np.asarray(model.deflection_mm(parameters[None])[0])

@@ -1,0 +1,105 @@
+"""Replay a session: the recorded bytes through dialect, assembler and identification."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+
+import numpy as np
+
+from drivers.events import TimedEvent
+from skinlab.curve import Curve
+from skinlab.database.store import shipped_grid
+from skinlab.errors import InputError
+from skinlab.identify.identifier import Identifier
+from skinlab.identify.problem import Options
+from skinlab.identify.result import Identification
+from skinlab.pipeline import Listener, Pipeline
+from skinlab.session import Session
+from skinlab.sources import recorded_items
+from skinlab.stream import CurveCompleted, Message
+
+
+def identifier_of(session: Session) -> tuple[Identifier, str | None]:
+    """Return the identifier that the session was recorded with.
+
+    The second value is a sentence where this installation's database is another one, so that
+    results may differ.
+
+    Raises:
+        InputError: the session does not say how it was identified.
+    """
+    settings = session.meta.get("identification")
+    if not isinstance(settings, dict):
+        raise InputError("the session does not say how it was identified")
+    try:
+        identifier = Identifier(
+            shipped_grid(),
+            method=settings["method"],
+            options=Options(
+                samples=settings["samples"],
+                best=settings["best"],
+                tolerance_um=settings["tolerance_um"],
+            ),
+            seed=settings["seed"],
+            kappa=settings["kappa"],
+            phases=tuple(settings["phases"]),
+        )
+    except (KeyError, TypeError) as error:
+        raise InputError(f"the session's field identification is damaged ({error})") from None
+    warning = None
+    if settings.get("database_hash") != identifier.database.content_hash:
+        warning = "the session was identified with another database; results may differ"
+    return identifier, warning
+
+
+def replay(
+    session: Session,
+    identifier: Identifier,
+    listeners: Iterable[Listener],
+    *,
+    speed: float | None = None,
+    sleep: Callable[[float], None] = time.sleep,
+) -> list[Curve]:
+    """Run the session through the pipeline; return the completed curves.
+
+    `speed` 1 keeps the original pace, 10 is ten times as fast, None does not wait.
+    """
+    curves: list[Curve] = []
+
+    def keep(message: Message) -> None:
+        if isinstance(message, CurveCompleted):
+            curves.append(message.curve)
+
+    pipeline = Pipeline(identifier, [keep, *listeners])
+    before: float | None = None
+    for item in recorded_items(session.records):
+        if isinstance(item, TimedEvent) and speed is not None:
+            if before is not None and item.host_time_s > before:
+                sleep((item.host_time_s - before) / speed)
+            before = item.host_time_s
+        pipeline.handle(item)
+    pipeline.end("the record ends here")
+    return curves
+
+
+def differences(session: Session, curves: list[Curve], results: list[Identification]) -> list[str]:
+    """Return a sentence for each way in which the replay differs from what the session stores."""
+    found: list[str] = []
+    if len(curves) != len(session.curves):
+        found.append(f"{len(session.curves)} curves are stored, the replay gives {len(curves)}")
+    for stored, again in zip(session.curves, curves, strict=False):
+        for column in ("time_s", "pressure_mbar", "deflection_mm"):
+            if not np.array_equal(getattr(stored, column), getattr(again, column)):
+                found.append(f"{stored.name}: {column} differs")
+        if stored.partial != again.partial:
+            found.append(f"{stored.name}: is partial in one and not in the other")
+    for curve, kept, result in zip(session.curves, session.results, results, strict=False):
+        if kept is None:
+            found.append(f"{curve.name}: no result is stored")
+            continue
+        now = result.to_json()
+        for key in sorted({*kept, *now} - {"seconds"}):
+            if kept.get(key) != now.get(key):
+                found.append(f"{curve.name}: {key} was {kept.get(key)}, is {now.get(key)}")
+    return found

@@ -1,0 +1,115 @@
+"""Where items come from: a live probe, or records of one. Both give the same stream."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+
+from drivers.connection import Connection
+from drivers.dialects import get_dialect
+from drivers.errors import RemoteProtocolError
+from drivers.events import Segment, SegmentKind, TimedEvent
+from drivers.probe import Probe
+from skinlab.curve import Setup
+from skinlab.errors import InputError
+from skinlab.journal import Journal, Kind, Record
+from skinlab.program import Hold, Program, Ramp, Release
+from skinlab.stream import Item, Planned, setup_from_json, setup_to_json
+
+
+def wire_segments(program: Program) -> tuple[Segment, ...]:
+    """Return the program as the driver speaks it."""
+    segments = []
+    for s in program.segments:
+        if isinstance(s, Ramp):
+            segments.append(
+                Segment(
+                    SegmentKind.RAMP,
+                    target_mbar=s.target_mbar,
+                    rate_mbar_per_s=s.rate_mbar_per_s,
+                )
+            )
+        elif isinstance(s, Release):
+            segments.append(Segment(SegmentKind.RELEASE))
+        else:
+            kind = SegmentKind.HOLD if isinstance(s, Hold) else SegmentKind.REST
+            segments.append(Segment(kind, duration_s=s.duration_s))
+    return tuple(segments)
+
+
+class LiveSource:
+    """A probe, and the plans for it."""
+
+    def __init__(
+        self,
+        probe: Probe,
+        journal: Journal | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.probe = probe
+        self._journal = journal
+        self._clock = clock
+        self._planned: deque[Planned] = deque()
+
+    def arm(self, setup: Setup, rate_hz: float | None = None) -> None:
+        """Plan a run and make the probe ready for it; `rate_hz` None: the instrument's usual one.
+
+        Raises:
+            InputError: the setup has no program, or not this probe's aperture.
+            DriverError: the probe refused, or its link failed.
+        """
+        hello = self.probe.hello
+        if setup.program is None:
+            raise InputError("a measurement needs a program")
+        if hello is not None and abs(hello.aperture_mm - setup.aperture_mm) > 1e-6:
+            raise InputError(
+                f"aperture_mm {setup.aperture_mm:g}: the connected probe has "
+                f"{hello.aperture_mm:g} mm"
+            )
+        rate = rate_hz if rate_hz is not None else hello.default_rate_hz if hello else 20.0
+        self.probe.load(wire_segments(setup.program), rate)
+        if self._journal is not None:
+            self._journal.plan(self._clock(), setup_to_json(setup))
+        self._planned.append(Planned(setup))
+        self.probe.arm()
+
+    def start(self) -> None:
+        """Start the armed run.
+
+        Raises:
+            DriverError: the probe refused, or its link failed.
+        """
+        self.probe.start()
+
+    def next_item(self, timeout_s: float) -> Item | None:
+        """Return the next item, or None where none came in time."""
+        if self._planned:
+            return self._planned.popleft()
+        return self.probe.next_event(timeout_s)
+
+
+def recorded_items(records: Iterable[Record], dialect: str = "reference") -> Iterator[Item]:
+    """Yield the items that these records hold, through dialect and connection as when live."""
+    connection = Connection(get_dialect(dialect))
+    for record in records:
+        if record.kind is Kind.PLAN:
+            yield Planned(setup_from_json(json.loads(record.data)))
+        elif record.kind is Kind.RECEIVED:
+            try:
+                connection.receive_data(record.data)
+            except RemoteProtocolError:
+                continue  # the live run dropped these bytes too
+            yield from _events(connection, record.host_time_s)
+
+
+def _events(connection: Connection, host_time_s: float) -> Iterator[Item]:
+    while True:
+        try:
+            event = connection.next_event()
+        except RemoteProtocolError:
+            continue
+        if event is None:
+            return
+        yield TimedEvent(host_time_s, event)
