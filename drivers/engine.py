@@ -124,7 +124,6 @@ class Engine:
         # shared between threads, under the lock
         self._queue: deque[Request] = deque()
         self._vent_reasons: deque[str] = deque()
-        self._acknowledged = False
         self._ended: str | None = None
         # of the I/O thread
         self._pending: list[Request] = []
@@ -164,11 +163,8 @@ class Engine:
             self._vent_reasons.append(reason)
 
     def acknowledge(self) -> None:
-        """Unlatch the alarm."""
-        with self._lock:
-            self._acknowledged = True
-            if self._ended is not None:
-                self._watchdog.acknowledge()  # no thread is left to do it
+        """Unlatch the alarm; where its cause persists, the next step raises it again."""
+        self._watchdog.acknowledge()
 
     def stop(self) -> None:
         """Let `run` return soon."""
@@ -194,6 +190,10 @@ class Engine:
                     if not self._vent_after(error, reason) or failures > _MAX_FAILURES:
                         self._lost(reason)
                         return
+            if self._vent_reasons:
+                self._send_due()  # an order that came with the stop
+        except LinkError as error:
+            reason = str(error)
         finally:
             self._end(reason)
 
@@ -215,9 +215,6 @@ class Engine:
         with self._lock:
             reasons = list(self._vent_reasons)
             self._vent_reasons.clear()
-            if self._acknowledged:
-                self._acknowledged = False
-                self._watchdog.acknowledge()
         now = self._clock()
         for reason in reasons:
             self._vent(reason, now)
@@ -225,7 +222,8 @@ class Engine:
             self._write_vent(now)
         if self._connection.state in _NEEDS_KEEP_ALIVE and now >= self._keep_alive_at:
             self._write(self._connection.send(KeepAlive()))
-            self._keep_alive_at = now + self._limits.keep_alive_s
+            due = self._keep_alive_at + self._limits.keep_alive_s  # no drift by late turns
+            self._keep_alive_at = due if due > now else now + self._limits.keep_alive_s
         for request in self._pending:
             if request._frame and now >= request._resend_at:
                 self._write(request._frame)

@@ -226,19 +226,20 @@ class Probe:
             return
         atexit.unregister(self.close)
         try:
-            wait = engine.connection.hello is not None
-            request = Request(None, [_is_confirmed], self._limits.vent_time_s + 0.1)
-            confirmed = engine.submit(request)
+            confirmed = engine.submit(
+                Request(None, [_is_confirmed], self._limits.vent_time_s + 0.1)
+            )
             engine.order_vent("close")
-            if wait:
+            if engine.connection.hello is not None:  # else nobody is there to confirm
                 confirmed.result(_JOIN_TIMEOUT_S)
         except (DriverError, TimeoutError):
             pass  # the event stream has said why
-        engine.stop()
-        if self._thread is not None:
-            self._thread.join(_JOIN_TIMEOUT_S)
-        if self._link is not None:
-            self._link.close()
+        finally:
+            engine.stop()
+            if self._thread is not None:
+                self._thread.join(_JOIN_TIMEOUT_S)
+            if self._link is not None:
+                self._link.close()
 
     def __enter__(self) -> Self:
         return self

@@ -32,8 +32,12 @@ def build_device(
     # Not at the top: the finite elements behind it are slow to import
     from sim_device.skin import make_skin
 
+    try:
+        skin = make_skin(description.skin, description.effects)
+    except ValueError as error:
+        raise ValueError(f"{skin_file or 'default skin'}: {error}") from error
     return Device(
-        make_skin(description.skin, description.effects),
+        skin,
         description.sensor,
         aperture_mm=aperture_mm,
         seed=seed,

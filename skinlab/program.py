@@ -230,21 +230,26 @@ def _parse_part(part: str, text: str) -> list[Segment]:
             f"program {text!r}: {part!r} is no segment; expected one of: {', '.join(_PARSERS)}"
         )
     form, parse = parser
+    numbers = _numbers(arguments, form)
+    if numbers is None:
+        raise InputError(f"program {text!r}: {part!r} was not understood; expected {form}")
+    return parse(numbers)
+
+
+def _numbers(arguments: str, form: str) -> list[float] | None:
+    """Return the numbers of a part where its separators are those of its form."""
+    required, _, optional = form.partition(":")[2].partition("[")
+    signs = re.sub(r"[^,@]", "", arguments)
+    expected = re.sub(r"[^,@]", "", required)
+    if signs != expected and not (optional and signs == expected + ","):
+        return None
+    if not required:
+        return None if arguments else []
     try:
-        numbers = [float(x) for x in re.split(r"[,@]", arguments)] if arguments else []
-        # The separators must be the grammar's, in the grammar's order.
-        signs = re.sub(r"[^,@]", "", arguments)
-        expected = re.sub(r"[^,@]", "", form.partition(":")[2].partition("[")[0])
-        optional = "[,N]" in form
-        if signs not in ({expected, expected + ","} if optional else {expected}):
-            raise ValueError
-        if not all(math.isfinite(x) for x in numbers):
-            raise ValueError
-        return parse(numbers)
-    except (ValueError, IndexError):
-        raise InputError(
-            f"program {text!r}: {part!r} was not understood; expected {form}"
-        ) from None
+        numbers = [float(x) for x in re.split(r"[,@]", arguments)]
+    except ValueError:
+        return None
+    return numbers if all(math.isfinite(x) for x in numbers) else None
 
 
 def _cycles(numbers: list[float], position: int) -> int:
@@ -254,12 +259,6 @@ def _cycles(numbers: list[float], position: int) -> int:
     if n != int(n) or not 1 <= n <= MOST_CYCLES:
         raise InputError(f"number of cycles must be a whole number of 1–{MOST_CYCLES}, got {n:g}")
     return int(n)
-
-
-def _bare(numbers: list[float]) -> list[Segment]:
-    if numbers:
-        raise ValueError
-    return [Release()]
 
 
 def _mode1(n: list[float]) -> list[Segment]:
@@ -285,7 +284,7 @@ def _mode4(n: list[float]) -> list[Segment]:
 _PARSERS: dict[str, tuple[str, Callable[[list[float]], list[Segment]]]] = {
     "ramp": ("ramp:P@RATE", lambda n: [Ramp(n[0], n[1])]),
     "hold": ("hold:S", lambda n: [Hold(n[0])]),
-    "release": ("release", _bare),
+    "release": ("release", lambda _: [Release()]),
     "rest": ("rest:S", lambda n: [Rest(n[0])]),
     "mode1": ("mode1:P,ON,OFF[,N]", _mode1),
     "mode2": ("mode2:P@RATE[,N]", _mode2),

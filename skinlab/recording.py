@@ -72,16 +72,19 @@ class Recording:
         if isinstance(message, Identified):
             self.journal.result(self._clock(), message.index, message.result.to_json())
 
-    def finish(self) -> Path:
+    def finish(self) -> Path | None:
         """Turn the journal into the session; the journal goes only once the session is there.
+
+        Returns None, and leaves no file, where no run was ever planned.
 
         Raises:
             InputError: it cannot be written; the journal stays and the message names it.
         """
         self.journal.close()
-        recover(self.journal.path, self.path)
+        if self.journal.planned:
+            recover(self.journal.path, self.path)
         self.journal.remove()
-        return self.path
+        return self.path if self.journal.planned else None
 
 
 def recover(journal: Path, session: Path) -> int:

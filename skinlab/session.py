@@ -179,7 +179,7 @@ def read_session(path: Path) -> Session:
             for kind, host_time_s, begin, end in zip(
                 raw["kind"][:].tolist(),
                 raw["host_time_s"][:].tolist(),
-                [0, *ends[:-1]],
+                [0, *ends][: len(ends)],
                 ends,
                 strict=True,
             )

@@ -118,11 +118,11 @@ def run(
             source = LiveSource(probe, recording.journal)
             measure(source, plan, Pipeline(identifier, [recording, show]))
     finally:
-        recording.finish()
-        if as_json:
-            print_json(document(identifier.provenance(), results, session=str(out)))
-        else:
-            click.echo(f"session: {out}")
+        saved = recording.finish()
+        if saved and as_json:
+            print_json(document(identifier.provenance(), results, session=str(saved)))
+        elif saved:
+            click.echo(f"session: {saved}")
     return 0
 
 

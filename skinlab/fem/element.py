@@ -34,13 +34,9 @@ class Element:
 QUAD8_REDUCED = Element("quad8-reduced", 8, 2)  # the paper's choice
 QUAD8_FULL = Element("quad8-full", 8, 3)
 QUAD9_FULL = Element("quad9-full", 9, 3)
-QUAD8_MEAN_DILATATION = Element("quad8-mean-dilatation", 8, 3, dilatation_modes=1)
 # Biquadratic displacement, linear pressure: stable at any compressibility.
 QUAD9_LINEAR_DILATATION = Element("quad9-linear-dilatation", 9, 3, dilatation_modes=3)
-ELEMENTS = {
-    e.name: e
-    for e in (QUAD8_REDUCED, QUAD8_FULL, QUAD9_FULL, QUAD8_MEAN_DILATATION, QUAD9_LINEAR_DILATATION)
-}
+ELEMENTS = {e.name: e for e in (QUAD8_REDUCED, QUAD8_FULL, QUAD9_FULL, QUAD9_LINEAR_DILATATION)}
 
 
 def quadrature(points_1d: int) -> tuple[Array, Array]:

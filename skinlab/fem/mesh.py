@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,14 @@ class Mesh:
     tape: Index  # nodes of the top surface with r ≥ R
     outer: Index  # nodes at r = r_out
     bottom: Index
+
+    @cached_property
+    def free_surface(self) -> Index:
+        """Nodes of the top surface from the apex to where the tape holds, in order."""
+        on_top = np.flatnonzero(self.nodes[:, 1] == self.nodes[self.apex, 1])
+        r = self.nodes[:, 0]
+        free = on_top[r[on_top] <= r[self.tape].min(initial=np.inf)]
+        return free[np.argsort(r[free])]
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
-from skinlab.fem.assembly import Assembly
+from skinlab.fem.admissibility import Limits, fault
+from skinlab.fem.assembly import Assembly, State
 
 Array = NDArray[np.float64]
 
@@ -36,6 +37,8 @@ class StepSettings:
     correction: float = 3e-7  # Newton ends when no displacement would move more, in mm
     most_iterations: int = 8
     tries: int = 6
+    limits: Limits = Limits()
+    limit_mbar: float = 1.0  # how closely the pressure of an inadmissible state is found
 
 
 @dataclass
@@ -61,9 +64,7 @@ class Point:
     slope: Array
     energy: float
     volume: float
-    j_min: float
-    j_max: float
-    iterations: int
+    state: State  # just before the last, negligible, correction
 
 
 def solve_point(
@@ -104,9 +105,7 @@ def solve_point(
                 # `state` is that before the last correction: to first order, what it changes
                 state.energy + float(internal @ step),
                 state.volume + float(state.load @ step),
-                state.j_min,
-                state.j_max,
-                iteration,
+                state,
             )
             return point, iteration
         last = correction
@@ -138,9 +137,11 @@ def follow(
     compliance = float(abs(start.slope[watch]) if watch is not None else abs(start.slope).max())
     step = min(settings.first_step * scale_mm / max(compliance, 1e-300), abs(goal_mpa))
     smallest = settings.smallest_step_mbar * 1e-4
+    ceiling, reason_above = np.inf, ""  # a pressure known to be inadmissible, and why
     tries = 0
     while abs(path.pressure_mpa[-1]) < abs(goal_mpa) * (1 - 1e-12):
         left = abs(goal_mpa) - abs(path.pressure_mpa[-1])
+        step = min(step, 0.5 * (ceiling - abs(path.pressure_mpa[-1])))
         n = max(1, int(np.ceil(left / step - 1e-9)))
         # Even out the last steps rather than end with a sliver.
         step_now = left / n if n <= 2 else step
@@ -152,7 +153,14 @@ def follow(
             tries += 1
             step = 0.35 * step_now
             if tries > settings.tries or step < smallest:
-                path.stopped = f"no convergence beyond {path.pressure_mpa[-1] * 1e4:.2f} mbar"
+                path.stopped = _stopped("no convergence", path)
+                break
+            continue
+        reason = fault(assembly, point.unknowns, point.state, settings.limits)
+        if reason:  # close in on it by halves
+            ceiling, reason_above = abs(target), reason
+            if ceiling - abs(path.pressure_mpa[-1]) <= settings.limit_mbar * 1e-4:
+                path.stopped = _stopped(reason, path)
                 break
             continue
         miss = guess - point.unknowns
@@ -169,6 +177,9 @@ def follow(
             continue  # a first step this curved would spoil the interpolation across it
         tries = 0
         _append(path, target, point)
+        if ceiling - abs(target) <= settings.limit_mbar * 1e-4:
+            path.stopped = _stopped(reason_above, path)
+            break
     return path
 
 
@@ -192,7 +203,11 @@ def _append(path: EquilibriumPath, pressure: float, point: Point) -> None:
     path.pressure_mpa.append(pressure)
     path.displacements.append(point.unknowns)
     path.slopes.append(point.slope)
-    path.j_min.append(point.j_min)
-    path.j_max.append(point.j_max)
+    path.j_min.append(point.state.j_min)
+    path.j_max.append(point.state.j_max)
     path.energy.append(point.energy)
     path.volume.append(point.volume)
+
+
+def _stopped(reason: str, path: EquilibriumPath) -> str:
+    return f"{reason} beyond {path.pressure_mpa[-1] * 1e4:.2f} mbar"

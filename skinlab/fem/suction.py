@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -18,7 +18,12 @@ from scipy.interpolate import CubicHermiteSpline
 
 from skinlab.errors import InputError
 from skinlab.fem.assembly import Assembly
-from skinlab.fem.element import QUAD8_FULL, QUAD9_FULL, Element
+from skinlab.fem.element import (
+    QUAD8_FULL,
+    QUAD9_FULL,
+    QUAD9_LINEAR_DILATATION,
+    Element,
+)
 from skinlab.fem.mesh import Grading, Mesh, suction_mesh
 from skinlab.fem.newton import EquilibriumPath, StepSettings, follow
 from skinlab.materials import get_law
@@ -27,7 +32,7 @@ Array = NDArray[np.float64]
 
 MBAR = 1e-4  # MPa
 
-SOLVER_VERSION = "1"  # raise it whenever a curve changes by more than round-off
+SOLVER_VERSION = "2"  # raise it whenever a curve changes by more than round-off
 
 # Below zero and above the programmed maximum a noisy pressure channel still has a model.
 EXTENSION_BELOW_MBAR = 2.0
@@ -101,18 +106,26 @@ class Discretisation:
 MESH_OF_RECORD = Discretisation(
     "record-1", QUAD8_FULL, 1 / 60, 2.0, 2 / 15, 2 / 15, 0.25, quarter_point=True
 )
+# The same mesh with elements that cannot lock: a cross-check for nearly incompressible skin.
+LINEAR_DILATATION_MESH = replace(
+    MESH_OF_RECORD, name="record-1-linear-dilatation", element=QUAD9_LINEAR_DILATATION
+)
 # For comparison with other programs: plain 9-node elements, 0.02 mm at the edge of a 6 mm opening.
-VERIFICATION_MESH = Discretisation("verification-1", QUAD9_FULL, 0.02 / 3, 1.5, 0.1, 0.1, 0.2)
+VERIFICATION_MESH = Discretisation("verification-2", QUAD9_FULL, 0.02 / 3, 1.25, 0.1, 0.1, 0.2)
 
 
 @dataclass(frozen=True)
 class SuctionCurve:
-    """Apex deflection against suction, as cubic Hermite pieces between converged points."""
+    """Apex deflection against suction, as cubic Hermite pieces between converged points.
+
+    Every point is converged and admissible (see `admissibility.py`); there is none beyond
+    `holds_to_mbar`, and the deflection there is NaN.
+    """
 
     pressure_mbar: Array  # (k,), from 0
     deflection_mm: Array  # (k,)
     slope_mm_per_mbar: Array  # (k,)
-    holds_to_mbar: float  # the goal, or the last pressure that converged
+    holds_to_mbar: float  # the goal, or the last pressure that converged and is admissible
     stopped: str  # why it does not reach the goal; empty where it does
     iterations: int
     path: EquilibriumPath

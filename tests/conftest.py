@@ -1,0 +1,13 @@
+"""What several tests share."""
+
+from __future__ import annotations
+
+import pytest
+
+from skinlab.database.grid import GridDatabase
+from skinlab.database.store import shipped_grid
+
+
+@pytest.fixture(scope="session")
+def grid() -> GridDatabase:
+    return shipped_grid()

@@ -1,0 +1,170 @@
+"""The headless path with real processes: simulator, measurement, kill, interrupt, replay."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drivers.events import Sample, TimedEvent
+from skinlab.session import read_session
+from skinlab.sources import recorded_items
+
+SKIN = ["--aperture-mm", "6", "--thickness-mm", "1.0"]
+SKINLAB = [sys.executable, "-m", "skinlab"]
+ENVIRONMENT = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
+
+
+@contextmanager
+def simulator(*arguments: str) -> Iterator[str]:
+    process = subprocess.Popen(
+        [sys.executable, "-m", "sim_device", *arguments],
+        stdout=subprocess.PIPE,
+        text=True,
+        env=ENVIRONMENT,
+    )
+    try:
+        assert process.stdout is not None
+        yield process.stdout.readline().strip()
+    finally:
+        process.terminate()
+        process.wait(10)
+        process.stdout.close()
+
+
+def skinlab(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [*SKINLAB, *arguments],
+        cwd=cwd,
+        env=ENVIRONMENT,
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+
+
+@pytest.mark.parametrize("link", [["--pty"], ["--tcp", "0"]])
+def test_two_curves_over_a_real_link_and_their_replay(tmp_path, link):
+    with simulator(*link, "--seed", "1", "--speed", "5") as url:
+        done = skinlab(
+            "measure", "--port", url, *SKIN, "--program", "ramp:100@20", "--repeats", "2",
+            "--rest-s", "0.2", "--out", "s.h5", "--json", cwd=tmp_path,
+        )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    document = json.loads(done.stdout)
+    assert document["session"] == "s.h5"
+    assert len(document["curves"]) == 2
+    for entry in document["curves"]:
+        assert 50 <= entry["points"] <= 101
+        assert entry["error"] is None
+        # The default skin, through 3 µm of noise on a valley that is nearly flat.
+        assert entry["parameters"]["X1_MPa"]["value"] == pytest.approx(0.025, rel=0.5)
+        assert 2.0 < entry["rms_um"] < 5.0
+    replayed = skinlab("replay", "s.h5", "--speed", "max", "--verify", "--json", cwd=tmp_path)
+    assert replayed.returncode == 0, replayed.stderr
+    again = json.loads(replayed.stdout)
+    for before, now in zip(document["curves"], again["curves"], strict=True):
+        assert before | {"seconds": 0} == now | {"seconds": 0}
+    identified = skinlab("identify", "s.h5", "--json", cwd=tmp_path)
+    assert identified.returncode == 0
+    values = [c["parameters"] for c in json.loads(identified.stdout)["curves"]]
+    assert values == [c["parameters"] for c in document["curves"]]
+    assert skinlab("session", "verify", "s.h5", cwd=tmp_path).returncode == 0
+
+
+def test_without_a_terminal_it_measures_headless(tmp_path):
+    done = skinlab("ui", "--port", "sim://?seed=1&speed=10", "--sessions", "kept", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "X1" in done.stdout
+    (session,) = (tmp_path / "kept").glob("session-*.h5")
+    assert len(read_session(session).curves) == 1
+
+
+def start_measuring(tmp_path: Path, *more: str) -> subprocess.Popen[str]:
+    """Start a measurement and wait until its journal holds samples of the second curve."""
+    return subprocess.Popen(
+        [
+            *SKINLAB, "measure", "--port", "sim://?seed=1", *SKIN, "--program",
+            "ramp:100@100,hold:30", "--out", "s.h5", *more,
+        ],
+        cwd=tmp_path,
+        env=ENVIRONMENT,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )  # fmt: skip
+
+
+def wait_for_samples(journal: Path, process: subprocess.Popen[str]) -> None:
+    """Return once samples are committed; the process ends the wait if it dies."""
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline and process.poll() is None:
+        if journal.exists():
+            try:
+                with sqlite3.connect(f"file:{journal}?mode=ro", uri=True) as db:
+                    (n,) = db.execute(
+                        "SELECT count(*) FROM record WHERE kind = 0 AND number > "
+                        "(SELECT max(number) FROM record WHERE kind = 2)"
+                    ).fetchone()
+                db.close()
+                if n > 20:
+                    return
+            except sqlite3.Error:
+                pass
+        try:
+            process.wait(0.05)
+        except subprocess.TimeoutExpired:
+            continue
+    raise AssertionError(f"no samples were recorded: {process.communicate(timeout=5)}")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_measurement_vents_and_saves(tmp_path, number):
+    process = start_measuring(tmp_path)
+    wait_for_samples(tmp_path / "s.h5.journal", process)
+    process.send_signal(number)
+    _, err = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert "Traceback" not in err
+    session = read_session(tmp_path / "s.h5")
+    (curve,) = session.curves
+    assert curve.partial
+    assert len(curve) > 20
+    # The vent is in the record: the last reading is of a probe without suction.
+    samples = [
+        item.event
+        for item in recorded_items(session.records)
+        if isinstance(item, TimedEvent) and isinstance(item.event, Sample)
+    ]
+    assert samples[-1].pressure_mbar < 5.0
+    assert list(tmp_path.glob("*.journal*")) == []
+
+
+def test_what_a_killed_measurement_leaves_is_recovered(tmp_path):
+    process = start_measuring(tmp_path)
+    wait_for_samples(tmp_path / "s.h5.journal", process)
+    process.kill()
+    process.communicate(timeout=30)
+    assert not (tmp_path / "s.h5").exists()
+    done = skinlab("recover", "s.h5.journal", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    (curve,) = read_session(tmp_path / "s.h5").curves
+    assert curve.partial
+    assert len(curve) > 20
+    np.testing.assert_array_equal(np.diff(curve.time_s) > 0, True)
+    identified = skinlab("identify", "s.h5", "--json", cwd=tmp_path)
+    assert identified.returncode == 0
+    assert "partial_curve" in json.loads(identified.stdout)["curves"][0]["flags"]

@@ -1,0 +1,176 @@
+from __future__ import annotations
+
+import pytest
+
+from drivers.events import (
+    Alarm,
+    HostVented,
+    InstrumentFault,
+    InstrumentState,
+    Loaded,
+    Sample,
+    Segment,
+    SegmentKind,
+    State,
+    VentConfirmed,
+)
+from drivers.limits import Limits
+from drivers.watchdog import Watchdog
+
+S = InstrumentState
+K = SegmentKind
+PROGRAM = (
+    Segment(K.RAMP, target_mbar=100, rate_mbar_per_s=20),
+    Segment(K.HOLD, duration_s=5),
+    Segment(K.RAMP, target_mbar=20, rate_mbar_per_s=1000),
+    Segment(K.HOLD, duration_s=5),
+    Segment(K.RELEASE),
+    Segment(K.REST, duration_s=5),
+)
+
+
+@pytest.fixture
+def dog():
+    dog = Watchdog(Limits())
+    assert dog.on_event(Loaded(PROGRAM, 20, 100, 20), 0) == []
+    for state in (S.LOADED, S.ARMED, S.RUNNING):
+        assert dog.on_event(State(state, "", 0.0), 0) == []
+    return dog
+
+
+def sample(t, pressure, segment=0, deflection=None):
+    return Sample(round(t * 20), t, pressure, t if deflection is None else deflection, segment)
+
+
+def test_stale_after_300_ms(dog):
+    dog.on_event(sample(1, 20), 1.0)
+    assert dog.check(1.299) == []
+    [vent] = dog.check(1.301)
+    assert isinstance(vent, HostVented)
+    assert "no sample for 300 ms" in vent.reason
+
+
+def test_stale_after_three_intervals():
+    dog = Watchdog(Limits())
+    dog.on_event(Loaded(PROGRAM, 2, 100, 20), 0)
+    dog.on_event(State(S.RUNNING, "", 0.0), 0)
+    assert dog.check(1.5) == []
+    assert dog.check(1.51)
+
+
+def test_nothing_is_stale_at_rest():
+    dog = Watchdog(Limits())
+    dog.on_event(State(S.LOADED, "", 0.0), 0)
+    assert dog.check(1e6) == []
+
+
+@pytest.mark.parametrize(
+    ("segment", "since", "t", "good", "bad"),
+    [
+        (0, 0, 1, 110, 110.1),
+        (1, 5, 6, 110, 110.1),
+        (3, 10, 10.4, 110, 110.1),  # the ramp down still shows
+        (3, 10, 10.6, 30, 30.1),
+        (5, 15, 15.9, 110, 110.1),  # a vent has its second
+        (5, 15, 16.1, 10, 10.1),
+    ],
+)
+def test_overshoot(dog, segment, since, t, good, bad):
+    dog.on_event(sample(since, 0, segment), since)
+    assert dog.on_event(sample(t, good, segment), t) == []
+    [vent] = dog.on_event(sample(t, bad, segment), t)
+    assert "overshoot" in vent.reason
+
+
+def test_five_per_cent_where_that_is_more():
+    assert Limits().overshoot_above(100) == 110
+    assert Limits().overshoot_above(400) == 420
+
+
+def test_frozen(dog):
+    for k in range(10):
+        assert dog.on_event(sample(k / 20, k, deflection=0.5), k / 20) == []
+    [vent] = dog.on_event(sample(0.5, 10, deflection=0.5), 0.5)
+    assert "frozen" in vent.reason
+    assert "0 to 10 mbar" in vent.reason
+
+
+def test_not_frozen_while_the_pressure_stands_still(dog):
+    for k in range(1000):
+        pressure = 100 + 0.5 * (-1) ** k
+        assert dog.on_event(sample(k / 20, pressure, 1, deflection=0.5), k / 20) == []
+
+
+def test_a_vent_is_confirmed_only_by_an_instrument_that_no_longer_pulls(dog):
+    dog.vent_ordered(1.0)
+    assert dog.on_event(sample(1, 3), 1.01) == []  # was on its way already
+    assert dog.on_event(State(S.VENTING, "host", 40.0), 1.02) == []
+    assert dog.on_event(sample(1.1, 5.0, 6), 1.1) == []
+    assert dog.on_event(sample(1.2, 4.9, 6), 1.2) == [VentConfirmed(4.9)]
+    assert not dog.venting
+    assert dog.check(100) == []
+
+
+def test_the_instruments_own_vent_is_watched_too(dog):
+    dog.on_event(State(S.VENTING, "program end", 100.0), 10)
+    assert dog.check(11) == []
+    vent, alarm = dog.check(11.01)
+    assert isinstance(vent, HostVented)
+    assert isinstance(alarm, Alarm)
+    assert "lift the probe" in alarm.text
+    assert dog.alarm == alarm.text
+    dog.vent_ordered(11.01)
+    assert dog.check(12) == []  # latched, said once
+    dog.acknowledge()
+    [again] = dog.check(12)  # and again if it is acknowledged too early
+    assert again == alarm
+    assert dog.on_event(State(S.LOADED, "vented", 1.0), 13) == [VentConfirmed(1.0)]
+    assert dog.alarm == alarm.text  # only a human unlatches it
+
+
+def test_one_order_is_enough(dog):
+    dog.vent_ordered(1.0)
+    assert dog.on_event(sample(1, 300), 1.01) == []
+    assert dog.check(1.9) == []
+
+
+def test_a_fault_of_the_instrument(dog):
+    [vent] = dog.on_event(InstrumentFault("pressure", "too high"), 1)
+    assert "too high" in vent.reason
+
+
+def test_suction_while_idle():
+    dog = Watchdog(Limits())
+    assert dog.on_event(State(S.IDLE, "", 9.0), 0) == []
+    [vent] = dog.on_event(State(S.IDLE, "", 12.0), 0)
+    assert "while idle" in vent.reason
+
+
+def test_suction_without_an_end():
+    dog = Watchdog(Limits())
+    dog.on_event(Loaded(PROGRAM, 20, 100, 20), 0)
+    dog.on_event(State(S.RUNNING, "", 0.0), 0)
+    for k in range(20 * 61 + 1):
+        dog.on_event(sample(k / 20, 99, 1), k / 20)
+    assert dog.check(61.0) == []
+    dog.on_event(sample(61.1, 99, 1), 61.1)
+    [vent] = dog.check(61.1)
+    assert "without a pause" in vent.reason
+
+
+def test_a_pause_between_two_samples_counts():
+    dog = Watchdog(Limits())
+    up = Segment(K.RAMP, target_mbar=100, rate_mbar_per_s=2.5)
+    program = (up, Segment(K.RELEASE), up)
+    dog.on_event(Loaded(program, 20, 500, 60), 0)
+    dog.on_event(State(S.RUNNING, "", 0.0), 0)
+    for k in range(20 * 80):
+        assert dog.on_event(sample(k / 20, 99, 0 if k < 800 else 2), k / 20) == []
+        assert dog.check(k / 20) == []
+
+
+def test_link_lost(dog):
+    assert any(isinstance(event, Alarm) for event in dog.link_lost())
+    calm = Watchdog(Limits())
+    calm.on_event(State(S.LOADED, "", 0.0), 0)
+    assert calm.link_lost() == []
