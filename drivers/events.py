@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
-
 PROGRAM_END = "program end"  # reason of the State with which a run that was not cut short ends
 
 

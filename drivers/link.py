@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -90,10 +90,12 @@ class _SerialLink:
             raise LinkError(f"cannot write to {self._url}: {_why(error)}") from error
 
     def close(self) -> None:
-        try:
-            self._port.close()
-        except Exception:  # noqa: BLE001 -- it is gone already, which is what was wanted
-            return
+        # pyserial 3.5 forgets to close a socket whose peer went first
+        leaked = getattr(self._port, "_socket", None)
+        for gone in (self._port, leaked):
+            if gone is not None:
+                with contextlib.suppress(Exception):  # it is gone already, which is what was wanted
+                    gone.close()
 
 
 _REASONS = {
@@ -112,7 +114,8 @@ _REASONS = {
 
 def _why(error: BaseException) -> str:
     """Say why in one line; pyserial often keeps the system's own error only as the context."""
-    for cause in _chain(error):
+    causes = (error, error.__cause__ or error.__context__)
+    for cause in (cause for cause in causes if cause is not None):
         number = cause.errno if isinstance(cause, OSError) else None
         if number is None and cause.args and isinstance(cause.args[0], int):
             number = cause.args[0]  # termios.error
@@ -124,9 +127,3 @@ def _why(error: BaseException) -> str:
     if "returned no data" in text:
         return "the device is gone"
     return text
-
-
-def _chain(error: BaseException | None) -> Iterator[BaseException]:
-    while error is not None:
-        yield error
-        error = error.__cause__ or error.__context__

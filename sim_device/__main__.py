@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 from pathlib import Path
@@ -33,6 +34,8 @@ def main(
     """
     if pty == (tcp is not None):
         raise click.UsageError("give one of --pty and --tcp PORT")
+    # One probe needs one core; its small matrices only suffer from more
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # Not at the top: --help and wrong usage need none of it
     from sim_device.build import build_device
     from sim_device.serve import PtyHost, TcpHost, serve

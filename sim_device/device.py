@@ -13,6 +13,7 @@ import numpy as np
 from drivers.dialects import Dialect, get_dialect
 from drivers.errors import RemoteProtocolError
 from drivers.events import (
+    PROGRAM_END,
     Arm,
     Command,
     Damaged,
@@ -272,7 +273,7 @@ class Device:
         elif run.release_us > VENT_TIME_S * 1e6 and pressure >= SAFE_MBAR:
             self._fault("vent", f"{pressure:.1f} mbar {VENT_TIME_S:g} s after a release")
         elif run.ended:
-            self._open_valve("program end")
+            self._open_valve(PROGRAM_END)
         elif self._suction_us > run.load.max_suction_s * 1e6 + _SUCTION_SLACK_US:
             self._fault("suction", f"more than {run.load.max_suction_s:g} s without a pause")
 
@@ -335,7 +336,7 @@ class Device:
         if self._state is _S.FAULT:
             self._say("vented")
         else:
-            reason = "done" if self._vent_reason == "program end" else "vented"
+            reason = "done" if self._vent_reason == PROGRAM_END else "vented"
             self._enter(_S.IDLE if self._load is None else _S.LOADED, reason)
 
     def _fault(self, code: str, text: str) -> None:

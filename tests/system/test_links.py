@@ -1,0 +1,231 @@
+"""The driver against the simulated probe as a process of its own, over a real pty and real TCP."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+
+import pytest
+
+from drivers.errors import LinkError
+from drivers.events import (
+    Alarm,
+    Gap,
+    HostVented,
+    InstrumentState,
+    LinkLost,
+    Sample,
+    Segment,
+    SegmentKind,
+    State,
+    VentConfirmed,
+)
+from drivers.link import list_ports, open_link
+from drivers.probe import Probe
+
+PROGRAM = (
+    Segment(SegmentKind.RAMP, target_mbar=60, rate_mbar_per_s=40),
+    Segment(SegmentKind.RAMP, target_mbar=0, rate_mbar_per_s=40),
+)
+LONG = (
+    Segment(SegmentKind.RAMP, target_mbar=60, rate_mbar_per_s=400),
+    Segment(SegmentKind.HOLD, duration_s=55),
+)
+needs_pty = pytest.mark.skipif(not hasattr(os, "openpty"), reason="no pseudo terminals here")
+WAYS = [pytest.param(("--pty",), marks=needs_pty), ("--tcp", "0")]
+
+
+class Simulator:
+    def __init__(self, *options: str) -> None:
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "sim_device", *options],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        self.url = self.process.stdout.readline().strip()
+        assert self.url, self.process.stderr.read()
+
+    def end(self, how: signal.Signals) -> tuple[int, str, str]:
+        if self.process.poll() is None:
+            self.process.send_signal(how)
+        out, err = self.process.communicate(timeout=10)
+        return self.process.returncode, out, err
+
+
+@pytest.fixture(scope="module", params=WAYS, ids=["pty", "tcp"])
+def simulator(request):
+    simulator = Simulator(*request.param, "--speed", "10", "--seed", "4")
+    yield simulator
+    assert simulator.end(signal.SIGTERM) == (0, "", "")
+
+
+def until(probe, wanted, seen):
+    while True:
+        timed = probe.next_event(5.0)
+        assert timed is not None, seen[-10:]
+        seen.append(timed.event)
+        if wanted(timed.event):
+            return timed.event
+
+
+def start(probe, segments):
+    probe.open()
+    probe.load(segments, 20)
+    probe.arm()
+    probe.start()
+
+
+def done(event):
+    return isinstance(event, State) and event.reason == "done"
+
+
+def test_two_runs(simulator):
+    with Probe(simulator.url) as probe:
+        start(probe, PROGRAM)
+        first = []
+        until(probe, done, first)
+        probe.arm()
+        probe.start()
+        second = []
+        until(probe, done, second)
+    for seen in (first, second):
+        samples = [event for event in seen if isinstance(event, Sample)]
+        assert [s.sequence for s in samples] == list(range(len(samples)))
+        assert max(s.pressure_mbar for s in samples) == pytest.approx(60, abs=2)
+        assert max(s.deflection_mm for s in samples) > 0.3
+        assert any(isinstance(event, VentConfirmed) for event in seen)
+        assert not any(isinstance(event, Gap | HostVented | Alarm) for event in seen)
+
+
+def test_a_host_that_goes_and_comes_back(simulator):
+    """A host that vanishes in a run: the probe misses its keep-alive and is vented when found."""
+    link = open_link(simulator.url)
+    probe = Probe(simulator.url, open_link=lambda url: link)
+    start(probe, LONG)
+    until(probe, lambda e: isinstance(e, Sample) and e.pressure_mbar > 50, [])
+    link._port.close()  # the process dies without a word
+    until(probe, lambda e: isinstance(e, LinkLost), [])
+    probe.close()
+    with Probe(simulator.url) as probe:
+        probe.open()
+        assert probe.state in {InstrumentState.IDLE, InstrumentState.LOADED}
+        probe.load(PROGRAM, 20)
+        probe.arm()
+        probe.start()
+        until(probe, done, [])
+
+
+@needs_pty
+def test_one_host_at_a_time():
+    simulator = Simulator("--pty")
+    with Probe(simulator.url) as probe:
+        probe.open()
+        with pytest.raises(LinkError, match="another program uses it"):
+            open_link(simulator.url)
+    assert simulator.end(signal.SIGINT) == (0, "", "")
+
+
+@pytest.mark.parametrize("way", WAYS, ids=["pty", "tcp"])
+def test_unplugged_in_a_run(way):
+    simulator = Simulator(*way, "--speed", "10")
+    with Probe(simulator.url) as probe:
+        start(probe, LONG)
+        seen = []
+        until(probe, lambda e: isinstance(e, Sample) and e.pressure_mbar > 50, seen)
+        simulator.end(signal.SIGKILL)
+        lost = until(probe, lambda e: isinstance(e, LinkLost), seen)
+        assert simulator.url in lost.reason
+        alarm = until(probe, lambda e: isinstance(e, Alarm), seen)
+        assert "lift the probe" in alarm.text
+        with pytest.raises(LinkError, match=simulator.url):
+            probe.start()
+    with pytest.raises(LinkError, match=simulator.url):
+        Probe(simulator.url).open()
+
+
+def test_in_process(monkeypatch):
+    class PowerSkin:
+        def prepare(self, aperture_mm, max_pressure_mbar):
+            assert aperture_mm == 4
+
+        def deflection_mm(self, pressure_mbar):
+            return 0.05 * pressure_mbar**0.7
+
+    # The finite elements are in the other tests, in a process that keeps them on one core
+    monkeypatch.setattr("sim_device.skin.make_skin", lambda skin, effects: PowerSkin())
+    with Probe("sim://?seed=2&speed=20&aperture_mm=4") as probe:
+        assert probe.open().aperture_mm == 4
+        probe.load(PROGRAM, 100)
+        probe.arm()
+        probe.start()
+        seen = []
+        until(probe, done, seen)
+    assert len([event for event in seen if isinstance(event, Sample)]) > 290
+
+
+@pytest.mark.parametrize(
+    ("url", "match"),
+    [
+        ("/dev/no-such-port", "there is no such port"),
+        (os.devnull, "not a serial port"),
+        ("no://such", "not known"),
+        ("socket://127.0.0.1", "socket"),
+        ("sim://?skin=/no/such.toml", "/no/such.toml: cannot be read"),
+        ("sim://?seed=x", "seed"),
+        ("sim://?speed=0", "speed"),
+        ("sim://?sped=10", "sped"),
+        ("sim://?seed=1&seed=2", "twice"),
+        ("sim://somewhere", "query"),
+    ],
+)
+def test_what_cannot_be_opened_is_one_sentence(url, match):
+    with pytest.raises(LinkError, match=match) as caught:
+        open_link(url)
+    assert url in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_nobody_listens():
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+    with pytest.raises(LinkError, match=f"127.0.0.1:{port}.*connection refused"):
+        open_link(f"socket://127.0.0.1:{port}")
+
+
+def test_somebody_who_is_no_probe():
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        probe = Probe(f"socket://127.0.0.1:{server.getsockname()[1]}")
+        begin = time.monotonic()
+        with pytest.raises(LinkError, match="no answer to Identify"):
+            probe.open(0.3)
+        assert time.monotonic() - begin < 3
+        assert not probe.is_open
+
+
+def test_ports_are_listed():
+    assert all(port.url and port.description for port in list_ports())
+
+
+@pytest.mark.parametrize(
+    ("options", "status", "match"),
+    [
+        ((), 2, "one of --pty and --tcp"),
+        (("--pty", "--tcp", "0"), 2, "one of --pty and --tcp"),
+        (("--tcp", "0", "--skin", "/no/such.toml"), 3, "/no/such.toml"),
+        (("--tcp", "0", "--aperture-mm", "5"), 3, "aperture_mm"),
+    ],
+)
+def test_bad_input_of_the_process(options, status, match):
+    result = subprocess.run(
+        [sys.executable, "-m", "sim_device", *options], capture_output=True, text=True, check=False
+    )
+    assert result.returncode == status
+    assert match in result.stderr
+    assert result.stdout == ""
+    if status == 3:
+        assert len(result.stderr.splitlines()) == 1
