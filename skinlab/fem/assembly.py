@@ -100,7 +100,7 @@ class Assembly:
         at, weights = np.polynomial.legendre.leggauss(3)  # exact: the integrand is of degree 5
         n, dn = line_shape(at)
         edges = self.mesh.loaded_edges
-        self._edge_dofs = np.stack([2 * edges, 2 * edges + 1], -1).reshape(len(edges), -1)
+        self._edge_dofs = np.stack([2 * edges, 2 * edges + 1], -1).reshape(-1, 6)
         self._edge_x = self.mesh.nodes[edges]  # (k, 3, 2)
         w = 2 * np.pi * weights
         # Load f_a = (−∫ N_a r z', ∫ N_a r r'), bilinear in the nodal r and z: f_a = T_abc r_b x_c.
@@ -155,7 +155,10 @@ class Assembly:
         m, q = w.shape
         consistent = moduli
         if self.element.dilatation_modes:
-            stored, stress, consistent, rank = self._project(f, det, stress, moduli, parameters)
+            projected = self._project(f, det, stress, moduli, parameters)
+            if projected is None:
+                return None
+            stored, stress, consistent, rank = projected
             energy = energy + stored
         weighted = np.ascontiguousarray((w * consistent).reshape(25, -1).T).reshape(m, q, 5, 5)
         products = np.matmul(weighted, self.gradients).reshape(m, q * 5, -1)
@@ -188,13 +191,15 @@ class Assembly:
 
     def _project(
         self, f: Array, det: Array, stress: Array, moduli: Array, parameters: Mapping[str, Any]
-    ) -> tuple[Array, Array, Array, Array]:
+    ) -> tuple[Array, Array, Array, Array] | None:
         """Put J̄ in place of J in the energy of dilatation.
 
         Return what that adds to the energy (m, q), the new stress and moduli, and the part of the
-        element stiffness (m, 2 a, 2 a) that couples the points of an element.
+        element stiffness (m, 2 a, 2 a) that couples the points of an element; None where J̄ ≤ 0.
         """
         mean = np.matmul(self._projection, det[..., None])[..., 0]
+        if not mean.min() > 0.0:
+            return None
         here, d_here, dd_here = dilatation(self.law, det, parameters)
         there, d_there, dd_there = dilatation(self.law, mean, parameters)
         weights = self.volumes

@@ -6,9 +6,12 @@ Lengths in mm, stresses and pressures in MPa.
 
 from __future__ import annotations
 
+import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from pathlib import Path
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +23,7 @@ from skinlab.fem.assembly import Assembly, stress_and_tangent
 from skinlab.fem.element import Element
 from skinlab.fem.mesh import Mesh, graded_sizes, grid_mesh
 from skinlab.fem.newton import EquilibriumPath, StepSettings, follow
+from skinlab.fem.suction import Geometry, SuctionCurve
 from skinlab.materials import Law, get_law
 
 Array = NDArray[np.float64]
@@ -35,7 +39,7 @@ class Problem:
     scale_mm: float
 
     def path(
-        self, pressure_mpa: float, parameters: Mapping[str, Any], **settings: Any
+        self, pressure_mpa: float, parameters: Mapping[str, Any], correction: float = 3e-7
     ) -> EquilibriumPath:
         """Return the path to this pressure, with nothing held to be inadmissible."""
         return follow(
@@ -43,7 +47,7 @@ class Problem:
             pressure_mpa,
             parameters,
             self.scale_mm,
-            StepSettings(limits=NO_LIMITS, **settings),
+            StepSettings(limits=NO_LIMITS, smallest_step_mbar=1e-9, correction=correction),
             watch=self.watch,
         )
 
@@ -226,7 +230,7 @@ def mooney_membrane(
             return [0.0, along, 0.0]
         around = r / rho
         t1, t2 = tension(along, around), tension(around, along)
-        sine = min(0.5 * pressure * r / t1, 1.0)
+        sine = np.clip(0.5 * pressure * r / t1, -1.0, 1.0)
         r_slope = along * np.sqrt(1 - sine**2)
         step = 1e-6
         by_along = (tension(along + step, around) - tension(along - step, around)) / (2 * step)
@@ -238,16 +242,16 @@ def mooney_membrane(
     def integrate(pole: float) -> Array:
         start = 1e-4 * radius
         y0 = [pole, pole * start, 0.0]
-        solution = solve_ivp(slopes, (start, radius), y0, rtol=1e-9, atol=1e-9 * radius)
+        solution = solve_ivp(slopes, (start, radius), y0, "LSODA", rtol=1e-8, atol=1e-9 * radius)
         return np.asarray(solution.y[:, -1])
 
     # The branch before any limit point: the smallest stretch of the pole that fits.
-    low = 1.0005
+    low = 1.01
     while integrate(low)[1] < radius:
-        low *= 1.01
+        low *= 1.02
         if low > 4.0:
             raise ArithmeticError("no membrane of this kind carries this pressure")
-    pole = brentq(lambda x: float(integrate(x)[1]) - radius, low / 1.01, low, xtol=1e-9)
+    pole = brentq(lambda x: float(integrate(x)[1]) - radius, low / 1.02, low, xtol=1e-9)
     return float(integrate(pole)[2])
 
 
@@ -270,3 +274,73 @@ def distorted(mesh: Mesh, amount: float, rng: np.random.Generator) -> Mesh:
     if mesh.elements.shape[1] == 9:
         nodes[mesh.elements[:, 8]] = nodes[mesh.elements[:, :4]].mean(axis=1)
     return replace(mesh, nodes=nodes)
+
+
+# ---- curves of other programs ----
+
+
+@dataclass(frozen=True)
+class GeometryTo(Geometry):
+    """A geometry whose model ends where somebody else's did."""
+
+    ends_mm: float = math.inf
+
+    @property
+    def outer_radius_mm(self) -> float:
+        """Where the model ends."""
+        return self.ends_mm
+
+
+@dataclass(frozen=True)
+class ReferenceCurve:
+    """A case that another program has solved; see tests/data/fe_reference/ORIGIN.md."""
+
+    file: Path
+    parameters: dict[str, float]  # of eq. (1), MPa
+    nu: float
+    geometry: Geometry
+    certain: bool  # no finer mesh creases
+    w_um: Array  # (3,) at 20, 50 and 100 mbar
+    uncertainty_um: Array  # (3,)
+    on_mesh: dict[str, Array]  # the same on named meshes
+
+    PRESSURE_MBAR: ClassVar[tuple[float, ...]] = (20.0, 50.0, 100.0)
+
+    @property
+    def name(self) -> str:
+        """Short, unique."""
+        return self.file.stem.removeprefix("fe_")
+
+    def curve(self) -> tuple[Array, Array]:
+        """Return pressure (mbar) and deflection (mm), 0 to 100 mbar."""
+        table = np.loadtxt(self.file, delimiter=",", skiprows=1)
+        return table[:, 0], table[:, 1]
+
+    def deviation(self, curve: SuctionCurve) -> Array:
+        """Return w/w_ref − 1 at 20, 50 and 100 mbar (3,); NaN where `curve` does not hold."""
+        return curve(self.PRESSURE_MBAR) * 1e3 / self.w_um - 1
+
+
+def reference_curves(folder: Path) -> list[ReferenceCurve]:
+    """Return the cases that this folder's index.json lists."""
+    found = []
+    for entry in json.loads((folder / "index.json").read_text(encoding="utf-8")):
+        if entry["p_at"] != [20, 50, 100]:
+            raise ValueError(f"{entry['file']}: not at 20, 50 and 100 mbar")
+        found.append(
+            ReferenceCurve(
+                file=folder / entry["file"],
+                parameters={
+                    "X1_MPa": entry["X1"],
+                    "X2_MPa": entry["X2"],
+                    "kappa_MPa": entry["kappa_MPa"],
+                },
+                nu=entry["nu"],
+                geometry=GeometryTo(2 * entry["R"], entry["h"], entry["r_out"]),
+                certain=not entry["crease_on_finer_mesh"],
+                w_um=np.array(entry["w_um"]),
+                uncertainty_um=np.array(entry["uncertainty_um"]),
+                on_mesh={k: np.array(v["w_um"], float) for k, v in entry["on_mesh"].items()},
+            )
+        )
+    return found

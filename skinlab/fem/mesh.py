@@ -39,7 +39,7 @@ class Mesh:
         on_top = np.flatnonzero(self.nodes[:, 1] == self.nodes[self.apex, 1])
         r = self.nodes[:, 0]
         free = on_top[r[on_top] <= r[self.tape].min(initial=np.inf)]
-        return free[np.argsort(r[free])]
+        return np.asarray(free[np.argsort(r[free])], dtype=np.intp)
 
 
 @dataclass(frozen=True)
@@ -52,13 +52,20 @@ class Grading:
     outside: float  # largest size under the tape
     through: float  # largest size through the thickness
     quarter_point: bool = False  # see `_to_quarter_points`
+    counts: tuple[int, int, int] | None = None  # elements inside, outside and through, if fixed
 
 
-def graded_sizes(length: float, first: float, ratio: float, largest: float) -> Array:
+def graded_sizes(
+    length: float, first: float, ratio: float, largest: float, count: int | None = None
+) -> Array:
     """Return sizes that start at `first`, grow by about `ratio` up to `largest`, and fill `length`.
 
-    The ratio is lowered a little where the sizes would not fit exactly; `first` is kept.
+    The ratio is lowered a little where the sizes would not fit exactly; `first` is kept. With
+    `count` there are that many, and the ratio is whatever fits: the sizes then change continuously
+    with the length.
     """
+    if count is not None:
+        return _counted_sizes(length, first, largest, count)
     if first >= largest or first >= length:
         n = max(1, math.ceil(length / largest - 1e-9))
         return np.full(n, length / n)
@@ -76,6 +83,24 @@ def graded_sizes(length: float, first: float, ratio: float, largest: float) -> A
     return sizes(float(q), n)
 
 
+_STEEPEST = 20.0  # ratio from one element to the next
+
+
+def _counted_sizes(length: float, first: float, largest: float, count: int) -> Array:
+    if count * first >= length:
+        return np.full(count, length / count)
+    largest = max(largest, length / count)
+    steps = np.arange(count)
+
+    def excess(q: float) -> float:
+        return float(np.minimum(first * q**steps, largest).sum()) - length
+
+    if excess(_STEEPEST) <= 0:  # the cap is too low for so few elements: even sizes but the first
+        return np.concatenate([[first], np.full(count - 1, (length - first) / (count - 1))])
+    q = brentq(excess, 1.0, _STEEPEST, xtol=1e-14)
+    return np.asarray(np.minimum(first * float(q) ** steps, largest))
+
+
 def suction_mesh(
     radius_mm: float,
     thickness_mm: float,
@@ -90,14 +115,15 @@ def suction_mesh(
     """
     held = radius_mm if held_from_mm is None else held_from_mm
     g = grading
-    inside = graded_sizes(radius_mm, g.edge, g.ratio, g.inside)[::-1]
+    n_inside, n_outside, n_through = g.counts or (None, None, None)
+    inside = graded_sizes(radius_mm, g.edge, g.ratio, g.inside, n_inside)[::-1]
     spans = [inside]
     if held > radius_mm:
         n = max(1, math.ceil((held - radius_mm) / (4 * g.edge)))
         spans.append(np.full(n, (held - radius_mm) / n))
-    spans.append(graded_sizes(outer_radius_mm - held, g.edge, g.ratio, g.outside))
+    spans.append(graded_sizes(outer_radius_mm - held, g.edge, g.ratio, g.outside, n_outside))
     r_lines = np.concatenate([[0.0], np.cumsum(np.concatenate(spans))])
-    z_sizes = graded_sizes(thickness_mm, g.edge, g.ratio, g.through)
+    z_sizes = graded_sizes(thickness_mm, g.edge, g.ratio, g.through, n_through)
     z_lines = np.concatenate([[0.0], -np.cumsum(z_sizes)])[::-1].copy()
     z_lines[-1], z_lines[0] = 0.0, -thickness_mm
     r_lines[len(inside)] = radius_mm

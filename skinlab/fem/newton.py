@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
-from skinlab.fem.admissibility import Limits, fault
+from skinlab.fem.admissibility import DEFAULT_LIMITS, Limits, fault
 from skinlab.fem.assembly import Assembly, State
 
 Array = NDArray[np.float64]
@@ -37,7 +37,7 @@ class StepSettings:
     correction: float = 3e-7  # Newton ends when no displacement would move more, in mm
     most_iterations: int = 8
     tries: int = 6
-    limits: Limits = Limits()
+    limits: Limits = DEFAULT_LIMITS
     limit_mbar: float = 1.0  # how closely the pressure of an inadmissible state is found
 
 
@@ -172,7 +172,7 @@ def follow(
             wanted *= _FIRST_STEP_ALLOWANCE
         order = 2.0 if first else 4.0
         factor = 0.9 * (wanted / max(error, 1e-3 * wanted)) ** (1.0 / order)
-        step = step_now * min(2.5, max(0.25, factor))
+        step = step_now * min(1.6, max(0.25, factor))
         if first and error > 2.0 * wanted and step >= smallest:
             continue  # a first step this curved would spoil the interpolation across it
         tries = 0
