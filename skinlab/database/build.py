@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.database.grid import GridDatabase, GridSpec
+from skinlab.fem.admissibility import NO_LIMITS
+from skinlab.fem.newton import StepSettings
 from skinlab.fem.suction import MESH_OF_RECORD, SOLVER_VERSION, assembly_for, solve
 from skinlab.materials.compressibility import kappa_ratio
 
@@ -21,11 +23,19 @@ Row = tuple[int, Array, float, int]  # entry, deflections (p,), holds to, iterat
 
 
 def compute_entry(spec: GridSpec, entry: int) -> Row:
-    """Return one entry's curve on the spec's pressures."""
+    """Return one entry's curve on the spec's pressures.
+
+    Where the skin creases before the last pressure, the curve goes on along the creased branch: it
+    supports the interpolation of neighbours that hold, and is never given as an answer itself.
+    """
     x1, x2, nu = spec.parameters(entry)
     parameters = {"X1_MPa": x1, "X2_MPa": x2, "kappa_MPa": x1 * kappa_ratio(nu, spec.kappa)}
-    curve = solve(spec.geometry, parameters, max(spec.pressure_mbar), law=spec.law)
-    return entry, curve(np.array(spec.pressure_mbar)), curve.holds_to_mbar, curve.iterations
+    top = max(spec.pressure_mbar)
+    curve = held = solve(spec.geometry, parameters, top, law=spec.law)
+    if held.stopped:
+        unchecked = StepSettings(limits=NO_LIMITS)
+        curve = solve(spec.geometry, parameters, top, law=spec.law, settings=unchecked)
+    return entry, curve(np.array(spec.pressure_mbar)), held.holds_to_mbar, curve.iterations
 
 
 def build_grid(

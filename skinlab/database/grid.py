@@ -46,7 +46,8 @@ class GridSpec:
 class GridDatabase:
     """A built grid.
 
-    `deflection_mm` (X1, X2, ν, p) is NaN above `holds_to_mbar` (X1, X2, ν).
+    Beyond `holds_to_mbar` (X1, X2, ν), `deflection_mm` (X1, X2, ν, p) lies on the creased branch (NaN
+    where even that does not converge): for the interpolation of neighbours, no answer in itself.
     """
 
     spec: GridSpec

@@ -36,6 +36,16 @@ def _components(database: GridDatabase) -> tuple[Array, Array]:
     return coordinates, vt[:k]
 
 
+def _cells_that_hold(nodes: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which cells of a grid in three coordinates have eight nodes that hold."""
+    cells = nodes
+    for axis in range(3):
+        low = np.take(cells, np.arange(cells.shape[axis] - 1), axis)
+        high = np.take(cells, np.arange(1, cells.shape[axis]), axis)
+        cells = low & high
+    return cells
+
+
 def covered(database: GridDatabase, pressure_mbar: Array) -> NDArray[np.bool_]:
     """Return which pressures (n,) the database speaks of, its small extensions included."""
     low = min(database.spec.pressure_mbar) - EXTENSION_BELOW_MBAR
@@ -75,7 +85,10 @@ class GridModel:
         q, r = np.linalg.qr(at_points.T)
         self._q = q  # (u, k) orthonormal
         values = (coordinates @ r.T).reshape(*spec.shape[:3], -1)
+        top = min(float(pressure_mbar.max(initial=0.0)), max(spec.pressure_mbar))
+        self._holds = _cells_that_hold(database.holds_to_mbar >= top)
         axes = (np.array(spec.X1_MPa), np.array(spec.X2_MPa), np.array(spec.nu))
+        self._axes = axes
         self._tensor = TensorLagrange(axes, values)
         ratio = (kappa_ratio(axes[2][0], spec.kappa), kappa_ratio(axes[2][-1], spec.kappa))
         nu = tuple(float(nu_from_ratio(x, kappa)) for x in ratio)
@@ -91,7 +104,13 @@ class GridModel:
             ratio = kappa_ratio(parameters[:, 2], self._kappa)
             points = parameters.copy()
             points[:, 2] = nu_from_ratio(ratio, self._database.spec.kappa)
-        return self._tensor(points)
+        values = self._tensor(points)
+        cell = tuple(
+            np.clip(np.searchsorted(axis, points[:, d], side="right") - 1, 0, len(axis) - 2)
+            for d, axis in enumerate(self._axes)
+        )
+        values[~self._holds[cell]] = np.nan
+        return values
 
     def deflection_mm(self, parameters: Array) -> Array:
         """Return the curves (n, u) of candidates (n, 3); NaN where the database does not hold."""
