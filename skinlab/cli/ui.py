@@ -8,6 +8,10 @@ from pathlib import Path
 
 import click
 
+from skinlab.tui.naming import new_session_path
+
+__all__ = ["SIMULATED", "command", "default_folder", "new_session_path"]
+
 SIMULATED = "sim://?seed=1"
 
 
@@ -23,13 +27,25 @@ def command(port: str = SIMULATED, sessions: Path | None = None) -> int:
     Example: skinlab ui --port /dev/ttyUSB0
     """
     folder = sessions or default_folder()
-    if sys.stdin.isatty() and sys.stdout.isatty():
-        from skinlab.tui.app import SkinlabApp
-
-        app = SkinlabApp(port, folder)
-        app.run()
-        return app.return_code or 0
+    # The screen is drawn on standard error.
+    if sys.stdin.isatty() and sys.stdout.isatty() and sys.stderr.isatty():
+        return _on_terminal(port, folder)
     return _headless(port, folder)
+
+
+def _on_terminal(port: str, folder: Path) -> int:
+    from skinlab.tui.app import SkinlabApp
+
+    app = SkinlabApp(port, folder)
+    try:
+        app.run()
+    finally:
+        app.bench.close()  # vented and saved already, unless the screen itself came to grief
+    if app.failure is not None:
+        raise app.failure
+    if app.board.saved is not None:
+        click.echo(f"session: {app.board.saved}", err=True)
+    return app.return_code or 0
 
 
 def default_folder() -> Path:
@@ -37,17 +53,6 @@ def default_folder() -> Path:
     from platformdirs import user_data_path
 
     return user_data_path("skinlab", appauthor=False) / "sessions"
-
-
-def new_session_path(folder: Path, now: datetime) -> Path:
-    """Return a name for a session that is not there yet."""
-    stem = now.strftime("session-%Y%m%d-%H%M%S")
-    path = folder / f"{stem}.h5"
-    number = 2
-    while path.exists() or path.with_name(path.name + ".journal").exists():
-        path = folder / f"{stem}-{number}.h5"
-        number += 1
-    return path
 
 
 def _headless(port: str, folder: Path) -> int:

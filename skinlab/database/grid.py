@@ -46,8 +46,9 @@ class GridSpec:
 class GridDatabase:
     """A built grid.
 
-    Beyond `holds_to_mbar` (X1, X2, ν), `deflection_mm` (X1, X2, ν, p) lies on the creased branch (NaN
-    where even that does not converge): for the interpolation of neighbours, no answer in itself.
+    `deflection_mm` has the axes (X1, X2, ν, p), `holds_to_mbar` (X1, X2, ν). Beyond the latter the
+    curve is of the creased branch (NaN where even that does not converge): it supports the
+    interpolation of neighbours, and is no answer in itself.
     """
 
     spec: GridSpec
