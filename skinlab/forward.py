@@ -66,11 +66,10 @@ def simulate(
 def _from_database(
     parameters: Array, geometry: Geometry, pressure: Array, kappa: KappaConvention
 ) -> Array:
-    from skinlab.database.grid_model import GridModel, covered
     from skinlab.database.store import shipped_grid
 
     database = shipped_grid()
-    model = GridModel(database, geometry, pressure, kappa)
+    model = database.model(geometry, pressure, kappa)
     for name, value, low, high in zip(
         model.space.names, parameters, model.space.low, model.space.high, strict=True
     ):
@@ -79,7 +78,7 @@ def _from_database(
                 f"{name} {value:g} is outside the database ({low:.4g}–{high:.4g}); "
                 "use --direct, or a value inside"
             )
-    inside = covered(database, pressure)
+    inside = database.covered(pressure)
     if not inside.all():
         top = max(database.spec.pressure_mbar)
         raise InputError(

@@ -1,8 +1,9 @@
-"""The space of unknown parameters: names, units, bounds."""
+"""Spaces of unknown parameters: names, bounds, and the unit cube that methods search."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,11 +11,39 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class ParameterSpace:
-    """A box of parameters; arrays of values have the shape (..., len(names)), in this order."""
+class ParameterSpace(Protocol):
+    """Parameters (..., k) in the order of `names`, mapped from the unit cube [0, 1]^k."""
 
-    names: tuple[str, ...]  # they carry their unit: X1_MPa
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names, which carry their unit: X1_MPa."""
+        ...
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper bounds (k,), as a user would say them."""
+        ...
+
+    def from_unit(self, unit: Array) -> Array:
+        """Return the parameters (..., k) at points of the cube."""
+        ...
+
+    def to_unit(self, parameters: Array) -> Array:
+        """Return the points of the cube (..., k) of parameters."""
+        ...
+
+
+def contains(space: ParameterSpace, parameters: Array) -> NDArray[np.bool_]:
+    """Return which parameters (..., k) lie in the space, its bounds included."""
+    unit = space.to_unit(parameters)
+    return np.asarray(((unit >= -1e-12) & (unit <= 1 + 1e-12)).all(axis=-1))
+
+
+@dataclass(frozen=True)
+class BoxSpace:
+    """A box: every parameter between its bounds, evenly."""
+
+    names: tuple[str, ...]
     low: tuple[float, ...]
     high: tuple[float, ...]
 
@@ -23,7 +52,51 @@ class ParameterSpace:
         """Lower and upper bounds (k,)."""
         return np.array(self.low), np.array(self.high)
 
-    def contains(self, values: Array) -> NDArray[np.bool_]:
-        """Return which of the values (..., k) lie inside, bounds included."""
+    def from_unit(self, unit: Array) -> Array:
+        """Return the parameters."""
         low, high = self.bounds
-        return np.asarray(((values >= low) & (values <= high)).all(axis=-1))
+        return low + (high - low) * unit
+
+    def to_unit(self, parameters: Array) -> Array:
+        """Return the points of the cube."""
+        low, high = self.bounds
+        return (parameters - low) / (high - low)
+
+
+# The paper's section 2.3: where its stochastic algorithm searches.
+PAPER_BOX = BoxSpace(("X1_MPa", "X2_MPa", "nu"), (0.01, 0.1, 0.2), (0.1, 4.9, 0.48))
+
+
+@dataclass(frozen=True)
+class RatioSpace:
+    """(X1, X2, ν) with bounds on X1, on X2/X1 and on ν; even in log X1, log X2/X1 and ν."""
+
+    X1_MPa: tuple[float, float]
+    ratio: tuple[float, float]
+    nu: tuple[float, float]
+    names: tuple[str, ...] = ("X1_MPa", "X2_MPa", "nu")
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper bounds (3,) that the parameters can reach at all."""
+        low = (self.X1_MPa[0], self.X1_MPa[0] * self.ratio[0], self.nu[0])
+        high = (self.X1_MPa[1], self.X1_MPa[1] * self.ratio[1], self.nu[1])
+        return np.array(low), np.array(high)
+
+    def _ends(self) -> tuple[Array, Array]:
+        rows = np.array([np.log(self.X1_MPa), np.log(self.ratio), self.nu])
+        return rows[:, 0], rows[:, 1]
+
+    def from_unit(self, unit: Array) -> Array:
+        """Return the parameters."""
+        low, high = self._ends()
+        at = low + (high - low) * unit
+        x1 = np.exp(at[..., 0])
+        return np.stack([x1, x1 * np.exp(at[..., 1]), at[..., 2]], axis=-1)
+
+    def to_unit(self, parameters: Array) -> Array:
+        """Return the points of the cube."""
+        low, high = self._ends()
+        x1, x2, nu = np.moveaxis(parameters, -1, 0)
+        at = np.stack([np.log(x1), np.log(x2 / x1), nu], axis=-1)
+        return np.asarray((at - low) / (high - low))

@@ -35,10 +35,12 @@ def command(port: str = SIMULATED, sessions: Path | None = None) -> int:
 
 def _on_terminal(port: str, folder: Path) -> int:
     from skinlab.tui.app import SkinlabApp
+    from skinlab.tui.lifeline import Lifeline
 
     app = SkinlabApp(port, folder)
     try:
-        app.run()
+        with Lifeline(app.bench.vent, app.interrupt, app.bench.close):
+            app.run()
     finally:
         app.bench.close()  # vented and saved already, unless the screen itself came to grief
     if app.failure is not None:

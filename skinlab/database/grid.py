@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.fem.suction import Geometry
+from skinlab.fem.suction import EXTENSION_ABOVE, EXTENSION_BELOW_MBAR, Geometry
 from skinlab.materials.compressibility import KappaConvention
+
+if TYPE_CHECKING:
+    from skinlab.database.grid_model import GridModel
 
 Array = NDArray[np.float64]
 
@@ -60,6 +65,29 @@ class GridDatabase:
     dofs: int
 
     @property
+    def law(self) -> str:
+        """Name of the constitutive law."""
+        return self.spec.law
+
+    def covered(self, pressure_mbar: Array) -> NDArray[np.bool_]:
+        """Return which pressures (n,) the grid speaks of, its small extensions included."""
+        low = min(self.spec.pressure_mbar) - EXTENSION_BELOW_MBAR
+        high = max(self.spec.pressure_mbar) * (1 + EXTENSION_ABOVE)
+        return np.asarray((pressure_mbar >= low) & (pressure_mbar <= high))
+
+    def model(
+        self, geometry: Geometry, pressure_mbar: Array, kappa: KappaConvention = "paper"
+    ) -> GridModel:
+        """Return the grid at this geometry and these pressures (u,).
+
+        Raises:
+            NotTrustworthyError: the grid does not speak of this geometry.
+        """
+        from skinlab.database.grid_model import GridModel
+
+        return GridModel(self, geometry, pressure_mbar, kappa)
+
+    @cached_property
     def content_hash(self) -> str:
         """`sha256:…` over what is computed from what, and the numbers themselves."""
         digest = hashlib.sha256()

@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 
 from skinlab.database.grid import GridDatabase
 from skinlab.database.lagrange import TensorLagrange, matrix
+from skinlab.database.misfit import Misfit
 from skinlab.errors import NotTrustworthyError
-from skinlab.fem.suction import EXTENSION_ABOVE, EXTENSION_BELOW_MBAR, Geometry
+from skinlab.fem.suction import Geometry
 from skinlab.materials.compressibility import KappaConvention, kappa_ratio, nu_from_ratio
-from skinlab.parameters import ParameterSpace
+from skinlab.parameters import BoxSpace
 
 Array = NDArray[np.float64]
 
@@ -44,13 +45,6 @@ def _cells_that_hold(nodes: NDArray[np.bool_]) -> NDArray[np.bool_]:
         high = np.take(cells, np.arange(1, cells.shape[axis]), axis)
         cells = low & high
     return cells
-
-
-def covered(database: GridDatabase, pressure_mbar: Array) -> NDArray[np.bool_]:
-    """Return which pressures (n,) the database speaks of, its small extensions included."""
-    low = min(database.spec.pressure_mbar) - EXTENSION_BELOW_MBAR
-    high = max(database.spec.pressure_mbar) * (1 + EXTENSION_ABOVE)
-    return np.asarray((pressure_mbar >= low) & (pressure_mbar <= high))
 
 
 class GridModel:
@@ -92,13 +86,14 @@ class GridModel:
         self._tensor = TensorLagrange(axes, values)
         ratio = (kappa_ratio(axes[2][0], spec.kappa), kappa_ratio(axes[2][-1], spec.kappa))
         nu = tuple(float(nu_from_ratio(x, kappa)) for x in ratio)
-        self.space = ParameterSpace(
+        self.space = BoxSpace(
             ("X1_MPa", "X2_MPa", "nu"),
             (float(axes[0][0]), float(axes[1][0]), nu[0]),
             (float(axes[0][-1]), float(axes[1][-1]), nu[1]),
         )
 
-    def _coordinates(self, parameters: Array) -> Array:
+    def coordinates(self, parameters: Array) -> Array:
+        """Return the components (n, k) of candidates (n, 3); NaN where the grid does not hold."""
         points = parameters
         if self._kappa != self._database.spec.kappa:
             ratio = kappa_ratio(parameters[:, 2], self._kappa)
@@ -112,32 +107,24 @@ class GridModel:
         values[~self._holds[cell]] = np.nan
         return values
 
+    def coordinate_slopes(self, parameters: Array) -> Array:
+        """Return derivatives (n, k, 3) of the components, by central differences.
+
+        Cubic Lagrange pieces meet with a kink at the nodes; next to one this is a mean.
+        """
+        low, high = self.space.bounds
+        slopes = np.empty((*self.coordinates(parameters).shape, 3))
+        for d, step in enumerate(1e-6 * (high - low)):
+            shift = np.zeros(3)
+            shift[d] = step
+            rise = self.coordinates(parameters + shift) - self.coordinates(parameters - shift)
+            slopes[..., d] = rise / (2 * step)
+        return slopes
+
     def deflection_mm(self, parameters: Array) -> Array:
         """Return the curves (n, u) of candidates (n, 3); NaN where the database does not hold."""
-        return np.asarray(self._coordinates(parameters) @ self._q.T)
+        return np.asarray(self.coordinates(parameters) @ self._q.T)
 
     def misfit(self, measured_mm: Array) -> Misfit:
         """Return the sum of squared differences to these deflections (u,), as a function."""
-        return Misfit(self, measured_mm)
-
-
-class Misfit:
-    """Σ (M − Ω)² over a curve's samples, mm², for many candidates at once."""
-
-    def __init__(self, model: GridModel, measured_mm: Array) -> None:
-        """Split the measured curve into what the database can reach and the rest."""
-        self._model = model
-        self._reachable = model._q.T @ measured_mm
-        rest = measured_mm - model._q @ self._reachable
-        self._rest = float(rest @ rest)
-
-    def __call__(self, parameters: Array) -> Array:
-        """Return the sums (n,) for candidates (n, k); infinite where the database does not hold."""
-        difference = self._model._coordinates(parameters) - self._reachable
-        total = self._rest + np.einsum("nk,nk->n", difference, difference)
-        return np.where(np.isfinite(total), total, np.inf)
-
-    def residuals(self, parameters: Array) -> Array:
-        """Return residuals (k + 1,) of one candidate whose squares sum up to the misfit."""
-        difference = self._model._coordinates(parameters[None])[0] - self._reachable
-        return np.append(difference, np.sqrt(self._rest))
+        return Misfit(self, self._q, measured_mm)

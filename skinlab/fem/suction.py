@@ -124,7 +124,7 @@ class SuctionCurve:
     `holds_to_mbar`, and the deflection there is NaN.
     """
 
-    pressure_mbar: Array  # (k,), from 0
+    pressure_mbar: Array  # (k,), from 0, or from a little below
     deflection_mm: Array  # (k,)
     slope_mm_per_mbar: Array  # (k,)
     holds_to_mbar: float  # the goal, or the last pressure that converged and is admissible
@@ -140,12 +140,14 @@ class SuctionCurve:
         p = np.asarray(pressure_mbar, dtype=float)
         if len(self.pressure_mbar) < 2:
             return np.full(p.shape, np.nan)
-        spline = CubicHermiteSpline(
-            self.pressure_mbar, self.deflection_mm, self.slope_mm_per_mbar, extrapolate=True
-        )
         top = self.holds_to_mbar * (1 + (EXTENSION_ABOVE if not self.stopped else 0.0))
         inside = (p >= -EXTENSION_BELOW_MBAR - 1e-9) & (p <= top + 1e-9)
-        return np.where(inside, spline(p), np.nan)
+        return np.where(inside, self.spline(p), np.nan)
+
+    @property
+    def spline(self) -> CubicHermiteSpline:
+        """The curve as a function of pressure (mbar) that does not ask whether it holds."""
+        return CubicHermiteSpline(self.pressure_mbar, self.deflection_mm, self.slope_mm_per_mbar)
 
 
 @lru_cache(maxsize=16)
@@ -169,9 +171,11 @@ def solve(
     law: str = "extended_neo_hookean",
     discretisation: Discretisation = MESH_OF_RECORD,
     settings: StepSettings | None = None,
+    below_mbar: float = 0.0,
 ) -> SuctionCurve:
     """Return the curve from 0 to `goal_mbar`, or as far as the model holds.
 
+    With `below_mbar` it starts that far below zero, where the probe would blow.
     `parameters` are what the law asks for, in MPa (for the paper's law: X1_MPa, X2_MPa, kappa_MPa).
 
     Raises:
@@ -185,14 +189,21 @@ def solve(
         if not (math.isfinite(value) and value >= 0) or (name != "X2_MPa" and value == 0):
             raise InputError(f"{name} must be a positive number of MPa, got {value}")
     path = follow(assembly, goal_mbar * MBAR, parameters, geometry.radius_mm, settings, watch=apex)
-    pressure = np.array(path.pressure_mpa) / MBAR
+    pressures = [p / MBAR for p in path.pressure_mpa]
+    displacements, slopes = list(path.displacements), list(path.slopes)
+    holds_to = goal_mbar if not path.stopped else pressures[-1] if pressures else 0.0
+    if below_mbar > 0:
+        below = follow(
+            assembly, -below_mbar * MBAR, parameters, geometry.radius_mm, settings, watch=apex
+        )
+        pressures[:0] = [p / MBAR for p in below.pressure_mpa[:0:-1]]
+        displacements[:0] = below.displacements[:0:-1]
+        slopes[:0] = below.slopes[:0:-1]
     return SuctionCurve(
-        pressure_mbar=pressure,
-        deflection_mm=np.array([u[apex] for u in path.displacements]),
-        slope_mm_per_mbar=np.array([s[apex] for s in path.slopes]) * MBAR,
-        holds_to_mbar=goal_mbar
-        if not path.stopped
-        else (float(pressure[-1]) if len(pressure) else 0.0),
+        pressure_mbar=np.array(pressures),
+        deflection_mm=np.array([u[apex] for u in displacements]),
+        slope_mm_per_mbar=np.array([s[apex] for s in slopes]) * MBAR,
+        holds_to_mbar=holds_to,
         stopped=path.stopped,
         iterations=path.iterations,
         path=path,

@@ -11,18 +11,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.curve import FEWEST_POINTS, Curve
-from skinlab.database.grid import GridDatabase
-from skinlab.database.grid_model import GridModel, covered
+from skinlab.database.base import CurveModel, Database
 from skinlab.errors import InputError, NotTrustworthyError
 from skinlab.fem.suction import Geometry
 from skinlab.identify.problem import Estimate, Options, Problem
 from skinlab.identify.registry import get_method
 from skinlab.identify.result import Identification, Provenance, Value
 from skinlab.materials.compressibility import KappaConvention, kappa_ratio, nu_consistent
+from skinlab.parameters import PAPER_BOX
 
 Array = NDArray[np.float64]
 
-_AT_BOUND = 1e-6  # of the parameter's range
+_AT_BOUND = 1e-5  # of the parameter's range
+
+PAPERS_METHODS = frozenset({"sto"})  # they search where the paper does, whatever the database
 
 
 @dataclass(frozen=True)
@@ -32,7 +34,7 @@ class Identifier:
     `clock` only fills the field `seconds`.
     """
 
-    database: GridDatabase
+    database: Database
     method: str = "auto"
     options: Options = field(default_factory=Options)
     seed: int = 0
@@ -42,8 +44,7 @@ class Identifier:
 
     def provenance(self) -> Provenance:
         """Return what a reader of the result must know to repeat it."""
-        spec = self.database.spec
-        model = f"{spec.law} kappa={self.kappa} mesh={self.database.mesh_name}"
+        model = f"{self.database.law} kappa={self.kappa} mesh={self.database.mesh_name}"
         return Provenance(
             model_name="base",
             model_hash="sha256:" + hashlib.sha256(model.encode()).hexdigest(),
@@ -76,34 +77,36 @@ class Identifier:
         estimate = method(problem, self.options, np.random.default_rng(self.seed))
         return self._answer(curve, fitted, model, problem, estimate, self.clock() - started)
 
-    def _problem(self, curve: Curve) -> tuple[NDArray[np.bool_], GridModel, Problem]:
+    def _problem(self, curve: Curve) -> tuple[NDArray[np.bool_], CurveModel, Problem]:
         chosen = curve.in_phases(self.phases)
-        fitted = chosen & covered(self.database, curve.pressure_mbar)
+        fitted = chosen & self.database.covered(curve.pressure_mbar)
         if int(fitted.sum()) < FEWEST_POINTS:
             raise InputError(
                 f"{curve.name}: {int(fitted.sum())} samples to fit in phases "
                 f"{','.join(self.phases)}; expected at least {FEWEST_POINTS}"
             )
         geometry = Geometry(curve.setup.aperture_mm, curve.setup.thickness_mm)
-        model = GridModel(self.database, geometry, curve.pressure_mbar[fitted], self.kappa)
+        model = self.database.model(geometry, curve.pressure_mbar[fitted], self.kappa)
         misfit = model.misfit(curve.deflection_mm[fitted])
-        return fitted, model, Problem(model.space, misfit, int(fitted.sum()))
+        space = PAPER_BOX if self.method in PAPERS_METHODS else model.space
+        return fitted, model, Problem(space, misfit, int(fitted.sum()))
 
     def _answer(
         self,
         curve: Curve,
         fitted: NDArray[np.bool_],
-        model: GridModel,
+        model: CurveModel,
         problem: Problem,
         estimate: Estimate,
         seconds: float,
     ) -> Identification:
         x = estimate.parameters
-        low, high = problem.space.bounds
-        flags = []
-        for k, name in enumerate(problem.space.names):
-            if min(x[k] - low[k], high[k] - x[k]) <= _AT_BOUND * (high[k] - low[k]):
-                flags.append(f"at_bound:{name}")
+        unit = problem.space.to_unit(x)
+        flags = [
+            f"at_bound:{name}"
+            for name, at in zip(problem.space.names, unit, strict=True)
+            if min(at, 1 - at) <= _AT_BOUND
+        ]
         if curve.in_phases(self.phases).sum() > fitted.sum():
             flags.append("outside_database")
         if not estimate.converged:

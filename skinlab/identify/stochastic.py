@@ -1,7 +1,8 @@
 """The paper's stochastic algorithm (sections 2.4 and 2.5), as printed: `sto`.
 
 N candidates are drawn uniformly from a box; the N_b best span the next box; it ends when the best
-error of an iteration differs from the one before by no more than C. The box often shrinks past the
+error of an iteration differs from the one before by no more than C. The boxes are those of the
+space's unit cube, which for the paper's space is the same up to scale. They often shrink past the
 optimum along the flat valley of this problem, so the answer is near it, not at it.
 """
 
@@ -20,11 +21,11 @@ def identify(problem: Problem, options: Options, rng: np.random.Generator) -> Es
         InputError: N_b is not within 2…N, or the tolerance is negative.
     """
     check(options)
-    low, high = problem.space.bounds
+    low, high = np.zeros(len(problem.space.names)), np.ones(len(problem.space.names))
     previous = np.inf
     for iteration in range(1, options.most_iterations + 1):
         candidates = low + (high - low) * rng.random((options.samples, len(low)))
-        error = problem.error_um(candidates)
+        error = problem.error_um(problem.space.from_unit(candidates))
         order = np.argpartition(error, options.best - 1)[: options.best]
         order = order[np.isfinite(error[order])]
         if order.size:
@@ -33,7 +34,7 @@ def identify(problem: Problem, options: Options, rng: np.random.Generator) -> Es
             low, high = elite.min(axis=0), elite.max(axis=0)
             if abs(previous - error[best]) <= options.tolerance_um:
                 return Estimate(
-                    candidates[best],
+                    problem.space.from_unit(candidates[best]),
                     float(error[best]),
                     iteration,
                     iteration * options.samples,
@@ -44,7 +45,7 @@ def identify(problem: Problem, options: Options, rng: np.random.Generator) -> Es
     if not np.isfinite(previous):
         last = 0.5 * (low + high)
     return Estimate(
-        last,
+        problem.space.from_unit(last),
         previous,
         options.most_iterations,
         options.most_iterations * options.samples,

@@ -8,7 +8,7 @@ import pytest
 
 from skinlab.database.build import build_grid
 from skinlab.database.grid import GridSpec
-from skinlab.database.grid_model import GridModel, covered
+from skinlab.database.grid_model import GridModel
 from skinlab.database.lagrange import TensorLagrange, matrix
 from skinlab.database.store import read_grid, write_grid
 from skinlab.database.verify import rebuilt_differences
@@ -157,4 +157,4 @@ def test_both_conventions_give_the_same_curve_at_the_same_kappa(grid):
 
 def test_readings_a_little_out_of_range_are_still_modelled(grid):
     at = np.array([-2.1, -2.0, 0.0, 100.0, 102.0, 102.1])
-    assert covered(grid, at).tolist() == [False, True, True, True, True, False]
+    assert grid.covered(at).tolist() == [False, True, True, True, True, False]

@@ -13,7 +13,7 @@ from skinlab.identify.identifier import Identifier
 from skinlab.identify.problem import Options, Problem
 from skinlab.identify.registry import get_method, method_names
 from skinlab.identify.result import document
-from skinlab.parameters import ParameterSpace
+from skinlab.parameters import BoxSpace, contains
 from skinlab.program import parse_program
 
 SETUP = Setup(6.0, 1.0, parse_program("ramp:100@20"))
@@ -35,7 +35,7 @@ class Bowl:
         return (parameters - self.centre) / self.scales
 
 
-UNIT = ParameterSpace(("a", "b"), (0.0, 0.0), (1.0, 1.0))
+UNIT = BoxSpace(("a", "b"), (0.0, 0.0), (1.0, 1.0))
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +65,7 @@ class TestEveryMethod:
     def test_stays_inside_the_space(self, name):
         problem = Problem(UNIT, Bowl([1.5, -0.5], [1.0, 1.0]), 10)
         estimate = get_method(name)(problem, Options(), np.random.default_rng(0))
-        assert UNIT.contains(estimate.parameters)
+        assert contains(UNIT, estimate.parameters)
         np.testing.assert_allclose(estimate.parameters, [1.0, 0.0], atol=0.05)
 
 

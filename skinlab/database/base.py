@@ -1,0 +1,65 @@
+"""What identification asks of a database, whichever it is."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinlab.database.misfit import Misfit
+from skinlab.fem.suction import Geometry
+from skinlab.materials.compressibility import KappaConvention
+from skinlab.parameters import ParameterSpace
+
+Array = NDArray[np.float64]
+
+
+class CurveModel(Protocol):
+    """A database at one geometry and the pressures (u,) of one curve."""
+
+    @property
+    def space(self) -> ParameterSpace:
+        """Where the database holds at all."""
+        ...
+
+    def deflection_mm(self, parameters: Array) -> Array:
+        """Return the curves (n, u) of candidates (n, k); NaN where the database does not hold."""
+        ...
+
+    def misfit(self, measured_mm: Array) -> Misfit:
+        """Return the sum of squared differences to these deflections (u,), as a function."""
+        ...
+
+
+class Database(Protocol):
+    """Precomputed curves."""
+
+    @property
+    def law(self) -> str:
+        """Name of the constitutive law."""
+        ...
+
+    @property
+    def mesh_name(self) -> str:
+        """Name of the discretisation that computed it."""
+        ...
+
+    @property
+    def content_hash(self) -> str:
+        """`sha256:…` over what was computed from what, and the numbers."""
+        ...
+
+    def covered(self, pressure_mbar: Array) -> NDArray[np.bool_]:
+        """Return which pressures (n,) it speaks of, its small extensions included."""
+        ...
+
+    def model(
+        self, geometry: Geometry, pressure_mbar: Array, kappa: KappaConvention = "paper"
+    ) -> CurveModel:
+        """Return the database at this geometry and these pressures (u,).
+
+        Raises:
+            NotTrustworthyError: it does not speak of this geometry; names the axis.
+        """
+        ...

@@ -1,0 +1,160 @@
+"""The dimensionless table as a forward model for one curve: fast misfits of many candidates.
+
+At given pressures and h/R the table becomes a function of (log X1, log X2/X1, log κ/X1), which is
+tabulated on a small grid. Its curves live in a space of a dozen dimensions: with orthonormal
+components Q, ‖M − Ω‖² = ‖M⊥‖² + ‖c_M − c_Ω‖² exactly, so that a candidate costs one evaluation of a
+tensor spline with a dozen values instead of one value per sample.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import BSpline, NdBSpline
+
+from skinlab.database.misfit import Misfit
+from skinlab.database.splines import basis, coefficients, knots
+from skinlab.fem.suction import MBAR, Geometry
+from skinlab.materials.compressibility import KappaConvention, kappa_ratio, nu_from_ratio
+from skinlab.parameters import RatioSpace
+
+if TYPE_CHECKING:
+    from skinlab.database.dimensionless import DimensionlessTable
+
+Array = NDArray[np.float64]
+
+_X1_NODES = 24  # along log X1, between the table's bounds
+_DROPPED = 1e-6  # mm: root sum of squares, over a curve's samples, of what is dropped
+_ROWS_FOR_COMPONENTS = 600
+
+
+@lru_cache(maxsize=4)
+def _load_coefficients(table: DimensionlessTable) -> Array:
+    """Return the B-spline coefficients of the table along h/R and the load."""
+    values = table.log_compliance.astype(np.float64)
+    return np.ascontiguousarray(coefficients(coefficients(values, 0), 3))
+
+
+class DimensionlessModel:
+    """The table at given pressures; parameters are (X1_MPa, X2_MPa, nu)."""
+
+    def __init__(
+        self,
+        table: DimensionlessTable,
+        geometry: Geometry,
+        pressure_mbar: Array,
+        kappa: KappaConvention,
+    ) -> None:
+        spec = table.spec
+        self._kappa = kappa
+        self._nodes = (
+            np.linspace(math.log(spec.X1_MPa[0]), math.log(spec.X1_MPa[1]), _X1_NODES),
+            spec.X2_over_X1.log_nodes(),
+            spec.kappa_over_X1.log_nodes(),
+        )
+        log_thickness = np.log(geometry.thickness_mm / geometry.radius_mm)
+        self._holds_to = _cells_hold_to(table, log_thickness)
+        self._top_mpa = float(pressure_mbar.max(initial=0.0)) * MBAR
+        curves = geometry.radius_mm * self._tabulate(table, log_thickness, pressure_mbar)
+        self._q = _components(curves)  # (u, k), orthonormal
+        grid = (curves @ self._q).reshape(*(len(n) for n in self._nodes), -1)
+        for axis in range(3):
+            grid = coefficients(grid, axis)
+        self._spline = NdBSpline(
+            tuple(knots(n) for n in self._nodes), np.ascontiguousarray(grid), 3
+        )
+        ratio = (spec.kappa_over_X1.low, spec.kappa_over_X1.high)
+        self.space = RatioSpace(
+            spec.X1_MPa,
+            (spec.X2_over_X1.low, spec.X2_over_X1.high),
+            (max(0.2, float(nu_from_ratio(ratio[0], kappa))), 0.49),
+        )
+
+    def _tabulate(
+        self, table: DimensionlessTable, log_thickness: float, pressure_mbar: Array
+    ) -> Array:
+        """Return w/R on the grid (X1 · X2/X1 · κ/X1, u)."""
+        spec = table.spec
+        stored = _load_coefficients(table)
+        weights = basis(spec.thickness_over_radius.log_nodes(), np.array([log_thickness]))[0]
+        at_thickness = np.tensordot(weights, stored, axes=1)  # (X2/X1, κ/X1, load)
+        load = np.outer(np.exp(-self._nodes[0]), pressure_mbar * MBAR)  # (X1, u)
+        axis = spec.load_coordinates()
+        at = np.clip(spec.coordinate(load), axis[0], axis[-1])
+        design = BSpline.design_matrix(at.ravel(), knots(axis), 3)
+        flat = at_thickness.reshape(-1, len(axis))
+        log_compliance = design @ np.ascontiguousarray(flat.T)  # (X1 · u, X2/X1 · κ/X1)
+        curves = np.exp(log_compliance, out=log_compliance)
+        curves *= load.ravel()[:, None]
+        n1, u = load.shape
+        return np.ascontiguousarray(curves.reshape(n1, u, -1).transpose(0, 2, 1)).reshape(-1, u)
+
+    def _points(self, parameters: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """Return grid coordinates (n, 3) of parameters (n, 3), and which of them hold."""
+        points = np.empty_like(parameters)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            points[:, 0] = np.log(parameters[:, 0])
+            points[:, 1] = np.log(parameters[:, 1]) - points[:, 0]
+        nu = parameters[:, 2]
+        possible = (nu >= 0.0) & (nu < 0.5)
+        points[:, 2] = np.log(kappa_ratio(np.where(possible, nu, 0.3), self._kappa))
+        cells = []
+        inside = possible
+        for d, nodes in enumerate(self._nodes):
+            slack = 1e-9 * (nodes[-1] - nodes[0])
+            inside &= (points[:, d] >= nodes[0] - slack) & (points[:, d] <= nodes[-1] + slack)
+            place = (points[:, d] - nodes[0]) * ((len(nodes) - 1) / (nodes[-1] - nodes[0]))
+            cells.append(np.clip(np.nan_to_num(place).astype(np.intp), 0, len(nodes) - 2))
+        inside &= self._holds_to[cells[1], cells[2]] * parameters[:, 0] >= self._top_mpa
+        return points, inside
+
+    def coordinates(self, parameters: Array) -> Array:
+        """Return the components (n, k) of candidates (n, 3); NaN where the table does not hold."""
+        points, inside = self._points(parameters)
+        found = np.full((len(points), self._q.shape[1]), np.nan)
+        if inside.all():
+            return np.asarray(self._spline(points))
+        found[inside] = self._spline(points[inside])
+        return found
+
+    def coordinate_slopes(self, parameters: Array) -> Array:
+        """Return derivatives (n, k, 3) of the components by (X1_MPa, X2_MPa, nu)."""
+        points, inside = self._points(parameters)
+        slopes = np.full((len(points), self._q.shape[1], 3), np.nan)
+        x1, x2, nu = parameters[inside].T
+        by = [self._spline(points[inside], nu=np.eye(3, dtype=int)[d]) for d in range(3)]
+        step = 1e-6  # κ(ν) is a rational function: central differences are good to round-off
+        log_ratio = [np.log(kappa_ratio(nu + s, self._kappa)) for s in (-step, step)]
+        slopes[inside, :, 0] = (by[0] - by[1]) / x1[:, None]
+        slopes[inside, :, 1] = by[1] / x2[:, None]
+        slopes[inside, :, 2] = by[2] * ((log_ratio[1] - log_ratio[0]) / (2 * step))[:, None]
+        return slopes
+
+    def deflection_mm(self, parameters: Array) -> Array:
+        """Return the curves (n, u) of candidates (n, 3); NaN where the table does not hold."""
+        return np.asarray(self.coordinates(parameters) @ self._q.T)
+
+    def misfit(self, measured_mm: Array) -> Misfit:
+        """Return the sum of squared differences to these deflections (u,), as a function."""
+        return Misfit(self, self._q, measured_mm)
+
+
+def _cells_hold_to(table: DimensionlessTable, log_thickness: float) -> Array:
+    """Return the load to which each cell (X2/X1 − 1, κ/X1 − 1) holds: the least of its corners."""
+    nodes = table.spec.thickness_over_radius.log_nodes()
+    i = int(np.clip(np.searchsorted(nodes, log_thickness, side="right") - 1, 0, len(nodes) - 2))
+    corner = table.holds_to_load[i : i + 2].min(axis=0)
+    least = np.minimum(corner[1:], corner[:-1])
+    return np.asarray(np.minimum(least[:, 1:], least[:, :-1]))
+
+
+def _components(curves: Array) -> Array:
+    """Return orthonormal components (u, k) that hold these curves (n, u) to `_DROPPED`."""
+    rows = curves[:: max(1, len(curves) // _ROWS_FOR_COMPONENTS)]
+    _, s, vt = np.linalg.svd(rows, full_matrices=False)
+    k = max(1, int((s > _DROPPED).sum()))
+    return np.ascontiguousarray(vt[:k].T)

@@ -1,0 +1,1 @@
+"""The bedside terminal UI: chooses a source and listeners, and nothing else."""

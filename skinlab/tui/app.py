@@ -1,0 +1,289 @@
+"""The application: keys and news in, orders to the bench out. It owns the board."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import ClassVar
+
+from textual import on
+from textual.app import App
+from textual.binding import Binding, BindingType
+from textual.message import Message
+
+from drivers.errors import DriverError
+from drivers.events import InstrumentState
+from skinlab.errors import InputError, SkinlabError
+from skinlab.log import log_exception
+from skinlab.tui.bench import Bench
+from skinlab.tui.board import Board, Level
+from skinlab.tui.lifeline import INTERRUPTED
+from skinlab.tui.news import Connected, Disconnected, Done, Failed, News
+from skinlab.tui.order import Order, read_order
+from skinlab.tui.screens.alarm import AlarmScreen
+from skinlab.tui.screens.help import HelpScreen
+from skinlab.tui.screens.main import MainScreen
+from skinlab.tui.screens.ports import PortsScreen
+from skinlab.tui.widgets.fields import Fields
+
+_DARK, _LIGHT = "textual-dark", "textual-light"
+
+
+class SkinlabApp(App[None]):
+    """The bedside terminal UI on the probe at `port`; sessions go to `folder`."""
+
+    class Said(Message):
+        """News of the bench, on their way from a thread to the screen."""
+
+        def __init__(self, news: News) -> None:
+            super().__init__()
+            self.news = news
+
+    class Interrupted(Message):
+        """A signal wants the app to end."""
+
+    TITLE = "skinlab"
+    CSS_PATH = "app.tcss"
+    ENABLE_COMMAND_PALETTE = False
+    # Style classes from so many columns, and rows, on
+    HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (76, "-normal"), (110, "-wide")]  # noqa: RUF012
+    VERTICAL_BREAKPOINTS = [(0, "-low"), (23, "-usual"), (34, "-tall")]  # noqa: RUF012 -- Textual's own form
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("v", "vent_key", "Vent", priority=True),
+        Binding("escape", "vent", "Vent", key_display="Esc", priority=True),
+        Binding("question_mark", "help", "Help", key_display="?"),
+        Binding("f1", "help", "Help", show=False, priority=True),
+        Binding("t", "theme", "Theme", show=False),
+        Binding("q", "leave", "Quit"),
+        Binding("ctrl+q,ctrl+c", "leave", "Quit", show=False, priority=True),
+    ]
+
+    def __init__(self, port: str, folder: Path, make_bench: Callable[..., Bench] = Bench) -> None:
+        super().__init__()
+        self.board = Board(port)
+        self.bench = make_bench(folder, self._post)
+        self.failure: Exception | None = None  # a bug that ended the app
+        self._queued: Order | None = None  # to be armed once its port is connected
+        self._next_port: str | None = None  # to be connected once the present one is closed
+        self._leaving = False
+
+    # ---- life ---------------------------------------------------------------------------------
+
+    def get_default_screen(self) -> MainScreen:
+        """Begin with the main screen."""
+        return MainScreen(self.board)
+
+    def on_ready(self) -> None:
+        """Connect, and load what identification needs meanwhile."""
+        self._main.begin()
+        self._connect(self.board.port)
+        self._perform("preparing", self.bench.prepare)
+
+    def on_unmount(self) -> None:
+        """Whatever ended the app: vent, and finish the session."""
+        self.bench.close()
+
+    def interrupt(self) -> None:
+        """Ask the app to end; from any thread. Somebody else vents."""
+        try:
+            self.post_message(self.Interrupted())
+        except RuntimeError:
+            return  # it has ended
+
+    @on(Interrupted)
+    def _interrupted(self) -> None:
+        self.exit(return_code=INTERRUPTED)
+
+    def _handle_exception(self, error: Exception) -> None:
+        self.bench.vent("internal error")
+        self.failure = self.failure or error
+        super()._handle_exception(error)
+
+    def _fatal_error(self) -> None:
+        # Instead of a traceback: the command line says it in one sentence.
+        self._close_messages_no_wait()
+
+    # ---- threads ------------------------------------------------------------------------------
+
+    def _post(self, news: News) -> None:
+        try:
+            self.post_message(self.Said(news))
+        except RuntimeError:
+            return  # the loop is closed: nobody is left to read it
+
+    def _perform(self, doing: str, call: Callable[[], None]) -> None:
+        """Do something slow in a thread; its end is news, whichever it is."""
+
+        def work() -> None:
+            try:
+                call()
+            except (SkinlabError, DriverError) as error:
+                self._post(Failed(doing, str(error)))
+            except Exception as error:  # noqa: BLE001 -- told in a sentence; details are logged
+                self.bench.vent("internal error")
+                where = log_exception(error)
+                self._post(Failed(doing, f"{doing} failed ({error!r}); details are in {where}"))
+            else:
+                self._post(Done(doing))
+
+        self.run_worker(work, name=doing, group=doing, thread=True, exit_on_error=False)
+
+    # ---- news ---------------------------------------------------------------------------------
+
+    @on(Said)
+    def _said(self, message: Said) -> None:
+        news = message.news
+        self.board.see(news)
+        match news:
+            case Connected():
+                self._connected(news)
+            case Disconnected() if self._next_port is not None:
+                port, self._next_port = self._next_port, None
+                self._connect(port)
+            case Failed("connecting"):
+                self._queued = None
+            case Done("closing"):
+                self._leave()
+            case _:
+                pass
+        if self.board.alarm is not None:
+            self._raise_alarm(self.board.alarm)
+
+    def _connected(self, news: Connected) -> None:
+        order, self._queued = self._queued, None
+        aperture_mm = news.hello.aperture_mm
+        if order is not None and order.setup.aperture_mm == aperture_mm:
+            self._arm(order)
+            return
+        self._fields.put("aperture_mm", f"{aperture_mm:g}")
+        if order is not None:
+            self.board.say(
+                Level.WARNING,
+                f"this probe has an opening of {aperture_mm:g} mm, as set now; Enter arms",
+            )
+
+    def _raise_alarm(self, text: str) -> None:
+        for screen in self.screen_stack:
+            if isinstance(screen, AlarmScreen):
+                screen.tell(text)
+                return
+        self.push_screen(AlarmScreen(text), self._acknowledged)
+
+    def _acknowledged(self, _: None) -> None:
+        self.bench.acknowledge()
+        self.board.acknowledge()
+        if self._leaving and self.board.doing is None:
+            self._leave()
+
+    # ---- keys ---------------------------------------------------------------------------------
+
+    @property
+    def _main(self) -> MainScreen:
+        screen = self.screen_stack[0]
+        assert isinstance(screen, MainScreen)
+        return screen
+
+    @property
+    def _fields(self) -> Fields:
+        return self._main.query_one(Fields)
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """While a field takes text, v is text."""
+        if action == "vent_key":
+            return not (self.screen is self._main and self._main.typing)
+        return super().check_action(action, parameters)
+
+    def action_vent_key(self) -> None:
+        """Vent."""
+        self.action_vent()
+
+    def action_vent(self) -> None:
+        """Vent at once; close what is open over the main screen, and leave the fields."""
+        self.bench.vent("operator")
+        self._queued = None
+        if isinstance(self.screen, HelpScreen | PortsScreen):
+            self.pop_screen()
+        self._main.set_focus(None)
+
+    def action_help(self) -> None:
+        """Open the help."""
+        if self.screen is self._main:
+            self.push_screen(HelpScreen())
+
+    def action_theme(self) -> None:
+        """Change between dark and light."""
+        self.theme = _LIGHT if self.current_theme.dark else _DARK
+
+    def action_leave(self) -> None:
+        """Vent, finish the session, quit."""
+        self.bench.vent("quit")
+        if self._leaving:
+            return
+        self._leaving = True
+        self.board.begin("closing", "venting, saving the session …")
+        self._perform("closing", self.bench.close)
+
+    def _leave(self) -> None:
+        if self.board.alarm is None:  # else once it is acknowledged
+            self.exit()
+
+    @on(MainScreen.Wanted)
+    def _wanted(self, message: MainScreen.Wanted) -> None:
+        match message.what:
+            case "arm" if self.board.can_arm:
+                self._want_arm()
+            case "start" if self.board.can_start:
+                self.board.begin("starting", "")
+                vents = self.bench.vents
+                self._perform("starting", lambda: self.bench.start(vents))
+            case "ports" if self.board.can_arm:
+                self.push_screen(PortsScreen(), self._port_chosen)
+            case _:
+                pass
+
+    def _want_arm(self) -> None:
+        if self.board.instrument is InstrumentState.FAULT:
+            self.board.begin("resetting", "the fault is acknowledged")
+            self._perform("resetting", self.bench.reset)
+            return
+        try:
+            order = read_order(self._fields.texts())
+        except InputError as error:
+            self.board.refuse(str(error))
+            wrong = self._fields.first_wrong()
+            if wrong is not None:
+                wrong.focus()
+            return
+        visit = self.board.visit
+        if self.board.hello is None or order.port != self.board.port:
+            self._reconnect(order.port, order)
+        elif visit is not None and visit != order.visit:
+            self._reconnect(order.port, order)  # another person or site: another session
+        else:
+            self._arm(order)
+
+    def _arm(self, order: Order) -> None:
+        self.board.order, self.board.visit = order, order.visit
+        self.board.begin("arming", "")
+        self._main.close_fields(closed=True)
+        vents = self.bench.vents
+        self._perform("arming", lambda: self.bench.arm(order, vents))
+
+    def _port_chosen(self, port: str | None) -> None:
+        if port is not None:
+            self._fields.put("port", port)
+            self._reconnect(port, None)
+
+    def _reconnect(self, port: str, order: Order | None) -> None:
+        self._queued = order
+        if self.board.hello is None:
+            self._connect(port)
+        else:
+            self._next_port = port
+            self.board.begin("connecting", f"leaving {self.board.port} …")
+            self._perform("leaving", self.bench.close)
+
+    def _connect(self, port: str) -> None:
+        self.board.port = port
+        self.board.begin("connecting", f"connecting to {port} …")
+        self._perform("connecting", lambda: self.bench.serve(port))

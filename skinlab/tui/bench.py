@@ -1,0 +1,312 @@
+"""The side of the threads: one probe, its pipeline and its session. Knows nothing of a screen.
+
+`serve` runs in one thread for as long as the connection lasts and owns pipeline and recording; the
+other methods may be called from any thread. What happens is posted.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from drivers.errors import LinkError
+from drivers.probe import Probe
+from skinlab.errors import AcquisitionError, SkinlabError
+from skinlab.stream import CurveCompleted, CurveStarted, Happened, Identified, Message
+from skinlab.tui.naming import new_session_path
+from skinlab.tui.news import Connected, Disconnected, Failed, Heard, News, Recording, Saved
+from skinlab.tui.order import Order
+from skinlab.tui.tape import Tape
+
+if TYPE_CHECKING:
+    from skinlab.identify.identifier import Identifier
+    from skinlab.pipeline import Pipeline
+    from skinlab.recording import Recording as SessionRecording
+    from skinlab.sources import LiveSource
+
+_POLL_S = 0.1  # also how long the stream must be quiet before the session is saved
+_BATCH_S = 0.04  # posts are no more frequent than the screen is drawn
+_CLOSE_S = 20.0
+
+
+def default_identifier() -> Identifier:
+    """Return the identifier with the defaults of the command line; slow to import."""
+    from skinlab.database.store import shipped_grid
+    from skinlab.identify.identifier import Identifier
+
+    return Identifier(shipped_grid())
+
+
+@dataclass(frozen=True)
+class _Visit:
+    """What there is from the first arming on."""
+
+    recording: SessionRecording
+    source: LiveSource
+    pipeline: Pipeline
+
+
+class Bench:
+    """A probe at a time, and the session of each connection.
+
+    A session belongs to one connection: another port, subject or site is another connection.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        post: Callable[[News], None],
+        *,
+        make_identifier: Callable[[], Identifier] = default_identifier,
+        make_probe: Callable[..., Probe] = Probe,
+        now: Callable[[], datetime] = datetime.now,
+    ) -> None:
+        self._folder = folder
+        self._post = post
+        self._make_identifier = make_identifier
+        self._make_probe = make_probe
+        self._now = now
+        self._identifier: Identifier | None = None
+        self._loading = threading.Lock()
+        self._probe: Probe | None = None
+        self._port = ""
+        self._tape = Tape()
+        self._visit: _Visit | None = None
+        self._messages: list[Message] = []  # of the serving thread
+        self._ran = False  # a run began: there is something to keep
+        self._unsaved = False  # a result came since the file was last written
+        self._free = threading.Event()
+        self._free.set()
+        self._vents = 0
+        self._closes = 0
+
+    @property
+    def vents(self) -> int:
+        """How often a vent was ordered; `arm` and `start` take it, to stay behind a later vent."""
+        return self._vents
+
+    # ---- at once, from any thread -------------------------------------------------------------
+
+    def vent(self, reason: str) -> None:
+        """Vent; whatever was on its way is abandoned."""
+        self._vents += 1
+        probe = self._probe
+        if probe is not None:
+            probe.vent(reason)
+
+    def acknowledge(self) -> None:
+        """Unlatch the alarm."""
+        probe = self._probe
+        if probe is not None:
+            probe.acknowledge_alarm()
+
+    # ---- slow: to be called in a worker thread ------------------------------------------------
+
+    def prepare(self) -> None:
+        """Load what identification needs."""
+        self._load_identifier()
+
+    def arm(self, order: Order, vents: int) -> None:
+        """Make the connected probe ready for this order; the first time, open the session.
+
+        Raises:
+            SkinlabError, DriverError: it was refused, or a vent came in between.
+        """
+        identifier = self._load_identifier()
+        probe = self._probe
+        if probe is None or probe.hello is None:
+            raise LinkError("no probe is connected")
+        visit = self._visit or self._open_visit(order, probe, identifier)
+        self._stay_behind(vents)
+        visit.source.arm(order.setup)
+        self._stay_behind(vents)
+
+    def start(self, vents: int) -> None:
+        """Start the armed run.
+
+        Raises:
+            SkinlabError, DriverError: it was refused, or a vent came in between.
+        """
+        visit = self._visit
+        if visit is None:
+            raise AcquisitionError("nothing is armed")
+        self._stay_behind(vents)
+        visit.source.start()
+        self._stay_behind(vents)
+
+    def reset(self) -> None:
+        """Acknowledge a fault of the instrument.
+
+        Raises:
+            DriverError: the cause persists.
+        """
+        probe = self._probe
+        if probe is None:
+            raise LinkError("no probe is connected")
+        probe.reset()
+
+    def close(self) -> None:
+        """Vent, let go of the probe and finish the session. Raises nothing."""
+        self._vents += 1
+        self._closes += 1
+        probe = self._probe
+        if probe is not None:
+            probe.close()
+        self._free.wait(_CLOSE_S)
+
+    def serve(self, port: str) -> None:
+        """Connect, and pass on all that comes until the connection is over; then finish.
+
+        Raises:
+            DriverError: no probe answered at this port.
+            Exception: a bug; the probe was vented and the session finished.
+        """
+        if not self._free.is_set():
+            raise LinkError(f"{self._port} is still connected")
+        self._free.clear()
+        self._port = port
+        self._tape, self._visit, self._ran, self._unsaved = Tape(), None, False, False
+        self._messages = []
+        closes = self._closes
+        probe = self._probe = self._make_probe(port, on_bytes=self._tape)
+        try:
+            self._post(Connected(port, probe.open()))
+            if closes == self._closes:  # else it was closed before it was open
+                self._pull(probe)
+        finally:
+            probe.close()
+            _wait_closed(probe)
+            self._probe = None
+            try:
+                self._finish(probe)
+            finally:
+                self._free.set()
+        self._post(Disconnected(port))
+
+    # ---- inside -------------------------------------------------------------------------------
+
+    def _load_identifier(self) -> Identifier:
+        with self._loading:
+            if self._identifier is None:
+                self._identifier = self._make_identifier()
+            return self._identifier
+
+    def _stay_behind(self, vents: int) -> None:
+        if vents != self._vents:
+            self.vent("a vent was ordered before")
+            raise AcquisitionError("abandoned: a vent was ordered")
+
+    def _open_visit(self, order: Order, probe: Probe, identifier: Identifier) -> _Visit:
+        from skinlab.pipeline import Pipeline
+        from skinlab.recording import Recording as SessionRecording
+        from skinlab.sources import LiveSource
+
+        path = new_session_path(self._folder, self._now())
+        recording = SessionRecording(
+            path, identifier, subject=order.subject, site=order.site, url=order.port
+        )
+        self._tape.into(recording.journal)
+        visit = _Visit(
+            recording,
+            LiveSource(probe, recording.journal),
+            Pipeline(identifier, [recording, self._note]),
+        )
+        self._visit = visit
+        self._post(Recording(path))
+        return visit
+
+    def _note(self, message: Message) -> None:
+        self._messages.append(message)
+        self._ran = self._ran or isinstance(message, CurveStarted)
+        self._unsaved = self._unsaved or isinstance(message, Identified)
+        if isinstance(message, CurveCompleted):
+            self._flush()  # now, because its identification takes a while
+
+    def _pull(self, probe: Probe) -> None:
+        while True:
+            took = self._take_batch(probe)
+            if took:
+                continue
+            if not probe.is_open:
+                return
+            if self._unsaved and self._visit is not None:
+                self._save(self._visit)
+
+    def _take_batch(self, probe: Probe) -> bool:
+        """Take what is there, for as long as a batch lasts; post it. False: nothing came."""
+        took = self._take(probe, _POLL_S)
+        end = time.monotonic() + _BATCH_S
+        while took and (left := end - time.monotonic()) > 0 and self._take(probe, left):
+            pass
+        self._flush()
+        return took
+
+    def _take(self, probe: Probe, timeout_s: float) -> bool:
+        visit = self._visit
+        if visit is None:
+            timed = probe.next_event(timeout_s)
+            if timed is not None:
+                self._note(Happened(timed.event))
+            return timed is not None
+        item = visit.source.next_item(timeout_s)
+        if item is None:
+            return False
+        visit.pipeline.handle(item)
+        return True
+
+    def _flush(self) -> None:
+        if self._messages:
+            messages, self._messages = tuple(self._messages), []
+            self._post(Heard(messages))
+
+    # ---- the session --------------------------------------------------------------------------
+
+    def _save(self, visit: _Visit) -> bool:
+        """Write the session as it is by now; the journal goes on. False: it could not be."""
+        from skinlab.journal import read_journal
+        from skinlab.session import session_from_records, write_session
+
+        self._unsaved = False
+        path, journal = visit.recording.path, visit.recording.journal.path
+        try:
+            write_session(path, session_from_records(*read_journal(journal)))
+        except SkinlabError as error:
+            self._post(Failed("saving", f"{error}; everything is kept in {journal}"))
+            return False
+        self._post(Saved(path))
+        return True
+
+    def _finish(self, probe: Probe) -> None:
+        try:
+            while self._take(probe, 0.0):
+                pass
+            if self._visit is not None:
+                self._visit.pipeline.end("the connection ended")
+        finally:
+            self._flush()
+            visit, self._visit = self._visit, None
+            if visit is not None:
+                self._finish_session(visit)
+
+    def _finish_session(self, visit: _Visit) -> None:
+        journal = visit.recording.journal
+        try:
+            journal.close()
+        except SkinlabError as error:
+            self._post(Failed("saving", f"{error}; what there is, is in {journal.path}"))
+            return
+        # Without a run there is nothing to keep; with one, only once it is in the file.
+        if not self._ran or self._save(visit):
+            journal.remove()
+
+
+def _wait_closed(probe: Probe) -> None:
+    """Wait until nothing comes any more, where another thread is closing the probe."""
+    end = time.monotonic() + _CLOSE_S
+    while probe.is_open and time.monotonic() < end:
+        time.sleep(0.01)

@@ -1,0 +1,247 @@
+"""What the screen shows, as plain state: made from news, by the thread that draws."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+from pathlib import Path
+
+from drivers.events import (
+    Alarm,
+    Event,
+    Gap,
+    Hello,
+    InstrumentState,
+    LinkLost,
+    Sample,
+    State,
+)
+from skinlab.curve import Curve, Setup
+from skinlab.identify.result import Identification
+from skinlab.stream import (
+    CurveCompleted,
+    CurveStarted,
+    Happened,
+    Identified,
+    Message,
+    Sampled,
+)
+from skinlab.tui.news import (
+    Connected,
+    Disconnected,
+    Done,
+    Failed,
+    Heard,
+    News,
+    Recording,
+    Saved,
+)
+from skinlab.tui.order import Order
+from skinlab.tui.words import event_note
+
+_S = InstrumentState
+_MOVING = frozenset({_S.ARMED, _S.RUNNING, _S.VENTING})
+
+
+class Level(StrEnum):
+    """How much a note matters."""
+
+    INFO = "info"
+    WARNING = "warning"
+    ERROR = "error"
+
+
+_RANK = {Level.INFO: 0, Level.WARNING: 1, Level.ERROR: 2}
+
+
+@dataclass(slots=True)
+class Live:
+    """The curve that is being measured: all of its samples."""
+
+    index: int
+    setup: Setup
+    pressure_mbar: list[float] = field(default_factory=list)
+    deflection_mm: list[float] = field(default_factory=list)
+    last: Sample | None = None
+    lost: int = 0
+
+
+@dataclass(slots=True)
+class Entry:
+    """A completed curve of this session."""
+
+    index: int
+    curve: Curve
+    cut: str | None
+    lost: int
+    result: Identification | None = None
+
+
+class Board:
+    """All that is known; `version` changes whenever anything does."""
+
+    def __init__(self, port: str) -> None:
+        self.port = port  # connected, or tried last
+        self.hello: Hello | None = None  # of the connected probe
+        self.instrument: InstrumentState | None = None
+        self.doing: str | None = None  # connecting, arming, starting, resetting or closing
+        self.order: Order | None = None  # armed last
+        self.visit: tuple[str, str, str] | None = None  # what the open session belongs to
+        self.live: Live | None = None
+        self.latest: Sample | None = None  # the final vent included
+        self.entries: dict[int, Entry] = {}
+        self.shown: int | None = None  # which entry is looked at
+        self.session = 0  # counts connections: entries of another one are gone
+        self.path: Path | None = None  # of this connection's session, once there is one
+        self.saved: Path | None = None  # session file written last
+        self.alarm: str | None = None
+        self.note = ""
+        self.level = Level.INFO
+        self.version = 0
+
+    # ---- what may be done ---------------------------------------------------------------------
+
+    @property
+    def moving(self) -> bool:
+        """Armed, running or venting, or about to: fields take no text, v always vents."""
+        return self.doing in {"arming", "starting"} or self.instrument in _MOVING
+
+    @property
+    def can_arm(self) -> bool:
+        """Whether Enter means anything."""
+        return self.doing is None and not self.moving and self.alarm is None
+
+    @property
+    def can_start(self) -> bool:
+        """Whether Space starts."""
+        return self.doing is None and self.instrument is _S.ARMED and self.alarm is None
+
+    @property
+    def phase(self) -> str:
+        """One word for the header."""
+        if self.doing is not None:
+            return self.doing.upper()
+        if self.hello is None:
+            return "NO PROBE"
+        if self.instrument in {None, _S.IDLE, _S.LOADED}:
+            return "READY"
+        return str(self.instrument).upper()
+
+    @property
+    def entry(self) -> Entry | None:
+        """The completed curve that is looked at."""
+        return None if self.shown is None else self.entries.get(self.shown)
+
+    # ---- what the operator does ---------------------------------------------------------------
+
+    def begin(self, doing: str, note: str) -> None:
+        """Something was asked for; what was said before is answered with that."""
+        self.doing = doing
+        self.note, self.level = note, Level.INFO
+        if doing == "arming":
+            self.shown = None  # the plot is for the next curve
+        self.version += 1
+
+    def say(self, level: Level, note: str) -> None:
+        """Say something, unless something worse is being said."""
+        if _RANK[level] >= _RANK[self.level]:
+            self.note, self.level = note, level
+            self.version += 1
+
+    def refuse(self, note: str) -> None:
+        """Say why what was asked for is not done."""
+        self.note, self.level = note, Level.ERROR
+        self.version += 1
+
+    def show(self, index: int) -> None:
+        """Look at a completed curve."""
+        if self.live is None and index in self.entries and self.shown != index:
+            self.shown = index
+            self.version += 1
+
+    def acknowledge(self) -> None:
+        """Take the alarm away."""
+        self.alarm = None
+        self.version += 1
+
+    # ---- news ---------------------------------------------------------------------------------
+
+    def see(self, news: News) -> None:
+        """Take in what the bench said."""
+        self.version += 1
+        match news:
+            case Connected(port, hello):
+                self._connected(port, hello)
+            case Heard(messages):
+                for message in messages:
+                    self._hear(message)
+            case Recording(path):
+                self.path = path
+            case Saved(path):
+                self.saved = path
+                self.say(Level.INFO, f"saved: {path}")
+            case Disconnected():
+                self.hello = self.instrument = self.visit = self.live = None
+            case Failed(doing, text):
+                self._done(doing)
+                self.refuse(text)
+            case Done(doing):
+                self._done(doing)
+                if doing == "arming":
+                    self.say(Level.INFO, "armed: Space starts, v vents")
+
+    def _connected(self, port: str, hello: Hello) -> None:
+        self.port, self.hello = port, hello
+        self.visit = self.path = self.live = self.shown = self.latest = None
+        self.entries.clear()
+        self.session += 1
+        self._done("connecting")
+        self.say(Level.INFO, "connected; Enter arms")
+
+    def _done(self, doing: str) -> None:
+        if self.doing == doing:
+            self.doing = None
+
+    def _hear(self, message: Message) -> None:
+        match message:
+            case CurveStarted(index, setup):
+                self.live = Live(index, setup)
+                self.shown = None
+            case Sampled(index, sample):
+                self.latest = sample
+                if self.live is not None and self.live.index == index:
+                    self._sample(self.live, sample)
+            case CurveCompleted(index, curve, cut, lost):
+                self.entries[index] = Entry(index, curve, cut, lost)
+                self.live, self.shown = None, index
+                if cut is not None:
+                    self.say(Level.WARNING, f"curve {index} was cut short: {cut}")
+            case Identified(index, _, result):
+                self.entries[index].result = result
+            case Happened(event):
+                self._happened(event)
+
+    def _sample(self, live: Live, sample: Sample) -> None:
+        live.last = sample
+        if live.setup.program is None or sample.segment < len(live.setup.program.segments):
+            live.pressure_mbar.append(sample.pressure_mbar)
+            live.deflection_mm.append(sample.deflection_mm)
+
+    def _happened(self, event: Event) -> None:
+        match event:
+            case State(state):
+                self.instrument = state
+                if self.live is not None and state is not _S.RUNNING:
+                    self.live = None
+                    self.say(Level.WARNING, "too few samples for a curve; they are recorded")
+            case Alarm(text):
+                self.alarm = text
+            case Gap(expected, received) if self.live is not None:
+                self.live.lost += received - expected
+            case LinkLost():
+                self.live = None
+            case _:
+                pass
+        note = event_note(event)
+        if note is not None:
+            self.say(Level(note[0]), note[1])

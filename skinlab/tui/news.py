@@ -1,0 +1,63 @@
+"""What the bench says to the screen: plain frozen data, posted from worker threads."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from drivers.events import Hello
+from skinlab.stream import Message
+
+
+@dataclass(frozen=True, slots=True)
+class Connected:
+    """A probe answered."""
+
+    port: str
+    hello: Hello
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """The session of this connection has a file from here on."""
+
+    path: Path
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Heard:
+    """Messages of the pipeline, in order; several at once, so that a fast probe costs no more."""
+
+    messages: tuple[Message, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Saved:
+    """The session file holds everything up to now."""
+
+    path: Path
+
+
+@dataclass(frozen=True, slots=True)
+class Disconnected:
+    """The connection is over: vented, and what was measured is saved."""
+
+    port: str
+
+
+@dataclass(frozen=True, slots=True)
+class Failed:
+    """Something that was asked for did not work; `text` is a sentence for the operator."""
+
+    doing: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Done:
+    """Something that was asked for is done."""
+
+    doing: str
+
+
+News = Connected | Recording | Heard | Saved | Disconnected | Failed | Done

@@ -1,0 +1,120 @@
+"""The main screen: settings, live curve, result, list of curves."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from textual import on
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Horizontal, Vertical
+from textual.message import Message
+from textual.screen import Screen
+from textual.widgets import DataTable, Footer, Input, Static
+
+from skinlab.tui.board import Board
+from skinlab.tui.widgets.card import Card
+from skinlab.tui.widgets.curve_plot import CurvePlot
+from skinlab.tui.widgets.curves import Curves
+from skinlab.tui.widgets.fields import Fields
+from skinlab.tui.widgets.header import Top
+from skinlab.tui.widgets.reading import Reading
+
+_FRAMES_PER_S = 16
+
+
+class MainScreen(Screen[None]):
+    """Shows the board, so often a second; says what the operator wants."""
+
+    class Wanted(Message):
+        """A key asked for something: arm, start or ports."""
+
+        def __init__(self, what: str) -> None:
+            super().__init__()
+            self.what = what
+
+    AUTO_FOCUS = ""
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("enter", "want('arm')", "Arm", key_display="Enter", priority=True),
+        Binding("space", "want('start')", "Start", key_display="Space", priority=True),
+        Binding("f2", "want('ports')", "Ports", key_display="F2", priority=True),
+    ]
+
+    def __init__(self, board: Board) -> None:
+        super().__init__()
+        self._board = board
+        self._drawn = -1  # version of the board
+        self._noted = ("", "")
+        self._keys: tuple[bool, ...] = ()
+
+    def compose(self) -> ComposeResult:
+        """Yield the parts, from top to bottom."""
+        yield Top(id="top")
+        with Horizontal(id="middle"):
+            with Vertical(id="left"):
+                yield Fields(self._board.port)
+                yield Card(id="card")
+            yield CurvePlot()
+        yield Reading(id="reading")
+        yield Curves()
+        yield Static("", id="note", markup=False)
+        yield Footer(show_command_palette=False)
+
+    def begin(self) -> None:
+        """Begin to draw, once all parts are there."""
+        self.set_interval(1 / _FRAMES_PER_S, self.draw)
+
+    def draw(self) -> None:
+        """Draw the board where it changed."""
+        board = self._board
+        if board.version == self._drawn:
+            return
+        self._drawn = board.version
+        self.close_fields(closed=board.moving)
+        self.query_one(Top).show(board)
+        self.query_one(Card).show(board)
+        self.query_one(CurvePlot).show(board)
+        self.query_one(Reading).show(board)
+        self.query_one(Curves).show(board)
+        self._write_note(board.note, str(board.level))
+        keys = (board.can_arm, board.can_start)
+        if keys != self._keys:
+            self._keys = keys
+            self.refresh_bindings()
+
+    def _write_note(self, text: str, level: str) -> None:
+        note = self.query_one("#note", Static)
+        if (text, level) != self._noted:
+            self._noted = (text, level)
+            note.update(text)
+            note.set_classes(f"-{level}")
+
+    def close_fields(self, *, closed: bool) -> None:
+        """Let the fields take no text, or text again."""
+        fields = self.query_one(Fields)
+        if closed and isinstance(self.focused, Input):
+            self.set_focus(None)
+        fields.disabled = closed
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Enter and Space are left to the fields where they mean nothing here."""
+        if action == "want":
+            what = parameters[0]
+            if what == "start":
+                return self._board.can_start
+            return self._board.can_arm
+        return super().check_action(action, parameters)
+
+    def action_want(self, what: str) -> None:
+        """Pass on what a key asked for."""
+        self.post_message(self.Wanted(what))
+
+    @on(DataTable.RowHighlighted)
+    def _look_at(self, event: DataTable.RowHighlighted) -> None:
+        if event.row_key.value is not None:
+            self._board.show(int(event.row_key.value))
+
+    @property
+    def typing(self) -> bool:
+        """Whether a key is text for a field."""
+        return isinstance(self.focused, Input) and not self._board.moving

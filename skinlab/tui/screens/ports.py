@@ -1,0 +1,51 @@
+"""Choose a port: those of this computer, and the simulated probes."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from textual import on
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Vertical
+from textual.screen import ModalScreen
+from textual.widgets import OptionList, Static
+from textual.widgets.option_list import Option
+
+from drivers.link import list_ports
+from skinlab.curve import APERTURES_MM
+
+
+def choices() -> list[tuple[str, str]]:
+    """Return (url, description) of what can be connected to."""
+    found = [(port.url, port.description) for port in list_ports()]
+    simulated = [
+        (f"sim://?seed=1&aperture_mm={a:g}", f"simulated probe, {a:g} mm opening")
+        for a in APERTURES_MM
+    ]
+    return found + simulated
+
+
+class PortsScreen(ModalScreen[str | None]):
+    """A list of ports; gives the chosen URL, or None."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("f2,q", "dismiss(None)", "Close", priority=True),
+    ]
+
+    def compose(self) -> ComposeResult:
+        """Yield the list."""
+        with Vertical(id="ports"):
+            yield Static("Port", classes="title", markup=False)
+            yield OptionList(
+                *(Option(_line(url, text), id=url) for url, text in choices()), markup=False
+            )
+            yield Static("Enter chooses, F2 closes", classes="hint", markup=False)
+
+    @on(OptionList.OptionSelected)
+    def _chosen(self, event: OptionList.OptionSelected) -> None:
+        self.dismiss(event.option.id)
+
+
+def _line(url: str, text: str) -> str:
+    return url if text in {url, "n/a"} else f"{url:<28} {text}"

@@ -1,0 +1,167 @@
+"""The real program in a real terminal."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from skinlab.session import Session, read_session
+
+pytestmark = pytest.mark.skipif(shutil.which("tmux") is None, reason="tmux is not installed")
+
+PATIENCE_S = 60.0
+
+
+class Terminal:
+    """A program in a tmux of its own."""
+
+    def __init__(self, folder: Path, size: tuple[int, int], port: str) -> None:
+        self.sessions = folder / "sessions"
+        self._socket = str(folder / "tmux")
+        columns, rows = size
+        command = [sys.executable, "-m", "skinlab", "ui", "--port", port]
+        command += ["--sessions", str(self.sessions)]
+        # `sh` stays, so that what is left on the screen can be read.
+        line = f"{shlex.join(command)}; echo exit status $?; read end"
+        self._tmux(
+            "-f", "/dev/null", "new-session", "-d", "-x", str(columns), "-y", str(rows), line
+        )
+
+    def _tmux(self, *arguments: str) -> str:
+        done = subprocess.run(
+            ["tmux", "-S", self._socket, *arguments],
+            check=True,
+            capture_output=True,
+            text=True,
+            timeout=PATIENCE_S,
+            env={
+                **os.environ,
+                "OPENBLAS_NUM_THREADS": "1",
+                "LC_ALL": "C.UTF-8",
+                "SHELL": "/bin/sh",
+            },
+        )
+        return done.stdout
+
+    def press(self, *keys: str) -> None:
+        self._tmux("send-keys", *keys)
+
+    def screen(self) -> str:
+        return self._tmux("capture-pane", "-p")
+
+    def until(self, condition: Callable[[str], object]) -> str:
+        end = time.monotonic() + PATIENCE_S
+        while not condition(screen := self.screen()):
+            assert time.monotonic() < end, screen
+            time.sleep(0.05)
+        return screen
+
+    def program(self) -> int:
+        """Process number of the program: the child of the terminal's shell."""
+        shell = int(self._tmux("display-message", "-p", "#{pane_pid}"))
+        listed = subprocess.run(
+            ["ps", "-eo", "pid=,ppid="], check=True, capture_output=True, text=True
+        )
+        pairs = [[int(number) for number in line.split()] for line in listed.stdout.splitlines()]
+        return next(pid for pid, parent in pairs if parent == shell)
+
+    def start_slow_run(self) -> None:
+        """Start a run that takes long, and wait until its curve is drawn."""
+        self.until(lambda screen: "READY" in screen)
+        self.press("Enter")
+        self.until(lambda screen: "ARMED" in screen)
+        self.press("Space")
+        self.until(lambda screen: re.search(r"RUNNING.*\b[1-9]\d points", screen, re.DOTALL))
+
+    def session(self) -> Session:
+        """The session file, once it is there."""
+        end = time.monotonic() + PATIENCE_S
+        while not (found := [p for p in self.sessions.glob("*.h5") if p.is_file()]):
+            assert time.monotonic() < end, "no session was written"
+            time.sleep(0.05)
+        return read_session(found[0])
+
+    def kill(self) -> None:
+        subprocess.run(
+            ["tmux", "-S", self._socket, "kill-server"], check=False, capture_output=True
+        )
+
+
+def alive(process: int) -> bool:
+    state = subprocess.run(
+        ["ps", "-o", "stat=", "-p", str(process)], check=False, capture_output=True, text=True
+    ).stdout.strip()
+    return bool(state) and not state.startswith("Z")
+
+
+@pytest.fixture
+def open_terminal(tmp_path: Path) -> Iterator[Callable[..., Terminal]]:
+    opened: list[Terminal] = []
+
+    def open_it(size: tuple[int, int] = (80, 24), port: str = "sim://?seed=1&speed=10") -> Terminal:
+        opened.append(Terminal(tmp_path, size, port))
+        return opened[-1]
+
+    yield open_it
+    for terminal in opened:
+        terminal.kill()
+
+
+@pytest.mark.parametrize("size", [(80, 24), (160, 50)], ids=["80x24", "160x50"])
+def test_a_measurement_by_keys(open_terminal, size):
+    terminal = open_terminal(size)
+    first = terminal.until(lambda screen: "READY" in screen)
+    assert "SIMULATED" in first
+    terminal.press("Enter")
+    armed = terminal.until(lambda screen: "ARMED" in screen)
+    assert "up to 100 mbar" in armed
+    terminal.press("Space")
+    result = terminal.until(lambda screen: "saved:" in screen and "true nu" in screen)
+    for word in ("X1", "X2", "nu", "MPa", "measured", "fitted", "deflection (mm)", "ramp:100@20"):
+        assert word in result
+    terminal.press("q")
+    last = terminal.until(lambda screen: "exit status" in screen)
+    assert "exit status 0" in last
+    assert "session:" in last
+    assert "Traceback" not in last
+    assert terminal.session().results[0]["parameters"] is not None
+
+
+def test_a_terminated_program_vents_and_saves(open_terminal):
+    terminal = open_terminal(port="sim://?seed=1")
+    terminal.start_slow_run()
+    os.kill(terminal.program(), signal.SIGTERM)
+    last = terminal.until(lambda screen: "exit status" in screen)
+    assert "exit status 130" in last
+    assert "Traceback" not in last
+    assert terminal.session().curves[0].partial
+
+
+def test_a_closed_terminal_vents_and_saves(open_terminal):
+    terminal = open_terminal(port="sim://?seed=1")
+    terminal.start_slow_run()
+    program = terminal.program()
+    terminal.kill()
+    assert terminal.session().curves[0].partial
+    end = time.monotonic() + PATIENCE_S
+    while alive(program):
+        assert time.monotonic() < end, "the program goes on without its terminal"
+        time.sleep(0.05)
+
+
+def test_a_missing_port_is_a_sentence(open_terminal):
+    terminal = open_terminal(port="/dev/no-such-port")
+    screen = terminal.until(lambda screen: "no such port" in screen)
+    assert "NO PROBE" in screen
+    terminal.press("q")
+    assert "exit status 0" in terminal.until(lambda screen: "exit status" in screen)

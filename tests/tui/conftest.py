@@ -1,0 +1,101 @@
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from functools import partial
+from pathlib import Path
+
+import pytest
+from textual.pilot import Pilot
+from textual.widgets import Input
+
+from skinlab.identify.identifier import Identifier
+from skinlab.tui.app import SkinlabApp
+from skinlab.tui.bench import Bench, default_identifier
+
+SIMULATED = "sim://?seed=1&speed=20"
+PATIENCE_S = 30.0
+
+
+class Bedside:
+    """An app that is driven by keys."""
+
+    def __init__(self, app: SkinlabApp, pilot: Pilot[None]) -> None:
+        self.app, self.board, self.pilot = app, app.board, pilot
+
+    async def until(self, condition: Callable[[], object]) -> None:
+        end = time.monotonic() + PATIENCE_S
+        while not condition():
+            assert time.monotonic() < end, f"not in {PATIENCE_S} s; {self.board.note!r}"
+            await asyncio.sleep(0.01)
+
+    async def connected(self) -> None:
+        await self.until(lambda: self.board.hello is not None and self.board.can_arm)
+
+    async def press(self, *keys: str) -> None:
+        await self.pilot.press(*keys)
+
+    async def fill(self, field: str, text: str) -> None:
+        """Put text into a field without the keys: `type` is slow."""
+        box = self.app.screen.query_one(f"#{field}", Input)
+        await self.until(lambda: box.focusable)  # not while the fields are closed
+        box.value = text
+
+    async def type(self, field: str, text: str) -> None:
+        box = self.app.screen.query_one(f"#{field}")
+        await self.until(lambda: box.focusable)  # not while the fields are closed
+        box.focus()
+        await self.until(lambda: box.has_focus)
+        await self.press("ctrl+shift+a", *(_key(c) for c in text))
+
+    async def arm(self) -> None:
+        await self.press("enter")
+        await self.until(lambda: self.board.can_start)
+
+    async def run(self) -> None:
+        """Arm, start, and wait for the result."""
+        await self.arm()
+        entries = len(self.board.entries)
+        await self.press("space")
+        await self.until(lambda: len(self.board.entries) > entries)
+        await self.until(lambda: self.board.entry.result is not None and self.board.can_arm)
+
+    def text(self, selector: str) -> str:
+        return str(self.app.screen.query_one(selector).render())
+
+    def screenshot(self) -> str:
+        return self.app.export_screenshot()
+
+
+def _key(character: str) -> str:
+    names = {
+        " ": "space", ":": "colon", "/": "slash", "?": "question_mark", "@": "at",
+        "=": "equals_sign", "&": "ampersand", ",": "comma", ".": "full_stop", "-": "minus",
+    }  # fmt: skip
+    return names.get(character, character)
+
+
+@pytest.fixture(scope="session")
+def identifier() -> Identifier:
+    return default_identifier()
+
+
+@pytest.fixture
+def bedside(tmp_path: Path, identifier: Identifier):
+    @asynccontextmanager
+    async def enter(
+        port: str = SIMULATED, size: tuple[int, int] = (80, 24)
+    ) -> AsyncIterator[Bedside]:
+        make_bench = partial(Bench, make_identifier=lambda: identifier)
+        app = SkinlabApp(port, tmp_path, make_bench)
+        async with app.run_test(size=size) as pilot:
+            yield Bedside(app, pilot)
+
+    return enter
+
+
+@pytest.fixture
+def session_files(tmp_path: Path) -> Callable[[], list[Path]]:
+    return lambda: sorted(tmp_path.iterdir())

@@ -1,0 +1,197 @@
+from __future__ import annotations
+
+import threading
+import time
+
+import pytest
+
+from drivers.errors import DriverError, LinkError
+from drivers.link import open_link
+from drivers.probe import Probe
+from skinlab.curve import Setup
+from skinlab.errors import AcquisitionError
+from skinlab.program import parse_program
+from skinlab.session import read_session
+from skinlab.stream import CurveCompleted, Happened, Identified
+from skinlab.tui.bench import Bench
+from skinlab.tui.news import Connected, Disconnected, Failed, Heard, Saved
+from skinlab.tui.order import Order
+
+PORT = "sim://?seed=1&speed=20"
+PATIENCE_S = 30.0
+
+
+def order(program="ramp:100@20", port=PORT):
+    return Order(port, "P07", "forearm", Setup(6.0, 1.0, parse_program(program)))
+
+
+class Room:
+    """A bench whose news are collected, served in a thread."""
+
+    def __init__(self, folder, identifier, make_probe=Probe):
+        self.news = []
+        self.error = None
+        self.bench = Bench(
+            folder,
+            self.news.append,
+            make_identifier=lambda: identifier,
+            make_probe=make_probe,
+        )
+
+    def connect(self, port=PORT):
+        self.thread = threading.Thread(target=self._serve, args=(port,))
+        self.thread.start()
+        self.until(lambda: self.of(Connected))
+
+    def _serve(self, port):
+        try:
+            self.bench.serve(port)
+        except Exception as error:  # noqa: BLE001
+            self.error = error
+
+    def of(self, kind):
+        return [n for n in self.news if isinstance(n, kind)]
+
+    def messages(self, kind):
+        return [m for heard in self.of(Heard) for m in heard.messages if isinstance(m, kind)]
+
+    def until(self, condition):
+        end = time.monotonic() + PATIENCE_S
+        while not condition():
+            assert time.monotonic() < end, self.news[-3:]
+            time.sleep(0.005)
+
+    def close(self):
+        self.bench.close()
+        self.thread.join(PATIENCE_S)
+        assert not self.thread.is_alive()
+
+
+@pytest.fixture
+def room(tmp_path, identifier):
+    return Room(tmp_path, identifier)
+
+
+class CutLink:
+    """A link that can be pulled out."""
+
+    def __init__(self, url):
+        self._link = open_link(url)
+        self.cut = False
+
+    def read(self, max_bytes, timeout_s):
+        if self.cut:
+            raise LinkError("pulled out")
+        return self._link.read(max_bytes, timeout_s)
+
+    def write(self, data):
+        if self.cut:
+            raise LinkError("pulled out")
+        self._link.write(data)
+
+    def close(self):
+        self._link.close()
+
+
+def test_a_run_is_posted_saved_and_finished(room, tmp_path):
+    room.connect()
+    room.bench.arm(order(), room.bench.vents)
+    room.bench.start(room.bench.vents)
+    room.until(lambda: room.of(Saved))
+    assert len(room.messages(CurveCompleted)) == len(room.messages(Identified)) == 1
+    room.close()
+    assert room.error is None
+    assert isinstance(room.news[-1], Disconnected)
+    (path,) = tmp_path.iterdir()
+    session = read_session(path)
+    assert session.meta["subject"] == "P07"
+    assert session.meta["instrument"]["simulated"] is True  # bytes from before the journal
+
+
+def test_a_pulled_link_saves_what_was_measured(tmp_path, identifier):
+    links = []
+
+    def make_probe(url, **options):
+        def opened(url):
+            links.append(CutLink(url))
+            return links[-1]
+
+        return Probe(url, open_link=opened, **options)
+
+    room = Room(tmp_path, identifier, make_probe)
+    room.connect()
+    room.bench.arm(order("ramp:100@2"), room.bench.vents)
+    room.bench.start(room.bench.vents)
+    room.until(lambda: len(room.of(Heard)) > 10)
+    links[0].cut = True
+    room.thread.join(PATIENCE_S)
+    assert room.error is None
+    assert room.messages(CurveCompleted)[0].cut is not None
+    assert isinstance(room.news[-1], Disconnected)
+    (path,) = tmp_path.iterdir()
+    assert read_session(path).curves[0].partial
+
+
+def test_a_vent_ordered_meanwhile_abandons_arming_and_starting(room, tmp_path):
+    room.connect()
+    before = room.bench.vents
+    room.bench.vent("operator")
+    with pytest.raises(AcquisitionError, match="vent"):
+        room.bench.arm(order(), before)
+    room.until(lambda: room.messages(Happened))
+    room.bench.arm(order(), room.bench.vents)
+    before = room.bench.vents
+    room.bench.vent("operator")
+    with pytest.raises((AcquisitionError, DriverError)):
+        room.bench.start(before)
+    room.close()
+    assert list(tmp_path.iterdir()) == []  # nothing ran
+
+
+def test_a_bug_in_the_pipeline_vents_and_saves(tmp_path, identifier):
+    def broken(curve):
+        raise ZeroDivisionError("a bug")
+
+    class Broken:
+        options = identifier.options
+        method = identifier.method
+        seed = identifier.seed
+        kappa = identifier.kappa
+        phases = identifier.phases
+        database = identifier.database
+        __call__ = staticmethod(broken)
+
+    room = Room(tmp_path, Broken())
+    room.connect()
+    room.bench.arm(order(), room.bench.vents)
+    room.bench.start(room.bench.vents)
+    room.thread.join(PATIENCE_S)
+    assert isinstance(room.error, ZeroDivisionError)
+    (path,) = tmp_path.iterdir()
+    assert len(read_session(path).curves) == 1
+
+
+def test_no_probe_at_the_port(room, tmp_path):
+    with pytest.raises(LinkError, match="no such port"):
+        room.bench.serve("/dev/no-such-port")
+    with pytest.raises(LinkError):
+        room.bench.arm(order(), 0)
+    room.bench.close()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_session_that_cannot_be_written_keeps_its_journal(room, tmp_path, monkeypatch):
+    from skinlab import session
+    from skinlab.errors import InputError
+
+    def refuse(path, content):
+        raise InputError(f"{path}: cannot be written (disk full)")
+
+    monkeypatch.setattr(session, "write_session", refuse)
+    room.connect()
+    room.bench.arm(order(), room.bench.vents)
+    room.bench.start(room.bench.vents)
+    room.until(lambda: room.messages(Identified))
+    room.close()
+    assert any("disk full" in failed.text for failed in room.of(Failed))
+    assert any(path.name.endswith(".journal") for path in tmp_path.iterdir())

@@ -1,0 +1,185 @@
+from __future__ import annotations
+
+import numpy as np
+
+from drivers.events import InstrumentState
+from skinlab.replay import differences, identifier_of, replay
+from skinlab.session import read_session
+from skinlab.stream import Identified
+from skinlab.tui.widgets.curve_plot import CurvePlot
+from skinlab.tui.widgets.curves import Curves
+
+# 50 s of the probe, 10 s here: long enough for any machine, and never waited for
+LONG = "ramp:100@2"
+SLOW = "sim://?seed=1&speed=5"
+
+
+def replayed(session):
+    results = []
+
+    def keep(message):
+        if isinstance(message, Identified):
+            results.append(message.result)
+
+    curves = replay(session, identifier_of(session)[0], [keep])
+    return differences(session, curves, results)
+
+
+async def test_whole_measurement_from_arming_to_replay(bedside, session_files):
+    async with bedside() as bed:
+        await bed.connected()
+        await bed.until(lambda: "SIMULATED" in bed.text("#banner"))
+        await bed.type("subject", "P07")
+        await bed.arm()
+        assert bed.app.screen.query_one("#program").disabled is False  # its parent is
+        assert not bed.app.screen.query_one("#program").focusable
+        assert "ramp:100@20" in bed.text("#card-text")
+        assert "up to 100 mbar, 5 s" in bed.text("#card-text")
+        await bed.press("space")
+        await bed.until(lambda: bed.board.entry and bed.board.entry.result)
+        await bed.until(lambda: "X1" in bed.text("#card-text"))
+        card = bed.text("#card-text")
+        for word in ("X1", "X2", "nu", "true nu", "MPa", "E", "rms", "100 of 100 points fitted"):
+            assert word in card
+        plot = bed.app.screen.query_one(CurvePlot)
+        assert {label for label in plot._labels if label} == {"measured", "fitted"}
+        assert bed.app.screen.query_one(Curves).get_row_at(0)[:3] == ["1", "ramp:100@20", "1"]
+        # On disk before anybody quits
+        await bed.until(lambda: bed.board.saved is not None)
+        early = read_session(bed.board.saved)
+        assert early.results[0]["parameters"] is not None
+        await bed.press("q")
+        await bed.until(lambda: bed.app._exit)
+    (path,) = session_files()
+    session = read_session(path)
+    assert session.meta["subject"] == "P07"
+    assert session.meta["instrument"]["simulated"] is True
+    assert len(session.curves) == len(session.results) == 1
+    assert not session.curves[0].partial
+    assert replayed(session) == []
+
+
+async def test_the_curve_is_drawn_as_its_points_arrive(bedside):
+    async with bedside(SLOW) as bed:
+        await bed.connected()
+        await bed.fill("program", LONG)
+        await bed.arm()
+        await bed.press("space")
+        plot = bed.app.screen.query_one(CurvePlot)
+        for points in (10, 40, 80):
+            await bed.until(lambda n=points: plot._datasets and len(plot._datasets[0].x) > n)
+            assert bed.board.live is not None
+            assert "points" in bed.text("#reading-line")
+            assert "of 1" in bed.text("#reading-line")
+
+
+async def test_no_sample_is_lost_on_its_way_to_the_screen(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        seen = []
+        see = bed.board.see
+
+        def spy(news):
+            see(news)
+            if bed.board.live is not None:
+                seen[:] = bed.board.live.pressure_mbar
+
+        bed.board.see = spy
+        await bed.run()
+        curve = bed.board.entry.curve
+        assert np.array_equal(curve.pressure_mbar[: len(seen)], seen)
+        assert len(curve) == 100
+        assert bed.board.entry.lost == 0
+
+
+async def test_vent_in_the_middle_keeps_the_partial_curve(bedside):
+    async with bedside(SLOW) as bed:
+        await bed.connected()
+        await bed.fill("program", LONG)
+        await bed.arm()
+        await bed.press("space")
+        await bed.until(lambda: bed.board.live and len(bed.board.live.pressure_mbar) > 20)
+        await bed.press("v")
+        await bed.until(lambda: bed.board.entries and bed.board.can_arm)
+        entry = bed.board.entries[1]
+        assert entry.curve.partial
+        assert entry.cut is not None
+        assert entry.curve.pressure_mbar.max() < 100
+        await bed.until(lambda: entry.result is not None)
+        assert "partial_curve" in entry.result.flags
+        await bed.until(lambda: "cut short" in bed.text("#card-text"))
+
+
+async def test_escape_vents_as_well_and_disarms(bedside, session_files):
+    async with bedside() as bed:
+        await bed.connected()
+        await bed.arm()
+        await bed.press("escape")
+        await bed.until(lambda: bed.board.can_arm)
+        assert bed.board.instrument is not InstrumentState.ARMED
+        assert "vented" in bed.board.note
+        await bed.press("q")
+        await bed.until(lambda: bed.app._exit)
+    assert session_files() == []  # armed only: nothing to keep
+
+
+async def test_quit_while_running_vents_and_saves_what_there_is(bedside, session_files):
+    async with bedside(SLOW) as bed:
+        await bed.connected()
+        await bed.fill("program", LONG)
+        await bed.arm()
+        await bed.press("space")
+        await bed.until(lambda: bed.board.live and len(bed.board.live.pressure_mbar) > 20)
+        await bed.press("q")
+        await bed.until(lambda: bed.app._exit)
+    (path,) = session_files()
+    session = read_session(path)
+    assert len(session.curves) == 1
+    assert session.curves[0].partial
+    assert replayed(session) == []
+
+
+async def test_an_app_that_just_ends_vents_and_saves_too(bedside, session_files):
+    async with bedside(SLOW) as bed:
+        await bed.connected()
+        await bed.fill("program", LONG)
+        await bed.arm()
+        await bed.press("space")
+        await bed.until(lambda: bed.board.live and len(bed.board.live.pressure_mbar) > 20)
+        bed.app.interrupt()
+        await bed.until(lambda: bed.app._exit)
+    assert bed.app.return_code == 130
+    (path,) = session_files()
+    assert read_session(path).curves[0].partial
+
+
+async def test_two_curves_and_looking_back_at_the_first(bedside, session_files):
+    async with bedside() as bed:
+        await bed.connected()
+        await bed.run()
+        first = bed.text("#card-text")
+        await bed.fill("cycle", "2")
+        await bed.run()
+        await bed.until(lambda: "not the first loading" in bed.text("#card-text"))
+        assert bed.board.shown == 2
+        bed.app.screen.query_one(Curves).focus()
+        await bed.press("up")
+        await bed.until(lambda: bed.text("#card-text") == first)
+        assert bed.board.shown == 1
+    (path,) = session_files()
+    assert [c.setup.cycle for c in read_session(path).curves] == [1, 2]
+
+
+async def test_another_subject_begins_another_session(bedside, session_files):
+    async with bedside() as bed:
+        await bed.connected()
+        await bed.fill("subject", "P01")
+        await bed.run()
+        await bed.fill("subject", "P02")
+        await bed.press("enter")
+        await bed.until(lambda: bed.board.session == 2 and bed.board.can_start)
+        assert bed.board.entries == {}
+        await bed.press("space")
+        await bed.until(lambda: bed.board.entry and bed.board.entry.result and bed.board.can_arm)
+    subjects = [read_session(path).meta["subject"] for path in session_files()]
+    assert subjects == ["P01", "P02"]

@@ -1,0 +1,201 @@
+from __future__ import annotations
+
+from datetime import datetime
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.events import Hello, HostVented, InstrumentState, Sample, State
+from skinlab.curve import Curve, Setup
+from skinlab.errors import InputError
+from skinlab.identify.result import Identification, Value
+from skinlab.program import parse_program
+from skinlab.stream import CurveCompleted, CurveStarted, Happened, Identified, Sampled
+from skinlab.tui.board import Board, Entry, Level
+from skinlab.tui.naming import new_session_path
+from skinlab.tui.news import Connected, Disconnected, Failed, Heard
+from skinlab.tui.order import DEFAULTS, complaint, read_order
+from skinlab.tui.trace import Trace, box_around, fitted, measured, round_up, spaced, thin
+from skinlab.tui.words import digits, flag_words, interval_text, result_lines, row_texts
+
+HELLO = Hello("reference", 1, "rig", "1.0", "7", 6.0, 500.0, 60.0, 1.0, 1000.0, simulated=False)
+SETUP = Setup(6.0, 1.0, parse_program("ramp:100@20"))
+
+
+def curve(n=20):
+    t = np.arange(n) * 0.05
+    return Curve("curve 1", SETUP, t, 5.0 * np.arange(n), 0.01 * np.arange(n))
+
+
+def result(n=20, **changes):
+    fields = {
+        "points": n,
+        "parameters": {
+            "X1_MPa": Value(0.025, 0.021, 0.03),
+            "X2_MPa": Value(2.9),
+            "nu": Value(0.28, 0.21, 0.46),
+        },
+        "nu_consistent": 0.324,
+        "error_um": 0.42,
+        "rms_um": 3.0,
+        "flags": ("not_identifiable:nu", "frozen_sensor"),
+        "fitted": np.ones(n, dtype=bool),
+        "model_mm": np.linspace(0, 0.2, n),
+    }
+    return Identification("curve 1", SETUP, None, **{**fields, **changes})
+
+
+# ---- orders ---------------------------------------------------------------------------------
+
+
+def test_the_defaults_make_an_order():
+    order = read_order({**DEFAULTS, "port": " sim:// "})
+    assert order.port == "sim://"
+    assert order.setup == SETUP
+    assert order.visit == ("sim://", "", "")
+
+
+def test_a_decimal_comma_is_understood():
+    assert read_order({**DEFAULTS, "port": "p", "thickness_mm": "1,2"}).setup.thickness_mm == 1.2
+
+
+@given(st.text(max_size=30))
+def test_what_has_no_complaint_makes_an_order_and_the_other_way_round(text):
+    for field in ("aperture_mm", "thickness_mm", "cycle", "program"):
+        texts = {**DEFAULTS, "port": "p", field: text}
+        if complaint(field, text) is None:
+            assert read_order(texts)
+        else:
+            with pytest.raises(InputError):
+                read_order(texts)
+
+
+# ---- words ----------------------------------------------------------------------------------
+
+
+def test_a_result_in_words():
+    lines = result_lines(result())
+    assert lines[0] == "X1   0.02500 MPa  0.0210 to 0.0300"
+    assert lines[1] == "X2   2.900   MPa"  # no interval: nothing is said
+    assert lines[2] == "nu   0.2800       0.210 to 0.460"
+    assert lines[3] == "     0.3240  true nu"
+    assert "E    0.420   µm" in lines
+    assert "! nu is not fixed by this curve" in lines
+    assert "! frozen sensor" in lines
+    assert all(len(line) <= 34 for line in lines)  # the panel at 80 columns
+
+
+def test_no_result_says_why():
+    lines = result_lines(Identification("c", SETUP, "too few samples"))
+    assert "too few samples" in " ".join(lines)
+
+
+def test_rows_of_the_list():
+    entry = Entry(1, curve(), None, 0)
+    assert row_texts(entry) == ("1", "ramp:100@20", "1", "", "", "", "", "")
+    entry.result = result()
+    assert row_texts(entry)[3:7] == ("0.02500", "2.900", "0.2800", "0.420")
+
+
+def test_unknown_flags_are_readable():
+    assert flag_words("at_bound:X1_MPa") == "X1 at the edge of its range"
+    assert flag_words("some_gate") == "some gate"
+    assert digits(100.0, 3) == "100"
+    assert interval_text(Value(1.0)) == ""
+
+
+# ---- traces ---------------------------------------------------------------------------------
+
+
+@given(st.floats(1e-9, 1e9))
+def test_round_numbers_are_above_and_near(value):
+    assert value * (1 - 1e-9) <= round_up(value, least=1e-12) <= 2.01 * value
+
+
+@given(st.integers(0, 5000), st.integers(2, 300))
+def test_thinning_keeps_the_ends_and_the_order(n, most):
+    x = np.arange(n, dtype=float)
+    got = thin(Trace(x, x), most)
+    assert len(got) <= most + 1
+    if n:
+        assert got.pressure_mbar[0] == 0
+        assert got.pressure_mbar[-1] == n - 1
+    assert (np.diff(got.pressure_mbar) > 0).all()
+
+
+def test_the_box_holds_everything_and_marks_lie_apart():
+    entry = Entry(1, curve(), None, 0, result())
+    points, fit = measured(entry), fitted(entry)
+    box = box_around(100.0, [points, fit])
+    assert len(box.inside(points)) == len(points)
+    assert (box.left_mbar, box.right_mbar, box.bottom_mm) == (0.0, 105.0, 0.0)
+    assert 1 < len(spaced(points, box, 0.2)) < len(points)
+    empty = Trace(np.array([]), np.array([]))
+    assert box_around(None, [empty]).top_mm == pytest.approx(0.1)
+    assert len(spaced(empty, box)) == 0
+    assert box_around(None, [Trace(np.array([1.0]), np.array([-0.5]))]).bottom_mm <= -0.5
+
+
+def test_no_model_no_line():
+    entry = Entry(1, curve(), None, 0)
+    assert fitted(entry) is None
+    entry.result = result(model_mm=np.full(20, np.nan))
+    assert fitted(entry) is None
+
+
+# ---- the board ------------------------------------------------------------------------------
+
+
+def running_board():
+    board = Board("p")
+    board.begin("connecting", "")
+    board.see(Connected("p", HELLO))
+    board.see(Heard((CurveStarted(1, SETUP), Happened(State(InstrumentState.RUNNING, "")))))
+    return board
+
+
+def test_the_board_follows_a_run():
+    board = running_board()
+    assert board.phase == "RUNNING"
+    assert board.moving
+    board.see(Heard((Sampled(1, Sample(0, 0.0, 1.0, 0.1, 0)),)))
+    board.see(Heard((Sampled(1, Sample(1, 5.0, 9.0, 0.2, 1)),)))  # of the vent: not the curve's
+    assert board.live.pressure_mbar == [1.0]
+    assert board.latest.pressure_mbar == 9.0
+    done = curve()
+    board.see(Heard((CurveCompleted(1, done, None, 0), Identified(1, done, result()))))
+    board.see(Heard((Happened(State(InstrumentState.LOADED, "")),)))
+    assert board.entry.result is not None
+    assert board.can_arm
+    board.see(Disconnected("p"))
+    assert board.phase == "NO PROBE"
+    assert board.entry is not None  # still to be read
+
+
+def test_a_run_without_a_curve_says_so():
+    board = running_board()
+    board.see(Heard((Happened(State(InstrumentState.VENTING, "host")),)))
+    assert board.live is None
+    assert "too few samples" in board.note
+
+
+def test_what_is_worse_is_not_covered_by_what_is_not():
+    board = running_board()
+    board.see(Heard((Happened(HostVented("stale link")),)))
+    assert board.level is Level.ERROR
+    board.say(Level.INFO, "saved")
+    assert "stale link" in board.note
+    board.see(Failed("arming", "no"))
+    assert board.note == "no"
+
+
+def test_session_names_are_new(tmp_path):
+    now = datetime(2026, 1, 2, 3, 4, 5)
+    first = new_session_path(tmp_path, now)
+    assert first.name == "session-20260102-030405.h5"
+    first.touch()
+    second = new_session_path(tmp_path, now)
+    second.with_name(second.name + ".journal").touch()
+    assert len({first, second, new_session_path(tmp_path, now)}) == 3

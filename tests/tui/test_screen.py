@@ -1,0 +1,229 @@
+from __future__ import annotations
+
+import pytest
+from textual.widgets import Input
+
+from drivers.events import Alarm
+from skinlab.stream import Happened
+from skinlab.tui.news import Heard
+from skinlab.tui.screens.alarm import AlarmScreen
+from skinlab.tui.screens.help import HelpScreen
+from skinlab.tui.screens.main import MainScreen
+from skinlab.tui.screens.ports import PortsScreen
+
+SMALL_AND_LARGE = [(80, 24), (60, 20), (160, 50), (30, 8)]
+
+
+async def test_a_bad_program_is_said_under_its_field_and_is_not_armed(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        await bed.type("program", "ramp:900@20")
+        await bed.until(lambda: "0–500 mbar" in bed.text("#wrong-program"))
+        assert bed.app.screen.query_one("#wrong-program").display
+        await bed.press("escape", "enter")
+        assert "0–500 mbar" in bed.board.note
+        assert not bed.board.moving
+        await bed.until(lambda: bed.app.screen.query_one("#program").has_focus)
+        await bed.fill("program", "ramp:50@20")
+        await bed.until(lambda: not bed.app.screen.query_one("#wrong-program").display)
+        await bed.arm()
+
+
+async def test_other_fields_are_checked_as_they_are_typed(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        for field, text, good, words in (
+            ("aperture_mm", "5", "6", "expected one of 2, 4, 6, 8"),
+            ("thickness_mm", "99", "1.0", "expected 0.1–10 mm"),
+            ("thickness_mm", "x", "1.0", "expected a number"),
+            ("cycle", "0", "1", "expected 1"),
+            ("port", " ", "sim://", "expected a port"),
+        ):
+            await bed.type(field, text)
+            row = "#wrong-port" if field == "port" else "#wrong-aperture_mm"
+            await bed.until(lambda r=row, w=words: w in bed.text(r))
+            assert bed.app.screen.query_one(f"#{field}").has_class("-wrong")
+            await bed.fill(field, good)
+            await bed.until(lambda r=row: not bed.app.screen.query_one(r).display)
+
+
+async def test_a_missing_port_is_a_sentence_and_another_one_can_be_tried(bedside):
+    async with bedside("/dev/no-such-port") as bed:
+        await bed.until(lambda: "no such port" in bed.board.note)
+        await bed.until(lambda: "NO PROBE" in bed.text("#phase"))
+        assert not bed.app.screen.query_one("#banner").display
+        assert "Traceback" not in bed.screenshot()
+        await bed.fill("port", "sim://?seed=1&speed=20")
+        await bed.arm()  # connects first
+        assert bed.board.hello is not None
+
+
+async def test_a_probe_with_another_opening_is_not_armed_by_mistake(bedside):
+    async with bedside("/dev/no-such-port") as bed:
+        await bed.until(lambda: bed.board.doing is None)
+        await bed.fill("port", "sim://?seed=1&speed=20&aperture_mm=2")
+        await bed.press("enter")
+        await bed.connected()
+        assert "2 mm" in bed.board.note
+        assert not bed.board.moving
+        assert bed.app.screen.query_one("#aperture_mm", Input).value == "2"
+        await bed.arm()
+
+
+async def test_letters_are_text_in_a_field_and_keys_elsewhere(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        await bed.type("site", "vq? t arm")
+        assert bed.app.screen.query_one("#site", Input).value == "vq? t arm"
+        assert bed.app.bench.vents == 0
+        await bed.press("escape")
+        assert bed.app.bench.vents == 1
+        assert bed.app.focused is None
+        await bed.press("v")
+        assert bed.app.bench.vents == 2
+
+
+async def test_fields_take_no_text_while_armed(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        await bed.type("site", "arm")
+        await bed.press("enter")
+        await bed.press("x", "y", "z")  # at once: arming has begun
+        await bed.until(lambda: bed.board.can_start)
+        await bed.press("tab", "x")
+        assert bed.app.screen.query_one("#site", Input).value == "arm"
+        assert not isinstance(bed.app.focused, Input)
+        await bed.press("v")
+        await bed.until(lambda: bed.board.can_arm)
+        await bed.type("site", "leg")
+        assert bed.app.screen.query_one("#site", Input).value == "leg"
+
+
+async def test_space_without_arming_starts_nothing(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        await bed.press("space")
+        assert bed.board.doing is None
+        assert bed.board.live is None
+
+
+@pytest.mark.parametrize("key", ["question_mark", "f1"])
+async def test_help_opens_and_closes(bedside, key):
+    async with bedside() as bed:
+        await bed.connected()
+        await bed.press(key)
+        assert isinstance(bed.app.screen, HelpScreen)
+        await bed.press("enter")
+        assert isinstance(bed.app.screen, MainScreen)
+        assert not bed.board.moving  # that Enter did not arm
+
+
+async def test_v_vents_through_the_help(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        await bed.arm()
+        await bed.press("f1")
+        await bed.press("v")
+        assert isinstance(bed.app.screen, MainScreen)
+        await bed.until(lambda: bed.board.can_arm)
+
+
+async def test_the_alarm_stays_until_it_is_acknowledged(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        alarm = Heard((Happened(Alarm("the pressure did not fall: lift the probe")),))
+        bed.app.post_message(bed.app.Said(alarm))
+        await bed.until(lambda: isinstance(bed.app.screen, AlarmScreen))
+        bed.app.post_message(bed.app.Said(alarm))
+        await bed.press("enter", "space", "escape", "v", "f1", "q")
+        assert isinstance(bed.app.screen, AlarmScreen)
+        assert bed.app.bench.vents >= 2
+        assert not bed.board.can_arm
+        await bed.press("a")
+        assert isinstance(bed.app.screen, MainScreen)
+        assert bed.board.alarm is None
+        await bed.connected()
+
+
+async def test_ports_offers_the_simulated_probes(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        await bed.press("f2")
+        assert isinstance(bed.app.screen, PortsScreen)
+        await bed.press("end", "enter")
+        await bed.until(lambda: bed.board.hello and bed.board.hello.aperture_mm == 8)
+        assert bed.app.screen.query_one("#aperture_mm", Input).value == "8"
+        assert "aperture_mm=8" in bed.app.screen.query_one("#port", Input).value
+
+
+@pytest.mark.parametrize("size", SMALL_AND_LARGE)
+async def test_every_size_shows_a_measurement(bedside, size):
+    async with bedside(size=size) as bed:
+        await bed.connected()
+        await bed.run()
+        await bed.until(lambda: "X1" in bed.text("#card-text"))
+        await bed.until(lambda: "READY" in bed.text("#phase"))
+        await bed.pilot.pause()
+        if size[0] < 60:
+            return
+        picture = bed.screenshot().replace("&#160;", " ")
+        for word in ("SIMULATED", "READY", "X1", "X2", "nu", "mbar", "Enter", "Vent", "Quit"):
+            assert word in picture
+        main = bed.app.screen
+        for part in ("#port", "#program", "#card", "#plot-panel", "#reading", "#curves", "#note"):
+            region = main.query_one(part).region
+            assert region.width > 0
+            assert region.height > 0
+            assert main.region.contains_region(region), part
+
+
+async def test_resizing_while_the_curve_is_drawn(bedside):
+    async with bedside("sim://?seed=1&speed=10") as bed:
+        await bed.connected()
+        await bed.fill("program", "ramp:100@2")
+        await bed.arm()
+        await bed.press("space")
+        await bed.until(lambda: bed.board.live or bed.board.entries)
+        for size in [(60, 20), (20, 5), (120, 40)]:
+            before = len(bed.board.live.pressure_mbar) if bed.board.live else 0
+            await bed.pilot.resize_terminal(*size)
+            await bed.until(
+                lambda n=before: not bed.board.live or len(bed.board.live.pressure_mbar) > n
+            )
+        await bed.until(lambda: bed.board.entry and bed.board.entry.result)
+        assert not bed.board.entry.curve.partial
+
+
+async def test_dark_and_light(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        await bed.run()
+        await bed.press("t")
+        assert not bed.app.current_theme.dark
+        await bed.pilot.pause()
+        assert "X1" in bed.screenshot()
+        await bed.press("t")
+        assert bed.app.current_theme.dark
+
+
+async def test_a_bug_in_a_handler_vents_and_shows_no_traceback(bedside, capsys):
+    def broken(news):
+        raise ZeroDivisionError("a bug")
+
+    async def start_with_the_bug():
+        async with bedside() as bed:
+            await bed.connected()
+            await bed.arm()
+            bed.board.see = broken
+            found.append(bed)
+            await bed.press("space")
+            await bed.until(lambda: bed.app.failure is not None)
+
+    found = []
+    with pytest.raises(ZeroDivisionError):
+        await start_with_the_bug()
+    (bed,) = found
+    assert bed.app.bench.vents >= 1
+    assert isinstance(bed.app.failure, ZeroDivisionError)
+    output = capsys.readouterr()
+    assert "Traceback" not in output.out + output.err
