@@ -66,13 +66,12 @@ class Journal:
             raise InputError(f"{path}: cannot be written ({error})") from None
         self._records: queue.SimpleQueue[Record | None] = queue.SimpleQueue()
         self._error: Exception | None = None
-        self.planned = 0  # runs that were announced
         self.set_meta(schema=SCHEMA, **meta)
         self._thread = threading.Thread(target=self._write, name="journal", daemon=True)
         self._thread.start()
 
     def set_meta(self, **meta: Any) -> None:
-        """Store facts about the session, as JSON; call before records come, or after `close`."""
+        """Store facts about the session, as JSON; call before records come."""
         rows = [(key, json.dumps(value)) for key, value in meta.items()]
         self._db.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?)", rows)
         self._db.commit()
@@ -88,7 +87,6 @@ class Journal:
     def plan(self, host_time_s: float, setup: dict[str, Any]) -> None:
         """Record what the next run belongs to."""
         self._put(Kind.PLAN, host_time_s, json.dumps(setup).encode())
-        self.planned += 1
 
     def result(self, host_time_s: float, curve: int, result: dict[str, Any]) -> None:
         """Record the identification of curve number `curve`."""

@@ -13,7 +13,7 @@ from skinlab.errors import InputError
 from skinlab.identify.identifier import Identifier
 from skinlab.journal import Journal, read_journal
 from skinlab.session import session_from_records, write_session
-from skinlab.stream import Identified, Message
+from skinlab.stream import CurveStarted, Identified, Message
 
 
 def identification_settings(identifier: Identifier) -> dict[str, Any]:
@@ -53,6 +53,7 @@ class Recording:
         if path.exists():
             raise InputError(f"{path}: exists already; a session is never overwritten")
         self.path = path
+        self.ran = False
         self._clock = clock
         self.journal = Journal(
             path.with_name(path.name + ".journal"),
@@ -68,23 +69,44 @@ class Recording:
         )
 
     def __call__(self, message: Message) -> None:
-        """Record a result."""
-        if isinstance(message, Identified):
+        """Record a result; notice that there is something to keep."""
+        if isinstance(message, CurveStarted):
+            self.ran = True
+        elif isinstance(message, Identified):
             self.journal.result(self._clock(), message.index, message.result.to_json())
+
+    def save(self) -> None:
+        """Write the session as it is by now; the journal goes on.
+
+        Raises:
+            InputError: it cannot be written; the message names the journal that keeps everything.
+        """
+        _write(self.journal.path, self.path)
 
     def finish(self) -> Path | None:
         """Turn the journal into the session; the journal goes only once the session is there.
 
-        Returns None, and leaves no file, where no run was ever planned.
+        Returns None, and leaves no file, where no run ever began.
 
         Raises:
-            InputError: it cannot be written; the journal stays and the message names it.
+            InputError: it cannot be written; the message names the journal that keeps everything.
         """
         self.journal.close()
-        if self.journal.planned:
-            recover(self.journal.path, self.path)
+        if self.ran:
+            self.save()
         self.journal.remove()
-        return self.path if self.journal.planned else None
+        return self.path if self.ran else None
+
+
+def new_session_path(folder: Path, now: datetime) -> Path:
+    """Return a name for a session that is not there yet."""
+    stem = now.strftime("session-%Y%m%d-%H%M%S")
+    path = folder / f"{stem}.h5"
+    number = 2
+    while path.exists() or path.with_name(path.name + ".journal").exists():
+        path = folder / f"{stem}-{number}.h5"
+        number += 1
+    return path
 
 
 def recover(journal: Path, session: Path) -> int:
@@ -95,6 +117,10 @@ def recover(journal: Path, session: Path) -> int:
     """
     if session.exists():
         raise InputError(f"{session}: exists already; a session is never overwritten")
+    return _write(journal, session)
+
+
+def _write(journal: Path, session: Path) -> int:
     made = session_from_records(*read_journal(journal))
     try:
         write_session(session, made)

@@ -107,8 +107,10 @@ def run(
             if not as_json:
                 click.echo(describe(message.result))
 
-    # A terminated process vents like an interrupted one.
-    signal.signal(signal.SIGTERM, _interrupt)
+    # A terminated process, or one whose terminal is closed, vents like an interrupted one.
+    for name in ("SIGTERM", "SIGHUP"):
+        if hasattr(signal, name):  # Windows has no SIGHUP
+            signal.signal(getattr(signal, name), _interrupt)
     recording = Recording(out, identifier, subject=subject, site=site, url=port)
     try:
         with Probe(port, on_bytes=recording.journal.raw) as probe:

@@ -8,10 +8,6 @@ from pathlib import Path
 
 import click
 
-from skinlab.tui.naming import new_session_path
-
-__all__ = ["SIMULATED", "command", "default_folder", "new_session_path"]
-
 SIMULATED = "sim://?seed=1"
 
 
@@ -63,6 +59,7 @@ def _headless(port: str, folder: Path) -> int:
     from skinlab.curve import Setup
     from skinlab.measure import Plan
     from skinlab.program import parse_program
+    from skinlab.recording import new_session_path
 
     click.echo(f"no terminal: measuring once at {port}", err=True)
     identifier = make_identifier(

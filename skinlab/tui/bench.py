@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING
 from drivers.errors import LinkError
 from drivers.probe import Probe
 from skinlab.errors import AcquisitionError, SkinlabError
-from skinlab.stream import CurveCompleted, CurveStarted, Happened, Identified, Message
-from skinlab.tui.naming import new_session_path
+from skinlab.stream import CurveCompleted, Happened, Identified, Message
 from skinlab.tui.news import Connected, Disconnected, Failed, Heard, News, Recording, Saved
 from skinlab.tui.order import Order
 from skinlab.tui.tape import Tape
@@ -78,7 +77,6 @@ class Bench:
         self._tape = Tape()
         self._visit: _Visit | None = None
         self._messages: list[Message] = []  # of the serving thread
-        self._ran = False  # a run began: there is something to keep
         self._unsaved = False  # a result came since the file was last written
         self._free = threading.Event()
         self._free.set()
@@ -170,7 +168,7 @@ class Bench:
             raise LinkError(f"{self._port} is still connected")
         self._free.clear()
         self._port = port
-        self._tape, self._visit, self._ran, self._unsaved = Tape(), None, False, False
+        self._tape, self._visit, self._unsaved = Tape(), None, False
         self._messages = []
         closes = self._closes
         probe = self._probe = self._make_probe(port, on_bytes=self._tape)
@@ -204,6 +202,7 @@ class Bench:
     def _open_visit(self, order: Order, probe: Probe, identifier: Identifier) -> _Visit:
         from skinlab.pipeline import Pipeline
         from skinlab.recording import Recording as SessionRecording
+        from skinlab.recording import new_session_path
         from skinlab.sources import LiveSource
 
         path = new_session_path(self._folder, self._now())
@@ -222,7 +221,6 @@ class Bench:
 
     def _note(self, message: Message) -> None:
         self._messages.append(message)
-        self._ran = self._ran or isinstance(message, CurveStarted)
         self._unsaved = self._unsaved or isinstance(message, Identified)
         if isinstance(message, CurveCompleted):
             self._flush()  # now, because its identification takes a while
@@ -266,20 +264,15 @@ class Bench:
 
     # ---- the session --------------------------------------------------------------------------
 
-    def _save(self, visit: _Visit) -> bool:
-        """Write the session as it is by now; the journal goes on. False: it could not be."""
-        from skinlab.journal import read_journal
-        from skinlab.session import session_from_records, write_session
-
+    def _save(self, visit: _Visit) -> None:
+        """Write the session as it is by now; the journal goes on."""
         self._unsaved = False
-        path, journal = visit.recording.path, visit.recording.journal.path
         try:
-            write_session(path, session_from_records(*read_journal(journal)))
+            visit.recording.save()
         except SkinlabError as error:
-            self._post(Failed("saving", f"{error}; everything is kept in {journal}"))
-            return False
-        self._post(Saved(path))
-        return True
+            self._post(Failed("saving", str(error)))
+        else:
+            self._post(Saved(visit.recording.path))
 
     def _finish(self, probe: Probe) -> None:
         try:
@@ -294,15 +287,13 @@ class Bench:
                 self._finish_session(visit)
 
     def _finish_session(self, visit: _Visit) -> None:
-        journal = visit.recording.journal
         try:
-            journal.close()
+            path = visit.recording.finish()
         except SkinlabError as error:
-            self._post(Failed("saving", f"{error}; what there is, is in {journal.path}"))
+            self._post(Failed("saving", str(error)))
             return
-        # Without a run there is nothing to keep; with one, only once it is in the file.
-        if not self._ran or self._save(visit):
-            journal.remove()
+        if path is not None:
+            self._post(Saved(path))
 
 
 def _wait_closed(probe: Probe) -> None:

@@ -181,13 +181,13 @@ def test_no_probe_at_the_port(room, tmp_path):
 
 
 def test_a_session_that_cannot_be_written_keeps_its_journal(room, tmp_path, monkeypatch):
-    from skinlab import session
+    from skinlab import recording
     from skinlab.errors import InputError
 
     def refuse(path, content):
         raise InputError(f"{path}: cannot be written (disk full)")
 
-    monkeypatch.setattr(session, "write_session", refuse)
+    monkeypatch.setattr(recording, "write_session", refuse)
     room.connect()
     room.bench.arm(order(), room.bench.vents)
     room.bench.start(room.bench.vents)

@@ -12,9 +12,9 @@ from skinlab.curve import Curve, Setup
 from skinlab.errors import InputError
 from skinlab.identify.result import Identification, Value
 from skinlab.program import parse_program
+from skinlab.recording import new_session_path
 from skinlab.stream import CurveCompleted, CurveStarted, Happened, Identified, Sampled
 from skinlab.tui.board import Board, Entry, Level
-from skinlab.tui.naming import new_session_path
 from skinlab.tui.news import Connected, Disconnected, Failed, Heard
 from skinlab.tui.order import DEFAULTS, complaint, read_order
 from skinlab.tui.trace import Trace, box_around, fitted, measured, round_up, spaced, thin
