@@ -66,22 +66,22 @@ def simulate(
 def _from_database(
     parameters: Array, geometry: Geometry, pressure: Array, kappa: KappaConvention
 ) -> Array:
-    from skinlab.database.store import shipped_grid
+    from skinlab.database.store import shipped_table
 
-    database = shipped_grid()
+    database = shipped_table()
     model = database.model(geometry, pressure, kappa)
-    for name, value, low, high in zip(
-        model.space.names, parameters, model.space.low, model.space.high, strict=True
-    ):
-        if not low <= value <= high:
-            raise InputError(
-                f"{name} {value:g} is outside the database ({low:.4g}–{high:.4g}); "
-                "use --direct, or a value inside"
-            )
+    outside = model.space.outside(parameters)
+    if outside:
+        raise InputError(f"{outside}; use --direct, or a value inside")
     inside = database.covered(pressure)
     if not inside.all():
-        top = max(database.spec.pressure_mbar)
+        top = database.spec.pressure_mbar
         raise InputError(
             f"pressure {pressure.max():g} mbar is outside the database (0–{top:g}); use --direct"
         )
-    return np.asarray(model.deflection_mm(parameters[None])[0])
+    deflection = np.full(pressure.shape, np.nan)
+    held = pressure <= model.holds_to_mbar(parameters[None])[0]
+    if held.any():
+        model = database.model(geometry, pressure[held], kappa)
+        deflection[held] = model.deflection_mm(parameters[None])[0]
+    return deflection

@@ -94,6 +94,15 @@ class RatioSpace:
         x1 = np.exp(at[..., 0])
         return np.stack([x1, x1 * np.exp(at[..., 1]), at[..., 2]], axis=-1)
 
+    def outside(self, parameters: Array) -> str:
+        """Return which bound the parameters (3,) violate, in words; empty where none."""
+        x1, x2, nu = parameters
+        rows = (("X1_MPa", x1, self.X1_MPa), ("X2/X1", x2 / x1, self.ratio), ("nu", nu, self.nu))
+        for name, value, (low, high) in rows:
+            if not low * (1 - 1e-9) <= value <= high * (1 + 1e-9):
+                return f"{name} {value:g} is outside the database ({low:.4g}–{high:.4g})"
+        return ""
+
     def to_unit(self, parameters: Array) -> Array:
         """Return the points of the cube."""
         low, high = self._ends()

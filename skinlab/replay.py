@@ -9,7 +9,7 @@ import numpy as np
 
 from drivers.events import TimedEvent
 from skinlab.curve import Curve
-from skinlab.database.store import shipped_grid
+from skinlab.database.store import shipped_table
 from skinlab.errors import InputError
 from skinlab.identify.identifier import Identifier
 from skinlab.identify.problem import Options
@@ -34,7 +34,7 @@ def identifier_of(session: Session) -> tuple[Identifier, str | None]:
         raise InputError("the session does not say how it was identified")
     try:
         identifier = Identifier(
-            shipped_grid(),
+            shipped_table(),
             method=settings["method"],
             options=Options(
                 samples=settings["samples"],

@@ -116,7 +116,7 @@ def make_identifier(
     Raises:
         InputError: an option is out of its range.
     """
-    from skinlab.database.store import shipped_grid
+    from skinlab.database.store import shipped_table
     from skinlab.errors import InputError
     from skinlab.identify.identifier import Identifier
     from skinlab.identify.problem import Options
@@ -127,7 +127,7 @@ def make_identifier(
     if seed < 0:
         raise InputError(f"seed {seed}: expected zero or more")
     return Identifier(
-        shipped_grid(),
+        shipped_table(),
         method=method,
         options=options,
         seed=seed,

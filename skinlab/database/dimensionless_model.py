@@ -19,7 +19,7 @@ from scipy.interpolate import BSpline, NdBSpline
 from skinlab.database.misfit import Misfit
 from skinlab.database.splines import basis, coefficients, knots
 from skinlab.fem.suction import MBAR, Geometry
-from skinlab.materials.compressibility import KappaConvention, kappa_ratio, nu_from_ratio
+from skinlab.materials.compressibility import KappaConvention, kappa_ratio
 from skinlab.parameters import RatioSpace
 
 if TYPE_CHECKING:
@@ -28,8 +28,10 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _X1_NODES = 24  # along log X1, between the table's bounds
-_DROPPED = 1e-6  # mm: root sum of squares, over a curve's samples, of what is dropped
-_ROWS_FOR_COMPONENTS = 600
+_DROPPED = 2e-6  # mm: a component is dropped that, in the mean over curves, is smaller than this
+_ROWS_FOR_COMPONENTS = 400
+
+NU_RANGE = (0.2, 0.49)  # in either convention
 
 
 @lru_cache(maxsize=4)
@@ -56,7 +58,7 @@ class DimensionlessModel:
             spec.X2_over_X1.log_nodes(),
             spec.kappa_over_X1.log_nodes(),
         )
-        log_thickness = np.log(geometry.thickness_mm / geometry.radius_mm)
+        log_thickness = math.log(geometry.thickness_mm / geometry.radius_mm)
         self._holds_to = _cells_hold_to(table, log_thickness)
         self._top_mpa = float(pressure_mbar.max(initial=0.0)) * MBAR
         curves = geometry.radius_mm * self._tabulate(table, log_thickness, pressure_mbar)
@@ -67,11 +69,10 @@ class DimensionlessModel:
         self._spline = NdBSpline(
             tuple(knots(n) for n in self._nodes), np.ascontiguousarray(grid), 3
         )
-        ratio = (spec.kappa_over_X1.low, spec.kappa_over_X1.high)
         self.space = RatioSpace(
             spec.X1_MPa,
             (spec.X2_over_X1.low, spec.X2_over_X1.high),
-            (max(0.2, float(nu_from_ratio(ratio[0], kappa))), 0.49),
+            NU_RANGE,
         )
 
     def _tabulate(
@@ -84,7 +85,7 @@ class DimensionlessModel:
         at_thickness = np.tensordot(weights, stored, axes=1)  # (X2/X1, κ/X1, load)
         load = np.outer(np.exp(-self._nodes[0]), pressure_mbar * MBAR)  # (X1, u)
         axis = spec.load_coordinates()
-        at = np.clip(spec.coordinate(load), axis[0], axis[-1])
+        at = np.clip(spec.coordinate(load, math.exp(log_thickness)), axis[0], axis[-1])
         design = BSpline.design_matrix(at.ravel(), knots(axis), 3)
         flat = at_thickness.reshape(-1, len(axis))
         log_compliance = design @ np.ascontiguousarray(flat.T)  # (X1 · u, X2/X1 · κ/X1)
@@ -93,8 +94,8 @@ class DimensionlessModel:
         n1, u = load.shape
         return np.ascontiguousarray(curves.reshape(n1, u, -1).transpose(0, 2, 1)).reshape(-1, u)
 
-    def _points(self, parameters: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """Return grid coordinates (n, 3) of parameters (n, 3), and which of them hold."""
+    def _points(self, parameters: Array) -> tuple[Array, Array]:
+        """Return grid coordinates (n, 3) of parameters (n, 3), and the MPa to which they hold."""
         points = np.empty_like(parameters)
         with np.errstate(divide="ignore", invalid="ignore"):
             points[:, 0] = np.log(parameters[:, 0])
@@ -109,12 +110,17 @@ class DimensionlessModel:
             inside &= (points[:, d] >= nodes[0] - slack) & (points[:, d] <= nodes[-1] + slack)
             place = (points[:, d] - nodes[0]) * ((len(nodes) - 1) / (nodes[-1] - nodes[0]))
             cells.append(np.clip(np.nan_to_num(place).astype(np.intp), 0, len(nodes) - 2))
-        inside &= self._holds_to[cells[1], cells[2]] * parameters[:, 0] >= self._top_mpa
-        return points, inside
+        holds_to_mpa = np.where(inside, self._holds_to[cells[1], cells[2]] * parameters[:, 0], 0.0)
+        return points, holds_to_mpa
+
+    def holds_to_mbar(self, parameters: Array) -> Array:
+        """Return the suction (n,) up to which the table holds; 0 outside of it."""
+        return self._points(parameters)[1] / MBAR
 
     def coordinates(self, parameters: Array) -> Array:
         """Return the components (n, k) of candidates (n, 3); NaN where the table does not hold."""
-        points, inside = self._points(parameters)
+        points, holds_to_mpa = self._points(parameters)
+        inside = holds_to_mpa >= max(self._top_mpa, 1e-12)
         found = np.full((len(points), self._q.shape[1]), np.nan)
         if inside.all():
             return np.asarray(self._spline(points))
@@ -123,7 +129,8 @@ class DimensionlessModel:
 
     def coordinate_slopes(self, parameters: Array) -> Array:
         """Return derivatives (n, k, 3) of the components by (X1_MPa, X2_MPa, nu)."""
-        points, inside = self._points(parameters)
+        points, holds_to_mpa = self._points(parameters)
+        inside = holds_to_mpa >= max(self._top_mpa, 1e-12)
         slopes = np.full((len(points), self._q.shape[1], 3), np.nan)
         x1, x2, nu = parameters[inside].T
         by = [self._spline(points[inside], nu=np.eye(3, dtype=int)[d]) for d in range(3)]
@@ -156,5 +163,5 @@ def _components(curves: Array) -> Array:
     """Return orthonormal components (u, k) that hold these curves (n, u) to `_DROPPED`."""
     rows = curves[:: max(1, len(curves) // _ROWS_FOR_COMPONENTS)]
     _, s, vt = np.linalg.svd(rows, full_matrices=False)
-    k = max(1, int((s > _DROPPED).sum()))
+    k = max(1, int((s > _DROPPED * math.sqrt(len(rows))).sum()))
     return np.ascontiguousarray(vt[:k].T)

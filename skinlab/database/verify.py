@@ -5,35 +5,57 @@ from __future__ import annotations
 import numpy as np
 
 from skinlab.database.build import compute_entry
+from skinlab.database.dimensionless import DimensionlessTable, compute_row
 from skinlab.database.grid import GridDatabase
 from skinlab.errors import InputError
 from skinlab.fem.suction import MESH_OF_RECORD, SOLVER_VERSION
 
-TOLERANCE_MM = 1e-6  # other processors round differently; the numbers mean no more than this
+# Other processors round differently; the numbers mean no more than this.
+TOLERANCE_MM = 1e-6
+TOLERANCE_LOG = 1e-6
 
 
-def rebuilt_differences(grid: GridDatabase, samples: int, seed: int) -> list[str]:
+def rebuilt_differences(
+    database: GridDatabase | DimensionlessTable, samples: int, seed: int
+) -> list[str]:
     """Return a sentence for each entry, of `samples` random ones, that comes out differently.
 
     Raises:
         InputError: samples is not within 1 and the number of entries.
     """
-    if not 1 <= samples <= grid.spec.entries:
-        raise InputError(f"samples {samples}: expected 1–{grid.spec.entries}")
-    if (grid.mesh_name, grid.solver_version) != (MESH_OF_RECORD.name, SOLVER_VERSION):
+    total = database.spec.entries
+    if not 1 <= samples <= total:
+        raise InputError(f"samples {samples}: expected 1–{total}")
+    if (database.mesh_name, database.solver_version) != (MESH_OF_RECORD.name, SOLVER_VERSION):
         return [
-            f"built with mesh {grid.mesh_name}, solver {grid.solver_version}; "
+            f"built with mesh {database.mesh_name}, solver {database.solver_version}; "
             f"this is {MESH_OF_RECORD.name}, {SOLVER_VERSION}"
         ]
-    found = []
-    entries = np.random.default_rng(seed).choice(grid.spec.entries, samples, replace=False)
-    for entry in entries.tolist():
-        _, curve, holds_to, _ = compute_entry(grid.spec, entry)
-        at = np.unravel_index(entry, grid.spec.shape[:3])
-        stored = grid.deflection_mm[at]
-        same = np.allclose(curve, stored, rtol=0, atol=TOLERANCE_MM, equal_nan=True)
-        if not same or abs(holds_to - grid.holds_to_mbar[at]) > 0.5:
-            x1, x2, nu = grid.spec.parameters(entry)
-            worst = float(np.nanmax(np.abs(curve - stored)))
-            found.append(f"entry X1 {x1:g}, X2 {x2:g}, nu {nu:g} differs by {worst:.3g} mm")
-    return found
+    entries = np.random.default_rng(seed).choice(total, samples, replace=False).tolist()
+    if isinstance(database, GridDatabase):
+        found = [_grid_difference(database, entry) for entry in entries]
+    else:
+        found = [_table_difference(database, entry) for entry in entries]
+    return [sentence for sentence in found if sentence]
+
+
+def _grid_difference(grid: GridDatabase, entry: int) -> str:
+    _, curve, holds_to, _ = compute_entry(grid.spec, entry)
+    at = np.unravel_index(entry, grid.spec.shape[:3])
+    stored = grid.deflection_mm[at]
+    same = np.allclose(curve, stored, rtol=0, atol=TOLERANCE_MM, equal_nan=True)
+    if same and abs(holds_to - grid.holds_to_mbar[at]) <= 0.5:
+        return ""
+    x1, x2, nu = grid.spec.parameters(entry)
+    worst = float(np.nanmax(np.abs(curve - stored)))
+    return f"entry X1 {x1:g}, X2 {x2:g}, nu {nu:g} differs by {worst:.3g} mm"
+
+
+def _table_difference(table: DimensionlessTable, entry: int) -> str:
+    _, row, holds_to = compute_row(table.spec, entry)
+    at = np.unravel_index(entry, table.spec.shape)
+    worst = float(np.nanmax(np.abs(row - table.log_compliance[at])))  # NaN: filled, not computed
+    stored = float(table.holds_to_load[at])
+    if worst <= TOLERANCE_LOG and abs(holds_to - stored) <= 5e-3 * stored:
+        return ""
+    return f"entry {tuple(int(k) for k in at)} differs by {worst:.3g} of its deflection"

@@ -35,10 +35,10 @@ _CLOSE_S = 20.0
 
 def default_identifier() -> Identifier:
     """Return the identifier with the defaults of the command line; slow to import."""
-    from skinlab.database.store import shipped_grid
+    from skinlab.database.store import shipped_table
     from skinlab.identify.identifier import Identifier
 
-    return Identifier(shipped_grid())
+    return Identifier(shipped_table())
 
 
 @dataclass(frozen=True)
