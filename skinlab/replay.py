@@ -9,7 +9,8 @@ import numpy as np
 
 from drivers.events import TimedEvent
 from skinlab.curve import Curve
-from skinlab.database.store import shipped_table
+from skinlab.database.base import Database
+from skinlab.database.store import shipped_grid, shipped_table
 from skinlab.errors import InputError
 from skinlab.identify.identifier import Identifier
 from skinlab.identify.problem import Options
@@ -32,9 +33,12 @@ def identifier_of(session: Session) -> tuple[Identifier, str | None]:
     settings = session.meta.get("identification")
     if not isinstance(settings, dict):
         raise InputError("the session does not say how it was identified")
+    stated = settings.get("database_hash")
+    shipped: tuple[Database, ...] = (shipped_table(), shipped_grid())
+    database = next((d for d in shipped if d.content_hash == stated), shipped[0])
     try:
         identifier = Identifier(
-            shipped_table(),
+            database,
             method=settings["method"],
             options=Options(
                 samples=settings["samples"],
@@ -48,7 +52,7 @@ def identifier_of(session: Session) -> tuple[Identifier, str | None]:
     except (KeyError, TypeError) as error:
         raise InputError(f"the session's field identification is damaged ({error})") from None
     warning = None
-    if settings.get("database_hash") != identifier.database.content_hash:
+    if database.content_hash != stated:
         warning = "the session was identified with another database; results may differ"
     return identifier, warning
 
