@@ -495,7 +495,7 @@ a fine mesh of such elements (0.02 mm edge with quarter points); "–" where one
 
 {table(["X1 (MPa)", "X2 (MPa)", "ν", "mesh of record", "mixed, same mesh", "8 nodes, constant dilatation"], incompressible)}
 
-So the mesh of record locks a little: it is too stiff by some 0.2 to 0.4 % at ν = 0.45 to 0.48 (0.7 %
+So the mesh of record locks a little: it is too stiff by some 0.2 to 0.4 % at ν = 0.45 to 0.48 (0.6 %
 where X2 is as small as X1), where the mixed mesh of the same size is within 0.2 %. None of the certain
 references has such a ν; on those the mixed mesh is within **{100 * worst["mixed"]:.3f} %**. It costs about 1.7 times as much
 and folds at other pressures. On the references at ν = 0.48 (X1 0.01, X2 0.1) both are within 0.2 %.

@@ -11,7 +11,7 @@ import click
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-METHODS = ("auto", "sto")
+METHODS = ("auto", "sto", "hka", "gn", "gn-linesearch", "rls", "lm")
 
 
 def _stack(*options: Callable[[F], F]) -> Callable[[F], F]:

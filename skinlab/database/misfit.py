@@ -28,6 +28,7 @@ class Misfit:
     def __init__(self, model: ComponentModel, q: Array, measured_mm: Array) -> None:
         """Split the measured curve (u,) into what the components `q` (u, k) reach, and the rest."""
         self._model = model
+        self._q, self._measured = q, measured_mm
         self._reachable = q.T @ measured_mm
         rest = measured_mm - q @ self._reachable
         self._rest = float(rest @ rest)
@@ -48,6 +49,15 @@ class Misfit:
         """Return residuals (k + 1,) of one candidate; their squares sum up to the misfit."""
         difference = self._model.coordinates(parameters[None])[0] - self._reachable
         return np.append(difference, np.sqrt(self._rest))
+
+    def sample(self, parameters: Array, t: int) -> tuple[float, Array]:
+        """Return M − Ω at sample t, mm, of one candidate (k,), and ∂Ω/∂parameters there (k,).
+
+        For methods that take the samples one by one.
+        """
+        coordinates = self._model.coordinates(parameters[None])[0]
+        slopes = self._model.coordinate_slopes(parameters[None])[0]
+        return float(self._measured[t] - self._q[t] @ coordinates), self._q[t] @ slopes
 
     def jacobian(self, parameters: Array) -> Array:
         """Return the derivatives (k + 1, parameters) of `residuals`."""

@@ -19,7 +19,7 @@ from skinlab.parameters import ParameterSpace
 Array = NDArray[np.float64]
 
 _STEP = 1e-6  # of the unit cube, for differences
-_DIAGONAL = 65  # points at which a start is looked for
+_DIAGONAL = 101  # points at which a start is looked for
 _HALVINGS = 20
 
 
@@ -69,22 +69,30 @@ class Search:
         return self._problem.misfit.residuals(self._problem.space.from_unit(unit))
 
     def jacobian(self, unit: Array) -> Array:
-        """Return derivatives (m, k) of `residuals`, mm; by differences where the misfit has none.
+        """Return derivatives (m, k) of `residuals`, mm, at a point (k,).
 
-        The differences stay inside the cube: at its boundary they are one-sided.
+        They are differences where the misfit gives none. Those stay inside the cube and where there
+        is a model, one-sided if need be; NaN where it is missing on both sides.
         """
         by_parameters: Callable[[Array], Array] | None
         by_parameters = getattr(self._problem.misfit, "jacobian", None)
         space = self._problem.space
         if by_parameters is not None:
             self.evaluations += 1
-            return by_parameters(space.from_unit(unit)) @ unit_slopes(space, unit)
-        columns = []
-        for axis in np.eye(len(unit)):
+            slopes = by_parameters(space.from_unit(unit)) @ unit_slopes(space, unit)
+            if np.isfinite(slopes).all():
+                return np.asarray(slopes)
+        here = self.residuals(unit)
+        columns = np.empty((len(here), len(unit)))
+        for d, axis in enumerate(np.eye(len(unit))):
             low, high = (np.clip(unit + s * axis, 0.0, 1.0) for s in (-_STEP, _STEP))
-            rise = self.residuals(high) - self.residuals(low)
-            columns.append(rise / float((high - low) @ axis))
-        return np.column_stack(columns)
+            at_low, at_high = self.residuals(low), self.residuals(high)
+            if not np.isfinite(at_low).all():
+                low, at_low = unit, here
+            elif not np.isfinite(at_high).all():
+                high, at_high = unit, here
+            columns[:, d] = (at_high - at_low) / (high[d] - low[d])
+        return columns
 
     def begin(self, start: Array | None) -> tuple[Array, float]:
         """Return the first point (k,), and E there in µm.

@@ -15,6 +15,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from skinlab.errors import InputError
 from skinlab.identify.problem import Estimate, Options, Problem
 from skinlab.identify.stochastic import check
 
@@ -29,9 +30,11 @@ def identify(
     The source asks instead that these be near each other, in units that X1 and ν do not share.
 
     Raises:
-        InputError: an option is out of its range (see `stochastic`).
+        InputError: an option is out of its range (see `stochastic`), or α is not within 0…1.
     """
     check(options)
+    if not 0.0 < slowdown <= 1.0:
+        raise InputError(f"slowdown {slowdown}: expected more than 0, at most 1")
     space = problem.space
     n = len(space.names)
     mean, deviation = np.full(n, 0.5), np.full(n, 1.0 / 6.0)

@@ -24,7 +24,9 @@ Array = NDArray[np.float64]
 
 _AT_BOUND = 1e-5  # of the parameter's range
 
-PAPERS_METHODS = frozenset({"sto"})  # they search where the paper does, whatever the database
+PAPERS_METHODS = frozenset(
+    {"sto", "hka", "gn", "gn-linesearch", "rls"}
+)  # they search where the paper does, whatever the database
 
 
 @dataclass(frozen=True)

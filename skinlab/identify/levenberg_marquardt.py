@@ -64,9 +64,10 @@ def identify(
     )
     found = np.sin(fit.x) ** 2
     at_found = float(search.error_um(found[None])[0])
-    if not at_found <= error:  # `_EDGE` moved the start to where there is no model
-        return search.end(unit, error, iterations, converged=False)
-    return search.end(found, at_found, iterations, converged=bool(fit.success))
+    converged = bool(fit.success and np.isfinite(at_found))
+    if not at_found <= error:  # `_EDGE` moved a start away from its place, or off the model
+        return search.end(unit, error, iterations, converged=converged)
+    return search.end(found, at_found, iterations, converged=converged)
 
 
 METHOD = ("lm", identify)

@@ -1,13 +1,13 @@
 """Recursive least squares with a forgetting factor, in repeated passes (eqs. (14)-(16)): `rls`.
 
 Sample by sample, H = ∂Ω(p_t)/∂x a row: A = P Hᵀ (H P Hᵀ + λ)⁻¹, x ← x + A (M_t − Ω_t),
-P ← (P − A H P) / λ, λ ← λ0 λ + (1 − λ0), λ starting at λ0. A pass is one run over the curve; each
-starts with P = I and λ = λ0 again. With λ0 = 1 a pass of a linear problem minimises
-Σ (M − Ω)² + ‖x − x₀‖²/P₀: one step of the proximal-point method, which repeated ends at least
-squares.
+P ← (P − A H P) / λ, λ ← λ0 λ + (1 − λ0), λ starting at λ0. A pass is one run over the curve. P goes
+on from pass to pass and λ starts anew, so that every pass forgets the ones before by the same
+factor; the paper leaves both open, and this reading finds its Table 1. If P started anew too, P = I
+would hold back every pass, and C end the search far up the valley.
 
-P = I speaks of the unknowns in their own units (MPa, MPa and 1) and of deflections in mm. It says
-how far a pass may go: a larger one (`covariance`) is nearer to Gauss-Newton, faster and less sure.
+P = I at the start speaks of the unknowns in their own units (MPa, MPa and 1) and of mm: 1 MPa is
+far for X1 and little for X2. A larger `covariance` makes the first passes bolder, and is forgotten.
 """
 
 from __future__ import annotations
@@ -17,10 +17,13 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from skinlab.errors import InputError
 from skinlab.identify.gauss_newton import Search, unit_slopes
 from skinlab.identify.problem import Estimate, Options, Problem
 
 Array = NDArray[np.float64]
+
+_WOUND_UP = 1e100  # trace of P: a direction that no sample speaks of, forgotten too often
 
 
 @runtime_checkable
@@ -43,33 +46,44 @@ def identify(
 ) -> Estimate:
     """Return where a pass changes E by no more than C; from `start` (k,) or the minimal values.
 
-    `forgetting` is λ0, `covariance` the diagonal of P at a pass's start. Estimates that leave the
+    `forgetting` is λ0, `covariance` the diagonal of P at the start. Estimates that leave the
     space are moved to its boundary; a step that ends where there is no model is taken
     back. `options.most_iterations` bounds the passes.
+
+    Raises:
+        InputError: λ0 is not within 0…1, or the covariance is not positive.
     """
     del rng  # nothing is drawn
+    if not 0.0 < forgetting <= 1.0:
+        raise InputError(f"forgetting {forgetting}: expected more than 0, at most 1")
+    if not 0.0 < covariance < np.inf:
+        raise InputError(f"covariance {covariance}: expected more than 0")
     search = Search(problem)
     unit, error = search.begin(start)
     if not np.isfinite(error):
         return search.end(unit, error, 0, converged=False)
+    to_unit = np.linalg.inv(unit_slopes(problem.space, unit))
+    P = covariance * to_unit @ to_unit.T
     for iteration in range(1, options.most_iterations + 1):
-        unit = _one_pass(problem, search, unit, forgetting, covariance)
+        if not np.isfinite(_sample(problem, search, unit, 0)[1]).all():  # the model ends right here
+            return search.end(unit, error, iteration, converged=False)
+        unit, P = _one_pass(problem, search, unit, P, forgetting)
         previous, error = error, float(search.error_um(unit[None])[0])
         if abs(previous - error) <= options.tolerance_um:
             return search.end(unit, error, iteration, converged=True)
+        if not np.trace(P) < _WOUND_UP:
+            return search.end(unit, error, iteration, converged=False)
     return search.end(unit, error, options.most_iterations, converged=False)
 
 
 def _one_pass(
-    problem: Problem, search: Search, unit: Array, forgetting: float, covariance: float
-) -> Array:
-    """Return the estimate (k,), a point of the unit cube, after one run over the samples."""
-    to_unit = np.linalg.inv(unit_slopes(problem.space, unit))
-    P = covariance * to_unit @ to_unit.T
+    problem: Problem, search: Search, unit: Array, P: Array, forgetting: float
+) -> tuple[Array, Array]:
+    """Return the estimate (k,), a point of the unit cube, and P (k, k) after one run."""
     factor = forgetting
     sampled = isinstance(problem.misfit, Sampled)
     count = problem.points if sampled else len(search.residuals(unit))
-    held = unit  # the last estimate at which there is a model
+    held = unit  # the last estimate at which there are slopes
     for t in range(count):
         difference, H = _sample(problem, search, unit, t)
         if not (np.isfinite(difference) and np.isfinite(H).all()):
@@ -78,10 +92,11 @@ def _one_pass(
         held = unit
         A = P @ H / (H @ P @ H + factor)
         unit = np.clip(unit + A * difference, 0.0, 1.0)
-        P = (P - np.outer(A, H @ P)) / factor
-        P = 0.5 * (P + P.T)  # round-off must not tilt it
+        # Eq. (15) in Joseph's form, the same number, which round-off leaves positive.
+        rest = np.eye(len(unit)) - np.outer(A, H)
+        P = (rest @ P @ rest.T + factor * np.outer(A, A)) / factor
         factor = forgetting * factor + (1.0 - forgetting)
-    return unit if np.isfinite(search.error_um(unit[None])[0]) else held
+    return (unit if np.isfinite(search.error_um(unit[None])[0]) else held), P
 
 
 def _sample(problem: Problem, search: Search, unit: Array, t: int) -> tuple[float, Array]:

@@ -2,24 +2,17 @@
 
 from __future__ import annotations
 
-import importlib
-import pkgutil
 from functools import cache
 
 import skinlab.identify as package
 from skinlab.errors import InputError
 from skinlab.identify.problem import Method
+from skinlab.registry import find
 
 
 @cache
 def _methods() -> dict[str, Method]:
-    found: dict[str, Method] = {}
-    for module_info in pkgutil.iter_modules(package.__path__):
-        module = importlib.import_module(f"{package.__name__}.{module_info.name}")
-        method: tuple[str, Method] | None = getattr(module, "METHOD", None)
-        if method is not None:
-            found[method[0]] = method[1]
-    return found
+    return dict(find(package, "METHOD"))
 
 
 def method_names() -> tuple[str, ...]:

@@ -2,24 +2,17 @@
 
 from __future__ import annotations
 
-import importlib
-import pkgutil
 from functools import cache
 
 import skinlab.materials as package
 from skinlab.errors import InputError
 from skinlab.materials.base import Law
+from skinlab.registry import find
 
 
 @cache
 def _laws() -> dict[str, Law]:
-    found: dict[str, Law] = {}
-    for module_info in pkgutil.iter_modules(package.__path__):
-        module = importlib.import_module(f"{package.__name__}.{module_info.name}")
-        law: Law | None = getattr(module, "LAW", None)
-        if law is not None:
-            found[law.name] = law
-    return found
+    return {law.name: law for law in find(package, "LAW")}
 
 
 def law_names() -> tuple[str, ...]:

@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 
 from skinlab.cli.main import _COMMANDS, cli, run
+from skinlab.cli.options import METHODS
+from skinlab.identify.registry import method_names
 
 CSV = "time_s,pressure_mbar,deflection_mm\n"
 SKIN = ["--aperture-mm", "6", "--thickness-mm", "1"]
@@ -188,6 +190,16 @@ def test_every_command_has_help_with_an_example():
         commands = getattr(command, "commands", None) or {name: command}
         for each in commands.values():
             assert "Example: skinlab" in (each.help or ""), each.name
+
+
+def test_every_method_can_be_asked_for(capsys, curve_csv):
+    assert sorted(METHODS) == sorted(method_names())
+    for method in METHODS:
+        status, out, _ = call(capsys, "identify", curve_csv, *SKIN, "--method", method, "--json")
+        assert status == 0
+        document = json.loads(out)
+        assert document["method"] == method
+        assert document["curves"][0]["error_um"] < 5
 
 
 def test_start_up_is_light():
