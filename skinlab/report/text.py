@@ -16,6 +16,8 @@ def describe(result: Identification) -> str:
             f"  ({result.setup.aperture_mm:g} mm opening, {result.setup.thickness_mm:g} mm skin; "
             f"{fitted} of {result.points} samples fitted: {', '.join(result.phases)})"
         )
+    if result.error is not None:
+        lines.append(f"  not identified: {result.error}")
     for name, value in (result.parameters or {}).items():
         label, unit = _UNITS.get(name, (name, ""))
         text = f"  {label:<4}{value.value:10.4g} {unit:<4}"

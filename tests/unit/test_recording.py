@@ -31,6 +31,7 @@ from skinlab.pipeline import Pipeline
 from skinlab.program import parse_program
 from skinlab.recording import Recording, recover
 from skinlab.replay import differences, identifier_of, replay
+from skinlab.report.text import describe
 from skinlab.session import read_session, session_from_records, write_session
 from skinlab.sources import LiveSource
 from skinlab.stream import CurveCompleted, CurveStarted, Identified
@@ -280,6 +281,19 @@ class TestAssembler:
     def test_a_run_without_a_plan_is_not_collected(self):
         assembler = CurveAssembler()
         assert not any(isinstance(m, CurveStarted) for m in assembler.feed(self.running))
+
+
+def test_a_curve_without_samples_to_fit_is_kept_and_says_why(grid):
+    """A step is over before its second sample: there is no loading to fit."""
+    setup = dataclasses.replace(SETUP, program=parse_program("mode1:100,1,1"))
+    messages: list = []
+    with Probe("sim://?seed=1&speed=20") as probe:
+        probe.open()
+        measure(LiveSource(probe), Plan(setup), Pipeline(Identifier(grid), [messages.append]))
+    (result,) = [m.result for m in messages if isinstance(m, Identified)]
+    assert result.points > 30
+    assert "samples to fit in phases load" in result.error
+    assert "not identified: " in describe(result)
 
 
 def test_a_pipeline_without_identifier_only_assembles():
