@@ -14,6 +14,7 @@ from skinlab.curve import FEWEST_POINTS, Curve, Setup
 from skinlab.errors import InputError
 
 COLUMNS = ("time_s", "pressure_mbar", "deflection_mm")
+_LARGEST = {"time_s": 1e9, "pressure_mbar": 1e4, "deflection_mm": 100.0}  # beyond, no reading
 
 
 def read_curve(path: Path, setup: Setup) -> Curve:
@@ -78,6 +79,10 @@ def _number(path: Path, line: int, name: str, text: str) -> float:
         ) from None
     if not math.isfinite(value):
         raise InputError(f"{path}: line {line}: {name} is {text.strip()}, expected a finite number")
+    if abs(value) > _LARGEST[name]:
+        raise InputError(
+            f"{path}: line {line}: {name} is {text.strip()}, expected at most {_LARGEST[name]:g}"
+        )
     return value
 
 

@@ -16,7 +16,7 @@ class InputError(SkinlabError, ValueError):
 
 
 class AcquisitionError(SkinlabError):
-    """The probe or its link failed; the probe was vented and what was measured is saved."""
+    """The probe or its link failed; says what is known of the vent; what was measured is saved."""
 
     exit_status = 4
 

@@ -36,8 +36,8 @@ def measure(
 ) -> None:
     """Run the plan; curves and results go to the pipeline's listeners.
 
-    Each repeat counts as the next cycle of the site. Whatever goes wrong, the probe is vented and
-    what was measured has reached the pipeline.
+    Each repeat counts as the next cycle of the site. Whatever goes wrong, the probe is told to vent
+    and what was measured has reached the pipeline.
 
     Raises:
         AcquisitionError: the probe or its link failed, or the driver had to vent.
@@ -75,8 +75,11 @@ class _Watch:
 
     def see(self, event: object) -> None:
         match event:
-            case HostVented(reason) | LinkLost(reason):
-                self.trouble = self.trouble or reason
+            case HostVented(reason):
+                self.trouble = self.trouble or f"{reason}; the probe was told to vent"
+            case LinkLost(reason):
+                # Nobody can confirm a vent over a dead link; the instrument's own limit vents.
+                self.trouble = f"{reason}; no vent is confirmed: look at the probe, lift it"
             case Alarm(text):
                 self.trouble = text
             case _:
@@ -84,7 +87,7 @@ class _Watch:
 
     def check(self) -> None:
         if self.trouble is not None:
-            raise AcquisitionError(f"{self.trouble}; the probe was vented")
+            raise AcquisitionError(self.trouble)
 
 
 def _take(source: LiveSource, pipeline: Pipeline, watch: _Watch, timeout_s: float) -> bool:

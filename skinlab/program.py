@@ -23,6 +23,7 @@ from skinlab.errors import InputError
 MOST_PRESSURE_MBAR = 500.0
 MOST_SUCTION_S = 60.0
 MOST_CYCLES = 100
+STEEPEST_MBAR_PER_S = 1e5
 STEP_RATE_MBAR_PER_S = 2000.0  # "at once" in modes 1 and 3: faster than the pump can follow
 
 Phase = Literal["load", "hold", "unload", "rest"]
@@ -201,8 +202,10 @@ def _check(segment: Segment) -> None:
             raise InputError(
                 f"segment {segment}: pressure must lie in 0–{MOST_PRESSURE_MBAR:g} mbar"
             )
-        if not segment.rate_mbar_per_s > 0:
-            raise InputError(f"segment {segment}: rate must be positive, in mbar/s")
+        if not 0 < segment.rate_mbar_per_s <= STEEPEST_MBAR_PER_S:
+            raise InputError(
+                f"segment {segment}: rate must be positive, at most {STEEPEST_MBAR_PER_S:g} mbar/s"
+            )
     elif not isinstance(segment, Release) and not segment.duration_s > 0:
         raise InputError(f"segment {segment}: duration must be positive, in s")
 

@@ -61,6 +61,8 @@ def command(
 
     if not 1 <= repeats <= 1000:
         raise InputError(f"repeats {repeats}: expected 1–1000")
+    if rate_hz is not None and not 0 < rate_hz <= 1e5:
+        raise InputError(f"rate_hz {rate_hz:g}: expected a positive number of samples a second")
     if not 0 <= rest_s <= 3600:
         raise InputError(f"rest_s {rest_s:g}: expected 0–3600 s")
     setup = Setup(
@@ -87,8 +89,8 @@ def run(
     """Measure by the plan, print results as they come (or one JSON document at the end).
 
     Raises:
-        AcquisitionError, DriverError, KeyboardInterrupt: after the probe was vented and the session
-            was written.
+        AcquisitionError, DriverError, KeyboardInterrupt: after the probe was told to vent and the
+            session was written.
     """
     from drivers.probe import Probe
     from skinlab.identify.result import Identification, document
@@ -108,9 +110,8 @@ def run(
                 click.echo(describe(message.result))
 
     # A terminated process, or one whose terminal is closed, vents like an interrupted one.
-    for name in ("SIGTERM", "SIGHUP"):
-        if hasattr(signal, name):  # Windows has no SIGHUP
-            signal.signal(getattr(signal, name), _interrupt)
+    for name in _SIGNALS:
+        signal.signal(getattr(signal, name), _interrupt)
     recording = Recording(out, identifier, subject=subject, site=site, url=port)
     try:
         with Probe(port, on_bytes=recording.journal.raw) as probe:
@@ -128,5 +129,11 @@ def run(
     return 0
 
 
+_SIGNALS = [s for s in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, s)]  # Windows: no HUP
+
+
 def _interrupt(number: int, frame: FrameType | None) -> None:
+    # Once: an impatient second one must not interrupt the vent and the saving.
+    for name in _SIGNALS:
+        signal.signal(getattr(signal, name), signal.SIG_IGN)
     raise KeyboardInterrupt

@@ -80,8 +80,12 @@ class Identification:
 
 
 def not_trustworthy(result: Identification) -> bool:
-    """Return whether the numbers should not be used: what `--strict` refuses."""
-    return result.error is not None or bool({"outside_database", "not_converged"} & {*result.flags})
+    """Return whether the numbers should not be used: what `--strict` refuses.
+
+    An optimum at a bound of the database may well lie outside of it.
+    """
+    doubtful = ("outside_database", "not_converged", "at_bound:")
+    return result.error is not None or any(flag.startswith(doubtful) for flag in result.flags)
 
 
 @dataclass(frozen=True)

@@ -211,3 +211,25 @@ def test_start_up_is_light():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+def test_a_reader_that_goes_away_is_no_failure(curve_csv, tmp_path):
+    command = f"{sys.executable} -m skinlab {' '.join(FORWARD)} {' '.join(RAMP)} | head -1"
+    script = f"set -o pipefail; {command} >/dev/null"
+    done = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_strict_refuses_what_ends_at_a_bound(capsys, tmp_path):
+    path = tmp_path / "zero.csv"
+    path.write_text(CSV + "".join(f"{i},{2 * i},0\n" for i in range(50)))
+    assert call(capsys, "identify", path, *SKIN)[0] == 0
+    assert call(capsys, "identify", path, *SKIN, "--strict")[0] == 5
+
+
+def test_readings_that_no_probe_gives_are_refused(capsys, tmp_path):
+    path = tmp_path / "huge.csv"
+    path.write_text(CSV + "".join(f"{i},{2 * i},{i}e300\n" for i in range(1, 50)))
+    status, _, err = call(capsys, "identify", path, *SKIN)
+    assert status == 3
+    assert "line 2: deflection_mm is 1e300, expected at most 100" in err
