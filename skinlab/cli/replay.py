@@ -49,5 +49,6 @@ def command(session: Path, speed: str, verify: bool, as_json: bool) -> int:
     for sentence in found:
         click.echo(f"skinlab: {session}: {sentence}", err=True)
     if not found and not as_json:
-        click.echo(f"{len(completed)} curves and results agree bit for bit")
+        stored = sum(result is not None for result in recorded.results)
+        click.echo(f"{len(completed)} curves and {stored} stored results agree bit for bit")
     return 1 if found else 0
