@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
+from drivers.events import Load
 from sim_device.device import Skin
 from sim_device.files import SkinSection
 from skinlab.fem.element import QUAD9_FULL
@@ -33,12 +34,13 @@ class ElasticSkin:
         self._dome: CubicHermiteSpline | None = None
         self._solved: tuple[float, float] = (0.0, 0.0)
 
-    def prepare(self, aperture_mm: float, max_pressure_mbar: float) -> None:
-        """Solve up to this suction.
+    def prepare(self, aperture_mm: float, load: Load) -> None:
+        """Solve up to the program's highest suction.
 
         Raises:
             ValueError: the finite elements do not hold that far.
         """
+        max_pressure_mbar = load.max_pressure_mbar
         if self._solved[0] == aperture_mm and self._solved[1] >= max_pressure_mbar:
             return
         geometry = Geometry(aperture_mm, self._thickness_mm)
@@ -54,7 +56,10 @@ class ElasticSkin:
         )
         self._solved = (aperture_mm, max_pressure_mbar)
 
-    def deflection_mm(self, pressure_mbar: float) -> float:
+    def start(self) -> None:
+        """Begin another loading; this skin does not remember any."""
+
+    def deflection_mm(self, time_s: float, pressure_mbar: float) -> float:
         """Return the apex deflection; zero before anything was prepared."""
         return 0.0 if self._dome is None else float(self._dome(np.float64(pressure_mbar)))
 
