@@ -82,8 +82,8 @@ class Effect:
         """Return the times (n,) whose deflection is recorded at these times (n,)."""
         return time_s
 
-    def read(self, time_s: Array, deflection_mm: Array, values: Values) -> Array:
-        """Return what is recorded (n,) for a deflection (n,)."""
+    def read(self, since_s: Array, deflection_mm: Array, values: Values) -> Array:
+        """Return what is recorded (n,) for a deflection (n,), `since_s` after the first sample."""
         return deflection_mm
 
     # ---- the same for all ----

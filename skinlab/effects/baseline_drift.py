@@ -22,9 +22,9 @@ class BaselineDrift(Effect):
         ),
     )  # fmt: skip
 
-    def read(self, time_s: Array, deflection_mm: Array, values: Values) -> Array:
+    def read(self, since_s: Array, deflection_mm: Array, values: Values) -> Array:
         """Add what has drifted since the curve's first sample."""
-        return deflection_mm + 1e-3 * values["drift_um_per_s"] * (time_s - time_s[:1])
+        return deflection_mm + 1e-3 * values["drift_um_per_s"] * since_s
 
 
 EFFECT = BaselineDrift()

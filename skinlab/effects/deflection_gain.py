@@ -21,7 +21,7 @@ class DeflectionGain(Effect):
         ),
     )  # fmt: skip
 
-    def read(self, time_s: Array, deflection_mm: Array, values: Values) -> Array:
+    def read(self, since_s: Array, deflection_mm: Array, values: Values) -> Array:
         """Multiply."""
         return values["gain"] * deflection_mm
 

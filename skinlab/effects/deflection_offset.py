@@ -21,7 +21,7 @@ class DeflectionOffset(Effect):
         ),
     )  # fmt: skip
 
-    def read(self, time_s: Array, deflection_mm: Array, values: Values) -> Array:
+    def read(self, since_s: Array, deflection_mm: Array, values: Values) -> Array:
         """Shift."""
         return deflection_mm + 1e-3 * values["offset_um"]
 

@@ -6,7 +6,6 @@ effects, in program or in repeat alone share one solution, and so does a second 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -58,13 +57,40 @@ class Response:
 
 
 @dataclass(frozen=True)
-class _Elastic:
-    """A dome without memory: deflection (mm) as a function of pressure (mbar)."""
+class Instant:
+    """The dome without memory: deflection (mm) as a function of suction (mbar), above the preload.
 
-    spline: CubicHermiteSpline | None
-    holds_to_mbar: float
-    stopped: str
+    Beyond its ends it goes on as a straight line: whoever reads it there looks whether it holds.
+    """
+
+    spline: CubicHermiteSpline
+    preload_mbar: float
     zero_mm: float  # deflection at the preload
+
+    def __call__(self, pressure_mbar: Array) -> Array:
+        """Return the deflection at these suctions."""
+        p = pressure_mbar + self.preload_mbar
+        low, high = self.spline.x[0] - EXTENSION_BELOW_MBAR, self.spline.x[-1]
+        within = np.clip(p, low, high)
+        w = self.spline(within) + (p - within) * self.spline(within, 1)
+        return np.asarray(w - self.zero_mm)
+
+    def inverse(self, deflection_mm: Array) -> Array:
+        """Return the suctions at which it is this high, to a thousandth of its range."""
+        top = self.spline.x[-1] - self.preload_mbar
+        p = np.linspace(-EXTENSION_BELOW_MBAR, top, 1000)
+        w = self(p)
+        found = np.interp(deflection_mm, w, p)
+        return np.asarray(
+            found + np.maximum(deflection_mm - w[-1], 0.0) * (p[-1] - p[-2]) / (w[-1] - w[-2])
+        )
+
+
+@dataclass(frozen=True)
+class _Elastic:
+    instant: Instant | None
+    holds_to_mbar: float  # above the preload
+    stopped: str
 
 
 def problem_of(skin: Skin, effects: Effects, geometry: Geometry, cycle: int = 1) -> SkinProblem:
@@ -107,25 +133,45 @@ def response(
     times = np.asarray(time_s, dtype=float)
     full = checked(effects)
     problem = problem_of(skin, effects, geometry, cycle)
-    sensors = _sensors(full)
-    when = times
-    for effect in sensors:
-        when = effect.when(when, full[effect.name])
+    sensors = Sensors.of(full)
+    when = sensors.when(times)
     pressure = path(when)
     if pressure_mbar is not None:
         off = np.asarray(pressure_mbar, dtype=float) - path(times)
         pressure = pressure + (off if when is times else np.interp(when, times, off))
     curve = solve_skin(problem, path, discretisation)
-    w = curve.at(when, pressure)
-    for effect in sensors:
-        w = effect.read(times, w, full[effect.name])
+    w = sensors.read(times, curve.at(when, pressure), float(times[0]) if len(times) else 0.0)
     return Response(w, curve.holds_to_mbar, curve.stopped)
 
 
-def _sensors(effects: Effects) -> list[Effect]:
-    """Return the sensor effects in the order of the sensor's path."""
-    chosen = (get_effect(name) for name in effects)
-    return sorted((e for e in chosen if not e.physical), key=lambda e: (e.order, e.name))
+@dataclass(frozen=True)
+class Sensors:
+    """The sensor effects among some effects, in the order from the skin to the record."""
+
+    chain: tuple[tuple[Effect, Mapping[str, float]], ...]
+
+    @classmethod
+    def of(cls, effects: Effects) -> Sensors:
+        """Return those of these effects.
+
+        Raises:
+            InputError: an effect or a parameter is not known, missing or out of bounds.
+        """
+        chosen = [(get_effect(name), values) for name, values in checked(effects).items()]
+        own = [pair for pair in chosen if not pair[0].physical]
+        return cls(tuple(sorted(own, key=lambda pair: (pair[0].order, pair[0].name))))
+
+    def when(self, time_s: Array) -> Array:
+        """Return the times (n,) whose deflection is recorded at these times (n,)."""
+        for effect, values in self.chain:
+            time_s = effect.when(time_s, values)
+        return time_s
+
+    def read(self, time_s: Array, deflection_mm: Array, first_s: float) -> Array:
+        """Return what is recorded (n,); `first_s` is the time of the curve's first sample."""
+        for effect, values in self.chain:
+            deflection_mm = effect.read(time_s - first_s, deflection_mm, values)
+        return deflection_mm
 
 
 @dataclass(frozen=True)
@@ -136,86 +182,100 @@ class SkinCurve:
     path: PressurePath
     discretisation: Discretisation
     relaxing: RelaxingCurve | None
+    """Its course where it has a memory; None where pressure alone tells the deflection."""
 
     def at(self, time_s: Array, pressure_mbar: Array) -> Array:
-        """Return the deflection (n,) at these times, at pressures (n,) on the path or near it."""
+        """Return the deflection (n,) at these times, at pressures (n,) on the path or near it.
+
+        NaN where the model does not hold.
+        """
         top = self.path.top_mbar
         inside = (pressure_mbar >= -EXTENSION_BELOW_MBAR - 1e-9) & (
             pressure_mbar <= top * (1 + EXTENSION_ABOVE) + 1e-9
         )
         if self.relaxing is None:
-            return np.where(inside, self._elastic(pressure_mbar), np.nan)
+            solution = self._elastic
+            if solution.instant is None:
+                return np.full(pressure_mbar.shape, np.nan)
+            if solution.stopped:
+                inside &= pressure_mbar <= solution.holds_to_mbar + 1e-9
+            return np.where(inside, solution.instant(pressure_mbar), np.nan)
         w = self.relaxing(time_s)
         on_path = self.path(time_s)
-        if np.any(pressure_mbar != on_path):
-            # an instant's answer; of first order in a deviation that is small
-            w = w + self._elastic(pressure_mbar) - self._elastic(on_path)
+        if np.any(pressure_mbar != on_path) and self.instant is not None:
+            shift = self.shift_mbar(time_s)
+            w = w + self.instant(pressure_mbar + shift) - self.instant(on_path + shift)
         return np.where(inside, w, np.nan)
 
-    def _elastic(self, pressure_mbar: Array) -> Array:
-        problem = self.problem
-        curve = _elastic(problem.relaxed, self.discretisation, _goal(problem, self.path))
-        if curve.spline is None:
-            return np.full(pressure_mbar.shape, np.nan)
-        p = pressure_mbar + problem.preload_mbar
-        top = curve.holds_to_mbar * (1 + (0.0 if curve.stopped else EXTENSION_ABOVE))
-        w = curve.spline(p) - curve.zero_mm
-        return np.where(p <= top + 1e-9, w, np.nan)
+    @property
+    def instant(self) -> Instant | None:
+        """The same dome without memory; None where it does not even begin."""
+        return self._elastic.instant
+
+    def shift_mbar(self, time_s: Array) -> Array:
+        """Return the suction (n,) that memory is worth: without it, so much more would be needed.
+
+        Around a state that it has crept to, the skin answers a sudden change as it would without
+        memory around the same height: the stress that has relaxed is missing, whatever comes.
+        """
+        if self.relaxing is None or self.instant is None:
+            return np.zeros(np.shape(time_s))
+        w = self.relaxing(time_s)
+        return np.asarray(np.nan_to_num(self.instant.inverse(w) - self.path(time_s)))
 
     @property
     def holds_to_mbar(self) -> float:
         """Up to which suction the model holds."""
         if self.relaxing is not None:
             return self.relaxing.holds_to_mbar
-        curve = self._solution
-        return min(curve.holds_to_mbar - self.problem.preload_mbar, self.path.top_mbar)
+        return min(self._elastic.holds_to_mbar, self.path.top_mbar)
 
     @property
     def stopped(self) -> str:
         """Why it does not hold further; empty where it holds along the whole path."""
-        return self._solution.stopped if self.relaxing is None else self.relaxing.stopped
+        return self._elastic.stopped if self.relaxing is None else self.relaxing.stopped
 
     @property
-    def _solution(self) -> _Elastic:
-        return _elastic(self.problem, self.discretisation, _goal(self.problem, self.path))
+    def _elastic(self) -> _Elastic:
+        share = sum(term.g for term in self.problem.prony)
+        goal = max(self.path.top_mbar, 1.0) / (1.0 - share)
+        return _solve_elastic(self.problem.elastic, self.discretisation, goal)
 
 
 def solve_skin(
     problem: SkinProblem, path: PressurePath, discretisation: Discretisation = MESH_OF_RECORD
 ) -> SkinCurve:
-    """Return the solved skin along this path.
+    """Return the solved skin along this path; solutions are kept, and shared.
 
     Raises:
         InputError: a value is out of its range.
     """
-    relaxing = _relaxing(problem, discretisation, path) if problem.prony else None
+    relaxing = _solve_relaxing(problem, discretisation, path) if problem.prony else None
     return SkinCurve(problem, path, discretisation, relaxing)
 
 
-def _goal(problem: SkinProblem, path: PressurePath) -> float:
-    return max(path.top_mbar, 1.0) + problem.preload_mbar
-
-
 @lru_cache(maxsize=512)
-def _elastic(problem: SkinProblem, discretisation: Discretisation, goal_mbar: float) -> _Elastic:
+def _solve_elastic(
+    problem: SkinProblem, discretisation: Discretisation, goal_mbar: float
+) -> _Elastic:
+    preload = problem.preload_mbar
     prepared = prepare(problem, discretisation)
     curve = trace(
         prepared.assembly,
         prepared.apex,
         prepared.parameters(),
-        goal_mbar,
+        goal_mbar + preload,
         problem.geometry.radius_mm,
     )
-    if len(curve.pressure_mbar) < 2:
-        return _Elastic(None, 0.0, curve.stopped, math.nan)
-    zero = 0.0
-    if problem.preload_mbar > 0:
-        zero = float(curve([problem.preload_mbar])[0])
-    return _Elastic(curve.spline, curve.holds_to_mbar, curve.stopped, zero)
+    holds_to = curve.holds_to_mbar - preload
+    if len(curve.pressure_mbar) < 2 or holds_to <= 0:
+        return _Elastic(None, 0.0, curve.stopped or "the model does not hold at all")
+    zero = float(curve.spline(preload)) if preload > 0 else 0.0
+    return _Elastic(Instant(curve.spline, preload, zero), holds_to, curve.stopped)
 
 
 @lru_cache(maxsize=512)
-def _relaxing(
+def _solve_relaxing(
     problem: SkinProblem, discretisation: Discretisation, path: PressurePath
 ) -> RelaxingCurve:
     return relax(

@@ -291,7 +291,7 @@ class _Stepper:
         return segment
 
     def _known(self, history: _History, dt: float) -> tuple[float, list[Array], Array]:
-        """Return the factor on S_iso, the known part of each H, and the known stress of the step."""
+        """Return the factor on S_iso, the known part of each H, and the known stress."""
         factor = 1.0 - self.share
         parts = []
         total = np.zeros_like(history.iso)

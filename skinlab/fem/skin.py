@@ -114,8 +114,8 @@ class SkinProblem:
         return self.X1_MPa * float(kappa_ratio(self.nu, self.kappa))
 
     @property
-    def relaxed(self) -> SkinProblem:
-        """The same skin after a long time: elastic, without the shares that relax."""
+    def elastic(self) -> SkinProblem:
+        """The same skin without a memory: what it is in an instant."""
         return replace(self, prony=())
 
 
