@@ -64,7 +64,7 @@ def test_a_deviation_from_the_plan_is_answered_at_once():
         Skin(LAW.X1_MPa, LAW.X2_MPa, LAW.nu), SLOW, Geometry(6.0, 1.0), real, times,
         discretisation=MESH,
     ).deflection_mm  # fmt: skip
-    np.testing.assert_allclose(found, expected, atol=0.004)  # mm, of a change of 0.2
+    np.testing.assert_allclose(found, expected, atol=0.008)  # mm, of a change of 0.2
     assert found[-1] < found[-2] - 0.1
 
 
