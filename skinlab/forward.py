@@ -11,7 +11,7 @@ from skinlab.curve import FEWEST_POINTS, Curve, Setup
 from skinlab.effects.model import Effects, Sensors, Skin, is_physical, response
 from skinlab.errors import InputError, NotTrustworthyError
 from skinlab.fem.suction import Geometry
-from skinlab.materials.compressibility import KappaConvention
+from skinlab.materials.compressibility import KappaConvention, kappa_ratio
 from skinlab.pressure_path import PressurePath
 
 Array = NDArray[np.float64]
@@ -48,6 +48,7 @@ def simulate(
     time_s = np.arange(math.floor(setup.program.duration_s * rate_hz + 1e-9) + 1) / rate_hz
     pressure = setup.program.pressure_mbar(time_s)
     geometry = Geometry(setup.aperture_mm, setup.thickness_mm)
+    kappa_ratio(nu, kappa)  # refuses a ν that cannot be
     path = PressurePath.of_program(setup.program)
     if direct or is_physical(effects):
         skin = Skin(X1_MPa, X2_MPa, nu, kappa)

@@ -87,7 +87,7 @@ def graded_sizes(
 
 
 ROWS_ABOVE = 2  # of elements, in each thin layer on top
-ROWS_BELOW = 5  # in each layer under the skin
+ROWS_BELOW = 4  # in each layer under the skin
 _STEEPEST = 20.0  # ratio from one element to the next
 
 

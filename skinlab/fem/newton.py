@@ -65,6 +65,7 @@ class Point:
     energy: float
     volume: float
     state: State  # just before the last, negligible, correction
+    contraction: float | None  # second correction over the first squared, mm⁻¹; None: only one
 
 
 def solve_point(
@@ -74,16 +75,19 @@ def solve_point(
     parameters: Mapping[str, Any],
     settings: StepSettings,
     stress_2pk: Array | None = None,
+    contraction: float = np.inf,
 ) -> tuple[Point | None, int]:
     """Return the equilibrium near `guess` and the iterations spent; None where Newton fails.
 
-    `stress_2pk` is a stress besides the law's, see `Assembly.evaluate`.
+    `stress_2pk` is a stress besides the law's, see `Assembly.evaluate`. `contraction`, where it is
+    known from a neighbouring point, foretells the second correction from the first.
 
     Fails: an element turned inside out, a tangent that is not positive definite (the state is not
     stable), corrections that grow, or too many iterations.
     """
     u = guess.copy()
     last = np.inf
+    seen: float | None = None
     for iteration in range(1, settings.most_iterations + 1):
         state = assembly.evaluate(u, pressure_mpa, parameters, stress_2pk)
         if state is None:
@@ -99,6 +103,10 @@ def solve_point(
         # Quadratic convergence: the next correction would be about ratio² times this one.
         ratio = correction / last if iteration > 1 else 1.0
         foreseen = ratio * ratio * correction if ratio < _QUADRATIC else np.inf
+        if iteration == 1:
+            foreseen = contraction * correction * correction
+        elif iteration == 2:
+            seen = ratio / last
         if correction <= settings.correction or foreseen <= _SAFETY * settings.correction:
             slope = solve_linear(factor, state, pressure_mpa, state.load)
             internal = state.residual + pressure_mpa * state.load
@@ -109,6 +117,7 @@ def solve_point(
                 state.energy + float(internal @ step),
                 state.volume + float(state.load @ step),
                 state,
+                seen,
             )
             return point, iteration
         last = correction

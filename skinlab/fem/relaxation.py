@@ -19,10 +19,8 @@ known. It is symmetric and has an energy, and costs no more than an elastic step
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,13 +29,15 @@ from scipy.linalg import lapack
 
 from skinlab.errors import InputError
 from skinlab.fem.admissibility import fault
-from skinlab.fem.assembly import Assembly
+from skinlab.fem.assembly import Assembly, State
 from skinlab.fem.newton import Point, StepSettings, follow, solve_linear, solve_point
 from skinlab.fem.skin import Prepared, Prony
 from skinlab.fem.suction import MBAR
 
 Array = NDArray[np.float64]
 
+# Newton ends ten nanometres off: time steps make errors ten times as large.
+SETTINGS = StepSettings(correction=1e-5)
 _FIRST_STEP_ALLOWANCE = 10.0  # as for the elastic path: its error is of lower order, and larger
 _ORDER = 4.0  # of the extrapolation's error
 
@@ -145,7 +145,7 @@ def relax(
     time_s: Array,
     pressure_mbar: Array,
     scale_mm: float,
-    settings: StepSettings | None = None,
+    settings: StepSettings = SETTINGS,
     preload_mbar: float = 0.0,
 ) -> RelaxingCurve:
     """Return the apex deflection along the path with these knots (k,), straight between them.
@@ -158,9 +158,7 @@ def relax(
     """
     if len(time_s) < 2 or np.any(np.diff(time_s) < 0):
         raise InputError("a pressure path needs two knots or more, in the order of time")
-    return _Stepper(prepared, prony, scale_mm, settings or StepSettings()).run(
-        time_s, pressure_mbar, preload_mbar
-    )
+    return _Stepper(prepared, prony, scale_mm, settings).run(time_s, pressure_mbar, preload_mbar)
 
 
 class _Stepper:
@@ -179,6 +177,8 @@ class _Stepper:
         self.share = sum(term.g for term in prony)
         self.iterations = self.steps = 0
         self.reason = ""
+        self.contraction = math.inf  # as seen last, see `solve_point`
+        self._tangent: tuple[Array, State, Array, Array] | None = None  # of these unknowns
 
     def run(self, time_s: Array, pressure_mbar: Array, preload_mbar: float) -> RelaxingCurve:
         history = self._rest(preload_mbar)
@@ -314,9 +314,13 @@ class _Stepper:
         factor, parts, stress = self._known(history, dt)
         point, spent = solve_point(
             self.assembly, guess, pressure_mpa, self.prepared.parameters(factor),
-            self.settings, stress,
+            self.settings, stress, self.contraction,
         )  # fmt: skip
         self.iterations += spent
+        if point is None:
+            self.contraction = math.inf
+        elif point.contraction is not None:
+            self.contraction = point.contraction
         return point, (dt, parts)
 
     def _accept(
@@ -340,22 +344,29 @@ class _Stepper:
 
         K is the tangent of an instant, in which dH = dS_iso.
         """
-        stress = sum(
-            (t.g * (over - history.iso) for t, over in zip(self.prony, history.over, strict=True)),
-            np.zeros_like(history.iso),
-        )
         pressure = (p1 if end else p0) * MBAR
-        parameters: Mapping[str, Any] = self.prepared.parameters()
-        state = self.assembly.evaluate(history.unknowns, pressure, parameters, stress)
+        if self._tangent is None or self._tangent[0] is not history.unknowns:
+            factorised = self._factorise(history, pressure)
+            if factorised is None:
+                return None
+            self._tangent = (history.unknowns, *factorised)
+        _, state, factor, fading = self._tangent
+        right = (p1 - p0) * MBAR * state.load + duration * fading
+        return solve_linear(factor, state, pressure, right)
+
+    def _factorise(
+        self, history: _History, pressure_mpa: float
+    ) -> tuple[State, Array, Array] | None:
+        """Return the state, the tangent's factor and the forces that fade in a second, N/s."""
+        nothing = np.zeros_like(history.iso)
+        pairs = list(zip(self.prony, history.over, strict=True))
+        stress = sum((term.g * (over - history.iso) for term, over in pairs), nothing)
+        fades = sum((term.g / term.tau_s * over for term, over in pairs), nothing)
+        parameters = self.prepared.parameters()
+        state = self.assembly.evaluate(history.unknowns, pressure_mpa, parameters, stress)
         if state is None:
             return None
         factor, info = lapack.dpbtrf(state.tangent.T, lower=1, overwrite_ab=1)
         if info != 0:
             return None
-        fades = sum(
-            (t.g / t.tau_s * over for t, over in zip(self.prony, history.over, strict=True)),
-            np.zeros_like(history.iso),
-        )
-        right = (p1 - p0) * MBAR * state.load
-        right = right + duration * self.assembly.forces(state.deformation, fades)
-        return solve_linear(factor, state, pressure, right)
+        return state, factor, self.assembly.forces(state.deformation, fades)

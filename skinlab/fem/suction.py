@@ -96,14 +96,18 @@ class Discretisation:
         layers inside the skin, from its top down, and of layers under it.
         """
         r = geometry.radius_mm
+        edge, counts = self.edge * r, self.counts
+        if above_mm:  # a stiff layer bends at the edge within about its own thickness
+            edge = min(edge, *above_mm)
+            counts = counts and (counts[0] + 2, counts[1] + 1, counts[2])
         grading = Grading(
-            edge=self.edge * r,
+            edge=edge,
             ratio=self.ratio,
             inside=self.inside * r,
             outside=self.outside * (geometry.outer_radius_mm - r),
             through=self.through * geometry.thickness_mm,
             quarter_point=self.quarter_point,
-            counts=self.counts,
+            counts=counts,
         )
         return suction_mesh(
             r,
