@@ -98,7 +98,7 @@ class Discretisation:
         r = geometry.radius_mm
         edge, counts = self.edge * r, self.counts
         if above_mm:  # a stiff layer bends at the edge within about its own thickness
-            edge = min(edge, *above_mm)
+            edge = min(edge, max(0.25 * edge, min(above_mm)))
             counts = counts and (counts[0] + 2, counts[1] + 1, counts[2])
         grading = Grading(
             edge=edge,
