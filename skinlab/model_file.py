@@ -151,11 +151,35 @@ def read_model(path: str | Path) -> Model:
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from None
     try:
-        model = msgspec.toml.decode(raw, type=Model)
+        said = msgspec.toml.decode(raw)
+        _check_entries(said)
+        model = msgspec.convert(said, Model)
         check_model(model)
     except (ValueError, UnicodeDecodeError) as error:  # InputError is one
         raise InputError(f"{path}: {_plain(str(error))}") from None
     return model
+
+
+def _check_entries(said: Mapping[str, Any]) -> None:
+    """Decode the tables with names of their own one by one: errors then say which."""
+    for name, entry in _items(said.get("parameters")):
+        _check_entry(f"parameters.{name}", entry, Range)
+    for name, entries in _items(said.get("effects")):
+        for parameter, entry in _items(entries):
+            _check_entry(f"effects.{name}.{parameter}", entry, EffectRange)
+
+
+def _items(table: Any) -> list[tuple[str, Any]]:
+    return list(table.items()) if isinstance(table, dict) else []
+
+
+def _check_entry(where: str, entry: Any, kind: type[Range | EffectRange]) -> None:
+    try:
+        msgspec.convert(entry, kind)
+    except msgspec.ValidationError as error:
+        message = _plain(str(error))
+        inner = re.match(r"([a-z]+): ", message)  # a field of it
+        raise InputError(f"{where}{'.' if inner else ': '}{message}") from None
 
 
 def check_model(model: Model) -> None:
