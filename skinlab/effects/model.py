@@ -286,3 +286,9 @@ def _solve_relaxing(
         problem.geometry.radius_mm,
         preload_mbar=problem.preload_mbar,
     )
+
+
+def forget() -> None:
+    """Drop the solutions that are kept."""
+    _solve_elastic.cache_clear()
+    _solve_relaxing.cache_clear()
