@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.errors import InputError
-from skinlab.identify.gauss_newton import Search, unit_slopes
+from skinlab.identify.gauss_newton import Search
+from skinlab.identify.polish import unit_slopes
 from skinlab.identify.problem import Estimate, Options, Problem
 
 Array = NDArray[np.float64]
