@@ -22,8 +22,12 @@ _ALIKE = 1e-4  # of the cube: minima closer than this are one
 Array = NDArray[np.float64]
 
 
-def identify(problem: Problem, options: Options, rng: np.random.Generator) -> Estimate:
+def identify(
+    problem: Problem, options: Options, rng: np.random.Generator, *, start: Array | None = None
+) -> Estimate:
     """Return the best of several polished starts, and the other minima with it.
+
+    With a `start` (p,) near the optimum only that and the best of each slice are polished.
 
     Raises:
         InputError: an option is out of its range (see `stochastic`).
@@ -35,8 +39,12 @@ def identify(problem: Problem, options: Options, rng: np.random.Generator) -> Es
     order = np.argsort(cost, kind="stable")
     place = np.minimum((unit[order, -1] * _SLICES).astype(int), _SLICES - 1)
     firsts = np.unique(place, return_index=True)[1]
-    chosen = order[np.unique(np.concatenate([np.arange(min(_BEST, len(order))), firsts]))]
-    found = polish(space, problem.misfit, unit[chosen], most_iterations=options.most_iterations)
+    if start is None:
+        chosen = np.unique(np.concatenate([np.arange(min(_BEST, len(order))), firsts]))
+        starts = unit[order[chosen]]
+    else:
+        starts = np.vstack([space.to_unit(start), unit[order[firsts[:4]]]])
+    found = polish(space, problem.misfit, starts, most_iterations=options.most_iterations)
     best = np.argsort(found.cost, kind="stable")
     parameters = space.from_unit(found.unit[best[0]])
     return Estimate(

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from skinlab.curve import Curve
 from skinlab.database.base import CurveModel, Database
 from skinlab.errors import InputError, NotTrustworthyError
+from skinlab.identify import auto
 from skinlab.identify.advice import advise
 from skinlab.identify.intervals import correlation, interval, not_identifiable
 from skinlab.identify.joint import JointMisfit
@@ -30,6 +31,7 @@ Array = NDArray[np.float64]
 
 _AT_BOUND = 1e-5  # of the parameter's range
 _PRIOR_DRAWS = 1000
+_QUICK = Options(samples=200, best=20, most_iterations=30)  # for a curve that still grows
 
 PAPERS_METHODS = frozenset(
     {"sto", "hka", "gn", "gn-linesearch", "rls"}
@@ -93,6 +95,21 @@ class Identifier:
         )
         return self._identify(curves, blank)
 
+    def growing(self, curve: Curve, previous: Identification | None = None) -> Identification:
+        """Return a quick answer for a curve that is still being measured, without intervals.
+
+        From where the previous one ended, and a few candidates beside it.
+
+        Raises:
+            InputError: the method or its options are wrong.
+        """
+        start = None
+        if previous is not None and previous.parameters is not None:
+            start = np.array([v.value for v in previous.parameters.values()])
+        quick = replace(self, method="auto", options=_QUICK)
+        blank = Identification(curve.name, curve.setup, None, points=len(curve), phases=self.phases)
+        return quick._identify([curve], blank, intervals=False, start=start)
+
     def advise(self, result: Identification, thickness_mm: float) -> list[Advice]:
         """Return what to measure next, given a result with intervals; empty without them."""
         if result.uncertainty is None:
@@ -106,7 +123,14 @@ class Identifier:
             rng=np.random.default_rng(self.seed),
         )
 
-    def _identify(self, curves: Sequence[Curve], blank: Identification) -> Identification:
+    def _identify(
+        self,
+        curves: Sequence[Curve],
+        blank: Identification,
+        *,
+        intervals: bool = True,
+        start: Array | None = None,
+    ) -> Identification:
         method = get_method(self.method)
         started = self.clock()
         try:
@@ -118,11 +142,14 @@ class Identifier:
             return replace(blank, error=str(error), flags=flags)
         problem = self._problem(groups, models)
         rng = np.random.default_rng(self.seed)
-        estimate = method(problem, self.options, rng)
+        if start is None:
+            estimate = method(problem, self.options, rng)
+        else:
+            estimate = auto.identify(problem, self.options, rng, start=start)
         if len(curves) > 1 and estimate.minima is not None:
             estimate = self._weighted(groups, models, problem, estimate)
         answer = self._answer(groups, models, problem, estimate, blank)
-        if estimate.minima is not None and len(estimate.minima):
+        if intervals and estimate.minima is not None and len(estimate.minima):
             left = assess(
                 self.database, self.kappa, groups, problem.space, estimate.minima, self.sensor, rng
             )
