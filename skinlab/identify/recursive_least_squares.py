@@ -15,6 +15,7 @@ and a curve that the model does not fit to the last µm makes the estimates swin
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -43,10 +44,11 @@ def identify(
     rng: np.random.Generator,
     *,
     start: Array | None = None,
+    watch: Callable[[Array, float], None] = lambda *_: None,
 ) -> Estimate:
     """Return where a pass changes E by no more than C; from `start` (k,) or the minimal values.
 
-    Estimates that leave the space are moved to its boundary; a step that ends where there is no
+    `watch` is told of the parameters (k,) and E in µm after every pass. Estimates that leave the space are moved to its boundary; a step that ends where there is no
     model is taken back.
 
     Raises:
@@ -65,6 +67,7 @@ def identify(
             return search.end(unit, error, iteration, converged=False)
         unit, P = _one_pass(problem, search, unit, P, options.forgetting)
         previous, error = error, float(search.error_um(unit[None])[0])
+        watch(problem.space.from_unit(unit), error)
         if abs(previous - error) <= options.tolerance_um:
             return search.end(unit, error, iteration, converged=True)
         if not np.trace(P) < _WOUND_UP:

@@ -10,6 +10,8 @@ at it.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,8 +32,25 @@ ACCURACY = 0.01  # e, likewise
 Array = NDArray[np.float64]
 
 
-def identify(problem: Problem, options: Options, rng: np.random.Generator) -> Estimate:
-    """Return the best candidate of the last iteration.
+@dataclass(frozen=True, eq=False)
+class Draw:
+    """One iteration, in the coordinates of the unit cube."""
+
+    low: Array  # (k,) the box that was drawn from
+    high: Array
+    candidates: Array  # (N, k)
+    error_um: Array  # (N,) infinite where there is no model
+    elite: NDArray[np.intp]  # the N_b best that there is a model for, in no order
+
+
+def identify(
+    problem: Problem,
+    options: Options,
+    rng: np.random.Generator,
+    *,
+    watch: Callable[[Draw], None] = lambda _: None,
+) -> Estimate:
+    """Return the best candidate of the last iteration; `watch` is told of every iteration.
 
     Raises:
         InputError: an option is out of its range.
@@ -44,6 +63,7 @@ def identify(problem: Problem, options: Options, rng: np.random.Generator) -> Es
         error = problem.error_um(problem.space.from_unit(candidates))
         order = np.argpartition(error, options.best - 1)[: options.best]
         order = order[np.isfinite(error[order])]
+        watch(Draw(low, high, candidates, error, order))
         if order.size:
             elite = candidates[order]
             best = int(order[np.argmin(error[order])])
