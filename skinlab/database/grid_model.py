@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from skinlab.database.grid import GridDatabase
 from skinlab.database.lagrange import TensorLagrange, matrix
-from skinlab.database.misfit import Misfit
+from skinlab.database.misfit import Misfit, Whitening
 from skinlab.errors import NotTrustworthyError
 from skinlab.fem.suction import Geometry
 from skinlab.materials.compressibility import KappaConvention, kappa_ratio, nu_from_ratio
@@ -125,6 +125,6 @@ class GridModel:
         """Return the curves (n, u) of candidates (n, 3); NaN where the database does not hold."""
         return np.asarray(self.coordinates(parameters) @ self._q.T)
 
-    def misfit(self, measured_mm: Array) -> Misfit:
+    def misfit(self, measured_mm: Array, whitening: Whitening | None = None) -> Misfit:
         """Return the sum of squared differences to these deflections (u,), as a function."""
-        return Misfit(self, self._q, measured_mm)
+        return Misfit(self, self._q, measured_mm, whitening)

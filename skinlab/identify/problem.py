@@ -19,15 +19,35 @@ Sampling = Literal["uniform", "lhs"]
 MOST_SAMPLES = 1_000_000  # a draw of more is a slip of the pen, and does not fit into memory
 
 
-class SquaredMisfit(Protocol):
-    """Σ (M − Ω)², mm², over the samples of the data that are fitted."""
+class LeastSquares(Protocol):
+    """Residuals whose squares are to be least, for many candidates at once."""
+
+    def differences(self, parameters: Array) -> Array:
+        """Return residuals (n, m) of candidates (n, p); NaN where there is no model."""
+        ...
+
+    def slopes(self, parameters: Array) -> Array:
+        """Return the derivatives (n, m, p) of `differences`."""
+        ...
+
+
+class SquaredMisfit(LeastSquares, Protocol):
+    """Σ (M − Ω)², mm², over the samples of the data that are fitted.
+
+    Its `differences` leave out `rest`, the part that no candidate can take away.
+    """
+
+    @property
+    def rest(self) -> float:
+        """The part of the sum that no candidate can take away."""
+        ...
 
     def __call__(self, parameters: Array) -> Array:
-        """Return the sums (n,) of candidates (n, k); infinite where there is no model."""
+        """Return the sums (n,) of candidates (n, p); infinite where there is no model."""
         ...
 
     def residuals(self, parameters: Array) -> Array:
-        """Return residuals of one candidate (k,), mm; their squares sum up to the misfit."""
+        """Return residuals of one candidate (m,), mm; their squares sum up to the misfit."""
         ...
 
 
@@ -93,6 +113,9 @@ class Estimate:
     iterations: int
     evaluations: int
     converged: bool
+    minima: Array | None = (
+        None  # (m, k) points of the unit cube, best first, where it found several
+    )
 
 
 class Method(Protocol):

@@ -21,7 +21,8 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.identify.gauss_newton import Search, unit_slopes
+from skinlab.identify.gauss_newton import Search
+from skinlab.identify.polish import unit_slopes
 from skinlab.identify.problem import Estimate, Options, Problem, check
 
 Array = NDArray[np.float64]

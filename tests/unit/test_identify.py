@@ -31,8 +31,15 @@ class Bowl:
         self.asked += len(parameters)
         return (((parameters - self.centre) / self.scales) ** 2).sum(axis=1)
 
+    rest = 0.0
+
     def residuals(self, parameters):
         return (parameters - self.centre) / self.scales
+
+    differences = residuals
+
+    def slopes(self, parameters):
+        return np.tile(np.diag(1.0 / self.scales), (len(parameters), 1, 1))
 
 
 UNIT = BoxSpace(("a", "b"), (0.0, 0.0), (1.0, 1.0))
