@@ -1,6 +1,7 @@
 """Every effect that is found in the folder, by the same rules."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from scipy.optimize import least_squares
 
 from sim_device.skin import MESH as OTHER_MESH
 from skinlab.effects import all_effects, get_effect
+from skinlab.effects.describe import markdown
 from skinlab.effects.model import Skin, problem_of, response
 from skinlab.errors import InputError
 from skinlab.fem.element import QUAD8_FULL
@@ -128,6 +130,10 @@ def test_it_is_recovered_from_another_mesh(effect):
     spread = 1 / np.linalg.norm(fit.jac)  # one standard deviation
     assert spread < 0.15
     assert abs(fit.x[0] - 1.0) < 4 * spread + 0.05  # the meshes differ by a thousandth of the dome
+
+
+def test_the_documentation_shows_what_they_declare():
+    assert markdown() in (Path(__file__).parents[2] / "docs" / "effects.md").read_text("utf-8")
 
 
 EVERYTHING = {effect.name: effect.typical for effect in EFFECTS}
