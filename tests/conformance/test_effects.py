@@ -14,7 +14,13 @@ from skinlab.effects.model import Skin, problem_of, response
 from skinlab.errors import InputError
 from skinlab.fem.element import QUAD8_FULL
 from skinlab.fem.skin import prepare
-from skinlab.fem.suction import MBAR, Discretisation, Geometry
+from skinlab.fem.suction import (
+    MBAR,
+    MESH_OF_RECORD,
+    SCREENING_MESH,
+    Discretisation,
+    Geometry,
+)
 from skinlab.pressure_path import PressurePath
 from skinlab.program import parse_program
 
@@ -137,6 +143,18 @@ def test_the_documentation_shows_what_they_declare():
 
 
 EVERYTHING = {effect.name: effect.typical for effect in EFFECTS}
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=NAMES)
+def test_the_screening_mesh_sees_what_it_does(effect):
+    def change(mesh):
+        return curve({effect.name: effect.typical}, discretisation=mesh) - curve(
+            {}, discretisation=mesh
+        )
+
+    exact = change(MESH_OF_RECORD)
+    off = np.sqrt(np.mean((change(SCREENING_MESH) - exact) ** 2) / np.mean(exact**2))
+    assert off < 0.01
 
 
 def test_all_of_them_together():
