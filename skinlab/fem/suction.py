@@ -129,8 +129,8 @@ MESH_OF_RECORD = Discretisation(
 LINEAR_DILATATION_MESH = replace(
     MESH_OF_RECORD, name="record-2-linear-dilatation", element=QUAD9_LINEAR_DILATATION
 )
-# In 40 % of the time, for what is looked at by differences: what an effect does to the dome is off by
-# 0.1 to 1 % (docs/effects.md).
+# In 40 % of the time, for what is looked at by differences: what an effect does to the dome is off
+# by 0.1 to 1 % (docs/effects.md).
 SCREENING_MESH = replace(
     MESH_OF_RECORD, name="screening-1", edge=1 / 40, inside=0.3, outside=0.6, through=0.5,
     counts=(6, 5, 4),
