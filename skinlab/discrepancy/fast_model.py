@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from skinlab.database.base import Database
+from skinlab.database.dimensionless import DimensionlessTable
 from skinlab.database.dimensionless_model import DimensionlessModel
 from skinlab.errors import NotTrustworthyError
 from skinlab.fem.skin import Prony, SkinProblem
@@ -58,7 +58,11 @@ class Dome:
 
 @lru_cache(maxsize=256)
 def _model(
-    database: Database, geometry: Geometry, top_mbar: float, kappa: str, free_thickness: bool
+    database: DimensionlessTable,
+    geometry: Geometry,
+    top_mbar: float,
+    kappa: str,
+    free_thickness: bool,
 ) -> tuple[DimensionlessModel, Array, float]:
     scale = top_mbar / 40.0
     low, high = math.asinh(-_BELOW_MBAR / scale), math.asinh(top_mbar / scale)
@@ -68,15 +72,13 @@ def _model(
     model = database.model(
         geometry, pressure, "consistent" if kappa == "consistent" else "paper", sd
     )
-    if not isinstance(model, DimensionlessModel):
-        raise NotTrustworthyError("the missing-effect workflow needs the dimensionless database")
     return model, nodes, scale
 
 
 class TableDomes:
     """Domes from the dimensionless table: any stiffness, any thickness near the stated one."""
 
-    def __init__(self, database: Database) -> None:
+    def __init__(self, database: DimensionlessTable) -> None:
         """Keep the database; models are made when first asked for, and kept."""
         self._database = database
 

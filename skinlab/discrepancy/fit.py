@@ -86,7 +86,7 @@ class Fitter:
 
     def jacobian(self, model: MappedModel, u: Array, keep: Array | None = None) -> Array:
         """Return derivatives (n, k) of `residuals`, by differences inside the bounds."""
-        low, high = model.unknowns.bounds
+        high = model.unknowns.bounds[1]
         here = self.residuals(model, u, keep)
         columns = []
         for j in range(len(u)):

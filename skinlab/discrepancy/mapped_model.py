@@ -217,7 +217,7 @@ class MappedModel:
         """Return the derivatives (m, k) of the log ratio, by differences of finite elements."""
         slopes = np.zeros((len(nodes), len(u)))
         base = self._problems(u)
-        low, high = self.unknowns.bounds
+        high = self.unknowns.bounds[1]
         for j in range(len(u)):
             step = float(_STEP[j]) if j < 3 else _EFFECT_STEP
             moved = u.copy()

@@ -71,7 +71,7 @@ def errors_of(records: Sequence[Record]) -> Errors:
         at += len(w)
     for members in by_geometry(records):
         block = np.zeros((total, len(MESH_ERROR)))
-        top = max(max(float(records[i].pressure_mbar.max()) for i in members), 1e-9)
+        top = max(1e-9, *(float(records[i].pressure_mbar.max()) for i in members))
         for i in members:
             x = np.clip(records[i].pressure_mbar / top, 0.0, 1.0)
             w = records[i].curve.deflection_mm

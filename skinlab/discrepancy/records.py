@@ -14,7 +14,7 @@ from skinlab.curve import Curve
 from skinlab.errors import InputError
 from skinlab.fem.suction import Geometry
 from skinlab.identify.batch import noise_from_repeats_um
-from skinlab.identify.noise import pressure_noise_mbar, roughness
+from skinlab.identify.noise import pressure_noise_mbar
 from skinlab.pressure_path import PressurePath
 
 Array = NDArray[np.float64]
@@ -23,6 +23,7 @@ _FEWEST = 20  # samples of a curve that can be looked at
 _WINDOW = 7  # samples over which a measured pressure is smoothed, by parabolas
 _SMOOTHED = 0.58  # of the noise is left by that: sqrt(1/3)
 _AS_ASKED = 1.25  # a channel within so many times its noise of the program followed it
+_CORNER = 3.5  # robust standard deviations: more is a corner of the program, not noise
 _ROUNDING_UM = 0.3
 
 
@@ -64,12 +65,14 @@ def records_of(campaign: Campaign) -> list[Record]:
             raise InputError(f"{curve.name}: {len(curve)} samples; expected {_FEWEST} or more")
         found.append(_record(curve, campaign.noise_um, campaign.pressure_noise_mbar))
     if campaign.noise_um is None:
-        # A lone curve's roughness is known to some per cent only: one instrument, one noise.
+        # A lone curve's roughness is known to a tenth only: one instrument, one noise.
+        weights = [float(len(r.curve)) for r in found]
+        squares = [r.noise_um**2 for r in found]
         repeats = noise_from_repeats_um(campaign.curves, ("load", "hold", "unload", "rest"))
-        weights = np.array([len(r.curve) for r in found], dtype=float)
-        own = np.array([r.noise_um for r in found])
-        noise = float(np.sqrt(np.average(own**2, weights=weights)))
-        noise = noise if repeats is None else max(repeats, _ROUNDING_UM)
+        if repeats is not None:
+            squares.append(repeats**2)
+            weights.append(0.5 * sum(weights) / len(found))
+        noise = max(float(np.sqrt(np.average(squares, weights=weights))), _ROUNDING_UM)
         found = [replace(r, noise_um=noise) for r in found]
     return found
 
@@ -103,12 +106,13 @@ def _record(curve: Curve, noise_um: float | None, pressure_noise: float | None) 
 
 
 def _rough_um(curve: Curve) -> float:
-    """Return the roughness of the deflection in mm, apart from the corners of the program."""
+    """Return the roughness of the deflection in mm: fourth differences, without corners."""
     w = curve.deflection_mm
-    bend = w[2:-2] - (-w[:-4] + 4 * w[1:-3] + 4 * w[3:-1] - w[4:]) / 6.0
-    scale = np.sqrt(1.0 + (1 + 16 + 16 + 1) / 36.0)
-    found = float(np.median(np.abs(bend)) / 0.6745 / scale)
-    return found if found > 0 else roughness(w)
+    bend = np.abs(w[2:-2] - (-w[:-4] + 4 * w[1:-3] + 4 * w[3:-1] - w[4:]) / 6.0)
+    scale = float(np.sqrt(1.0 + (1 + 16 + 16 + 1) / 36.0))
+    usual = float(np.median(bend)) / 0.6745
+    kept = bend[bend <= _CORNER * max(usual, 1e-9)]
+    return float(np.sqrt(np.mean(kept**2))) / scale
 
 
 def by_geometry(records: Sequence[Record]) -> list[list[int]]:

@@ -138,7 +138,7 @@ class Unknowns:
             for a in self.axes
         ]
         low, high = self.bounds
-        return np.clip(np.concatenate([base[:3], effects]), low, high)
+        return np.asarray(np.clip(np.concatenate([base[:3], effects]), low, high))
 
     def prior_rows(self, u: Array) -> Array:
         """Return the Gaussian priors' deviations (axes,), to be squared."""
