@@ -18,6 +18,7 @@ _COMMANDS = {
     "session": ("session", "Check a session, or say what is in it."),
     "identify": ("identify", "Identify skin parameters from curves."),
     "forward": ("forward", "Simulate a curve."),
+    "paper": ("paper", "Reproduce the paper's tables and figures."),
     "database": ("database", "The precomputed finite-element database."),
 }
 
