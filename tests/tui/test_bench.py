@@ -184,7 +184,7 @@ def test_a_session_that_cannot_be_written_keeps_its_journal(room, tmp_path, monk
     from skinlab import recording
     from skinlab.errors import InputError
 
-    def refuse(path, content):
+    def refuse(path, content, *, replace):
         raise InputError(f"{path}: cannot be written (disk full)")
 
     monkeypatch.setattr(recording, "write_session", refuse)

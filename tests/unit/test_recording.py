@@ -25,11 +25,12 @@ from skinlab.assembler import CurveAssembler
 from skinlab.curve import Setup
 from skinlab.errors import AcquisitionError, InputError
 from skinlab.identify.identifier import Identifier
-from skinlab.journal import Journal, Kind, read_journal
+from skinlab.journal import Journal, read_journal
 from skinlab.measure import Plan, measure
 from skinlab.pipeline import Pipeline
 from skinlab.program import parse_program
 from skinlab.recording import Recording, recover
+from skinlab.records import Kind
 from skinlab.replay import differences, identifier_of, replay
 from skinlab.report.text import describe
 from skinlab.session import read_session, session_from_records, write_session
@@ -71,6 +72,7 @@ def test_the_session_holds_what_was_measured(recorded):
     assert session.meta["subject"] == "P-7"
     assert session.meta["instrument"]["simulated"] is True
     assert {r.kind for r in session.records} == set(Kind)
+    assert all(abs(r.utc_s - session.records[0].utc_s) < 600 for r in session.records)
 
 
 def test_no_journal_is_left_and_the_file_is_its_owners(recorded):
@@ -151,10 +153,10 @@ def test_what_a_crash_leaves_is_recovered(tmp_path, recorded):
     half = session.records[: (plans[1] + len(session.records)) // 2]
     journal = Journal(tmp_path / "s.h5.journal", {"subject": "P-7"})
     for record in half:
-        journal._put(record.kind, record.host_time_s, record.data)
+        journal._put(record.kind, record.host_time_s, record.data, record.utc_s)
     journal.close()
     assert read_journal(journal.path)[1] == list(half)
-    assert recover(journal.path, tmp_path / "s.h5") == 2
+    assert len(recover(journal.path, tmp_path / "s.h5").curves) == 2
     again = read_session(tmp_path / "s.h5")
     assert [c.partial for c in again.curves] == [False, True]
     assert again.results[0] == session.results[0]
