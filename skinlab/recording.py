@@ -40,6 +40,11 @@ def identification_settings(identifier: Identifier) -> dict[str, Any]:
         "samples": options.samples,
         "best": options.best,
         "tolerance_um": options.tolerance_um,
+        "sampling": options.sampling,
+        "slowdown": options.slowdown,
+        "forgetting": options.forgetting,
+        "covariance": options.covariance,
+        "passes": options.passes,
         "database_hash": identifier.database.content_hash,
     }
 

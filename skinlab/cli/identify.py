@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from skinlab.cli.method_options import MethodCommand
 from skinlab.cli.options import (
     geometry_options,
     identification_options,
@@ -16,7 +17,7 @@ from skinlab.cli.options import (
 )
 
 
-@click.command()
+@click.command(cls=MethodCommand)
 @click.argument("inputs", nargs=-1, required=True, type=click.Path(path_type=Path))
 @geometry_options(required=False)
 @identification_options()

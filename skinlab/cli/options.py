@@ -9,6 +9,8 @@ from typing import Any, TypeVar
 
 import click
 
+from skinlab.cli.method_options import method_options, single_settings
+
 F = TypeVar("F", bound=Callable[..., Any])
 
 METHODS = ("auto", "sto", "hka", "gn", "gn-linesearch", "rls", "lm")
@@ -42,7 +44,10 @@ def geometry_options(required: bool) -> Callable[[F], F]:
 
 
 def identification_options() -> Callable[[F], F]:
-    """`--method`, `--samples`, `--best`, `--tolerance-um`, `--seed`, `--kappa`, `--phases`."""
+    """`--method`, `--samples`, `--best`, … and what only one method reads.
+
+    The command's class must be `MethodCommand`.
+    """
     return _stack(
         click.option(
             "--method",
@@ -51,7 +56,7 @@ def identification_options() -> Callable[[F], F]:
             show_default=True,
             help="Inverse method; sto is the paper's.",
         ),
-        click.option("--samples", default=1000, show_default=True, help="Candidates a draw, N."),
+        click.option("--samples", type=int, help="Candidates a draw, N.  [default: 1000]"),
         click.option("--best", default=20, show_default=True, help="Of these span the next box."),
         click.option(
             "--tolerance-um", default=1e-5, show_default=True, help="Ends when E changes less."
@@ -64,6 +69,7 @@ def identification_options() -> Callable[[F], F]:
             show_default=True,
             help="Which samples to fit: load, hold, unload, rest, separated by commas.",
         ),
+        *method_options(),
     )
 
 
@@ -104,25 +110,28 @@ def parse_phases(text: str) -> tuple[str, ...]:
 def make_identifier(
     *,
     method: str,
-    samples: int,
+    samples: int | None = None,
     best: int,
     tolerance_um: float,
     seed: int,
     kappa: str,
     phases: str,
+    **single: Any,
 ) -> Any:
-    """Return the Identifier that the options describe.
+    """Return the Identifier that the options describe; `single` are those of single methods.
 
     Raises:
+        click.UsageError: the method does not read one of its options.
         InputError: an option is out of its range.
     """
     from skinlab.database.store import shipped_table
     from skinlab.errors import InputError
     from skinlab.identify.identifier import Identifier
-    from skinlab.identify.problem import Options
-    from skinlab.identify.stochastic import check
+    from skinlab.identify.problem import Options, check
 
-    options = Options(samples=samples, best=best, tolerance_um=tolerance_um)
+    options = Options(
+        best=best, tolerance_um=tolerance_um, **single_settings(method, samples, single)
+    )
     check(options)
     if seed < 0:
         raise InputError(f"seed {seed}: expected zero or more")
