@@ -24,10 +24,11 @@ MEASURE = ["measure", "--aperture-mm", "6", "--thickness-mm", "1", "--program"]
 ENVIRONMENT = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
 
 
-def test_ten_kills_at_random_moments_lose_and_damage_nothing():
+def test_ten_kills_at_random_moments_lose_and_damage_nothing(tmp_path):
     """The hundred, at longer measurements, are `make soak`."""
     done = subprocess.run(
-        [sys.executable, HERE / "kills.py", "--kills", "10", "--program", "ramp:100@60"],
+        [sys.executable, HERE / "kills.py", "--kills=10", "--program=ramp:100@60", "--save=k.json"],
+        cwd=tmp_path,
         capture_output=True,
         text=True,
         env=ENVIRONMENT,
@@ -35,9 +36,10 @@ def test_ten_kills_at_random_moments_lose_and_damage_nothing():
         check=False,
     )
     assert done.stdout, done.stderr
-    result = json.loads(done.stdout)
+    result = json.loads((tmp_path / "k.json").read_text())
     assert len(result["entries"]) == 10
     for entry in result["entries"]:
+        assert entry["measured"], entry
         assert entry["problems"] == [], entry
         assert entry["as_sent"], entry
         assert entry["bystanders_unchanged"], entry

@@ -113,14 +113,6 @@ def test_a_session_from_before_single_options_replays_as_then(grid):
     assert identifier_of(session)[0].options == Options(passes=500)
 
 
-def test_a_replay_keeps_the_pace_that_is_asked_for(recorded):
-    session = read_session(recorded[0])
-    slept: list[float] = []
-    replay(session, identifier_of(session)[0], [], speed=10, sleep=slept.append)
-    times = [r.host_time_s for r in session.records if r.kind is Kind.RECEIVED]
-    assert sum(slept) == pytest.approx((times[-1] - times[0]) / 10, rel=1e-9)
-
-
 def test_differences_are_told_in_words(recorded):
     session = read_session(recorded[0])
     curve = session.curves[0]
