@@ -100,7 +100,7 @@ def run(
     from skinlab.recording import Recording
     from skinlab.report.text import describe
     from skinlab.sources import LiveSource
-    from skinlab.stream import Identified, Message
+    from skinlab.stream import Flagged, Identified, Message
 
     results: list[Identification] = []
 
@@ -109,6 +109,8 @@ def run(
             results.append(message.result)
             if not as_json:
                 click.echo(describe(message.result))
+        elif isinstance(message, Flagged):
+            click.echo(f"skinlab: curve {message.index}: {message.finding}", err=True)
 
     # A terminated process, or one whose terminal is closed, vents like an interrupted one.
     for name in _SIGNALS:

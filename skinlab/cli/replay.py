@@ -41,7 +41,7 @@ def command(session: Path, speed: str, paused: bool, verify: bool, as_json: bool
     from skinlab.replay_control import ReplayControl
     from skinlab.report.text import describe
     from skinlab.session import read_session
-    from skinlab.stream import Identified, Message
+    from skinlab.stream import Flagged, Identified, Message
 
     if paused and not on_terminal():
         raise InputError("--paused: there is no terminal whose keys could go on")
@@ -54,12 +54,14 @@ def command(session: Path, speed: str, paused: bool, verify: bool, as_json: bool
     shown = _line(control) if on_terminal() and (paused or speed != "max") else None
 
     def show(message: Message) -> None:
+        if shown is not None and isinstance(message, Identified | Flagged):
+            click.echo("\r\x1b[K", err=True, nl=False)
         if isinstance(message, Identified):
             results.append(message.result)
             if not as_json:
-                if shown is not None:
-                    click.echo("\r\x1b[K", err=True, nl=False)
                 click.echo(describe(message.result))
+        elif isinstance(message, Flagged):
+            click.echo(f"skinlab: curve {message.index}: {message.finding}", err=True)
         elif shown is not None:
             shown(message)
 
