@@ -7,12 +7,12 @@ import numpy as np
 from skinlab.gates.base import CurveSoFar, Finding, Gate, longest_run
 from skinlab.gates.expected import (
     FEWEST_SAMPLES,
+    LEAST_ASKED_MBAR,
     SHORTEST_S,
+    SOME_SUCTION,
     tolerance_mbar,
 )
 
-_LEAST_ASKED_MBAR = 10.0  # below, a leak cannot be told from the pump's start
-_SOME_SUCTION = 0.2  # of what is asked; with less the probe is not on the skin: no_contact
 _SLOWER = 0.95  # a pump that is only late rises as steeply as asked for
 
 
@@ -23,7 +23,7 @@ def _check(view: CurveSoFar) -> Finding | None:
         return None
     low = band[0]
     p = view.pressure_mbar
-    short = (low >= _LEAST_ASKED_MBAR) & (p < low - tolerance_mbar(low)) & (p > _SOME_SUCTION * low)
+    short = (low >= LEAST_ASKED_MBAR) & (p < low - tolerance_mbar(low)) & (p > SOME_SUCTION * low)
     run = longest_run(short, view.time_s)
     if run is None:
         return None

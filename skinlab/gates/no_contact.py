@@ -5,10 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from skinlab.gates.base import Array, CurveSoFar, Finding, Gate, longest_run
-from skinlab.gates.expected import SHORTEST_S, least_deflection_mm
+from skinlab.gates.expected import (
+    LEAST_ASKED_MBAR,
+    SHORTEST_S,
+    SOME_SUCTION,
+    least_deflection_mm,
+)
 
-_LEAST_ASKED_MBAR = 10.0
-_SOME_SUCTION = 0.2  # of what is asked; more than that, and less than all, is a leak
 _TELLING_MM = 0.02  # the stiffest skin moves so much: 7 times a sensor's noise of 3 µm
 _STILL = 0.25  # of what the stiffest skin moves
 _FEW = 5  # samples whose median is looked at
@@ -25,7 +28,7 @@ def _no_suction(view: CurveSoFar) -> Finding | None:
     if band is None:
         return None
     low = band[0]
-    none = (low >= _LEAST_ASKED_MBAR) & (view.pressure_mbar <= _SOME_SUCTION * low)
+    none = (low >= LEAST_ASKED_MBAR) & (view.pressure_mbar <= SOME_SUCTION * low)
     run = longest_run(none, view.time_s)
     if run is None or view.time_s[run[1] - 1] - view.time_s[run[0]] < SHORTEST_S:
         return None

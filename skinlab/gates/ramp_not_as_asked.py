@@ -9,6 +9,7 @@ from skinlab.gates.base import Array, CurveSoFar, Finding, Gate, longest_run
 from skinlab.gates.expected import (
     FEWEST_SAMPLES,
     SHORTEST_S,
+    open_chamber,
     tolerance_mbar,
 )
 from skinlab.program import Ramp
@@ -23,7 +24,7 @@ _ADVICE = "look at pump, tube and filter; repeat, with a slower ramp if the pump
 
 def _check(view: CurveSoFar) -> Finding | None:
     view = view.tail
-    return _slope(view) or _outside(view)
+    return None if open_chamber(view) else _slope(view) or _outside(view)
 
 
 def _outside(view: CurveSoFar) -> Finding | None:

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skinlab.gates.base import CurveSoFar
+from skinlab.gates.base import Array, CurveSoFar
 from skinlab.gates.expected import least_deflection_mm
 
 LONGEST_S = 0.5  # the driver vents after this long (docs/safety.md) ...
 _SLACK = 0.9  # ... so that what is left of such a curve may hold a little less of it
 _STEPS = 3.0  # resolutions by which even the stiffest skin would have moved
-_RESOLUTION_MM = 1e-3  # where the curve never changes
+_RESOLUTION_MM = 1e-3  # of a sensor; coarser where its readings show it
+_UNIT_MM = 1e-4  # in which readings are counted to see that
 _FEWEST = 5  # samples, and parts of a run
 _LEAST_MBAR = 2.0  # ten times a pressure sensor's noise, as the driver has it
 
@@ -36,11 +37,9 @@ def deflection_standstills(view: CurveSoFar) -> Iterator[Standstill]:
     w, p, t = view.deflection_mm, view.pressure_mbar, view.time_s
     if len(w) < _FEWEST:
         return
-    steps = np.abs(np.diff(w))
-    resolution = float(steps[steps > 0].min(initial=np.inf))
-    resolution = _RESOLUTION_MM if not np.isfinite(resolution) else max(resolution, 1e-6)
-    edges = np.concatenate([[0], np.flatnonzero(steps > 0) + 1, [len(w)]])
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(w)) + 1, [len(w)]])
     long = np.flatnonzero(t[edges[1:] - 1] - t[edges[:-1]] >= _SLACK * LONGEST_S)
+    resolution = _resolution_mm(w) if len(long) else 0.0
     for k in long:
         i, j = int(edges[k]), int(edges[k + 1])
         if j - i < _FEWEST:
@@ -57,3 +56,9 @@ def deflection_standstills(view: CurveSoFar) -> Iterator[Standstill]:
         fell = p[j - 1] < p[i] - 0.1 * (high - low) - 1.0
         at_top = bool(w[i] >= w.max()) and not fell
         yield Standstill(float(t[i]), float(t[j - 1]), float(w[i]), low, high, at_top, clipped)
+
+
+def _resolution_mm(w: Array) -> float:
+    """Return the step of which all differences of the readings are multiples, or the usual one."""
+    counts = np.rint(np.clip(w, -1e6, 1e6) / _UNIT_MM).astype(np.int64)
+    return max(float(np.gcd.reduce(np.diff(counts))) * _UNIT_MM, _RESOLUTION_MM)
