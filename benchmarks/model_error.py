@@ -63,7 +63,7 @@ def main() -> None:
     with ProcessPoolExecutor() as pool:
         found = np.array(list(pool.map(partial(deviation), points)))
     smooth = found[np.abs(found).max(axis=1) < 0.005]
-    shapes = legendre(np.arange(1, POINTS + 1) / POINTS, 4)
+    shapes = legendre(np.arange(1, POINTS + 1) / POINTS, 8)
     coefficients = np.linalg.lstsq(shapes, smooth.T, rcond=None)[0]
     rest = smooth.T - shapes @ coefficients
     result = {
@@ -72,7 +72,7 @@ def main() -> None:
         "skins": arguments.sets,
         "near_a_crease": int(len(found) - len(smooth)),
         "rms_relative_by_order": [float(v) for v in np.sqrt((coefficients**2).mean(axis=1))],
-        "rms_relative_rest": float(np.sqrt((rest**2).mean())),
+        "median_rms_relative_rest": float(np.median(np.sqrt((rest**2).mean(axis=0)))),
         "largest_relative": float(np.abs(smooth).max()),
     }
     RESULT.write_text(json.dumps(result, indent=1) + "\n")

@@ -45,6 +45,8 @@ def identification_settings(identifier: Identifier) -> dict[str, Any]:
         "forgetting": options.forgetting,
         "covariance": options.covariance,
         "passes": options.passes,
+        "noise_um": identifier.sensor.noise_um,
+        "pressure_noise_mbar": identifier.sensor.pressure_noise_mbar,
         "database_hash": identifier.database.content_hash,
     }
 

@@ -15,6 +15,7 @@ from skinlab.errors import InputError
 from skinlab.identify.identifier import Identifier
 from skinlab.identify.problem import Options, check
 from skinlab.identify.result import Identification
+from skinlab.identify.uncertainty import Sensor
 from skinlab.pipeline import Listener, Pipeline
 from skinlab.replay_control import ReplayControl
 from skinlab.session import Session
@@ -62,6 +63,7 @@ def identifier_of(session: Session) -> tuple[Identifier, str | None]:
             seed=settings["seed"],
             kappa=settings["kappa"],
             phases=tuple(settings["phases"]),
+            sensor=Sensor(settings.get("noise_um"), settings.get("pressure_noise_mbar")),
         )
     except (KeyError, TypeError) as error:
         raise InputError(f"the session's field identification is damaged ({error})") from None

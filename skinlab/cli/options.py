@@ -69,6 +69,16 @@ def identification_options() -> Callable[[F], F]:
             show_default=True,
             help="Which samples to fit: load, hold, unload, rest, separated by commas.",
         ),
+        click.option(
+            "--noise-um",
+            type=float,
+            help="Standard deviation of one deflection sample  [default: estimated].",
+        ),
+        click.option(
+            "--pressure-noise-mbar",
+            type=float,
+            help="The same of one pressure sample  [default: estimated].",
+        ),
         *method_options(),
     )
 
@@ -116,6 +126,8 @@ def make_identifier(
     seed: int,
     kappa: str,
     phases: str,
+    noise_um: float | None = None,
+    pressure_noise_mbar: float | None = None,
     **single: Any,
 ) -> Any:
     """Return the Identifier that the options describe; `single` are those of single methods.
@@ -128,6 +140,7 @@ def make_identifier(
     from skinlab.errors import InputError
     from skinlab.identify.identifier import Identifier
     from skinlab.identify.problem import Options, check
+    from skinlab.identify.uncertainty import Sensor
 
     options = Options(
         best=best, tolerance_um=tolerance_um, **single_settings(method, samples, single)
@@ -135,6 +148,10 @@ def make_identifier(
     check(options)
     if seed < 0:
         raise InputError(f"seed {seed}: expected zero or more")
+    if noise_um is not None and not 0 < noise_um < 1e6:
+        raise InputError(f"noise_um {noise_um:g}: expected a positive number")
+    if pressure_noise_mbar is not None and not 0 <= pressure_noise_mbar < 1e3:
+        raise InputError(f"pressure_noise_mbar {pressure_noise_mbar:g}: expected zero or more")
     return Identifier(
         shipped_table(),
         method=method,
@@ -142,6 +159,7 @@ def make_identifier(
         seed=seed,
         kappa="consistent" if kappa == "consistent" else "paper",
         phases=parse_phases(phases),
+        sensor=Sensor(noise_um, pressure_noise_mbar),
     )
 
 

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.identify.polish import polish
-from skinlab.identify.problem import Estimate, Options, Problem
-from skinlab.identify.stochastic import check
+from skinlab.identify.problem import Estimate, Options, Problem, check
 
 _BEST = 8  # starts that are the best of all candidates
 _SLICES = 8  # and of each of these

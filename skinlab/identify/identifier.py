@@ -15,7 +15,7 @@ from skinlab.database.base import CurveModel, Database
 from skinlab.errors import InputError, NotTrustworthyError
 from skinlab.identify import auto
 from skinlab.identify.advice import advise
-from skinlab.identify.intervals import correlation, interval, not_identifiable
+from skinlab.identify.intervals import correlation, interval, is_logarithmic, most_of_the_range
 from skinlab.identify.joint import JointMisfit
 from skinlab.identify.noise import Whitening
 from skinlab.identify.polish import polish
@@ -260,13 +260,22 @@ def _with_uncertainty(
     answer: Identification, space: ParameterSpace, left: Uncertainty, seed: int
 ) -> Identification:
     draws, names = left.draws, space.names
-    values = {}
+    priors = space.from_unit(np.random.default_rng(seed).random((_PRIOR_DRAWS, len(names))))
+    values, flags = {}, []
     for i, name in enumerate(names):
+        prior = priors[:, i]
         best = (answer.parameters or {})[name].value
-        low, high = interval(draws.parameters[:, i], draws.weight, best)
+        bounds = (float(space.bounds[0][i]), float(space.bounds[1][i]))
+        low, high = interval(
+            draws.parameters[:, i],
+            draws.weight,
+            best,
+            bounds,
+            logarithmic=is_logarithmic(prior),
+        )
         values[name] = Value(best, low, high)
-    prior = space.from_unit(np.random.default_rng(seed).random((_PRIOR_DRAWS, len(names))))
-    flags = [f"not_identifiable:{name}" for name in not_identifiable(draws, prior, names)]
+        if most_of_the_range((low, high), prior):
+            flags.append(f"not_identifiable:{name}")
     if left.above_noise:
         flags.append("misfit_above_noise")
     return replace(

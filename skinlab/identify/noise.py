@@ -16,13 +16,14 @@ Array = NDArray[np.float64]
 
 # Root mean squares of the relative deviation of the mesh of record from a fine mesh, by orders of
 # shifted Legendre polynomials of p/p_max, and of the rest: benchmarks/results/model_error.json.
-MESH_ERROR = (9.0e-4, 3.2e-4, 1.3e-4, 1.0e-4)
-MESH_REST = 8.0e-5
+MESH_ERROR = (9.0e-4, 3.2e-4, 1.3e-4, 1.0e-4, 8.0e-5, 4.5e-5, 3.5e-5, 3.5e-5)
+MESH_REST = 1.0e-5
 
 TABLE_UM = 0.01  # interpolation in the database, and the least noise there is
 _LEAST_PRESSURE_NOISE_MBAR = 0.02  # less is rounding
 _FEWEST = 12  # samples from which a noise is judged by its roughness
-_SIGNIFICANT = 3.6  # ln(rms²/roughness²) of white noise is below 3.6/√u in 99.5 % of curves
+_UNREMARKABLE_UM = 0.15  # no sensor is that good: smaller misfits are the mesh's and the table's
+_SIGNIFICANT = 4.0  # ln(rms²/roughness²) of white noise is below 4/√u in 99 % of curves
 
 
 def legendre(x: Array, orders: int) -> Array:
@@ -47,7 +48,7 @@ class Whitening:
 
 
 def mesh_error_shapes(pressure_mbar: Array, deflection_mm: Array) -> Array:
-    """Return the shapes (u, 4), mm, in which the model's own discretisation errs."""
+    """Return the shapes (u, m), mm, in which the model's own discretisation errs."""
     top = max(float(pressure_mbar.max(initial=0.0)), 1e-9)
     x = np.clip(pressure_mbar / top, 0.0, 1.0)
     return np.asarray(legendre(x, len(MESH_ERROR)) * np.array(MESH_ERROR) * deflection_mm[:, None])
@@ -68,7 +69,8 @@ def pressure_noise_mbar(time_s: Array, pressure_mbar: Array) -> float:
     """Return the standard deviation of the noise in a pressure channel (n,), mbar.
 
     Each reading is compared with the cubic through its four neighbours in time, which a pump's
-    course follows closely; by the median, so that corners of a program do not count.
+    course follows closely, and with the reading before, which steps of a program leave alone; by
+    the median, so that corners do not count.
     """
     n = len(time_s)
     if n < _FEWEST:
@@ -84,7 +86,8 @@ def pressure_noise_mbar(time_s: Array, pressure_mbar: Array) -> float:
         guess += weight * pressure_mbar[2 + s : n - 2 + s]
         variance += weight**2
     misses = np.abs(pressure_mbar[2:-2] - guess) / np.sqrt(variance)
-    found = float(np.median(misses)) / float(norm.ppf(0.75))
+    steps = np.abs(np.diff(pressure_mbar)) / np.sqrt(2.0)
+    found = min(float(np.median(misses)), float(np.median(steps))) / float(norm.ppf(0.75))
     return found if found >= _LEAST_PRESSURE_NOISE_MBAR else 0.0
 
 
@@ -132,7 +135,9 @@ def judge(
     if u < _FEWEST:
         return NoiseEstimate(value, assumed, above=False)
     rough = max(roughness(residual_mm) ** 2 - other, least)
-    above = (total + least) / (rough + other + least) > np.exp(_SIGNIFICANT / np.sqrt(u))
+    above = total > (1e-3 * _UNREMARKABLE_UM) ** 2 and total / (rough + other) > np.exp(
+        _SIGNIFICANT / np.sqrt(u)
+    )
     if above:
         value = 1e3 * float(np.sqrt(rough))
     return NoiseEstimate(value, assumed, bool(above))

@@ -49,8 +49,8 @@ def identify(
 ) -> Estimate:
     """Return where a pass changes E by no more than C; from `start` (k,) or the minimal values.
 
-    `watch` is told of the parameters (k,) and E in µm after every pass. Estimates that leave the space are moved to its boundary; a step that ends where there is no
-    model is taken back.
+    `watch` is told of the parameters (k,) and E in µm after every pass. Estimates that leave the
+    space are moved to its boundary; a step that ends where there is no model is taken back.
 
     Raises:
         InputError: an option is out of its range.
