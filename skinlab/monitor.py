@@ -36,6 +36,7 @@ class Monitor:
         match message:
             case CurveStarted(index, setup):
                 self._growing = _Growing(index, setup)
+                self._found[index] = ()
             case Happened(Loaded(rate_hz=rate_hz)):
                 self._rate_hz = rate_hz
             case Happened(Gap(expected, received)) if self._growing is not None:
