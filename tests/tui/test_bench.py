@@ -158,6 +158,7 @@ def test_a_bug_in_the_pipeline_vents_and_saves(tmp_path, identifier):
         seed = identifier.seed
         kappa = identifier.kappa
         phases = identifier.phases
+        sensor = identifier.sensor
         database = identifier.database
         __call__ = staticmethod(broken)
 

@@ -43,10 +43,13 @@ TRACE_HZ = 200.0
 
 
 class _NoSkin:
-    def prepare(self, aperture_mm: float, max_pressure_mbar: float) -> None:
+    def prepare(self, aperture_mm: float, load: Load) -> None:
         pass
 
-    def deflection_mm(self, pressure_mbar: float) -> float:
+    def start(self) -> None:
+        pass
+
+    def deflection_mm(self, time_s: float, pressure_mbar: float) -> float:
         return 0.0
 
 
