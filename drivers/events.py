@@ -208,8 +208,15 @@ class LinkLost:
     reason: str
 
 
+@dataclass(frozen=True, slots=True)
+class LinkRestored:
+    """The link is back, with the same instrument behind it; its program is gone."""
+
+    outage_s: float  # since LinkLost
+
+
 InstrumentEvent = Hello | Loaded | State | Sample | InstrumentFault | Refused
-DriverEvent = Damaged | Gap | HostVented | VentConfirmed | Alarm | LinkLost
+DriverEvent = Damaged | Gap | HostVented | VentConfirmed | Alarm | LinkLost | LinkRestored
 Event = InstrumentEvent | DriverEvent
 
 

@@ -97,9 +97,9 @@ def run(
     from skinlab.measure import measure
     from skinlab.pipeline import Pipeline
     from skinlab.recording import Recording
-    from skinlab.report.text import describe
+    from skinlab.report.text import describe, outage_words
     from skinlab.sources import LiveSource
-    from skinlab.stream import Identified, Message
+    from skinlab.stream import Happened, Identified, Message
 
     results: list[Identification] = []
 
@@ -108,6 +108,8 @@ def run(
             results.append(message.result)
             if not as_json:
                 click.echo(describe(message.result))
+        elif isinstance(message, Happened) and (words := outage_words(message.event)):
+            click.echo(f"skinlab: {words}", err=True)
 
     # A terminated process, or one whose terminal is closed, vents like an interrupted one.
     for name in _SIGNALS:

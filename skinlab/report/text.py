@@ -1,7 +1,8 @@
-"""One result in a few lines of plain text, for a terminal."""
+"""One result in a few lines of plain text, for a terminal; and what an operator must hear."""
 
 from __future__ import annotations
 
+from drivers.events import Alarm, Event, LinkLost, LinkRestored
 from skinlab.identify.result import Identification
 
 _UNITS = {"X1_MPa": ("X1", "MPa"), "X2_MPa": ("X2", "MPa"), "nu": ("nu", "")}
@@ -31,3 +32,19 @@ def describe(result: Identification) -> str:
     if result.flags:
         lines.append(f"  flags: {', '.join(result.flags)}")
     return "\n".join(lines)
+
+
+def outage_words(event: Event) -> str | None:
+    """Return the sentence for an event of which the operator must know at once, else None."""
+    match event:
+        case LinkLost(reason):
+            return f"the link is lost ({reason}); looking for it"
+        case LinkRestored(outage_s):
+            return (
+                f"the link is back after {outage_s:.1f} s; a curve that it cut is kept as a "
+                "partial one, and taken again"
+            )
+        case Alarm(text):
+            return f"ALARM: {text}"
+        case _:
+            return None
