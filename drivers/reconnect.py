@@ -20,7 +20,7 @@ class Backoff:
 
     first_s: float = 0.1
     factor: float = 2.0
-    most_s: float = 2.0
+    most_s: float = 1.0
     give_up_s: float = 15.0  # since the first attempt
 
     def __post_init__(self) -> None:

@@ -134,9 +134,7 @@ class Device:
     @property
     def resting(self) -> bool:
         """Nothing moves: time alone changes nothing, and no bytes will come."""
-        still = (
-            self._state not in _LIVE and self._vent_us is None and not self._plant.pressure_mbar
-        )
+        still = self._state not in _LIVE and self._vent_us is None and not self._plant.pressure_mbar
         ticking = self._first_start_us is not None
         return still and not self._line.busy(self._fault_us, ticking=ticking)
 
@@ -348,7 +346,9 @@ class Device:
         pressure_noise, deflection_noise = self._rng.standard_normal(2)
         sensor = self._sensor
         pressure = self._plant.pressure_mbar + sensor.pressure_noise_mbar * pressure_noise
-        deflection_um = (0.0 if self._plant.lifted else 1e3 * deflection) + sensor.noise_um * deflection_noise
+        deflection_um = (
+            0.0 if self._plant.lifted else 1e3 * deflection
+        ) + sensor.noise_um * deflection_noise
         sample = Sample(
             sequence=self._sequence,
             device_time_s=elapsed_us / 1e6,

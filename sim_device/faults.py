@@ -157,16 +157,16 @@ class Schedule:
 
 def _loose_contacts(faults: Iterable[Fault]) -> list[Fault]:
     """Give the unplugs that a replug means where nothing was unplugged: out, and in again."""
-    out = list[Fault]()
-    plugged = True
+    loose = list[Fault]()
+    out_until_s = -math.inf
     for fault in sorted(faults, key=lambda fault: fault.at_s):
         if fault.kind == "unplug":
-            plugged = fault.for_s is not None
+            out_until_s = math.inf if fault.for_s is None else fault.at_s + fault.for_s
         elif fault.kind == "replug":
-            if plugged:
-                out.append(Fault("unplug", fault.at_s, fault.for_s or LOOSE_CONTACT_S))
-            plugged = True
-    return out
+            if fault.at_s > out_until_s:
+                loose.append(Fault("unplug", fault.at_s, fault.for_s or LOOSE_CONTACT_S))
+            out_until_s = fault.at_s
+    return loose
 
 
 def _check(kind: str, name: str, value: float, amount: Amount | None) -> None:

@@ -38,7 +38,7 @@ def outage_words(event: Event) -> str | None:
     """Return the sentence for an event of which the operator must know at once, else None."""
     match event:
         case LinkLost(reason):
-            return f"the link is lost ({reason}); looking for it"
+            return f"{reason}; looking for it"
         case LinkRestored(outage_s):
             return (
                 f"the link is back after {outage_s:.1f} s; a curve that it cut is kept as a "
