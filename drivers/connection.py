@@ -48,15 +48,16 @@ class StateRow:
 _S = InstrumentState
 _ALWAYS: frozenset[type[Command]] = frozenset({Identify, Vent})
 _SAFE = frozenset({_S.VENTING, _S.FAULT})
+_DOWN = _SAFE | {_S.IDLE, _S.LOADED}  # VENTING in between may be a frame that was lost
 
 # The one table. `None`: the instrument has not said its state yet. Staying is always allowed.
 STATES: Mapping[InstrumentState | None, StateRow] = {
     None: StateRow(_ALWAYS, frozenset(_S)),
     _S.IDLE: StateRow(_ALWAYS | {Load, Reset}, _SAFE | {_S.LOADED}),
     _S.LOADED: StateRow(_ALWAYS | {Load, Arm, Reset}, _SAFE | {_S.IDLE, _S.ARMED}),
-    _S.ARMED: StateRow(_ALWAYS | {Start, KeepAlive}, _SAFE | {_S.RUNNING}),
-    _S.RUNNING: StateRow(_ALWAYS | {KeepAlive}, _SAFE),
-    _S.VENTING: StateRow(_ALWAYS | {KeepAlive}, _SAFE | {_S.IDLE, _S.LOADED}),
+    _S.ARMED: StateRow(_ALWAYS | {Start, KeepAlive}, _DOWN | {_S.RUNNING}),
+    _S.RUNNING: StateRow(_ALWAYS | {KeepAlive}, _DOWN),
+    _S.VENTING: StateRow(_ALWAYS | {KeepAlive}, _DOWN),
     _S.FAULT: StateRow(_ALWAYS | {Reset}, frozenset({_S.IDLE})),
 }
 

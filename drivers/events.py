@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 PROGRAM_END = "program end"  # reason of the State with which a run that was not cut short ends
+PROGRAM_DONE = "done"  # and of the one after it, once the pressure has fallen
 
 
 class SegmentKind(StrEnum):

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from itertools import accumulate
 
 from drivers.events import (
+    PROGRAM_DONE,
     PROGRAM_END,
     Alarm,
     Event,
@@ -194,16 +195,17 @@ class Watchdog:
         if event.state is not before:
             if event.state is InstrumentState.RUNNING:
                 self._begin_run(now)
-            if event.state is InstrumentState.VENTING and before in _PULLING:
+            fell = before in _PULLING and event.state not in _PULLING
+            if fell:
                 orders = self._own_vent(event.reason)
-            if event.state in {InstrumentState.VENTING, InstrumentState.FAULT}:
+            if fell or event.state in {InstrumentState.VENTING, InstrumentState.FAULT}:
                 self._vent_since = now if self._vent_since is None else self._vent_since
         if event.pressure_mbar is None:
             return orders
         return orders or self._settle(event.pressure_mbar) or self._at_rest(event.pressure_mbar)
 
     def _own_vent(self, reason: str) -> list[SafetyEvent]:
-        if reason == PROGRAM_END:
+        if reason in {PROGRAM_END, PROGRAM_DONE}:
             return []
         return self._order(f"the instrument vented by itself ({reason})")
 

@@ -15,6 +15,7 @@ import numpy as np
 from drivers.dialects import Dialect, get_dialect
 from drivers.errors import RemoteProtocolError
 from drivers.events import (
+    PROGRAM_DONE,
     PROGRAM_END,
     Arm,
     Command,
@@ -346,9 +347,8 @@ class Device:
         pressure_noise, deflection_noise = self._rng.standard_normal(2)
         sensor = self._sensor
         pressure = self._plant.pressure_mbar + sensor.pressure_noise_mbar * pressure_noise
-        deflection_um = (
-            0.0 if self._plant.lifted else 1e3 * deflection
-        ) + sensor.noise_um * deflection_noise
+        true_um = 0.0 if self._plant.lifted else 1e3 * deflection
+        deflection_um = true_um + sensor.noise_um * deflection_noise
         sample = Sample(
             sequence=self._sequence,
             device_time_s=elapsed_us / 1e6,
@@ -403,7 +403,7 @@ class Device:
         if self._state is _S.FAULT:
             self._say("vented")
         else:
-            reason = "done" if self._vent_reason == PROGRAM_END else "vented"
+            reason = PROGRAM_DONE if self._vent_reason == PROGRAM_END else "vented"
             self._enter(_S.IDLE if self._load is None else _S.LOADED, reason)
 
     def _fault(self, code: str, text: str) -> None:
