@@ -349,7 +349,9 @@ HAZARDS = (
 
 def table():
     lines = DOCUMENT.read_text(encoding="utf-8").splitlines()
-    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines if "`test_" in line]
+    rows = [
+        [cell.strip() for cell in line.strip("|").split("|")] for line in lines if "`test_" in line
+    ]
     return {row[0].lower(): row for row in rows}
 
 
