@@ -87,7 +87,8 @@ def open_link(url: str) -> Link:
             name,
             baudrate=baud_rate,
             timeout=_POLL_S,
-            write_timeout=_WRITE_TIMEOUT_S,
+            # pyserial's rfc2217 knows none, and gives up after 5 s by itself
+            write_timeout=None if name.startswith("rfc2217:") else _WRITE_TIMEOUT_S,
             exclusive=True,
         )
     except Exception as error:

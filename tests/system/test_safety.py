@@ -1,4 +1,4 @@
-"""One test for each row of docs/safety.md: the simulated probe is a process, its pressure is true."""
+"""One test for each row of docs/safety.md, against a process whose true pressure is watched."""
 
 from __future__ import annotations
 
@@ -196,7 +196,7 @@ def test_valve_stuck(simulate):
         assert simulated.rows()[-1][1] > 55  # as the alarm says
         assert probe.alarm is not None
         assert probe.alarm == next(e for e in seen if isinstance(e, Alarm)).text
-        with pytest.raises(LocalProtocolError, match="alarm|not allowed"):
+        with pytest.raises(LocalProtocolError, match=r"alarm|not allowed"):
             probe.load(PULL, 50)
 
 

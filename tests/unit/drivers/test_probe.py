@@ -325,7 +325,7 @@ def test_another_instrument_after_the_outage(make_bench):
     bench = make_bench(device_type=Renamed)
     bench.probe.open()
     bench.device.serial = "SIM-2"
-    with pytest.raises(RemoteProtocolError, match="another instrument.*SIM-2.*it was.*SIM-1"):
+    with pytest.raises(RemoteProtocolError, match=r"another instrument.*SIM-2.*it was.*SIM-1"):
         bench.probe.reopen()
     assert not bench.probe.is_open
     bench.device.serial = "SIM-1"

@@ -251,7 +251,7 @@ def test_a_deflection_that_cannot_be(dog, deflection, fine):
     assert (dog.on_event(sample(1, 20, deflection=deflection), 1) == []) == bool(fine)
 
 
-# ---- vents that nobody asked for ------------------------------------------------------------------
+# ---- vents that nobody asked for -----------------------------------------------------------------
 
 
 @pytest.mark.parametrize("state", [S.VENTING, S.IDLE, S.LOADED])
@@ -275,7 +275,7 @@ def test_a_vent_that_was_ordered_is_not_the_instruments_own(dog):
     assert dog.on_event(State(S.VENTING, "host", 60.0), 1.01) == []
 
 
-# ---- a link that comes back -----------------------------------------------------------------------
+# ---- a link that comes back ----------------------------------------------------------------------
 
 
 def test_a_vent_that_nobody_saw_is_confirmed_after_the_outage(dog):
