@@ -10,6 +10,7 @@ from typing import Any
 
 import click
 
+from skinlab.cli.method_options import MethodCommand
 from skinlab.cli.options import (
     geometry_options,
     identification_options,
@@ -19,7 +20,7 @@ from skinlab.cli.options import (
 )
 
 
-@click.command()
+@click.command(cls=MethodCommand)
 @click.option("--port", required=True, help="pyserial URL: /dev/ttyUSB0, COM3, socket://…, sim://")
 @geometry_options(required=True)
 @click.option("--program", required=True, help="What the pump does, e.g. ramp:100@20.")
@@ -97,7 +98,8 @@ def run(
     from skinlab.measure import measure
     from skinlab.pipeline import Pipeline
     from skinlab.recording import Recording
-    from skinlab.report.text import describe, outage_words
+    from skinlab.report.outage import outage_words
+    from skinlab.report.text import describe
     from skinlab.sources import LiveSource
     from skinlab.stream import Happened, Identified, Message
 
