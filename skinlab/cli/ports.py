@@ -12,7 +12,7 @@ from skinlab.cli.options import json_option, print_json
 def command(as_json: bool) -> int:
     """List the serial ports of this computer, with what they say of themselves.
 
-    What stands first in a line goes to --port. A faster line: /dev/ttyUSB0?baud=460800.
+    What stands first in a line goes to --port. A faster line: /dev/ttyUSB0?baud=921600.
 
     \b
     Example: skinlab ports
