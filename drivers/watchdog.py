@@ -67,6 +67,7 @@ class Watchdog:
         self._suction_since: float | None = None
         self._segment = -1
         self._segment_since = 0.0
+        self._segment_after = 0.0
         self._short_since: float | None = None
         self._frozen: _Frozen | None = None
 
@@ -211,7 +212,7 @@ class Watchdog:
 
     def _on_sample(self, sample: Sample, now: float) -> list[SafetyEvent]:
         self._last_sample = now
-        self._sampled_s = sample.device_time_s
+        before_s, self._sampled_s = self._sampled_s, sample.device_time_s
         self._offset_s = min(self._offset_s, now - sample.device_time_s)
         pressure = sample.pressure_mbar
         index = sample.segment
@@ -220,6 +221,7 @@ class Watchdog:
             if self._pauses_before(index) != self._pauses_before(self._segment):
                 self._suction_since = None
             self._segment, self._segment_since = index, sample.device_time_s
+            self._segment_after = before_s
         if pressure < self._limits.vent_pressure_mbar:
             self._suction_since = None
         elif self._suction_since is None:
@@ -289,11 +291,25 @@ class Watchdog:
         index = sample.segment
         if index >= len(self._ceilings):  # final vent, or no program seen: only the maximum counts
             return max(self._ceilings, default=self._limits.max_pressure_mbar)
-        command = self._ceilings[index]
+        within_s = sample.device_time_s - self._segment_since
+        command = self._present_command(index, sample.device_time_s)
         # Segments that are over within the grace still show in the pressure, which lags behind
-        if sample.device_time_s - self._segment_since <= self._grace_s[index]:
-            command = max(self._ceilings[: index + 1])
+        if within_s <= self._grace_s[index]:
+            command = max(command, *self._ceilings[:index], 0.0)
         return command
+
+    def _present_command(self, index: int, time_s: float) -> float:
+        """Highest that a segment can command at this time: where its ramp is, by now."""
+        segment, target = self._segments[index], self._targets[index]
+        before = self._targets[index - 1] if index else 0.0
+        if segment.kind is not SegmentKind.RAMP:
+            return target
+        # It began after the last sample of the segment before, and not after its own first one
+        if target > before:
+            longest_s = time_s - self._segment_after
+            return min(target, before + segment.rate_mbar_per_s * longest_s)
+        shortest_s = max(0.0, time_s - self._segment_since - _RAMP_GRACE_S)
+        return max(target, before - segment.rate_mbar_per_s * shortest_s)
 
     def _pauses_before(self, index: int) -> int:
         return self._pauses[index] if 0 <= index < len(self._pauses) else 0

@@ -270,6 +270,24 @@ def test_in_process(monkeypatch):
     assert len([event for event in seen if isinstance(event, Sample)]) > 290
 
 
+def test_the_speed_changes_no_byte_of_a_run(simulate):
+    faults = '[[fault]]\nkind = "drifting_sensor"\n[[fault]]\nkind = "counter_jump"\nat_s = 1.0\n'
+    runs = []
+    for speed in (3, 40):
+        simulated = simulate("--tcp", "0", "--seed", "7", faults=faults, speed=speed)
+        received = []
+        with Probe(
+            simulated.url,
+            on_bytes=lambda way, _, data, to=received: to.append(data) if way == "rx" else None,
+        ) as probe:
+            start(probe, PROGRAM)
+            until(probe, done, [])
+        lines = b"".join(received).split(b"\r\n")
+        runs.append([line for line in lines if line.startswith(b"$S,")])
+    assert len(runs[0]) > 60
+    assert runs[0] == runs[1]
+
+
 def test_unplugged_in_process(monkeypatch, tmp_path):
     """The device lives on while no host can reach it; opening the URL again finds the same one."""
 

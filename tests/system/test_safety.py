@@ -167,8 +167,9 @@ def test_host_hung(simulate, tmp_path):
 def test_overshoot_above_the_command(simulate):
     """The host sees it first where the program's maximum is higher."""
     simulated = simulate("--tcp", "0", faults=fault("overshoot", at_s=1.0, size=35))
-    assert "overshoot" in vents(simulated, (ramp(40, 200), hold(20), ramp(100, 20)))
-    assert max(p for _, p, _ in simulated.rows()) < 76
+    assert "overshoot" in vents(simulated, (ramp(100, 20), hold(20)))
+    # Commanded were 20 mbar then: vented long before it could reach what the program goes to
+    assert max(p for _, p, _ in simulated.rows()) < 90
 
 
 def test_overshoot_above_the_maximum(simulate):

@@ -68,8 +68,11 @@ def test_nothing_is_stale_at_rest():
 @pytest.mark.parametrize(
     ("segment", "since", "t", "good", "bad"),
     [
-        (0, 0, 1, 110, 110.1),
+        (0, 0, 1, 30, 30.1),  # where the ramp is, not where it goes
+        (0, 0, 4.9, 108, 108.1),
         (1, 5, 6, 110, 110.1),
+        (2, 9, 9.4, 110, 110.1),  # the pump may be late on its way down
+        (2, 9, 9.6, 30, 30.1),
         (3, 10, 10.4, 110, 110.1),  # the ramp down still shows
         (3, 10, 10.6, 30, 30.1),
         (5, 15, 15.9, 110, 110.1),  # a vent has its second
@@ -166,7 +169,8 @@ def test_a_pause_between_two_samples_counts():
     dog.on_event(Loaded(program, 20, 500, 60), 0)
     dog.on_event(State(S.RUNNING, "", 0.0), 0)
     for k in range(20 * 80):
-        assert dog.on_event(sample(k / 20, 99, 0 if k < 800 else 2), k / 20) == []
+        pressure = 2.5 * (k % 800) / 20
+        assert dog.on_event(sample(k / 20, pressure, 0 if k < 800 else 2), k / 20) == []
         assert dog.check(k / 20) == []
 
 

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import random
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
 
@@ -412,3 +413,17 @@ def test_the_classic_modes_three_times(mode, rate_hz):
         up = next(s.device_time_s for s in samples if s.pressure_mbar > 90)
         steep = isinstance(MODES[mode][0], tuple) and MODES[mode][0][1] == 1e5
         assert up == pytest.approx(0.064 if steep else 1.82, abs=0.03)
+
+
+def test_the_table_in_the_documentation_is_the_codes():
+    text = (Path(__file__).parents[3] / "docs" / "simulator.md").read_text(encoding="utf-8")
+    rows = [[c.strip() for c in line.split("|")[1:-1]] for line in text.splitlines() if "|" in line]
+    documented = {row[0].strip("`"): row[2:] for row in rows if row[0].strip("`") in KINDS}
+    for kind in KINDS:
+        for table, cell in zip((RATES, SIZES), documented[kind], strict=True):
+            amount = table.get(kind)
+            assert cell == (
+                "–"
+                if amount is None
+                else f"{amount.meaning}: {amount.default:g} ({amount.low:g} to {amount.high:g})"
+            )
