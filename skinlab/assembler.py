@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from drivers.events import (
+    PROGRAM_DONE,
     PROGRAM_END,
     Event,
     Gap,
@@ -49,7 +50,7 @@ class CurveAssembler:
             case State(InstrumentState.RUNNING) if not self._running and self._next is not None:
                 messages.append(self._begin())
             case State(state, reason) if self._running and state is not InstrumentState.RUNNING:
-                if reason != PROGRAM_END:
+                if reason not in {PROGRAM_END, PROGRAM_DONE}:
                     self._cut = self._cut or reason
                 messages += self._finish()
             case Sample() if self._running and self._setup is not None:

@@ -98,9 +98,10 @@ def run(
     from skinlab.measure import measure
     from skinlab.pipeline import Pipeline
     from skinlab.recording import Recording
+    from skinlab.report.outage import outage_words
     from skinlab.report.text import describe
     from skinlab.sources import LiveSource
-    from skinlab.stream import Flagged, Identified, Message
+    from skinlab.stream import Flagged, Happened, Identified, Message
 
     results: list[Identification] = []
 
@@ -111,6 +112,8 @@ def run(
                 click.echo(describe(message.result))
         elif isinstance(message, Flagged):
             click.echo(f"skinlab: curve {message.index}: {message.finding}", err=True)
+        elif isinstance(message, Happened) and (words := outage_words(message.event)):
+            click.echo(f"skinlab: {words}", err=True)
 
     # A terminated process, or one whose terminal is closed, vents like an interrupted one.
     for name in _SIGNALS:
