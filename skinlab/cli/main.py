@@ -17,6 +17,10 @@ _COMMANDS = {
     "recover": ("recover", "Turn what a crash left into a session."),
     "session": ("session", "Check a session, or say what is in it."),
     "identify": ("identify", "Identify skin parameters from curves."),
+    "import": ("import_", "Make a session of curves that other software exported."),
+    "watch": ("watch", "Identify each exported file as it lands in a folder."),
+    "export": ("export", "Write a session as tidy files."),
+    "capture": ("capture", "Record the raw bytes of a real instrument."),
     "forward": ("forward", "Simulate a curve."),
     "database": ("database", "The precomputed finite-element database."),
 }

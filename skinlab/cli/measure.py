@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import signal
 import sys
 from pathlib import Path
-from types import FrameType
 from typing import Any
 
 import click
 
+from skinlab.cli.interrupts import interrupt_on_signals
 from skinlab.cli.options import (
     geometry_options,
     identification_options,
@@ -110,8 +109,7 @@ def run(
                 click.echo(describe(message.result))
 
     # A terminated process, or one whose terminal is closed, vents like an interrupted one.
-    for name in _SIGNALS:
-        signal.signal(getattr(signal, name), _interrupt)
+    interrupt_on_signals()
     recording = Recording(out, identifier, subject=subject, site=site, url=port)
     try:
         with Probe(port, on_bytes=recording.journal.raw) as probe:
@@ -127,13 +125,3 @@ def run(
         elif saved:
             click.echo(f"session: {saved}")
     return 0
-
-
-_SIGNALS = [s for s in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, s)]  # Windows: no HUP
-
-
-def _interrupt(number: int, frame: FrameType | None) -> None:
-    # Once: an impatient second one must not interrupt the vent and the saving.
-    for name in _SIGNALS:
-        signal.signal(getattr(signal, name), signal.SIG_IGN)
-    raise KeyboardInterrupt

@@ -23,7 +23,7 @@ def command(session: Path, speed: str, verify: bool, as_json: bool) -> int:
     Example: skinlab replay visit.h5 --speed max --verify
     """
     from skinlab.identify.result import Identification, document
-    from skinlab.replay import differences, identifier_of, replay
+    from skinlab.replay import differences, identifier_of, is_imported, replay
     from skinlab.report.text import describe
     from skinlab.session import read_session
     from skinlab.stream import Identified, Message
@@ -32,6 +32,9 @@ def command(session: Path, speed: str, verify: bool, as_json: bool) -> int:
     identifier, warning = identifier_of(recorded)
     if warning:
         click.echo(f"skinlab: {warning}", err=True)
+    if is_imported(recorded):
+        sentence = "imported curves: there are no bytes to replay; the curves are identified again"
+        click.echo(f"skinlab: {session}: {sentence}", err=True)
     results: list[Identification] = []
 
     def show(message: Message) -> None:
