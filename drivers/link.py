@@ -47,7 +47,18 @@ def list_ports() -> tuple[PortInfo, ...]:
     )
 
 
-def open_link(url: str) -> Link:
+@dataclass(frozen=True, slots=True)
+class LineSettings:
+    """How a serial line is set; it means nothing to a socket. The default is that of docs/wire.md.
+
+    framing: data bits, parity (N, E, O) and stop bits, such as 8N1.
+    """
+
+    baud_rate: int = BAUD_RATE
+    framing: str = "8N1"
+
+
+def open_link(url: str, settings: LineSettings = LineSettings()) -> Link:
     """Open a serial port, or what a pyserial URL names.
 
     `/dev/ttyUSB0`, `COM3`, `socket://HOST:PORT`, `rfc2217://HOST:PORT`, `sim://?skin=FILE&seed=N`.
@@ -58,7 +69,10 @@ def open_link(url: str) -> Link:
     try:
         port = serial.serial_for_url(
             url,
-            baudrate=BAUD_RATE,
+            baudrate=settings.baud_rate,
+            bytesize=int(settings.framing[0]),
+            parity=settings.framing[1],
+            stopbits=int(settings.framing[2]),
             timeout=_POLL_S,
             write_timeout=_WRITE_TIMEOUT_S,
             exclusive=True,
