@@ -2,11 +2,13 @@
 
     python benchmarks/acquisition.py [--minutes 10] [--rates 1000 100] [--out FILE]
 
-The simulated probe runs in a process of its own and notes when it wrote each sample. The host is what
-`skinlab measure` is: probe, journal, assembler, identification, one listener. Its processor time is that
-of its process alone (resource.getrusage), from Start to the curve's last sample; what follows (identifying,
-writing the session) is reported apart, and the samples of the final vent are not looked at. Latency runs from the probe's write to the listener's call, by
-the one monotonic clock that both processes have (Linux).
+The simulated probe runs in a process of its own and notes when it wrote each sample. The host is
+what `skinlab measure` is: probe, journal, assembler, identification, one listener. Its processor
+time is that of its process alone (resource.getrusage), from Start to the curve's last sample; what
+follows (identifying, writing the session) is reported apart, and the samples of the final vent are
+not looked at. Latency runs from the probe's write to the listener's call, by the one monotonic
+clock that both processes have (Linux). On a machine that is busy with other things the probe's
+process may be silent for longer than the 300 ms after which the host vents; `trouble` says so then.
 """
 
 from __future__ import annotations
@@ -76,6 +78,7 @@ class Listener:
         self.begin = self.end = (0.0, 0.0)
 
     def __call__(self, message: object) -> None:
+        """Take one message of the pipeline."""
         from drivers.events import Damaged, Gap
         from skinlab.stream import CurveCompleted, CurveStarted, Happened, Sampled
 
@@ -105,6 +108,7 @@ def acquire(rate_hz: float, cycles: int) -> dict[str, Any]:
     from drivers.probe import Probe
     from skinlab.cli.options import make_identifier
     from skinlab.curve import Setup
+    from skinlab.errors import AcquisitionError
     from skinlab.measure import Plan, measure
     from skinlab.pipeline import Pipeline
     from skinlab.program import parse_program
@@ -131,9 +135,15 @@ def acquire(rate_hz: float, cycles: int) -> dict[str, Any]:
         with Probe(url, on_bytes=recording.journal.raw) as probe:
             probe.open()
             source = LiveSource(probe, recording.journal)
-            measure(
-                source, Plan(setup, rate_hz=rate_hz), Pipeline(identifier, [recording, listener])
+            plan, pipeline = (
+                Plan(setup, rate_hz=rate_hz),
+                Pipeline(identifier, [recording, listener]),
             )
+            trouble = None
+            try:
+                measure(source, plan, pipeline)
+            except AcquisitionError as error:
+                trouble = str(error)
         recording.finish()
         finished = clocks()
         probe_process.terminate()
@@ -146,6 +156,7 @@ def acquire(rate_hz: float, cycles: int) -> dict[str, Any]:
     late_ms = 1e3 * (came - written[: len(came)])
     return {
         "rate_hz": rate_hz,
+        "trouble": trouble,
         "minutes": wall / 60,
         "samples_heard": len(came),
         "samples_in_session": stored,
@@ -156,6 +167,10 @@ def acquire(rate_hz: float, cycles: int) -> dict[str, Any]:
             "median": float(np.median(late_ms)),
             "p99": float(np.percentile(late_ms, 99)),
             "worst": float(late_ms.max()),
+        },
+        "longest_silence_ms": {
+            "probe": float(1e3 * np.diff(written).max()),
+            "host": float(1e3 * np.diff(came).max()),
         },
         "afterwards_s": finished[0] - listener.end[0],
         "peak_memory_MB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,

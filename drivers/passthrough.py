@@ -56,7 +56,7 @@ def open_software_side(where: str, settings: LineSettings) -> tuple[str, Link]:
         if where == "tcp" or where.startswith("tcp:"):
             tcp = _Tcp(int(where.partition(":")[2] or "0"))
             return tcp.url, tcp
-    except (OSError, OverflowError, ValueError) as error:
+    except (OSError, ValueError) as error:
         raise LinkError(f"cannot open {where} for the software: {error}") from None
     return where, open_link(where, settings)
 
@@ -96,6 +96,8 @@ class _Tcp:
     """One program at a time; it can leave, and another one come."""
 
     def __init__(self, port: int) -> None:
+        if not 0 <= port <= 65535:
+            raise ValueError(f"port {port} is outside 0 to 65535")
         self._listener = socket.create_server(("127.0.0.1", port))
         self._peer: socket.socket | None = None
         self._unread = b""

@@ -5,6 +5,7 @@ The raw bytes are the record; curves and results stand beside them and can be ma
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import os
@@ -99,7 +100,8 @@ def write_session(path: Path, session: Session) -> None:
             _write(file, session)
         os.replace(partial, path)
     except OSError as error:
-        partial.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            partial.unlink(missing_ok=True)
         raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
 
 

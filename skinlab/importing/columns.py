@@ -94,6 +94,12 @@ def _found(table: Table, role: Role, taken: tuple[int, ...], answers: Answers) -
     else:
         left = [k for k in numeric if table.headings[k].role is None and k not in taken]
         open_question = f"line {table.header_line}: nothing says which column is the {role}"
+    for k, heading in enumerate(table.headings):
+        if not fitting and heading.role == role and table.columns[k] is None:
+            raise InputError(
+                f"line {table.lines[0]}: the {role} (column {heading.text!r}) is no number in most "
+                "rows; expected numbers"
+            )
     if not left:
         hint = "; or give the pressure program with --program" if role == "pressure" else ""
         raise InputError(

@@ -14,6 +14,7 @@ _MARKS = (
     (codecs.BOM_UTF16_LE, "utf-16", "UTF-16"),
     (codecs.BOM_UTF16_BE, "utf-16", "UTF-16"),
 )
+_NO_TEXT = "it is no text; expected a table of numbers as text, or .xlsx"
 # Windows' extension of Latin-1: the same where Latin-1 has printable characters.
 _LATIN = "cp1252"
 
@@ -33,11 +34,12 @@ def decode(data: bytes, answers: Answers) -> tuple[str, str]:
     guessed = _utf16_without_mark(data)
     if guessed is not None:
         return _checked(data, guessed, "UTF-16"), "UTF-16"
+    if b"\0" in data:
+        raise InputError(_NO_TEXT)
     try:
-        text, name = data.decode("utf-8"), "UTF-8"
+        return data.decode("utf-8"), "UTF-8"
     except UnicodeDecodeError:
-        text, name = _checked(data, _LATIN, "Latin-1"), "Latin-1"
-    return _text_only(text), name
+        return _checked(data, _LATIN, "Latin-1"), "Latin-1"
 
 
 def _strictly(data: bytes, name: str) -> str:
@@ -45,7 +47,7 @@ def _strictly(data: bytes, name: str) -> str:
     if codec is None:
         marked = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
         codec = "utf-16" if marked else _utf16_without_mark(data) or "utf-16-le"
-    return _text_only(_checked(data, codec, name))
+    return _checked(data, codec, name)
 
 
 def _utf16_without_mark(data: bytes) -> str | None:
@@ -64,12 +66,9 @@ def _utf16_without_mark(data: bytes) -> str | None:
 
 def _checked(data: bytes, codec: str, name: str) -> str:
     try:
-        return _text_only(data.decode(codec))
+        text = data.decode(codec)
     except UnicodeDecodeError as error:
         raise InputError(f"byte {error.start + 1} is not {name} text") from None
-
-
-def _text_only(text: str) -> str:
     if "\0" in text:
-        raise InputError("it is no text; expected a table of numbers as text, or .xlsx")
+        raise InputError(_NO_TEXT)
     return text
