@@ -74,6 +74,7 @@ class Listener:
     def __init__(self) -> None:
         self.came: list[float] = []
         self.lost = 0
+        self.cut: str | None = None
         self.damaged = 0
         self.begin = self.end = (0.0, 0.0)
 
@@ -88,6 +89,7 @@ class Listener:
             case CurveStarted():
                 self.begin = clocks()
             case CurveCompleted():
+                self.cut = message.cut
                 self.end = clocks()
             case Happened(Gap(expected, received)):
                 self.lost += received - expected
@@ -129,26 +131,28 @@ def acquire(rate_hz: float, cycles: int) -> dict[str, Any]:
             text=True,
         )
         assert probe_process.stdout is not None
-        url = probe_process.stdout.readline().strip()
-        setup = Setup(6.0, 1.0, parse_program(",".join([CYCLE] * cycles)))
-        recording = Recording(out, identifier, url=url)
-        with Probe(url, on_bytes=recording.journal.raw) as probe:
-            probe.open()
-            source = LiveSource(probe, recording.journal)
-            plan, pipeline = (
-                Plan(setup, rate_hz=rate_hz),
-                Pipeline(identifier, [recording, listener]),
-            )
-            trouble = None
-            try:
-                measure(source, plan, pipeline)
-            except AcquisitionError as error:
-                trouble = str(error)
-        recording.finish()
-        finished = clocks()
-        probe_process.terminate()
-        probe_process.wait()
-        probe_process.stdout.close()
+        try:
+            url = probe_process.stdout.readline().strip()
+            setup = Setup(6.0, 1.0, parse_program(",".join([CYCLE] * cycles)))
+            recording = Recording(out, identifier, url=url)
+            with Probe(url, on_bytes=recording.journal.raw) as probe:
+                probe.open()
+                source = LiveSource(probe, recording.journal)
+                plan, pipeline = (
+                    Plan(setup, rate_hz=rate_hz),
+                    Pipeline(identifier, [recording, listener]),
+                )
+                trouble = None
+                try:
+                    measure(source, plan, pipeline)
+                except AcquisitionError as error:
+                    trouble = str(error)
+            recording.finish()
+            finished = clocks()
+        finally:
+            probe_process.terminate()
+            probe_process.wait()
+            probe_process.stdout.close()
         written = np.load(log)
         stored = sum(len(curve) for curve in read_session(out).curves)
     came = np.array(listener.came)
@@ -156,7 +160,7 @@ def acquire(rate_hz: float, cycles: int) -> dict[str, Any]:
     late_ms = 1e3 * (came - written[: len(came)])
     return {
         "rate_hz": rate_hz,
-        "trouble": trouble,
+        "trouble": trouble or listener.cut,
         "minutes": wall / 60,
         "samples_heard": len(came),
         "samples_in_session": stored,
@@ -174,7 +178,8 @@ def acquire(rate_hz: float, cycles: int) -> dict[str, Any]:
         },
         "afterwards_s": finished[0] - listener.end[0],
         "peak_memory_MB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
-        "other_load": os.getloadavg()[0],
+        "load_average": os.getloadavg()[0],
+        "nice": os.nice(0),
     }
 
 
