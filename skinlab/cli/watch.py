@@ -9,6 +9,7 @@ import click
 
 from skinlab.cli.importing import form_options, stated
 from skinlab.cli.interrupts import interrupt_on_signals
+from skinlab.cli.method_options import MethodCommand
 from skinlab.cli.options import (
     geometry_options,
     identification_options,
@@ -18,7 +19,7 @@ from skinlab.cli.options import (
 )
 
 
-@click.command()
+@click.command(cls=MethodCommand)
 @click.argument("folder", type=click.Path(path_type=Path))
 @geometry_options(required=True)
 @click.option("--program", help="What the pump does, e.g. ramp:100@20.")
