@@ -14,6 +14,7 @@ process may be silent for longer than the 300 ms after which the host vents; `tr
 from __future__ import annotations
 
 import argparse
+import gc
 import json
 import os
 import resource
@@ -22,6 +23,8 @@ import subprocess
 import sys
 import tempfile
 import time
+from array import array
+from multiprocessing import get_context
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -43,13 +46,14 @@ def be_the_probe(log: Path) -> None:
     from sim_device.build import build_device
     from sim_device.serve import PtyHost, serve
 
-    written: list[tuple[float, int]] = []
+    written, counts = array("d"), array("q")
 
     class Host(PtyHost):
         def send(self, data: bytes) -> None:
             samples = data.count(b"$S,")
             if samples:
-                written.append((time.monotonic(), samples))
+                written.append(time.monotonic())
+                counts.append(samples)
             super().send(data)
 
     def end(_signal: int, _frame: FrameType | None) -> None:
@@ -57,12 +61,13 @@ def be_the_probe(log: Path) -> None:
 
     signal.signal(signal.SIGTERM, end)
     device = build_device(None, seed=1, speed=1.0, aperture_mm=6.0)
+    set_apart()
     with Host() as host:
         print(host.url, flush=True)
         try:
             serve(device, host, 1.0)
         finally:
-            np.save(log, np.repeat([t for t, _ in written], [n for _, n in written]))
+            np.save(log, np.repeat(np.array(written), np.array(counts)))
 
 
 # ---- the host ----------------------------------------------------------------------------------
@@ -97,6 +102,12 @@ class Listener:
                 self.damaged += 1
             case _:
                 pass
+
+
+def set_apart() -> None:
+    """Keep what is here by now out of garbage collections, as `skinlab measure` does."""
+    gc.collect()
+    gc.freeze()
 
 
 def clocks() -> tuple[float, float]:
@@ -135,6 +146,7 @@ def acquire(rate_hz: float, cycles: int) -> dict[str, Any]:
             url = probe_process.stdout.readline().strip()
             setup = Setup(6.0, 1.0, parse_program(",".join([CYCLE] * cycles)))
             recording = Recording(out, identifier, url=url)
+            set_apart()
             with Probe(url, on_bytes=recording.journal.raw) as probe:
                 probe.open()
                 source = LiveSource(probe, recording.journal)
@@ -195,7 +207,10 @@ def main() -> None:
         be_the_probe(arguments.be_the_probe)
         return
     cycles = max(1, round(60 * arguments.minutes / CYCLE_S))
-    runs = [acquire(rate, cycles) for rate in arguments.rates]
+    runs = []
+    for rate in arguments.rates:  # each in a process of its own, as a measurement is
+        with get_context("spawn").Pool(1) as pool:
+            runs.append(pool.apply(acquire, (rate, cycles)))
     text = json.dumps({"python": sys.version.split()[0], "runs": runs}, indent=1)
     arguments.out.write_text(text + "\n")
     print(text)

@@ -45,7 +45,7 @@ def test_csv_reads_back_to_the_same_bits(session, tmp_path):
         assert again.setup == curve.setup
         for name in NUMBERS:
             np.testing.assert_array_equal(getattr(again, name), getattr(curve, name))
-    assert len(read_input(tmp_path / "new" / "folder", None)) == 2
+    assert len(read_input(tmp_path / "new" / "folder", None).curves) == 2
     with (tmp_path / "new" / "folder" / "curves.csv").open(newline="", encoding="utf-8") as file:
         first, second = csv.DictReader(file)
     value = session.results[0]["parameters"]["X1_MPa"]["value"]

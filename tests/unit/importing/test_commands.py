@@ -34,6 +34,11 @@ def call(capsys, tmp_path, monkeypatch):
     return call
 
 
+def values(entries):
+    """What was identified, without the intervals: those look at all curves of an input together."""
+    return [{n: v["value"] for n, v in entry["parameters"].items()} for entry in entries]
+
+
 def test_several_files_become_one_session(call):
     status, out, err = call(
         "import", "a.txt", "b.txt", "--aperture-mm", "6", "--aperture-mm", "2", "--thickness-mm",
@@ -67,12 +72,10 @@ def test_an_imported_session_is_one_like_any_other(call):
         assert status == 0
         assert "imported curves: there are no bytes to replay" in err
         replayed = json.loads(out)["curves"]
-        assert [c["parameters"] for c in replayed] == [c["parameters"] for c in identified]
+        assert values(replayed) == values(identified)
     assert call("export", "s.h5", "--to", "csv", "tidy")[0] == 0
     status, out, _ = call("identify", "tidy", "--json")
-    assert [c["parameters"] for c in json.loads(out)["curves"]] == [
-        c["parameters"] for c in identified
-    ]
+    assert values(json.loads(out)["curves"]) == values(identified)
 
 
 def test_the_good_ones_come_first_and_the_json_says_which_failed(call):
