@@ -15,6 +15,8 @@ from skinlab.importing.folder import Arrival, Folder
 from skinlab.importing.questions import Answers
 from skinlab.importing.reader import Imported, import_bytes
 from skinlab.importing.session import imported_session, write_session
+from skinlab.pipeline import Pipeline
+from skinlab.stream import Identified, Message
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,23 +45,28 @@ class Watch:
         self._setup = setup
         self._answers = answers
         self._identifier = identifier
+        self._pipeline = Pipeline(identifier, [self._hear])
+        self._heard: Identification | None = None
         self._now = now
         self._clock = clock
         self._unsaved = False
 
     def take(self, arrival: Arrival) -> Landed:
         """Identify a file; one that cannot be read gives a result with an error."""
-        landed = self._identified(arrival)
         same = [k for k, one in enumerate(self.landed) if one.path == arrival.path]
         # What failed, or was only the beginning of this one, is replaced by it.
-        if same and (arrival.continues or self.landed[same[-1]].imported is None):
-            self.landed[same[-1]] = landed
-        else:
-            self.landed.append(landed)
+        replaced = same and (arrival.continues or self.landed[same[-1]].imported is None)
+        at = same[-1] if replaced else len(self.landed)
+        landed = self._identified(arrival, at)
+        self.landed[at : at + 1] = [landed]
         self._unsaved = self._unsaved or landed.imported is not None
         return landed
 
-    def _identified(self, arrival: Arrival) -> Landed:
+    def _hear(self, message: Message) -> None:
+        if isinstance(message, Identified):
+            self._heard = message.result
+
+    def _identified(self, arrival: Arrival, at: int) -> Landed:
         path = arrival.path
         try:
             imported = import_bytes(path, arrival.data, self._setup, self._answers)
@@ -67,7 +74,10 @@ class Watch:
             if times and not arrival.continues:
                 name = f"{imported.curve.name} ({times + 1})"
                 imported = replace(imported, curve=replace(imported.curve, name=name))
-            return Landed(path, self._identifier(imported.curve), imported)
+            number = 1 + sum(one.imported is not None for one in self.landed[:at])
+            self._pipeline.complete(number, imported.curve)
+            assert self._heard is not None  # a pipeline with an identifier always answers
+            return Landed(path, self._heard, imported)
         except InputError as error:
             return Landed(path, Identification(path.name, self._setup, str(error)), None)
 
