@@ -41,7 +41,10 @@ def form_options() -> Callable[[F], F]:
         for name in reversed(_HELP):
             choices = _CHOICES.get(name)
             kind = click.Choice(choices, case_sensitive=False) if choices else None
-            function = click.option(f"--{name}", type=kind, help=_HELP[name])(function)
+            shown = f"[{'|'.join(choices)}]" if choices else None
+            function = click.option(f"--{name}", type=kind, metavar=shown, help=_HELP[name])(
+                function
+            )
         return function
 
     return apply

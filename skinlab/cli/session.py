@@ -50,7 +50,8 @@ def info(session: Path) -> int:
         simulated = " (SIMULATED)" if instrument.get("simulated") else ""
         click.echo(f"  instrument {instrument.get('model', '-')}{simulated} at {meta.get('url')}")
     else:
-        click.echo(f"  from {len(imported)} files of other software; no instrument was connected")
+        files = "one file" if len(imported) == 1 else f"{len(imported)} files"
+        click.echo(f"  from {files} of other software; no instrument was connected")
     for curve, result in zip(read.curves, read.results, strict=True):
         setup = curve.setup
         state = " partial" if curve.partial else ""

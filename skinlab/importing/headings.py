@@ -36,7 +36,7 @@ def read_heading(text: str, unit_text: str = "") -> Heading:
     >>> read_heading("Druck [mbar]").role
     'pressure'
     """
-    text = text.strip().strip("\"'").strip()
+    text = text.strip(" \t\"'#%")
     name, unit, bracketed = _take_apart(text)
     if unit_text.strip():
         name, unit, bracketed = text, find_unit(unit_text), True

@@ -55,8 +55,9 @@ def _cut(raw: Sequence[str], separator: str) -> list[Line]:
         loose: list[str] = []
         if separator == "space":
             # "Time (s)" is one name; where names have spaces, two of them may separate
-            cells = re.sub(r"\s+(?=[(\[])", "", text).split()
-            loose = re.split(r"\s{2,}|\t", text.strip())
+            bare = text.lstrip(" \t#%")
+            cells = re.sub(r"\s+(?=[(\[])", "", bare).split()
+            loose = re.split(r"\s{2,}|\t", bare.strip())
         else:
             cells = next(csv.reader([text], delimiter=SEPARATORS[separator]), [])
         while cells and not cells[-1].strip():

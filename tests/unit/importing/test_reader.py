@@ -183,6 +183,12 @@ def test_columns_cut_at_spaces():
     check_ramp(read(text, RAMP))
 
 
+def test_a_header_that_is_marked_as_a_remark():
+    for separator in (" ", ",", "\t"):
+        check_ramp(read(separator.join(["# time_s", "pressure_mbar", "deflection_mm"]) + "\n"
+            + rows(separator)))  # fmt: skip
+
+
 def test_without_a_column_of_the_pressure_the_program_gives_it():
     text = "time (s);deflection (mm)\n" + rows(pick=(0, 2))
     imported = read(text, RAMP)
