@@ -43,4 +43,7 @@ def read_input(path: Path, setup: Setup | None) -> Input:
 
         curves = read_session(path).curves
         return Input(tuple(replace(curve, name=f"{path}:{curve.name}") for curve in curves))
-    raise InputError(f"{path}: expected a curve (.csv), a session (.h5) or a campaign (.toml)")
+    raise InputError(
+        f"{path}: expected a curve (.csv), a session (.h5) or a campaign (.toml); "
+        "`skinlab import` takes what other software exports"
+    )

@@ -15,6 +15,7 @@ SEPARATORS = {"tab": "\t", "semicolon": ";", "comma": ",", "space": " "}
 DECIMALS = {"point": ".", "comma": ","}
 
 _LONGEST_LINE = 10_000
+_SAMPLE_LINES = 2_000
 _DIGITS = re.compile(r"[0-9]+")
 
 
@@ -29,13 +30,12 @@ def table_from_text(text: str, answers: Answers) -> tuple[Table, str]:
         if len(line) > _LONGEST_LINE:
             raise InputError(f"line {number}: {len(line)} characters; expected rows of a table")
     separator, decimal = answers.stated("separator"), answers.stated("decimal")
-    best: tuple[Draft, list[Line], str] | None = None
-    for name in [separator] if separator else SEPARATORS:
-        lines = _cut(raw, name)
-        for sign in [decimal] if decimal else DECIMALS:
-            draft = survey(lines, DECIMALS[sign])
-            if draft is not None and (best is None or draft.score > best[0].score):
-                best = draft, lines, name
+    separators = [separator] if separator else list(SEPARATORS)
+    signs = [decimal] if decimal else list(DECIMALS)
+    if len(raw) > _SAMPLE_LINES:  # the beginning of a long file tells the separator
+        begun = _best(raw[:_SAMPLE_LINES], separators, signs)
+        separators = separators if begun is None else [begun[2]]
+    best = _best(raw, separators, signs)
     if best is None:
         raise InputError(
             "no table found; expected rows of at least two numbers, separated by tabs, "
@@ -46,6 +46,20 @@ def table_from_text(text: str, answers: Answers) -> tuple[Table, str]:
         return _paired(draft, lines, answers), "separator comma, decimal comma"
     sign = "comma" if draft.decimal == "," else "point"
     return finish(lines, draft), f"separator {name}, decimal {sign}"
+
+
+def _best(
+    raw: Sequence[str], separators: Sequence[str], signs: Sequence[str]
+) -> tuple[Draft, list[Line], str] | None:
+    """Return the form that explains most, the lines cut by it, and its separator."""
+    best: tuple[Draft, list[Line], str] | None = None
+    for name in separators:
+        lines = _cut(raw, name)
+        for sign in signs:
+            draft = survey(lines, DECIMALS[sign])
+            if draft is not None and (best is None or draft.score > best[0].score):
+                best = draft, lines, name
+    return best
 
 
 def _cut(raw: Sequence[str], separator: str) -> list[Line]:

@@ -183,6 +183,16 @@ def test_columns_cut_at_spaces():
     check_ramp(read(text, RAMP))
 
 
+def test_a_long_file_whose_decimals_come_late():
+    rest = "".join(f"{i / 10:.1f};0;0\n".replace(".0;", ";") for i in range(0, 25000, 10))
+    pull = "".join(f"{2500 + i / 10:.1f};{i};0.00{i}\n" for i in range(1, 10))
+    for sign in ".,":
+        text = "t (s);p (mbar);w (mm)\n" + (rest + pull).replace(".", sign)
+        curve = read(text).curve
+        assert len(curve) == 2509
+        assert curve.deflection_mm[-1] == 0.009
+
+
 def test_a_header_that_is_marked_as_a_remark():
     for separator in (" ", ",", "\t"):
         check_ramp(read(separator.join(["# time_s", "pressure_mbar", "deflection_mm"]) + "\n"
