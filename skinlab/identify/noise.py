@@ -23,7 +23,7 @@ TABLE_UM = 0.01  # interpolation in the database, and the least noise there is
 _LEAST_PRESSURE_NOISE_MBAR = 0.02  # less is rounding
 _FEWEST = 12  # samples from which a noise is judged by its roughness
 _UNREMARKABLE_UM = 0.15  # no sensor is that good: smaller misfits are the mesh's and the table's
-_SIGNIFICANT = 3.6  # ln(rms²/roughness²) of white noise is below 3.6/√u in 99.5 % of curves
+_SIGNIFICANT = 4.0  # ln(rms²/roughness²) of white noise is below 4/√u in 99 % of curves
 
 
 def legendre(x: Array, orders: int) -> Array:
@@ -69,7 +69,8 @@ def pressure_noise_mbar(time_s: Array, pressure_mbar: Array) -> float:
     """Return the standard deviation of the noise in a pressure channel (n,), mbar.
 
     Each reading is compared with the cubic through its four neighbours in time, which a pump's
-    course follows closely; by the median, so that corners of a program do not count.
+    course follows closely, and with the reading before, which steps of a program leave alone; by
+    the median, so that corners do not count.
     """
     n = len(time_s)
     if n < _FEWEST:
@@ -85,7 +86,8 @@ def pressure_noise_mbar(time_s: Array, pressure_mbar: Array) -> float:
         guess += weight * pressure_mbar[2 + s : n - 2 + s]
         variance += weight**2
     misses = np.abs(pressure_mbar[2:-2] - guess) / np.sqrt(variance)
-    found = float(np.median(misses)) / float(norm.ppf(0.75))
+    steps = np.abs(np.diff(pressure_mbar)) / np.sqrt(2.0)
+    found = min(float(np.median(misses)), float(np.median(steps))) / float(norm.ppf(0.75))
     return found if found >= _LEAST_PRESSURE_NOISE_MBAR else 0.0
 
 
