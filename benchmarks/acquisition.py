@@ -1,6 +1,6 @@
 """What acquisition costs, loses and delays, over a pseudo terminal. Prints and saves JSON.
 
-    python benchmarks/acquisition.py [--minutes 10] [--rates 1000 100] [--out FILE]
+    python benchmarks/acquisition.py [--minutes 10] [--rates 1000 100] [--minutes-others 2]
 
 The simulated probe runs in a process of its own and notes when it wrote each sample. The host is
 what `skinlab measure` is: probe, journal, assembler, identification, one listener. Its processor
@@ -198,17 +198,19 @@ def acquire(rate_hz: float, cycles: int) -> dict[str, Any]:
 def main() -> None:
     """Run the benchmark."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--minutes", type=float, default=10.0, help="of each rate")
+    parser.add_argument("--minutes", type=float, default=10.0, help="of the first rate")
     parser.add_argument("--rates", type=float, nargs="+", default=[1000.0, 100.0])
+    parser.add_argument("--minutes-others", type=float, default=2.0, help="of the other rates")
     parser.add_argument("--out", type=Path, default=FOLDER / "results" / "acquisition.json")
     parser.add_argument("--be-the-probe", type=Path, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.be_the_probe is not None:
         be_the_probe(arguments.be_the_probe)
         return
-    cycles = max(1, round(60 * arguments.minutes / CYCLE_S))
     runs = []
-    for rate in arguments.rates:  # each in a process of its own, as a measurement is
+    for number, rate in enumerate(arguments.rates):  # each in a process of its own
+        minutes = arguments.minutes_others if number else arguments.minutes
+        cycles = max(1, round(60 * minutes / CYCLE_S))
         with get_context("spawn").Pool(1) as pool:
             runs.append(pool.apply(acquire, (rate, cycles)))
     text = json.dumps({"python": sys.version.split()[0], "runs": runs}, indent=1)
