@@ -6,6 +6,7 @@ import contextlib
 import errno
 from dataclasses import dataclass
 from typing import Protocol
+from urllib.parse import parse_qsl
 
 import serial
 from serial.tools import list_ports as serial_list_ports
@@ -13,6 +14,7 @@ from serial.tools import list_ports as serial_list_ports
 from drivers.errors import LinkError
 
 BAUD_RATE = 115_200
+BAUD_RATES = (1_200, 4_000_000)  # what a URL may ask for
 _POLL_S = 0.01  # one read waits this long; fixed, because setting it talks to the port each time
 _WRITE_TIMEOUT_S = 0.5
 _SIMULATOR = "sim_device"  # where pyserial finds `sim://`; a name, so that nothing is imported here
@@ -33,53 +35,90 @@ class Link(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class PortInfo:
-    """A serial port of this computer: what to open, and what to show for it."""
+    """A serial port of this computer: what to open, and what is known of it (empty: nothing)."""
 
     url: str
     description: str
+    manufacturer: str = ""
+    product: str = ""
+    serial_number: str = ""
+    usb_id: str = ""  # vendor:product, hexadecimal
+    location: str = ""
+
+    @property
+    def details(self) -> str:
+        """All that is known, in one line."""
+        known = [self.description, self.manufacturer, self.serial_number, self.usb_id]
+        return ", ".join(dict.fromkeys(text for text in known if text))
 
 
 def list_ports() -> tuple[PortInfo, ...]:
     """Look for serial ports of this computer, sorted by name."""
     return tuple(
-        PortInfo(port.device, port.description or port.device)
+        PortInfo(
+            url=port.device,
+            description=_said(port.description) or "serial port",
+            manufacturer=port.manufacturer or "",
+            product=port.product or "",
+            serial_number=port.serial_number or "",
+            usb_id="" if port.vid is None or port.pid is None else f"{port.vid:04x}:{port.pid:04x}",
+            location=port.location or "",
+        )
         for port in sorted(serial_list_ports.comports(), key=lambda port: port.device)
     )
 
 
-@dataclass(frozen=True, slots=True)
-class LineSettings:
-    """How a serial line is set; it means nothing to a socket. The default is that of docs/wire.md.
-
-    framing: data bits, parity (N, E, O) and stop bits, such as 8N1.
-    """
-
-    baud_rate: int = BAUD_RATE
-    framing: str = "8N1"
+def _said(text: str | None) -> str:
+    return "" if text is None or text == "n/a" else text  # pyserial's word for nothing
 
 
-def open_link(url: str, settings: LineSettings = LineSettings()) -> Link:
+def open_link(url: str, framing: str = "8N1") -> Link:
     """Open a serial port, or what a pyserial URL names.
 
+    framing: data bits, parity (N, E, O) and stop bits of a serial line; docs/wire.md says 8N1.
     `/dev/ttyUSB0`, `COM3`, `socket://HOST:PORT`, `rfc2217://HOST:PORT`, `sim://?skin=FILE&seed=N`.
+    A serial line may be asked for another speed: `/dev/ttyUSB0?baud=460800`, `rfc2217://…?baud=…`.
     Raises LinkError, one sentence that names the URL.
     """
     if _SIMULATOR not in serial.protocol_handler_packages:
         serial.protocol_handler_packages.append(_SIMULATOR)
     try:
+        name, baud_rate = _split_baud(url)
         port = serial.serial_for_url(
-            url,
-            baudrate=settings.baud_rate,
-            bytesize=int(settings.framing[0]),
-            parity=settings.framing[1],
-            stopbits=int(settings.framing[2]),
+            name,
+            baudrate=baud_rate,
+            bytesize=int(framing[0]),
+            parity=framing[1],
+            stopbits=int(framing[2]),
             timeout=_POLL_S,
-            write_timeout=_WRITE_TIMEOUT_S,
+            # pyserial's rfc2217 knows none, and gives up after 5 s by itself
+            write_timeout=None if name.startswith("rfc2217:") else _WRITE_TIMEOUT_S,
             exclusive=True,
         )
     except Exception as error:
         raise LinkError(f"cannot open {url}: {_why(error)}") from error
     return _SerialLink(url, port)
+
+
+def _split_baud(url: str) -> tuple[str, int]:
+    """Give the URL as pyserial takes it, and the speed of the line. Raises ValueError."""
+    name, _, query = url.partition("?")
+    scheme, colon, _ = name.partition("://")
+    if not query or (colon and scheme != "rfc2217"):
+        return url, BAUD_RATE
+    rate = BAUD_RATE
+    others = []
+    for key, value in parse_qsl(query, keep_blank_values=True):
+        if key == "baud":
+            low, high = BAUD_RATES
+            if not (value.isascii() and value.isdecimal() and low <= int(value) <= high):
+                raise ValueError(f"baud must be a whole number {low} to {high}, not {value!r}")
+            rate = int(value)
+        elif not colon:
+            raise ValueError(f"{key} is not known (baud is)")
+        else:
+            others.append(f"{key}={value}" if value else key)  # pyserial's own
+    return (f"{name}?{'&'.join(others)}" if others else name), rate
 
 
 class _SerialLink:

@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 from drivers.capture import Chunk, Side
 from drivers.errors import LinkError
-from drivers.link import LineSettings, Link, open_link
+from drivers.link import Link, open_link
 
 _READ_BYTES = 4096
 _READ_S = 0.01
@@ -43,7 +43,7 @@ def listen(
             instrument.write(asked)
 
 
-def open_software_side(where: str, settings: LineSettings) -> tuple[str, Link]:
+def open_software_side(where: str, framing: str = "8N1") -> tuple[str, Link]:
     """Make the place to which the software connects, and say what to give it.
 
     where: `pty`, `tcp`, `tcp:PORT` (of this computer), or a serial port, such as one end of a pair
@@ -58,7 +58,7 @@ def open_software_side(where: str, settings: LineSettings) -> tuple[str, Link]:
             return tcp.url, tcp
     except (OSError, ValueError) as error:
         raise LinkError(f"cannot open {where} for the software: {error}") from None
-    return where, open_link(where, settings)
+    return where, open_link(where, framing)
 
 
 class _Pty:

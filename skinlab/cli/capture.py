@@ -13,7 +13,6 @@ from skinlab.cli.interrupts import interrupt_on_signals
 @click.command()
 @click.option("--port", required=True, help="pyserial URL of the instrument: /dev/ttyUSB0, COM3, …")
 @click.option("--through", help="Where its software connects: pty, tcp, tcp:PORT or a serial port.")
-@click.option("--baud", default=115_200, show_default=True, type=click.IntRange(50, 20_000_000))
 @click.option(
     "--framing",
     default="8N1",
@@ -23,9 +22,7 @@ from skinlab.cli.interrupts import interrupt_on_signals
 )
 @click.option("--seconds", type=click.FloatRange(min=0), help="End by itself [default: Ctrl-C].")
 @click.option("--out", required=True, type=click.Path(path_type=Path), help="The file to write.")
-def command(
-    port: str, through: str | None, baud: int, framing: str, seconds: float | None, out: Path
-) -> int:
+def command(port: str, through: str | None, framing: str, seconds: float | None, out: Path) -> int:
     """Record the raw bytes of a real instrument with their times; docs/dialects.md says what for.
 
     Alone it only listens, and sends nothing. With --through it stands between the instrument and
@@ -33,22 +30,20 @@ def command(
     to is printed first.
 
     \b
-    Example: skinlab capture --port /dev/ttyUSB0 --baud 9600 --through pty --out traffic.jsonl
+    Example: skinlab capture --port "/dev/ttyUSB0?baud=9600" --through pty --out traffic.jsonl
     """
     import time
     from contextlib import ExitStack
     from datetime import UTC, datetime
 
     from drivers.capture import CaptureWriter, Side
-    from drivers.link import LineSettings, Link, open_link
+    from drivers.link import Link, open_link
     from drivers.passthrough import listen, open_software_side
     from skinlab.errors import InputError
 
-    settings = LineSettings(baud, framing)
     facts = {
         "created_utc": datetime.now(UTC).isoformat(),
         "port": port,
-        "baud": baud,
         "framing": framing,
         "through": through,
     }
@@ -56,11 +51,11 @@ def command(
         raise InputError(f"{out}: exists already; a capture is never overwritten")
     interrupt_on_signals()
     with ExitStack() as stack:
-        instrument = open_link(port, settings)
+        instrument = open_link(port, framing)
         stack.callback(instrument.close)
         software: Link | None = None
         if through is not None:
-            url, software = open_software_side(through, settings)
+            url, software = open_software_side(through, framing)
             stack.callback(software.close)
         writer = stack.enter_context(CaptureWriter(out, facts))
         if through is not None:

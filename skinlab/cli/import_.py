@@ -34,6 +34,8 @@ def command(
     program: tuple[str, ...],
     cycle: tuple[int, ...],
     repeat: tuple[int, ...],
+    subject: str,
+    site: str,
     out: Path,
     as_json: bool,
     **options: Any,
@@ -51,14 +53,11 @@ def command(
     Example: skinlab import a.txt b.txt --aperture-mm 6 --thickness-mm 1 --cycle 1 --cycle 2 \\
              --program ramp:100@20 --out visit.h5
     """
-    import time
-    from datetime import UTC, datetime
-
     from skinlab.curve import Setup
     from skinlab.errors import InputError
     from skinlab.importing.questions import Answers, Question
     from skinlab.importing.reader import Imported, import_file
-    from skinlab.importing.session import check_new, imported_session, write_session
+    from skinlab.importing.session import Who, check_new, imported_session, write_session
     from skinlab.program import Program, parse_program
 
     programs: list[Program | None] = [parse_program(text) for text in program]
@@ -75,6 +74,7 @@ def command(
             strict=True,
         )
     ]
+    who = Who(subject, site)
     check_new(out)
     reading = files[0]
 
@@ -101,9 +101,7 @@ def command(
         entry.update(points=len(imported.curve), understood=list(imported.understood))
         click.echo(f"{path}: {'; '.join(imported.understood)}", err=True)
     if good:
-        made = imported_session(
-            good, [None] * len(good), None, now=datetime.now(UTC), host_time_s=time.monotonic()
-        )
+        made = imported_session(good, [None] * len(good), None, who)
         write_session(out, made)
     if as_json:
         session = str(out) if good else None

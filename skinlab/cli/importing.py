@@ -45,7 +45,8 @@ def form_options() -> Callable[[F], F]:
             function = click.option(f"--{name}", type=kind, metavar=shown, help=_HELP[name])(
                 function
             )
-        return function
+        function = click.option("--site", default="", help="Where on the body.")(function)
+        return click.option("--subject", default="", help="Pseudonym; never a name.")(function)
 
     return apply
 

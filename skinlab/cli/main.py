@@ -13,15 +13,18 @@ import click
 _COMMANDS = {
     "ui": ("ui", "The bedside terminal UI (also without a command)."),
     "measure": ("measure", "Measure without a screen: acquire, identify, record."),
+    "ports": ("ports", "List the serial ports of this computer."),
     "replay": ("replay", "Run a recorded session through the same pipeline."),
     "recover": ("recover", "Turn what a crash left into a session."),
     "session": ("session", "Check a session, or say what is in it."),
     "identify": ("identify", "Identify skin parameters from curves."),
+    "cutometer": ("cutometer", "The Cutometer's own numbers of step curves."),
     "import": ("import_", "Make a session of curves that other software exported."),
     "watch": ("watch", "Identify each exported file as it lands in a folder."),
     "export": ("export", "Write a session as tidy files."),
     "capture": ("capture", "Record the raw bytes of a real instrument."),
     "forward": ("forward", "Simulate a curve."),
+    "paper": ("paper", "Reproduce the paper's tables and figures."),
     "database": ("database", "The precomputed finite-element database."),
 }
 

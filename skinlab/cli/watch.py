@@ -38,6 +38,8 @@ def command(
     program: str | None,
     cycle: int,
     repeat: int,
+    subject: str,
+    site: str,
     settle_s: float,
     out: Path | None,
     as_json: bool,
@@ -53,14 +55,14 @@ def command(
     Example: skinlab watch exports --aperture-mm 6 --thickness-mm 1 --program ramp:100@20
     """
     import time
-    from datetime import UTC, datetime
+    from datetime import datetime
 
     from skinlab.curve import Setup
     from skinlab.errors import InputError
     from skinlab.identify.result import document
     from skinlab.importing.folder import Folder
     from skinlab.importing.questions import Answers
-    from skinlab.importing.session import check_new
+    from skinlab.importing.session import Who, check_new
     from skinlab.importing.watch import Landed, Watch, watch
     from skinlab.program import parse_program
     from skinlab.recording import new_session_path
@@ -81,8 +83,9 @@ def command(
     answers = Answers(stated(options))
     identifier = make_identifier(**options)
     out = out or new_session_path(Path(), datetime.now())
+    who = Who(subject, site)
     check_new(out)
-    watcher = Watch(out, setup, answers, identifier, lambda: datetime.now(UTC), time.monotonic)
+    watcher = Watch(out, setup, answers, identifier, who)
 
     def trouble(sentence: str) -> None:
         click.echo(f"skinlab: {sentence}", err=True)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from datetime import datetime
 from pathlib import Path
 
 from skinlab.curve import Setup
@@ -14,7 +13,7 @@ from skinlab.identify.result import Identification
 from skinlab.importing.folder import Arrival, Folder
 from skinlab.importing.questions import Answers
 from skinlab.importing.reader import Imported, import_bytes
-from skinlab.importing.session import imported_session, write_session
+from skinlab.importing.session import Who, imported_session, write_session
 from skinlab.pipeline import Pipeline
 from skinlab.stream import Identified, Message
 
@@ -37,8 +36,7 @@ class Watch:
         setup: Setup,
         answers: Answers,
         identifier: Identifier,
-        now: Callable[[], datetime],
-        clock: Callable[[], float],
+        who: Who,
     ) -> None:
         self.out = out
         self.landed: list[Landed] = []
@@ -47,9 +45,8 @@ class Watch:
         self._identifier = identifier
         self._pipeline = Pipeline(identifier, [self._hear])
         self._heard: Identification | None = None
-        self._now = now
-        self._clock = clock
-        self._unsaved = False
+        self._who = who
+        self._saved = self._unsaved = False
 
     def take(self, arrival: Arrival) -> Landed:
         """Identify a file; one that cannot be read gives a result with an error."""
@@ -93,11 +90,10 @@ class Watch:
                 [imported for imported, _ in good],
                 [result for _, result in good],
                 self._identifier,
-                now=self._now(),
-                host_time_s=self._clock(),
+                self._who,
             )
-            write_session(self.out, session)
-            self._unsaved = False
+            write_session(self.out, session, replace=self._saved)
+            self._saved, self._unsaved = True, False
         return self.out if good else None
 
 

@@ -12,7 +12,7 @@ from drivers.capture import CaptureWriter, Chunk, Side, decode_capture, read_cap
 from drivers.connection import Connection
 from drivers.errors import LinkError
 from drivers.events import Damaged, Hello, Identify, InstrumentState, Sample, Start, State, Vent
-from drivers.link import LineSettings, open_link
+from drivers.link import open_link
 from drivers.passthrough import listen, open_software_side
 
 HERE = Path(__file__).parent
@@ -119,7 +119,7 @@ def test_alone_it_sends_nothing_and_ends_in_time():
 
 @pytest.mark.parametrize("where", ["pty", "tcp"])
 def test_the_softwares_side_is_a_port_like_any_other(where):
-    url, side = open_software_side(where, LineSettings())
+    url, side = open_software_side(where)
     try:
         side.write(b"into the void: nobody is there yet")
         for _ in range(2):  # a program can leave, and another one come
@@ -143,7 +143,7 @@ def test_the_softwares_side_is_a_port_like_any_other(where):
 @pytest.mark.parametrize("where", ["tcp:70000", "tcp:x", "/dev/no-such-port"])
 def test_a_place_that_cannot_be_is_refused(where):
     with pytest.raises(LinkError):
-        open_software_side(where, LineSettings())
+        open_software_side(where)
 
 
 # ---- the worked example of docs/dialects.md ------------------------------------------------------

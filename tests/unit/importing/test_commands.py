@@ -62,6 +62,7 @@ def test_an_imported_session_is_one_like_any_other(call):
     assert status == 0
     assert "imported" in out
     assert "from 2 files of other software; no instrument was connected" in out
+    assert "session imported" in out  # the audit trail
     assert call("session", "verify", "s.h5")[0] == 0
     status, out, _ = call("identify", "s.h5", "--json")
     assert status == 0
@@ -110,6 +111,7 @@ def test_nothing_good_leaves_no_session(call, tmp_path):
             "2 times for 1",
         ),
         (["import", "a.txt", *SKIN, "--time-unit", "h", "--out", "s.h5"], 2, "--time-unit"),
+        (["import", "a.txt", *SKIN, "--subject", "Jane", "--out", "s.h5"], 3, "pseudonym"),
         (["import", "a.txt", *SKIN, "--cycle", 0, "--out", "s.h5"], 3, "count from 1"),
         (["import", "a.txt", *SKIN, "--program", "up", "--out", "s.h5"], 3, "is no segment"),
         (["import", "a.txt", *SKIN, "--out", "a.txt"], 3, "exists already"),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from datetime import UTC, datetime
 
 import pytest
 
@@ -12,12 +11,14 @@ from skinlab.errors import InputError
 from skinlab.identify.identifier import Identifier
 from skinlab.importing.folder import Folder
 from skinlab.importing.questions import Answers
+from skinlab.importing.session import Who
 from skinlab.importing.watch import Watch, watch
 from skinlab.replay import differences, identifier_of, replay
 from skinlab.session import read_session
+from skinlab.session_check import check
 from skinlab.stream import Identified
 
-NOW = datetime(2026, 1, 1, tzinfo=UTC)
+WHO = Who("P-7", "forearm", "somebody", clock=lambda: 0.0, now=lambda: 0.0)
 CURVE = "t (s);p (mbar);w (mm)\n" + "".join(
     f"{0.1 * i:.1f};{2 * i};{0.006 * i:.3f}\n" for i in range(51)
 )
@@ -109,7 +110,7 @@ def test_what_lands_is_identified_and_kept(tmp_path, table):
     """A good file, a bad one, one that goes on, one that is replaced; the session after each."""
     exports, out = tmp_path / "exports", tmp_path / "s.h5"
     exports.mkdir()
-    watcher = Watch(out, Setup(6, 1), Answers(), Identifier(table), lambda: NOW, lambda: 0.0)
+    watcher = Watch(out, Setup(6, 1), Answers(), Identifier(table), WHO)
     told, kept, time_s = [], [], [0.0]
     steps = [
         lambda: (exports / "a.csv").write_text(CURVE),
@@ -152,6 +153,8 @@ def test_what_lands_is_identified_and_kept(tmp_path, table):
     ]
     session = read_session(out)
     assert all(result["parameters"] for result in session.results)
+    assert check(out)[1] == []
+    assert (session.meta["subject"], session.meta["site"]) == ("P-7", "forearm")
     assert watcher.save() == out
     again: list = []
     curves = replay(session, identifier_of(session)[0], [again.append])
@@ -164,7 +167,7 @@ def test_a_session_that_cannot_be_written_is_tried_again(tmp_path, table):
     exports, out = tmp_path / "exports", tmp_path / "no" / "s.h5"
     exports.mkdir()
     (tmp_path / "no").write_text("in the way")
-    watcher = Watch(out, Setup(6, 1), Answers(), Identifier(table), lambda: NOW, lambda: 0.0)
+    watcher = Watch(out, Setup(6, 1), Answers(), Identifier(table), WHO)
     (exports / "a.csv").write_text(CURVE)
     folder = Folder(exports, settle_s=1.0)
     folder.poll(0.0)
