@@ -53,12 +53,12 @@ def _versions(stated: object) -> Table:
 
 def _hashes(session: Session, identifier: Identifier | str) -> Table:
     rows = [("session, all that it holds", content_hash(session))]
-    if not isinstance(identifier, str):
+    settings = dict(_items(session.meta.get("identification")))
+    if settings and not isinstance(identifier, str):
         provenance = identifier.provenance()
-        stated = dict(_items(session.meta.get("identification"))).get("database_hash")
         rows += [
             ("model", provenance.model_hash),
-            ("database, as recorded", str(stated)),
+            ("database, as recorded", str(settings.get("database_hash"))),
             ("database, of this page", provenance.database_hash),
         ]
     return Table(("hash of", "value"), rows)
