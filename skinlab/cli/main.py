@@ -19,6 +19,7 @@ _COMMANDS = {
     "session": ("session", "Check a session, or say what is in it."),
     "identify": ("identify", "Identify skin parameters from curves."),
     "cutometer": ("cutometer", "The Cutometer's own numbers of step curves."),
+    "discrepancy": ("discrepancy", "Find the physical effect that the model misses."),
     "forward": ("forward", "Simulate a curve."),
     "paper": ("paper", "Reproduce the paper's tables and figures."),
     "database": ("database", "The precomputed finite-element database."),
