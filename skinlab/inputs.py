@@ -45,7 +45,10 @@ def read_input(path: Path, setup: Setup | None) -> Input:
         curves = read_session(path).curves
         named = tuple(replace(curve, name=f"{path}:{curve.name}") for curve in curves)
         return Input(named, measured_here=True)
-    raise InputError(f"{path}: expected a curve (.csv), a session (.h5) or a campaign (.toml)")
+    raise InputError(
+        f"{path}: expected a curve (.csv), a session (.h5) or a campaign (.toml); "
+        "`skinlab import` takes what other software exports"
+    )
 
 
 def read_campaign_or_session(path: Path) -> tuple[Campaign, list[Path]]:
