@@ -95,6 +95,7 @@ def run(
     from drivers.probe import Probe
     from skinlab.identify.result import Identification, document
     from skinlab.measure import measure
+    from skinlab.pauses import shorten_pauses
     from skinlab.pipeline import Pipeline
     from skinlab.recording import Recording
     from skinlab.report.text import describe
@@ -113,6 +114,7 @@ def run(
     for name in _SIGNALS:
         signal.signal(getattr(signal, name), _interrupt)
     recording = Recording(out, identifier, subject=subject, site=site, url=port)
+    shorten_pauses()
     try:
         with Probe(port, on_bytes=recording.journal.raw) as probe:
             hello = probe.open()

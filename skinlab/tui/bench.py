@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 from drivers.errors import LinkError
 from drivers.probe import Probe
 from skinlab.errors import AcquisitionError, SkinlabError
+from skinlab.pauses import shorten_pauses
 from skinlab.stream import CurveCompleted, Happened, Identified, Message
 from skinlab.tui.news import Connected, Disconnected, Failed, Heard, News, Recording, Saved
 from skinlab.tui.order import Order
@@ -192,6 +193,7 @@ class Bench:
         with self._loading:
             if self._identifier is None:
                 self._identifier = self._make_identifier()
+                shorten_pauses()
             return self._identifier
 
     def _stay_behind(self, vents: int) -> None:

@@ -7,9 +7,9 @@ import signal
 import socket
 import subprocess
 import sys
-import time
 
 import pytest
+from patience import FORGIVING_S, patient_command
 
 from drivers.errors import LinkError
 from drivers.events import (
@@ -25,8 +25,11 @@ from drivers.events import (
     VentConfirmed,
 )
 from drivers.link import list_ports, open_link
-from drivers.probe import Probe
+from drivers.probe import Limits, Probe
 
+PATIENCE_S = 120.0
+# The watchdog may not mind that the other process did not run for a while
+APART = Limits(stale_s=FORGIVING_S, vent_time_s=FORGIVING_S)
 PROGRAM = (
     Segment(SegmentKind.RAMP, target_mbar=60, rate_mbar_per_s=40),
     Segment(SegmentKind.RAMP, target_mbar=0, rate_mbar_per_s=40),
@@ -42,7 +45,7 @@ WAYS = [pytest.param(("--pty",), marks=needs_pty), ("--tcp", "0")]
 class Simulator:
     def __init__(self, *options: str) -> None:
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "sim_device", *options],
+            patient_command("sim_device", *options, apart=True),
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
@@ -53,7 +56,7 @@ class Simulator:
     def end(self, how: signal.Signals) -> tuple[int, str, str]:
         if self.process.poll() is None:
             self.process.send_signal(how)
-        out, err = self.process.communicate(timeout=10)
+        out, err = self.process.communicate(timeout=PATIENCE_S)
         return self.process.returncode, out, err
 
 
@@ -66,7 +69,7 @@ def simulator(request):
 
 def until(probe, wanted, seen):
     while True:
-        timed = probe.next_event(5.0)
+        timed = probe.next_event(PATIENCE_S)
         assert timed is not None, seen[-10:]
         seen.append(timed.event)
         if wanted(timed.event):
@@ -85,7 +88,7 @@ def done(event):
 
 
 def test_two_runs(simulator):
-    with Probe(simulator.url) as probe:
+    with Probe(simulator.url, limits=APART) as probe:
         start(probe, PROGRAM)
         first = []
         until(probe, done, first)
@@ -103,15 +106,15 @@ def test_two_runs(simulator):
 
 
 def test_a_host_that_goes_and_comes_back(simulator):
-    """A host that vanishes in a run: the probe misses its keep-alive and is vented when found."""
+    """A host that vanishes in a run and comes back finds the probe pulling, and vents it."""
     link = open_link(simulator.url)
-    probe = Probe(simulator.url, open_link=lambda url: link)
+    probe = Probe(simulator.url, open_link=lambda url: link, limits=APART)
     start(probe, LONG)
     until(probe, lambda e: isinstance(e, Sample) and e.pressure_mbar > 50, [])
     link._port.close()  # the process dies without a word
     until(probe, lambda e: isinstance(e, LinkLost), [])
     probe.close()
-    with Probe(simulator.url) as probe:
+    with Probe(simulator.url, limits=APART) as probe:
         probe.open()
         assert probe.state in {InstrumentState.IDLE, InstrumentState.LOADED}
         probe.load(PROGRAM, 20)
@@ -123,7 +126,7 @@ def test_a_host_that_goes_and_comes_back(simulator):
 @needs_pty
 def test_one_host_at_a_time():
     simulator = Simulator("--pty")
-    with Probe(simulator.url) as probe:
+    with Probe(simulator.url, limits=APART) as probe:
         probe.open()
         with pytest.raises(LinkError, match="another program uses it"):
             open_link(simulator.url)
@@ -132,8 +135,8 @@ def test_one_host_at_a_time():
 
 @pytest.mark.parametrize("way", WAYS, ids=["pty", "tcp"])
 def test_unplugged_in_a_run(way):
-    simulator = Simulator(*way, "--speed", "10")
-    with Probe(simulator.url) as probe:
+    simulator = Simulator(*way)
+    with Probe(simulator.url, limits=APART) as probe:
         start(probe, LONG)
         seen = []
         until(probe, lambda e: isinstance(e, Sample) and e.pressure_mbar > 50, seen)
@@ -145,7 +148,7 @@ def test_unplugged_in_a_run(way):
         with pytest.raises(LinkError, match=simulator.url):
             probe.start()
     with pytest.raises(LinkError, match=simulator.url):
-        Probe(simulator.url).open()
+        Probe(simulator.url, limits=APART).open()
 
 
 def test_in_process(monkeypatch):
@@ -200,10 +203,8 @@ def test_nobody_listens():
 def test_somebody_who_is_no_probe():
     with socket.create_server(("127.0.0.1", 0)) as server:
         probe = Probe(f"socket://127.0.0.1:{server.getsockname()[1]}")
-        begin = time.monotonic()
         with pytest.raises(LinkError, match="no answer to Identify"):
             probe.open(0.3)
-        assert time.monotonic() - begin < 3
         assert not probe.is_open
 
 
