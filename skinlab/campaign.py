@@ -59,10 +59,13 @@ def read_campaign(path: Path) -> Campaign:
         raise InputError(f"{path}: {error}") from None
     if not data.curve:
         raise InputError(f"{path}: no [[curve]]; expected at least one")
-    for field in ("noise_um", "pressure_noise_mbar"):
-        value = getattr(data.campaign, field)
-        if value is not None and not 0 < value < 1e6:
-            raise InputError(f"{path}: campaign.{field} is {value}, expected a positive number")
+    noise, pressure_noise = data.campaign.noise_um, data.campaign.pressure_noise_mbar
+    if noise is not None and not 0 < noise < 1e6:
+        raise InputError(f"{path}: campaign.noise_um is {noise}, expected a positive number")
+    if pressure_noise is not None and not 0 <= pressure_noise < 1e6:
+        raise InputError(
+            f"{path}: campaign.pressure_noise_mbar is {pressure_noise}, expected zero or more"
+        )
     folder = path.parent.resolve()
     curves = []
     for number, entry in enumerate(data.curve, start=1):

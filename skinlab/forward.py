@@ -70,7 +70,7 @@ def _from_database(
 
     database = shipped_table()
     model = database.model(geometry, pressure, kappa)
-    outside = model.space.outside(parameters)
+    outside = model.range.outside(parameters)
     if outside:
         raise InputError(f"{outside}; use --direct, or a value inside")
     inside = database.covered(pressure)

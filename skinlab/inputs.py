@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from skinlab.campaign import read_campaign
@@ -11,8 +11,17 @@ from skinlab.curve_csv import read_curve
 from skinlab.errors import InputError
 
 
-def read_input(path: Path, setup: Setup | None) -> list[Curve]:
-    """Return the curves of one input; `setup` is what a CSV was measured with.
+@dataclass(frozen=True, eq=False)
+class Input:
+    """The curves of one file, and the sensors' noise where it states it."""
+
+    curves: tuple[Curve, ...]
+    noise_um: float | None = None
+    pressure_noise_mbar: float | None = None
+
+
+def read_input(path: Path, setup: Setup | None) -> Input:
+    """Return one input; `setup` is what a CSV was measured with.
 
     Raises:
         InputError: the file cannot be read, or is none of these.
@@ -25,11 +34,13 @@ def read_input(path: Path, setup: Setup | None) -> list[Curve]:
     if suffix == ".csv":
         if setup is None:
             raise InputError(f"{path}: a curve CSV needs its aperture and thickness")
-        return [read_curve(path, setup)]
+        return Input((read_curve(path, setup),))
     if suffix == ".toml":
-        return list(read_campaign(path).curves)
+        campaign = read_campaign(path)
+        return Input(campaign.curves, campaign.noise_um, campaign.pressure_noise_mbar)
     if suffix in (".h5", ".hdf5"):
         from skinlab.session import read_session
 
-        return [replace(curve, name=f"{path}:{curve.name}") for curve in read_session(path).curves]
+        curves = read_session(path).curves
+        return Input(tuple(replace(curve, name=f"{path}:{curve.name}") for curve in curves))
     raise InputError(f"{path}: expected a curve (.csv), a session (.h5) or a campaign (.toml)")

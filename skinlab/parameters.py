@@ -109,3 +109,35 @@ class RatioSpace:
         x1, x2, nu = np.moveaxis(parameters, -1, 0)
         at = np.stack([np.log(x1), np.log(x2 / x1), nu], axis=-1)
         return np.asarray((at - low) / (high - low))
+
+
+@dataclass(frozen=True)
+class WithFactor:
+    """A space with one more parameter at its end: a factor, even in its logarithm."""
+
+    base: ParameterSpace
+    name: str
+    low: float
+    high: float
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The base's names and this one."""
+        return (*self.base.names, self.name)
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper bounds."""
+        low, high = self.base.bounds
+        return np.append(low, self.low), np.append(high, self.high)
+
+    def from_unit(self, unit: Array) -> Array:
+        """Return the parameters."""
+        factor = self.low * (self.high / self.low) ** unit[..., -1:]
+        return np.concatenate([self.base.from_unit(unit[..., :-1]), factor], axis=-1)
+
+    def to_unit(self, parameters: Array) -> Array:
+        """Return the points of the cube."""
+        span = np.log(self.high / self.low)
+        last = np.log(parameters[..., -1:] / self.low) / span
+        return np.concatenate([self.base.to_unit(parameters[..., :-1]), last], axis=-1)

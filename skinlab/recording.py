@@ -27,6 +27,13 @@ def identification_settings(identifier: Identifier) -> dict[str, Any]:
         "samples": options.samples,
         "best": options.best,
         "tolerance_um": options.tolerance_um,
+        "sampling": options.sampling,
+        "slowdown": options.slowdown,
+        "forgetting": options.forgetting,
+        "covariance": options.covariance,
+        "passes": options.passes,
+        "noise_um": identifier.sensor.noise_um,
+        "pressure_noise_mbar": identifier.sensor.pressure_noise_mbar,
         "database_hash": identifier.database.content_hash,
     }
 

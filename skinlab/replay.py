@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable
+from typing import Any
 
 import numpy as np
 
@@ -13,12 +14,22 @@ from skinlab.database.base import Database
 from skinlab.database.store import shipped_grid, shipped_table
 from skinlab.errors import InputError
 from skinlab.identify.identifier import Identifier
-from skinlab.identify.problem import Options
+from skinlab.identify.problem import Options, check
 from skinlab.identify.result import Identification
+from skinlab.identify.uncertainty import Sensor
 from skinlab.pipeline import Listener, Pipeline
 from skinlab.session import Session
 from skinlab.sources import recorded_items
 from skinlab.stream import CurveCompleted, Message
+
+# Settings that sessions did not record at first, as they were then.
+_BEFORE: dict[str, Any] = {
+    "sampling": "uniform",
+    "slowdown": 0.4,
+    "forgetting": 0.9,
+    "covariance": 1.0,
+    "passes": 500,
+}
 
 
 def identifier_of(session: Session) -> tuple[Identifier, str | None]:
@@ -37,17 +48,21 @@ def identifier_of(session: Session) -> tuple[Identifier, str | None]:
     shipped: tuple[Database, ...] = (shipped_table(), shipped_grid())
     database = next((d for d in shipped if d.content_hash == stated), shipped[0])
     try:
+        options = Options(
+            samples=settings["samples"],
+            best=settings["best"],
+            tolerance_um=settings["tolerance_um"],
+            **{name: settings.get(name, value) for name, value in _BEFORE.items()},
+        )
+        check(options)
         identifier = Identifier(
             database,
             method=settings["method"],
-            options=Options(
-                samples=settings["samples"],
-                best=settings["best"],
-                tolerance_um=settings["tolerance_um"],
-            ),
+            options=options,
             seed=settings["seed"],
             kappa=settings["kappa"],
             phases=tuple(settings["phases"]),
+            sensor=Sensor(settings.get("noise_um"), settings.get("pressure_noise_mbar")),
         )
     except (KeyError, TypeError) as error:
         raise InputError(f"the session's field identification is damaged ({error})") from None

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from skinlab.cli.method_options import MethodCommand
 from skinlab.cli.options import (
     geometry_options,
     identification_options,
@@ -15,11 +16,18 @@ from skinlab.cli.options import (
     print_json,
 )
 
+if TYPE_CHECKING:
+    from skinlab.identify.identifier import Identifier
+    from skinlab.inputs import Input
 
-@click.command()
+
+@click.command(cls=MethodCommand)
 @click.argument("inputs", nargs=-1, required=True, type=click.Path(path_type=Path))
 @geometry_options(required=False)
 @identification_options()
+@click.option("--joint", is_flag=True, help="One answer for all curves: one skin.")
+@click.option("--advise", is_flag=True, help="Say which measurement would narrow it most.")
+@click.option("--workers", default=1, show_default=True, help="Processes; same answers.")
 @click.option("--strict", is_flag=True, help="Exit with 5 where a result is not trustworthy.")
 @json_option()
 def command(
@@ -27,6 +35,9 @@ def command(
     aperture_mm: float | None,
     thickness_mm: float | None,
     thickness_sd_mm: float | None,
+    joint: bool,
+    advise: bool,
+    workers: int,
     strict: bool,
     as_json: bool,
     **options: Any,
@@ -34,16 +45,23 @@ def command(
     """Identify the skin's parameters from INPUTS: curve CSVs, sessions or campaigns.
 
     A CSV needs --aperture-mm and --thickness-mm. Its header is time_s,pressure_mbar,deflection_mm.
+    With --joint all curves are explained by one skin; with --advise the measurement is named that
+    would narrow the intervals most (of all curves together, or of the first).
 
     \b
     Example: skinlab identify curve.csv --aperture-mm 6 --thickness-mm 1.0 --json
+             skinlab identify campaign.toml --joint --advise
     """
     from skinlab.errors import InputError
     from skinlab.identify.result import Identification, document, not_trustworthy
     from skinlab.inputs import read_input
-    from skinlab.report.text import describe
+    from skinlab.report.text import describe, describe_advice
 
-    identifier = make_identifier(**options)
+    if advise and options["method"] != "auto":
+        raise click.UsageError("--advise needs the intervals that only --method auto gives")
+    if workers < 1:
+        raise click.BadParameter("expected 1 or more", param_hint="--workers")
+    identifier: Identifier = make_identifier(**options)
     geometry = None
     if aperture_mm is not None and thickness_mm is not None:
         from skinlab.curve import Setup
@@ -51,27 +69,69 @@ def command(
         geometry = Setup(aperture_mm, thickness_mm, thickness_sd_mm=thickness_sd_mm)
     elif any(path.suffix.lower() == ".csv" for path in inputs):
         raise click.UsageError("a curve CSV needs --aperture-mm and --thickness-mm")
+    read: list[Input] = []
     results: list[Identification] = []
     for path in inputs:
         try:
-            for curve in read_input(path, geometry):
-                results.append(identifier(curve))
+            read.append(read_input(path, geometry))
         except InputError as error:
             results.append(Identification(str(path), geometry, str(error)))
+            continue
+        results += _each(identifier, read[-1], workers)
+    together = _together(identifier, read) if joint and read else None
+    advice = None
+    if advise and (source := together or next((r for r in results if r.uncertainty), None)):
+        advice = identifier.advise(source, _thickness_mm(read))
     if as_json:
-        print_json(document(identifier.provenance(), results))
+        print_json(document(identifier.provenance(), results, joint=together, advice=advice))
     else:
-        for result in results:
+        for result in [*results, *([together] if together else [])]:
             if result.error is None:
                 click.echo(describe(result))
+        if advice is not None:
+            click.echo(describe_advice(advice))
     failed = [r for r in results if r.error is not None]
+    if together is not None and together.error is not None:
+        failed.append(together)
     for result in failed:
         click.echo(f"skinlab: {result.error}", err=True)
     if any("outside_database" not in r.flags for r in failed):
         return 3
     if failed:
         return 5
-    if strict and any(not_trustworthy(r) for r in results):
+    if strict and any(not_trustworthy(r) for r in [*results, *([together] if together else [])]):
         click.echo("skinlab: a result is not trustworthy (its flags say why)", err=True)
         return 5
     return 0
+
+
+def _each(identifier: Identifier, given: Input, workers: int) -> list[Any]:
+    from skinlab.identify.batch import identify_all, with_stated_noise
+
+    knowing = with_stated_noise(identifier, given.curves, given.noise_um, given.pressure_noise_mbar)
+    return identify_all(knowing, given.curves, workers)
+
+
+def _together(identifier: Identifier, read: list[Input]) -> Any:
+    """Return the joint answer: of first cycles, where there are any, since the law means those."""
+    from skinlab.identify.batch import with_stated_noise
+
+    curves = [curve for given in read for curve in given.curves]
+    first = [curve for curve in curves if curve.setup.cycle == 1]
+    if first and len(first) < len(curves):
+        click.echo(
+            f"skinlab: {len(curves) - len(first)} curves of later cycles are left out of the "
+            "joint identification",
+            err=True,
+        )
+        curves = first
+    knowing = identifier
+    if len(read) == 1:
+        knowing = with_stated_noise(
+            identifier, curves, read[0].noise_um, read[0].pressure_noise_mbar
+        )
+    return knowing.joint(curves)
+
+
+def _thickness_mm(read: list[Input]) -> float:
+    return read[0].curves[0].setup.thickness_mm

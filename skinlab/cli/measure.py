@@ -10,6 +10,7 @@ from typing import Any
 
 import click
 
+from skinlab.cli.method_options import MethodCommand
 from skinlab.cli.options import (
     geometry_options,
     identification_options,
@@ -19,7 +20,7 @@ from skinlab.cli.options import (
 )
 
 
-@click.command()
+@click.command(cls=MethodCommand)
 @click.option("--port", required=True, help="pyserial URL: /dev/ttyUSB0, COM3, socket://…, sim://")
 @geometry_options(required=True)
 @click.option("--program", required=True, help="What the pump does, e.g. ramp:100@20.")

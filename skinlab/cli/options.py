@@ -9,6 +9,8 @@ from typing import Any, TypeVar
 
 import click
 
+from skinlab.cli.method_options import method_options, single_settings
+
 F = TypeVar("F", bound=Callable[..., Any])
 
 METHODS = ("auto", "sto", "hka", "gn", "gn-linesearch", "rls", "lm")
@@ -42,7 +44,10 @@ def geometry_options(required: bool) -> Callable[[F], F]:
 
 
 def identification_options() -> Callable[[F], F]:
-    """`--method`, `--samples`, `--best`, `--tolerance-um`, `--seed`, `--kappa`, `--phases`."""
+    """`--method`, `--samples`, `--best`, … and what only one method reads.
+
+    The command's class must be `MethodCommand`.
+    """
     return _stack(
         click.option(
             "--method",
@@ -51,7 +56,7 @@ def identification_options() -> Callable[[F], F]:
             show_default=True,
             help="Inverse method; sto is the paper's.",
         ),
-        click.option("--samples", default=1000, show_default=True, help="Candidates a draw, N."),
+        click.option("--samples", type=int, help="Candidates a draw, N.  [default: 1000]"),
         click.option("--best", default=20, show_default=True, help="Of these span the next box."),
         click.option(
             "--tolerance-um", default=1e-5, show_default=True, help="Ends when E changes less."
@@ -64,6 +69,17 @@ def identification_options() -> Callable[[F], F]:
             show_default=True,
             help="Which samples to fit: load, hold, unload, rest, separated by commas.",
         ),
+        click.option(
+            "--noise-um",
+            type=float,
+            help="Standard deviation of one deflection sample  [default: estimated].",
+        ),
+        click.option(
+            "--pressure-noise-mbar",
+            type=float,
+            help="The same of one pressure sample  [default: estimated].",
+        ),
+        *method_options(),
     )
 
 
@@ -104,28 +120,38 @@ def parse_phases(text: str) -> tuple[str, ...]:
 def make_identifier(
     *,
     method: str,
-    samples: int,
+    samples: int | None = None,
     best: int,
     tolerance_um: float,
     seed: int,
     kappa: str,
     phases: str,
+    noise_um: float | None = None,
+    pressure_noise_mbar: float | None = None,
+    **single: Any,
 ) -> Any:
-    """Return the Identifier that the options describe.
+    """Return the Identifier that the options describe; `single` are those of single methods.
 
     Raises:
+        click.UsageError: the method does not read one of its options.
         InputError: an option is out of its range.
     """
     from skinlab.database.store import shipped_table
     from skinlab.errors import InputError
     from skinlab.identify.identifier import Identifier
-    from skinlab.identify.problem import Options
-    from skinlab.identify.stochastic import check
+    from skinlab.identify.problem import Options, check
+    from skinlab.identify.uncertainty import Sensor
 
-    options = Options(samples=samples, best=best, tolerance_um=tolerance_um)
+    options = Options(
+        best=best, tolerance_um=tolerance_um, **single_settings(method, samples, single)
+    )
     check(options)
     if seed < 0:
         raise InputError(f"seed {seed}: expected zero or more")
+    if noise_um is not None and not 0 < noise_um < 1e6:
+        raise InputError(f"noise_um {noise_um:g}: expected a positive number")
+    if pressure_noise_mbar is not None and not 0 <= pressure_noise_mbar < 1e3:
+        raise InputError(f"pressure_noise_mbar {pressure_noise_mbar:g}: expected zero or more")
     return Identifier(
         shipped_table(),
         method=method,
@@ -133,6 +159,7 @@ def make_identifier(
         seed=seed,
         kappa="consistent" if kappa == "consistent" else "paper",
         phases=parse_phases(phases),
+        sensor=Sensor(noise_um, pressure_noise_mbar),
     )
 
 

@@ -64,7 +64,6 @@ def _headless(port: str, folder: Path) -> int:
     click.echo(f"no terminal: measuring once at {port}", err=True)
     identifier = make_identifier(
         method="auto",
-        samples=1000,
         best=20,
         tolerance_um=1e-5,
         seed=0,

@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.database.misfit import Misfit
+from skinlab.database.misfit import Misfit, Whitening
 from skinlab.fem.suction import Geometry
 from skinlab.materials.compressibility import KappaConvention
 from skinlab.parameters import ParameterSpace
@@ -27,7 +27,7 @@ class CurveModel(Protocol):
         """Return the curves (n, u) of candidates (n, k); NaN where the database does not hold."""
         ...
 
-    def misfit(self, measured_mm: Array) -> Misfit:
+    def misfit(self, measured_mm: Array, whitening: Whitening | None = None) -> Misfit:
         """Return the sum of squared differences to these deflections (u,), as a function."""
         ...
 
@@ -55,9 +55,16 @@ class Database(Protocol):
         ...
 
     def model(
-        self, geometry: Geometry, pressure_mbar: Array, kappa: KappaConvention = "paper"
+        self,
+        geometry: Geometry,
+        pressure_mbar: Array,
+        kappa: KappaConvention = "paper",
+        thickness_sd_mm: float = 0.0,
     ) -> CurveModel:
         """Return the database at this geometry and these pressures (u,).
+
+        With a standard deviation of the thickness, its ratio to the stated one is one more
+        parameter at the end, `thickness_ratio`.
 
         Raises:
             NotTrustworthyError: it does not speak of this geometry; names the axis.

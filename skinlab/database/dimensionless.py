@@ -88,6 +88,10 @@ class DimensionlessSpec:
         """Return asinh(c q / y0) of loads q."""
         return np.asarray(np.arcsinh(_compliance(thickness_over_radius) * load / self.load_scale))
 
+    def load(self, coordinate: Array, thickness_over_radius: float) -> Array:
+        """Return the loads q at coordinates: the inverse of `coordinate`."""
+        return self.load_scale * np.sinh(coordinate) / _compliance(thickness_over_radius)
+
     def load_coordinates(self) -> Array:
         """Return the nodes along asinh(c q / y0): wide enough for the thinnest skin."""
         ends = np.array([self.least_load, self.most_load])
@@ -134,9 +138,15 @@ class DimensionlessTable:
         return np.asarray((pressure_mbar >= -EXTENSION_BELOW_MBAR) & (pressure_mbar <= high))
 
     def model(
-        self, geometry: Geometry, pressure_mbar: Array, kappa: KappaConvention = "paper"
+        self,
+        geometry: Geometry,
+        pressure_mbar: Array,
+        kappa: KappaConvention = "paper",
+        thickness_sd_mm: float = 0.0,
     ) -> DimensionlessModel:
         """Return the table at this geometry and these pressures (u,).
+
+        With a standard deviation of the thickness, its ratio to the stated one is a parameter too.
 
         Raises:
             NotTrustworthyError: the thickness is outside the table.
@@ -151,7 +161,7 @@ class DimensionlessTable:
                 f"({axis.low:g}–{axis.high:g}): {geometry.thickness_mm:g} mm of skin under a "
                 f"{geometry.aperture_mm:g} mm opening"
             )
-        return DimensionlessModel(self, geometry, pressure_mbar, kappa)
+        return DimensionlessModel(self, geometry, pressure_mbar, kappa, thickness_sd_mm)
 
 
 TableRow = tuple[int, Array, float]  # entry, log compliance (load,), NaN beyond; holds to

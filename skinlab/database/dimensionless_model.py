@@ -4,23 +4,28 @@ At given pressures and h/R the table becomes a function of (log X1, log X2/X1, l
 tabulated on a small grid. Its curves live in a space of a dozen dimensions: with orthonormal
 components Q, ‖M − Ω‖² = ‖M⊥‖² + ‖c_M − c_Ω‖² exactly, so that a candidate costs one evaluation of a
 tensor spline with a dozen values instead of one value per sample.
+
+Where the thickness is uncertain, its ratio to the stated one is a fourth parameter, and the small
+grid has a fourth axis. A curve of more samples than `_MOST_SAMPLES` is tabulated at that many
+pressures, between which it is a cubic spline.
 """
 
 from __future__ import annotations
 
 import math
 from functools import lru_cache
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline, NdBSpline
 
-from skinlab.database.misfit import Misfit
+from skinlab.database.misfit import Misfit, Whitening
 from skinlab.database.splines import basis, coefficients, knots
 from skinlab.fem.suction import MBAR, Geometry
 from skinlab.materials.compressibility import KappaConvention, kappa_ratio
-from skinlab.parameters import RatioSpace
+from skinlab.parameters import ParameterSpace, RatioSpace, WithFactor
 
 if TYPE_CHECKING:
     from skinlab.database.dimensionless import DimensionlessTable
@@ -30,6 +35,10 @@ Array = NDArray[np.float64]
 _X1_NODES = 24  # along log X1, between the table's bounds
 _DROPPED = 2e-6  # mm: a component is dropped that, in the mean over curves, is smaller than this
 _ROWS_FOR_COMPONENTS = 400
+_MOST_SAMPLES = 110
+_PRESSURE_NODES = 72
+_THICKNESS_STEP = 0.07  # along log h/R; 7 nodes or more
+_THICKNESS_REACH = 3.5  # standard deviations, or as far as the table goes
 
 NU_RANGE = (0.2, 0.49)  # in either convention
 
@@ -42,7 +51,7 @@ def _load_coefficients(table: DimensionlessTable) -> Array:
 
 
 class DimensionlessModel:
-    """The table at given pressures; parameters are (X1_MPa, X2_MPa, nu)."""
+    """The table at given pressures; parameters are (X1_MPa, X2_MPa, nu[, thickness_ratio])."""
 
     def __init__(
         self,
@@ -50,29 +59,45 @@ class DimensionlessModel:
         geometry: Geometry,
         pressure_mbar: Array,
         kappa: KappaConvention,
+        thickness_sd_mm: float = 0.0,
     ) -> None:
         spec = table.spec
         self._kappa = kappa
-        self._nodes = (
+        self._nodes: tuple[Array, ...] = (
             np.linspace(math.log(spec.X1_MPa[0]), math.log(spec.X1_MPa[1]), _X1_NODES),
             spec.X2_over_X1.log_nodes(),
             spec.kappa_over_X1.log_nodes(),
         )
         log_thickness = math.log(geometry.thickness_mm / geometry.radius_mm)
-        self._holds_to = _cells_hold_to(table, log_thickness)
+        thicknesses = np.array([log_thickness])
+        self.range = RatioSpace(spec.X1_MPa, (spec.X2_over_X1.low, spec.X2_over_X1.high), NU_RANGE)
+        self.space: ParameterSpace = self.range
+        if thickness_sd_mm > 0.0:
+            thicknesses = _around(table, log_thickness, thickness_sd_mm / geometry.thickness_mm)
+            log_ratio = thicknesses - log_thickness
+            self._nodes = (*self._nodes, log_ratio)
+            low, high = math.exp(log_ratio[0]), math.exp(log_ratio[-1])
+            self.space = WithFactor(self.range, "thickness_ratio", low, high)
+        at_nodes = [_cells_hold_to(table, t) for t in thicknesses]
+        self._holds_to = np.array(
+            [np.minimum(a, b) for a, b in pairwise([*at_nodes, at_nodes[-1]])]
+        )
         self._top_mpa = float(pressure_mbar.max(initial=0.0)) * MBAR
-        curves = geometry.radius_mm * self._tabulate(table, log_thickness, pressure_mbar)
-        self._q = _components(curves)  # (u, k), orthonormal
-        grid = (curves @ self._q).reshape(*(len(n) for n in self._nodes), -1)
-        for axis in range(3):
+        at_mbar, spread = _nodes_for(table, log_thickness, pressure_mbar)
+        curves = np.stack(
+            [geometry.radius_mm * self._tabulate(table, t, at_mbar) for t in thicknesses], axis=1
+        ).reshape(-1, len(at_mbar))
+        wide = None
+        if spread is not None:
+            wide, turn = np.linalg.qr(spread)
+            curves = curves @ turn.T
+        q = _components(curves)  # (nodes, k), orthonormal
+        self._q = q if wide is None else wide @ q  # (u, k)
+        grid = (curves @ q).reshape(*(len(n) for n in self._nodes), -1)
+        for axis in range(len(self._nodes)):
             grid = coefficients(grid, axis)
         self._spline = NdBSpline(
             tuple(knots(n) for n in self._nodes), np.ascontiguousarray(grid), 3
-        )
-        self.space = RatioSpace(
-            spec.X1_MPa,
-            (spec.X2_over_X1.low, spec.X2_over_X1.high),
-            NU_RANGE,
         )
 
     def _tabulate(
@@ -95,11 +120,12 @@ class DimensionlessModel:
         return np.ascontiguousarray(curves.reshape(n1, u, -1).transpose(0, 2, 1)).reshape(-1, u)
 
     def _points(self, parameters: Array) -> tuple[Array, Array]:
-        """Return grid coordinates (n, 3) of parameters (n, 3), and the MPa to which they hold."""
+        """Return grid coordinates (n, p) of parameters (n, p), and the MPa to which they hold."""
         points = np.empty_like(parameters)
         with np.errstate(divide="ignore", invalid="ignore"):
             points[:, 0] = np.log(parameters[:, 0])
             points[:, 1] = np.log(parameters[:, 1]) - points[:, 0]
+            points[:, 3:] = np.log(parameters[:, 3:])
         nu = parameters[:, 2]
         possible = (nu >= 0.0) & (nu < 0.5)
         points[:, 2] = np.log(kappa_ratio(np.where(possible, nu, 0.3), self._kappa))
@@ -110,7 +136,9 @@ class DimensionlessModel:
             inside &= (points[:, d] >= nodes[0] - slack) & (points[:, d] <= nodes[-1] + slack)
             place = (points[:, d] - nodes[0]) * ((len(nodes) - 1) / (nodes[-1] - nodes[0]))
             cells.append(np.clip(np.nan_to_num(place).astype(np.intp), 0, len(nodes) - 2))
-        holds_to_mpa = np.where(inside, self._holds_to[cells[1], cells[2]] * parameters[:, 0], 0.0)
+        thickness = cells[3] if len(cells) > 3 else 0
+        holds_to = self._holds_to[thickness, cells[1], cells[2]]
+        holds_to_mpa = np.where(inside, holds_to * parameters[:, 0], 0.0)
         return points, holds_to_mpa
 
     def holds_to_mbar(self, parameters: Array) -> Array:
@@ -118,7 +146,7 @@ class DimensionlessModel:
         return self._points(parameters)[1] / MBAR
 
     def coordinates(self, parameters: Array) -> Array:
-        """Return the components (n, k) of candidates (n, 3); NaN where the table does not hold."""
+        """Return the components (n, k) of candidates (n, p); NaN where the table does not hold."""
         points, holds_to_mpa = self._points(parameters)
         inside = holds_to_mpa >= max(self._top_mpa, 1e-12)
         found = np.full((len(points), self._q.shape[1]), np.nan)
@@ -128,26 +156,59 @@ class DimensionlessModel:
         return found
 
     def coordinate_slopes(self, parameters: Array) -> Array:
-        """Return derivatives (n, k, 3) of the components by (X1_MPa, X2_MPa, nu)."""
+        """Return derivatives (n, k, p) of the components by the parameters."""
         points, holds_to_mpa = self._points(parameters)
         inside = holds_to_mpa >= max(self._top_mpa, 1e-12)
-        slopes = np.full((len(points), self._q.shape[1], 3), np.nan)
-        x1, x2, nu = parameters[inside].T
-        by = [self._spline(points[inside], nu=np.eye(3, dtype=int)[d]) for d in range(3)]
+        dimensions = len(self._nodes)
+        slopes = np.full((len(points), self._q.shape[1], dimensions), np.nan)
+        x1, x2, nu, *factor = parameters[inside].T
+        by = [
+            self._spline(points[inside], nu=np.eye(dimensions, dtype=int)[d])
+            for d in range(dimensions)
+        ]
         step = 1e-6  # κ(ν) is a rational function: central differences are good to round-off
         log_ratio = [np.log(kappa_ratio(nu + s, self._kappa)) for s in (-step, step)]
         slopes[inside, :, 0] = (by[0] - by[1]) / x1[:, None]
         slopes[inside, :, 1] = by[1] / x2[:, None]
         slopes[inside, :, 2] = by[2] * ((log_ratio[1] - log_ratio[0]) / (2 * step))[:, None]
+        for d, values in enumerate(factor, start=3):
+            slopes[inside, :, d] = by[d] / values[:, None]
         return slopes
 
     def deflection_mm(self, parameters: Array) -> Array:
-        """Return the curves (n, u) of candidates (n, 3); NaN where the table does not hold."""
+        """Return the curves (n, u) of candidates (n, p); NaN where the table does not hold."""
         return np.asarray(self.coordinates(parameters) @ self._q.T)
 
-    def misfit(self, measured_mm: Array) -> Misfit:
+    def misfit(self, measured_mm: Array, whitening: Whitening | None = None) -> Misfit:
         """Return the sum of squared differences to these deflections (u,), as a function."""
-        return Misfit(self, self._q, measured_mm)
+        return Misfit(self, self._q, measured_mm, whitening)
+
+
+def _around(table: DimensionlessTable, log_thickness: float, relative_sd: float) -> Array:
+    """Return log h/R nodes about a thickness, as far as it is likely and the table goes."""
+    axis = table.spec.thickness_over_radius
+    low = log_thickness + math.log(max(1.0 - _THICKNESS_REACH * relative_sd, 0.2))
+    high = log_thickness + math.log(1.0 + _THICKNESS_REACH * relative_sd)
+    low, high = max(low, math.log(axis.low)), min(high, math.log(axis.high))
+    return np.linspace(low, high, max(7, math.ceil((high - low) / _THICKNESS_STEP) + 1))
+
+
+def _nodes_for(
+    table: DimensionlessTable, log_thickness: float, pressure_mbar: Array
+) -> tuple[Array, Array | None]:
+    """Return the pressures to tabulate, and the matrix (u, nodes) from there to the samples.
+
+    Between the nodes curves are cubic splines in the table's own coordinate of the softest skin.
+    """
+    if len(pressure_mbar) <= _MOST_SAMPLES:
+        return pressure_mbar, None
+    x1, thickness = table.spec.X1_MPa[0], math.exp(log_thickness)
+    ends = np.array([pressure_mbar.min(), max(float(pressure_mbar.max()), 1e-6)])
+    low, high = table.spec.coordinate(ends * MBAR / x1, thickness)
+    nodes = np.linspace(low, high, _PRESSURE_NODES)
+    at = table.spec.coordinate(pressure_mbar * MBAR / x1, thickness)
+    spread = basis(nodes, at) @ coefficients(np.eye(_PRESSURE_NODES), 0)
+    return x1 / MBAR * table.spec.load(nodes, thickness), spread
 
 
 def _cells_hold_to(table: DimensionlessTable, log_thickness: float) -> Array:

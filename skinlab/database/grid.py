@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from skinlab.errors import NotTrustworthyError
 from skinlab.fem.suction import EXTENSION_ABOVE, EXTENSION_BELOW_MBAR, Geometry
 from skinlab.materials.compressibility import KappaConvention
 
@@ -76,15 +77,21 @@ class GridDatabase:
         return np.asarray((pressure_mbar >= low) & (pressure_mbar <= high))
 
     def model(
-        self, geometry: Geometry, pressure_mbar: Array, kappa: KappaConvention = "paper"
+        self,
+        geometry: Geometry,
+        pressure_mbar: Array,
+        kappa: KappaConvention = "paper",
+        thickness_sd_mm: float = 0.0,
     ) -> GridModel:
         """Return the grid at this geometry and these pressures (u,).
 
         Raises:
-            NotTrustworthyError: the grid does not speak of this geometry.
+            NotTrustworthyError: the grid does not speak of this geometry or uncertainty.
         """
         from skinlab.database.grid_model import GridModel
 
+        if thickness_sd_mm > 0.0:
+            raise NotTrustworthyError("this database holds one thickness, and knows no other")
         return GridModel(self, geometry, pressure_mbar, kappa)
 
     @cached_property

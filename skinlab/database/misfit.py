@@ -22,44 +22,85 @@ class ComponentModel(Protocol):
         ...
 
 
-class Misfit:
-    """Σ (M − Ω)² over a curve's samples, mm², for many candidates at once."""
+class Whitening(Protocol):
+    """A linear map W of curves with WᵀW the inverse of the covariance of their errors."""
 
-    def __init__(self, model: ComponentModel, q: Array, measured_mm: Array) -> None:
+    def __call__(self, curves_mm: Array) -> Array:
+        """Return W applied to curves (u, …), without unit."""
+        ...
+
+
+class Misfit:
+    """Σ (M − Ω)² over a curve's samples, for many candidates at once.
+
+    In mm²; with a whitening (M − Ω)ᵀ Σ⁻¹ (M − Ω), without unit.
+    """
+
+    def __init__(
+        self,
+        model: ComponentModel,
+        q: Array,
+        measured_mm: Array,
+        whitening: Whitening | None = None,
+    ) -> None:
         """Split the measured curve (u,) into what the components `q` (u, k) reach, and the rest."""
         self._model = model
         self._q, self._measured = q, measured_mm
-        self._reachable = q.T @ measured_mm
-        rest = measured_mm - q @ self._reachable
+        self._turn: Array | None = None  # takes components to those of whitened curves
+        if whitening is None:
+            basis, target = q, measured_mm
+        else:
+            basis, self._turn = np.linalg.qr(whitening(q))
+            target = whitening(measured_mm)
+        self._reachable = basis.T @ target
+        rest = target - basis @ self._reachable
         self._rest = float(rest @ rest)
 
     def __call__(self, parameters: Array) -> Array:
-        """Return the sums (n,) for candidates (n, k); infinite where there is no model."""
-        difference = self._model.coordinates(parameters) - self._reachable
+        """Return the sums (n,) for candidates (n, p); infinite where there is no model."""
+        difference = self.differences(parameters)
         total = self._rest + np.einsum("nk,nk->n", difference, difference)
         return np.where(np.isfinite(total), total, np.inf)
 
+    @property
+    def rest(self) -> float:
+        """The part of the sum that no candidate can take away."""
+        return self._rest
+
+    def differences(self, parameters: Array) -> Array:
+        """Return Ω − M (n, k) of candidates, in components; the rest is not among them."""
+        found = self._model.coordinates(parameters)
+        if self._turn is not None:
+            found = found @ self._turn.T
+        return np.asarray(found - self._reachable)
+
+    def slopes(self, parameters: Array) -> Array:
+        """Return the derivatives (n, k, p) of `differences`; NaN where there is no model."""
+        found = self._model.coordinate_slopes(parameters)
+        if self._turn is not None:
+            found = np.einsum("jk,nkp->njp", self._turn, found)
+        return found
+
     def gradient(self, parameters: Array) -> Array:
-        """Return the derivatives (n, parameters) of the sums; NaN where there is no model."""
-        difference = self._model.coordinates(parameters) - self._reachable
-        slopes = self._model.coordinate_slopes(parameters)
-        return np.asarray(2.0 * np.einsum("nk,nkp->np", difference, slopes))
+        """Return the derivatives (n, p) of the sums; NaN where there is no model."""
+        return np.asarray(
+            2.0 * np.einsum("nk,nkp->np", self.differences(parameters), self.slopes(parameters))
+        )
 
     def residuals(self, parameters: Array) -> Array:
         """Return residuals (k + 1,) of one candidate; their squares sum up to the misfit."""
-        difference = self._model.coordinates(parameters[None])[0] - self._reachable
-        return np.append(difference, np.sqrt(self._rest))
+        return np.append(self.differences(parameters[None])[0], np.sqrt(self._rest))
+
+    def jacobian(self, parameters: Array) -> Array:
+        """Return the derivatives (k + 1, p) of `residuals`."""
+        slopes = self.slopes(parameters[None])[0]
+        return np.vstack([slopes, np.zeros(slopes.shape[1])])
 
     def sample(self, parameters: Array, t: int) -> tuple[float, Array]:
-        """Return M − Ω at sample t, mm, of one candidate (k,), and ∂Ω/∂parameters there (k,).
+        """Return M − Ω at sample t, mm, of one candidate (p,), and ∂Ω/∂parameters there (p,).
 
         For methods that take the samples one by one.
         """
         coordinates = self._model.coordinates(parameters[None])[0]
         slopes = self._model.coordinate_slopes(parameters[None])[0]
         return float(self._measured[t] - self._q[t] @ coordinates), self._q[t] @ slopes
-
-    def jacobian(self, parameters: Array) -> Array:
-        """Return the derivatives (k + 1, parameters) of `residuals`."""
-        slopes = self._model.coordinate_slopes(parameters[None])[0]
-        return np.vstack([slopes, np.zeros(slopes.shape[1])])

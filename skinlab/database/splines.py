@@ -31,5 +31,5 @@ def coefficients(values: Array, axis: int) -> Array:
 
 def basis(nodes: Array, at: Array) -> Array:
     """Return the dense matrix (m, n) that takes coefficients to values at points (m,)."""
-    inside = np.clip(at, nodes[0], nodes[-1])
-    return np.asarray(BSpline.design_matrix(inside, knots(nodes), 3).toarray())
+    t = knots(nodes)
+    return np.asarray(BSpline.design_matrix(np.clip(at, t[0], t[-1]), t, 3).toarray())

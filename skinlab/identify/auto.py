@@ -1,85 +1,68 @@
-"""The default, `auto`: a global stochastic search, then a least-squares polish from several starts.
+"""The default, `auto`: a global stochastic search that keeps every valley, then a polish.
 
-The paper's box loses the optimum along the flat valley; the polish (trust-region reflective,
-scipy) walks the valley to its bottom, and several starts guard against a second one.
+N candidates over the whole space; the best of all and the best of each slice along the last unknown
+(ν, along which the valley runs) are polished by least squares, all at once. The paper's shrinking
+box commits itself to a part of the valley before it has seen the bottom; here nothing is dropped
+until it has been walked down.
 """
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
-from skinlab.identify import stochastic
-from skinlab.identify.problem import Estimate, Options, Problem
+from skinlab.identify.polish import polish
+from skinlab.identify.problem import Estimate, Options, Problem, check
 
-_STARTS = 4
-_STEP = 1e-6  # of the unit cube, for differences
+_BEST = 8  # starts that are the best of all candidates
+_SLICES = 8  # and of each of these
+_ALIKE = 1e-4  # of the cube: minima closer than this are one
 
 Array = NDArray[np.float64]
 
 
-def identify(problem: Problem, options: Options, rng: np.random.Generator) -> Estimate:
-    """Return the best of several polished starts.
+def identify(
+    problem: Problem, options: Options, rng: np.random.Generator, *, start: Array | None = None
+) -> Estimate:
+    """Return the best of several polished starts, and the other minima with it.
+
+    With a `start` (p,) near the optimum only that and the best of each slice are polished.
 
     Raises:
         InputError: an option is out of its range (see `stochastic`).
     """
+    check(options)
     space = problem.space
-    n = len(space.names)
-    rough = stochastic.identify(problem, options, rng)
-    spread = rng.random((options.samples, n))
-    error = problem.error_um(space.from_unit(spread))
-    order = np.argsort(error, kind="stable")[: _STARTS - 1]
-    starts = [space.to_unit(rough.parameters), *spread[order]]
-    evaluations = rough.evaluations + options.samples
-    best, iterations, converged = rough, rough.iterations, rough.converged
-    for start in starts:
-        found = _polish(problem, np.clip(start, _STEP, 1 - _STEP))
-        if found is None:
-            continue
-        evaluations += found.evaluations
-        iterations += found.iterations
-        if found.error_um <= best.error_um:
-            best, converged = found, found.converged
-    return Estimate(best.parameters, best.error_um, iterations, evaluations, converged)
-
-
-def _polish(problem: Problem, start: Array) -> Estimate | None:
-    """Return the nearest minimum, or None where there is no model at the start."""
-    space = problem.space
-    spent = 0
-
-    def residuals(unit: Array) -> Array:
-        nonlocal spent
-        spent += 1
-        return problem.misfit.residuals(space.from_unit(unit))
-
-    def jacobian(unit: Array) -> Array:
-        columns = []
-        for d in range(len(unit)):
-            shift = np.zeros(len(unit))
-            shift[d] = _STEP
-            rise = residuals(unit + shift) - residuals(unit - shift)
-            columns.append(rise / (2 * _STEP))
-        # Next to where the model ends a difference may have no value: that way is no way.
-        return np.nan_to_num(np.column_stack(columns), nan=0.0)
-
-    if not np.isfinite(residuals(start)).all():
-        return None
-    fit = least_squares(
-        residuals,
-        start,
-        jac=jacobian,
-        bounds=(np.zeros(len(start)), np.ones(len(start))),
-        xtol=1e-12,
-        ftol=1e-12,
-        gtol=1e-14,
-        max_nfev=100,
+    unit = rng.random((options.samples, len(space.names)))
+    cost = problem.misfit(space.from_unit(unit))
+    order = np.argsort(cost, kind="stable")
+    place = np.minimum((unit[order, -1] * _SLICES).astype(int), _SLICES - 1)
+    firsts = np.unique(place, return_index=True)[1]
+    if start is None:
+        chosen = np.unique(np.concatenate([np.arange(min(_BEST, len(order))), firsts]))
+        starts = unit[order[chosen]]
+    else:
+        starts = np.vstack([space.to_unit(start), unit[order[firsts[:4]]]])
+    found = polish(space, problem.misfit, starts, most_iterations=options.most_iterations)
+    best = np.argsort(found.cost, kind="stable")
+    parameters = space.from_unit(found.unit[best[0]])
+    return Estimate(
+        parameters,
+        float(problem.error_um(parameters[None])[0]),
+        found.iterations,
+        options.samples + found.evaluations,
+        converged=bool(found.converged[best[0]] and np.isfinite(found.cost[best[0]])),
+        minima=_distinct(found.unit[best[np.isfinite(found.cost[best])]]),
     )
-    parameters = space.from_unit(fit.x)
-    error = float(problem.error_um(parameters[None])[0])
-    return Estimate(parameters, error, int(fit.nfev), spent, converged=bool(fit.success))
+
+
+def _distinct(unit: Array) -> Array:
+    """Return the points (m, k) without those that an earlier one is close to."""
+    kept: list[Array] = []
+    for point in unit:
+        if all(np.abs(point - other).max() > _ALIKE for other in kept):
+            kept.append(point)
+    return np.array(kept).reshape(-1, unit.shape[1])
 
 
 METHOD = ("auto", identify)

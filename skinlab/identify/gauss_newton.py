@@ -13,8 +13,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from skinlab.identify.polish import unit_slopes
 from skinlab.identify.problem import Estimate, Options, Problem
-from skinlab.parameters import ParameterSpace
 
 Array = NDArray[np.float64]
 
@@ -132,16 +132,6 @@ class Search:
         """Return the answer at a point (k,)."""
         parameters = self._problem.space.from_unit(unit)
         return Estimate(parameters, error_um, iterations, self.evaluations, converged)
-
-
-def unit_slopes(space: ParameterSpace, unit: Array) -> Array:
-    """Return derivatives (k, k) of the parameters by the unit cube's coordinates, at a point (k,).
-
-    By central differences, good to about 1e-9: spaces are smooth, also beyond their boundary.
-    """
-    shifts = _STEP * np.eye(len(unit))
-    rise = space.from_unit(unit + shifts) - space.from_unit(unit - shifts)
-    return np.asarray(rise.T / (2.0 * _STEP))
 
 
 METHOD = ("gn", identify)

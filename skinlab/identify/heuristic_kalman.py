@@ -4,10 +4,12 @@ Candidates come from a Gaussian instead of a box. The mean ξ and the variances 
 taken for a measurement of the optimum with its noise, and a Kalman filter moves the Gaussian's mean
 m and standard deviations S towards it; a slowdown coefficient keeps it from shrinking too soon.
 Toscano and Lyonnet 2009, "Heuristic Kalman algorithm for solving optimization problems", IEEE
-Trans. Syst. Man Cybern. B 39:1231, and "Robust PID controller tuning based on the heuristic Kalman
-algorithm", Automatica 45:2099. As there, the unknowns' covariances are left out. Unknowns are
-points of the space's unit cube, of whose width S is one sixth at first; what is drawn outside of
-the cube is no candidate.
+Trans. Syst. Man Cybern. B 39:1231-1244, and "Robust PID controller tuning based on the heuristic
+Kalman algorithm", Automatica 45:2099-2106. As there, the unknowns' covariances are left out, and
+the Gaussian starts in the middle of the box with one sixth of its width for S.
+
+Two things differ. Unknowns are points of the space's unit cube, because the slowdown mixes their
+variances, which X1 in MPa and ν do not share. What is drawn outside of the cube is no candidate.
 """
 
 from __future__ import annotations
@@ -15,26 +17,20 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.errors import InputError
-from skinlab.identify.problem import Estimate, Options, Problem
-from skinlab.identify.stochastic import check
+from skinlab.identify.problem import Estimate, Options, Problem, check
 
 Array = NDArray[np.float64]
 
 
-def identify(
-    problem: Problem, options: Options, rng: np.random.Generator, *, slowdown: float = 0.4
-) -> Estimate:
+def identify(problem: Problem, options: Options, rng: np.random.Generator) -> Estimate:
     """Return the best of all candidates, when the N_b best of a draw agree in E to within C.
 
     The source asks instead that these be near each other, in units that X1 and ν do not share.
 
     Raises:
-        InputError: an option is out of its range (see `stochastic`), or α is not within 0…1.
+        InputError: an option is out of its range.
     """
     check(options)
-    if not 0.0 < slowdown <= 1.0:
-        raise InputError(f"slowdown {slowdown}: expected more than 0, at most 1")
     space = problem.space
     n = len(space.names)
     mean, deviation = np.full(n, 0.5), np.full(n, 1.0 / 6.0)
@@ -53,7 +49,7 @@ def identify(
             answer, least = candidates[order[0]], float(error[order[0]])
         if error[order[-1]] - error[order[0]] <= options.tolerance_um:
             return Estimate(space.from_unit(answer), least, iteration, evaluations, converged=True)
-        mean, deviation = update(mean, deviation, candidates[order], slowdown)
+        mean, deviation = update(mean, deviation, candidates[order], options.slowdown)
     return Estimate(
         space.from_unit(answer), least, options.most_iterations, evaluations, converged=False
     )

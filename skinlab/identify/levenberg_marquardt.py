@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from skinlab.identify.gauss_newton import Search
-from skinlab.identify.problem import Estimate, Options, Problem
-from skinlab.identify.stochastic import check
+from skinlab.identify.problem import Estimate, Options, Problem, check
 
 Array = NDArray[np.float64]
 
@@ -28,7 +27,7 @@ def identify(
     `options.most_iterations` bounds the number of steps tried.
 
     Raises:
-        InputError: an option is out of its range (see `stochastic`).
+        InputError: an option is out of its range.
     """
     check(options)
     search = Search(problem)

@@ -2,26 +2,52 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from skinlab.errors import InputError
 from skinlab.parameters import ParameterSpace
 
 Array = NDArray[np.float64]
 
+Sampling = Literal["uniform", "lhs"]
 
-class SquaredMisfit(Protocol):
-    """Σ (M − Ω)², mm², over the samples of the data that are fitted."""
+MOST_SAMPLES = 1_000_000  # a draw of more is a slip of the pen, and does not fit into memory
+
+
+class LeastSquares(Protocol):
+    """Residuals whose squares are to be least, for many candidates at once."""
+
+    def differences(self, parameters: Array) -> Array:
+        """Return residuals (n, m) of candidates (n, p); NaN where there is no model."""
+        ...
+
+    def slopes(self, parameters: Array) -> Array:
+        """Return the derivatives (n, m, p) of `differences`."""
+        ...
+
+
+class SquaredMisfit(LeastSquares, Protocol):
+    """Σ (M − Ω)², mm², over the samples of the data that are fitted.
+
+    Its `differences` leave out `rest`, the part that no candidate can take away.
+    """
+
+    @property
+    def rest(self) -> float:
+        """The part of the sum that no candidate can take away."""
+        ...
 
     def __call__(self, parameters: Array) -> Array:
-        """Return the sums (n,) of candidates (n, k); infinite where there is no model."""
+        """Return the sums (n,) of candidates (n, p); infinite where there is no model."""
         ...
 
     def residuals(self, parameters: Array) -> Array:
-        """Return residuals of one candidate (k,), mm; their squares sum up to the misfit."""
+        """Return residuals of one candidate (m,), mm; their squares sum up to the misfit."""
         ...
 
 
@@ -46,6 +72,36 @@ class Options:
     best: int = 20  # N_b
     tolerance_um: float = 1e-5  # C
     most_iterations: int = 500
+    sampling: Sampling = "uniform"  # sto: how N candidates are drawn from the box
+    slowdown: float = 0.4  # hka: α, how fast the Gaussian may shrink
+    forgetting: float = 0.9  # rls: λ0
+    covariance: float = 1.0  # rls: the diagonal of P at the start
+    passes: int = 100  # rls: the most runs over the curve
+
+
+def check(options: Options) -> None:
+    """Refuse options that cannot work, whichever method reads them.
+
+    Raises:
+        InputError: names the option and what was expected.
+    """
+    if not 2 <= options.samples <= MOST_SAMPLES:
+        raise InputError(f"samples {options.samples}: expected 2 to {MOST_SAMPLES}")
+    if not 2 <= options.best <= options.samples:
+        raise InputError(
+            f"best {options.best}: expected 2 to the number of samples, {options.samples}"
+        )
+    if not options.tolerance_um >= 0:
+        raise InputError(f"tolerance_um {options.tolerance_um}: expected zero or more")
+    if options.sampling not in ("uniform", "lhs"):
+        raise InputError(f"sampling {options.sampling!r}: expected uniform or lhs")
+    for name in ("slowdown", "forgetting"):
+        if not 0.0 < getattr(options, name) <= 1.0:
+            raise InputError(f"{name} {getattr(options, name)}: expected more than 0, at most 1")
+    if not 0.0 < options.covariance < math.inf:
+        raise InputError(f"covariance {options.covariance}: expected more than 0")
+    if options.passes < 1:
+        raise InputError(f"passes {options.passes}: expected 1 or more")
 
 
 @dataclass(frozen=True)
@@ -57,6 +113,9 @@ class Estimate:
     iterations: int
     evaluations: int
     converged: bool
+    minima: Array | None = (
+        None  # (m, k) points of the unit cube, best first, where it found several
+    )
 
 
 class Method(Protocol):

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.curve import Setup
+from skinlab.identify.uncertainty import Uncertainty
 
 Array = NDArray[np.float64]
 
@@ -30,7 +31,7 @@ class Identification:
     """What was identified from one curve, how, and whether to trust it."""
 
     file: str
-    setup: Setup | None  # None where the input could not be read
+    setup: Setup | None  # None where the input could not be read, and for several curves together
     error: str | None  # one sentence where nothing could be identified
     points: int = 0
     phases: tuple[str, ...] = ("load",)
@@ -47,15 +48,19 @@ class Identification:
     flags: tuple[str, ...] = ()
     fitted: NDArray[np.bool_] | None = None  # (points,) which samples were fitted
     model_mm: Array | None = None  # (points,) the fitted curve; NaN where there is no model
+    fitted_points: int = 0
+    files: tuple[str, ...] | None = None  # of a joint identification
+    uncertainty: Uncertainty | None = None  # where the method gives intervals
 
     def to_json(self) -> dict[str, Any]:
         """Return the entry of `curves` in the identification document."""
         values = self.parameters or {}
+        name = {"file": self.file} if self.files is None else {"files": list(self.files)}
         return {
-            "file": self.file,
+            **name,
             "error": self.error,
             "points": self.points,
-            "fitted_points": 0 if self.fitted is None else int(self.fitted.sum()),
+            "fitted_points": self.fitted_points,
             "phases": list(self.phases),
             "aperture_mm": self.setup and self.setup.aperture_mm,
             "thickness_mm": self.setup and self.setup.thickness_mm,
@@ -89,6 +94,23 @@ def not_trustworthy(result: Identification) -> bool:
 
 
 @dataclass(frozen=True)
+class Advice:
+    """A further measurement, and by what factor it would narrow the intervals."""
+
+    aperture_mm: float
+    program: str
+    narrows: dict[str, float]  # by parameter; the expected ratio of interval widths
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the entry of `advice`."""
+        return {
+            "aperture_mm": self.aperture_mm,
+            "program": self.program,
+            "narrows": dict(self.narrows),
+        }
+
+
+@dataclass(frozen=True)
 class Provenance:
     """With which model, database, method and seed."""
 
@@ -102,7 +124,12 @@ class Provenance:
 
 
 def document(
-    provenance: Provenance, results: Sequence[Identification], session: str | None = None
+    provenance: Provenance,
+    results: Sequence[Identification],
+    session: str | None = None,
+    *,
+    joint: Identification | None = None,
+    advice: Sequence[Advice] | None = None,
 ) -> dict[str, Any]:
     """Return the whole identification document."""
     whole: dict[str, Any] = {
@@ -118,8 +145,8 @@ def document(
         "seed": provenance.seed,
         "interval": 0.9,
         "curves": [result.to_json() for result in results],
-        "joint": None,
-        "advice": None,
+        "joint": None if joint is None else joint.to_json(),
+        "advice": None if advice is None else [a.to_json() for a in advice],
     }
     if session is not None:
         whole["session"] = session

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from skinlab.identify.result import Identification
+from collections.abc import Sequence
+
+from skinlab.identify.result import Advice, Identification
 
 _UNITS = {"X1_MPa": ("X1", "MPa"), "X2_MPa": ("X2", "MPa"), "nu": ("nu", "")}
 
@@ -11,23 +13,66 @@ def describe(result: Identification) -> str:
     """Return the text."""
     lines = [result.file]
     if result.setup is not None:
-        fitted = 0 if result.fitted is None else int(result.fitted.sum())
         lines[0] += (
             f"  ({result.setup.aperture_mm:g} mm opening, {result.setup.thickness_mm:g} mm skin; "
-            f"{fitted} of {result.points} samples fitted: {', '.join(result.phases)})"
+            f"{result.fitted_points} of {result.points} samples fitted: "
+            f"{', '.join(result.phases)})"
         )
+    elif result.files is not None:
+        lines = [
+            f"{len(result.files)} curves together  ({result.fitted_points} of {result.points} "
+            f"samples fitted: {', '.join(result.phases)})"
+        ]
     if result.error is not None:
         lines.append(f"  not identified: {result.error}")
     for name, value in (result.parameters or {}).items():
         label, unit = _UNITS.get(name, (name, ""))
         text = f"  {label:<4}{value.value:10.4g} {unit:<4}"
         if value.low is not None and value.high is not None:
-            text += f"90 % interval {value.low:.4g} to {value.high:.4g}"
+            text += f"90 % interval {value.low:.4g} to {value.high:.4g}  "
         if name == "nu" and result.nu_consistent is not None:
             text += f"(linear elasticity's nu: {result.nu_consistent:.3f})"
         lines.append(text.rstrip())
     if result.error_um is not None and result.rms_um is not None:
-        lines.append(f"  E   {result.error_um:10.3g} µm   rms residual {result.rms_um:.3g} µm")
+        text = f"  E   {result.error_um:10.3g} µm   rms residual {result.rms_um:.3g} µm"
+        if result.noise_um:
+            text += f", noise {result.noise_um:.3g} µm"
+        lines.append(text)
+    lines += [f"  {sentence}" for sentence in explain(result)]
     if result.flags:
         lines.append(f"  flags: {', '.join(result.flags)}")
+    return "\n".join(lines)
+
+
+def explain(result: Identification) -> list[str]:
+    """Return what the flags of uncertainty mean here, a sentence each."""
+    found = []
+    loose = [f.split(":")[1] for f in result.flags if f.startswith("not_identifiable:")]
+    if loose:
+        names = " and ".join(_UNITS.get(name, (name, ""))[0] for name in loose)
+        found.append(f"These data hardly fix {names}: the interval is most of what is possible.")
+    if "misfit_above_noise" in result.flags and result.noise_um and result.rms_um:
+        ratio = result.rms_um / result.noise_um
+        found.append(
+            f"The residual is {ratio:.1f} times the noise: the model misses something, and the "
+            "intervals mean less."
+        )
+    bounds = [f.split(":")[1] for f in result.flags if f.startswith("at_bound:")]
+    if bounds:
+        names = " and ".join(_UNITS.get(name, (name, ""))[0] for name in bounds)
+        found.append(f"The best fit has {names} at the end of the database: it may lie beyond.")
+    return found
+
+
+def describe_advice(advice: Sequence[Advice], most: int = 5) -> str:
+    """Return the best measurements in a few lines."""
+    if not advice:
+        return "No further measurement of the menu would help, or none can be computed."
+    lines = ["To narrow the intervals, measure next (expected widths, of today's):"]
+    for item in advice[:most]:
+        widths = ", ".join(
+            f"{_UNITS.get(name, (name, ''))[0]} {100 * ratio:.0f} %"
+            for name, ratio in item.narrows.items()
+        )
+        lines.append(f"  {item.aperture_mm:g} mm opening, {item.program:<14} {widths}")
     return "\n".join(lines)

@@ -202,6 +202,90 @@ def test_every_method_can_be_asked_for(capsys, curve_csv):
         assert document["curves"][0]["error_um"] < 5
 
 
+class TestOptionsOfSingleMethods:
+    def identify(self, capsys, curve_csv, *arguments):
+        return call(capsys, "identify", curve_csv, *SKIN, "--json", *arguments)
+
+    @pytest.mark.parametrize(
+        ("method", "option", "says"),
+        [
+            ("auto", ["--sampling", "lhs"], "--sampling belongs to --method sto"),
+            ("hka", ["--confidence", "0.9"], "--confidence belongs to --method sto"),
+            ("gn", ["--accuracy", "0.1"], "--accuracy belongs to --method sto"),
+            ("sto", ["--slowdown", "0.5"], "--slowdown belongs to --method hka"),
+            ("lm", ["--forgetting", "0.5"], "--forgetting belongs to --method rls"),
+            ("sto", ["--covariance", "2"], "--covariance belongs to --method rls"),
+            ("gn", ["--passes", "2"], "--passes belongs to --method rls"),
+            ("sto", ["--samples", "500", "--confidence", "0.9"], "leave --samples out"),
+            ("sto", ["--sampling", "sobol"], "sobol"),
+        ],
+    )
+    def test_what_a_method_does_not_read_is_wrong_usage(
+        self, capsys, curve_csv, method, option, says
+    ):
+        status, out, err = self.identify(capsys, curve_csv, "--method", method, *option)
+        assert (status, out) == (2, "")
+        assert says in err
+
+    @pytest.mark.parametrize(
+        ("method", "option", "says"),
+        [
+            ("sto", ["--confidence", "1"], "confidence 1: expected more than 0 and less than 1"),
+            ("sto", ["--accuracy", "1e-12"], "more than 1000000 samples"),
+            ("hka", ["--slowdown", "2"], "slowdown 2.0: expected"),
+            ("rls", ["--forgetting", "0"], "forgetting 0.0: expected"),
+            ("rls", ["--covariance", "nan"], "covariance nan: expected"),
+            ("rls", ["--passes", "0"], "passes 0: expected 1 or more"),
+        ],
+    )
+    def test_out_of_range_is_refused(self, capsys, curve_csv, method, option, says):
+        status, out, err = self.identify(capsys, curve_csv, "--method", method, *option)
+        assert (status, out) == (3, "")
+        assert says in err
+
+    def test_confidence_and_accuracy_give_n(self, capsys, curve_csv):
+        rule = ["--method", "sto", "--confidence", "0.9", "--accuracy", "0.05"]
+        status, out, err = self.identify(capsys, curve_csv, *rule)
+        assert (status, err) == (0, "")
+        (entry,) = json.loads(out)["curves"]
+        assert entry["evaluations"] == 45 * entry["iterations"]  # ln 0.1 / ln 0.95 = 44.9
+
+    def test_a_draw_that_breaks_the_rule_is_told(self, capsys, curve_csv):
+        status, _, err = self.identify(capsys, curve_csv, "--method", "sto", "--samples", "458")
+        assert status == 0
+        assert err == (
+            "skinlab: 458 samples break the paper's rule, eq. (10): 459 or more for a confidence "
+            "of 0.99 and an accuracy of 0.01\n"
+        )
+        for enough in (["--method", "sto", "--samples", "459"], ["--method", "lm"]):
+            assert self.identify(capsys, curve_csv, *enough)[2] == ""
+
+    def test_each_option_reaches_its_method(self, capsys, curve_csv):
+        def found(*arguments):
+            status, out, _ = self.identify(capsys, curve_csv, *arguments)
+            assert status == 0
+            (entry,) = json.loads(out)["curves"]
+            return entry["parameters"], entry["iterations"]
+
+        passes = ("--method", "rls", "--passes", "2")
+        rls = found(*passes)
+        assert rls[1] == 2
+        assert found(*passes, "--forgetting", "0.99") != rls
+        assert found(*passes, "--covariance", "10") != rls
+        assert found("--method", "hka") != found("--method", "hka", "--slowdown", "0.9")
+        assert found("--method", "sto") != found("--method", "sto", "--sampling", "lhs")
+
+    @pytest.mark.parametrize("command", ["identify", "measure"])
+    def test_help_sets_them_apart(self, capsys, command):
+        _, out, _ = call(capsys, command, "--help")
+        general, single = out.split("Options of single methods:")
+        assert "--sampling" in single
+        assert "--passes" in single
+        assert "--slowdown" not in general
+        assert "--samples" in general
+        assert "--help" in general
+
+
 def test_start_up_is_light():
     """`--help` imports none of the heavy libraries."""
     code = (

@@ -10,7 +10,7 @@ from skinlab.errors import InputError
 from skinlab.forward import simulate
 from skinlab.identify import stochastic
 from skinlab.identify.identifier import Identifier
-from skinlab.identify.problem import Options, Problem
+from skinlab.identify.problem import Options, Problem, check
 from skinlab.identify.registry import get_method, method_names
 from skinlab.identify.result import document
 from skinlab.parameters import BoxSpace, contains
@@ -31,8 +31,15 @@ class Bowl:
         self.asked += len(parameters)
         return (((parameters - self.centre) / self.scales) ** 2).sum(axis=1)
 
+    rest = 0.0
+
     def residuals(self, parameters):
         return (parameters - self.centre) / self.scales
+
+    differences = residuals
+
+    def slopes(self, parameters):
+        return np.tile(np.diag(1.0 / self.scales), (len(parameters), 1, 1))
 
 
 UNIT = BoxSpace(("a", "b"), (0.0, 0.0), (1.0, 1.0))
@@ -92,7 +99,7 @@ def test_candidates_without_a_model_are_passed_over():
 )
 def test_options_that_cannot_work_are_refused(options):
     with pytest.raises(InputError, match="expected"):
-        stochastic.check(options)
+        check(options)
 
 
 def test_the_papers_blind_test_twenty_seeds(grid, blind_curve):

@@ -13,6 +13,7 @@ from skinlab.identify import (
     heuristic_kalman,
     levenberg_marquardt,
     recursive_least_squares,
+    stochastic,
 )
 from skinlab.identify.problem import Options, Problem
 from skinlab.parameters import PAPER_BOX, BoxSpace, RatioSpace
@@ -77,6 +78,48 @@ def line(rng, space=UNIT):
 
 def run(method, problem, options=None, seed=0, **arguments):
     return method.identify(problem, options or Options(), np.random.default_rng(seed), **arguments)
+
+
+class TestStochastic:
+    def test_the_papers_example_of_eq_10(self):
+        assert stochastic.least_samples(0.99, 0.01) == 459
+
+    @pytest.mark.parametrize(("rho", "e"), [(0.9, 0.1), (0.99, 0.02), (0.5, 0.3)])
+    def test_eq_10_is_the_chance_of_one_hit(self, rho, e):
+        """Of draws with the least N, a fraction ρ at least has a point in the best e; not N − 1."""
+        least = stochastic.least_samples(rho, e)
+        assert 1 - (1 - e) ** least >= rho > 1 - (1 - e) ** (least - 1)
+        rng = np.random.default_rng(8)
+        hits = np.mean([(stochastic.draw(rng, least, 1, "uniform") < e).any() for _ in range(2000)])
+        assert hits == pytest.approx(1 - (1 - e) ** least, abs=4 * np.sqrt(rho * (1 - rho) / 2000))
+
+    @pytest.mark.parametrize(("rho", "e"), [(0, 0.1), (1, 0.1), (0.9, 0), (0.9, 1), (np.nan, 0.1)])
+    def test_what_is_no_probability_is_refused(self, rho, e):
+        with pytest.raises(InputError, match="more than 0 and less than 1"):
+            stochastic.least_samples(rho, e)
+
+    def test_more_samples_than_fit_into_memory_are_refused(self):
+        with pytest.raises(InputError, match="more than 1000000 samples"):
+            stochastic.least_samples(0.99, 1e-9)
+        with pytest.raises(InputError, match="expected 2 to 1000000"):
+            run(stochastic, saturation(), Options(samples=10**9))
+
+    def test_a_latin_hypercube_has_one_point_in_every_slice(self):
+        points = stochastic.draw(np.random.default_rng(7), 50, 3, "lhs")
+        slices = np.sort(np.floor(50 * points), axis=0)
+        np.testing.assert_array_equal(slices, np.tile(np.arange(50)[:, None], (1, 3)))
+
+    @pytest.mark.parametrize("sampling", ["uniform", "lhs"])
+    def test_either_sampling_finds_the_minimum_and_repeats_its_bits(self, sampling):
+        options = Options(samples=200, best=10, sampling=sampling)
+        found = run(stochastic, saturation(), options, seed=3)
+        np.testing.assert_allclose(found.parameters, TRUE, atol=0.02)
+        again = run(stochastic, saturation(), options, seed=3)
+        np.testing.assert_array_equal(found.parameters, again.parameters)
+
+    def test_another_sampling_is_refused(self):
+        with pytest.raises(InputError, match="expected uniform or lhs"):
+            run(stochastic, saturation(), Options(sampling="sobol"))
 
 
 class TestGaussNewton:
@@ -180,10 +223,8 @@ class TestRecursiveLeastSquares:
         found = run(
             recursive_least_squares,
             problem,
-            Options(most_iterations=1),
+            Options(passes=1, forgetting=1.0, covariance=1e8),
             start=np.zeros(2),
-            forgetting=1.0,
-            covariance=1e8,
         )
         np.testing.assert_allclose(found.parameters, expected, rtol=1e-6)
 
@@ -193,9 +234,8 @@ class TestRecursiveLeastSquares:
         problem, design, measured = line(np.random.default_rng(3), space)
         x0 = np.array([1.0, -1.0])
         expected = np.linalg.solve(design.T @ design + np.eye(2), design.T @ measured + x0)
-        found = run(
-            recursive_least_squares, problem, Options(most_iterations=1), start=x0, forgetting=1.0
-        )
+        options = Options(passes=1, forgetting=1.0)
+        found = run(recursive_least_squares, problem, options, start=x0)
         np.testing.assert_allclose(found.parameters, expected, rtol=1e-8)
 
     def test_one_pass_weighs_samples_as_its_forgetting_factors_say(self):
@@ -210,9 +250,8 @@ class TestRecursiveLeastSquares:
         found = run(
             recursive_least_squares,
             problem,
-            Options(most_iterations=1),
+            Options(passes=1, covariance=1e8),
             start=np.zeros(2),
-            covariance=1e8,
         )
         np.testing.assert_allclose(found.parameters, expected, rtol=1e-6)
 
@@ -232,7 +271,7 @@ class TestRecursiveLeastSquares:
         # The first samples, which are too high, throw the estimate out of the model.
         measured = saturating(TRUE) + 0.3 * (TIME < 0.1)
         problem = Problem(UNIT, Sampled(model, slopes, measured), len(TIME))
-        found = run(recursive_least_squares, problem, Options(most_iterations=1), covariance=1e3)
+        found = run(recursive_least_squares, problem, Options(passes=1, covariance=1e3))
         assert np.isfinite(found.error_um)
         assert found.parameters[0] < 0.7
 
@@ -247,14 +286,21 @@ class TestRecursiveLeastSquares:
         design = np.column_stack([np.ones(40), np.zeros(40)])
         measured = 0.4 + 0.01 * np.sin(np.arange(40))
         problem = Problem(UNIT, Sampled(lambda x: design @ x, lambda x: design, measured), 40)
-        options = Options(tolerance_um=0.0, most_iterations=2000)
+        options = Options(tolerance_um=0.0, passes=2000)
         found = run(recursive_least_squares, problem, options, start=np.array([0.2, 0.7]))
         assert found.parameters[1] == pytest.approx(0.7)
 
-    @pytest.mark.parametrize("arguments", [{"forgetting": 0.0}, {"covariance": -1.0}])
+    def test_the_passes_are_bounded(self):
+        options = Options(passes=3, tolerance_um=0.0)
+        found = run(recursive_least_squares, saturation(), options)
+        assert (found.iterations, found.converged) == (3, False)
+
+    @pytest.mark.parametrize(
+        "arguments", [{"forgetting": 0.0}, {"covariance": -1.0}, {"passes": 0}]
+    )
     def test_arguments_that_cannot_work_are_refused(self, arguments):
         with pytest.raises(InputError, match="expected"):
-            run(recursive_least_squares, saturation(), **arguments)
+            run(recursive_least_squares, saturation(), Options(**arguments))
 
 
 class TestLevenbergMarquardt:
@@ -320,7 +366,7 @@ class TestHeuristicKalman:
 
     def test_a_slowdown_that_cannot_work_is_refused(self):
         with pytest.raises(InputError, match="expected"):
-            run(heuristic_kalman, saturation(), slowdown=0.0)
+            run(heuristic_kalman, saturation(), Options(slowdown=0.0))
 
 
 EVERY = [

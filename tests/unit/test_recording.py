@@ -25,11 +25,12 @@ from skinlab.assembler import CurveAssembler
 from skinlab.curve import Setup
 from skinlab.errors import AcquisitionError, InputError
 from skinlab.identify.identifier import Identifier
+from skinlab.identify.problem import Options
 from skinlab.journal import Journal, Kind, read_journal
 from skinlab.measure import Plan, measure
 from skinlab.pipeline import Pipeline
 from skinlab.program import parse_program
-from skinlab.recording import Recording, recover
+from skinlab.recording import Recording, identification_settings, recover
 from skinlab.replay import differences, identifier_of, replay
 from skinlab.report.text import describe
 from skinlab.session import read_session, session_from_records, write_session
@@ -91,6 +92,23 @@ def test_a_replay_gives_the_same_bits(recorded):
     live = [m.result for m in messages if isinstance(m, Identified)]
     for before, now in zip(live, results, strict=True):
         assert before.to_json() | {"seconds": 0} == now.to_json() | {"seconds": 0}
+
+
+def test_a_session_knows_the_options_of_its_method(grid, tmp_path):
+    options = Options(samples=77, sampling="lhs", slowdown=0.7, forgetting=0.8, covariance=3.0)
+    identifier = Identifier(grid, method="sto", options=options)
+    settings = identification_settings(identifier)
+    session = session_from_records({"identification": settings}, [])
+    assert identifier_of(session)[0].options == options
+
+
+def test_a_session_from_before_single_options_replays_as_then(grid):
+    """Those did not record them; rls then ran 500 passes at most."""
+    settings = identification_settings(Identifier(grid, method="rls"))
+    for name in ("sampling", "slowdown", "forgetting", "covariance", "passes"):
+        del settings[name]
+    session = session_from_records({"identification": settings}, [])
+    assert identifier_of(session)[0].options == Options(passes=500)
 
 
 def test_a_replay_keeps_the_pace_that_is_asked_for(recorded):

@@ -1,0 +1,99 @@
+"""Many curves at once: noise from their repeats, and several processes with the same answers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from skinlab.curve import Curve
+from skinlab.identify.identifier import Identifier
+from skinlab.identify.noise import pressure_noise_mbar, roughness, slope_mm_per_mbar
+from skinlab.identify.result import Identification
+from skinlab.identify.uncertainty import Sensor
+
+_FEWEST_SAMPLES = 20
+
+
+def with_stated_noise(
+    identifier: Identifier,
+    curves: Sequence[Curve],
+    noise_um: float | None = None,
+    pressure_mbar: float | None = None,
+) -> Identifier:
+    """Return the identifier with what is known of the sensors' noise.
+
+    The identifier's own statement comes first, then that of the file the curves are from, then what
+    repeats among the curves show; None is left to the residual of each curve.
+    """
+    sensor = identifier.sensor
+    pressure = sensor.pressure_noise_mbar
+    pressure = pressure_mbar if pressure is None else pressure
+    deflection = noise_um if sensor.noise_um is None else sensor.noise_um
+    if deflection is None:
+        deflection = noise_from_repeats_um(curves, identifier.phases, pressure)
+    return replace(identifier, sensor=Sensor(deflection, pressure))
+
+
+def noise_from_repeats_um(
+    curves: Sequence[Curve], phases: tuple[str, ...] = ("load",), pressure_mbar: float | None = None
+) -> float | None:
+    """Return the noise of one deflection sample, µm, from repeats; None where there are none.
+
+    Repeats have the same aperture, thickness and program, and were sampled at the same times. Only
+    the rough part of their differences counts: skin and placement differ smoothly. What the
+    pressure's noise adds (`pressure_mbar`, else estimated) is taken off.
+    """
+    kinds: dict[tuple[float, float, str], list[Curve]] = {}
+    for curve in curves:
+        setup = curve.setup
+        if setup.program is not None and not curve.partial:
+            key = (setup.aperture_mm, setup.thickness_mm, str(setup.program))
+            kinds.setdefault(key, []).append(curve)
+    total, weight = 0.0, 0
+    for repeats in kinds.values():
+        for first, second in pairwise(repeats):
+            found = _rough_variance_mm2(first, second, phases, pressure_mbar)
+            if found is not None:
+                total += found[0] * found[1]
+                weight += found[1]
+    if not weight:
+        return None
+    return 1e3 * float(np.sqrt(max(total / weight, 1e-10)))
+
+
+def _rough_variance_mm2(
+    first: Curve, second: Curve, phases: tuple[str, ...], pressure_mbar: float | None
+) -> tuple[float, int] | None:
+    n = min(len(first), len(second))
+    if n < 3:
+        return None
+    interval = float(np.median(np.diff(first.time_s[:n])))
+    at = [c.time_s[:n] - c.time_s[0] for c in (first, second)]
+    if np.abs(at[0] - at[1]).max() > 0.1 * interval:
+        return None
+    both = first.in_phases(phases)[:n] & second.in_phases(phases)[:n]
+    if both.sum() < _FEWEST_SAMPLES:
+        return None
+    difference = (first.deflection_mm[:n] - second.deflection_mm[:n])[both]
+    variance = 0.5 * roughness(difference) ** 2
+    for curve in (first, second):
+        p, w = curve.pressure_mbar[:n][both], curve.deflection_mm[:n][both]
+        noise = pressure_mbar
+        if noise is None:
+            noise = pressure_noise_mbar(curve.time_s[:n][both], p)
+        variance -= 0.5 * float(np.mean((slope_mm_per_mbar(p, w) * noise) ** 2))
+    return variance, int(both.sum())
+
+
+def identify_all(
+    identifier: Identifier, curves: Sequence[Curve], workers: int = 1
+) -> list[Identification]:
+    """Return the answers in the order of the curves, the same bits for any number of workers."""
+    if workers == 1 or len(curves) < 2:
+        return [identifier(curve) for curve in curves]
+    with ProcessPoolExecutor(min(workers, len(curves))) as pool:
+        return list(pool.map(identifier, curves))
