@@ -7,6 +7,7 @@ import time
 import pytest
 
 from drivers.errors import DriverError, LinkError
+from drivers.events import HostVented, State
 from drivers.link import open_link
 from drivers.probe import Probe
 from skinlab.curve import Setup
@@ -40,7 +41,7 @@ class Room:
         )
 
     def connect(self, port=PORT):
-        self.thread = threading.Thread(target=self._serve, args=(port,))
+        self.thread = threading.Thread(target=self._serve, args=(port,), daemon=True)
         self.thread.start()
         self.until(lambda: self.of(Connected))
 
@@ -133,13 +134,22 @@ def test_a_pulled_link_saves_what_was_measured(tmp_path, identifier):
     assert read_session(path).curves[0].partial
 
 
+def vented_after(room, reason):
+    """Whether the instrument said that it has vented, after the driver ordered it for `reason`."""
+    events = [message.event for message in room.messages(Happened)]
+    if HostVented(reason) not in events:
+        return False
+    after = events[events.index(HostVented(reason)) :]
+    return any(isinstance(event, State) and event.reason == "vented" for event in after)
+
+
 def test_a_vent_ordered_meanwhile_abandons_arming_and_starting(room, tmp_path):
     room.connect()
     before = room.bench.vents
     room.bench.vent("operator")
     with pytest.raises(AcquisitionError, match="vent"):
         room.bench.arm(order(), before)
-    room.until(lambda: room.messages(Happened))
+    room.until(lambda: vented_after(room, "a vent was ordered before"))
     room.bench.arm(order(), room.bench.vents)
     before = room.bench.vents
     room.bench.vent("operator")

@@ -68,14 +68,13 @@ def samples_then(action, count=10):
 
 
 def once_pulling(action):
-    """A hook that acts once the device pulls; its time stands still meanwhile."""
+    """A hook that acts once the device has pulled for a while; its time stands still meanwhile."""
 
-    def hook(link):
-        if link.device.pressure_mbar > 47:
-            link.hook = lambda link: None
-            action()
+    def act(link):
+        link.hook = lambda link: None
+        action()
 
-    return hook
+    return samples_then(act, 20)
 
 
 def test_constructing_is_not_connecting():
