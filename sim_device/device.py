@@ -57,11 +57,14 @@ _LIVE = frozenset({_S.ARMED, _S.RUNNING})
 class Skin(Protocol):
     """What is under the probe."""
 
-    def prepare(self, aperture_mm: float, max_pressure_mbar: float) -> None:
-        """Get ready for a program that goes up to `max_pressure_mbar`; its error refuses Load."""
+    def prepare(self, aperture_mm: float, load: Load) -> None:
+        """Get ready for this program, to be run any number of times; its error refuses Load."""
 
-    def deflection_mm(self, pressure_mbar: float) -> float:
-        """Height of the dome's apex at this suction."""
+    def start(self) -> None:
+        """Begin another loading of this site: the prepared program runs from time zero."""
+
+    def deflection_mm(self, time_s: float, pressure_mbar: float) -> float:
+        """Height of the dome's apex at this suction, `time_s` after the last start."""
 
 
 class Device:
@@ -179,7 +182,7 @@ class Device:
         problem = self._problem_with(load)
         if problem is None:
             try:
-                self._skin.prepare(self._aperture_mm, load.max_pressure_mbar)
+                self._skin.prepare(self._aperture_mm, load)
             except Exception as error:  # noqa: BLE001 -- a skin that cannot be computed is refused
                 problem = str(error) or type(error).__name__
         if problem is not None:
@@ -240,6 +243,7 @@ class Device:
         self._started_us = self._now_us
         self._run.advance(0, self._pressure())
         self._suction_us = 0
+        self._skin.start()
         self._enter(_S.RUNNING, "started")
         self._sample()
 
@@ -293,7 +297,7 @@ class Device:
         if elapsed_us < self._sequence * 10**9 // round(run.load.rate_hz * 1000):
             return
         try:
-            deflection = self._skin.deflection_mm(self._plant.pressure_mbar)
+            deflection = self._skin.deflection_mm(elapsed_us / 1e6, self._plant.pressure_mbar)
             if not abs(deflection) < _LONGEST_MM:
                 raise ValueError(f"a deflection of {deflection} mm")
         except Exception as error:  # noqa: BLE001 -- a skin that cannot be computed is a fault

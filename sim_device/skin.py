@@ -1,70 +1,183 @@
 """The skin under the simulated probe: finite elements, solved when a program is loaded.
 
 Never the database, and not the mesh that built it: 9-node elements without quarter points, so that
-a perfect score cannot come from fitting a model with itself.
+a perfect score cannot come from fitting a model with itself. It is solved along the pressure that
+this pump will make of the program, with the hidden effects of its file, and read between the solved
+steps; where the pressure turns out otherwise (a vent, a fault), it answers the difference at once.
 """
 
 from __future__ import annotations
 
-import numpy as np
-from scipy.interpolate import CubicHermiteSpline
+from bisect import bisect_right
+from dataclasses import dataclass
 
-from sim_device.device import Skin
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.events import Load
+from sim_device.device import STEP_US, Skin
 from sim_device.files import SkinSection
+from sim_device.plant import Plant
+from sim_device.program import Run
+from skinlab.effects.model import Effects, Sensors, SkinCurve, problem_of, solve_skin
+from skinlab.effects.model import Skin as Law
 from skinlab.fem.element import QUAD9_FULL
-from skinlab.fem.suction import Discretisation, Geometry, solve
-from skinlab.materials.compressibility import kappa_ratio
+from skinlab.fem.skin import SkinProblem
+from skinlab.fem.suction import Discretisation, Geometry
+from skinlab.pressure_path import PressurePath
+
+Array = NDArray[np.float64]
 
 MESH = Discretisation("simulated-1", QUAD9_FULL, 0.01, 1.6, 0.125, 0.125, 0.25)
 
-_OVERSHOOT = 1.1  # a pump overshoots a little, and the skin follows
+STEP_S = STEP_US / 1e6
+_ABOVE_MBAR = 15.0  # a pump overshoots a little, and the skin follows until the firmware vents
+_PATH_MBAR = 0.25  # how closely the pressure's path is followed with memory
+_TABLE_MBAR = 0.01
 
 
-class ElasticSkin:
-    """A skin of the paper's law, without memory: its dome depends on the pressure alone."""
+def planned(load: Load) -> PressurePath:
+    """Return the pressure that pump and valve will make of this program, if nothing goes wrong."""
+    plant, run = Plant(STEP_S), Run(load)
+    run.advance(0, 0.0)
+    pressures = [0.0]
+    while not run.ended:
+        run.advance(len(pressures) * STEP_US, plant.pressure_mbar)
+        plant.step(run.set_point_mbar, run.valve_open)
+        pressures.append(plant.pressure_mbar)
+    times = STEP_S * np.arange(len(pressures), dtype=np.float64)
+    return PressurePath.of_samples(times, np.array(pressures), _PATH_MBAR)
 
-    def __init__(self, skin: SkinSection) -> None:
+
+@dataclass(frozen=True)
+class _Dome:
+    """Tables of one loading: quick to read, however often."""
+
+    pressure_mbar: Array
+    instant_mm: Array  # without memory, at these pressures
+    path: PressurePath
+    time_s: Array
+    path_mbar: Array  # at these times
+    path_mm: Array  # the same; empty where there is no memory
+    shift_mbar: Array  # what memory is worth
+
+    def deflection_mm(self, time_s: float, pressure_mbar: float) -> float:
+        if not len(self.path_mm):
+            return self._instant(pressure_mbar)
+        along, on_path, shift = (
+            float(np.interp(time_s, self.time_s, y))
+            for y in (self.path_mm, self.path_mbar, self.shift_mbar)
+        )
+        return along + self._instant(pressure_mbar + shift) - self._instant(on_path + shift)
+
+    def _instant(self, pressure_mbar: float) -> float:
+        return float(np.interp(pressure_mbar, self.pressure_mbar, self.instant_mm, right=np.nan))
+
+
+class SolvedSkin:
+    """A skin of the paper's law with any effects: its dome depends on pressure, time and cycle."""
+
+    def __init__(self, skin: SkinSection, effects: Effects) -> None:
+        self._law = Law(skin.X1_MPa, skin.X2_MPa, skin.nu, skin.kappa)
         self._thickness_mm = skin.thickness_mm
-        self._parameters = {
-            "X1_MPa": skin.X1_MPa,
-            "X2_MPa": skin.X2_MPa,
-            "kappa_MPa": skin.X1_MPa * float(kappa_ratio(skin.nu, skin.kappa)),
-        }
-        self._dome: CubicHermiteSpline | None = None
-        self._solved: tuple[float, float] = (0.0, 0.0)
+        self._effects = effects
+        self._sensors = Sensors.of(effects)
+        self._cycle = 0
+        self._geometry = Geometry(6.0, skin.thickness_mm)
+        self._load: Load | None = None
+        self._present: _Dome | None = None  # that of this loading, once it is read
+        self._domes: dict[SkinProblem, _Dome] = {}
+        self._times_s: list[float] = []  # readings of this loading, and the pressures there
+        self._pressures_mbar: list[float] = []
+        self._problem_of(1)  # refuses what cannot be
 
-    def prepare(self, aperture_mm: float, max_pressure_mbar: float) -> None:
-        """Solve up to this suction.
+    def prepare(self, aperture_mm: float, load: Load) -> None:
+        """Solve along the program, for the next loading and those after it.
 
         Raises:
             ValueError: the finite elements do not hold that far.
         """
-        if self._solved[0] == aperture_mm and self._solved[1] >= max_pressure_mbar:
-            return
         geometry = Geometry(aperture_mm, self._thickness_mm)
-        goal = max_pressure_mbar * _OVERSHOOT + 5.0
-        curve = solve(geometry, self._parameters, goal, discretisation=MESH)
-        if curve.holds_to_mbar < max_pressure_mbar:
-            raise ValueError(
-                f"the simulated skin holds to {curve.holds_to_mbar:.0f} mbar only, "
-                f"and the program goes to {max_pressure_mbar:g}"
-            )
-        self._dome = CubicHermiteSpline(
-            curve.pressure_mbar, curve.deflection_mm, curve.slope_mm_per_mbar
+        if (geometry, load) != (self._geometry, self._load):
+            self._geometry, self._load, self._domes = geometry, load, {}
+            self._present = None
+        for cycle in (self._cycle + 1, self._cycle + 2):
+            self._dome(cycle)
+
+    def start(self) -> None:
+        """Begin another loading of this site."""
+        self._cycle += 1
+        self._restart()
+
+    def deflection_mm(self, time_s: float, pressure_mbar: float) -> float:
+        """Return what the sensor makes of the apex's height; zero before anything was prepared."""
+        if self._load is None:
+            return 0.0
+        if self._present is None:
+            self._present = self._dome(max(1, self._cycle))
+        dome = self._present
+        self._times_s.append(time_s)
+        self._pressures_mbar.append(pressure_mbar)
+        now = np.array([time_s])
+        when = float(self._sensors.when(now)[0])
+        if when != time_s:
+            pressure_mbar = self._pressure_at(when, dome.path)
+        deflection = np.array([dome.deflection_mm(when, pressure_mbar)])
+        return float(self._sensors.read(now, deflection, self._times_s[0])[0])
+
+    def _restart(self) -> None:
+        self._present = None
+        self._times_s.clear()
+        self._pressures_mbar.clear()
+
+    def _pressure_at(self, time_s: float, path: PressurePath) -> float:
+        """Return the pressure at another time: the path's, and how far the last reading was off."""
+        k = max(0, bisect_right(self._times_s, time_s) - 1)
+        off = self._pressures_mbar[k] - float(path(self._times_s[k]))
+        return float(path(time_s)) + off
+
+    def _problem_of(self, cycle: int) -> SkinProblem:
+        return problem_of(self._law, self._effects, self._geometry, cycle)
+
+    def _dome(self, cycle: int) -> _Dome:
+        problem = self._problem_of(cycle)
+        if problem not in self._domes:
+            assert self._load is not None
+            self._domes[problem] = _solved(problem, self._load)
+        return self._domes[problem]
+
+
+def _solved(problem: SkinProblem, load: Load) -> _Dome:
+    path = planned(load)
+    top = load.max_pressure_mbar
+    goal = 1.1 * top + _ABOVE_MBAR
+    times = np.arange(path.time_s[0], path.time_s[-1] + STEP_S, STEP_S)
+    along, shift = np.empty(0), np.empty(0)
+    if problem.prony:
+        curve = solve_skin(problem, path, MESH)
+        _check(curve, path.top_mbar)
+        along, shift = curve.at(times, path(times)), curve.shift_mbar(times)
+    instant = solve_skin(problem.elastic, PressurePath((0.0, 1.0), (0.0, goal)), MESH)
+    _check(instant, top)
+    assert instant.instant is not None
+    end = min(goal, instant.holds_to_mbar)
+    beyond = float(shift.max(initial=0.0))  # where memory alone leads, no further than that
+    pressure = np.arange(0.0, end + beyond, _TABLE_MBAR)
+    return _Dome(pressure, instant.instant(pressure), path, times, path(times), along, shift)
+
+
+def _check(curve: SkinCurve, top_mbar: float) -> None:
+    if curve.holds_to_mbar < top_mbar - 1e-9:
+        raise ValueError(
+            f"the simulated skin holds to {curve.holds_to_mbar:.0f} mbar only, "
+            f"and the program goes to {top_mbar:g}"
         )
-        self._solved = (aperture_mm, max_pressure_mbar)
-
-    def deflection_mm(self, pressure_mbar: float) -> float:
-        """Return the apex deflection; zero before anything was prepared."""
-        return 0.0 if self._dome is None else float(self._dome(np.float64(pressure_mbar)))
 
 
-def make_skin(skin: SkinSection, effects: dict[str, dict[str, float]]) -> Skin:
+def make_skin(skin: SkinSection, effects: Effects) -> Skin:
     """Return the skin that a SKIN.toml describes.
 
     Raises:
-        ValueError: an effect that this skin cannot have.
+        ValueError: an effect or a parameter that there is not, or out of its bounds.
     """
-    if effects:
-        raise ValueError(f"effects.{next(iter(effects))}: the simulated skin has no effects yet")
-    return ElasticSkin(skin)
+    return SolvedSkin(skin, effects)

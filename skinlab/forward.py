@@ -8,9 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.curve import FEWEST_POINTS, Curve, Setup
+from skinlab.effects.model import Effects, Sensors, Skin, is_physical, response
 from skinlab.errors import InputError, NotTrustworthyError
-from skinlab.fem.suction import Geometry, solve
+from skinlab.fem.suction import Geometry
 from skinlab.materials.compressibility import KappaConvention, kappa_ratio
+from skinlab.pressure_path import PressurePath
 
 Array = NDArray[np.float64]
 
@@ -24,10 +26,12 @@ def simulate(
     rate_hz: float = 20.0,
     *,
     direct: bool = False,
+    effects: Effects | None = None,
 ) -> tuple[Curve, str | None]:
     """Return the curve along the setup's program, and a warning where it had to end early.
 
-    `direct` runs the finite elements; otherwise the shipped database answers.
+    `direct` runs the finite elements, as physical effects always do; otherwise the shipped database
+    answers.
 
     Raises:
         InputError: a value is out of its range.
@@ -40,15 +44,22 @@ def simulate(
             raise InputError(f"{name} must be positive, got {value}")
     if not (math.isfinite(X2_MPa) and X2_MPa >= 0):
         raise InputError(f"X2_MPa must not be negative, got {X2_MPa}")
+    effects = effects or {}
     time_s = np.arange(math.floor(setup.program.duration_s * rate_hz + 1e-9) + 1) / rate_hz
     pressure = setup.program.pressure_mbar(time_s)
     geometry = Geometry(setup.aperture_mm, setup.thickness_mm)
-    ratio = float(kappa_ratio(nu, kappa))
-    if direct:
-        parameters = {"X1_MPa": X1_MPa, "X2_MPa": X2_MPa, "kappa_MPa": ratio * X1_MPa}
-        deflection = solve(geometry, parameters, setup.program.max_pressure_mbar)(pressure)
+    kappa_ratio(nu, kappa)  # refuses a ν that cannot be
+    path = PressurePath.of_program(setup.program)
+    if direct or is_physical(effects):
+        skin = Skin(X1_MPa, X2_MPa, nu, kappa)
+        deflection = response(
+            skin, effects, geometry, path, time_s, cycle=setup.cycle
+        ).deflection_mm
     else:
-        deflection = _from_database(np.array([X1_MPa, X2_MPa, nu]), geometry, pressure, kappa)
+        sensors = Sensors.of(effects)
+        felt = path(sensors.when(time_s))
+        deflection = _from_database(np.array([X1_MPa, X2_MPa, nu]), geometry, felt, kappa)
+        deflection = sensors.read(time_s, deflection, 0.0)
     holds = np.isfinite(deflection)
     end = len(holds) if holds.all() else int(np.argmin(holds))
     warning = None

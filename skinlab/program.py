@@ -154,8 +154,11 @@ class Program:
         """Ideal duration, without the final vent."""
         return float(self.boundaries_s()[-1])
 
-    def pressure_mbar(self, time_s: ArrayLike) -> NDArray[np.float64]:
-        """Return the pressure asked for at these times since the start."""
+    def knots(self) -> tuple[list[float], list[float]]:
+        """Return times (s) and pressures (mbar) between which the pressure runs straight.
+
+        Two at the same time are a jump.
+        """
         t, p = [0.0], [0.0]
         for segment, begin, end, (t0, t1) in zip(
             self.segments, self._starts(), self._ends(), pairwise(self.boundaries_s()), strict=True
@@ -163,7 +166,11 @@ class Program:
             jump = isinstance(segment, Release | Rest)
             t += [float(t0), float(t1)]
             p += [end if jump else begin, end]
-        return np.asarray(np.interp(np.asarray(time_s, dtype=float), t, p))
+        return t, p
+
+    def pressure_mbar(self, time_s: ArrayLike) -> NDArray[np.float64]:
+        """Return the pressure asked for at these times since the start."""
+        return np.asarray(np.interp(np.asarray(time_s, dtype=float), *self.knots()))
 
     def segment_at(self, time_s: ArrayLike) -> NDArray[np.intp]:
         """Return the index of the segment that runs at these times; a boundary belongs to both.

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+from click.core import ParameterSource
 
 from skinlab.cli.options import kappa_option
 
@@ -24,6 +25,13 @@ if TYPE_CHECKING:
 @kappa_option()
 @click.option("--rate-hz", default=20.0, show_default=True, help="Samples a second.")
 @click.option("--direct", is_flag=True, help="Run the finite elements; else the database answers.")
+@click.option(
+    "--model",
+    "model_path",
+    type=click.Path(path_type=Path),
+    help="MODEL.toml: its effects act on the curve; physical ones imply --direct.",
+)
+@click.option("--cycle", default=1, show_default=True, help="1: first loading of the site.")
 @click.option("--csv", "csv_path", type=click.Path(path_type=Path), help="Write to this file.")
 def command(
     x1_mpa: float,
@@ -35,6 +43,8 @@ def command(
     kappa: KappaConvention,
     rate_hz: float,
     direct: bool,
+    model_path: Path | None,
+    cycle: int,
     csv_path: Path | None,
 ) -> int:
     """Simulate the curve of a skin and print it as CSV.
@@ -45,11 +55,24 @@ def command(
     """
     from skinlab.curve import Setup
     from skinlab.curve_csv import write_curve
+    from skinlab.errors import InputError
     from skinlab.forward import simulate
+    from skinlab.model_file import read_model
     from skinlab.program import parse_program
 
-    setup = Setup(aperture_mm, thickness_mm, parse_program(program))
-    curve, warning = simulate(x1_mpa, x2_mpa, nu, setup, kappa, rate_hz, direct=direct)
+    setup = Setup(aperture_mm, thickness_mm, parse_program(program), cycle=cycle)
+    effects = {}
+    if model_path is not None:
+        model = read_model(model_path)
+        source = click.get_current_context().get_parameter_source("kappa")
+        if source is not ParameterSource.DEFAULT and kappa != model.model.kappa:
+            raise InputError(
+                f"{model_path}: kappa is {model.model.kappa!r}, and --kappa says {kappa!r}"
+            )
+        kappa, effects = model.model.kappa, model.values
+    curve, warning = simulate(
+        x1_mpa, x2_mpa, nu, setup, kappa, rate_hz, direct=direct, effects=effects
+    )
     if csv_path is None:
         write_curve(sys.stdout, curve)
     else:

@@ -14,6 +14,7 @@ that any law can be used; for W = W_iso + U it is ∫ W_iso(F) + U(J̄).
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
@@ -39,6 +40,7 @@ class State:
     volume: float  # under the dome, mm³: the pressure's work is the integral of p dV
     j_min: float  # smallest and largest det F at a quadrature point
     j_max: float
+    skew: tuple[Array, Array, float] | None  # see `Assembly._rim_terms`; None where the rim is held
     deformation: Array  # (5, m, q) deformation gradients, and
     moduli: Array  # (5, 5, m, q) ∂²W/∂F² there, MPa: what admissibility is judged by
 
@@ -59,6 +61,7 @@ class Assembly:
         equation = np.full(n_dofs, self.n, dtype=np.intp)  # the fixed share a dustbin at the end
         equation[free] = np.arange(self.n)
         self.equation = equation
+        self._start = np.ones((3, 1, 1))  # F_rr, F_zz, F_θθ where nothing has moved
         self._set_gradients()
         self._set_edges()
         self._set_pattern()
@@ -96,15 +99,49 @@ class Assembly:
             weighted = basis.T * self.volumes[:, None]
             self._projection = basis @ np.linalg.solve(weighted @ basis, weighted)
 
+    def prestrained(self, stretches: Array, factor: Array) -> Assembly:
+        """Return the same problem for tissue that was strained before.
+
+        `stretches` (2, m) are those in the plane and through the thickness, F0 = diag(s, λ, s), of
+        each element: the energy per volume of this mesh is W(F F0)/det F0. `factor` (m,) multiplies
+        it.
+        """
+        new = copy(self)
+        plane, through = stretches[:, :, None, None]
+        rows = np.stack([plane, through, plane, through, plane], axis=2)[..., 0]  # (m, 1, 5)
+        new.gradients = self.gradients * rows[..., None]
+        m, q, _, dofs = new.gradients.shape
+        new._gradients_t = np.ascontiguousarray(
+            new.gradients.reshape(m, q * 5, dofs).transpose(0, 2, 1)
+        )
+        new._scalar_gradients = self._scalar_gradients * np.repeat(
+            np.stack([plane, through, plane], axis=1)[..., 0, 0], q, axis=1
+        )[..., None]  # fmt: skip
+        new._start = np.stack([plane, through, plane])[..., 0]
+        det = (plane**2 * through)[..., 0]
+        new.volumes = self.volumes * factor[:, None] / det
+        return new
+
     def _set_edges(self) -> None:
-        at, weights = np.polynomial.legendre.leggauss(3)  # exact: the integrand is of degree 5
-        n, dn = line_shape(at)
         edges = self.mesh.loaded_edges
         self._edge_dofs = np.stack([2 * edges, 2 * edges + 1], -1).reshape(-1, 6)
         self._edge_x = self.mesh.nodes[edges]  # (k, 3, 2)
-        w = 2 * np.pi * weights
+        gauss, weights = np.polynomial.legendre.leggauss(3)  # exact: the integrand is of degree 5
         # Load f_a = (−∫ N_a r z', ∫ N_a r r'), bilinear in the nodal r and z: f_a = T_abc r_b x_c.
-        self._edge_form = np.einsum("q,qa,qb,qc->abc", w, n, n, dn)
+        self._edge_form = np.empty((len(edges), 3, 3, 3))
+        self._rim: tuple[Array, Index] | None = None
+        for k, r in enumerate(self._edge_x[..., 0]):
+            end = _where(r, self.mesh.loaded_to_mm)
+            share = 0.5 * (end + 1)
+            n, dn = line_shape(-1 + share * (gauss + 1))
+            w = 2 * np.pi * share * weights
+            self._edge_form[k] = np.einsum("q,qa,qb,qc->abc", w, n, n, dn)
+            if k == len(edges) - 1:
+                values = line_shape(np.array([end]))[0][0]
+                equations = self.equation[self._edge_dofs[k]].reshape(3, 2)
+                moves = (equations < self.n) & (np.abs(values) > 1e-12)[:, None]
+                if moves.any(axis=0).all():
+                    self._rim = values, equations
 
     def _set_pattern(self) -> None:
         equations = self.equation[self.dofs]
@@ -138,16 +175,27 @@ class Assembly:
         f = np.empty((5, m, q))
         f[0], f[1], f[4] = parts[:, 0, :, 0], parts[:, 1, :, 0], parts[:, 2, :, 0]
         f[2], f[3] = parts[:, 0, :, 1], parts[:, 1, :, 1]
-        f[[0, 3, 4]] += 1.0
+        f[[0, 3, 4]] += self._start
         return f
 
     def evaluate(
-        self, unknowns: Array, pressure_mpa: float, parameters: Mapping[str, Any]
+        self,
+        unknowns: Array,
+        pressure_mpa: float,
+        parameters: Mapping[str, Any],
+        stress_2pk: Array | None = None,
     ) -> State | None:
-        """Return the State at these unknowns, or None where an element is turned inside out."""
+        """Return the State at these unknowns, or None where an element is turned inside out.
+
+        `stress_2pk` (4, m, q), in the order rr, rz, zz, θθ and in MPa, is a second Piola-Kirchhoff
+        stress that is there besides the law's (what relaxation has left); the energy has its part
+        ½ S : C.
+        """
         u = self.full(unknowns)
         f = self.deformation_gradients(u)
         energy, stress, moduli, det = stress_and_tangent(f, self.law, parameters)
+        if stress_2pk is not None:
+            energy = energy + _add_stress(f, stress_2pk, stress, moduli)
         j_min, j_max = float(det.min()), float(det.max())
         if not j_min > 0.0:
             return None
@@ -178,6 +226,7 @@ class Assembly:
         )
         band = _gather(self._slot, entries, self.n * (self.band + 1))
         return State(
+            skew=self._rim_terms(u),
             energy=float((energy * w).sum()),
             residual=internal - pressure_mpa * external,
             tangent=band.reshape(self.n, self.band + 1),
@@ -188,6 +237,13 @@ class Assembly:
             deformation=f,
             moduli=moduli,
         )
+
+    def forces(self, f: Array, stress_2pk: Array) -> Array:
+        """Return the internal forces (dofs,) of a second Piola-Kirchhoff stress (4, m, q), in N."""
+        m = len(self.mesh.elements)
+        stress = self.volumes * first_stress(f, stress_2pk)
+        columns = np.ascontiguousarray(stress.reshape(5, -1).T).reshape(m, -1, 1)
+        return _gather(self._equations, np.matmul(self._gradients_t, columns), self.n + 1)[:-1]
 
     def _project(
         self, f: Array, det: Array, stress: Array, moduli: Array, parameters: Mapping[str, Any]
@@ -233,9 +289,9 @@ class Assembly:
         x = self._edge_x + displacements[self._edge_dofs].reshape(-1, 3, 2)
         r, z = x[..., 0], x[..., 1]
         t = self._edge_form
-        t_r = np.einsum("abc,kb->kac", t, r)  # ∂f/∂x_c
-        t_dr = np.einsum("abc,kc->kab", t, r)  # ∂f/∂r_b through r'
-        t_dz = np.einsum("abc,kc->kab", t, z)
+        t_r = np.einsum("kabc,kb->kac", t, r)  # ∂f/∂x_c
+        t_dr = np.einsum("kabc,kc->kab", t, r)  # ∂f/∂r_b through r'
+        t_dz = np.einsum("kabc,kc->kab", t, z)
         k = len(r)
         load = np.empty((k, 3, 2))
         load[..., 1] = np.einsum("kac,kc->ka", t_r, r)
@@ -245,10 +301,61 @@ class Assembly:
         stiffness[:, :, 0, :, 1] = -t_r
         stiffness[:, :, 0, :, 0] = -t_dz
         form = stiffness.reshape(k, 6, 6)
-        # One edge's form is not symmetric; the sum over the closed surface with a held rim is.
+        # One edge's form is not symmetric; the sum over the closed surface with a held rim is,
+        # and with a rim that moves the rest is `_rim_terms`.
         symmetric = 0.5 * (form + form.transpose(0, 2, 1))
         volume = float(np.einsum("ka,ka->", load[..., 1], z))
         return load.reshape(k, 6), symmetric, volume
+
+    def _rim_terms(self, displacements: Array) -> tuple[Array, Array, float] | None:
+        """Return (e_r, e_z, π r): the load's derivative has the part π r (e_z e_rᵀ − e_r e_zᵀ).
+
+        Where the load ends on a surface that is free to move, at radius r, its work is no longer
+        p times a volume, 2π ∫ r z r' ds: it lacks 2π r z dr there, the form whose derivative is
+        2π r dz ∧ dr. e_r and e_z (n,) pick the rim's motion out of the unknowns.
+        """
+        if self._rim is None:
+            return None
+        values, equations = self._rim
+        e = np.zeros((2, self.n + 1))
+        np.add.at(e[0], equations[:, 0], values)
+        np.add.at(e[1], equations[:, 1], values)
+        x = self._edge_x[-1, :, 0] + displacements[self._edge_dofs[-1]].reshape(3, 2)[:, 0]
+        return e[0, :-1], e[1, :-1], float(np.pi * (values @ x))
+
+
+def _where(r: Array, radius_mm: float) -> float:
+    """Return the coordinate in [−1, 1] of an edge (ends, middle) at this radius; 1 if beyond."""
+    if r[1] <= radius_mm * (1 + 1e-9):
+        return 1.0
+    # r(ξ) = r_mid + ξ (r1 − r0)/2 + ξ² ((r0 + r1)/2 − r_mid), and it grows
+    a, b, c = 0.5 * (r[0] + r[1]) - r[2], 0.5 * (r[1] - r[0]), r[2] - radius_mm
+    return float(-2 * c / (b + np.sqrt(b * b - 4 * a * c)))
+
+
+def first_stress(f: Array, s: Array) -> Array:
+    """Return P = F S (5, ...) of a second Piola-Kirchhoff stress (4, ...): rr, rz, zz, θθ."""
+    return np.stack(
+        [
+            f[0] * s[0] + f[1] * s[1],
+            f[0] * s[1] + f[1] * s[2],
+            f[2] * s[0] + f[3] * s[1],
+            f[2] * s[1] + f[3] * s[2],
+            f[4] * s[3],
+        ]
+    )
+
+
+def _add_stress(f: Array, s: Array, stress: Array, moduli: Array) -> Array:
+    """Add the second Piola-Kirchhoff stress `s` to P and to its moduli; return ½ S : C."""
+    part = first_stress(f, s)
+    stress += part
+    for i, k, component in ((0, 0, 0), (0, 1, 1), (1, 1, 2), (2, 2, 0), (2, 3, 1), (3, 3, 2)):
+        moduli[i, k] += s[component]
+        if i != k:
+            moduli[k, i] += s[component]
+    moduli[4, 4] += s[3]
+    return np.asarray(0.5 * (part * f).sum(axis=0))
 
 
 def _gather(slots: Index, values: Array, length: int) -> Array:

@@ -20,8 +20,9 @@ class Mesh:
 
     `nodes` (n, 2) are (r, z) in mm, numbered column by column so that the band is narrow;
     `elements` (m, 8 or 9) in the order of `element.py`; `loaded_edges` (k, 3) are the edges on the
-    top surface inside the opening, from the axis outwards: inner end, outer end, middle;
-    `layer` (m,) tells which layer from the top an element belongs to.
+    top surface inside the opening, from the axis outwards: inner end, outer end, middle; the
+    pressure acts on them for r < `loaded_to_mm`, which may lie within the last;
+    `layer` (m,) tells which layer an element belongs to, counted from the top.
     """
 
     nodes: Array
@@ -32,6 +33,8 @@ class Mesh:
     tape: Index  # nodes of the top surface with r ≥ R
     outer: Index  # nodes at r = r_out
     bottom: Index
+    layer: Index
+    loaded_to_mm: float
 
     @cached_property
     def free_surface(self) -> Index:
@@ -83,6 +86,8 @@ def graded_sizes(
     return sizes(float(q), n)
 
 
+ROWS_ABOVE = 2  # of elements, in each thin layer on top
+ROWS_BELOW = 4  # in each layer under the skin
 _STEEPEST = 20.0  # ratio from one element to the next
 
 
@@ -108,35 +113,52 @@ def suction_mesh(
     grading: Grading,
     nodes_per_element: int = 8,
     held_from_mm: float | None = None,
+    above_mm: tuple[float, ...] = (),
+    below_mm: tuple[float, ...] = (),
 ) -> Mesh:
-    """Return the mesh of a skin 0 ≤ r ≤ r_out, −h ≤ z ≤ 0, with lines through r = R.
+    """Return the mesh of a skin 0 ≤ r ≤ r_out, −h ≤ z ≤ 0, graded to where the tape starts to hold.
 
-    `held_from_mm` is where the tape starts to hold (default: R).
+    That is r = `held_from_mm` (default: R). Where it is beyond R, the elements are those of an
+    opening that large, loaded up to R only: the mesh changes continuously with it.
+    `above_mm` are the thicknesses of layers inside the skin, from its top down; `below_mm` those of
+    layers under it.
     """
     held = radius_mm if held_from_mm is None else held_from_mm
     g = grading
     n_inside, n_outside, n_through = g.counts or (None, None, None)
-    inside = graded_sizes(radius_mm, g.edge, g.ratio, g.inside, n_inside)[::-1]
-    spans = [inside]
-    if held > radius_mm:
-        n = max(1, math.ceil((held - radius_mm) / (4 * g.edge)))
-        spans.append(np.full(n, (held - radius_mm) / n))
-    spans.append(graded_sizes(outer_radius_mm - held, g.edge, g.ratio, g.outside, n_outside))
-    r_lines = np.concatenate([[0.0], np.cumsum(np.concatenate(spans))])
-    z_sizes = graded_sizes(thickness_mm, g.edge, g.ratio, g.through, n_through)
-    z_lines = np.concatenate([[0.0], -np.cumsum(z_sizes)])[::-1].copy()
-    z_lines[-1], z_lines[0] = 0.0, -thickness_mm
-    r_lines[len(inside)] = radius_mm
-    mesh = grid_mesh(r_lines, z_lines, radius_mm, held, nodes_per_element)
+    inside = graded_sizes(held, g.edge, g.ratio, g.inside, n_inside)[::-1]
+    outside = graded_sizes(outer_radius_mm - held, g.edge, g.ratio, g.outside, n_outside)
+    r_lines = np.concatenate([[0.0], np.cumsum(np.concatenate([inside, outside]))])
+    r_lines[len(inside)] = held
+    skin_mm = thickness_mm - sum(above_mm)
+    skin = graded_sizes(skin_mm, g.edge, g.ratio, g.through, n_through)
+    layers = [
+        *(np.full(ROWS_ABOVE, t / ROWS_ABOVE) for t in above_mm),
+        skin,
+        *(graded_sizes(t, skin[-1], 2.0, 0.4 * t, ROWS_BELOW) for t in below_mm),
+    ]
+    z_lines = np.concatenate([[0.0], -np.cumsum(np.concatenate(layers))])[::-1].copy()
+    if not below_mm:
+        z_lines[0] = -thickness_mm
+    layer_of_row = np.repeat(np.arange(len(layers)), [len(sizes) for sizes in layers])[::-1]
+    mesh = grid_mesh(r_lines, z_lines, radius_mm, held, nodes_per_element, layer_of_row)
     if g.quarter_point:
         _to_quarter_points(mesh, rim=int(mesh.tape[0]))
     return mesh
 
 
 def grid_mesh(
-    r_lines: Array, z_lines: Array, radius_mm: float, held_mm: float, nodes_per_element: int
+    r_lines: Array,
+    z_lines: Array,
+    radius_mm: float,
+    held_mm: float,
+    nodes_per_element: int,
+    layer_of_row: Index | None = None,
 ) -> Mesh:
-    """Return the mesh with these grid lines (ascending, mm); the top is the last z line."""
+    """Return the mesh with these grid lines (ascending, mm); the top is the last z line.
+
+    `layer_of_row` (rows,), from the bottom up, is the layer of each row of elements.
+    """
     nr, nz = len(r_lines) - 1, len(z_lines) - 1
     r_fine = _with_middles(r_lines)
     z_fine = _with_middles(z_lines)
@@ -154,7 +176,8 @@ def grid_mesh(
     top = number[:, -1]
     tolerance = 1e-9 * max(radius_mm, 1.0)
     edges = np.column_stack([top[0:-2:2], top[2::2], top[1::2]])
-    inside = r_lines[1:] <= radius_mm + tolerance
+    inside = r_lines[:-1] < radius_mm - tolerance
+    rows = np.zeros(nz, dtype=np.intp) if layer_of_row is None else layer_of_row
     return Mesh(
         nodes=np.column_stack([r_fine[grid_i], z_fine[grid_j]]),
         elements=elements,
@@ -164,6 +187,8 @@ def grid_mesh(
         tape=_present(top[r_fine >= held_mm - tolerance]),
         outer=_present(number[-1]),
         bottom=_present(number[:, 0]),
+        layer=np.tile(rows, nr),
+        loaded_to_mm=radius_mm,
     )
 
 

@@ -65,6 +65,7 @@ class Point:
     energy: float
     volume: float
     state: State  # just before the last, negligible, correction
+    contraction: float | None  # second correction over the first squared, mm⁻¹; None: only one
 
 
 def solve_point(
@@ -73,22 +74,28 @@ def solve_point(
     pressure_mpa: float,
     parameters: Mapping[str, Any],
     settings: StepSettings,
+    stress_2pk: Array | None = None,
+    contraction: float = np.inf,
 ) -> tuple[Point | None, int]:
     """Return the equilibrium near `guess` and the iterations spent; None where Newton fails.
+
+    `stress_2pk` is a stress besides the law's, see `Assembly.evaluate`. `contraction`, where it is
+    known from a neighbouring point, foretells the second correction from the first.
 
     Fails: an element turned inside out, a tangent that is not positive definite (the state is not
     stable), corrections that grow, or too many iterations.
     """
     u = guess.copy()
     last = np.inf
+    seen: float | None = None
     for iteration in range(1, settings.most_iterations + 1):
-        state = assembly.evaluate(u, pressure_mpa, parameters)
+        state = assembly.evaluate(u, pressure_mpa, parameters, stress_2pk)
         if state is None:
             return None, iteration
         factor, info = lapack.dpbtrf(state.tangent.T, lower=1, overwrite_ab=1)
         if info != 0:
             return None, iteration
-        step, _ = lapack.dpbtrs(factor, -state.residual, lower=1)
+        step = solve_linear(factor, state, pressure_mpa, -state.residual)
         correction = float(np.abs(step).max())
         if not np.isfinite(correction) or correction > 4.0 * last:
             return None, iteration
@@ -96,8 +103,12 @@ def solve_point(
         # Quadratic convergence: the next correction would be about ratio² times this one.
         ratio = correction / last if iteration > 1 else 1.0
         foreseen = ratio * ratio * correction if ratio < _QUADRATIC else np.inf
+        if iteration == 1:
+            foreseen = contraction * correction * correction
+        elif iteration == 2:
+            seen = ratio / last
         if correction <= settings.correction or foreseen <= _SAFETY * settings.correction:
-            slope, _ = lapack.dpbtrs(factor, state.load, lower=1)
+            slope = solve_linear(factor, state, pressure_mpa, state.load)
             internal = state.residual + pressure_mpa * state.load
             point = Point(
                 u,
@@ -106,10 +117,29 @@ def solve_point(
                 state.energy + float(internal @ step),
                 state.volume + float(state.load @ step),
                 state,
+                seen,
             )
             return point, iteration
         last = correction
     return None, settings.most_iterations
+
+
+def solve_linear(factor: Array, state: State, pressure_mpa: float, right: Array) -> Array:
+    """Return x of K x = right (n,), from the Cholesky factor of the tangent's symmetric part.
+
+    Where the load ends on a surface that moves, K has a skew part of rank two besides.
+    """
+    x, _ = lapack.dpbtrs(factor, right, lower=1)
+    if state.skew is None:
+        return np.asarray(x)
+    e_r, e_z, size = state.skew
+    k = pressure_mpa * size
+    by, _ = lapack.dpbtrs(factor, np.column_stack([e_r, e_z]), lower=1)
+    # K = K_s − k (e_z e_rᵀ − e_r e_zᵀ), by Woodbury: y = (e_r·x, e_z·x) of the solution
+    seen = np.stack([e_r, e_z])
+    coupling = k * (seen @ by) @ np.array([[0.0, -1.0], [1.0, 0.0]])
+    y = np.linalg.solve(np.eye(2) - coupling, seen @ x)
+    return np.asarray(x + k * (by[:, 1] * y[0] - by[:, 0] * y[1]))
 
 
 def follow(

@@ -11,6 +11,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -82,17 +83,31 @@ class Discretisation:
     quarter_point: bool = False
     counts: tuple[int, int, int] | None = None  # elements inside, outside, through; see `Grading`
 
-    def mesh(self, geometry: Geometry, held_from_mm: float | None = None) -> Mesh:
-        """Return the mesh for this geometry."""
+    def mesh(
+        self,
+        geometry: Geometry,
+        slip_mm: float = 0.0,
+        above_mm: tuple[float, ...] = (),
+        below_mm: tuple[float, ...] = (),
+    ) -> Mesh:
+        """Return the mesh for this geometry.
+
+        The tape holds from R + `slip_mm` on; `above_mm` and `below_mm` are the thicknesses of
+        layers inside the skin, from its top down, and of layers under it.
+        """
         r = geometry.radius_mm
+        edge, counts = self.edge * r, self.counts
+        if above_mm:  # a stiff layer bends at the edge within about its own thickness
+            edge = min(edge, max(0.25 * edge, min(above_mm)))
+            counts = counts and (counts[0] + 2, counts[1] + 1, counts[2])
         grading = Grading(
-            edge=self.edge * r,
+            edge=edge,
             ratio=self.ratio,
             inside=self.inside * r,
             outside=self.outside * (geometry.outer_radius_mm - r),
             through=self.through * geometry.thickness_mm,
             quarter_point=self.quarter_point,
-            counts=self.counts,
+            counts=counts,
         )
         return suction_mesh(
             r,
@@ -100,7 +115,9 @@ class Discretisation:
             geometry.outer_radius_mm,
             grading,
             self.element.nodes,
-            held_from_mm,
+            r + slip_mm,
+            above_mm,
+            below_mm,
         )
 
 
@@ -188,14 +205,28 @@ def solve(
         value = parameters[name]
         if not (math.isfinite(value) and value >= 0) or (name != "X2_MPa" and value == 0):
             raise InputError(f"{name} must be a positive number of MPa, got {value}")
-    path = follow(assembly, goal_mbar * MBAR, parameters, geometry.radius_mm, settings, watch=apex)
+    return trace(
+        assembly, apex, parameters, goal_mbar, geometry.radius_mm, settings, below_mbar=below_mbar
+    )
+
+
+def trace(
+    assembly: Assembly,
+    apex: int,
+    parameters: Mapping[str, Any],
+    goal_mbar: float,
+    scale_mm: float,
+    settings: StepSettings | None = None,
+    *,
+    below_mbar: float = 0.0,
+) -> SuctionCurve:
+    """Return the curve of this unknown, the apex, from `-below_mbar` to `goal_mbar`."""
+    path = follow(assembly, goal_mbar * MBAR, parameters, scale_mm, settings, watch=apex)
     pressures = [p / MBAR for p in path.pressure_mpa]
     displacements, slopes = list(path.displacements), list(path.slopes)
     holds_to = goal_mbar if not path.stopped else pressures[-1] if pressures else 0.0
     if below_mbar > 0:
-        below = follow(
-            assembly, -below_mbar * MBAR, parameters, geometry.radius_mm, settings, watch=apex
-        )
+        below = follow(assembly, -below_mbar * MBAR, parameters, scale_mm, settings, watch=apex)
         pressures[:0] = [p / MBAR for p in below.pressure_mpa[:0:-1]]
         displacements[:0] = below.displacements[:0:-1]
         slopes[:0] = below.slopes[:0:-1]

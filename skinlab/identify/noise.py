@@ -69,8 +69,8 @@ def pressure_noise_mbar(time_s: Array, pressure_mbar: Array) -> float:
     """Return the standard deviation of the noise in a pressure channel (n,), mbar.
 
     Each reading is compared with the cubic through its four neighbours in time, which a pump's
-    course follows closely, and with the reading before, which steps of a program leave alone; by the
-    median, so that corners do not count.
+    course follows closely, and with the reading before, which steps of a program leave alone; by
+    the median, so that corners do not count.
     """
     n = len(time_s)
     if n < _FEWEST:

@@ -33,13 +33,25 @@ class Potential:
 
 
 class Law(Protocol):
-    """An isotropic hyperelastic law: a name, its parameters, and its potential."""
+    """An isotropic hyperelastic law: a name, its parameters, and its potential.
 
-    name: str
-    parameter_names: tuple[
-        str, ...
-    ]  # those that `potential` needs, e.g. ("X1_MPa", ..., "kappa_MPa")
-    source: str
+    The energy is linear in the parameters, and `kappa_MPa` multiplies all that depends on J alone.
+    """
+
+    @property
+    def name(self) -> str:
+        """How it is called in files and options."""
+        ...
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """What `potential` needs, e.g. ("X1_MPa", ..., "kappa_MPa")."""
+        ...
+
+    @property
+    def source(self) -> str:
+        """Where it was published."""
+        ...
 
     def potential(self, i1: Array, i2: Array, j: Array, parameters: Mapping[str, Any]) -> Potential:
         """Return energy and derivatives.

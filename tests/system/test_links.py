@@ -153,10 +153,13 @@ def test_unplugged_in_a_run(way):
 
 def test_in_process(monkeypatch):
     class PowerSkin:
-        def prepare(self, aperture_mm, max_pressure_mbar):
+        def prepare(self, aperture_mm, load):
             assert aperture_mm == 4
 
-        def deflection_mm(self, pressure_mbar):
+        def start(self):
+            pass
+
+        def deflection_mm(self, time_s, pressure_mbar):
             return 0.05 * pressure_mbar**0.7
 
     # The finite elements are in the other tests, in a process that keeps them on one core

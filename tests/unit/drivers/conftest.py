@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from drivers.events import Event, TimedEvent
+from drivers.events import Event, Load, TimedEvent
 from drivers.probe import Probe
 from sim_device.device import Device
 from sim_device.files import SensorSection
@@ -21,10 +21,13 @@ class PowerSkin:
         self.prepared: list[tuple[float, float]] = []
         self.frozen_at: float | None = None
 
-    def prepare(self, aperture_mm: float, max_pressure_mbar: float) -> None:
-        self.prepared.append((aperture_mm, max_pressure_mbar))
+    def prepare(self, aperture_mm: float, load: Load) -> None:
+        self.prepared.append((aperture_mm, load.max_pressure_mbar))
 
-    def deflection_mm(self, pressure_mbar: float) -> float:
+    def start(self) -> None:
+        pass
+
+    def deflection_mm(self, time_s: float, pressure_mbar: float) -> float:
         if self.frozen_at is not None:
             pressure_mbar = min(pressure_mbar, self.frozen_at)
         return 0.05 * pressure_mbar**0.7

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from drivers.dialects import get_dialect
-from drivers.events import Arm, Damaged, KeepAlive, Start
+from drivers.events import Arm, Damaged, KeepAlive, Load, Start
 from sim_device.device import Device
 from sim_device.files import SensorSection
 
@@ -11,10 +11,13 @@ from sim_device.files import SensorSection
 class PowerSkin:
     """A dome that grows with the pressure; quick, and nothing else."""
 
-    def prepare(self, aperture_mm: float, max_pressure_mbar: float) -> None:
+    def prepare(self, aperture_mm: float, load: Load) -> None:
         pass
 
-    def deflection_mm(self, pressure_mbar: float) -> float:
+    def start(self) -> None:
+        pass
+
+    def deflection_mm(self, time_s: float, pressure_mbar: float) -> float:
         return 0.05 * pressure_mbar**0.7
 
 

@@ -231,11 +231,14 @@ def test_suction_time_is_counted_by_the_firmware(make_bench):
 
 def test_a_skin_that_cannot_be_computed(make_bench):
     class Broken:
-        def prepare(self, aperture_mm, max_pressure_mbar):
-            if max_pressure_mbar > 50:
+        def prepare(self, aperture_mm, load):
+            if load.max_pressure_mbar > 50:
                 raise RuntimeError("no convergence, at 60 mbar")
 
-        def deflection_mm(self, pressure_mbar):
+        def start(self):
+            pass
+
+        def deflection_mm(self, time_s, pressure_mbar):
             if pressure_mbar > 20:
                 return float("nan")
             return 0.0
