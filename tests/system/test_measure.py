@@ -11,6 +11,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -55,6 +56,14 @@ def skinlab(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     )
 
 
+def values(document: dict[str, Any]) -> list[dict[str, float]]:
+    """What was identified, a dictionary a curve."""
+    return [
+        {name: entry["value"] for name, entry in curve["parameters"].items()}
+        for curve in document["curves"]
+    ]
+
+
 @pytest.mark.parametrize("link", [["--pty"], ["--tcp", "0"]])
 def test_two_curves_over_a_real_link_and_their_replay(tmp_path, link):
     with simulator(*link, "--seed", "1", "--speed", "5") as url:
@@ -79,8 +88,8 @@ def test_two_curves_over_a_real_link_and_their_replay(tmp_path, link):
         assert before | {"seconds": 0} == now | {"seconds": 0}
     identified = skinlab("identify", "s.h5", "--json", cwd=tmp_path)
     assert identified.returncode == 0
-    values = [c["parameters"] for c in json.loads(identified.stdout)["curves"]]
-    assert values == [c["parameters"] for c in document["curves"]]
+    # The intervals may differ: here the noise is estimated from all repeats at once
+    assert values(json.loads(identified.stdout)) == values(document)
     assert skinlab("session", "verify", "s.h5", cwd=tmp_path).returncode == 0
 
 
