@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
 from msgspec import Meta, field
@@ -43,13 +43,15 @@ class SkinFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A whole SKIN.toml; everything has a default. `effects`: name -> parameter -> value."""
 
     skin: SkinSection = field(default_factory=SkinSection)
-    effects: dict[str, dict[str, float]] = field(default_factory=dict)
+    effects: dict[str, dict[str, Any]] = field(default_factory=dict)
     sensor: SensorSection = field(default_factory=SensorSection)
 
     def __post_init__(self) -> None:
-        """Refuse what is not finite."""
+        """Refuse what is no finite number; here, so that the message can say which it is."""
         for effect, parameters in self.effects.items():
             for name, value in parameters.items():
+                if isinstance(value, bool) or not isinstance(value, int | float):
+                    raise ValueError(f"effects.{effect}.{name} must be a number, not {value!r}")
                 if not math.isfinite(value):
                     raise ValueError(f"effects.{effect}.{name} must be finite, not {value}")
 

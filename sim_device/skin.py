@@ -32,6 +32,7 @@ MESH = Discretisation("simulated-1", QUAD9_FULL, 0.01, 1.6, 0.125, 0.125, 0.25)
 
 STEP_S = STEP_US / 1e6
 _ABOVE_MBAR = 15.0  # a pump overshoots a little, and the skin follows until the firmware vents
+_HIGHEST_MBAR = 1000.0  # no suction is higher
 _PATH_MBAR = 0.25  # how closely the pressure's path is followed with memory
 _TABLE_MBAR = 0.01
 
@@ -71,7 +72,7 @@ class _Dome:
         return along + self._instant(pressure_mbar + shift) - self._instant(on_path + shift)
 
     def _instant(self, pressure_mbar: float) -> float:
-        return float(np.interp(pressure_mbar, self.pressure_mbar, self.instant_mm, right=np.nan))
+        return float(np.interp(pressure_mbar, self.pressure_mbar, self.instant_mm))
 
 
 class SolvedSkin:
@@ -160,9 +161,8 @@ def _solved(problem: SkinProblem, load: Load) -> _Dome:
     instant = solve_skin(problem.elastic, PressurePath((0.0, 1.0), (0.0, goal)), MESH)
     _check(instant, top)
     assert instant.instant is not None
-    end = min(goal, instant.holds_to_mbar)
-    beyond = float(shift.max(initial=0.0))  # where memory alone leads, no further than that
-    pressure = np.arange(0.0, end + beyond, _TABLE_MBAR)
+    # Beyond what was solved it goes on straight: only a fault of the pump leads there
+    pressure = np.arange(0.0, _HIGHEST_MBAR + shift.max(initial=0.0), _TABLE_MBAR)
     return _Dome(pressure, instant.instant(pressure), path, times, path(times), along, shift)
 
 

@@ -18,6 +18,7 @@ class Input:
     curves: tuple[Curve, ...]
     noise_um: float | None = None
     pressure_noise_mbar: float | None = None
+    measured_here: bool = False  # a session: each curve was identified by itself as it came
 
 
 def read_input(path: Path, setup: Setup | None) -> Input:
@@ -42,5 +43,6 @@ def read_input(path: Path, setup: Setup | None) -> Input:
         from skinlab.session import read_session
 
         curves = read_session(path).curves
-        return Input(tuple(replace(curve, name=f"{path}:{curve.name}") for curve in curves))
+        named = tuple(replace(curve, name=f"{path}:{curve.name}") for curve in curves)
+        return Input(named, measured_here=True)
     raise InputError(f"{path}: expected a curve (.csv), a session (.h5) or a campaign (.toml)")

@@ -53,8 +53,8 @@ class PressurePath:
         """Return a path with few knots that stays within the tolerance of samples (n,).
 
         Ramer, Douglas and Peucker: the straight line is cut where it is furthest off, until it is
-        nowhere off by more. A path with few corners is quick to step along, and a tolerance of two
-        or three standard deviations of the noise keeps noise from becoming corners.
+        nowhere off by more. A path with few corners is quick to step along, and a tolerance of four
+        standard deviations of the noise keeps noise from becoming corners.
 
         Raises:
             InputError: fewer than two samples, or time runs backwards, or a value is not finite.

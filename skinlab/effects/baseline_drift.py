@@ -18,7 +18,7 @@ class BaselineDrift(Effect):
     parameters = (
         Parameter(
             "drift_um_per_s", "µm/s", "speed of the zero", -50.0, 50.0, 0.0, 1.0,
-            "some µm in a measurement",
+            "no published size: a range to look in",
         ),
     )  # fmt: skip
 

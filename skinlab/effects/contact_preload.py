@@ -19,7 +19,7 @@ class ContactPreload(Effect):
     parameters = (
         Parameter(
             "p0_mbar", "mbar", "the suction that would have domed it as much", 0.0, 100.0, 0.0, 5.0,
-            "an offset of some mbar between contact forces",
+            "no published size: a range to look in",
         ),
     )  # fmt: skip
 

@@ -17,7 +17,7 @@ class DeflectionGain(Effect):
     parameters = (
         Parameter(
             "gain", "", "factor; 1 is right", 0.5, 2.0, 1.0, 1.05,
-            "a few per cent between calibrations",
+            "no published size: a range to look in",
         ),
     )  # fmt: skip
 

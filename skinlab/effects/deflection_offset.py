@@ -17,7 +17,7 @@ class DeflectionOffset(Effect):
     parameters = (
         Parameter(
             "offset_um", "µm", "what is read where nothing moves", -500.0, 500.0, 0.0, 20.0,
-            "some tens of µm",
+            "no published size: a range to look in",
         ),
     )  # fmt: skip
 

@@ -20,7 +20,7 @@ class Preconditioning(Effect):
     parameters = (
         Parameter(
             "softening", "", "share of the stiffness that is gone then", 0.0, 0.9, 0.0, 0.1,
-            "first against later cycles",
+            "no published size for this law: a range to look in",
         ),
     )  # fmt: skip
 

@@ -17,7 +17,7 @@ class PressureLag(Effect):
     parameters = (
         Parameter(
             "lag_s", "s", "how much later the deflection is recorded", -1.0, 1.0, 0.0, 0.05,
-            "some samples",
+            "no published size: a range to look in",
         ),
     )  # fmt: skip
 

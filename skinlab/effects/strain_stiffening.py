@@ -52,7 +52,7 @@ class StrainStiffening(Effect):
     name = "strain_stiffening"
     meaning = "the skin stiffens more at large stretch than the law can say"
     formula = "W + X3 (J1 − 3)³"
-    source = "Yeoh 1993; collagen that is recruited late"
+    source = "the third power of Yeoh 1993"
     physical = True
     parameters = (
         Parameter(

@@ -24,7 +24,7 @@ class SurfaceLayer(Effect):
         ),
         Parameter(
             "X1_MPa", "MPa", "its stiffness", 0.001, 100.0, None, 1.0,
-            "Young's moduli of 1–1000 MPa, dry to wet", "log",
+            "decades between wet and dry: a range to look in", "log",
         ),
     )  # fmt: skip
 

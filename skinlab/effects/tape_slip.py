@@ -19,7 +19,7 @@ class TapeSlip(Effect):
     parameters = (
         Parameter(
             "slip_mm", "mm", "how far from the opening's edge it gives", 0.0, 1.0, 0.0, 0.15,
-            "tenths of a mm are seen under the ring",
+            "no published size: a range to look in",
         ),
     )  # fmt: skip
 

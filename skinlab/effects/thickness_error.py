@@ -15,7 +15,7 @@ class ThicknessError(Effect):
     name = "thickness_error"
     meaning = "the skin is thicker or thinner than measured"
     formula = "thickness = ratio × the stated one"
-    source = "ultrasound; 0.8–1.6 mm on the forearm"
+    source = "the paper takes 1 mm for all, and skin differs"
     physical = True
     parameters = (
         Parameter(

@@ -11,7 +11,7 @@ import numpy as np
 
 from skinlab.curve import Curve
 from skinlab.identify.identifier import Identifier
-from skinlab.identify.noise import pressure_noise_mbar, roughness, slope_mm_per_mbar
+from skinlab.identify.noise import roughness
 from skinlab.identify.result import Identification
 from skinlab.identify.uncertainty import Sensor
 
@@ -34,18 +34,17 @@ def with_stated_noise(
     pressure = pressure_mbar if pressure is None else pressure
     deflection = noise_um if sensor.noise_um is None else sensor.noise_um
     if deflection is None:
-        deflection = noise_from_repeats_um(curves, identifier.phases, pressure)
+        deflection = noise_from_repeats_um(curves, identifier.phases)
     return replace(identifier, sensor=Sensor(deflection, pressure))
 
 
 def noise_from_repeats_um(
-    curves: Sequence[Curve], phases: tuple[str, ...] = ("load",), pressure_mbar: float | None = None
+    curves: Sequence[Curve], phases: tuple[str, ...] = ("load",)
 ) -> float | None:
     """Return the noise of one deflection sample, µm, from repeats; None where there are none.
 
     Repeats have the same aperture, thickness and program, and were sampled at the same times. Only
-    the rough part of their differences counts: skin and placement differ smoothly. What the
-    pressure's noise adds (`pressure_mbar`, else estimated) is taken off.
+    the rough part of their differences counts: skin and placement differ smoothly.
     """
     kinds: dict[tuple[float, float, str], list[Curve]] = {}
     for curve in curves:
@@ -56,7 +55,7 @@ def noise_from_repeats_um(
     total, weight = 0.0, 0
     for repeats in kinds.values():
         for first, second in pairwise(repeats):
-            found = _rough_variance_mm2(first, second, phases, pressure_mbar)
+            found = _rough_variance_mm2(first, second, phases)
             if found is not None:
                 total += found[0] * found[1]
                 weight += found[1]
@@ -66,7 +65,7 @@ def noise_from_repeats_um(
 
 
 def _rough_variance_mm2(
-    first: Curve, second: Curve, phases: tuple[str, ...], pressure_mbar: float | None
+    first: Curve, second: Curve, phases: tuple[str, ...]
 ) -> tuple[float, int] | None:
     n = min(len(first), len(second))
     if n < 3:
@@ -78,15 +77,9 @@ def _rough_variance_mm2(
     both = first.in_phases(phases)[:n] & second.in_phases(phases)[:n]
     if both.sum() < _FEWEST_SAMPLES:
         return None
+    # At the same times: the noise of the pressure channel is in neither deflection.
     difference = (first.deflection_mm[:n] - second.deflection_mm[:n])[both]
-    variance = 0.5 * roughness(difference) ** 2
-    for curve in (first, second):
-        p, w = curve.pressure_mbar[:n][both], curve.deflection_mm[:n][both]
-        noise = pressure_mbar
-        if noise is None:
-            noise = pressure_noise_mbar(curve.time_s[:n][both], p)
-        variance -= 0.5 * float(np.mean((slope_mm_per_mbar(p, w) * noise) ** 2))
-    return variance, int(both.sum())
+    return 0.5 * roughness(difference) ** 2, int(both.sum())
 
 
 def identify_all(

@@ -1,6 +1,7 @@
 """Every effect that is found in the folder, by the same rules."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,11 +9,18 @@ from scipy.optimize import least_squares
 
 from sim_device.skin import MESH as OTHER_MESH
 from skinlab.effects import all_effects, get_effect
+from skinlab.effects.describe import markdown
 from skinlab.effects.model import Skin, problem_of, response
 from skinlab.errors import InputError
 from skinlab.fem.element import QUAD8_FULL
 from skinlab.fem.skin import prepare
-from skinlab.fem.suction import MBAR, Discretisation, Geometry
+from skinlab.fem.suction import (
+    MBAR,
+    MESH_OF_RECORD,
+    SCREENING_MESH,
+    Discretisation,
+    Geometry,
+)
 from skinlab.pressure_path import PressurePath
 from skinlab.program import parse_program
 
@@ -130,7 +138,23 @@ def test_it_is_recovered_from_another_mesh(effect):
     assert abs(fit.x[0] - 1.0) < 4 * spread + 0.05  # the meshes differ by a thousandth of the dome
 
 
+def test_the_documentation_shows_what_they_declare():
+    assert markdown() in (Path(__file__).parents[2] / "docs" / "effects.md").read_text("utf-8")
+
+
 EVERYTHING = {effect.name: effect.typical for effect in EFFECTS}
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=NAMES)
+def test_the_screening_mesh_sees_what_it_does(effect):
+    def change(mesh):
+        return curve({effect.name: effect.typical}, discretisation=mesh) - curve(
+            {}, discretisation=mesh
+        )
+
+    exact = change(MESH_OF_RECORD)
+    off = np.sqrt(np.mean((change(SCREENING_MESH) - exact) ** 2) / np.mean(exact**2))
+    assert off < 0.01
 
 
 def test_all_of_them_together():

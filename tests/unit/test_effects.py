@@ -293,7 +293,7 @@ def test_a_law_is_linear_in_its_parameters_and_kappa_is_for_volume_alone(law):
     here, wider = (stress_and_tangent(c * f, law, isochoric)[0] for c in (1.0, 1.1))
     np.testing.assert_allclose(wider, here, rtol=1e-10, atol=1e-13)
     if "kappa_MPa" in some:
-        volume = {k: 0.0 for k in some} | {"kappa_MPa": some["kappa_MPa"]}
+        volume = dict.fromkeys(some, 0.0) | {"kappa_MPa": some["kappa_MPa"]}
         det = (f[0] * f[3] - f[1] * f[2]) * f[4]
         np.testing.assert_allclose(
             stress_and_tangent(f, law, volume)[0],
@@ -349,7 +349,7 @@ def test_what_the_sensors_do():
 
 
 def test_a_small_deviation_from_the_path_is_answered():
-    """With memory: against the course along what really was there, 0.7 mbar more from half-way on."""
+    """With memory: against the course along what was there, 0.7 mbar more from half-way on."""
     effects = {"viscoelasticity": {"g": 0.3, "tau_s": 1.0}}
     told = PressurePath((0.0, 1.0, 2.0), (0.0, 40.0, 40.0))
     real = PressurePath((0.0, 1.0, 1.5, 1.5, 2.0), (0.0, 40.0, 40.0, 40.7, 40.7))
@@ -392,7 +392,7 @@ def test_where_the_model_does_not_hold_it_says_so(effects):
 
 
 def test_what_cannot_be_is_refused():
-    with pytest.raises(InputError, match="effects.itching is not known"):
+    with pytest.raises(InputError, match=r"effects\.itching is not known"):
         dome({"itching": {}})
     with pytest.raises(InputError, match="inside a skin"):
         dome(

@@ -12,6 +12,7 @@ from skinlab.fem.known_answers import GeometryTo, reference_curves
 from skinlab.fem.suction import (
     LINEAR_DILATATION_MESH,
     MESH_OF_RECORD,
+    SCREENING_MESH,
     VERIFICATION_MESH,
     Discretisation,
     Geometry,
@@ -114,6 +115,6 @@ def test_a_curve_ends_a_little_beyond_its_ends():
 
 
 def test_meshes_have_names_of_their_own():
-    names = {d.name for d in (MESH_OF_RECORD, VERIFICATION_MESH, LINEAR_DILATATION_MESH)}
-    assert len(names) == 3
+    meshes = (MESH_OF_RECORD, SCREENING_MESH, VERIFICATION_MESH, LINEAR_DILATATION_MESH)
+    assert len({d.name for d in meshes}) == 4
     assert replace(MESH_OF_RECORD, name="other") != MESH_OF_RECORD

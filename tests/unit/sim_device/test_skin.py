@@ -1,10 +1,13 @@
 """The simulated skin: told the program, the time and each start."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
-from drivers.events import KeepAlive, Load, Segment, SegmentKind
-from sim_device.files import SkinSection
+from drivers.events import KeepAlive, Load, Sample, Segment, SegmentKind
+from sim_device.files import SensorSection, SkinSection
 from sim_device.skin import MESH, make_skin, planned
 from skinlab.effects.model import Skin, response
 from skinlab.fem.suction import Geometry
@@ -124,3 +127,34 @@ def test_what_cannot_be_is_refused_by_name(effects, match):
     thin = SkinSection(thickness_mm=0.15)
     with pytest.raises(ValueError, match=match):
         make_skin(thin, effects)
+
+
+def test_a_hold_creeps_over_the_wire(make_bench):
+    """Bytes in, bytes out: the readings of a hold rise, and those of the unloading lag behind."""
+    sensor = SensorSection(noise_um=0, pressure_noise_mbar=0, pressure_resolution_mbar=0)
+    bench = make_bench(skin=make_skin(LAW, SLOW), sensor=sensor)
+    samples = [e for e in (*bench.run(LOAD), *bench.wait(4)) if isinstance(e, Sample)]
+    hold = [s.deflection_mm for s in samples if s.segment == 1 and s.device_time_s > 0.9]
+    assert hold == sorted(hold)
+    assert hold[-1] > 1.02 * hold[0]
+    up, down = (
+        {s.pressure_mbar: s.deflection_mm for s in samples if s.segment == k} for k in (0, 2)
+    )
+    for pressure in (20.0, 40.0):
+        rising, falling = (
+            np.interp(pressure, sorted(run), [run[p] for p in sorted(run)]) for run in (up, down)
+        )
+        assert falling > 1.02 * rising
+
+
+def test_a_process_refuses_a_file_that_names_no_effect(tmp_path):
+    path = tmp_path / "SKIN.toml"
+    path.write_text("[effects.itching]\nmuch = 1.0\n")
+    done = subprocess.run(
+        [sys.executable, "-m", "sim_device", "--pty", "--skin", str(path)],
+        capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+    assert done.returncode == 3
+    assert done.stdout == ""
+    assert done.stderr.startswith(f"sim_device: {path}: effects.itching is not known")
+    assert done.stderr.count("\n") == 1

@@ -1,0 +1,1 @@
+"""Find where model and data disagree, name what is missing, add it, show the gap shrink."""

@@ -1,0 +1,158 @@
+"""The forward model with effects, fast: the database, and finite elements where it cannot speak.
+
+A skin's problem has features that the dimensionless table answers exactly (other stiffness, other
+thickness, a preload), and others (layers, pre-stretch, slip, added energy, relaxation) that it does
+not. For these the finite elements are solved at one point, the anchor, and their ratio to the
+table's answer there corrects the table nearby; the ratio's change with the unknowns is taken from
+differences or learnt from anchor to anchor. At the anchor itself the model is that of the finite
+elements (space mapping: Bandler et al. 2004, IEEE Trans. Microw. Theory Tech. 52:337). Relaxation
+is first approximated by letting the pressure of the dome relax as the stress would.
+
+Nothing here asks which effect it is.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from skinlab.database.dimensionless import DimensionlessTable
+from skinlab.database.dimensionless_model import DimensionlessModel
+from skinlab.errors import NotTrustworthyError
+from skinlab.fem.skin import Prony, SkinProblem
+from skinlab.fem.suction import Geometry
+from skinlab.pressure_path import PressurePath
+
+Array = NDArray[np.float64]
+
+_NODES = 72
+_BELOW_MBAR = 12.0  # under zero, for noise and for lag
+_RATIO_SD = 0.13  # thickness from 0.55 to 1.45 of the stated one
+_TOPS = (2.0, 1.5, 1.25, 1.1, 1.03, 0.9, 0.75, 0.6)  # of the pressure asked for
+
+
+@dataclass(frozen=True, eq=False)
+class Dome:
+    """Deflection (mm) as a function of suction (mbar); straight lines beyond its ends."""
+
+    spline: CubicSpline
+    scale: float
+
+    def __call__(self, pressure_mbar: Array) -> Array:
+        """Return the deflection at these suctions."""
+        s = self.spline
+        low, high = (self.scale * math.sinh(x) for x in (s.x[0], s.x[-1]))
+        within = np.clip(pressure_mbar, low, high)
+        at = np.arcsinh(within / self.scale)
+        found = s(at)
+        beyond = pressure_mbar - within
+        if beyond.any():
+            found = found + beyond * s(at, 1) / np.hypot(within, self.scale)
+        return np.asarray(found)
+
+
+@lru_cache(maxsize=256)
+def _model(
+    database: DimensionlessTable,
+    geometry: Geometry,
+    top_mbar: float,
+    kappa: str,
+    free_thickness: bool,
+) -> tuple[DimensionlessModel, Array, float]:
+    scale = top_mbar / 40.0
+    low, high = math.asinh(-_BELOW_MBAR / scale), math.asinh(top_mbar / scale)
+    nodes = np.linspace(low, high, _NODES)
+    pressure = scale * np.sinh(nodes)
+    sd = _RATIO_SD * geometry.thickness_mm if free_thickness else 0.0
+    model = database.model(
+        geometry, pressure, "consistent" if kappa == "consistent" else "paper", sd
+    )
+    return model, nodes, scale
+
+
+class TableDomes:
+    """Domes from the dimensionless table: any stiffness, any thickness near the stated one."""
+
+    def __init__(self, database: DimensionlessTable) -> None:
+        """Keep the database; models are made when first asked for, and kept."""
+        self._database = database
+
+    def __call__(self, problem: SkinProblem, stated: Geometry, top_mbar: float) -> Dome | None:
+        """Return the dome of a problem's plain part, or None where the table does not hold.
+
+        Features that it cannot speak of are left out; `top_mbar` is the highest suction asked for.
+        """
+        ratio = problem.geometry.thickness_mm / stated.thickness_mm
+        free = abs(ratio - 1.0) > 1e-12
+        at = [problem.X1_MPa, problem.X2_MPa, problem.nu] + ([ratio] if free else [])
+        parameters = np.array([at])
+        for share in _TOPS:
+            top = min(share * top_mbar, 505.0)
+            try:
+                model, nodes, scale = _model(
+                    self._database, stated, round(top, 3), problem.kappa, free
+                )
+            except NotTrustworthyError:
+                return None
+            values = model.deflection_mm(parameters)[0]
+            if np.isfinite(values).all():
+                return Dome(CubicSpline(nodes, values), scale)
+        return None
+
+
+def relaxed_pressure(
+    prony: tuple[Prony, ...], path: PressurePath, time_s: Array, preload_mbar: float
+) -> tuple[Array, float]:
+    """Return the suctions (n,) without memory that would dome the skin as memory does, at times.
+
+    As if the dome's answer P(w) relaxed like the stress: p = (1 − Σg) P + Σ g H, dH/dt + H/τ =
+    dP/dt. The second value is that of the relaxed preload. Exact for pieces of straight line.
+    """
+    share = sum(term.g for term in prony)
+    start = preload_mbar / (1.0 - share)
+    grid = _grid(prony, path, time_s)
+    p = path(grid) + preload_mbar
+    # A jump has two knots at one time: the second one counts from there on.
+    P = np.empty(len(grid))
+    H = np.zeros(len(prony))
+    P[0] = start + (path.pressure_mbar[0])
+    g = np.array([term.g for term in prony])
+    tau = np.array([term.tau_s for term in prony])
+    H += P[0] - start
+    dt = np.diff(grid)
+    decay = np.exp(-dt[:, None] / tau)
+    x = dt[:, None] / tau
+    rise = np.where(x > 1e-8, -np.expm1(-x) / np.maximum(x, 1e-12), 1.0)
+    for i in range(len(dt)):
+        old = decay[i] * H
+        P[i + 1] = (p[i + 1] - g @ (old - rise[i] * P[i])) / (1.0 - share + g @ rise[i])
+        H = old + rise[i] * (P[i + 1] - P[i])
+    return np.asarray(np.interp(time_s, grid, P)), start
+
+
+def _grid(prony: tuple[Prony, ...], path: PressurePath, time_s: Array) -> Array:
+    knots = np.array(path.time_s)
+    begin, end = min(knots[0], float(time_s[0])), max(knots[-1], float(time_s[-1]))
+    step = max(min(0.05, 0.2 * min(term.tau_s for term in prony)), (end - begin) / 2000.0)
+    even = np.linspace(begin, end, max(2, math.ceil((end - begin) / step) + 1))
+    return np.unique(np.concatenate([even, knots]))
+
+
+def plain_part(problem: SkinProblem) -> SkinProblem:
+    """Return the problem as the table can answer it."""
+    return replace(
+        problem, terms=(), above=(), below=(), stretch=1.0, slip_mm=0.0, prony=(), preload_mbar=0.0,
+        stiffness=1.0,
+    )  # fmt: skip
+
+
+def has_features(problem: SkinProblem) -> bool:
+    """Return whether the finite elements have to correct the table, relaxation apart."""
+    return replace(plain_part(problem), stiffness=problem.stiffness) != replace(
+        problem, prony=(), preload_mbar=0.0
+    )

@@ -1,0 +1,204 @@
+"""Fit one explanation to a campaign: the optimum, how sure it is, and its evidence."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from skinlab.discrepancy.fast_model import TableDomes
+from skinlab.discrepancy.mapped_model import MappedModel
+from skinlab.discrepancy.misfit import Errors
+from skinlab.discrepancy.records import Record
+from skinlab.discrepancy.unknowns import Unknowns
+
+Array = NDArray[np.float64]
+
+_ANCHORS = 7
+_CLOSE = 0.25  # standard deviations: an anchor that changes nothing by more is the last
+_RADIUS = np.array([0.5, 0.9, 0.1])  # how far from an anchor it is trusted: log X1, log X2/X1, ν
+_EFFECT_RADIUS = 1.0
+_NO_MODEL = 1e3  # a whitened residual where there is no model
+_DIFFERENCE = 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """An explanation at its best."""
+
+    unknowns: Unknowns
+    u: Array  # (k,) optimum
+    deflections_mm: list[Array]
+    chi2: float  # of the data; priors not included
+    cost: float  # with the effects' priors
+    jacobian: Array  # (n, k) of whitened residuals
+    log_evidence: float
+    settled: bool  # whether another anchor would change nothing
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """The effects of the explanation."""
+        return self.unknowns.effects
+
+    @property
+    def information(self) -> Array:
+        """JᵀJ with the priors (k, k)."""
+        return _information(self.unknowns, self.jacobian)
+
+    @property
+    def deviations(self) -> Array:
+        """Standard deviations (k,) of the unknowns."""
+        return np.asarray(np.sqrt(np.diag(np.linalg.inv(self.information))))
+
+
+class Fitter:
+    """Fits explanations to one campaign."""
+
+    def __init__(
+        self,
+        records: Sequence[Record],
+        errors: Errors,
+        domes: TableDomes,
+        *,
+        finite_elements: bool = True,
+    ) -> None:
+        """Without `finite_elements` effects that the table cannot answer stay approximate."""
+        self.records, self.errors, self.domes = records, errors, domes
+        self._finite_elements = finite_elements
+        self.measured = np.concatenate([r.curve.deflection_mm for r in records])
+
+    def model(self, unknowns: Unknowns) -> MappedModel:
+        """Return the model of an explanation, without an anchor."""
+        return MappedModel(self.records, unknowns, self.domes)
+
+    def residuals(self, model: MappedModel, u: Array, keep: Array | None = None) -> Array:
+        """Return whitened residuals (n,); large where there is no model."""
+        off = np.concatenate(model.predict(u)) - self.measured
+        if not np.isfinite(off).all():
+            return np.full(self.errors.count, _NO_MODEL)
+        if keep is not None:
+            off = np.where(keep, off, 0.0)
+        return self.errors.whiten(off)
+
+    def jacobian(self, model: MappedModel, u: Array, keep: Array | None = None) -> Array:
+        """Return derivatives (n, k) of `residuals`, by differences inside the bounds."""
+        high = model.unknowns.bounds[1]
+        here = self.residuals(model, u, keep)
+        columns = []
+        for j in range(len(u)):
+            step = _DIFFERENCE if u[j] + _DIFFERENCE <= high[j] else -_DIFFERENCE
+            moved = u.copy()
+            moved[j] += step
+            columns.append((self.residuals(model, moved, keep) - here) / step)
+        found = np.column_stack(columns)
+        return np.where(np.abs(found) < 0.1 * _NO_MODEL / _DIFFERENCE, found, 0.0)
+
+    def minimise(
+        self,
+        model: MappedModel,
+        start: Array,
+        low: Array,
+        high: Array,
+        keep: Array | None = None,
+    ) -> Array:
+        """Return the optimum between bounds, of the model as it is now."""
+        unknowns = model.unknowns
+        k = len(start)
+
+        def residuals(u: Array) -> Array:
+            return np.concatenate([self.residuals(model, u, keep), unknowns.prior_rows(u)])
+
+        def jacobian(u: Array) -> Array:
+            prior = np.zeros((k - 3, k))
+            for i, axis in enumerate(unknowns.axes):
+                prior[i, 3 + i] = 1.0 / axis.prior[1]
+            return np.vstack([self.jacobian(model, u, keep), prior])
+
+        span = np.maximum(high - low, 1e-9)
+        inside = np.clip(start, low + 1e-6 * span, high - 1e-6 * span)
+        found = least_squares(
+            residuals, inside, jac=jacobian, bounds=(low, high), x_scale=np.minimum(span, 1.0),
+            xtol=1e-7, ftol=1e-7, gtol=1e-9, max_nfev=40,
+        )  # fmt: skip
+        return np.asarray(found.x)
+
+    def fit(self, unknowns: Unknowns, start: Array) -> Fit | None:
+        """Return the best fit near a start (k,), None where there is no model."""
+        model = self.model(unknowns)
+        low, high = unknowns.bounds
+        if self._finite_elements and not model.anchor(start):
+            return None
+        if not model.corrected:
+            u = self.minimise(model, start, low, high)
+            return self._finish(model, u)
+        radius = np.concatenate([_RADIUS, np.full(len(unknowns) - 3, _EFFECT_RADIUS)])
+        best = self._finish(model, start)
+        if best is None:
+            return None
+        settled = False
+        for _ in range(_ANCHORS):
+            u = self.minimise(
+                model,
+                best.u,
+                np.maximum(low, best.u - radius),
+                np.minimum(high, best.u + radius),
+            )
+            expected = model.predict(u)
+            if not model.anchor(u):
+                radius = 0.4 * radius
+                model = self.model(unknowns)
+                model.anchor(best.u)
+                continue
+            found = self._finish(model, u)
+            if found is None:
+                radius = 0.4 * radius
+                continue
+            settled = self._change(found.deflections_mm, expected) < _CLOSE
+            at_edge = bool((np.abs(u - best.u) > 0.98 * radius).any())
+            if found.cost > best.cost:
+                radius = 0.4 * radius
+            else:
+                best = found
+            if settled and not at_edge:
+                break
+        return replace(best, settled=settled)
+
+    def _change(self, now: list[Array], before: list[Array]) -> float:
+        off = (np.concatenate(now) - np.concatenate(before)) / self.errors.sigma_mm
+        return float(np.sqrt(np.mean(off**2)))
+
+    def _cost(self, unknowns: Unknowns, u: Array, predicted: list[Array]) -> float:
+        off = np.concatenate(predicted) - self.measured
+        if not np.isfinite(off).all():
+            return math.inf
+        r, prior = self.errors.whiten(off), unknowns.prior_rows(u)
+        return float(r @ r + prior @ prior)
+
+    def _finish(self, model: MappedModel, u: Array) -> Fit | None:
+        unknowns = model.unknowns
+        predicted = model.predict(u)
+        cost = self._cost(unknowns, u, predicted)
+        if not math.isfinite(cost):
+            return None
+        jacobian = self.jacobian(model, u)
+        prior = unknowns.prior_rows(u)
+        log_det = float(np.linalg.slogdet(_information(unknowns, jacobian))[1])
+        evidence = (
+            -0.5 * cost
+            - 0.5 * log_det
+            + 0.5 * len(u) * math.log(2 * math.pi)
+            - unknowns.log_prior_volume
+        )
+        return Fit(
+            unknowns, u, predicted, cost - float(prior @ prior), cost, jacobian, evidence, True
+        )
+
+
+def _information(unknowns: Unknowns, jacobian: Array) -> Array:
+    flat = [12.0 / (high - low) ** 2 for low, high in zip(*unknowns.bounds, strict=True)][:3]
+    gauss = [1.0 / axis.prior[1] ** 2 for axis in unknowns.axes]
+    return np.asarray(jacobian.T @ jacobian + np.diag([*flat, *gauss]))

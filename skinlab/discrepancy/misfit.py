@@ -1,0 +1,83 @@
+"""The errors of a campaign's samples, and residuals made independent of one another."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinlab.discrepancy.records import Record, by_geometry
+from skinlab.identify.noise import (
+    MESH_ERROR,
+    MESH_REST,
+    legendre,
+    slope_mm_per_mbar,
+)
+
+Array = NDArray[np.float64]
+
+MESH_FACTOR = 1.7  # two good meshes, of two programs, against one mesh and a finer one of the same
+
+
+@dataclass(frozen=True, eq=False)
+class Errors:
+    """Σ = diag(σ²) + V Vᵀ over all samples of a campaign, end to end."""
+
+    sigma_mm: Array  # (u,)
+    q: Array  # (u, m) orthonormal, of the whitened shapes
+    s: Array  # (m,)
+    ends: tuple[int, ...]
+
+    @property
+    def count(self) -> int:
+        """Number of samples."""
+        return len(self.sigma_mm)
+
+    def whiten(self, residuals_mm: Array) -> Array:
+        """Return W r (u, …): independent, of variance 1."""
+        flat = residuals_mm.reshape(self.count, -1) / self.sigma_mm[:, None]
+        shrink = 1.0 / np.sqrt(1.0 + self.s**2) - 1.0
+        flat = flat + self.q @ (shrink[:, None] * (self.q.T @ flat))
+        return np.asarray(flat.reshape(residuals_mm.shape))
+
+    def without_mesh(self, residuals_mm: Array) -> Array:
+        """Return residuals (u,) in standard deviations, less what the mesh probably did."""
+        z = residuals_mm / self.sigma_mm
+        share = self.s**2 / (1.0 + self.s**2)
+        return np.asarray(z - self.q @ (share * (self.q.T @ z)))
+
+    def split(self, values: Array) -> list[Array]:
+        """Return values (u, …) by record."""
+        return np.split(values, self.ends[:-1])
+
+
+def errors_of(records: Sequence[Record]) -> Errors:
+    """Return the errors: noise, pressure noise through dw/dp, and the discretisation's shapes."""
+    sigma, blocks, at = [], [], 0
+    starts = np.cumsum([0, *(len(r.curve) for r in records)])
+    total = int(starts[-1])
+    for record in records:
+        w, p = record.curve.deflection_mm, record.pressure_mbar
+        slope = slope_mm_per_mbar(p, w) if record.pressure_sd_mbar > 0 else np.zeros(len(w))
+        sigma.append(
+            np.sqrt(
+                (1e-3 * record.noise_um) ** 2
+                + (slope * record.pressure_sd_mbar) ** 2
+                + (MESH_FACTOR * MESH_REST * w) ** 2
+            )
+        )
+        at += len(w)
+    for members in by_geometry(records):
+        block = np.zeros((total, len(MESH_ERROR)))
+        top = max(1e-9, *(float(records[i].pressure_mbar.max()) for i in members))
+        for i in members:
+            x = np.clip(records[i].pressure_mbar / top, 0.0, 1.0)
+            w = records[i].curve.deflection_mm
+            shapes = legendre(x, len(MESH_ERROR)) * np.array(MESH_ERROR)
+            block[starts[i] : starts[i + 1]] = MESH_FACTOR * shapes * w[:, None]
+        blocks.append(block)
+    sigma_all = np.concatenate(sigma)
+    q, s, _ = np.linalg.svd(np.hstack(blocks) / sigma_all[:, None], full_matrices=False)
+    return Errors(sigma_all, q, s, tuple(int(v) for v in starts[1:]))
