@@ -26,13 +26,13 @@ class Serial(SerialBase):
     _device: Device | None = None
 
     def open(self) -> None:
-        """Make the device that the URL describes. Raises SerialException if it describes none."""
+        """Make the device that the URL describes.
+
+        Raises ValueError for a wrong URL, SerialException where a file that it names is.
+        """
         if self.is_open:
             raise SerialException("Port is already open.")
-        try:
-            self._device, self._speed = _device(self.portstr or "")
-        except ValueError as error:
-            raise SerialException(str(error)) from error
+        self._device, self._speed = _device(self.portstr or "")
         self._last_s = self.clock()
         self._received = bytearray()
         self.is_open = True
@@ -107,12 +107,16 @@ def _device(url: str) -> tuple[Device, float]:
     seed = query.get("seed", "0")
     if not (seed.isascii() and seed.isdecimal()):
         raise ValueError(f"seed must be a whole number, not {seed!r}")
-    device = build_device(
-        query.get("skin"),
-        seed=int(seed),
-        speed=speed,
-        aperture_mm=_number(query, "aperture_mm", 6.0),
-    )
+    aperture_mm = _number(query, "aperture_mm", 6.0)
+    try:
+        device = build_device(
+            query.get("skin"), seed=int(seed), speed=speed, aperture_mm=aperture_mm
+        )
+    except ValueError as error:
+        skin = query.get("skin")
+        if skin and str(error).startswith(skin):  # the file is wrong, not the URL
+            raise SerialException(str(error)) from error
+        raise
     return device, speed
 
 

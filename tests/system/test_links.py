@@ -11,7 +11,7 @@ import sys
 import pytest
 from patience import FORGIVING_S, patient_command
 
-from drivers.errors import LinkError
+from drivers.errors import LinkError, PortUrlError
 from drivers.events import (
     Alarm,
     Gap,
@@ -179,18 +179,40 @@ def test_in_process(monkeypatch):
     [
         ("/dev/no-such-port", "there is no such port"),
         (os.devnull, "not a serial port"),
-        ("no://such", "not known"),
-        ("socket://127.0.0.1", "socket"),
+        ("socket://no-such-host.invalid:77", "there is no such host"),
         ("sim://?skin=/no/such.toml", "/no/such.toml: cannot be read"),
-        ("sim://?seed=x", "seed"),
+    ],
+)
+def test_what_cannot_be_opened_is_one_sentence(url, match):
+    with pytest.raises(LinkError, match=match) as caught:
+        open_link(url)
+    assert url in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert not isinstance(caught.value, PortUrlError)
+
+
+@pytest.mark.parametrize(
+    ("url", "match"),
+    [
+        ("", "expected a port"),
+        ("no://such", "not known"),
+        ("socket://127.0.0.1", "expected socket://HOST:PORT"),
+        ("socket://127.0.0.1:70000", "1 to 65535"),
+        ("socket://127.0.0.1:x", "1 to 65535"),
+        ("socket://:80", "expected socket://HOST:PORT"),
+        ("socket://127.0.0.1:80?speed=9", "options are not understood"),
+        ("rfc2217://host", "expected rfc2217://HOST:PORT"),
+        ("sim://?seed=x", "seed must be a whole number"),
+        ("sim://?seed", "seed"),
+        ("sim://?aperture_mm=5", "aperture_mm must be one of"),
         ("sim://?speed=0", "speed"),
         ("sim://?sped=10", "sped"),
         ("sim://?seed=1&seed=2", "twice"),
         ("sim://somewhere", "query"),
     ],
 )
-def test_what_cannot_be_opened_is_one_sentence(url, match):
-    with pytest.raises(LinkError, match=match) as caught:
+def test_a_wrong_url_is_told_from_a_link_that_fails(url, match):
+    with pytest.raises(PortUrlError, match=match) as caught:
         open_link(url)
     assert url in str(caught.value)
     assert "\n" not in str(caught.value)
