@@ -39,10 +39,7 @@ def shell(redirections: str, folder: Path, *more: str) -> subprocess.CompletedPr
     )
 
 
-@pytest.mark.parametrize(
-    "module",
-    ["skinlab.cli.main", "click", "skinlab.cli.forward", "numpy._core", "scipy.interpolate"],
-)
+@pytest.mark.parametrize("module", ["skinlab.cli.main", "click", "numpy.linalg", "scipy.special"])
 def test_ctrl_c_while_libraries_are_imported_is_one_word(module):
     done = subprocess.run(
         [sys.executable, "-c", CTRL_C, module, *shlex.split(FORWARD)],
@@ -53,13 +50,17 @@ def test_ctrl_c_while_libraries_are_imported_is_one_word(module):
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "skinlab: interrupted\n")
 
 
+@pytest.fixture(scope="module")
+def printed(tmp_path_factory) -> str:
+    return shell("", tmp_path_factory.mktemp("printed")).stdout
+
+
 @pytest.mark.parametrize("closed", [">&-", ">&- 2>&- <&-"])
-def test_closed_streams_are_no_failure_and_no_file_takes_their_place(tmp_path, closed):
-    assert shell("", tmp_path, "--csv", "open.csv").returncode == 0
-    assert shell(closed, tmp_path, "--csv", "closed.csv").returncode == 0
-    assert (tmp_path / "closed.csv").read_bytes() == (tmp_path / "open.csv").read_bytes()
+def test_closed_streams_are_no_failure_and_no_file_takes_their_place(tmp_path, printed, closed):
     done = shell(closed, tmp_path)
-    assert (done.returncode, done.stderr) == (0, "")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    assert shell(closed, tmp_path, "--csv", "c.csv").returncode == 0
+    assert (tmp_path / "c.csv").read_text() == printed
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
