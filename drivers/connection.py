@@ -48,15 +48,16 @@ class StateRow:
 _S = InstrumentState
 _ALWAYS: frozenset[type[Command]] = frozenset({Identify, Vent})
 _SAFE = frozenset({_S.VENTING, _S.FAULT})
+_DOWN = _SAFE | {_S.IDLE, _S.LOADED}  # VENTING in between may be a frame that was lost
 
 # The one table. `None`: the instrument has not said its state yet. Staying is always allowed.
 STATES: Mapping[InstrumentState | None, StateRow] = {
     None: StateRow(_ALWAYS, frozenset(_S)),
     _S.IDLE: StateRow(_ALWAYS | {Load, Reset}, _SAFE | {_S.LOADED}),
     _S.LOADED: StateRow(_ALWAYS | {Load, Arm, Reset}, _SAFE | {_S.IDLE, _S.ARMED}),
-    _S.ARMED: StateRow(_ALWAYS | {Start, KeepAlive}, _SAFE | {_S.RUNNING}),
-    _S.RUNNING: StateRow(_ALWAYS | {KeepAlive}, _SAFE),
-    _S.VENTING: StateRow(_ALWAYS | {KeepAlive}, _SAFE | {_S.IDLE, _S.LOADED}),
+    _S.ARMED: StateRow(_ALWAYS | {Start, KeepAlive}, _DOWN | {_S.RUNNING}),
+    _S.RUNNING: StateRow(_ALWAYS | {KeepAlive}, _DOWN),
+    _S.VENTING: StateRow(_ALWAYS | {KeepAlive}, _DOWN),
     _S.FAULT: StateRow(_ALWAYS | {Reset}, frozenset({_S.IDLE})),
 }
 
@@ -78,6 +79,7 @@ class Connection:
         self._number = -1
         self._load_number: int | None = None  # None: this side asked for no program
         self._next_sequence: int | None = None  # None: whatever comes first
+        self._sampled_s: float | None = None  # when the last sample of this run was taken
 
     @property
     def state(self) -> InstrumentState | None:
@@ -171,6 +173,11 @@ class Connection:
             reason = f"sample {sample.sequence} again where {due} was due"
             self._ready.append(Damaged(reason, frame))
             return
+        if self._sampled_s is not None and sample.device_time_s <= self._sampled_s:
+            reason = f"sample {sample.sequence} is not later than the one before"
+            self._ready.append(Damaged(reason, frame))
+            return
+        self._sampled_s = sample.device_time_s
         if due is not None and sample.sequence > due:
             self._ready.append(Gap(expected=due, received=sample.sequence))
         self._next_sequence = sample.sequence + 1
@@ -178,6 +185,8 @@ class Connection:
 
     def _judge_state(self, state: InstrumentState) -> None:
         before, self._state = self._state, state
+        if state is not before and state in {InstrumentState.ARMED, InstrumentState.RUNNING}:
+            self._sampled_s = None
         if state is InstrumentState.ARMED:
             self._next_sequence = 0  # here and not at RUNNING: that frame may be lost
         elif state is InstrumentState.RUNNING and before not in {state, InstrumentState.ARMED}:

@@ -111,6 +111,7 @@ class Engine:
         clock: Callable[[], float],
         post: Callable[[TimedEvent], None],
         on_bytes: OnBytes | None = None,
+        watchdog: Watchdog | None = None,
     ) -> None:
         self._link = link
         self._connection = connection
@@ -118,13 +119,14 @@ class Engine:
         self._clock = clock
         self._post_timed = post
         self._on_bytes = on_bytes
-        self._watchdog = Watchdog(limits)
+        self._watchdog = Watchdog(limits) if watchdog is None else watchdog
         self._lock = threading.Lock()
         self._stopping = threading.Event()
         # shared between threads, under the lock
         self._queue: deque[Request] = deque()
         self._vent_reasons: deque[str] = deque()
         self._ended: str | None = None
+        self._lost_at: float | None = None
         # of the I/O thread
         self._pending: list[Request] = []
         self._keep_alive_at = 0.0
@@ -141,6 +143,16 @@ class Engine:
     def alarm(self) -> str | None:
         """Text of the latched alarm, or None."""
         return self._watchdog.alarm
+
+    @property
+    def watchdog(self) -> Watchdog:
+        """To be passed on to the next engine, once this one has ended."""
+        return self._watchdog
+
+    @property
+    def lost_at(self) -> float | None:
+        """When the link was lost, or None if it was not."""
+        return self._lost_at
 
     @property
     def ended(self) -> str | None:
@@ -348,7 +360,7 @@ class Engine:
         return True
 
     def _lost(self, reason: str) -> None:
-        now = self._clock()
+        now = self._lost_at = self._clock()
         self._post(LinkLost(reason), now)
         for event in self._watchdog.link_lost():
             if isinstance(event, Alarm):

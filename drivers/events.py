@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 PROGRAM_END = "program end"  # reason of the State with which a run that was not cut short ends
+PROGRAM_DONE = "done"  # and of the one after it, once the pressure has fallen
 
 
 class SegmentKind(StrEnum):
@@ -208,8 +209,15 @@ class LinkLost:
     reason: str
 
 
+@dataclass(frozen=True, slots=True)
+class LinkRestored:
+    """The link is back, with the same instrument behind it; its program is gone."""
+
+    outage_s: float  # since LinkLost
+
+
 InstrumentEvent = Hello | Loaded | State | Sample | InstrumentFault | Refused
-DriverEvent = Damaged | Gap | HostVented | VentConfirmed | Alarm | LinkLost
+DriverEvent = Damaged | Gap | HostVented | VentConfirmed | Alarm | LinkLost | LinkRestored
 Event = InstrumentEvent | DriverEvent
 
 

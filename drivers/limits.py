@@ -37,6 +37,10 @@ class Limits:
     vent_time_s: float = 1.0  # ... within this time
     frozen_s: float = 0.5  # identical deflection samples for this long ...
     frozen_pressure_mbar: float = 5.0  # ... while the pressure moved by this much
+    shortfall_mbar: float = 20.0  # below the command; this or the fraction, whichever is more ...
+    shortfall_fraction: float = 0.5
+    shortfall_s: float = 1.0  # ... for this long: a leak, or no skin under the probe
+    inward_mm: float = 0.5  # a deflection below minus this, or above the opening, cannot be
 
     def __post_init__(self) -> None:
         """Refuse limits that are no limits."""
@@ -52,6 +56,10 @@ class Limits:
     def overshoot_above(self, command_mbar: float) -> float:
         """Pressure (mbar) above which a command of `command_mbar` is overshot."""
         return command_mbar + max(self.overshoot_mbar, self.overshoot_fraction * command_mbar)
+
+    def shortfall_below(self, command_mbar: float) -> float:
+        """Pressure (mbar) below which a command of `command_mbar` is not followed."""
+        return command_mbar - max(self.shortfall_mbar, self.shortfall_fraction * command_mbar)
 
 
 DEFAULT_LIMITS = Limits()

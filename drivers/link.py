@@ -7,7 +7,7 @@ import errno
 import socket
 from dataclasses import dataclass
 from typing import Protocol
-from urllib.parse import urlsplit
+from urllib.parse import parse_qsl, urlsplit
 
 import serial
 from serial.tools import list_ports as serial_list_ports
@@ -15,6 +15,7 @@ from serial.tools import list_ports as serial_list_ports
 from drivers.errors import LinkError, PortUrlError
 
 BAUD_RATE = 115_200
+BAUD_RATES = (1_200, 4_000_000)  # what a URL may ask for
 _POLL_S = 0.01  # one read waits this long; fixed, because setting it talks to the port each time
 _WRITE_TIMEOUT_S = 0.5
 _NETWORK = frozenset({"socket", "rfc2217"})
@@ -37,35 +38,61 @@ class Link(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class PortInfo:
-    """A serial port of this computer: what to open, and what to show for it."""
+    """A serial port of this computer: what to open, and what is known of it (empty: nothing)."""
 
     url: str
     description: str
+    manufacturer: str = ""
+    product: str = ""
+    serial_number: str = ""
+    usb_id: str = ""  # vendor:product, hexadecimal
+    location: str = ""
+
+    @property
+    def details(self) -> str:
+        """All that is known, in one line."""
+        known = [self.description, self.manufacturer, self.serial_number, self.usb_id]
+        return ", ".join(dict.fromkeys(text for text in known if text))
 
 
 def list_ports() -> tuple[PortInfo, ...]:
     """Look for serial ports of this computer, sorted by name."""
     return tuple(
-        PortInfo(port.device, port.description or port.device)
+        PortInfo(
+            url=port.device,
+            description=_said(port.description) or "serial port",
+            manufacturer=port.manufacturer or "",
+            product=port.product or "",
+            serial_number=port.serial_number or "",
+            usb_id="" if port.vid is None or port.pid is None else f"{port.vid:04x}:{port.pid:04x}",
+            location=port.location or "",
+        )
         for port in sorted(serial_list_ports.comports(), key=lambda port: port.device)
     )
+
+
+def _said(text: str | None) -> str:
+    return "" if text is None or text == "n/a" else text  # pyserial's word for nothing
 
 
 def open_link(url: str) -> Link:
     """Open a serial port, or what a pyserial URL names.
 
     `/dev/ttyUSB0`, `COM3`, `socket://HOST:PORT`, `rfc2217://HOST:PORT`, `sim://?skin=FILE&seed=N`.
+    A serial line may be asked for another speed: `/dev/ttyUSB0?baud=460800`, `rfc2217://…?baud=…`.
     Raises LinkError, one sentence that names the URL; PortUrlError where the URL itself is wrong.
     """
     if _SIMULATOR not in serial.protocol_handler_packages:
         serial.protocol_handler_packages.append(_SIMULATOR)
     try:
         _check_address(url)
+        name, baud_rate = _split_baud(url)
         port = serial.serial_for_url(
-            url,
-            baudrate=BAUD_RATE,
+            name,
+            baudrate=baud_rate,
             timeout=_POLL_S,
-            write_timeout=_WRITE_TIMEOUT_S,
+            # pyserial's rfc2217 knows none, and gives up after 5 s by itself
+            write_timeout=None if name.startswith("rfc2217:") else _WRITE_TIMEOUT_S,
             exclusive=True,
         )
     except ValueError as error:  # pyserial's and our own word for it; what fails is an OSError
@@ -91,6 +118,27 @@ def _check_address(url: str) -> None:
         complete = None
     if not complete or parts.path.strip("/"):
         raise ValueError(f"expected {scheme}://HOST:PORT, PORT a number 1 to 65535")
+
+
+def _split_baud(url: str) -> tuple[str, int]:
+    """Give the URL as pyserial takes it, and the speed of the line. Raises ValueError."""
+    name, _, query = url.partition("?")
+    scheme, colon, _ = name.partition("://")
+    if not query or (colon and scheme != "rfc2217"):
+        return url, BAUD_RATE
+    rate = BAUD_RATE
+    others = []
+    for key, value in parse_qsl(query, keep_blank_values=True):
+        if key == "baud":
+            low, high = BAUD_RATES
+            if not (value.isascii() and value.isdecimal() and low <= int(value) <= high):
+                raise ValueError(f"baud must be a whole number {low} to {high}, not {value!r}")
+            rate = int(value)
+        elif not colon:
+            raise ValueError(f"{key} is not known (baud is)")
+        else:
+            others.append(f"{key}={value}" if value else key)  # pyserial's own
+    return (f"{name}?{'&'.join(others)}" if others else name), rate
 
 
 class _SerialLink:

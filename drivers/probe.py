@@ -21,6 +21,7 @@ from drivers.events import (
     Hello,
     Identify,
     InstrumentState,
+    LinkRestored,
     Load,
     Loaded,
     Reset,
@@ -75,6 +76,8 @@ class Probe:
         self._link: Link | None = None
         self._thread: threading.Thread | None = None
         self._verified = False  # the loaded program is the one that was asked for
+        self._first_hello: Hello | None = None
+        self._lost_at: float | None = None
 
     # ---- what is known ------------------------------------------------------------
 
@@ -126,6 +129,9 @@ class Probe:
             if self._engine is not None:
                 raise LocalProtocolError(f"{self.url} is open already")
             self._link = self._open_link(self.url)
+            watchdog = None if self._seen is None else self._seen.watchdog
+            if watchdog is not None:
+                watchdog.reconnected(self._clock())
             self._engine = Engine(
                 self._link,
                 Connection(self._dialect, self._limits),
@@ -133,6 +139,7 @@ class Probe:
                 self._clock,
                 self._events.put,
                 self._on_bytes,
+                watchdog,
             )
             self._seen = self._engine
             self._verified = False
@@ -142,10 +149,38 @@ class Probe:
             self._thread.start()
             atexit.register(self.close)
             try:
-                return self._meet(self._engine, timeout_s)
+                hello = self._meet(self._engine, timeout_s)
             except BaseException:
                 self.close()
                 raise
+            self._first_hello = self._first_hello or hello
+            return hello
+
+    def reopen(self, timeout_s: float = 2.0) -> Hello:
+        """Connect again after the link was lost, to the same instrument. LinkRestored follows.
+
+        The program that was loaded is gone; a latched alarm stays, and a vent that nobody could see
+        is confirmed now (VentConfirmed) or raises the alarm again. Raises LinkError (still gone),
+        RemoteProtocolError (another instrument than before, or another protocol version).
+        """
+        with self._calls:
+            lost_at = None if self._seen is None else self._seen.lost_at
+            self._lost_at = self._lost_at if lost_at is None else lost_at
+            self.close()
+            hello = self.open(timeout_s)
+            first = self._first_hello
+            if first is not None and _identity(first) != _identity(hello):
+                self.close()
+                raise RemoteProtocolError(
+                    f"another instrument is at {self.url} now: {hello.model} "
+                    f"{hello.serial_number}, {hello.aperture_mm:g} mm; it was {first.model} "
+                    f"{first.serial_number}, {first.aperture_mm:g} mm"
+                )
+            now = self._clock()
+            outage_s = 0.0 if self._lost_at is None else now - self._lost_at
+            self._lost_at = None
+            self._events.put(TimedEvent(now, LinkRestored(outage_s)))
+            return hello
 
     def load(self, segments: Sequence[Segment], rate_hz: float) -> Loaded:
         """Load a program, with the bounds that it needs, and compare what is read back.
@@ -278,6 +313,10 @@ class Probe:
         if engine is None:
             raise LinkError(f"{self.url} is not open")
         return engine.submit(Request(command, list(wanted), timeout_s)).result()
+
+
+def _identity(hello: Hello) -> tuple[str, str, float]:
+    return hello.model, hello.serial_number, hello.aperture_mm
 
 
 def _is_state(*states: InstrumentState) -> Callable[[Event], bool]:

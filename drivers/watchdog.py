@@ -6,12 +6,16 @@ what became of it. Host time is any clock in seconds that never goes back.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from itertools import accumulate
 
 from drivers.events import (
+    PROGRAM_DONE,
+    PROGRAM_END,
     Alarm,
     Event,
+    Hello,
     HostVented,
     InstrumentFault,
     InstrumentState,
@@ -28,6 +32,7 @@ SafetyEvent = HostVented | VentConfirmed | Alarm
 
 _RAMP_GRACE_S = 0.5  # pressure may lag this long behind a command that went down
 _SUCTION_SLACK_S = 1.0  # host and instrument count suction time by different clocks
+_SLOW_CLOCK = 0.02  # part by which the instrument's clock may be slow; its samples only seem old
 _PULLING = frozenset({InstrumentState.ARMED, InstrumentState.RUNNING})
 _AT_REST = frozenset({InstrumentState.IDLE, InstrumentState.LOADED, InstrumentState.ARMED})
 
@@ -37,18 +42,33 @@ class Watchdog:
 
     def __init__(self, limits: Limits = DEFAULT_LIMITS) -> None:
         self._limits = limits
-        self._state: InstrumentState | None = None
-        self._ceilings: tuple[float, ...] = ()
-        self._grace_s: tuple[float, ...] = ()
-        self._pauses: tuple[int, ...] = ()
-        self._stale_s = limits.stale_s
         self._alarm: str | None = None
         self._vent_since: float | None = None  # a vent is on its way and not confirmed
         self._host_vented = False  # that vent was ordered by the host
-        self._last_sample = 0.0
+        self._unseen = False  # the link was lost under suction, and nobody saw it fall since
+        self._aperture_mm: float | None = None
+        self._forget()
+
+    def _forget(self) -> None:
+        """Know nothing of state and program."""
+        self._state: InstrumentState | None = None
+        self._segments: tuple[Segment, ...] = ()
+        self._targets: tuple[float, ...] = ()
+        self._ceilings: tuple[float, ...] = ()
+        self._grace_s: tuple[float, ...] = ()
+        self._pauses: tuple[int, ...] = ()
+        self._stale_s = self._limits.stale_s
+        self._begin_run(0.0)
+
+    def _begin_run(self, now: float) -> None:
+        self._last_sample = now
+        self._sampled_s = 0.0  # when the last sample was taken, by the instrument's clock
+        self._offset_s = math.inf  # least that the host's clock was ahead of it
         self._suction_since: float | None = None
         self._segment = -1
         self._segment_since = 0.0
+        self._segment_after = 0.0
+        self._short_since: float | None = None
         self._frozen: _Frozen | None = None
 
     @property
@@ -80,11 +100,23 @@ class Watchdog:
         """Judge the loss of the link: where vacuum may be on, nobody can see it go."""
         if self._vent_since is None and self._state is not InstrumentState.RUNNING:
             return []
+        self._unseen = True
         return self._raise_alarm("the link is lost and the vacuum cannot be checked")
+
+    def reconnected(self, now: float) -> None:
+        """Begin again with an instrument that was out of reach until host time `now` (s).
+
+        A latched alarm stays, and a vent that nobody saw is still to be confirmed.
+        """
+        self._forget()
+        self._host_vented = False
+        self._vent_since = now if self._unseen else None
 
     def on_event(self, event: Event, now: float) -> list[SafetyEvent]:
         """Judge what came at host time `now` (s)."""
         match event:
+            case Hello():
+                self._aperture_mm = event.aperture_mm
             case Loaded():
                 self._program(event)
             case InstrumentFault():
@@ -111,6 +143,9 @@ class Watchdog:
             return []
         if now - self._last_sample > self._stale_s:
             return self._order(f"stale link: no sample for {1000 * self._stale_s:.0f} ms")
+        age = now - (self._sampled_s + self._offset_s)
+        if age > self._stale_s + _SLOW_CLOCK * self._sampled_s:
+            return self._order(f"stale data: the last sample is {1000 * age:.0f} ms old")
         longest = self._limits.max_suction_s + _SUCTION_SLACK_S
         if self._suction_since is not None and now - self._suction_since > longest:
             return self._order(f"suction for more than {longest:g} s without a pause")
@@ -135,12 +170,14 @@ class Watchdog:
         if pressure_mbar >= self._limits.vent_pressure_mbar:
             return []
         self._vent_since = None
-        self._host_vented = False
+        self._host_vented = self._unseen = False
         return [VentConfirmed(pressure_mbar)]
 
     # ---- events ------------------------------------------------------------
 
     def _program(self, loaded: Loaded) -> None:
+        self._segments = loaded.segments
+        self._targets = _targets(loaded.segments)
         self._ceilings = _ceilings(loaded.segments)
         open_valve = {SegmentKind.RELEASE, SegmentKind.REST}
         self._grace_s = tuple(
@@ -155,20 +192,28 @@ class Watchdog:
 
     def _on_state(self, event: State, now: float) -> list[SafetyEvent]:
         before, self._state = self._state, event.state
+        orders: list[SafetyEvent] = []
         if event.state is not before:
             if event.state is InstrumentState.RUNNING:
-                self._last_sample = now
-                self._suction_since = None
-                self._segment = -1
-                self._frozen = None
-            if event.state in {InstrumentState.VENTING, InstrumentState.FAULT}:
+                self._begin_run(now)
+            fell = before in _PULLING and event.state not in _PULLING
+            if fell:
+                orders = self._own_vent(event.reason)
+            if fell or event.state in {InstrumentState.VENTING, InstrumentState.FAULT}:
                 self._vent_since = now if self._vent_since is None else self._vent_since
         if event.pressure_mbar is None:
+            return orders
+        return orders or self._settle(event.pressure_mbar) or self._at_rest(event.pressure_mbar)
+
+    def _own_vent(self, reason: str) -> list[SafetyEvent]:
+        if reason in {PROGRAM_END, PROGRAM_DONE}:
             return []
-        return self._settle(event.pressure_mbar) or self._at_rest(event.pressure_mbar)
+        return self._order(f"the instrument vented by itself ({reason})")
 
     def _on_sample(self, sample: Sample, now: float) -> list[SafetyEvent]:
         self._last_sample = now
+        before_s, self._sampled_s = self._sampled_s, sample.device_time_s
+        self._offset_s = min(self._offset_s, now - sample.device_time_s)
         pressure = sample.pressure_mbar
         index = sample.segment
         if index != self._segment:
@@ -176,6 +221,7 @@ class Watchdog:
             if self._pauses_before(index) != self._pauses_before(self._segment):
                 self._suction_since = None
             self._segment, self._segment_since = index, sample.device_time_s
+            self._segment_after = before_s
         if pressure < self._limits.vent_pressure_mbar:
             self._suction_since = None
         elif self._suction_since is None:
@@ -184,7 +230,12 @@ class Watchdog:
             return self._settle(pressure)
         if self._state is not InstrumentState.RUNNING:
             return self._at_rest(pressure)
-        return self._overshoot(sample) or self._freeze(sample)
+        return (
+            self._overshoot(sample)
+            or self._shortfall(sample)
+            or self._freeze(sample)
+            or self._impossible(sample)
+        )
 
     def _at_rest(self, pressure_mbar: float) -> list[SafetyEvent]:
         if self._state not in _AT_REST or pressure_mbar <= self._limits.overshoot_mbar:
@@ -200,16 +251,65 @@ class Watchdog:
             f"overshoot: {sample.pressure_mbar:g} mbar where {command:g} mbar was commanded"
         )
 
+    def _shortfall(self, sample: Sample) -> list[SafetyEvent]:
+        command = self._least_command(sample)
+        if sample.pressure_mbar >= self._limits.shortfall_below(command):
+            self._short_since = None
+            return []
+        if self._short_since is None:
+            self._short_since = sample.device_time_s
+        if sample.device_time_s - self._short_since < self._limits.shortfall_s:
+            return []
+        return self._order(
+            f"the suction does not follow: {sample.pressure_mbar:g} mbar where {command:g} mbar "
+            "was commanded (a leak, or no skin under the probe)"
+        )
+
+    def _least_command(self, sample: Sample) -> float:
+        """Lowest command that this sample may show, in mbar."""
+        index = sample.segment
+        if not 0 <= index < len(self._segments):
+            return 0.0
+        segment, target = self._segments[index], self._targets[index]
+        before = self._targets[index - 1] if index else 0.0
+        if segment.kind is not SegmentKind.RAMP or target <= before:
+            return target
+        # The segment began before its first sample: so this is a lower bound
+        risen = segment.rate_mbar_per_s * (sample.device_time_s - self._segment_since)
+        return min(target, before + risen)
+
+    def _impossible(self, sample: Sample) -> list[SafetyEvent]:
+        low, high = -self._limits.inward_mm, self._aperture_mm
+        if high is None or low <= sample.deflection_mm <= high:
+            return []
+        return self._order(
+            f"impossible deflection: {sample.deflection_mm:g} mm in an opening of {high:g} mm"
+        )
+
     def _command(self, sample: Sample) -> float:
         """Highest command that this sample may still show, in mbar."""
         index = sample.segment
         if index >= len(self._ceilings):  # final vent, or no program seen: only the maximum counts
             return max(self._ceilings, default=self._limits.max_pressure_mbar)
-        command = self._ceilings[index]
+        within_s = sample.device_time_s - self._segment_since
+        command = self._present_command(index, sample.device_time_s)
         # Segments that are over within the grace still show in the pressure, which lags behind
-        if sample.device_time_s - self._segment_since <= self._grace_s[index]:
-            command = max(self._ceilings[: index + 1])
+        if within_s <= self._grace_s[index]:
+            command = max(command, *self._ceilings[:index], 0.0)
         return command
+
+    def _present_command(self, index: int, time_s: float) -> float:
+        """Highest that a segment can command at this time: where its ramp is, by now."""
+        segment, target = self._segments[index], self._targets[index]
+        before = self._targets[index - 1] if index else 0.0
+        if segment.kind is not SegmentKind.RAMP:
+            return target
+        # It began after the last sample of the segment before, and not after its own first one
+        if target > before:
+            longest_s = time_s - self._segment_after
+            return min(target, before + segment.rate_mbar_per_s * longest_s)
+        shortest_s = max(0.0, time_s - self._segment_since - _RAMP_GRACE_S)
+        return max(target, before - segment.rate_mbar_per_s * shortest_s)
 
     def _pauses_before(self, index: int) -> int:
         return self._pauses[index] if 0 <= index < len(self._pauses) else 0
@@ -246,15 +346,23 @@ class _Frozen:
         self.high_mbar = max(self.high_mbar, sample.pressure_mbar)
 
 
-def _ceilings(segments: Sequence[Segment]) -> tuple[float, ...]:
-    """Highest command within each segment, in mbar."""
-    ceilings = []
+def _targets(segments: Sequence[Segment]) -> tuple[float, ...]:
+    """Command at the end of each segment, in mbar."""
+    targets = []
     target = 0.0
     for segment in segments:
-        before = target
         if segment.kind is SegmentKind.RAMP:
             target = segment.target_mbar
         elif segment.kind is not SegmentKind.HOLD:
-            target = before = 0.0
-        ceilings.append(max(before, target))
-    return tuple(ceilings)
+            target = 0.0
+        targets.append(target)
+    return tuple(targets)
+
+
+def _ceilings(segments: Sequence[Segment]) -> tuple[float, ...]:
+    """Highest command within each segment, in mbar."""
+    targets = _targets(segments)
+    return tuple(
+        max(before, target) if segment.kind is SegmentKind.RAMP else target
+        for segment, before, target in zip(segments, (0.0, *targets), targets, strict=False)
+    )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
 from typing import NoReturn
@@ -21,11 +22,22 @@ EXIT_LINK = 4
     "--tcp", type=click.IntRange(0, 65535), metavar="PORT", help="Serve on 127.0.0.1; 0: any port."
 )
 @click.option("--skin", type=click.Path(path_type=Path), help="SKIN.toml; default: a plain skin.")
+@click.option("--faults", type=click.Path(path_type=Path), help="FAULTS.toml; default: none.")
 @click.option("--speed", default=1.0, show_default=True, help="Device seconds in a host second.")
 @click.option("--seed", default=0, show_default=True, help="Of all noise.")
 @click.option("--aperture-mm", default=6.0, show_default=True, help="Diameter of the opening.")
+@click.option(
+    "--trace", type=click.Path(path_type=Path), help="Write the true pressure here, as a CSV."
+)
 def main(
-    pty: bool, tcp: int | None, skin: Path | None, speed: float, seed: int, aperture_mm: float
+    pty: bool,
+    tcp: int | None,
+    skin: Path | None,
+    faults: Path | None,
+    speed: float,
+    seed: int,
+    aperture_mm: float,
+    trace: Path | None,
 ) -> None:
     """Be a suction probe on a skin of finite elements.
 
@@ -41,17 +53,37 @@ def main(
     from sim_device.serve import PtyHost, TcpHost, serve
 
     try:
-        device = build_device(skin, seed=seed, speed=speed, aperture_mm=aperture_mm)
+        device = build_device(
+            skin,
+            seed=seed,
+            speed=speed,
+            aperture_mm=aperture_mm,
+            faults_file=faults,
+            trace=None if trace is None else _open_trace(trace),
+        )
     except ValueError as error:
         _fail(str(error), EXIT_BAD_INPUT)
     try:
-        host = PtyHost() if tcp is None else TcpHost(tcp)
+        host = PtyHost(unpluggable=faults is not None) if tcp is None else TcpHost(tcp)
     except OSError as error:
         _fail(f"cannot serve: {error.strerror or error}", EXIT_LINK)
     with host:
         click.echo(host.url)
         sys.stdout.flush()
         serve(device, host, speed)
+
+
+def _open_trace(path: Path) -> Callable[[float, float, str], None]:
+    try:
+        file = path.open("w", encoding="ascii", buffering=1)  # each row is there as it happens
+    except OSError as error:
+        _fail(f"{path}: cannot be written ({error.strerror or error})", EXIT_BAD_INPUT)
+    file.write("time_s,pressure_mbar,state\n")
+
+    def write(time_s: float, pressure_mbar: float, state: str) -> None:
+        file.write(f"{time_s:.3f},{pressure_mbar:.6f},{state}\n")
+
+    return write
 
 
 def _fail(message: str, status: int) -> NoReturn:

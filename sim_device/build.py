@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from sim_device.device import KEEP_ALIVE_S, Device
+from sim_device.device import KEEP_ALIVE_S, Device, Trace
+from sim_device.faults import load_fault_file
 from sim_device.files import SkinFile, load_skin_file
 
 APERTURES_MM = (2.0, 4.0, 6.0, 8.0)
@@ -13,13 +14,20 @@ MAX_SPEED = 200.0  # beyond, the simulation could not keep up with itself
 
 
 def build_device(
-    skin_file: str | Path | None, *, seed: int, speed: float, aperture_mm: float
+    skin_file: str | Path | None,
+    *,
+    seed: int,
+    speed: float,
+    aperture_mm: float,
+    faults_file: str | Path | None = None,
+    trace: Trace | None = None,
 ) -> Device:
     """Build a probe on the skin of `skin_file` (None: the default skin).
 
     speed: seconds of the device in one of the host. Keep-alive comes from the host, so that its
     limit is scaled with it: 500 ms on the host's clock at every speed.
-    Raises ValueError, one sentence, for what is out of range or wrong in the file.
+    trace: see Device.
+    Raises ValueError, one sentence, for what is out of range or wrong in a file.
     """
     if not (math.isfinite(speed) and 1 <= speed <= MAX_SPEED):
         raise ValueError(f"speed must be 1 to {MAX_SPEED:g}, not {speed:g}")
@@ -28,6 +36,7 @@ def build_device(
         raise ValueError(f"aperture_mm must be one of {known}, not {aperture_mm:g}")
     if seed < 0:
         raise ValueError(f"seed must not be negative, not {seed}")
+    faults = () if faults_file is None else load_fault_file(faults_file)
     description = SkinFile() if skin_file is None else load_skin_file(skin_file)
     # Not at the top: the finite elements behind it are slow to import
     from sim_device.skin import make_skin
@@ -42,4 +51,6 @@ def build_device(
         aperture_mm=aperture_mm,
         seed=seed,
         keep_alive_s=KEEP_ALIVE_S * speed,
+        faults=faults,
+        trace=trace,
     )

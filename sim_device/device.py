@@ -6,6 +6,8 @@ host, and nothing else.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -13,6 +15,7 @@ import numpy as np
 from drivers.dialects import Dialect, get_dialect
 from drivers.errors import RemoteProtocolError
 from drivers.events import (
+    PROGRAM_DONE,
     PROGRAM_END,
     Arm,
     Command,
@@ -32,7 +35,9 @@ from drivers.events import (
     State,
     Vent,
 )
+from sim_device.faults import Fault, Schedule
 from sim_device.files import SensorSection
+from sim_device.line import Line
 from sim_device.plant import Plant
 from sim_device.program import Run, needs
 
@@ -49,9 +54,14 @@ _TEXT_CHARACTERS = 80  # of a reason; escaped, three bytes each at worst, that f
 _SLACK_S = 1e-5
 _SUCTION_SLACK_US = 5 * STEP_US  # segments end between two steps
 _LONGEST_MM = 1000.0
+_TRACE_US = 10_000  # between two rows of a trace
+_OTHER_FIRMWARE = "2.0"
 
 _S = InstrumentState
 _LIVE = frozenset({_S.ARMED, _S.RUNNING})
+
+
+Trace = Callable[[float, float, InstrumentState], None]
 
 
 class Skin(Protocol):
@@ -73,6 +83,8 @@ class Device:
     seed: of all noise; the same seed and the same conversation give the same bytes.
     keep_alive_s: time without keep-alive after which it vents, on the device's own clock (whoever
     runs that clock faster than the host's must scale it, or the host could not keep up).
+    faults: what goes wrong, and when; see `sim_device.faults`.
+    trace: is told the time (s), the true pressure (mbar) and the state, every 10 ms of movement.
     """
 
     def __init__(
@@ -84,6 +96,8 @@ class Device:
         seed: int = 0,
         keep_alive_s: float = KEEP_ALIVE_S,
         dialect: Dialect | None = None,
+        faults: Iterable[Fault] = (),
+        trace: Trace | None = None,
     ) -> None:
         self._skin = skin
         self._sensor = sensor
@@ -92,9 +106,13 @@ class Device:
         self._keep_alive_us = round(keep_alive_s * 1e6)
         self._dialect = get_dialect("reference") if dialect is None else dialect
         self._plant = Plant(STEP_US / 1e6)
+        self._schedule = Schedule(faults)
+        self._line = Line(self._schedule, seed)
+        self._trace = trace
         self._in = bytearray()
-        self._out = bytearray()
         self._now_us = 0
+        self._first_start_us: int | None = None
+        self._frozen_mm: float | None = None
         self._owed_ns = 0  # time that process() was given and that is less than a step
         self._state = _S.IDLE
         self._load: Load | None = None
@@ -120,13 +138,25 @@ class Device:
     @property
     def resting(self) -> bool:
         """Nothing moves: time alone changes nothing, and no bytes will come."""
-        return self._state not in _LIVE and self._vent_us is None and not self._plant.pressure_mbar
+        still = self._state not in _LIVE and self._vent_us is None and not self._plant.pressure_mbar
+        ticking = self._first_start_us is not None
+        return still and not self._line.busy(self._fault_us, ticking=ticking)
+
+    @property
+    def plugged(self) -> bool:
+        """Whether a host can reach it."""
+        return self._line.plugged(self._fault_us)
+
+    @property
+    def _fault_us(self) -> int:
+        """The clock of the faults."""
+        return 0 if self._first_start_us is None else self._now_us - self._first_start_us
 
     # ---- the three methods of a device --------------------------------------------------------
 
     def receive(self, data: bytes) -> None:
         """Take bytes from the host. Damaged ones are dropped: the host repeats what it needs."""
-        self._in += data
+        self._in += self._line.receive(data, self._fault_us)
         while (taken := self._dialect.take(self._in)) is not None:
             if isinstance(taken, Damaged):
                 continue
@@ -148,9 +178,7 @@ class Device:
 
     def transmit(self) -> bytes:
         """Take the bytes that the device wants to send."""
-        data = bytes(self._out)
-        self._out.clear()
-        return data
+        return self._line.take()
 
     # ---- commands -----------------------------------------------------------------------------
 
@@ -241,6 +269,8 @@ class Device:
         self._run = Run(self._load)
         self._sequence = 0
         self._started_us = self._now_us
+        if self._first_start_us is None:
+            self._first_start_us = self._now_us
         self._run.advance(0, self._pressure())
         self._suction_us = 0
         self._skin.start()
@@ -255,6 +285,7 @@ class Device:
         if self._state is _S.RUNNING and self._run is not None:
             self._run.advance(self._now_us - self._started_us, self._pressure())
             set_point, valve_open = self._run.set_point_mbar, self._run.valve_open
+        self._break_plant()
         self._plant.step(set_point, valve_open)
         if self._state in _LIVE and self._now_us - self._alive_us > self._keep_alive_us:
             self._load = None
@@ -265,6 +296,19 @@ class Device:
             self._check_vent()
         self._sample()
         self._finish_vent()
+        self._line.step(self._fault_us, STEP_US)
+        if self._trace is not None and self._now_us % _TRACE_US == 0:
+            self._trace(self._now_us / 1e6, self._plant.pressure_mbar, self._state)
+
+    def _break_plant(self) -> None:
+        time_us = self._fault_us
+        valve = self._schedule.active("stuck_valve", time_us)
+        leak = self._schedule.active("leak", time_us)
+        overshoot = self._schedule.active("overshoot", time_us)
+        self._plant.opening = 1.0 if valve is None else valve.amount
+        self._plant.lost = 0.0 if leak is None else leak.amount
+        self._plant.excess_mbar = 0.0 if overshoot is None else overshoot.amount
+        self._plant.lifted = self._schedule.active("no_contact", time_us) is not None
 
     def _check_run(self, run: Run) -> None:
         pressure, maximum = self._pressure(), run.load.max_pressure_mbar
@@ -307,7 +351,8 @@ class Device:
         pressure_noise, deflection_noise = self._rng.standard_normal(2)
         sensor = self._sensor
         pressure = self._plant.pressure_mbar + sensor.pressure_noise_mbar * pressure_noise
-        deflection_um = 1e3 * deflection + sensor.noise_um * deflection_noise
+        true_um = 0.0 if self._plant.lifted else 1e3 * deflection
+        deflection_um = true_um + sensor.noise_um * deflection_noise
         sample = Sample(
             sequence=self._sequence,
             device_time_s=elapsed_us / 1e6,
@@ -316,7 +361,29 @@ class Device:
             segment=run.index if self._state is _S.RUNNING else len(run.load.segments),
         )
         self._sequence += 1
-        self._send(sample)
+        self._send(self._misread(sample))
+
+    def _misread(self, sample: Sample) -> Sample:
+        """Give the reading of a broken sensor or counter, where one of them is broken."""
+        time_us = self._fault_us
+        jump = self._schedule.active("counter_jump", time_us)
+        if jump is not None:
+            sample = replace(sample, sequence=max(0, sample.sequence + int(jump.amount)))
+        drift = self._schedule.active("drifting_sensor", time_us)
+        if drift is not None:
+            drifted_um = drift.often * (time_us / 1e6 - drift.at_s)
+            resolution = self._sensor.resolution_um
+            sample = replace(
+                sample,
+                deflection_mm=_quantised(1e3 * sample.deflection_mm + drifted_um, resolution) / 1e3,
+            )
+        if self._schedule.active("frozen_sensor", time_us) is None:
+            self._frozen_mm = None
+        elif self._frozen_mm is None:
+            self._frozen_mm = sample.deflection_mm
+        else:
+            sample = replace(sample, deflection_mm=self._frozen_mm)
+        return sample
 
     # ---- valve, faults, states ----------------------------------------------------------------
 
@@ -340,7 +407,7 @@ class Device:
         if self._state is _S.FAULT:
             self._say("vented")
         else:
-            reason = "done" if self._vent_reason == PROGRAM_END else "vented"
+            reason = PROGRAM_DONE if self._vent_reason == PROGRAM_END else "vented"
             self._enter(_S.IDLE if self._load is None else _S.LOADED, reason)
 
     def _fault(self, code: str, text: str) -> None:
@@ -362,11 +429,12 @@ class Device:
         return self._plant.pressure_mbar
 
     def _hello(self) -> Hello:
+        other = self._schedule.active("wrong_firmware", self._fault_us) is not None
         return Hello(
             dialect=self._dialect.name,
-            protocol_version=self._dialect.protocol_version,
+            protocol_version=self._dialect.protocol_version + int(other),
             model="skinlab simulated probe",
-            firmware="1.0",
+            firmware=_OTHER_FIRMWARE if other else "1.0",
             serial_number="SIM-1",
             aperture_mm=self._aperture_mm,
             max_pressure_mbar=MAX_PRESSURE_MBAR,
@@ -378,7 +446,8 @@ class Device:
         )
 
     def _send(self, event: InstrumentEvent, number: int | None = None) -> None:
-        self._out += self._dialect.encode_event(event, number)
+        frame = self._dialect.encode_event(event, number)
+        self._line.send(frame, self._fault_us, sample=isinstance(event, Sample))
 
 
 def _read_back(load: Load) -> Loaded:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 import re
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 import msgspec
 from msgspec import Meta, field
+
+Form = TypeVar("Form", bound=msgspec.Struct)
 
 
 class SkinSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -61,12 +63,20 @@ def load_skin_file(path: str | Path) -> SkinFile:
 
     Raises ValueError, one sentence that names the file and the field or line.
     """
+    return load_toml(path, SkinFile)
+
+
+def load_toml(path: str | Path, form: type[Form]) -> Form:
+    """Read a TOML file of this form.
+
+    Raises ValueError, one sentence that names the file and the field or line.
+    """
     try:
         raw = Path(path).read_bytes()
     except OSError as error:
         raise ValueError(f"{path}: cannot be read ({error.strerror or error})") from error
     try:
-        return msgspec.toml.decode(raw, type=SkinFile)
+        return msgspec.toml.decode(raw, type=form)
     except ValueError as error:  # msgspec's, tomllib's and Unicode's all are
         raise ValueError(f"{path}: {_plain(str(error))}") from error
 

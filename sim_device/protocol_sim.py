@@ -1,10 +1,12 @@
-"""pyserial's handler of `sim://?skin=FILE&seed=N&speed=X&aperture_mm=6`: the probe in this process.
+"""pyserial's handler of `sim://?skin=FILE&faults=FILE&seed=N&speed=X&aperture_mm=6`.
 
-The port is the device: opening makes a new one, closing takes it away.
+The port is the device, in this process: opening makes a new one, closing takes it away. Only one
+that was unplugged stays, and is what the same URL finds when it is plugged in again.
 """
 
 from __future__ import annotations
 
+import errno
 import time
 from collections.abc import Callable
 from urllib.parse import parse_qsl, urlsplit
@@ -15,6 +17,24 @@ from sim_device.build import build_device
 from sim_device.device import Device
 
 _TICK_S = 0.002
+_KEYS = ("skin", "faults", "seed", "speed", "aperture_mm")
+
+
+class _World:
+    """A device and its time."""
+
+    def __init__(self, device: Device, speed: float, now_s: float) -> None:
+        self.device = device
+        self._speed = speed
+        self._last_s = now_s
+
+    def advance(self, now_s: float) -> None:
+        """Let the device live up to now."""
+        self.device.process((now_s - self._last_s) * self._speed)
+        self._last_s = now_s
+
+
+_unplugged: dict[str, _World] = {}  # by URL: they live on while no host can reach them
 
 
 class Serial(SerialBase):
@@ -23,7 +43,7 @@ class Serial(SerialBase):
     clock: Callable[[], float] = staticmethod(time.monotonic)
     sleep: Callable[[float], None] = staticmethod(time.sleep)
 
-    _device: Device | None = None
+    _world: _World | None = None
 
     def open(self) -> None:
         """Make the device that the URL describes.
@@ -32,15 +52,26 @@ class Serial(SerialBase):
         """
         if self.is_open:
             raise SerialException("Port is already open.")
-        self._device, self._speed = _device(self.portstr or "")
-        self._last_s = self.clock()
+        url = self.portstr or ""
+        world = _unplugged.get(url)
+        if world is None:
+            device, speed = _device(url)
+            world = _World(device, speed, self.clock())
+        world.advance(self.clock())
+        if not world.device.plugged:
+            raise SerialException(errno.ENOENT, "unplugged")
+        _unplugged.pop(url, None)
+        world.device.transmit()  # what was said before anybody listened
+        self._world = world
         self._received = bytearray()
         self.is_open = True
 
     def close(self) -> None:
         """Take the device away."""
+        if self._world is not None and not self._world.device.plugged:
+            _unplugged[self.portstr or ""] = self._world
         self.is_open = False
-        self._device = None
+        self._world = None
 
     def read(self, size: int = 1, /) -> bytes:
         """Read `size` bytes, or what came within the port's timeout."""
@@ -81,13 +112,14 @@ class Serial(SerialBase):
         """Do nothing: no wire has a speed here."""
 
     def _advance(self) -> Device:
-        if not self.is_open or self._device is None:
+        if not self.is_open or self._world is None:
             raise PortNotOpenError
-        now = self.clock()
-        self._device.process((now - self._last_s) * self._speed)
-        self._last_s = now
-        self._received += self._device.transmit()
-        return self._device
+        self._world.advance(self.clock())
+        device = self._world.device
+        self._received += device.transmit()
+        if not device.plugged:
+            raise SerialException(errno.EIO, "unplugged")
+        return device
 
 
 def _device(url: str) -> tuple[Device, float]:
@@ -98,8 +130,8 @@ def _device(url: str) -> tuple[Device, float]:
     for key, value in parse_qsl(
         parts.query, keep_blank_values=True, strict_parsing=bool(parts.query)
     ):
-        if key not in {"skin", "seed", "speed", "aperture_mm"}:
-            raise ValueError(f"{key} is not known (skin, seed, speed, aperture_mm are)")
+        if key not in _KEYS:
+            raise ValueError(f"{key} is not known ({', '.join(_KEYS)} are)")
         if key in query:
             raise ValueError(f"{key} is given twice")
         query[key] = value
@@ -108,14 +140,18 @@ def _device(url: str) -> tuple[Device, float]:
     if not (seed.isascii() and seed.isdecimal()):
         raise ValueError(f"seed must be a whole number, not {seed!r}")
     aperture_mm = _number(query, "aperture_mm", 6.0)
+    files = {key: query.get(key) for key in ("skin", "faults")}
     try:
         device = build_device(
-            query.get("skin"), seed=int(seed), speed=speed, aperture_mm=aperture_mm
+            files["skin"],
+            seed=int(seed),
+            speed=speed,
+            aperture_mm=aperture_mm,
+            faults_file=files["faults"],
         )
     except ValueError as error:
-        skin = query.get("skin")
-        if skin and str(error).startswith(skin):  # the file is wrong, not the URL
-            raise SerialException(str(error)) from error
+        if any(file and str(error).startswith(file) for file in files.values()):
+            raise SerialException(str(error)) from error  # the file is wrong, not the URL
         raise
     return device, speed
 

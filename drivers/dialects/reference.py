@@ -85,18 +85,22 @@ class Reference:
         """
         if not buffer:
             return None
-        window = buffer[:MAX_FRAME_BYTES]
-        if window[0] != ord("$"):
-            return _drop(buffer, window.find(b"$"), "bytes outside a frame")
-        end = window.find(b"\n")
-        restart = window.find(b"$", 1, end if end >= 0 else len(window))
+        if buffer[0] != ord("$"):
+            start = buffer.find(b"$", 0, MAX_FRAME_BYTES)
+            return _drop(buffer, start, "bytes outside a frame")
+        end = buffer.find(b"\n", 0, MAX_FRAME_BYTES)
+        restart = buffer.find(b"$", 1, end if end >= 0 else MAX_FRAME_BYTES)
         if restart >= 0:
             return _drop(buffer, restart, "frame cut short by another")
         if end >= 0:
-            frame = bytes(window[: end + 1])
+            frame = bytes(buffer[: end + 1])
             del buffer[: end + 1]
             return frame
         return _drop(buffer, -1, f"frame longer than {MAX_FRAME_BYTES} bytes")
+
+    def seal(self, payload: bytes) -> bytes:
+        """Put a payload into a frame, with its checksum; nothing is checked."""
+        return b"$%b*%04X\r\n" % (payload, crc16(payload))
 
     def encode_command(self, command: Command, number: int) -> bytes:
         """See `Dialect.encode_command`."""
@@ -222,8 +226,7 @@ def _drop(buffer: bytearray, end: int, reason: str) -> Damaged | None:
 
 
 def _frame(word: str, *fields: str) -> bytes:
-    payload = ",".join((word, *fields)).encode("ascii")
-    frame = b"$%b*%04X\r\n" % (payload, crc16(payload))
+    frame = DIALECT.seal(",".join((word, *fields)).encode("ascii"))
     if len(frame) > MAX_FRAME_BYTES:
         raise LocalProtocolError(f"{word} frame of {len(frame)} bytes; {MAX_FRAME_BYTES} fit")
     return frame

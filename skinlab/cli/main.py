@@ -13,11 +13,14 @@ import click
 _COMMANDS = {
     "ui": ("ui", "The bedside terminal UI (also without a command)."),
     "measure": ("measure", "Measure without a screen: acquire, identify, record."),
+    "ports": ("ports", "List the serial ports of this computer."),
     "replay": ("replay", "Run a recorded session through the same pipeline."),
     "recover": ("recover", "Turn what a crash left into a session."),
     "session": ("session", "Check a session, or say what is in it."),
     "identify": ("identify", "Identify skin parameters from curves."),
+    "cutometer": ("cutometer", "The Cutometer's own numbers of step curves."),
     "forward": ("forward", "Simulate a curve."),
+    "paper": ("paper", "Reproduce the paper's tables and figures."),
     "database": ("database", "The precomputed finite-element database."),
 }
 

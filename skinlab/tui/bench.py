@@ -14,12 +14,23 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from drivers.errors import LinkError
+from drivers.errors import DriverError, LinkError
 from drivers.probe import Probe
+from drivers.reconnect import Backoff, reconnect
 from skinlab.errors import AcquisitionError, SkinlabError
 from skinlab.pauses import shorten_pauses
 from skinlab.stream import CurveCompleted, Happened, Identified, Message
-from skinlab.tui.news import Connected, Disconnected, Failed, Heard, News, Recording, Saved
+from skinlab.tui.news import (
+    Connected,
+    Disconnected,
+    Failed,
+    Found,
+    Heard,
+    News,
+    Recording,
+    Saved,
+    Searching,
+)
 from skinlab.tui.order import Order
 from skinlab.tui.tape import Tape
 
@@ -32,6 +43,7 @@ if TYPE_CHECKING:
 _POLL_S = 0.1  # also how long the stream must be quiet before the session is saved
 _BATCH_S = 0.04  # posts are no more frequent than the screen is drawn
 _CLOSE_S = 20.0
+_BACKOFF = Backoff(give_up_s=60.0)  # somebody is there, and looks for the plug
 
 
 def default_identifier() -> Identifier:
@@ -54,7 +66,8 @@ class _Visit:
 class Bench:
     """A probe at a time, and the session of each connection.
 
-    A session belongs to one connection: another port, subject or site is another connection.
+    A session belongs to one connection: another port, subject or site is another connection. A link
+    that is lost and comes back is the same one.
     """
 
     def __init__(
@@ -65,12 +78,14 @@ class Bench:
         make_identifier: Callable[[], Identifier] = default_identifier,
         make_probe: Callable[..., Probe] = Probe,
         now: Callable[[], datetime] = datetime.now,
+        backoff: Backoff = _BACKOFF,
     ) -> None:
         self._folder = folder
         self._post = post
         self._make_identifier = make_identifier
         self._make_probe = make_probe
         self._now = now
+        self._backoff = backoff
         self._identifier: Identifier | None = None
         self._loading = threading.Lock()
         self._probe: Probe | None = None
@@ -83,6 +98,7 @@ class Bench:
         self._free.set()
         self._vents = 0
         self._closes = 0
+        self._closing = threading.Event()  # wakes who waits for a lost link
 
     @property
     def vents(self) -> int:
@@ -153,6 +169,7 @@ class Bench:
         """Vent, let go of the probe and finish the session. Raises nothing."""
         self._vents += 1
         self._closes += 1
+        self._closing.set()
         probe = self._probe
         if probe is not None:
             probe.close()
@@ -172,11 +189,14 @@ class Bench:
         self._tape, self._visit, self._unsaved = Tape(), None, False
         self._messages = []
         closes = self._closes
+        self._closing.clear()
         probe = self._probe = self._make_probe(port, on_bytes=self._tape)
         try:
             self._post(Connected(port, probe.open()))
             if closes == self._closes:  # else it was closed before it was open
                 self._pull(probe)
+                while closes == self._closes and self._find(probe, closes):
+                    self._pull(probe)
         finally:
             probe.close()
             _wait_closed(probe)
@@ -236,6 +256,25 @@ class Bench:
                 return
             if self._unsaved and self._visit is not None:
                 self._save(self._visit)
+
+    def _find(self, probe: Probe, closes: int) -> bool:
+        """Look for a lost link; False where it stays lost, or nobody wants it any more."""
+        if self._visit is not None and self._unsaved:
+            self._save(self._visit)
+        self._post(Searching(self._port))
+        try:
+            reconnect(
+                probe,
+                self._backoff,
+                sleep=self._closing.wait,
+                stop=lambda: closes != self._closes,
+            )
+        except DriverError as error:
+            if closes == self._closes:
+                self._post(Failed("searching", str(error)))
+            return False
+        self._post(Found(self._port))
+        return True
 
     def _take_batch(self, probe: Probe) -> bool:
         """Take what is there, for as long as a batch lasts; post it. False: nothing came."""

@@ -21,6 +21,7 @@ from skinlab.identify.result import Identification
 from skinlab.stream import (
     CurveCompleted,
     CurveStarted,
+    Flagged,
     Happened,
     Identified,
     Message,
@@ -31,15 +32,18 @@ from skinlab.tui.news import (
     Disconnected,
     Done,
     Failed,
+    Found,
     Heard,
     News,
     Recording,
     Saved,
+    Searching,
 )
 from skinlab.tui.order import Order
 from skinlab.tui.words import event_note
 
 _S = InstrumentState
+SEARCHING = "searching"  # for a link that was lost
 _MOVING = frozenset({_S.ARMED, _S.RUNNING, _S.VENTING})
 
 
@@ -84,7 +88,7 @@ class Board:
         self.port = port  # connected, or tried last
         self.hello: Hello | None = None  # of the connected probe
         self.instrument: InstrumentState | None = None
-        self.doing: str | None = None  # connecting, arming, starting, resetting or closing
+        self.doing: str | None = None  # connecting, arming, starting, resetting, searching, closing
         self.order: Order | None = None  # armed last
         self.visit: tuple[str, str, str] | None = None  # what the open session belongs to
         self.live: Live | None = None
@@ -180,7 +184,19 @@ class Board:
             case Saved(path):
                 self.saved = path
                 self.say(Level.INFO, f"saved: {path}")
+            case Searching():
+                self.instrument = self.live = None
+                if self.doing is None:
+                    self.doing = SEARCHING
+            case Found():
+                self._done(SEARCHING)
+                # Plainly better news than what was said before
+                self.note, self.level = (
+                    "the link is back and the session goes on; Enter arms",
+                    Level.WARNING,
+                )
             case Disconnected():
+                self._done(SEARCHING)
                 self.hello = self.instrument = self.visit = self.live = None
             case Failed(doing, text):
                 self._done(doing)
@@ -218,6 +234,8 @@ class Board:
                     self.say(Level.WARNING, f"curve {index} was cut short: {cut}")
             case Identified(index, _, result):
                 self.entries[index].result = result
+            case Flagged(index, finding):
+                self.say(Level.WARNING, f"curve {index}: {finding.sentence}; {finding.advice}")
             case Happened(event):
                 self._happened(event)
 

@@ -39,6 +39,20 @@ class Saved:
 
 
 @dataclass(frozen=True, slots=True)
+class Searching:
+    """The link is lost, and is being looked for; the session goes on."""
+
+    port: str
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """The link is back, with the same instrument."""
+
+    port: str
+
+
+@dataclass(frozen=True, slots=True)
 class Disconnected:
     """The connection is over: vented, and what was measured is saved."""
 
@@ -60,4 +74,4 @@ class Done:
     doing: str
 
 
-News = Connected | Recording | Heard | Saved | Disconnected | Failed | Done
+News = Connected | Recording | Heard | Saved | Searching | Found | Disconnected | Failed | Done

@@ -64,7 +64,7 @@ def event_note(event: Event) -> tuple[str, str] | None:
         case InstrumentFault(code, text):
             return "error", f"instrument fault {code}: {text}; Enter clears it"
         case LinkLost(reason):
-            return "error", f"the link is lost: {reason}"
+            return "error", f"{reason}; plug it in again, it is being looked for"
         case Alarm(text):
             return "error", text
         case _:

@@ -7,9 +7,12 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 
 import pytest
+import serial
 from patience import FORGIVING_S, patient_command
+from serial.rfc2217 import PortManager
 
 from drivers.errors import LinkError, PortUrlError
 from drivers.events import (
@@ -26,6 +29,7 @@ from drivers.events import (
 )
 from drivers.link import list_ports, open_link
 from drivers.probe import Limits, Probe
+from drivers.reconnect import reconnect
 
 PATIENCE_S = 120.0
 # The watchdog may not mind that the other process did not run for a while
@@ -40,6 +44,10 @@ LONG = (
 )
 needs_pty = pytest.mark.skipif(not hasattr(os, "openpty"), reason="no pseudo terminals here")
 WAYS = [pytest.param(("--pty",), marks=needs_pty), ("--tcp", "0")]
+
+
+if hasattr(os, "openpty"):
+    from serial.serialposix import Serial as PosixSerial
 
 
 class Simulator:
@@ -78,6 +86,10 @@ def until(probe, wanted, seen):
 
 def start(probe, segments):
     probe.open()
+    start_again(probe, segments)
+
+
+def start_again(probe, segments):
     probe.load(segments, 20)
     probe.arm()
     probe.start()
@@ -121,6 +133,96 @@ def test_a_host_that_goes_and_comes_back(simulator):
         probe.arm()
         probe.start()
         until(probe, done, [])
+
+
+class Rfc2217Server(threading.Thread):
+    """A terminal server as they are sold: one client, pyserial's own port manager, any port."""
+
+    def __init__(self, url: str) -> None:
+        super().__init__(daemon=True)
+        self.port = serial.serial_for_url(url, timeout=0)
+        self.listener = socket.create_server(("127.0.0.1", 0))
+        self.url = f"rfc2217://127.0.0.1:{self.listener.getsockname()[1]}"
+        self.over = threading.Event()
+        self.baud_rates: list[int] = []
+
+    def write(self, data: bytes) -> None:  # what the port manager has to say to the client
+        self.client.sendall(data)
+
+    def run(self) -> None:
+        self.client, _ = self.listener.accept()
+        with self.client:
+            self.client.settimeout(0.002)
+            manager = PortManager(self.port, self)
+            while not self.over.is_set():
+                try:
+                    received = self.client.recv(1024)
+                    if not received:
+                        break
+                    self.port.write(b"".join(manager.filter(received)))
+                except TimeoutError:
+                    pass
+                except OSError:
+                    break
+                self.baud_rates.append(self.port.baudrate)
+                data = self.port.read(1024)
+                if data:
+                    self.client.sendall(b"".join(manager.escape(data)))
+        self.port.close()
+        self.listener.close()
+
+
+class Lines(PosixSerial if hasattr(os, "openpty") else object):
+    """A pty as a serial port with modem lines, which it has not."""
+
+    cts = dsr = cd = True
+    ri = False
+
+    def _update_rts_state(self) -> None:
+        pass
+
+    def _update_dtr_state(self) -> None:
+        pass
+
+
+@pytest.fixture
+def terminal_server(simulate, monkeypatch):
+    monkeypatch.setattr(serial, "Serial", Lines)
+    server = Rfc2217Server(simulate("--pty", speed=5).url)
+    server.start()
+    yield server
+    server.over.set()
+    server.join(10)
+    assert not server.is_alive()
+
+
+pyserial_is_old = pytest.mark.filterwarnings("ignore:set(Daemon|Name):DeprecationWarning")
+
+
+@needs_pty
+@pyserial_is_old
+def test_rfc2217(terminal_server):
+    """A serial port over the network, with the speed of the line set from here."""
+    with Probe(f"{terminal_server.url}?baud=460800") as probe:
+        start(probe, PROGRAM)
+        seen = []
+        until(probe, done, seen)
+    samples = [event for event in seen if isinstance(event, Sample)]
+    assert [s.sequence for s in samples] == list(range(len(samples)))
+    assert not any(isinstance(event, Gap | HostVented | Alarm) for event in seen)
+    assert terminal_server.baud_rates[-1] == 460800
+
+
+@needs_pty
+@pyserial_is_old
+def test_a_terminal_server_that_goes(terminal_server):
+    with Probe(terminal_server.url) as probe:
+        start(probe, LONG)
+        seen = []
+        until(probe, lambda e: isinstance(e, Sample) and e.pressure_mbar > 50, seen)
+        terminal_server.over.set()
+        until(probe, lambda e: isinstance(e, LinkLost), seen)
+        assert "lift the probe" in until(probe, lambda e: isinstance(e, Alarm), seen).text
 
 
 @needs_pty
@@ -174,6 +276,57 @@ def test_in_process(monkeypatch):
     assert len([event for event in seen if isinstance(event, Sample)]) > 290
 
 
+def test_the_speed_changes_no_byte_of_a_run(simulate):
+    faults = '[[fault]]\nkind = "drifting_sensor"\n[[fault]]\nkind = "counter_jump"\nat_s = 1.0\n'
+    runs = []
+    for speed in (3, 40):
+        simulated = simulate("--tcp", "0", "--seed", "7", faults=faults, speed=speed)
+        received = []
+        with Probe(
+            simulated.url,
+            on_bytes=lambda way, _, data, to=received: to.append(data) if way == "rx" else None,
+        ) as probe:
+            start(probe, PROGRAM)
+            until(probe, done, [])
+        lines = b"".join(received).split(b"\r\n")
+        runs.append([line for line in lines if line.startswith(b"$S,")])
+    assert len(runs[0]) > 60
+    assert runs[0] == runs[1]
+
+
+def test_unplugged_in_process(monkeypatch, tmp_path):
+    """The device lives on while no host can reach it; opening the URL again finds the same one."""
+
+    class PowerSkin:
+        def prepare(self, *arguments):
+            pass
+
+        def start(self):
+            pass
+
+        def deflection_mm(self, *arguments):
+            return 0.05 * arguments[-1] ** 0.7
+
+    monkeypatch.setattr("sim_device.skin.make_skin", lambda skin, effects: PowerSkin())
+    faults = tmp_path / "FAULTS.toml"
+    faults.write_text('[[fault]]\nkind = "unplug"\nat_s = 1.0\nfor_s = 5.0\n')
+    url = f"sim://?seed=2&speed=10&faults={faults}"
+    with Probe(url) as probe:
+        start(probe, LONG)
+        seen = []
+        assert "the device is gone" in until(probe, lambda e: isinstance(e, LinkLost), seen).reason
+        with pytest.raises(LinkError, match="no such port"):
+            probe.reopen()
+        reconnect(probe)
+        until(probe, lambda e: isinstance(e, VentConfirmed), seen)
+        probe.acknowledge_alarm()
+        start_again(probe, PROGRAM)
+        until(probe, done, seen)
+    with Probe(url) as probe:  # closed, not unplugged: that was the end of it
+        start(probe, LONG)
+        until(probe, lambda e: isinstance(e, LinkLost), [])
+
+
 @pytest.mark.parametrize(
     ("url", "match"),
     [
@@ -207,6 +360,7 @@ def test_what_cannot_be_opened_is_one_sentence(url, match):
         ("sim://?aperture_mm=5", "aperture_mm must be one of"),
         ("sim://?speed=0", "speed"),
         ("sim://?sped=10", "sped"),
+        ("sim://?faults=/no/such.toml", "/no/such.toml: cannot be read"),
         ("sim://?seed=1&seed=2", "twice"),
         ("sim://somewhere", "query"),
     ],
@@ -243,6 +397,8 @@ def test_ports_are_listed():
         ((), 2, "one of --pty and --tcp"),
         (("--pty", "--tcp", "0"), 2, "one of --pty and --tcp"),
         (("--tcp", "0", "--skin", "/no/such.toml"), 3, "/no/such.toml"),
+        (("--tcp", "0", "--faults", "/no/such.toml"), 3, "/no/such.toml"),
+        (("--tcp", "0", "--trace", "/no/such/trace"), 3, "/no/such/trace"),
         (("--tcp", "0", "--aperture-mm", "5"), 3, "aperture_mm"),
     ],
 )

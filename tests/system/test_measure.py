@@ -129,7 +129,7 @@ def wait_for_samples(journal: Path, process: subprocess.Popen[str]) -> None:
                         "(SELECT max(number) FROM record WHERE kind = 2)"
                     ).fetchone()
                 db.close()
-                if n > 30:  # pieces of the stream, of which some are no samples
+                if n > 40:  # pieces of the stream, of which some are no samples
                     return
             except sqlite3.Error:
                 pass

@@ -6,20 +6,22 @@ import time
 
 import pytest
 
-from drivers.errors import DriverError, LinkError
+from drivers.errors import DriverError, LinkError, LocalProtocolError
 from drivers.events import HostVented, State
 from drivers.link import open_link
 from drivers.probe import Probe
+from drivers.reconnect import Backoff
 from skinlab.curve import Setup
 from skinlab.errors import AcquisitionError
 from skinlab.program import parse_program
 from skinlab.session import read_session
 from skinlab.stream import CurveCompleted, Happened, Identified, Sampled
 from skinlab.tui.bench import Bench
-from skinlab.tui.news import Connected, Disconnected, Failed, Heard, Saved
+from skinlab.tui.news import Connected, Disconnected, Failed, Found, Heard, Saved, Searching
 from skinlab.tui.order import Order
 
 PORT = "sim://?seed=1&speed=20"
+SLOW = "sim://?seed=1&speed=2"  # where a curve of 50 s is interrupted: 25 s, and 0.5 s waited for
 PATIENCE_S = 120.0
 
 
@@ -30,7 +32,7 @@ def order(program="ramp:100@20", port=PORT):
 class Room:
     """A bench whose news are collected, served in a thread."""
 
-    def __init__(self, folder, identifier, make_probe=Probe):
+    def __init__(self, folder, identifier, make_probe=Probe, **options):
         self.news = []
         self.error = None
         self.bench = Bench(
@@ -38,6 +40,7 @@ class Room:
             self.news.append,
             make_identifier=lambda: identifier,
             make_probe=make_probe,
+            **options,
         )
 
     def connect(self, port=PORT):
@@ -110,28 +113,80 @@ def test_a_run_is_posted_saved_and_finished(room, tmp_path):
     assert session.meta["instrument"]["simulated"] is True  # bytes from before the journal
 
 
+class Cable:
+    """What makes links, and can be pulled out and put back."""
+
+    def __init__(self):
+        self.links = []
+        self.plugged = True
+
+    def open(self, url):
+        if not self.plugged:
+            raise LinkError(f"cannot open {url}: pulled out")
+        self.links.append(CutLink(url))
+        return self.links[-1]
+
+    def pull(self):
+        self.plugged = False
+        self.links[-1].cut = True
+
+    def make_probe(self, url, **options):
+        return Probe(url, open_link=self.open, **options)
+
+
 def test_a_pulled_link_saves_what_was_measured(tmp_path, identifier):
-    links = []
-
-    def make_probe(url, **options):
-        def opened(url):
-            links.append(CutLink(url))
-            return links[-1]
-
-        return Probe(url, open_link=opened, **options)
-
-    room = Room(tmp_path, identifier, make_probe)
-    room.connect("sim://?seed=1&speed=2")
-    room.bench.arm(order("ramp:100@2"), room.bench.vents)  # 25 s, of which 1 s is waited for
+    cable = Cable()
+    backoff = Backoff(first_s=0.01, most_s=0.01, give_up_s=0.05)
+    room = Room(tmp_path, identifier, cable.make_probe, backoff=backoff)
+    room.connect(SLOW)
+    room.bench.arm(order("ramp:100@2"), room.bench.vents)
     room.bench.start(room.bench.vents)
     room.until(lambda: len(room.messages(Sampled)) > 20)
-    links[0].cut = True
+    cable.pull()
     room.thread.join(PATIENCE_S)
     assert room.error is None
     assert room.messages(CurveCompleted)[0].cut is not None
+    assert room.of(Searching)
+    assert "gave up" in room.of(Failed)[0].text
     assert isinstance(room.news[-1], Disconnected)
     (path,) = tmp_path.iterdir()
     assert read_session(path).curves[0].partial
+
+
+def test_a_link_that_comes_back_goes_on_with_the_same_session(tmp_path, identifier):
+    cable = Cable()
+    backoff = Backoff(first_s=0.01, most_s=0.01, give_up_s=PATIENCE_S)
+    room = Room(tmp_path, identifier, cable.make_probe, backoff=backoff)
+    room.connect(SLOW)
+    room.bench.arm(order("ramp:100@2"), room.bench.vents)
+    room.bench.start(room.bench.vents)
+    room.until(lambda: len(room.messages(Sampled)) > 20)
+    cable.pull()
+    room.until(lambda: room.of(Searching))
+    room.until(lambda: room.messages(Identified))  # of what there was of the curve
+    cable.plugged = True
+    room.until(lambda: room.of(Found))
+    with pytest.raises(LocalProtocolError, match="acknowledge the alarm"):
+        room.bench.arm(order(), room.bench.vents)
+    room.bench.acknowledge()
+    room.bench.arm(order(), room.bench.vents)
+    room.bench.start(room.bench.vents)
+    room.until(lambda: len(room.messages(Identified)) == 2)
+    room.close()
+    assert room.error is None
+    (path,) = tmp_path.iterdir()
+    assert [curve.partial for curve in read_session(path).curves] == [True, False]
+
+
+def test_closing_ends_the_search(tmp_path, identifier):
+    cable = Cable()
+    room = Room(tmp_path, identifier, cable.make_probe, backoff=Backoff(20, 1, 20, 20))
+    room.connect()
+    cable.pull()
+    room.until(lambda: room.of(Searching))
+    room.close()
+    assert room.error is None
+    assert room.of(Failed) == []
 
 
 def vented_after(room, reason):
@@ -200,7 +255,7 @@ def test_a_session_that_cannot_be_written_keeps_its_journal(room, tmp_path, monk
     from skinlab import recording
     from skinlab.errors import InputError
 
-    def refuse(path, content):
+    def refuse(path, content, *, replace):
         raise InputError(f"{path}: cannot be written (disk full)")
 
     monkeypatch.setattr(recording, "write_session", refuse)

@@ -189,3 +189,24 @@ async def test_another_subject_begins_another_session(bedside, session_files):
         await bed.until(lambda: bed.board.entry and bed.board.entry.result and bed.board.can_arm)
     subjects = [read_session(path).meta["subject"] for path in session_files()]
     assert subjects == ["P01", "P02"]
+
+
+async def test_a_link_that_is_lost_and_comes_back(bedside, tmp_path):
+    faults = tmp_path / "faults" / "FAULTS.toml"
+    faults.parent.mkdir()
+    faults.write_text('[[fault]]\nkind = "unplug"\nat_s = 2.0\nfor_s = 4.0\n')
+    async with bedside(f"sim://?seed=1&speed=5&faults={faults}") as bed:
+        await bed.connected()
+        await bed.arm()
+        await bed.press("space")
+        await bed.until(lambda: bed.board.alarm is not None)
+        assert "lift the probe" in bed.board.alarm
+        await bed.until(lambda: bed.board.phase == "READY")
+        assert "the link is back" in bed.board.note
+        assert bed.board.entries[1].cut is not None
+        await bed.press("a")  # the alarm is acknowledged ...
+        await bed.until(lambda: bed.board.can_arm)
+        await bed.run()  # ... and the same session goes on
+        assert [bed.board.entries[n].cut is None for n in (1, 2)] == [False, True]
+    (path,) = tmp_path.glob("*.h5")
+    assert [curve.partial for curve in read_session(path).curves] == [True, False]

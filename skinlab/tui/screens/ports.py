@@ -18,7 +18,7 @@ from skinlab.curve import APERTURES_MM
 
 def choices() -> list[tuple[str, str]]:
     """Return (url, description) of what can be connected to."""
-    found = [(port.url, port.description) for port in list_ports()]
+    found = [(port.url, port.details) for port in list_ports()]
     simulated = [
         (f"sim://?seed=1&aperture_mm={a:g}", f"simulated probe, {a:g} mm opening")
         for a in APERTURES_MM

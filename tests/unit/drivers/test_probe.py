@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import dataclasses
 import time
 from itertools import pairwise
 
@@ -18,6 +19,7 @@ from drivers.events import (
     HostVented,
     InstrumentState,
     LinkLost,
+    LinkRestored,
     Load,
     Loaded,
     Sample,
@@ -298,6 +300,53 @@ def test_unplugged_in_a_run(make_bench):
     assert bench.probe.state in {InstrumentState.IDLE, InstrumentState.LOADED}
 
 
+def test_reopened_after_the_link_was_lost(make_bench):
+    bench = make_bench()
+
+    def gone(link):
+        raise LinkError("loop is gone")
+
+    bench.link.hook = samples_then(gone)
+    run(bench, HOLD)
+    bench.until(is_a(Alarm))
+    with pytest.raises(LinkError, match="gone"):
+        bench.probe.reopen()
+    bench.link.hook = lambda link: None
+    bench.link.now += 2.0  # a while in which the instrument has long vented
+    bench.device.process(2.0)
+    bench.device.transmit()
+    hello = bench.probe.reopen()
+    assert hello == bench.probe.hello
+    assert bench.until(is_a(VentConfirmed)).pressure_mbar < 5
+    assert bench.until(is_a(LinkRestored)).outage_s > 2.0
+    with pytest.raises(LocalProtocolError, match="acknowledge the alarm"):
+        bench.probe.load(RAMP, 20)
+    bench.probe.acknowledge_alarm()
+    with pytest.raises(LocalProtocolError, match="load a program first"):
+        bench.probe.arm()
+    bench.probe.load(RAMP, 20)
+    bench.probe.arm()
+    bench.probe.start()
+    bench.until(is_state(InstrumentState.LOADED, "done"))
+
+
+def test_another_instrument_after_the_outage(make_bench):
+    class Renamed(Device):
+        serial = "SIM-1"
+
+        def _hello(self):
+            return dataclasses.replace(super()._hello(), serial_number=self.serial)
+
+    bench = make_bench(device_type=Renamed)
+    bench.probe.open()
+    bench.device.serial = "SIM-2"
+    with pytest.raises(RemoteProtocolError, match=r"another instrument.*SIM-2.*it was.*SIM-1"):
+        bench.probe.reopen()
+    assert not bench.probe.is_open
+    bench.device.serial = "SIM-1"
+    bench.probe.reopen()
+
+
 def test_an_instrument_that_is_found_running_is_vented(make_bench):
     bench = make_bench()
     dialect = bench.device._dialect
@@ -365,8 +414,6 @@ def test_a_read_back_that_differs(make_bench):
 def test_another_protocol_version(make_bench):
     class Newer(Device):
         def _hello(self):
-            import dataclasses
-
             return dataclasses.replace(super()._hello(), protocol_version=2)
 
     bench = make_bench(device_type=Newer)

@@ -4,6 +4,7 @@ import pytest
 
 from drivers.events import (
     Alarm,
+    Hello,
     HostVented,
     InstrumentFault,
     InstrumentState,
@@ -67,8 +68,11 @@ def test_nothing_is_stale_at_rest():
 @pytest.mark.parametrize(
     ("segment", "since", "t", "good", "bad"),
     [
-        (0, 0, 1, 110, 110.1),
+        (0, 0, 1, 30, 30.1),  # where the ramp is, not where it goes
+        (0, 0, 4.9, 108, 108.1),
         (1, 5, 6, 110, 110.1),
+        (2, 9, 9.4, 110, 110.1),  # the pump may be late on its way down
+        (2, 9, 9.6, 30, 30.1),
         (3, 10, 10.4, 110, 110.1),  # the ramp down still shows
         (3, 10, 10.6, 30, 30.1),
         (5, 15, 15.9, 110, 110.1),  # a vent has its second
@@ -165,7 +169,8 @@ def test_a_pause_between_two_samples_counts():
     dog.on_event(Loaded(program, 20, 500, 60), 0)
     dog.on_event(State(S.RUNNING, "", 0.0), 0)
     for k in range(20 * 80):
-        assert dog.on_event(sample(k / 20, 99, 0 if k < 800 else 2), k / 20) == []
+        pressure = 2.5 * (k % 800) / 20
+        assert dog.on_event(sample(k / 20, pressure, 0 if k < 800 else 2), k / 20) == []
         assert dog.check(k / 20) == []
 
 
@@ -174,3 +179,131 @@ def test_link_lost(dog):
     calm = Watchdog(Limits())
     calm.on_event(State(S.LOADED, "", 0.0), 0)
     assert calm.link_lost() == []
+
+
+# ---- data that is old, or cannot be -------------------------------------------------------------
+
+
+def feed(dog, samples):
+    """Give (host time, sample) in order, with a check after each; what is said."""
+    said = []
+    for now, each in samples:
+        said += dog.on_event(each, now)
+        said += dog.check(now)
+    return said
+
+
+def test_samples_that_are_old_by_the_instruments_clock(dog):
+    fresh = [(k / 20, sample(k / 20, 20 * k / 20)) for k in range(20)]
+    assert feed(dog, fresh) == []
+    # they keep coming, ever later, and never 300 ms apart
+    late = [(1 + k * 0.1, sample(1 + k / 20, 20 + k)) for k in range(8)]
+    [vent] = feed(dog, late)[:1]
+    assert "stale data" in vent.reason
+
+
+def test_a_burst_after_a_pause_of_the_host_is_not_old(dog):
+    assert feed(dog, [(k / 20, sample(k / 20, k)) for k in range(20)]) == []
+    for k in range(20, 36):  # all at once, 0.8 s later
+        assert dog.on_event(sample(k / 20, k), 1.75) == []
+    assert dog.check(1.76) == []
+
+
+@pytest.mark.parametrize("pace", [0.985, 1.0, 10.0])
+def test_a_clock_that_is_slow_or_fast_is_not_old_data(dog, pace):
+    for k in range(20 * 14):
+        now = k / 20 / pace
+        assert dog.on_event(sample(k / 20, 99, 1, deflection=k), now) == []
+        assert dog.check(now) == []
+
+
+def test_a_new_run_has_a_new_clock(dog):
+    assert feed(dog, [(5 + k / 20, sample(k / 20, 20 * k / 20)) for k in range(20)]) == []
+    dog.on_event(State(S.VENTING, "program end", 3.0), 6)
+    dog.on_event(State(S.LOADED, "done", 1.0), 6.1)
+    dog.on_event(State(S.ARMED, "", 0.0), 90)
+    dog.on_event(State(S.RUNNING, "", 0.0), 90)
+    assert feed(dog, [(90 + k / 20, sample(k / 20, 20 * k / 20)) for k in range(20)]) == []
+
+
+@pytest.mark.parametrize(
+    ("segment", "begin", "pressure", "shown"),
+    [(1, 5.0, 49.0, "49 mbar where 100 mbar"), (0, 3.0, 10.0, "10 mbar where"), (1, 5.0, 51, "")],
+)
+def test_suction_that_does_not_follow(dog, segment, begin, pressure, shown):
+    if segment == 0:  # the ramp is seen from its beginning
+        dog.on_event(sample(0, 0), 0.0)
+    said = []
+    for k in range(41):
+        t = begin + k / 20
+        said += dog.on_event(sample(t, pressure, segment, deflection=k + 1), t)
+    assert bool(said) == bool(shown)
+    assert not said or (shown in said[0].reason and "leak" in said[0].reason)
+
+
+def test_a_short_shortfall_is_the_pumps_own(dog):
+    for k in range(20):
+        assert dog.on_event(sample(5 + k / 20, 5 * k, 1, deflection=k), 5 + k / 20) == []
+    for k in range(20):  # a ramp down asks for nothing
+        assert dog.on_event(sample(10 + k / 20, 5, 2, deflection=k), 10 + k / 20) == []
+
+
+@pytest.mark.parametrize(("deflection", "fine"), [(-0.5, 1), (-0.51, 0), (6.0, 1), (6.01, 0)])
+def test_a_deflection_that_cannot_be(dog, deflection, fine):
+    hello = Hello("reference", 1, "", "", "", 6.0, 500, 60, 1, 1000, False)
+    assert dog.on_event(hello, 0) == []
+    assert (dog.on_event(sample(1, 20, deflection=deflection), 1) == []) == bool(fine)
+
+
+# ---- vents that nobody asked for -----------------------------------------------------------------
+
+
+@pytest.mark.parametrize("state", [S.VENTING, S.IDLE, S.LOADED])
+def test_a_vent_of_the_instrument_that_nobody_asked_for(dog, state):
+    [vent] = dog.on_event(State(state, "keep-alive lost", 60.0), 1)
+    assert vent == HostVented("the instrument vented by itself (keep-alive lost)")
+
+
+@pytest.mark.parametrize(
+    ("state", "reason"), [(S.VENTING, "program end"), (S.LOADED, "done"), (S.IDLE, "done")]
+)
+def test_the_end_of_a_program_is_asked_for(dog, state, reason):
+    """Also where the frame that said VENTING was lost."""
+    assert dog.on_event(State(state, reason, 60.0), 1) == []
+    assert dog.venting
+    assert dog.on_event(State(S.LOADED, "done", 1.0), 1.1) == [VentConfirmed(1.0)]
+
+
+def test_a_vent_that_was_ordered_is_not_the_instruments_own(dog):
+    dog.vent_ordered(1.0)
+    assert dog.on_event(State(S.VENTING, "host", 60.0), 1.01) == []
+
+
+# ---- a link that comes back ----------------------------------------------------------------------
+
+
+def test_a_vent_that_nobody_saw_is_confirmed_after_the_outage(dog):
+    [_, alarm] = dog.link_lost()
+    dog.reconnected(10.0)
+    assert dog.alarm == alarm.text
+    assert dog.on_event(State(S.IDLE, "identify", 0.3), 10.1) == [VentConfirmed(0.3)]
+    assert dog.alarm == alarm.text  # only a human unlatches it
+    assert dog.check(20) == []
+
+
+def test_a_vacuum_that_is_still_there_after_the_outage(dog):
+    dog.link_lost()
+    dog.acknowledge()
+    dog.reconnected(10.0)
+    assert dog.on_event(State(S.FAULT, "identify", 50.0), 10.1) == []
+    assert dog.check(10.9) == []
+    assert any(isinstance(event, Alarm) for event in dog.check(11.1))
+
+
+def test_an_outage_at_rest_needs_no_vent(dog):
+    dog.on_event(State(S.VENTING, "program end", 3.0), 1)
+    dog.on_event(State(S.LOADED, "done", 1.0), 1.1)
+    assert dog.link_lost() == []
+    dog.reconnected(10.0)
+    assert dog.on_event(State(S.IDLE, "identify", 0.0), 10.1) == []
+    assert dog.check(20) == []

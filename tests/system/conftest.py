@@ -1,0 +1,82 @@
+"""The simulated probe as a process of its own, whose true pressure can be watched."""
+
+from __future__ import annotations
+
+import csv
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+PATIENCE_S = 60.0  # how long to wait for what must come; only a failure takes it
+
+
+class SimulatedProbe:
+    """`python -m sim_device`: where it is, and what its pressure really is."""
+
+    def __init__(self, folder: Path, *options: str, faults: str = "", speed: float = 1) -> None:
+        self.folder = folder
+        self.trace = folder / f"trace{len(list(folder.glob('trace*')))}.csv"
+        arguments = ["--trace", str(self.trace), "--speed", str(speed), *options]
+        if faults:
+            (folder / "FAULTS.toml").write_text(faults)
+            arguments += ["--faults", str(folder / "FAULTS.toml")]
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "sim_device", *arguments],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+        )
+        assert self.process.stdout is not None
+        self.url = self.process.stdout.readline().strip()
+        assert self.url, self.process.communicate()
+
+    def rows(self) -> list[tuple[float, float, str]]:
+        """Time (s), true pressure (mbar) and state, by the device's own clock, up to now."""
+        with self.trace.open(newline="") as file:
+            lines = [line for line in file if line.endswith("\n")]
+        return [(float(t), float(p), state) for t, p, state in list(csv.reader(lines))[1:]]
+
+    def until(self, condition: Callable[[list[tuple[float, float, str]]], object]) -> None:
+        """Wait until the trace meets the condition."""
+        end = time.monotonic() + PATIENCE_S
+        while not (rows := self.rows()) or not condition(rows):
+            assert time.monotonic() < end, rows[-3:]
+            try:
+                status = self.process.wait(0.02)
+            except subprocess.TimeoutExpired:
+                continue
+            raise AssertionError(f"the simulated probe ended with status {status}")
+
+    def until_suction(self, mbar: float = 40.0) -> None:
+        self.until(lambda rows: rows[-1][1] > mbar)
+
+    def until_vented(self) -> None:
+        """Wait until the true pressure is below 5 mbar and the pump is off."""
+        self.until(lambda rows: rows[-1][1] < 5 and rows[-1][2] in {"idle", "loaded", "fault"})
+
+    def end(self, how: signal.Signals = signal.SIGTERM) -> tuple[int, str, str]:
+        if self.process.poll() is None:
+            self.process.send_signal(how)
+        out, err = self.process.communicate(timeout=PATIENCE_S)
+        return self.process.returncode, out, err
+
+
+@pytest.fixture
+def simulate(tmp_path):
+    """Start simulated probes; all of them are gone afterwards."""
+    running: list[SimulatedProbe] = []
+
+    def start(*options: str, faults: str = "", speed: float = 1) -> SimulatedProbe:
+        running.append(SimulatedProbe(tmp_path, *options, faults=faults, speed=speed))
+        return running[-1]
+
+    yield start
+    for simulated in running:
+        simulated.end()

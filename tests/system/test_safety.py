@@ -1,0 +1,366 @@
+"""One test for each row of docs/safety.md, against a process whose true pressure is watched."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from drivers.errors import LocalProtocolError, RemoteProtocolError
+from drivers.events import (
+    Alarm,
+    Gap,
+    HostVented,
+    InstrumentFault,
+    LinkLost,
+    LinkRestored,
+    Sample,
+    Segment,
+    SegmentKind,
+    VentConfirmed,
+)
+from drivers.probe import Probe
+from drivers.reconnect import reconnect
+from skinlab.cli.main import run as skinlab
+from skinlab.session import read_session
+
+DOCUMENT = Path(__file__).parents[2] / "docs" / "safety.md"
+SKIN = ["--aperture-mm", "6", "--thickness-mm", "1"]
+LINKS = [
+    pytest.param(
+        ("--pty",), marks=pytest.mark.skipif(not hasattr(os, "openpty"), reason="no ptys")
+    ),
+    ("--tcp", "0"),
+]
+
+
+def ramp(target, rate):
+    return Segment(SegmentKind.RAMP, target_mbar=target, rate_mbar_per_s=rate)
+
+
+def hold(seconds):
+    return Segment(SegmentKind.HOLD, duration_s=seconds)
+
+
+PULL = (ramp(60, 200), hold(50))
+
+
+def fault(kind, **numbers):
+    return "\n".join(
+        ["[[fault]]", f'kind = "{kind}"', *(f"{k} = {v}" for k, v in numbers.items()), ""]
+    )
+
+
+def start(probe, segments=PULL, rate_hz=50):
+    probe.open()
+    probe.load(segments, rate_hz)
+    probe.arm()
+    probe.start()
+
+
+def until(probe, wanted, seen):
+    while True:
+        timed = probe.next_event(30.0)
+        assert timed is not None, seen[-10:]
+        seen.append(timed.event)
+        if isinstance(timed.event, wanted):
+            return timed.event
+
+
+def vents(simulated, segments=PULL):
+    """Pull; give the reason for which the driver vented, once the pressure has really fallen."""
+    with Probe(simulated.url) as probe:
+        start(probe, segments)
+        seen = []
+        vented = until(probe, HostVented, seen)
+        until(probe, VentConfirmed, seen)
+        simulated.until_vented()
+        assert not [event for event in seen if isinstance(event, Alarm)]
+    return vented.reason
+
+
+class Host:
+    """`skinlab measure` as a process."""
+
+    def __init__(self, folder, url, *options, program="ramp:60@200,hold:50", before=""):
+        command = ["-m", "skinlab"]
+        if before:
+            command = ["-c", before + "\nfrom skinlab.cli.main import main\nmain()"]
+        self.process = subprocess.Popen(
+            [
+                sys.executable, *command, "measure", "--port", url, *SKIN, "--program", program,
+                "--out", "s.h5", *options,
+            ],
+            cwd=folder,
+            env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )  # fmt: skip
+
+    def end(self):
+        out, err = self.process.communicate(timeout=60)
+        assert "Traceback" not in err
+        return self.process.returncode, out, err
+
+
+# ---- one row each -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("link", LINKS, ids=["pty", "tcp"])
+def test_link_lost(simulate, link):
+    simulated = simulate(*link, faults=fault("unplug", at_s=1.0, for_s=2.0), speed=2)
+    with Probe(simulated.url) as probe:
+        start(probe)
+        seen = []
+        until(probe, LinkLost, seen)
+        assert "lift the probe" in until(probe, Alarm, seen).text
+        simulated.until_vented()
+        reconnect(probe)
+        until(probe, VentConfirmed, seen)
+        until(probe, LinkRestored, seen)
+        with pytest.raises(LocalProtocolError, match="acknowledge the alarm"):
+            probe.load(PULL, 50)
+        probe.acknowledge_alarm()
+        probe.load(PULL, 50)
+    rows = simulated.rows()
+    begin = next(t for t, _, state in rows if state == "running")
+    over = next(t for t, _, state in rows if t > begin and state != "running")
+    low = next(t for t, p, _ in rows if t > over and p < 5)
+    # On the device's clock, which runs twice as fast as the host's, and so does its patience
+    assert over - begin <= 1.0 + 2 * 0.5 + 0.05
+    assert low - over <= 1.0
+
+
+def test_host_killed(simulate, tmp_path):
+    simulated = simulate("--tcp", "0")
+    host = Host(tmp_path, simulated.url)
+    simulated.until_suction()
+    host.process.kill()
+    host.process.communicate(timeout=60)
+    simulated.until_vented()
+    assert simulated.rows()[-1][2] == "idle"
+
+
+def test_host_hung(simulate, tmp_path):
+    simulated = simulate("--pty" if hasattr(os, "openpty") else "--tcp=0")
+    host = Host(tmp_path, simulated.url)
+    simulated.until_suction()
+    host.process.send_signal(signal.SIGSTOP)
+    try:
+        simulated.until_vented()
+    finally:
+        host.process.send_signal(signal.SIGCONT)
+    status, _, err = host.end()
+    assert status == 4
+    assert re.search("stale|keep-alive lost", err)
+    (curve,) = read_session(tmp_path / "s.h5").curves
+    assert curve.partial
+
+
+def test_overshoot_above_the_command(simulate):
+    """The host sees it first where the program's maximum is higher."""
+    simulated = simulate("--tcp", "0", faults=fault("overshoot", at_s=1.0, size=35))
+    assert "overshoot" in vents(simulated, (ramp(100, 20), hold(20)))
+    # Commanded were 20 mbar then: vented long before it could reach what the program goes to
+    assert max(p for _, p, _ in simulated.rows()) < 90
+
+
+def test_overshoot_above_the_maximum(simulate):
+    """The instrument sees it itself."""
+    simulated = simulate("--tcp", "0", faults=fault("overshoot", at_s=1.0, size=100))
+    with Probe(simulated.url) as probe:
+        start(probe)
+        seen = []
+        assert until(probe, InstrumentFault, seen).code == "pressure"
+        until(probe, VentConfirmed, seen)
+        simulated.until_vented()
+    # On its own clock: it vents as soon as it measures 10 mbar too much
+    assert max(p for _, p, _ in simulated.rows()) < 80
+
+
+def test_valve_stuck(simulate):
+    simulated = simulate("--tcp", "0", faults=fault("stuck_valve", at_s=0.2))
+    with Probe(simulated.url) as probe:
+        start(probe)
+        simulated.until_suction(55)
+        probe.vent()
+        seen = []
+        assert "lift the probe" in until(probe, Alarm, seen).text
+        assert not [event for event in seen if isinstance(event, VentConfirmed)]
+        assert simulated.rows()[-1][1] > 55  # as the alarm says
+        assert probe.alarm is not None
+        assert probe.alarm == next(e for e in seen if isinstance(e, Alarm)).text
+        with pytest.raises(LocalProtocolError, match=r"alarm|not allowed"):
+            probe.load(PULL, 50)
+
+
+def test_leak(simulate):
+    simulated = simulate("--tcp", "0", faults=fault("leak", at_s=0.5, size=0.7), speed=2)
+    assert "leak" in vents(simulated)
+
+
+def test_no_skin_contact(simulate):
+    simulated = simulate("--tcp", "0", faults=fault("no_contact"), speed=2)
+    assert "no skin under the probe" in vents(simulated)
+    assert max(p for _, p, _ in simulated.rows()) < 5
+
+
+def test_frozen_sensor(simulate):
+    simulated = simulate("--tcp", "0", faults=fault("frozen_sensor", at_s=0.5), speed=2)
+    assert "frozen deflection" in vents(simulated, (ramp(100, 20),))
+
+
+def test_drifting_sensor(simulate):
+    drift = fault("drifting_sensor", at_s=0.5, rate=5000)
+    simulated = simulate("--tcp", "0", faults=drift, speed=2)
+    assert "impossible deflection" in vents(simulated)
+
+
+@pytest.mark.parametrize(
+    "faults",
+    [
+        fault("stall", at_s=0.5),
+        # Later and later, with never more than 200 ms without one
+        fault("late_samples", at_s=0.5, for_s=0.5, size=0.2)
+        + fault("late_samples", at_s=1.0, for_s=0.5, size=0.4)
+        + fault("late_samples", at_s=1.5, size=0.6),
+    ],
+    ids=["stalled", "ever-later"],
+)
+def test_stale_data(simulate, faults):
+    simulated = simulate("--tcp", "0", faults=faults)
+    with Probe(simulated.url) as probe:
+        start(probe)
+        assert "stale" in until(probe, HostVented, []).reason
+        simulated.until_vented()
+
+
+def test_wrong_aperture(simulate, tmp_path):
+    simulated = simulate("--tcp", "0", "--aperture-mm", "2")
+    host = Host(tmp_path, simulated.url)
+    status, _, err = host.end()
+    assert status == 3
+    assert "aperture_mm 6: the connected probe has 2 mm" in err
+    assert not [p for _, p, _ in simulated.rows() if p > 0]
+
+
+def test_wrong_units(simulate, tmp_path, capsys):
+    simulated = simulate("--tcp", "0")
+    for option, value, named in (
+        ("--program", "ramp:10000@2000", "ramp:10000"),  # Pa
+        ("--thickness-mm", "1000", "thickness_mm 1000"),  # µm
+        ("--aperture-mm", "0.006", "aperture_mm 0.006"),  # m
+        ("--aperture-mm", "3", "aperture_mm 3"),  # the radius
+    ):
+        options = {"--program": "ramp:100@20", "--thickness-mm": "1", "--aperture-mm": "6"}
+        words = [word for pair in (options | {option: value}).items() for word in pair]
+        out = str(tmp_path / "s.h5")
+        assert skinlab(["measure", "--port", simulated.url, *words, "--out", out]) == 3
+        assert named in capsys.readouterr().err
+    assert not [p for _, p, _ in simulated.rows() if p > 0]
+
+
+def test_wrong_firmware(simulate):
+    simulated = simulate("--tcp", "0", faults=fault("wrong_firmware"))
+    with Probe(simulated.url) as probe, pytest.raises(RemoteProtocolError, match="version 2"):
+        probe.open()
+    assert not [p for _, p, _ in simulated.rows() if p > 0]
+
+
+def test_clock_jump(simulate, tmp_path):
+    """The time of day may go where it likes: every reading of it here is a day off the last."""
+    jumps = (
+        "import itertools, time\nreal, days = time.time, itertools.cycle((0, 86400, -86400))\n"
+        "time.time = lambda: real() + next(days)"
+    )
+    simulated = simulate("--tcp", "0", faults=fault("counter_jump", at_s=0.5, size=7), speed=5)
+    host = Host(tmp_path, simulated.url, program="ramp:60@40,ramp:0@40", before=jumps)
+    status, _, err = host.end()
+    assert (status, err) == (0, "")
+    (curve,) = read_session(tmp_path / "s.h5").curves
+    assert not curve.partial
+    simulated.until_vented()
+
+
+def test_disk_full(simulate, tmp_path):
+    """No file may grow beyond 100 kB: the journal reaches that in the middle of the run."""
+    full = "import resource\nresource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))"
+    simulated = simulate("--tcp", "0")
+    host = Host(tmp_path, simulated.url, "--rate-hz", "1000", before=full)
+    simulated.until_suction()
+    status, _, err = host.end()
+    assert status in {3, 4}
+    assert "cannot be written" in err
+    simulated.until_vented()
+    assert [path for path in tmp_path.glob("s.h5*") if path.stat().st_size > 0]
+
+
+def test_power_lost(simulate):
+    """The instrument's; the host's is `host killed`."""
+    simulated = simulate("--tcp", "0")
+    with Probe(simulated.url) as probe:
+        start(probe)
+        simulated.until_suction()
+        simulated.end(signal.SIGKILL)
+        seen = []
+        until(probe, LinkLost, seen)
+        assert "lift the probe" in until(probe, Alarm, seen).text
+        again = simulate("--tcp", simulated.url.rpartition(":")[2])
+        reconnect(probe)
+        until(probe, VentConfirmed, seen)
+        probe.acknowledge_alarm()
+        with pytest.raises(LocalProtocolError, match="load a program first"):
+            probe.arm()
+    assert not [p for _, p, _ in again.rows() if p > 0]
+
+
+# ---- what a noisy line does to a whole measurement ----------------------------------------------
+
+
+def test_noisy_line(simulate):
+    faults = fault("bit_flip", rate=0.0005) + fault("garbage", rate=2, size=40)
+    simulated = simulate("--tcp", "0", faults=faults + fault("drop_bytes", rate=0.0005), speed=5)
+    with Probe(simulated.url) as probe:
+        start(probe, (ramp(60, 20), ramp(0, 20)))
+        seen = []
+        until(probe, VentConfirmed, seen)
+        simulated.until_vented()
+    samples = [event for event in seen if isinstance(event, Sample)]
+    gaps = [event for event in seen if isinstance(event, Gap)]
+    assert gaps
+    assert [s.sequence for s in samples] == sorted({s.sequence for s in samples})
+    assert all(-1 < s.pressure_mbar < 65 for s in samples)
+
+
+# ---- the table ----------------------------------------------------------------------------------
+
+HAZARDS = (
+    "link lost", "host killed", "host hung", "overshoot", "valve stuck", "leak", "no skin contact",
+    "frozen sensor", "drifting sensor", "stale data", "wrong aperture", "wrong units",
+    "wrong firmware", "clock jump", "disk full", "power lost",
+)  # fmt: skip
+
+
+def table():
+    lines = DOCUMENT.read_text(encoding="utf-8").splitlines()
+    rows = [
+        [cell.strip() for cell in line.strip("|").split("|")] for line in lines if "`test_" in line
+    ]
+    return {row[0].lower(): row for row in rows}
+
+
+def test_the_table_and_the_tests_agree():
+    rows = table()
+    assert all(len(row) == 4 and all(row) for row in rows.values())
+    assert [hazard for hazard in HAZARDS if not any(name.startswith(hazard) for name in rows)] == []
+    named = [name for row in rows.values() for name in re.findall(r"`(test_\w+)`", row[3])]
+    here = {name for name in globals() if name.startswith("test_")}
+    assert len(named) == len(set(named))
+    assert set(named) == here - {"test_the_table_and_the_tests_agree"}
