@@ -56,7 +56,7 @@ def command(
     if adopt is not None:
         outcome = _adopt(outcome, adopt, model_path, files)
     if report is not None:
-        from skinlab.discrepancy.report import write_report
+        from skinlab.report.missing_effect import write_report
 
         click.echo(f"report: {write_report(outcome, report)}", err=True)
     if as_json:

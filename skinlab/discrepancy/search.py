@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from skinlab.discrepancy.adequacy import ADEQUATE, Residual, look
 from skinlab.discrepancy.fit import Fit, Fitter
+from skinlab.discrepancy.records import Record
 from skinlab.discrepancy.screen import Signature, signature
 from skinlab.discrepancy.unknowns import Known, Unknowns
 from skinlab.effects.registry import effect_names
@@ -80,6 +81,7 @@ def unknowns_of(model: Model) -> Unknowns:
 class Found:
     """What the search came to."""
 
+    records: Sequence[Record]
     base: Candidate
     signatures: dict[str, Signature]  # of single effects at the base fit
     candidates: list[Candidate] = field(default_factory=list)  # the best first; never empty
@@ -142,7 +144,7 @@ class Search:
             if not base.adequate and not any(c.adequate for c in singles):
                 candidates = singles + self._pairs(pool, base, singles)
         candidates.sort(key=lambda c: -c.log10_evidence)
-        return Found(base, signatures, candidates)
+        return Found(self._fitter.records, base, signatures, candidates)
 
     def _pairs(self, pool: Executor, base: Candidate, singles: list[Candidate]) -> list[Candidate]:
         leaders = sorted(singles, key=lambda c: -c.log10_evidence)[:_LEADERS]

@@ -75,6 +75,17 @@ def gap_words(outcome: Outcome) -> str:
     return text + "."
 
 
+def next_words(outcome: Outcome) -> list[str]:
+    """Return what to measure next in a sentence, none where nothing is to be told apart."""
+    following = outcome.next_measurement
+    if following is None:
+        return []
+    return [
+        f"To tell them apart, measure {following.program} with the {following.aperture_mm:g} mm "
+        f"opening (expected log10 evidence {following.expected_log10_evidence:.1f})."
+    ]
+
+
 def describe(outcome: Outcome) -> str:
     """Return the whole text."""
     own = set(outcome.found.base.effects)
@@ -101,13 +112,7 @@ def describe(outcome: Outcome) -> str:
     if outcome.alike:
         pairs = "; ".join(f"{a} and {b}" for a, b in outcome.alike)
         lines.append(f"With these measurements nobody could tell apart: {pairs}.")
-    following = outcome.next_measurement
-    if following is not None:
-        lines.append(
-            f"To tell them apart, measure {following.program} with the "
-            f"{following.aperture_mm:g} mm opening (expected log10 evidence "
-            f"{following.expected_log10_evidence:.1f})."
-        )
+    lines += next_words(outcome)
     return "\n".join(lines)
 
 
