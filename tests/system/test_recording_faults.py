@@ -43,7 +43,7 @@ def test_ten_kills_at_random_moments_lose_and_damage_nothing(tmp_path):
         assert entry["as_sent"], entry
         assert entry["bystanders_unchanged"], entry
         lost_ms = entry["oldest_lost_ms"]
-        assert lost_ms is None or lost_ms <= 100 + entry["stall_ms"], entry
+        assert lost_ms is None or lost_ms <= 100 + entry["starved_ms"], entry
     assert done.returncode == 0
     assert result["samples_recovered"] > 100
 
