@@ -27,9 +27,11 @@ check: setup
 unit: setup
 	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest
 
-# Long: what the tests do once, many times. Results are saved in benchmarks/results.
+# Long: what the tests do once, many times, and a hundred measurements killed at random moments.
+# Results are saved in benchmarks/results.
 soak: setup
 	@$(BIN)/python -m pytest -m soak
+	@$(BIN)/python tests/system/kills.py --kills 100 --save benchmarks/results/kills.json >/dev/null
 
 clean:
 	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .import_linter_cache

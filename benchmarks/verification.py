@@ -3,7 +3,7 @@
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/verification.py
 
-Needs matplotlib (the extra "bench"); takes about three minutes on two cores. The same problems,
+Takes about three minutes on two cores. The same problems,
 with the limits that they must keep to, are tests: tests/unit/fem.
 """
 

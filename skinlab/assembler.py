@@ -26,7 +26,8 @@ class CurveAssembler:
     """Collects the samples of each run into a curve; the final vent is not part of it."""
 
     def __init__(self) -> None:
-        self._setup: Setup | None = None
+        self._next: Setup | None = None  # of the next run
+        self._setup: Setup | None = None  # of the present one
         self._samples: list[Sample] = []
         self._index = 0
         self._running = False
@@ -35,7 +36,7 @@ class CurveAssembler:
 
     def plan(self, setup: Setup) -> None:
         """Say what the next run belongs to."""
-        self._setup = setup
+        self._next = setup
 
     @property
     def running(self) -> bool:
@@ -46,7 +47,7 @@ class CurveAssembler:
         """Return what this event means, in order."""
         messages: list[Message] = []
         match event:
-            case State(InstrumentState.RUNNING) if not self._running and self._setup is not None:
+            case State(InstrumentState.RUNNING) if not self._running and self._next is not None:
                 messages.append(self._begin())
             case State(state, reason) if self._running and state is not InstrumentState.RUNNING:
                 if reason not in {PROGRAM_END, PROGRAM_DONE}:
@@ -55,8 +56,9 @@ class CurveAssembler:
             case Sample() if self._running and self._setup is not None:
                 if event.segment >= self._segments():
                     messages += self._finish()
-                else:
+                elif not self._samples or event.device_time_s > self._samples[-1].device_time_s:
                     self._samples.append(event)
+                # else the instrument's clock went back: no point of a curve; it stays in the record
             case Gap() if self._running:
                 self._lost += event.received - event.expected
             case LinkLost(reason) if self._running:
@@ -82,7 +84,8 @@ class CurveAssembler:
         return len(program.segments) if program else 0
 
     def _begin(self) -> CurveStarted:
-        assert self._setup is not None
+        assert self._next is not None
+        self._setup = self._next
         self._index += 1
         self._running, self._samples, self._cut, self._lost = True, [], None, 0
         return CurveStarted(self._index, self._setup)

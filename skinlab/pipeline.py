@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 
 from skinlab.assembler import CurveAssembler
 from skinlab.identify.identifier import Identifier
+from skinlab.monitor import Monitor
 from skinlab.stream import CurveCompleted, Identified, Item, Message, Planned
 
 Listener = Callable[[Message], None]
 
 
 class Pipeline:
-    """Assembles curves, identifies each as it completes, and tells the listeners in order.
+    """Assembles curves, judges them, identifies each as it completes; tells all in order.
+
+    The names of the quality gates that a curve fails are among the flags of its identification.
 
     One thread owns it. A listener must be quick; one that raises stops the pipeline, so that no
     error is lost.
@@ -21,6 +25,7 @@ class Pipeline:
     def __init__(self, identifier: Identifier | None, listeners: Iterable[Listener] = ()) -> None:
         """Without an identifier curves are assembled only."""
         self._assembler = CurveAssembler()
+        self._monitor = Monitor()
         self._identifier = identifier
         self._listeners = list(listeners)
 
@@ -45,6 +50,11 @@ class Pipeline:
     def _tell(self, message: Message) -> None:
         for listener in self._listeners:
             listener(message)
+        for flagged in self._monitor.see(message):
+            self._tell(flagged)
         if isinstance(message, CurveCompleted) and self._identifier is not None:
             result = self._identifier(message.curve)
+            names = [finding.gate for finding in self._monitor.findings(message.index)]
+            new = tuple(name for name in names if name not in result.flags)
+            result = replace(result, flags=(*result.flags, *new))
             self._tell(Identified(message.index, message.curve, result))

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 
-from drivers.events import TimedEvent
+from drivers.events import Sample, TimedEvent
 from skinlab.curve import Curve
 from skinlab.database.base import Database
 from skinlab.database.store import shipped_grid, shipped_table
@@ -18,9 +17,11 @@ from skinlab.identify.problem import Options, check
 from skinlab.identify.result import Identification
 from skinlab.identify.uncertainty import Sensor
 from skinlab.pipeline import Listener, Pipeline
+from skinlab.replay_control import ReplayControl
 from skinlab.session import Session
 from skinlab.sources import recorded_items
 from skinlab.stream import CurveCompleted, Message
+from skinlab.versions import versions
 
 # Settings that sessions did not record at first, as they were then.
 _BEFORE: dict[str, Any] = {
@@ -68,7 +69,10 @@ def identifier_of(session: Session) -> tuple[Identifier, str | None]:
         raise InputError(f"the session's field identification is damaged ({error})") from None
     warning = None
     if database.content_hash != stated:
-        warning = "the session was identified with another database; results may differ"
+        warning = (
+            f"the session was identified with another database, {stated}; here is "
+            f"{database.content_hash}: results may differ"
+        )
     return identifier, warning
 
 
@@ -76,13 +80,12 @@ def replay(
     session: Session,
     identifier: Identifier,
     listeners: Iterable[Listener],
-    *,
-    speed: float | None = None,
-    sleep: Callable[[float], None] = time.sleep,
+    control: ReplayControl | None = None,
 ) -> list[Curve]:
     """Run the session through the pipeline; return the completed curves.
 
-    `speed` 1 keeps the original pace, 10 is ten times as fast, None does not wait.
+    Every event keeps the time at which it came. `control` says when it is passed on; None: at once.
+    A replay that is stopped ends like a record that was cut off there.
     """
     curves: list[Curve] = []
 
@@ -91,12 +94,11 @@ def replay(
             curves.append(message.curve)
 
     pipeline = Pipeline(identifier, [keep, *listeners])
-    before: float | None = None
     for item in recorded_items(session.records):
-        if isinstance(item, TimedEvent) and speed is not None:
-            if before is not None and item.host_time_s > before:
-                sleep((item.host_time_s - before) / speed)
-            before = item.host_time_s
+        if control is not None and isinstance(item, TimedEvent):
+            sample = isinstance(item.event, Sample)
+            if not control.wait(item.host_time_s, sample=sample):
+                break
         pipeline.handle(item)
     pipeline.end("the record ends here")
     return curves
@@ -121,3 +123,28 @@ def differences(session: Session, curves: list[Curve], results: list[Identificat
             if kept.get(key) != now.get(key):
                 found.append(f"{curve.name}: {key} was {kept.get(key)}, is {now.get(key)}")
     return found
+
+
+def reasons(session: Session, identifier: Identifier) -> list[str]:
+    """Return what is not as it was when the session was recorded: why results may differ."""
+    found = []
+    settings = session.meta.get("identification") or {}
+    database = identifier.database.content_hash
+    if settings.get("database_hash") != database:
+        found.append(f"another database: it was {settings.get('database_hash')}, is {database}")
+    stated = session.meta.get("versions")
+    then = stated if isinstance(stated, dict) else {}
+    for name, now in versions().items():
+        if then.get(name) != now:
+            what = "another machine" if name == "machine" else f"another version of {_SAID[name]}"
+            found.append(f"{what}: it was {then.get(name, 'not recorded')}, is {now}")
+    return found
+
+
+_SAID = {
+    "skinlab": "skinlab",
+    "code": "skinlab's source files",
+    "python": "Python",
+    "numpy": "numpy",
+    "scipy": "scipy",
+}

@@ -14,8 +14,9 @@ from drivers.events import Segment, SegmentKind, TimedEvent
 from drivers.probe import Probe
 from skinlab.curve import Setup
 from skinlab.errors import InputError
-from skinlab.journal import Journal, Kind, Record
+from skinlab.journal import Journal
 from skinlab.program import Hold, Program, Ramp, Release
+from skinlab.records import Kind, Record
 from skinlab.stream import Item, Planned, setup_from_json, setup_to_json
 
 
@@ -57,7 +58,8 @@ class LiveSource:
         """Plan a run and make the probe ready for it; `rate_hz` None: the instrument's usual one.
 
         Raises:
-            InputError: the setup has no program, or not this probe's aperture.
+            InputError: the setup has no program, or not this probe's aperture; or the disk has no
+                room for the record.
             DriverError: the probe refused, or its link failed.
         """
         hello = self.probe.hello
@@ -69,6 +71,8 @@ class LiveSource:
                 f"{hello.aperture_mm:g} mm"
             )
         rate = rate_hz if rate_hz is not None else hello.default_rate_hz if hello else 20.0
+        if self._journal is not None:
+            self._journal.require_room(setup.program.duration_s, rate)
         self.probe.load(wire_segments(setup.program), rate)
         if self._journal is not None:
             self._journal.plan(self._clock(), setup_to_json(setup))
@@ -92,16 +96,25 @@ class LiveSource:
 
 def recorded_items(records: Iterable[Record], dialect: str = "reference") -> Iterator[Item]:
     """Yield the items that these records hold, through dialect and connection as when live."""
+    for _, item in numbered_items(records, dialect):
+        yield item
+
+
+def numbered_items(
+    records: Iterable[Record], dialect: str = "reference"
+) -> Iterator[tuple[int, Item]]:
+    """Yield the items with the index of the record that completed each."""
     connection = Connection(get_dialect(dialect))
-    for record in records:
+    for index, record in enumerate(records):
         if record.kind is Kind.PLAN:
-            yield Planned(setup_from_json(json.loads(record.data)))
+            yield index, Planned(setup_from_json(json.loads(record.data)))
         elif record.kind is Kind.RECEIVED:
             try:
                 connection.receive_data(record.data)
             except RemoteProtocolError:
                 continue  # the live run dropped these bytes too
-            yield from _events(connection, record.host_time_s)
+            for item in _events(connection, record.host_time_s):
+                yield index, item
 
 
 def _events(connection: Connection, host_time_s: float) -> Iterator[Item]:

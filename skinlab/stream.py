@@ -11,6 +11,7 @@ from typing import Any
 
 from drivers.events import Event, Sample, TimedEvent
 from skinlab.curve import Curve, Setup
+from skinlab.gates.base import Finding
 from skinlab.identify.result import Identification
 from skinlab.program import parse_program
 
@@ -67,7 +68,15 @@ class Happened:
     event: Event
 
 
-Message = CurveStarted | Sampled | CurveCompleted | Identified | Happened
+@dataclass(frozen=True, slots=True)
+class Flagged:
+    """The curve fails a quality gate; said once a gate, as soon as it is known."""
+
+    index: int
+    finding: Finding
+
+
+Message = CurveStarted | Sampled | CurveCompleted | Identified | Happened | Flagged
 
 
 def setup_to_json(setup: Setup) -> dict[str, Any]:

@@ -18,7 +18,9 @@ _COMMANDS = {
     "recover": ("recover", "Turn what a crash left into a session."),
     "session": ("session", "Check a session, or say what is in it."),
     "identify": ("identify", "Identify skin parameters from curves."),
+    "cutometer": ("cutometer", "The Cutometer's own numbers of step curves."),
     "forward": ("forward", "Simulate a curve."),
+    "paper": ("paper", "Reproduce the paper's tables and figures."),
     "database": ("database", "The precomputed finite-element database."),
 }
 

@@ -101,7 +101,7 @@ def run(
     from skinlab.report.outage import outage_words
     from skinlab.report.text import describe
     from skinlab.sources import LiveSource
-    from skinlab.stream import Happened, Identified, Message
+    from skinlab.stream import Flagged, Happened, Identified, Message
 
     results: list[Identification] = []
 
@@ -110,6 +110,8 @@ def run(
             results.append(message.result)
             if not as_json:
                 click.echo(describe(message.result))
+        elif isinstance(message, Flagged):
+            click.echo(f"skinlab: curve {message.index}: {message.finding}", err=True)
         elif isinstance(message, Happened) and (words := outage_words(message.event)):
             click.echo(f"skinlab: {words}", err=True)
 
@@ -117,6 +119,7 @@ def run(
     for name in _SIGNALS:
         signal.signal(getattr(signal, name), _interrupt)
     recording = Recording(out, identifier, subject=subject, site=site, url=port)
+    failed: BaseException | None = None
     try:
         with Probe(port, on_bytes=recording.journal.raw) as probe:
             hello = probe.open()
@@ -124,13 +127,39 @@ def run(
                 click.echo(f"SIMULATED probe: {hello.model} {hello.firmware}", err=True)
             source = LiveSource(probe, recording.journal)
             measure(source, plan, Pipeline(identifier, [recording, show]))
+    except BaseException as error:
+        failed = error
+        raise
     finally:
-        saved = recording.finish()
+        saved = _finish(recording, failed)
         if saved and as_json:
             print_json(document(identifier.provenance(), results, session=str(saved)))
         elif saved:
             click.echo(f"session: {saved}")
     return 0
+
+
+def _finish(recording: Any, failed: BaseException | None) -> Path | None:
+    """Write the session; where that fails too, say both.
+
+    Raises:
+        AcquisitionError, InputError: the session cannot be written.
+    """
+    from skinlab.errors import AcquisitionError, InputError
+
+    trouble = recording.journal.trouble
+    try:
+        saved: Path | None = recording.finish()
+    except InputError as error:
+        if failed is None:
+            raise
+        if not isinstance(failed, AcquisitionError):
+            click.echo(f"skinlab: {error}", err=True)
+            return None
+        # A disk that is full has stopped the measurement: one cause, one sentence.
+        before = "recording failed, the probe was told to vent" if trouble else failed
+        raise AcquisitionError(f"{before}; {error}") from None
+    return saved
 
 
 _SIGNALS = [s for s in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, s)]  # Windows: no HUP

@@ -20,6 +20,6 @@ def command(journal: Path, out: Path | None) -> int:
 
     if out is None:
         out = journal.with_suffix("") if journal.suffix == ".journal" else Path(f"{journal}.h5")
-    curves = recover(journal, out)
-    click.echo(f"{out}: {curves} curves recovered")
+    made = recover(journal, out)
+    click.echo(f"{out}: {len(made.curves)} curves recovered; {journal} can be deleted")
     return 0

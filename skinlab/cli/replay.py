@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
+import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import click
 
 from skinlab.cli.options import json_option, print_json
+
+_KEYS = "space pauses and goes on, . steps, 1 x m: pace as it was, tenfold, without waiting; q ends"
+_DRAW_S = 0.05
 
 
 @click.command()
@@ -14,33 +22,57 @@ from skinlab.cli.options import json_option, print_json
 @click.option(
     "--speed", type=click.Choice(["1", "10", "max"]), default="max", help="Pace [default: max]."
 )
+@click.option("--paused", is_flag=True, help="Begin paused (on a terminal, where keys go on).")
 @click.option("--verify", is_flag=True, help="Compare with the stored results, bit for bit.")
 @json_option()
-def command(session: Path, speed: str, verify: bool, as_json: bool) -> int:
-    """Run a recorded SESSION through driver, assembler and identification again.
+def command(session: Path, speed: str, paused: bool, verify: bool, as_json: bool) -> int:
+    """Run a recorded SESSION through driver, assembler, gates and identification again.
+
+    On a terminal, a replay that is not at full speed takes keys: space pauses and goes on, the full
+    stop lets one sample through, 1, x and m change the pace, q ends.
 
     \b
     Example: skinlab replay visit.h5 --speed max --verify
     """
+    from skinlab.cli.keys import keys, on_terminal
+    from skinlab.errors import InputError
     from skinlab.identify.result import Identification, document
-    from skinlab.replay import differences, identifier_of, replay
+    from skinlab.replay import differences, identifier_of, reasons, replay
+    from skinlab.replay_control import ReplayControl
     from skinlab.report.text import describe
     from skinlab.session import read_session
-    from skinlab.stream import Identified, Message
+    from skinlab.stream import Flagged, Identified, Message
 
+    if paused and not on_terminal():
+        raise InputError("--paused: there is no terminal whose keys could go on")
     recorded = read_session(session)
     identifier, warning = identifier_of(recorded)
     if warning:
         click.echo(f"skinlab: {warning}", err=True)
     results: list[Identification] = []
+    control = ReplayControl(None if speed == "max" else float(speed), paused=paused)
+    shown = _line(control) if on_terminal() and (paused or speed != "max") else None
 
     def show(message: Message) -> None:
+        if shown is not None and isinstance(message, Identified | Flagged):
+            click.echo("\r\x1b[K", err=True, nl=False)
         if isinstance(message, Identified):
             results.append(message.result)
             if not as_json:
                 click.echo(describe(message.result))
+        elif isinstance(message, Flagged):
+            click.echo(f"skinlab: curve {message.index}: {message.finding}", err=True)
+        elif shown is not None:
+            shown(message)
 
-    completed = replay(recorded, identifier, [show], speed=None if speed == "max" else float(speed))
+    with keys(_actions(control)) if shown is not None else contextlib.nullcontext():
+        if shown is not None:
+            click.echo(_KEYS, err=True)
+        completed = replay(recorded, identifier, [show], control)
+    if shown is not None:
+        click.echo("\r\x1b[K", err=True, nl=False)
+    if control.stopped:
+        raise KeyboardInterrupt
     if as_json:
         print_json(document(identifier.provenance(), results, session=str(session)))
     if not verify:
@@ -48,7 +80,51 @@ def command(session: Path, speed: str, verify: bool, as_json: bool) -> int:
     found = differences(recorded, completed, results)
     for sentence in found:
         click.echo(f"skinlab: {session}: {sentence}", err=True)
-    if not found and not as_json:
+    if found:
+        why = reasons(recorded, identifier)
+        for reason in why:
+            click.echo(f"skinlab: {session}: a reason: {reason}", err=True)
+        if not why:
+            click.echo(
+                f"skinlab: {session}: same software, database and machine: "
+                f"`skinlab session verify {session}` says whether the file was changed",
+                err=True,
+            )
+    elif not as_json:
         stored = sum(result is not None for result in recorded.results)
         click.echo(f"{len(completed)} curves and {stored} stored results agree bit for bit")
     return 1 if found else 0
+
+
+def _actions(control: Any) -> dict[str, Callable[[], None]]:
+    return {
+        " ": lambda: control.resume() if control.paused else control.pause(),
+        ".": control.step,
+        "1": lambda: control.set_speed(1.0),
+        "x": lambda: control.set_speed(10.0),
+        "m": lambda: control.set_speed(None),
+        "q": control.stop,
+    }
+
+
+def _line(control: Any) -> Callable[[Any], None]:
+    """Return a listener that keeps one line of a terminal up to date."""
+    from skinlab.stream import Sampled
+
+    drawn = 0.0
+
+    def draw(message: Any) -> None:
+        nonlocal drawn
+        now = time.monotonic()
+        if not isinstance(message, Sampled) or (now - drawn < _DRAW_S and not control.paused):
+            return
+        drawn = now
+        s = message.sample
+        pace = "at full speed" if control.speed is None else f"{control.speed:g}x"
+        sys.stderr.write(
+            f"\r\x1b[Kcurve {message.index}  {s.device_time_s:7.2f} s  {s.pressure_mbar:6.1f} mbar"
+            f"  {s.deflection_mm:6.3f} mm  {'paused' if control.paused else pace}"
+        )
+        sys.stderr.flush()
+
+    return draw

@@ -15,15 +15,28 @@ def command() -> None:
 @command.command()
 @click.argument("session", type=click.Path(path_type=Path))
 def verify(session: Path) -> int:
-    """Check that SESSION says what it said when it was written.
+    """Check SESSION: its hash, its audit trail, and its curves against the recorded bytes.
+
+    Status 1 where something does not hold. The hash of the last audit entry binds all that was
+    recorded: noted elsewhere, it shows even a session that was forged from end to end.
 
     \b
     Example: skinlab session verify visit.h5
     """
-    from skinlab.session import read_session
+    from skinlab.audit import entries
+    from skinlab.session_check import audit_head, check
 
-    read = read_session(session)
+    read, found = check(session)
+    for sentence in found:
+        click.echo(f"skinlab: {session}: {sentence}", err=True)
+    if found:
+        return 1
     click.echo(f"{session}: unchanged; {len(read.curves)} curves, {len(read.records)} records")
+    head = audit_head(read)
+    if head is None:
+        click.echo("  no audit trail")
+    else:
+        click.echo(f"  {len(entries(read.records))} audit entries, the last one's hash is {head}")
     return 0
 
 
@@ -35,6 +48,7 @@ def info(session: Path) -> int:
     \b
     Example: skinlab session info visit.h5
     """
+    from skinlab.audit import entries
     from skinlab.session import read_session
 
     read = read_session(session)
@@ -57,4 +71,12 @@ def info(session: Path) -> int:
         if values:
             text = ", ".join(f"{name} {entry['value']:.4g}" for name, entry in values.items())
             click.echo(f"    {text}, E {result['error_um']:.3g} µm" if result else "")
+    for entry in entries(read.records):
+        detail = ", ".join(
+            f"{key} {value}"
+            for key, value in entry.detail.items()
+            if value is not None and not isinstance(value, dict | list)
+        )
+        about = f": {detail}" if detail and entry.what != "session opened" else ""
+        click.echo(f"  {entry.number:3d}  {entry.utc[:23]}  {entry.who}  {entry.what}{about}")
     return 0

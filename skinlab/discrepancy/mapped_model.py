@@ -145,10 +145,11 @@ class MappedModel:
 
     # ---- the finite elements ----
 
-    def anchor(self, u: Array) -> bool:
+    def anchor(self, u: Array, *, slopes: bool = True) -> bool:
         """Solve the finite elements at u, so that the model is exact there.
 
-        Returns False where they do not hold over most of the pressures.
+        With `slopes` the first anchor also learns how the correction changes around it. Returns
+        False where they do not hold over most of the pressures.
         """
         problems = self._problems(u)
         if problems is None:
@@ -165,8 +166,10 @@ class MappedModel:
             if value is None:
                 return False
             if first or key not in self._ratios:
-                slopes = self._ratio_slopes(u, key, nodes, value)
-                self._ratios[key] = (nodes, _Learnt(value, slopes))
+                changes = np.zeros((len(nodes), len(u)))
+                if slopes:
+                    changes = self._ratio_slopes(u, key, nodes, value)
+                self._ratios[key] = (nodes, _Learnt(value, changes))
             else:
                 old_nodes, learnt = self._ratios[key]
                 if not np.array_equal(old_nodes, nodes):

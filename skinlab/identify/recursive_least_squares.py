@@ -10,7 +10,7 @@ P = I at the start speaks of the unknowns in their own units (MPa, MPa and 1) an
 far for X1 and little for X2. A larger `covariance` makes the first passes bolder, and is forgotten.
 
 Why 100 passes at most: the paper's blind test ends after 29 with λ0 = 0.9 and after 68 with 0.99,
-and a curve that the model does not fit to the last µm makes the estimates swing for ever.
+and a curve that the model does not fit to the last µm can make the estimates swing for ever.
 """
 
 from __future__ import annotations

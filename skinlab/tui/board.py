@@ -21,6 +21,7 @@ from skinlab.identify.result import Identification
 from skinlab.stream import (
     CurveCompleted,
     CurveStarted,
+    Flagged,
     Happened,
     Identified,
     Message,
@@ -233,6 +234,8 @@ class Board:
                     self.say(Level.WARNING, f"curve {index} was cut short: {cut}")
             case Identified(index, _, result):
                 self.entries[index].result = result
+            case Flagged(index, finding):
+                self.say(Level.WARNING, f"curve {index}: {finding.sentence}; {finding.advice}")
             case Happened(event):
                 self._happened(event)
 

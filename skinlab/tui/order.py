@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from skinlab.curve import Setup, check_aperture, check_thickness
 from skinlab.errors import InputError
 from skinlab.program import parse_program
+from skinlab.subject import check_subject
 
 DEFAULTS = {
     "subject": "",
@@ -55,6 +56,7 @@ def read_order(texts: Mapping[str, str]) -> Order:
     """
     text = {name: value.strip() for name, value in texts.items()}
     _port(text["port"])
+    check_subject(text["subject"])
     setup = Setup(
         aperture_mm=_number("aperture_mm", text["aperture_mm"]),
         thickness_mm=_number("thickness_mm", text["thickness_mm"]),
@@ -87,6 +89,7 @@ def _cycle(text: str) -> int:
 
 _CHECKS: dict[str, Callable[[str], object]] = {
     "port": _port,
+    "subject": check_subject,
     "aperture_mm": lambda text: check_aperture(_number("aperture_mm", text)),
     "thickness_mm": lambda text: check_thickness(_number("thickness_mm", text)),
     "cycle": _cycle,

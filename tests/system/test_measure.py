@@ -120,7 +120,7 @@ def wait_for_samples(journal: Path, process: subprocess.Popen[str]) -> None:
                         "(SELECT max(number) FROM record WHERE kind = 2)"
                     ).fetchone()
                 db.close()
-                if n > 20:
+                if n > 40:
                     return
             except sqlite3.Error:
                 pass

@@ -212,6 +212,7 @@ def test_a_bug_in_the_pipeline_vents_and_saves(tmp_path, identifier):
         seed = identifier.seed
         kappa = identifier.kappa
         phases = identifier.phases
+        sensor = identifier.sensor
         database = identifier.database
         __call__ = staticmethod(broken)
 
@@ -238,7 +239,7 @@ def test_a_session_that_cannot_be_written_keeps_its_journal(room, tmp_path, monk
     from skinlab import recording
     from skinlab.errors import InputError
 
-    def refuse(path, content):
+    def refuse(path, content, *, replace):
         raise InputError(f"{path}: cannot be written (disk full)")
 
     monkeypatch.setattr(recording, "write_session", refuse)

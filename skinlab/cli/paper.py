@@ -1,0 +1,69 @@
+"""`skinlab paper`: the paper's tables and figures again."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+import click
+
+
+@click.command()
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    default=Path("skinlab-paper"),
+    show_default=True,
+    help="Folder for tables (CSV), pictures (PNG) and the page.",
+)
+@click.option(
+    "--page",
+    "page_path",
+    type=click.Path(path_type=Path),
+    help="Where the page goes instead  [default: paper.md in that folder]",
+)
+@click.option("--seed", default=0, show_default=True, help="Of everything random.")
+@click.option("--workers", type=int, help="Processes  [default: one a core]")
+def command(out: Path, page_path: Path | None, seed: int, workers: int | None) -> int:
+    """Reproduce the tables and figures of the paper, and a page that compares.
+
+    Prints the paths of what it wrote. Files of an earlier run are replaced, any others never.
+
+    \b
+    Example: skinlab paper --out reproduction
+    """
+    from skinlab.errors import InputError
+
+    if seed < 0:
+        raise InputError(f"seed {seed}: expected zero or more")
+    if workers is not None and not 1 <= workers <= 1024:
+        raise InputError(f"workers {workers}: expected 1–1024")
+    try:
+        import matplotlib  # noqa: F401 -- said now, not after the computation
+    except ImportError:
+        raise InputError(
+            "the pictures need matplotlib, which is not installed: pip install matplotlib"
+        ) from None
+    from skinlab.paper.output import Target
+    from skinlab.paper.reproduce import ORDER, reproduce
+    from skinlab.paper.study import Study
+
+    target = Target(out, page_path)
+    target.check(ORDER)
+    study = Study(seed=seed)
+    hidden = not sys.stderr.isatty()
+    with click.progressbar(
+        length=10_000, label="the paper again", file=sys.stderr, hidden=hidden, show_pos=False
+    ) as bar:
+        done = 0.0
+
+        def progress(share: float) -> None:
+            nonlocal done
+            before, done = done, done + 10_000 * share
+            bar.update(round(done) - round(before))
+
+        parts, times = reproduce(study, workers or os.cpu_count() or 1, progress)
+    for path in target.write(study, parts, times):
+        click.echo(path)
+    return 0

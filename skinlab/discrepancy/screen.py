@@ -1,0 +1,96 @@
+"""A first look at every effect: how well its signature fits what is left.
+
+The signature of an effect is what a typical size of it changes in the curves, after projecting out
+what X1, X2 and ν (and the effects already there) can absorb: the score test. It costs a handful of
+finite-element solutions an effect, and no fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinlab.discrepancy.fit import Fit, Fitter
+from skinlab.discrepancy.unknowns import Axis, Unknowns
+
+Array = NDArray[np.float64]
+
+_SIZE = 0.3  # of a typical size: small enough to be about linear
+_INVISIBLE = 1e-2  # standard deviations: a signature so small cannot be seen at all
+
+
+@dataclass(frozen=True, eq=False)
+class Signature:
+    """What an effect would do to a fit's residual, linearised."""
+
+    effect: str
+    axes: tuple[Axis, ...]  # of the effect
+    direction: Array  # (n,) whitened, for one typical size, absorbed parts taken out
+    size: float  # its length: standard deviations at a typical size
+    amount: float  # best size, in typical ones
+    gain: float  # by which χ² would fall
+    absorbed: float  # share of the raw signature that the fit's unknowns absorb
+
+    @property
+    def detectable(self) -> float:
+        """Size, in typical ones, that raises χ² by 25: five standard deviations."""
+        return 5.0 / self.size if self.size > _INVISIBLE else float("inf")
+
+
+def signature(fitter: Fitter, fit: Fit, effect: str) -> Signature | None:
+    """Return an effect's signature at a fit, None where its model does not hold there."""
+    unknowns = Unknowns((*fit.effects, effect), fit.unknowns.kappa)
+    axes = unknowns.axes[len(fit.unknowns.axes) :]
+    own = [0.0 if a.parameter.zero is not None else a.to_u(a.parameter.typical) for a in axes]
+    zero = np.concatenate([fit.u, own])
+    some = zero.copy()
+    # The first parameter with a zero is the effect's size.
+    which = next(i for i, a in enumerate(axes) if a.parameter.zero is not None)
+    axis = axes[which]
+    step = _SIZE * axis.to_u(axis.parameter.typical)
+    some[len(fit.u) + which] += step
+    model = fitter.model(unknowns)
+    if not fitter.prepare(model, some):
+        return None
+    there = np.concatenate(model.predict(some))
+    if not np.isfinite(there).all():
+        return None
+    here = np.concatenate(fit.deflections_mm)
+    raw = fitter.errors.whiten(there - here) / step
+    residual = fitter.errors.whiten(fitter.measured - here)
+    basis = np.linalg.qr(_with_priors(fit))[0][: len(raw)]
+    direction = raw - basis @ (basis.T @ raw)
+    length = float(np.linalg.norm(direction))
+    whole = float(np.linalg.norm(raw))
+    if length < _INVISIBLE:
+        return Signature(effect, axes, direction, length, 0.0, 0.0, 1.0)
+    amount = float(direction @ residual) / length**2
+    low, high = axis.bounds
+    amount = float(np.clip(amount, low, high))
+    gain = 2.0 * amount * float(direction @ residual) - amount**2 * length**2
+    return Signature(
+        effect, axes, direction, length, amount, max(gain, 0.0), 1.0 - length / max(whole, 1e-12)
+    )
+
+
+def _with_priors(fit: Fit) -> Array:
+    extra = np.zeros((len(fit.unknowns.axes), len(fit.u)))
+    for i, axis in enumerate(fit.unknowns.axes):
+        extra[i, 3 + i] = 1.0 / axis.prior[1]
+    return np.vstack([fit.jacobian, extra])
+
+
+def alike(signatures: Mapping[str, Signature]) -> list[tuple[str, str]]:
+    """Return pairs of effects whose signatures no data of this kind can tell apart."""
+    names = sorted(n for n, s in signatures.items() if s.size > _INVISIBLE)
+    found = []
+    for i, one in enumerate(names):
+        for other in names[i + 1 :]:
+            a, b = signatures[one], signatures[other]
+            cosine = abs(float(a.direction @ b.direction)) / (a.size * b.size)
+            if cosine > 0.9995:
+                found.append((one, other))
+    return found

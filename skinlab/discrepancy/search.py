@@ -1,0 +1,230 @@
+"""Which explanation: the base model, every effect that the screen lets through, then pairs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor
+from dataclasses import dataclass, field
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinlab.discrepancy.adequacy import ADEQUATE, Residual, look
+from skinlab.discrepancy.fit import Fit, Fitter
+from skinlab.discrepancy.screen import Signature, signature
+from skinlab.discrepancy.unknowns import Unknowns
+from skinlab.effects.registry import effect_names
+from skinlab.errors import NotTrustworthyError
+from skinlab.materials.compressibility import KappaConvention
+
+Array = NDArray[np.float64]
+Progress = Callable[[str], None]
+
+LOG10 = math.log(10.0)
+TIE = 1.3  # log10 evidence: 20 to 1
+
+# Before the data: no effect as likely as one of the library, two together a fifth of that.
+_PAIRS_ODDS = 0.2
+_SEEN = 8.0  # a gain of χ² by which an effect is worth a fit
+_SHARE = 0.04  # or of the largest gain, where the misfit is large
+_MOST_SINGLES = 8
+_PARTNERS = 5  # of each of the best singles
+_LEADERS = 4
+_STARTS = tuple(
+    np.array(s)
+    for s in product((math.log(0.02), math.log(0.04), math.log(0.09)), (3.4, 5.0), (0.28, 0.42))
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """An explanation with its fit, what it leaves, and its evidence against no effect."""
+
+    fit: Fit
+    left: Residual
+    log10_evidence: float  # of the data and the prior odds, relative to the base model
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """The effects of the explanation beyond the model's own."""
+        return self.fit.effects
+
+    @property
+    def adequate(self) -> bool:
+        """Whether what it leaves may well be noise."""
+        return self.left.p_value >= ADEQUATE
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What the search came to."""
+
+    base: Candidate
+    signatures: dict[str, Signature]  # of single effects at the base fit
+    candidates: list[Candidate] = field(default_factory=list)  # the best first; never empty
+
+
+class Search:
+    """Explains one campaign. `own` are the effects that the model has already."""
+
+    def __init__(
+        self,
+        fitter: Fitter,
+        *,
+        own: Sequence[str] = (),
+        kappa: KappaConvention = "paper",
+        workers: int = 1,
+        progress: Progress = lambda _: None,
+    ) -> None:
+        self._fitter, self._own, self._kappa = fitter, tuple(own), kappa
+        self._workers, self._progress = workers, progress
+        self._library = [n for n in effect_names() if n not in self._own]
+
+    def base(self) -> Candidate:
+        """Return the fit of the model as it is.
+
+        Raises:
+            NotTrustworthyError: it has no answer at all for these curves.
+        """
+        unknowns = Unknowns(self._own, self._kappa)
+        fits = []
+        for start in _STARTS:
+            fit = self._fitter.fit(unknowns, unknowns.start(start))
+            if fit is not None:
+                fits.append(fit)
+            if self._own and fits:
+                break  # finite elements: one good start, from where the table led
+        if not fits:
+            raise NotTrustworthyError("the model has no answer for these curves")
+        return self._candidate(min(fits, key=lambda f: f.cost), None)
+
+    def run(self) -> Found:
+        """Return the base fit, the screen and the candidates."""
+        self._progress("fitting the model as it is")
+        base = self.base()
+        with _pool(self._fitter, self._workers) as pool:
+            self._progress(f"screening {len(self._library)} effects")
+            signatures = self._screen(pool, base.fit, self._library)
+            chosen = _worth(signatures.values())
+            singles: list[Candidate] = []
+            if chosen:
+                self._progress(f"fitting {', '.join(s.effect for s in chosen)}")
+                singles = self._fits(pool, base, [(base.fit, s) for s in chosen])
+            candidates = singles
+            if not base.adequate and not any(c.adequate for c in singles):
+                candidates = singles + self._pairs(pool, base, singles)
+        candidates.sort(key=lambda c: -c.log10_evidence)
+        return Found(base, signatures, candidates)
+
+    def _pairs(self, pool: Executor, base: Candidate, singles: list[Candidate]) -> list[Candidate]:
+        leaders = sorted(singles, key=lambda c: -c.log10_evidence)[:_LEADERS]
+        tasks: dict[frozenset[str], tuple[Fit, Signature]] = {}
+        for leader in leaders:
+            mine = leader.effects[-1]
+            self._progress(f"looking for a partner of {mine}")
+            others = [n for n in self._library if n != mine]
+            found = self._screen(pool, leader.fit, others)
+            for s in sorted(found.values(), key=lambda s: -s.gain)[:_PARTNERS]:
+                expected = leader.fit.cost - s.gain
+                names = frozenset((mine, s.effect))
+                if s.gain > _SEEN and (
+                    names not in tasks or expected < tasks[names][0].cost - tasks[names][1].gain
+                ):
+                    tasks[names] = leader.fit, s
+        ranked = sorted(tasks.values(), key=lambda t: t[0].cost - t[1].gain)[:8]
+        if not ranked:
+            return []
+        self._progress(
+            "fitting pairs: " + ", ".join(f"{f.effects[-1]} and {s.effect}" for f, s in ranked)
+        )
+        return self._fits(pool, base, ranked)
+
+    def _screen(self, pool: Executor, fit: Fit, names: Iterable[str]) -> dict[str, Signature]:
+        found = pool.map(_signature, [(fit, name) for name in names])
+        return {s.effect: s for s in found if s is not None}
+
+    def _fits(
+        self, pool: Executor, base: Candidate, tasks: Sequence[tuple[Fit, Signature]]
+    ) -> list[Candidate]:
+        found = []
+        for fit in pool.map(_fit, tasks):
+            if fit is not None:
+                found.append(self._candidate(fit, base))
+        return found
+
+    def _candidate(self, fit: Fit, base: Candidate | None) -> Candidate:
+        left = look(
+            self._fitter.records, self._fitter.errors, fit.deflections_mm, len(fit.unknowns)
+        )
+        if base is None:
+            return Candidate(fit, left, 0.0)
+        added = len(fit.effects) - len(self._own)
+        n = len(self._library)
+        odds = 1.0 / n if added == 1 else _PAIRS_ODDS / (0.5 * n * (n - 1))
+        relative = (fit.log_evidence - base.fit.log_evidence) / LOG10 + math.log10(odds)
+        return Candidate(fit, left, relative)
+
+
+def _worth(signatures: Iterable[Signature]) -> list[Signature]:
+    ranked = sorted(signatures, key=lambda s: -s.gain)
+    largest = ranked[0].gain if ranked else 0.0
+    return [s for s in ranked if s.gain > max(_SEEN, _SHARE * largest)][:_MOST_SINGLES]
+
+
+# ---- work of other processes: the fitter is theirs by inheritance, once ----
+
+_mine: dict[str, Fitter] = {}
+
+
+def _take(fitter: Fitter) -> None:
+    _mine["fitter"] = fitter
+
+
+class _Here(Executor):
+    """Does the work in this process."""
+
+    def __init__(self, fitter: Fitter) -> None:
+        _take(fitter)
+
+    def map(self, fn: Callable[..., Any], *iterables: Any, **_: Any) -> Any:
+        return map(fn, *iterables)
+
+
+def _pool(fitter: Fitter, workers: int) -> Executor:
+    if workers == 1:
+        return _Here(fitter)
+    return ProcessPoolExecutor(workers, initializer=_take, initargs=(fitter,))
+
+
+def _signature(task: tuple[Fit, str]) -> Signature | None:
+    return signature(_mine["fitter"], *task)
+
+
+def _fit(task: tuple[Fit, Signature]) -> Fit | None:
+    """Fit with one more effect, from the size that the screen expects, and from half of it."""
+    fit, seen = task
+    fitter = _mine["fitter"]
+    unknowns = Unknowns((*fit.effects, seen.effect), fit.unknowns.kappa)
+    axes = unknowns.axes[len(fit.unknowns.axes) :]
+    best: Fit | None = None
+    for share in (0.7, 0.2, 1.5):
+        own = [
+            axis.to_u(axis.parameter.typical)
+            if axis.parameter.zero is None
+            else share * seen.amount
+            if axis is next(a for a in axes if a.parameter.zero is not None)
+            else 0.0
+            for axis in axes
+        ]
+        low, high = unknowns.bounds
+        start = np.clip(np.concatenate([fit.u, own]), low, high)
+        found = fitter.fit(unknowns, start)
+        if found is not None and (best is None or found.cost < best.cost):
+            best = found
+        # An effect that does not take away what the screen expected may have been misled.
+        if best is not None and best.settled and best.cost < fit.cost - 0.5 * seen.gain:
+            break
+    return best

@@ -1,0 +1,45 @@
+"""From candidates to one of four verdicts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from skinlab.discrepancy.search import TIE, Candidate, Found
+
+Name = Literal["none", "named", "ambiguous", "unknown"]
+
+
+@dataclass(frozen=True, eq=False)
+class Verdict:
+    """What is missing: `explanations` are empty, one, or all that are tied."""
+
+    name: Name
+    explanations: list[Candidate]
+
+
+def decide(found: Found) -> Verdict:
+    """Return the verdict.
+
+    `none`: the model's residual may be noise, and no effect's evidence is more than 20 : 1 against
+    it, the many effects that were tried counted. Else the explanations whose residual may be noise
+    are compared: `named` where one is at least 20 : 1 ahead of all others, `ambiguous` where
+    several are not; `unknown` where no explanation's residual may be noise.
+    """
+    base = found.base
+    ahead = [c for c in found.candidates if c.log10_evidence >= TIE]
+    if base.adequate and not any(c.adequate for c in ahead):
+        return Verdict("none", [])
+    good = [c for c in ahead if c.adequate]
+    if not good:
+        return Verdict("unknown", [])
+    best = max(c.log10_evidence for c in good)
+    tied = [c for c in found.candidates if c.log10_evidence > best - TIE and c.log10_evidence > 0]
+    # More effects where fewer do as well are no other explanation.
+    minimal = [
+        c
+        for c in tied
+        if c.adequate and not any(set(o.effects) < set(c.effects) and o.adequate for o in tied)
+    ]
+    minimal.sort(key=lambda c: -c.log10_evidence)
+    return Verdict("named" if len(minimal) == 1 else "ambiguous", minimal)

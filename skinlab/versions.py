@@ -1,0 +1,40 @@
+"""Which software and machine results come from: what can make a replay differ."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+
+from skinlab import __version__
+
+# Computes nothing: a change here changes no result.
+_SCREENS = frozenset({"tui", "cli", "report"})
+
+
+def versions() -> dict[str, str]:
+    """Return what a result may depend on, by name."""
+    return {
+        "skinlab": __version__,
+        "code": code_hash(),
+        "python": platform.python_version(),
+        "numpy": version("numpy"),
+        "scipy": version("scipy"),
+        "machine": f"{platform.system()} {platform.machine()}",
+    }
+
+
+@cache
+def code_hash() -> str:
+    """Return a hash of the source files that curves and results are computed with."""
+    package = Path(__file__).parent
+    digest = hashlib.sha256()
+    for folder in (package, package.parent / "drivers"):
+        for path in sorted(folder.rglob("*.py")):
+            name = path.relative_to(folder.parent)
+            if not _SCREENS & set(name.parts):
+                digest.update(f"{name.as_posix()} ".encode())
+                digest.update(path.read_bytes())
+    return digest.hexdigest()[:12]
