@@ -18,6 +18,7 @@ from drivers.errors import DriverError, LinkError
 from drivers.probe import Probe
 from drivers.reconnect import Backoff, reconnect
 from skinlab.errors import AcquisitionError, SkinlabError
+from skinlab.pauses import shorten_pauses
 from skinlab.stream import CurveCompleted, Happened, Identified, Message
 from skinlab.tui.news import (
     Connected,
@@ -212,6 +213,7 @@ class Bench:
         with self._loading:
             if self._identifier is None:
                 self._identifier = self._make_identifier()
+                shorten_pauses()
             return self._identifier
 
     def _stay_behind(self, vents: int) -> None:
