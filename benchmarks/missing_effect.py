@@ -211,9 +211,7 @@ def draw(part: str, seed: int, number: int, attempt: int) -> tuple[Truth, Any]:
     return truth, plan
 
 
-def _size(
-    rng: np.random.Generator, zero: float, low: float, high: float, sign: str
-) -> float:
+def _size(rng: np.random.Generator, zero: float, low: float, high: float, sign: str) -> float:
     size = float(np.exp(rng.uniform(np.log(low), np.log(high))))
     return zero + size * (float(rng.choice([-1.0, 1.0])) if sign == "±" else 1.0)
 
@@ -521,9 +519,7 @@ def main() -> None:
             if (part, arguments.seed, n) not in done
         ]
         with ProcessPoolExecutor(arguments.workers) as pool, arguments.lines.open("a") as out:
-            work = [
-                pool.submit(partial(judge, part, arguments.seed, version, n)) for n in numbers
-            ]
+            work = [pool.submit(partial(judge, part, arguments.seed, version, n)) for n in numbers]
             for job in work:
                 line = job.result()
                 out.write(json.dumps(line, ensure_ascii=False) + "\n")
