@@ -16,7 +16,7 @@ from skinlab.tui.app import SkinlabApp
 from skinlab.tui.bench import Bench, default_identifier
 
 SIMULATED = "sim://?seed=1&speed=20"
-PATIENCE_S = 30.0
+PATIENCE_S = 60.0
 
 
 class Bedside:

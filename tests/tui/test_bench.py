@@ -19,7 +19,7 @@ from skinlab.tui.news import Connected, Disconnected, Failed, Found, Heard, Save
 from skinlab.tui.order import Order
 
 PORT = "sim://?seed=1&speed=20"
-PATIENCE_S = 30.0
+PATIENCE_S = 60.0
 
 
 def order(program="ramp:100@20", port=PORT):
@@ -214,6 +214,7 @@ def test_a_bug_in_the_pipeline_vents_and_saves(tmp_path, identifier):
         phases = identifier.phases
         sensor = identifier.sensor
         database = identifier.database
+        growing = identifier.growing
         __call__ = staticmethod(broken)
 
     room = Room(tmp_path, Broken())
