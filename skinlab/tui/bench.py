@@ -19,6 +19,7 @@ from drivers.probe import Probe
 from drivers.reconnect import Backoff, reconnect
 from skinlab.errors import AcquisitionError, SkinlabError
 from skinlab.identify.result import Identification
+from skinlab.pauses import shorten_pauses
 from skinlab.stream import CurveCompleted, Happened, Identified, Message
 from skinlab.tui.analyst import Analyst
 from skinlab.tui.news import (
@@ -260,6 +261,7 @@ class Bench:
         with self._loading:
             if self._identifier is None:
                 self._identifier = self._make_identifier()
+                shorten_pauses()
             return self._identifier
 
     def _stay_behind(self, vents: int) -> None:
