@@ -213,7 +213,7 @@ def test_a_ramp_creeps_to_its_closed_form():
         {"viscoelasticity": {"g": 0.3, "tau_s": 1.0}, "pressure_lag": {"lag_s": 0.0}},
         {"contact_preload": {"p0_mbar": 6.0}, "thickness_error": {"ratio": 1.15}},
     ],
-    ids=lambda effects: "+".join(effects),
+    ids="+".join,
 )
 def test_the_model_is_exact_at_its_anchor(table, effects):
     records = records_of(measured({}, [STAIRS, RAMPS[1]]))
