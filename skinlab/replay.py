@@ -11,11 +11,13 @@ from drivers.events import Sample, TimedEvent
 from skinlab.curve import Curve
 from skinlab.database.base import Database
 from skinlab.database.store import shipped_grid, shipped_table
+from skinlab.discrepancy.model_identifier import with_model
 from skinlab.errors import InputError
 from skinlab.identify.identifier import Identifier
 from skinlab.identify.problem import Options, check
 from skinlab.identify.result import Identification
 from skinlab.identify.uncertainty import Sensor
+from skinlab.model_file import decode_model
 from skinlab.pipeline import Listener, Pipeline
 from skinlab.replay_control import ReplayControl
 from skinlab.session import Session
@@ -67,6 +69,9 @@ def identifier_of(session: Session) -> tuple[Identifier, str | None]:
             phases=tuple(settings["phases"]),
             sensor=Sensor(settings.get("noise_um"), settings.get("pressure_noise_mbar")),
         )
+        if settings.get("model") is not None:
+            model = decode_model(settings["model"], "the session's field identification.model")
+            identifier = with_model(identifier, model)
     except (KeyError, TypeError) as error:
         raise InputError(f"the session's field identification is damaged ({error})") from None
     warning = None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -15,8 +15,12 @@ from skinlab.cli.options import (
     identification_options,
     json_option,
     make_identifier,
+    parse_phases,
     print_json,
 )
+
+if TYPE_CHECKING:
+    from skinlab.program import Program
 
 
 @click.command(cls=MethodCommand)
@@ -65,15 +69,27 @@ def command(
         raise InputError(f"rate_hz {rate_hz:g}: expected a positive number of samples a second")
     if not 0 <= rest_s <= 3600:
         raise InputError(f"rest_s {rest_s:g}: expected 0–3600 s")
+    asked = parse_program(program)
+    _check_phases(asked, options["phases"])
     setup = Setup(
         aperture_mm,
         thickness_mm,
-        parse_program(program),
+        asked,
         cycle=first_cycle,
         thickness_sd_mm=thickness_sd_mm,
     )
     plan = Plan(setup, repeats=repeats, rest_s=rest_s, rate_hz=rate_hz)
     return run(port, plan, out, make_identifier(**options), subject, site, as_json=as_json)
+
+
+def _check_phases(program: Program, phases: str) -> None:
+    """Refuse, before any suction, a program that holds nothing to fit."""
+    if not set(parse_phases(phases)) & set(program.phases):
+        found = ", ".join(dict.fromkeys(program.phases))
+        raise click.BadParameter(
+            f"{program} has no {phases}, so that nothing could be fitted; it has {found}",
+            param_hint="--phases",
+        )
 
 
 def run(
@@ -95,6 +111,7 @@ def run(
     from drivers.probe import Probe
     from skinlab.identify.result import Identification, document
     from skinlab.measure import measure
+    from skinlab.pauses import shorten_pauses
     from skinlab.pipeline import Pipeline
     from skinlab.recording import Recording
     from skinlab.report.outage import outage_words
@@ -117,6 +134,7 @@ def run(
     # A terminated process, or one whose terminal is closed, vents like an interrupted one.
     interrupt_on_signals()
     recording = Recording(out, identifier, subject=subject, site=site, url=port)
+    shorten_pauses()
     failed: BaseException | None = None
     try:
         with Probe(port, on_bytes=recording.journal.raw) as probe:
