@@ -75,9 +75,10 @@ def _said(text: str | None) -> str:
     return "" if text is None or text == "n/a" else text  # pyserial's word for nothing
 
 
-def open_link(url: str) -> Link:
+def open_link(url: str, framing: str = "8N1") -> Link:
     """Open a serial port, or what a pyserial URL names.
 
+    framing: data bits, parity (N, E, O) and stop bits of a serial line; docs/wire.md says 8N1.
     `/dev/ttyUSB0`, `COM3`, `socket://HOST:PORT`, `rfc2217://HOST:PORT`, `sim://?skin=FILE&seed=N`.
     A serial line may be asked for another speed: `/dev/ttyUSB0?baud=460800`, `rfc2217://…?baud=…`.
     Raises LinkError, one sentence that names the URL; PortUrlError where the URL itself is wrong.
@@ -90,6 +91,9 @@ def open_link(url: str) -> Link:
         port = serial.serial_for_url(
             name,
             baudrate=baud_rate,
+            bytesize=int(framing[0]),
+            parity=framing[1],
+            stopbits=int(framing[2]),
             timeout=_POLL_S,
             # pyserial's rfc2217 knows none, and gives up after 5 s by itself
             write_timeout=None if name.startswith("rfc2217:") else _WRITE_TIMEOUT_S,

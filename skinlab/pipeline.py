@@ -6,9 +6,10 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 from skinlab.assembler import CurveAssembler
+from skinlab.curve import Curve
 from skinlab.identify.identifier import Identifier
 from skinlab.monitor import Monitor
-from skinlab.stream import CurveCompleted, Identified, Item, Message, Planned
+from skinlab.stream import CurveCompleted, CurveStarted, Identified, Item, Message, Planned
 
 Listener = Callable[[Message], None]
 
@@ -41,6 +42,14 @@ class Pipeline:
             return
         for message in self._assembler.feed(item.event):
             self._tell(message)
+
+    def complete(self, index: int, curve: Curve) -> None:
+        """Take a curve that is complete already, and of which there are no items: an imported one.
+
+        index: counts the curves from 1.
+        """
+        self._tell(CurveStarted(index, curve.setup))
+        self._tell(CurveCompleted(index, curve, None, 0))
 
     def end(self, reason: str = "the stream ended") -> None:
         """Complete what is under way: there are no more items."""

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import signal
 import sys
 from pathlib import Path
-from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from skinlab.cli.interrupts import interrupt_on_signals
 from skinlab.cli.method_options import MethodCommand
 from skinlab.cli.options import (
     geometry_options,
@@ -133,8 +132,7 @@ def run(
             click.echo(f"skinlab: {words}", err=True)
 
     # A terminated process, or one whose terminal is closed, vents like an interrupted one.
-    for name in _SIGNALS:
-        signal.signal(getattr(signal, name), _interrupt)
+    interrupt_on_signals()
     recording = Recording(out, identifier, subject=subject, site=site, url=port)
     shorten_pauses()
     failed: BaseException | None = None
@@ -178,13 +176,3 @@ def _finish(recording: Any, failed: BaseException | None) -> Path | None:
         before = "recording failed, the probe was told to vent" if trouble else failed
         raise AcquisitionError(f"{before}; {error}") from None
     return saved
-
-
-_SIGNALS = [s for s in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, s)]  # Windows: no HUP
-
-
-def _interrupt(number: int, frame: FrameType | None) -> None:
-    # Once: an impatient second one must not interrupt the vent and the saving.
-    for name in _SIGNALS:
-        signal.signal(getattr(signal, name), signal.SIG_IGN)
-    raise KeyboardInterrupt

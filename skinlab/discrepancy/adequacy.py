@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,12 +12,14 @@ from scipy.stats import chi2, norm
 
 from skinlab.discrepancy.misfit import Errors
 from skinlab.discrepancy.records import Record
+from skinlab.identify.noise import roughness
 
 Array = NDArray[np.float64]
 
 _BINS = 6  # of a phase of a curve
 _FEWEST = 6  # samples of a bin
-_SIGMA_SD = 0.05  # relative uncertainty of a noise that was estimated
+_SIGMA_SD = 0.03  # relative uncertainty of a noise that was estimated from a whole campaign
+_MOST_OFF = 0.15
 ADEQUATE = 1e-3  # a fit whose residual is less likely than this leaves more than noise
 
 
@@ -55,10 +58,10 @@ def look(
     raw_all = off
     total, count, product, pairs = 0.0, 0, 0.0, 0
     places: list[tuple[float, Place]] = []
-    # An estimated noise may be off by some per cent, which must not look like structure.
-    scale = 1.0 + 2.0 * _SIGMA_SD
-    for record, z, raw in zip(records, errors.split(z_all), errors.split(raw_all), strict=True):
-        z = z / scale
+    scale = _noise_scale(records, errors.split(z_all))
+    for record, z, raw in zip(
+        records, errors.split(z_all / scale), errors.split(raw_all), strict=True
+    ):
         product += float(z[1:] @ z[:-1])
         pairs += len(z) - 1
         for begin, end in _stretches(record):
@@ -93,15 +96,27 @@ def look(
     return Residual(min(1.0, 2.0 * min(by_means, by_neighbours)), corrected)
 
 
+def _noise_scale(records: Sequence[Record], z: Sequence[Array]) -> float:
+    """Return by how much the noise may be larger than said, which must not look like structure.
+
+    A stated noise is taken at its word; an estimated one is corrected by how rough the residuals
+    are, as far as an estimate may be off.
+    """
+    if all(r.noise_is_stated for r in records):
+        return 1.0
+    rough = float(np.sqrt(np.average([roughness(v) ** 2 for v in z], weights=[len(v) for v in z])))
+    return float(np.clip(rough, 1.0, 1.0 + _MOST_OFF)) * (1.0 + _SIGMA_SD)
+
+
 def _stretches(record: Record) -> list[tuple[int, int]]:
     """Return begin and end of stretches: each phase in parts of about equal length."""
     phase = record.curve.phase
     edges = [0, *(np.flatnonzero(phase[1:] != phase[:-1]) + 1).tolist(), len(phase)]
     found = []
-    for begin, end in zip(edges[:-1], edges[1:], strict=True):
+    for begin, end in pairwise(edges):
         parts = min(_BINS, (end - begin) // _FEWEST)
         if parts < 1:
             continue
         cuts = np.linspace(begin, end, parts + 1).astype(int).tolist()
-        found += list(zip(cuts[:-1], cuts[1:], strict=True))
+        found += list(pairwise(cuts))
     return found

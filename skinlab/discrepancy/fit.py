@@ -75,9 +75,9 @@ class Fitter:
         """Return the model of an explanation, without an anchor."""
         return MappedModel(self.records, unknowns, self.domes)
 
-    def prepare(self, model: MappedModel, u: Array) -> bool:
+    def prepare(self, model: MappedModel, u: Array, *, slopes: bool = False) -> bool:
         """Solve the finite elements at u where they are to be used; False where they fail."""
-        return not self._finite_elements or model.anchor(u, slopes=False)
+        return not self._finite_elements or model.anchor(u, slopes=slopes)
 
     def residuals(self, model: MappedModel, u: Array, keep: Array | None = None) -> Array:
         """Return whitened residuals (n,); large where there is no model."""

@@ -148,7 +148,8 @@ class MappedModel:
     def anchor(self, u: Array, *, slopes: bool = True) -> bool:
         """Solve the finite elements at u, so that the model is exact there.
 
-        With `slopes` the first anchor also learns how the correction changes around it. Returns False where they do not hold over most of the pressures.
+        With `slopes` the first anchor also learns how the correction changes around it. Returns
+        False where they do not hold over most of the pressures.
         """
         problems = self._problems(u)
         if problems is None:

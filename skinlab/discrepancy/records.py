@@ -37,6 +37,7 @@ class Record:
     pressure_mbar: Array  # (n,) on the path, or near it
     pressure_sd_mbar: float  # how well that is known
     noise_um: float  # of one deflection sample
+    noise_is_stated: bool = False
 
     @property
     def name(self) -> str:
@@ -102,6 +103,7 @@ def _record(curve: Curve, noise_um: float | None, pressure_noise: float | None) 
         pressure,
         sd,
         float(own),
+        noise_um is not None,
     )
 
 

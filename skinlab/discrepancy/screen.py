@@ -1,4 +1,4 @@
-"""A first look at every effect: how well does its signature fit what is left?
+"""A first look at every effect: how well its signature fits what is left.
 
 The signature of an effect is what a typical size of it changes in the curves, after projecting out
 what X1, X2 and ν (and the effects already there) can absorb: the score test. It costs a handful of
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.discrepancy.fit import Fit, Fitter
-from skinlab.discrepancy.unknowns import Unknowns
+from skinlab.discrepancy.unknowns import Axis
 
 Array = NDArray[np.float64]
 
@@ -27,6 +27,7 @@ class Signature:
     """What an effect would do to a fit's residual, linearised."""
 
     effect: str
+    axes: tuple[Axis, ...]  # of the effect
     direction: Array  # (n,) whitened, for one typical size, absorbed parts taken out
     size: float  # its length: standard deviations at a typical size
     amount: float  # best size, in typical ones
@@ -41,7 +42,7 @@ class Signature:
 
 def signature(fitter: Fitter, fit: Fit, effect: str) -> Signature | None:
     """Return an effect's signature at a fit, None where its model does not hold there."""
-    unknowns = Unknowns((*fit.effects, effect), fit.unknowns.kappa)
+    unknowns = fit.unknowns.with_effect(effect)
     axes = unknowns.axes[len(fit.unknowns.axes) :]
     own = [0.0 if a.parameter.zero is not None else a.to_u(a.parameter.typical) for a in axes]
     zero = np.concatenate([fit.u, own])
@@ -65,13 +66,13 @@ def signature(fitter: Fitter, fit: Fit, effect: str) -> Signature | None:
     length = float(np.linalg.norm(direction))
     whole = float(np.linalg.norm(raw))
     if length < _INVISIBLE:
-        return Signature(effect, direction, length, 0.0, 0.0, 1.0)
+        return Signature(effect, axes, direction, length, 0.0, 0.0, 1.0)
     amount = float(direction @ residual) / length**2
     low, high = axis.bounds
     amount = float(np.clip(amount, low, high))
     gain = 2.0 * amount * float(direction @ residual) - amount**2 * length**2
     return Signature(
-        effect, direction, length, amount, max(gain, 0.0), 1.0 - length / max(whole, 1e-12)
+        effect, axes, direction, length, amount, max(gain, 0.0), 1.0 - length / max(whole, 1e-12)
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any
 
@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 
 from skinlab.discrepancy.adequacy import ADEQUATE, Residual, look
 from skinlab.discrepancy.fit import Fit, Fitter
+from skinlab.discrepancy.records import Record
 from skinlab.discrepancy.screen import Signature, signature
-from skinlab.discrepancy.unknowns import Unknowns
+from skinlab.discrepancy.unknowns import Known, Unknowns
 from skinlab.effects.registry import effect_names
 from skinlab.errors import NotTrustworthyError
-from skinlab.materials.compressibility import KappaConvention
+from skinlab.model_file import BASE, Model, Normal
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -58,29 +59,50 @@ class Candidate:
         return self.left.p_value >= ADEQUATE
 
 
+@dataclass(eq=False)
+class Partial:
+    """What is known so far, for whoever interrupts."""
+
+    base: Candidate | None = None
+    candidates: list[Candidate] = field(default_factory=list)
+
+
+def unknowns_of(model: Model) -> Unknowns:
+    """Return the unknowns of a model, with what it says of its effects as their priors."""
+    known = []
+    for name, ranges in model.effects.items():
+        for parameter, at in ranges.items():
+            sd = at.prior.sd if isinstance(at.prior, Normal) else 0.0
+            known.append(Known(name, parameter, at.value, sd))
+    return Unknowns(tuple(sorted(model.effects)), model.model.kappa, tuple(known))
+
+
 @dataclass(frozen=True, eq=False)
 class Found:
     """What the search came to."""
 
+    records: Sequence[Record]
     base: Candidate
     signatures: dict[str, Signature]  # of single effects at the base fit
     candidates: list[Candidate] = field(default_factory=list)  # the best first; never empty
 
 
 class Search:
-    """Explains one campaign. `own` are the effects that the model has already."""
+    """Explains one campaign, starting from a model that may have effects already."""
 
     def __init__(
         self,
         fitter: Fitter,
         *,
-        own: Sequence[str] = (),
-        kappa: KappaConvention = "paper",
+        model: Model = BASE,
         workers: int = 1,
         progress: Progress = lambda _: None,
+        partial: Partial | None = None,
     ) -> None:
-        self._fitter, self._own, self._kappa = fitter, tuple(own), kappa
-        self._workers, self._progress = workers, progress
+        self._fitter = fitter
+        self._unknowns = unknowns_of(model)
+        self._own = self._unknowns.effects
+        self._workers, self._progress, self._partial = workers, progress, partial
         self._library = [n for n in effect_names() if n not in self._own]
 
     def base(self) -> Candidate:
@@ -89,14 +111,15 @@ class Search:
         Raises:
             NotTrustworthyError: it has no answer at all for these curves.
         """
-        unknowns = Unknowns(self._own, self._kappa)
-        fits = []
-        for start in _STARTS:
-            fit = self._fitter.fit(unknowns, unknowns.start(start))
-            if fit is not None:
-                fits.append(fit)
-            if self._own and fits:
-                break  # finite elements: one good start, from where the table led
+        unknowns = self._unknowns
+        plain = replace(unknowns, effects=(), known=())
+        fits = [f for f in (self._fitter.fit(plain, start) for start in _STARTS) if f is not None]
+        if self._own:
+            # Finite elements cost more: from the best of the plain fits, and from the middle.
+            fits.sort(key=lambda f: f.cost)
+            starts = [*(f.u for f in fits[:1]), np.array([math.log(0.04), 4.0, 0.33])]
+            found = (self._fitter.fit(unknowns, unknowns.start(start)) for start in starts)
+            fits = [f for f in found if f is not None]
         if not fits:
             raise NotTrustworthyError("the model has no answer for these curves")
         return self._candidate(min(fits, key=lambda f: f.cost), None)
@@ -105,6 +128,8 @@ class Search:
         """Return the base fit, the screen and the candidates."""
         self._progress("fitting the model as it is")
         base = self.base()
+        if self._partial is not None:
+            self._partial.base = base
         with _pool(self._fitter, self._workers) as pool:
             self._progress(f"screening {len(self._library)} effects")
             signatures = self._screen(pool, base.fit, self._library)
@@ -113,11 +138,13 @@ class Search:
             if chosen:
                 self._progress(f"fitting {', '.join(s.effect for s in chosen)}")
                 singles = self._fits(pool, base, [(base.fit, s) for s in chosen])
+            if self._partial is not None:
+                self._partial.candidates = singles
             candidates = singles
             if not base.adequate and not any(c.adequate for c in singles):
                 candidates = singles + self._pairs(pool, base, singles)
         candidates.sort(key=lambda c: -c.log10_evidence)
-        return Found(base, signatures, candidates)
+        return Found(self._fitter.records, base, signatures, candidates)
 
     def _pairs(self, pool: Executor, base: Candidate, singles: list[Candidate]) -> list[Candidate]:
         leaders = sorted(singles, key=lambda c: -c.log10_evidence)[:_LEADERS]
@@ -207,7 +234,7 @@ def _fit(task: tuple[Fit, Signature]) -> Fit | None:
     """Fit with one more effect, from the size that the screen expects, and from half of it."""
     fit, seen = task
     fitter = _mine["fitter"]
-    unknowns = Unknowns((*fit.effects, seen.effect), fit.unknowns.kappa)
+    unknowns = fit.unknowns.with_effect(seen.effect)
     axes = unknowns.axes[len(fit.unknowns.axes) :]
     best: Fit | None = None
     for share in (0.7, 0.2, 1.5):

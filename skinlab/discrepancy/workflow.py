@@ -1,0 +1,68 @@
+"""The whole workflow: noise, base fit, where, which, what next, the gap."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from skinlab.campaign import Campaign
+from skinlab.database.dimensionless import DimensionlessTable
+from skinlab.discrepancy.fast_model import TableDomes
+from skinlab.discrepancy.fit import Fitter
+from skinlab.discrepancy.heldout import predict_held_out
+from skinlab.discrepancy.misfit import errors_of
+from skinlab.discrepancy.next_measurement import advise
+from skinlab.discrepancy.outcome import Outcome
+from skinlab.discrepancy.records import records_of
+from skinlab.discrepancy.screen import alike
+from skinlab.discrepancy.search import Partial, Search
+from skinlab.discrepancy.verdict import decide
+from skinlab.model_file import BASE, Model
+
+__all__ = ["Partial", "explain"]
+
+_MOST_TIED = 4  # explanations that a next measurement is looked for
+
+
+def explain(
+    campaign: Campaign,
+    database: DimensionlessTable,
+    *,
+    model: Model = BASE,
+    workers: int = 1,
+    finite_elements: bool = True,
+    progress: Callable[[str], None] = lambda _: None,
+    partial: Partial | None = None,
+) -> Outcome:
+    """Return what is missing in the model, as far as these curves tell.
+
+    `model` is what the curves are explained by so far; without `finite_elements` the effects that
+    the database cannot answer stay approximate. `partial` is told of what is known so far. The
+    answer is the same for any number of workers.
+
+    Raises:
+        InputError: a curve is too short.
+        NotTrustworthyError: the model has no answer for these curves at all.
+    """
+    records = records_of(campaign)
+    fitter = Fitter(
+        records, errors_of(records), TableDomes(database), finite_elements=finite_elements
+    )
+    found = Search(fitter, model=model, workers=workers, progress=progress, partial=partial).run()
+    verdict = decide(found)
+    progress("predicting conditions held out of the fit")
+    before = predict_held_out(fitter, found.base.fit)
+    held = {c.effects: predict_held_out(fitter, c.fit) for c in verdict.explanations}
+    following = None
+    if verdict.name == "ambiguous":
+        progress("looking for the measurement that would tell them apart")
+        following = advise(fitter, [c.fit for c in verdict.explanations[:_MOST_TIED]])
+    after = held[verdict.explanations[0].effects] if verdict.explanations else before
+    return Outcome(
+        verdict,
+        found,
+        before,
+        after,
+        {names: gap.rms_um for names, gap in held.items()},
+        following,
+        alike=alike(found.signatures),
+    )
