@@ -18,6 +18,7 @@ _COMMANDS = {
     "recover": ("recover", "Turn what a crash left into a session."),
     "session": ("session", "Check a session, or say what is in it."),
     "identify": ("identify", "Identify skin parameters from curves."),
+    "compare": ("compare", "Say whether the skin of two sessions differs."),
     "cutometer": ("cutometer", "The Cutometer's own numbers of step curves."),
     "discrepancy": ("discrepancy", "Find the physical effect that the model misses."),
     "import": ("import_", "Make a session of curves that other software exported."),

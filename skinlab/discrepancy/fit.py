@@ -19,6 +19,9 @@ from skinlab.discrepancy.unknowns import Unknowns
 Array = NDArray[np.float64]
 
 _ANCHORS = 7
+_REFRESHED = 3  # times that the slopes are taken anew
+_HOPELESS = 1.5  # a χ² a sample that no exact optimum will turn into an explanation
+_GAIN = 0.3  # of the cost: less is not worth another time
 _CLOSE = 0.25  # standard deviations: an anchor that changes nothing by more is the last
 _RADIUS = np.array([0.5, 0.9, 0.1])  # how far from an anchor it is trusted: log X1, log X2/X1, ν
 _EFFECT_RADIUS = 1.0
@@ -38,6 +41,7 @@ class Fit:
     jacobian: Array  # (n, k) of whitened residuals
     log_evidence: float
     settled: bool  # whether another anchor would change nothing
+    corrected: bool  # whether finite elements corrected the table
 
     @property
     def effects(self) -> tuple[str, ...]:
@@ -131,7 +135,28 @@ class Fitter:
         return np.asarray(found.x)
 
     def fit(self, unknowns: Unknowns, start: Array) -> Fit | None:
-        """Return the best fit near a start (k,), None where there is no model."""
+        """Return the best fit near a start (k,), None where there is no model.
+
+        What is learnt from anchor to anchor leads to the valley, not to its bottom: from where that
+        ended, the slopes are taken anew, until nothing is gained.
+        """
+        best = self._walk(unknowns, start)
+        for _ in range(_REFRESHED):
+            if best is None or not best.corrected or best.chi2 > _HOPELESS * self.errors.count:
+                return best
+            again = self._walk(unknowns, best.u)
+            if again is None or again.cost > best.cost - _GAIN:
+                break
+            best = again
+        assert best is not None
+        model = self.model(unknowns)
+        if not model.anchor(best.u):
+            return best
+        final = self._finish(model, best.u)
+        return best if final is None else replace(final, settled=best.settled)
+
+    def _walk(self, unknowns: Unknowns, start: Array) -> Fit | None:
+        """Return where one model, corrected from anchor to anchor, leads."""
         model = self.model(unknowns)
         low, high = unknowns.bounds
         if self._finite_elements and not model.anchor(start):
@@ -198,7 +223,15 @@ class Fitter:
             - unknowns.log_prior_volume
         )
         return Fit(
-            unknowns, u, predicted, cost - float(prior @ prior), cost, jacobian, evidence, True
+            unknowns,
+            u,
+            predicted,
+            cost - float(prior @ prior),
+            cost,
+            jacobian,
+            evidence,
+            settled=True,
+            corrected=model.corrected,
         )
 
 

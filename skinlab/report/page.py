@@ -66,11 +66,17 @@ class Section:
     sections: Sequence[Section] = ()
 
 
-def page(title: str, sections: Sequence[Section], *, subtitle: str = "") -> str:
-    """Return the page; the same input gives the same text."""
+def page(
+    title: str, sections: Sequence[Section], *, subtitle: str = "", notices: Sequence[str] = ()
+) -> str:
+    """Return the page; the same input gives the same text.
+
+    `notices` are what nobody may overlook, and stand in frames above all else.
+    """
     body = [f"<h1>{_text(title)}</h1>"]
     if subtitle:
         body.append(f'<p class="subtitle">{_text(subtitle)}</p>')
+    body += [f'<p class="notice">{_text(notice)}</p>' for notice in notices]
     if len(sections) > 1:
         body.append("<nav><ul>")
         body += [
@@ -94,10 +100,14 @@ def _section(section: Section, name: str, level: int) -> Iterator[str]:
         for point in section.points:
             yield f"<li>{_text(point)}</li>"
         yield "</ul>"
+    if section.figures:
+        yield '<div class="figures">'
     for figure in section.figures:
         caption = f"<figcaption>{_text(figure.caption)}</figcaption>" if figure.caption else ""
         alt = _text(figure.alt)
         yield f'<figure><img src="{figure.source}" alt="{alt}" />{caption}</figure>'
+    if section.figures:
+        yield "</div>"
     for table in section.tables:
         yield from _table(table)
     for number, inner in enumerate(section.sections, start=1):
@@ -152,7 +162,10 @@ h1 { margin-top: 0.5em; }
 h2 { border-top: 1px solid #bbb; padding-top: 0.8em; }
 .subtitle { color: #444; }
 a { color: #00508a; }
-figure { margin: 1rem 0; }
+.notice { border: 2px solid #b34700; padding: 0.5rem 0.75rem; font-weight: 600; }
+.figures { display: grid; gap: 1rem;
+  grid-template-columns: repeat(auto-fit, minmax(min(100%, 24rem), 1fr)); }
+figure { margin: 0; }
 img { max-width: 100%; height: auto; display: block; }
 figcaption, caption { color: #444; font-size: 0.9rem; text-align: left; padding: 0.3rem 0; }
 .wide { overflow-x: auto; margin: 1rem 0; }

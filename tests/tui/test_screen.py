@@ -40,7 +40,7 @@ async def test_other_fields_are_checked_as_they_are_typed(bedside):
             ("port", " ", "sim://", "expected a port"),
         ):
             await bed.type(field, text)
-            row = "#wrong-port" if field == "port" else "#wrong-aperture_mm"
+            row = {"port": "#wrong-port", "cycle": "#wrong-cycle"}.get(field, "#wrong-aperture_mm")
             await bed.until(lambda r=row, w=words: w in bed.text(r))
             assert bed.app.screen.query_one(f"#{field}").has_class("-wrong")
             await bed.fill(field, good)
