@@ -86,7 +86,9 @@ class Fitter:
         """Solve the finite elements at u where they are to be used; False where they fail."""
         return not self._finite_elements or model.anchor(u, slopes=slopes)
 
-    def residuals(self, model: MappedModel, u: Array, keep: Array | None = None) -> Array:
+    def residuals(
+        self, model: MappedModel, u: Array, keep: NDArray[np.bool_] | None = None
+    ) -> Array:
         """Return whitened residuals (n,); large where there is no model."""
         off = np.concatenate(model.predict(u)) - self.measured
         if not np.isfinite(off).all():
@@ -95,7 +97,9 @@ class Fitter:
             off = np.where(keep, off, 0.0)
         return self.errors.whiten(off)
 
-    def jacobian(self, model: MappedModel, u: Array, keep: Array | None = None) -> Array:
+    def jacobian(
+        self, model: MappedModel, u: Array, keep: NDArray[np.bool_] | None = None
+    ) -> Array:
         """Return derivatives (n, k) of `residuals`, by differences inside the bounds."""
         high = model.unknowns.bounds[1]
         here = self.residuals(model, u, keep)
@@ -114,7 +118,7 @@ class Fitter:
         start: Array,
         low: Array,
         high: Array,
-        keep: Array | None = None,
+        keep: NDArray[np.bool_] | None = None,
     ) -> Array:
         """Return the optimum between bounds, of the model as it is now."""
         unknowns = model.unknowns
