@@ -28,7 +28,9 @@ _DRAW_S = 0.05
 @click.option("--paused", is_flag=True, help="Begin paused (on a terminal, where keys go on).")
 @click.option("--verify", is_flag=True, help="Compare with the stored results, bit for bit.")
 @json_option()
-def command(session: Path, speed: str | None, ui: bool, paused: bool, verify: bool, as_json: bool) -> int:
+def command(
+    session: Path, speed: str | None, ui: bool, paused: bool, verify: bool, as_json: bool
+) -> int:
     """Run a recorded SESSION through driver, assembler, gates and identification again.
 
     On a terminal, a replay that is not at full speed takes keys: space pauses and goes on, the full
