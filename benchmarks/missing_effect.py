@@ -1,3 +1,4 @@
+# ruff: noqa: E501  (rows of figures)
 """The missing-effect workflow on simulated campaigns whose truth is hidden from it.
 
     python benchmarks/missing_effect.py --part none [--campaigns 15] [--seed 1] [--workers 2]

@@ -9,6 +9,10 @@ class LinkError(DriverError, OSError):
     """The link: no such port, unplugged, refused, timed out."""
 
 
+class PortUrlError(LinkError, ValueError):
+    """The URL itself is wrong: nothing was opened, and no other port would make it right."""
+
+
 class ProtocolError(DriverError):
     """Root of what goes wrong in the conversation itself."""
 

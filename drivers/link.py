@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import socket
 from dataclasses import dataclass
 from typing import Protocol
-from urllib.parse import parse_qsl
+from urllib.parse import parse_qsl, urlsplit
 
 import serial
 from serial.tools import list_ports as serial_list_ports
 
-from drivers.errors import LinkError
+from drivers.errors import LinkError, PortUrlError
 
 BAUD_RATE = 115_200
 BAUD_RATES = (1_200, 4_000_000)  # what a URL may ask for
 _POLL_S = 0.01  # one read waits this long; fixed, because setting it talks to the port each time
 _WRITE_TIMEOUT_S = 0.5
+_NETWORK = frozenset({"socket", "rfc2217"})
+_PYSERIALS_OPTIONS = "debug|info|warning|error"  # in its words for a URL that it cannot parse
 _SIMULATOR = "sim_device"  # where pyserial finds `sim://`; a name, so that nothing is imported here
 
 
@@ -72,28 +75,53 @@ def _said(text: str | None) -> str:
     return "" if text is None or text == "n/a" else text  # pyserial's word for nothing
 
 
-def open_link(url: str) -> Link:
+def open_link(url: str, framing: str = "8N1") -> Link:
     """Open a serial port, or what a pyserial URL names.
 
+    framing: data bits, parity (N, E, O) and stop bits of a serial line; docs/wire.md says 8N1.
     `/dev/ttyUSB0`, `COM3`, `socket://HOST:PORT`, `rfc2217://HOST:PORT`, `sim://?skin=FILE&seed=N`.
     A serial line may be asked for another speed: `/dev/ttyUSB0?baud=460800`, `rfc2217://…?baud=…`.
-    Raises LinkError, one sentence that names the URL.
+    Raises LinkError, one sentence that names the URL; PortUrlError where the URL itself is wrong.
     """
     if _SIMULATOR not in serial.protocol_handler_packages:
         serial.protocol_handler_packages.append(_SIMULATOR)
     try:
+        _check_address(url)
         name, baud_rate = _split_baud(url)
         port = serial.serial_for_url(
             name,
             baudrate=baud_rate,
+            bytesize=int(framing[0]),
+            parity=framing[1],
+            stopbits=int(framing[2]),
             timeout=_POLL_S,
             # pyserial's rfc2217 knows none, and gives up after 5 s by itself
             write_timeout=None if name.startswith("rfc2217:") else _WRITE_TIMEOUT_S,
             exclusive=True,
         )
+    except ValueError as error:  # pyserial's and our own word for it; what fails is an OSError
+        raise PortUrlError(f"cannot open {url or 'an empty port'}: {_why(error)}") from error
     except Exception as error:
+        if _PYSERIALS_OPTIONS in str(error):
+            raise PortUrlError(f"cannot open {url}: its options are not understood") from error
         raise LinkError(f"cannot open {url}: {_why(error)}") from error
     return _SerialLink(url, port)
+
+
+def _check_address(url: str) -> None:
+    """Raise ValueError for an address without host or port: pyserial stumbles over it."""
+    if not url.strip():
+        raise ValueError("expected a port, such as /dev/ttyUSB0, socket://HOST:PORT or sim://")
+    scheme = url.partition("://")[0]
+    if scheme not in _NETWORK:
+        return
+    parts = urlsplit(url)
+    try:
+        complete = parts.hostname and parts.port
+    except ValueError:
+        complete = None
+    if not complete or parts.path.strip("/"):
+        raise ValueError(f"expected {scheme}://HOST:PORT, PORT a number 1 to 65535")
 
 
 def _split_baud(url: str) -> tuple[str, int]:
@@ -165,6 +193,8 @@ def _why(error: BaseException) -> str:
     """Say why in one line; pyserial often keeps the system's own error only as the context."""
     causes = (error, error.__cause__ or error.__context__)
     for cause in (cause for cause in causes if cause is not None):
+        if isinstance(cause, socket.gaierror):
+            return "there is no such host"
         number = cause.errno if isinstance(cause, OSError) else None
         if number is None and cause.args and isinstance(cause.args[0], int):
             number = cause.args[0]  # termios.error

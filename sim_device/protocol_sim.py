@@ -46,16 +46,16 @@ class Serial(SerialBase):
     _world: _World | None = None
 
     def open(self) -> None:
-        """Make the device that the URL describes. Raises SerialException if it describes none."""
+        """Make the device that the URL describes.
+
+        Raises ValueError for a wrong URL, SerialException where a file that it names is.
+        """
         if self.is_open:
             raise SerialException("Port is already open.")
         url = self.portstr or ""
         world = _unplugged.get(url)
         if world is None:
-            try:
-                device, speed = _device(url)
-            except ValueError as error:
-                raise SerialException(str(error)) from error
+            device, speed = _device(url)
             world = _World(device, speed, self.clock())
         world.advance(self.clock())
         if not world.device.plugged:
@@ -139,13 +139,20 @@ def _device(url: str) -> tuple[Device, float]:
     seed = query.get("seed", "0")
     if not (seed.isascii() and seed.isdecimal()):
         raise ValueError(f"seed must be a whole number, not {seed!r}")
-    device = build_device(
-        query.get("skin"),
-        seed=int(seed),
-        speed=speed,
-        aperture_mm=_number(query, "aperture_mm", 6.0),
-        faults_file=query.get("faults"),
-    )
+    aperture_mm = _number(query, "aperture_mm", 6.0)
+    files = {key: query.get(key) for key in ("skin", "faults")}
+    try:
+        device = build_device(
+            files["skin"],
+            seed=int(seed),
+            speed=speed,
+            aperture_mm=aperture_mm,
+            faults_file=files["faults"],
+        )
+    except ValueError as error:
+        if any(file and str(error).startswith(file) for file in files.values()):
+            raise SerialException(str(error)) from error  # the file is wrong, not the URL
+        raise
     return device, speed
 
 

@@ -1,5 +1,5 @@
 """`python -m skinlab` is `skinlab`."""
 
-from skinlab.cli.main import main
+from skinlab.start import main
 
 main()

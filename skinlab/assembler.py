@@ -6,6 +6,8 @@ cuts a curve where the live run did.
 
 from __future__ import annotations
 
+from array import array
+
 import numpy as np
 
 from drivers.events import (
@@ -22,13 +24,32 @@ from skinlab.curve import FEWEST_POINTS, Curve, Setup
 from skinlab.stream import CurveCompleted, CurveStarted, Happened, Message, Sampled
 
 
+class _Columns:
+    """Samples as plain numbers: ten minutes at 1 kHz are nothing for the garbage collector."""
+
+    def __init__(self) -> None:
+        self.time_s = array("d")
+        self.pressure_mbar = array("d")
+        self.deflection_mm = array("d")
+        self.segment = array("q")
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    def append(self, sample: Sample) -> None:
+        self.time_s.append(sample.device_time_s)
+        self.pressure_mbar.append(sample.pressure_mbar)
+        self.deflection_mm.append(sample.deflection_mm)
+        self.segment.append(sample.segment)
+
+
 class CurveAssembler:
     """Collects the samples of each run into a curve; the final vent is not part of it."""
 
     def __init__(self) -> None:
         self._next: Setup | None = None  # of the next run
         self._setup: Setup | None = None  # of the present one
-        self._samples: list[Sample] = []
+        self._samples = _Columns()
         self._index = 0
         self._running = False
         self._cut: str | None = None
@@ -56,7 +77,7 @@ class CurveAssembler:
             case Sample() if self._running and self._setup is not None:
                 if event.segment >= self._segments():
                     messages += self._finish()
-                elif not self._samples or event.device_time_s > self._samples[-1].device_time_s:
+                elif not self._samples or event.device_time_s > self._samples.time_s[-1]:
                     self._samples.append(event)
                 # else the instrument's clock went back: no point of a curve; it stays in the record
             case Gap() if self._running:
@@ -87,24 +108,24 @@ class CurveAssembler:
         assert self._next is not None
         self._setup = self._next
         self._index += 1
-        self._running, self._samples, self._cut, self._lost = True, [], None, 0
+        self._running, self._samples, self._cut, self._lost = True, _Columns(), None, 0
         return CurveStarted(self._index, self._setup)
 
     def _finish(self) -> list[Message]:
         assert self._setup is not None
         self._running = False
         samples = self._samples
-        if not samples or samples[-1].segment < self._segments() - 1:
+        if not len(samples) or samples.segment[-1] < self._segments() - 1:
             self._cut = self._cut or "the program did not reach its end"
         if len(samples) < FEWEST_POINTS:
             return []  # nothing that could be called a curve; the samples stay in the record
         curve = Curve(
             name=f"curve {self._index}",
             setup=self._setup,
-            time_s=np.array([s.device_time_s for s in samples]),
-            pressure_mbar=np.array([s.pressure_mbar for s in samples]),
-            deflection_mm=np.array([s.deflection_mm for s in samples]),
-            segment=np.array([s.segment for s in samples], dtype=np.intp),
+            time_s=np.array(samples.time_s),
+            pressure_mbar=np.array(samples.pressure_mbar),
+            deflection_mm=np.array(samples.deflection_mm),
+            segment=np.array(samples.segment, dtype=np.intp),
             partial=self._cut is not None,
         )
         return [CurveCompleted(self._index, curve, self._cut, self._lost)]

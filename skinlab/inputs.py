@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from skinlab.campaign import read_campaign
+from skinlab.campaign import Campaign, read_campaign
 from skinlab.curve import Curve, Setup
 from skinlab.curve_csv import read_curve
 from skinlab.errors import InputError
@@ -45,4 +45,28 @@ def read_input(path: Path, setup: Setup | None) -> Input:
         curves = read_session(path).curves
         named = tuple(replace(curve, name=f"{path}:{curve.name}") for curve in curves)
         return Input(named, measured_here=True)
-    raise InputError(f"{path}: expected a curve (.csv), a session (.h5) or a campaign (.toml)")
+    raise InputError(
+        f"{path}: expected a curve (.csv), a session (.h5) or a campaign (.toml); "
+        "`skinlab import` takes what other software exports"
+    )
+
+
+def read_campaign_or_session(path: Path) -> tuple[Campaign, list[Path]]:
+    """Return the curves that are explained together, and the files they are from.
+
+    Raises:
+        InputError: the file cannot be read, or is neither.
+    """
+    if path.is_dir():
+        path = path / "campaign.toml"
+    suffix = path.suffix.lower()
+    if suffix == ".toml":
+        campaign = read_campaign(path)
+        named = tuple(
+            replace(c, name=str(Path(c.name).relative_to(path.parent))) for c in campaign.curves
+        )
+        return replace(campaign, curves=named), [path, *(path.parent / c.name for c in named)]
+    if suffix in (".h5", ".hdf5"):
+        given = read_input(path, None)
+        return Campaign(path.stem, None, None, given.curves), [path]
+    raise InputError(f"{path}: expected a campaign (.toml) or a session (.h5)")

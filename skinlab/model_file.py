@@ -150,6 +150,15 @@ def read_model(path: str | Path) -> Model:
         raw = Path(path).read_bytes()
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from None
+    return decode_model(raw, str(path))
+
+
+def decode_model(raw: bytes | str, path: str) -> Model:
+    """Return the model that a file's text says; `path` is what to call it in messages.
+
+    Raises:
+        InputError: something in it is not known, missing or out of range; names the field.
+    """
     try:
         said = msgspec.toml.decode(raw)
         _check_entries(said)

@@ -112,6 +112,42 @@ class RatioSpace:
 
 
 @dataclass(frozen=True)
+class AxisSpace:
+    """A box whose parameters are even between their bounds, or in their logarithms."""
+
+    names: tuple[str, ...]
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+    logarithmic: tuple[bool, ...]
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper bounds (k,)."""
+        return np.array(self.low), np.array(self.high)
+
+    def _ends(self) -> tuple[Array, Array, NDArray[np.bool_]]:
+        logs = np.array(self.logarithmic)
+        low, high = self.bounds
+        return (
+            np.where(logs, np.log(np.where(logs, low, 1.0)), low),
+            np.where(logs, np.log(np.where(logs, high, 1.0)), high),
+            logs,
+        )
+
+    def from_unit(self, unit: Array) -> Array:
+        """Return the parameters."""
+        low, high, logs = self._ends()
+        at = low + (high - low) * unit
+        return np.asarray(np.where(logs, np.exp(np.where(logs, at, 0.0)), at))
+
+    def to_unit(self, parameters: Array) -> Array:
+        """Return the points of the cube."""
+        low, high, logs = self._ends()
+        at = np.where(logs, np.log(np.where(logs, parameters, 1.0)), parameters)
+        return np.asarray((at - low) / (high - low))
+
+
+@dataclass(frozen=True)
 class WithFactor:
     """A space with one more parameter at its end: a factor, even in its logarithm."""
 

@@ -6,11 +6,14 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 from skinlab.assembler import CurveAssembler
+from skinlab.curve import Curve
 from skinlab.identify.identifier import Identifier
+from skinlab.identify.result import Identification
 from skinlab.monitor import Monitor
-from skinlab.stream import CurveCompleted, Identified, Item, Message, Planned
+from skinlab.stream import CurveCompleted, CurveStarted, Identified, Item, Message, Planned
 
 Listener = Callable[[Message], None]
+HandOver = Callable[[int, Curve], None]
 
 
 class Pipeline:
@@ -22,8 +25,18 @@ class Pipeline:
     error is lost.
     """
 
-    def __init__(self, identifier: Identifier | None, listeners: Iterable[Listener] = ()) -> None:
-        """Without an identifier curves are assembled only."""
+    def __init__(
+        self,
+        identifier: Identifier | None,
+        listeners: Iterable[Listener] = (),
+        hand_over: HandOver | None = None,
+    ) -> None:
+        """Without an identifier curves are assembled only.
+
+        With `hand_over` each completed curve goes there, so that its identification holds nothing
+        up; `identified` takes the answer.
+        """
+        self._hand_over = hand_over
         self._assembler = CurveAssembler()
         self._monitor = Monitor()
         self._identifier = identifier
@@ -42,19 +55,34 @@ class Pipeline:
         for message in self._assembler.feed(item.event):
             self._tell(message)
 
+    def complete(self, index: int, curve: Curve) -> None:
+        """Take a curve that is complete already, and of which there are no items: an imported one.
+
+        index: counts the curves from 1.
+        """
+        self._tell(CurveStarted(index, curve.setup))
+        self._tell(CurveCompleted(index, curve, None, 0))
+
     def end(self, reason: str = "the stream ended") -> None:
         """Complete what is under way: there are no more items."""
         for message in self._assembler.end(reason):
             self._tell(message)
+
+    def identified(self, index: int, curve: Curve, result: Identification) -> None:
+        """Tell the answer for curve number `index`, with the names of the gates that it fails."""
+        names = [finding.gate for finding in self._monitor.findings(index)]
+        new = tuple(name for name in names if name not in result.flags)
+        result = replace(result, flags=(*result.flags, *new))
+        self._tell(Identified(index, curve, result))
 
     def _tell(self, message: Message) -> None:
         for listener in self._listeners:
             listener(message)
         for flagged in self._monitor.see(message):
             self._tell(flagged)
-        if isinstance(message, CurveCompleted) and self._identifier is not None:
-            result = self._identifier(message.curve)
-            names = [finding.gate for finding in self._monitor.findings(message.index)]
-            new = tuple(name for name in names if name not in result.flags)
-            result = replace(result, flags=(*result.flags, *new))
-            self._tell(Identified(message.index, message.curve, result))
+        if not isinstance(message, CurveCompleted):
+            return
+        if self._hand_over is not None:
+            self._hand_over(message.index, message.curve)
+        elif self._identifier is not None:
+            self.identified(message.index, message.curve, self._identifier(message.curve))

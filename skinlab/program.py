@@ -86,20 +86,13 @@ class Program:
         """Refuse what no probe should do."""
         if not self.segments:
             raise InputError("program is empty; expected for example ramp:100@20")
-        suction_s = 0.0
-        for segment, phase, start, end in zip(
-            self.segments, self.phases, self._starts(), self._ends(), strict=True
-        ):
+        for segment in self.segments:
             _check(segment)
-            if end > 0 or start > 0:
-                suction_s += _duration(segment, start)
-            if phase == "rest" or end == 0:
-                suction_s = 0.0
-            if suction_s > MOST_SUCTION_S:
-                raise InputError(
-                    f"program {self}: {suction_s:g} s of suction without a pause; "
-                    f"expected at most {MOST_SUCTION_S:g} s"
-                )
+        if self.longest_suction_s > MOST_SUCTION_S:
+            raise InputError(
+                f"program {self}: {self.longest_suction_s:g} s of suction without a pause; "
+                f"expected at most {MOST_SUCTION_S:g} s"
+            )
         if self.max_pressure_mbar <= 0:
             raise InputError(f"program {self}: never leaves zero; expected a ramp to a pressure")
 
@@ -124,6 +117,20 @@ class Program:
     def max_pressure_mbar(self) -> float:
         """Highest pressure asked for."""
         return max(self._ends())
+
+    @property
+    def longest_suction_s(self) -> float:
+        """Longest time under suction without a pause."""
+        longest = suction_s = 0.0
+        for segment, phase, start, end in zip(
+            self.segments, self.phases, self._starts(), self._ends(), strict=True
+        ):
+            if end > 0 or start > 0:
+                suction_s += _duration(segment, start)
+            if phase == "rest" or end == 0:
+                suction_s = 0.0
+            longest = max(longest, suction_s)
+        return longest
 
     @property
     def phases(self) -> tuple[Phase, ...]:

@@ -15,6 +15,7 @@ from skinlab.audit import Chain, note, operator
 from skinlab.errors import InputError
 from skinlab.identify.identifier import Identifier
 from skinlab.journal import Journal, read_journal
+from skinlab.model_file import BASE
 from skinlab.records import Kind, Record
 from skinlab.session import Session, read_session, session_from_records, write_session
 from skinlab.stream import (
@@ -45,6 +46,7 @@ def identification_settings(identifier: Identifier) -> dict[str, Any]:
         "forgetting": options.forgetting,
         "covariance": options.covariance,
         "passes": options.passes,
+        "model": None if identifier.model is BASE else identifier.model.to_toml(),
         "noise_um": identifier.sensor.noise_um,
         "pressure_noise_mbar": identifier.sensor.pressure_noise_mbar,
         "database_hash": identifier.database.content_hash,

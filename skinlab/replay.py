@@ -11,11 +11,13 @@ from drivers.events import Sample, TimedEvent
 from skinlab.curve import Curve
 from skinlab.database.base import Database
 from skinlab.database.store import shipped_grid, shipped_table
+from skinlab.discrepancy.model_identifier import with_model
 from skinlab.errors import InputError
 from skinlab.identify.identifier import Identifier
 from skinlab.identify.problem import Options, check
 from skinlab.identify.result import Identification
 from skinlab.identify.uncertainty import Sensor
+from skinlab.model_file import decode_model
 from skinlab.pipeline import Listener, Pipeline
 from skinlab.replay_control import ReplayControl
 from skinlab.session import Session
@@ -43,6 +45,8 @@ def identifier_of(session: Session) -> tuple[Identifier, str | None]:
         InputError: the session does not say how it was identified.
     """
     settings = session.meta.get("identification")
+    if settings is None and is_imported(session):
+        return Identifier(shipped_table()), None  # nothing was identified, nothing can differ
     if not isinstance(settings, dict):
         raise InputError("the session does not say how it was identified")
     stated = settings.get("database_hash")
@@ -65,6 +69,9 @@ def identifier_of(session: Session) -> tuple[Identifier, str | None]:
             phases=tuple(settings["phases"]),
             sensor=Sensor(settings.get("noise_um"), settings.get("pressure_noise_mbar")),
         )
+        if settings.get("model") is not None:
+            model = decode_model(settings["model"], "the session's field identification.model")
+            identifier = with_model(identifier, model)
     except (KeyError, TypeError) as error:
         raise InputError(f"the session's field identification is damaged ({error})") from None
     warning = None
@@ -86,6 +93,7 @@ def replay(
 
     Every event keeps the time at which it came. `control` says when it is passed on; None: at once.
     A replay that is stopped ends like a record that was cut off there.
+    Imported curves have no bytes and no pace: they go through the identification as they are.
     """
     curves: list[Curve] = []
 
@@ -101,7 +109,15 @@ def replay(
                 break
         pipeline.handle(item)
     pipeline.end("the record ends here")
+    if is_imported(session):
+        for number, curve in enumerate(session.curves, start=1):
+            pipeline.complete(number, curve)
     return curves
+
+
+def is_imported(session: Session) -> bool:
+    """Return whether the session is made of curves that other software exported."""
+    return "imported" in session.meta
 
 
 def differences(session: Session, curves: list[Curve], results: list[Identification]) -> list[str]:

@@ -130,9 +130,9 @@ def write_session(path: Path, session: Session, *, replace: bool = False) -> Non
         else:
             _take_name(partial, path)
         _names_to_disk(path.parent)
-    except FileExistsError:
-        raise InputError(f"{path}: exists already; a session is never overwritten") from None
     except OSError as error:
+        if isinstance(error, FileExistsError) and path.exists():  # and not: its folder is a file
+            raise InputError(f"{path}: exists already; a session is never overwritten") from None
         raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
     finally:
         with contextlib.suppress(OSError):

@@ -81,10 +81,11 @@ Message = CurveStarted | Sampled | CurveCompleted | Identified | Happened | Flag
 
 def setup_to_json(setup: Setup) -> dict[str, Any]:
     """Return the setup as plain data."""
+    sd = setup.thickness_sd_mm
     return {
-        "aperture_mm": setup.aperture_mm,
-        "thickness_mm": setup.thickness_mm,
-        "thickness_sd_mm": setup.thickness_sd_mm,
+        "aperture_mm": float(setup.aperture_mm),  # so that a 6 is hashed as it reads back
+        "thickness_mm": float(setup.thickness_mm),
+        "thickness_sd_mm": None if sd is None else float(sd),
         "program": None if setup.program is None else str(setup.program),
         "cycle": setup.cycle,
         "repeat": setup.repeat,

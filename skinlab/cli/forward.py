@@ -32,7 +32,13 @@ if TYPE_CHECKING:
     help="MODEL.toml: its effects act on the curve; physical ones imply --direct.",
 )
 @click.option("--cycle", default=1, show_default=True, help="1: first loading of the site.")
-@click.option("--csv", "csv_path", type=click.Path(path_type=Path), help="Write to this file.")
+@click.option(
+    "--csv",
+    "csv_path",
+    type=click.Path(path_type=Path),
+    help="Write to this new file; one that is there is kept, unless --force is given.",
+)
+@click.option("--force", is_flag=True, help="Let --csv replace a file.")
 def command(
     x1_mpa: float,
     x2_mpa: float,
@@ -46,6 +52,7 @@ def command(
     model_path: Path | None,
     cycle: int,
     csv_path: Path | None,
+    force: bool,
 ) -> int:
     """Simulate the curve of a skin and print it as CSV.
 
@@ -60,6 +67,8 @@ def command(
     from skinlab.model_file import read_model
     from skinlab.program import parse_program
 
+    if csv_path is not None and csv_path.is_file() and not force:
+        raise InputError(f"{csv_path}: exists already; --force replaces it")
     setup = Setup(aperture_mm, thickness_mm, parse_program(program), cycle=cycle)
     effects = {}
     if model_path is not None:

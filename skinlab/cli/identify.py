@@ -45,6 +45,7 @@ def command(
     """Identify the skin's parameters from INPUTS: curve CSVs, sessions or campaigns.
 
     A CSV needs --aperture-mm and --thickness-mm. Its header is time_s,pressure_mbar,deflection_mm.
+    Sessions and campaigns state aperture and thickness of each curve themselves.
     With --joint all curves are explained by one skin; with --advise the measurement is named that
     would narrow the intervals most (of all curves together, or of the first).
 
@@ -63,11 +64,17 @@ def command(
         raise click.BadParameter("expected 1 or more", param_hint="--workers")
     identifier: Identifier = make_identifier(**options)
     geometry = None
+    csv_given = any(path.suffix.lower() == ".csv" for path in inputs)
+    if not csv_given and (aperture_mm, thickness_mm, thickness_sd_mm) != (None, None, None):
+        raise click.UsageError(
+            "--aperture-mm, --thickness-mm and --thickness-sd-mm are for a curve CSV; sessions and "
+            "campaigns state their own"
+        )
     if aperture_mm is not None and thickness_mm is not None:
         from skinlab.curve import Setup
 
         geometry = Setup(aperture_mm, thickness_mm, thickness_sd_mm=thickness_sd_mm)
-    elif any(path.suffix.lower() == ".csv" for path in inputs):
+    elif csv_given:
         raise click.UsageError("a curve CSV needs --aperture-mm and --thickness-mm")
     read: list[Input] = []
     results: list[Identification] = []

@@ -18,7 +18,13 @@ _COMMANDS = {
     "recover": ("recover", "Turn what a crash left into a session."),
     "session": ("session", "Check a session, or say what is in it."),
     "identify": ("identify", "Identify skin parameters from curves."),
+    "compare": ("compare", "Say whether the skin of two sessions differs."),
     "cutometer": ("cutometer", "The Cutometer's own numbers of step curves."),
+    "discrepancy": ("discrepancy", "Find the physical effect that the model misses."),
+    "import": ("import_", "Make a session of curves that other software exported."),
+    "watch": ("watch", "Identify each exported file as it lands in a folder."),
+    "export": ("export", "Write a session as tidy files."),
+    "capture": ("capture", "Record the raw bytes of a real instrument."),
     "forward": ("forward", "Simulate a curve."),
     "paper": ("paper", "Reproduce the paper's tables and figures."),
     "database": ("database", "The precomputed finite-element database."),
@@ -67,13 +73,8 @@ def cli(ctx: click.Context) -> None:
         ctx.invoke(ui.command)
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line and exit with the status of contracts: 0, 1, 2, 3, 4, 5 or 130."""
-    sys.exit(run(arguments))
-
-
 def run(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; return the exit status."""
+    """Run the command line; return the status of contracts: 0, 1, 2, 3, 4, 5 or 130."""
     # Many small systems: threads inside the linear algebra only get in each other's way.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
@@ -100,11 +101,13 @@ def run(arguments: Sequence[str] | None = None) -> int:
 
 
 def _explain(error: Exception) -> int:
-    from drivers.errors import DriverError
+    from drivers.errors import DriverError, PortUrlError
     from skinlab.errors import SkinlabError
 
     if isinstance(error, SkinlabError):
         return _say(str(error), error.exit_status)
+    if isinstance(error, PortUrlError):
+        return _say(str(error), 2)
     if isinstance(error, DriverError):
         return _say(str(error), 4)
     if isinstance(error, OSError):

@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-import signal
 import sys
 from pathlib import Path
-from types import FrameType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from skinlab.cli.interrupts import interrupt_on_signals
 from skinlab.cli.method_options import MethodCommand
 from skinlab.cli.options import (
     geometry_options,
     identification_options,
     json_option,
     make_identifier,
+    parse_phases,
     print_json,
 )
+
+if TYPE_CHECKING:
+    from skinlab.program import Program
 
 
 @click.command(cls=MethodCommand)
@@ -66,15 +69,27 @@ def command(
         raise InputError(f"rate_hz {rate_hz:g}: expected a positive number of samples a second")
     if not 0 <= rest_s <= 3600:
         raise InputError(f"rest_s {rest_s:g}: expected 0–3600 s")
+    asked = parse_program(program)
+    _check_phases(asked, options["phases"])
     setup = Setup(
         aperture_mm,
         thickness_mm,
-        parse_program(program),
+        asked,
         cycle=first_cycle,
         thickness_sd_mm=thickness_sd_mm,
     )
     plan = Plan(setup, repeats=repeats, rest_s=rest_s, rate_hz=rate_hz)
     return run(port, plan, out, make_identifier(**options), subject, site, as_json=as_json)
+
+
+def _check_phases(program: Program, phases: str) -> None:
+    """Refuse, before any suction, a program that holds nothing to fit."""
+    if not set(parse_phases(phases)) & set(program.phases):
+        found = ", ".join(dict.fromkeys(program.phases))
+        raise click.BadParameter(
+            f"{program} has no {phases}, so that nothing could be fitted; it has {found}",
+            param_hint="--phases",
+        )
 
 
 def run(
@@ -96,6 +111,7 @@ def run(
     from drivers.probe import Probe
     from skinlab.identify.result import Identification, document
     from skinlab.measure import measure
+    from skinlab.pauses import shorten_pauses
     from skinlab.pipeline import Pipeline
     from skinlab.recording import Recording
     from skinlab.report.outage import outage_words
@@ -116,9 +132,9 @@ def run(
             click.echo(f"skinlab: {words}", err=True)
 
     # A terminated process, or one whose terminal is closed, vents like an interrupted one.
-    for name in _SIGNALS:
-        signal.signal(getattr(signal, name), _interrupt)
+    interrupt_on_signals()
     recording = Recording(out, identifier, subject=subject, site=site, url=port)
+    shorten_pauses()
     failed: BaseException | None = None
     try:
         with Probe(port, on_bytes=recording.journal.raw) as probe:
@@ -160,13 +176,3 @@ def _finish(recording: Any, failed: BaseException | None) -> Path | None:
         before = "recording failed, the probe was told to vent" if trouble else failed
         raise AcquisitionError(f"{before}; {error}") from None
     return saved
-
-
-_SIGNALS = [s for s in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, s)]  # Windows: no HUP
-
-
-def _interrupt(number: int, frame: FrameType | None) -> None:
-    # Once: an impatient second one must not interrupt the vent and the saving.
-    for name in _SIGNALS:
-        signal.signal(getattr(signal, name), signal.SIG_IGN)
-    raise KeyboardInterrupt

@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar
 
 import click
+from click.core import ParameterSource
 
 from skinlab.cli.method_options import method_options, single_settings
 
@@ -70,6 +72,12 @@ def identification_options() -> Callable[[F], F]:
             help="Which samples to fit: load, hold, unload, rest, separated by commas.",
         ),
         click.option(
+            "--model",
+            "model_path",
+            type=click.Path(path_type=Path),
+            help="MODEL.toml: bounds, priors, and effects in the law.",
+        ),
+        click.option(
             "--noise-um",
             type=float,
             help="Standard deviation of one deflection sample  [default: estimated].",
@@ -128,6 +136,7 @@ def make_identifier(
     phases: str,
     noise_um: float | None = None,
     pressure_noise_mbar: float | None = None,
+    model_path: Path | None = None,
     **single: Any,
 ) -> Any:
     """Return the Identifier that the options describe; `single` are those of single methods.
@@ -152,7 +161,7 @@ def make_identifier(
         raise InputError(f"noise_um {noise_um:g}: expected a positive number")
     if pressure_noise_mbar is not None and not 0 <= pressure_noise_mbar < 1e3:
         raise InputError(f"pressure_noise_mbar {pressure_noise_mbar:g}: expected zero or more")
-    return Identifier(
+    identifier = Identifier(
         shipped_table(),
         method=method,
         options=options,
@@ -161,6 +170,25 @@ def make_identifier(
         phases=parse_phases(phases),
         sensor=Sensor(noise_um, pressure_noise_mbar),
     )
+    if model_path is None:
+        return identifier
+    from skinlab.discrepancy.model_identifier import with_model
+    from skinlab.model_file import read_model
+
+    model = read_model(model_path)
+    if kappa_was_said() and kappa != model.model.kappa:
+        raise InputError(
+            f"{model_path}: kappa is {model.model.kappa!r}, and --kappa says {kappa!r}"
+        )
+    return with_model(identifier, model)
+
+
+def kappa_was_said() -> bool:
+    """Return whether the user gave `--kappa`, rather than its default."""
+    context = click.get_current_context(silent=True)
+    if context is None:
+        return False
+    return context.get_parameter_source("kappa") not in (None, ParameterSource.DEFAULT)
 
 
 def print_json(document: dict[str, Any]) -> None:

@@ -37,7 +37,7 @@ def command(session: Path, speed: str, paused: bool, verify: bool, as_json: bool
     from skinlab.cli.keys import keys, on_terminal
     from skinlab.errors import InputError
     from skinlab.identify.result import Identification, document
-    from skinlab.replay import differences, identifier_of, reasons, replay
+    from skinlab.replay import differences, identifier_of, is_imported, reasons, replay
     from skinlab.replay_control import ReplayControl
     from skinlab.report.text import describe
     from skinlab.session import read_session
@@ -49,6 +49,9 @@ def command(session: Path, speed: str, paused: bool, verify: bool, as_json: bool
     identifier, warning = identifier_of(recorded)
     if warning:
         click.echo(f"skinlab: {warning}", err=True)
+    if is_imported(recorded):
+        sentence = "imported curves: there are no bytes to replay; the curves are identified again"
+        click.echo(f"skinlab: {session}: {sentence}", err=True)
     results: list[Identification] = []
     control = ReplayControl(None if speed == "max" else float(speed), paused=paused)
     shown = _line(control) if on_terminal() and (paused or speed != "max") else None

@@ -54,12 +54,18 @@ def info(session: Path) -> int:
     read = read_session(session)
     meta = read.meta
     instrument = meta.get("instrument") or {}
+    imported = meta.get("imported")
+    done = "measured" if imported is None else "imported"
     click.echo(
-        f"{session}: measured {meta.get('created_utc')} with skinlab {meta.get('skinlab_version')}"
+        f"{session}: {done} {meta.get('created_utc')} with skinlab {meta.get('skinlab_version')}"
     )
     click.echo(f"  subject {meta.get('subject') or '-'}, site {meta.get('site') or '-'}")
-    simulated = " (SIMULATED)" if instrument.get("simulated") else ""
-    click.echo(f"  instrument {instrument.get('model', '-')}{simulated} at {meta.get('url')}")
+    if imported is None:
+        simulated = " (SIMULATED)" if instrument.get("simulated") else ""
+        click.echo(f"  instrument {instrument.get('model', '-')}{simulated} at {meta.get('url')}")
+    else:
+        files = "one file" if len(imported) == 1 else f"{len(imported)} files"
+        click.echo(f"  from {files} of other software; no instrument was connected")
     for curve, result in zip(read.curves, read.results, strict=True):
         setup = curve.setup
         state = " partial" if curve.partial else ""

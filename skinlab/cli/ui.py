@@ -32,8 +32,9 @@ def command(port: str = SIMULATED, sessions: Path | None = None) -> int:
 def _on_terminal(port: str, folder: Path) -> int:
     from skinlab.tui.app import SkinlabApp
     from skinlab.tui.lifeline import Lifeline
+    from skinlab.tui.remembered import default_path
 
-    app = SkinlabApp(port, folder)
+    app = SkinlabApp(port, folder, settings=default_path())
     try:
         with Lifeline(app.bench.vent, app.interrupt, app.bench.close):
             app.run()

@@ -19,10 +19,10 @@ from skinlab.discrepancy.unknowns import Unknowns
 Array = NDArray[np.float64]
 
 _ANCHORS = 8
-_MORE_ANCHORS = 16  # where the fit may be an explanation: a valley is long and curved
-EXPLAINS = 1.3  # χ² of a sample: what leaves more explains nothing
-_AFRESH = 3  # after so many, slopes learnt on the way are replaced by differences once
-_CLOSE = 0.5  # of χ²: an anchor that changes the curves by no more is the last
+_REFRESHED = 4  # times that the slopes are taken anew
+HOPELESS = 1.5  # a χ² a sample that no exact optimum will turn into an explanation
+_GAIN = 0.3  # of the cost: less is not worth another time
+_CLOSE = 0.3  # of χ²: an anchor that changes the curves by no more is the last
 _CLOSE_SHARE = 0.01  # or so much of the χ² that is more than noise: such a fit decides nothing
 _RADIUS = np.array([0.5, 0.9, 0.1])  # how far from an anchor it is trusted: log X1, log X2/X1, ν
 _EFFECT_RADIUS = 1.0
@@ -42,6 +42,7 @@ class Fit:
     jacobian: Array  # (n, k) of whitened residuals
     log_evidence: float
     settled: bool  # whether another anchor would change nothing
+    corrected: bool  # whether finite elements corrected the table
 
     @property
     def effects(self) -> tuple[str, ...]:
@@ -57,6 +58,14 @@ class Fit:
     def deviations(self) -> Array:
         """Standard deviations (k,) of the unknowns."""
         return np.asarray(np.sqrt(np.diag(np.linalg.inv(self.information))))
+
+
+@dataclass(frozen=True, eq=False)
+class Kept:
+    """Some of a campaign's samples, and their errors."""
+
+    samples: NDArray[np.bool_]
+    errors: Errors
 
 
 class Fitter:
@@ -83,16 +92,21 @@ class Fitter:
         """Solve the finite elements at u where they are to be used; False where they fail."""
         return not self._finite_elements or model.anchor(u, slopes=slopes)
 
-    def residuals(self, model: MappedModel, u: Array, keep: Array | None = None) -> Array:
+    def kept(self, samples: NDArray[np.bool_]) -> Kept:
+        """Return some of the samples (u,), with their errors, to be fitted alone."""
+        return Kept(samples, self.errors.only(samples))
+
+    def residuals(self, model: MappedModel, u: Array, keep: Kept | None = None) -> Array:
         """Return whitened residuals (n,); large where there is no model."""
         off = np.concatenate(model.predict(u)) - self.measured
-        if not np.isfinite(off).all():
-            return np.full(self.errors.count, _NO_MODEL)
+        errors = self.errors
         if keep is not None:
-            off = np.where(keep, off, 0.0)
-        return self.errors.whiten(off)
+            off, errors = off[keep.samples], keep.errors
+        if not np.isfinite(off).all():
+            return np.full(errors.count, _NO_MODEL)
+        return errors.whiten(off)
 
-    def jacobian(self, model: MappedModel, u: Array, keep: Array | None = None) -> Array:
+    def jacobian(self, model: MappedModel, u: Array, keep: Kept | None = None) -> Array:
         """Return derivatives (n, k) of `residuals`, by differences inside the bounds."""
         high = model.unknowns.bounds[1]
         here = self.residuals(model, u, keep)
@@ -111,7 +125,7 @@ class Fitter:
         start: Array,
         low: Array,
         high: Array,
-        keep: Array | None = None,
+        keep: Kept | None = None,
     ) -> Array:
         """Return the optimum between bounds, of the model as it is now."""
         unknowns = model.unknowns
@@ -135,7 +149,28 @@ class Fitter:
         return np.asarray(found.x)
 
     def fit(self, unknowns: Unknowns, start: Array) -> Fit | None:
-        """Return the best fit near a start (k,), None where there is no model."""
+        """Return the best fit near a start (k,), None where there is no model.
+
+        What is learnt from anchor to anchor leads to the valley, not to its bottom: from where that
+        ended, the slopes are taken anew, until nothing is gained.
+        """
+        best = self._walk(unknowns, start)
+        for _ in range(_REFRESHED):
+            if best is None or not best.corrected or best.chi2 > HOPELESS * self.errors.count:
+                return best
+            again = self._walk(unknowns, best.u)
+            if again is None or again.cost > best.cost - _GAIN:
+                break
+            best = again
+        assert best is not None
+        model = self.model(unknowns)
+        if not model.anchor(best.u):
+            return best
+        final = self._finish(model, best.u)
+        return best if final is None else replace(final, settled=best.settled)
+
+    def _walk(self, unknowns: Unknowns, start: Array) -> Fit | None:
+        """Return where one model, corrected from anchor to anchor, leads."""
         model = self.model(unknowns)
         low, high = unknowns.bounds
         if self._finite_elements and not model.anchor(start):
@@ -149,11 +184,7 @@ class Fitter:
         if best is None:
             return None
         settled = False
-        for k in range(_MORE_ANCHORS):
-            if k >= _ANCHORS and best.chi2 > EXPLAINS * self.errors.count:
-                break
-            if k == _AFRESH:
-                model.anchor(best.u, afresh=True)
+        for _ in range(_ANCHORS):
             u = self.minimise(
                 model,
                 best.u,
@@ -213,7 +244,15 @@ class Fitter:
             - unknowns.log_prior_volume
         )
         return Fit(
-            unknowns, u, predicted, cost - float(prior @ prior), cost, jacobian, evidence, True
+            unknowns,
+            u,
+            predicted,
+            cost - float(prior @ prior),
+            cost,
+            jacobian,
+            evidence,
+            settled=True,
+            corrected=model.corrected,
         )
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.discrepancy.fit import Fit, Fitter
-from skinlab.discrepancy.unknowns import Axis, Unknowns
+from skinlab.discrepancy.unknowns import Axis
 
 Array = NDArray[np.float64]
 
@@ -42,7 +42,7 @@ class Signature:
 
 def signature(fitter: Fitter, fit: Fit, effect: str) -> Signature | None:
     """Return an effect's signature at a fit, None where its model does not hold there."""
-    unknowns = Unknowns((*fit.effects, effect), fit.unknowns.kappa)
+    unknowns = fit.unknowns.with_effect(effect)
     axes = unknowns.axes[len(fit.unknowns.axes) :]
     own = [0.0 if a.parameter.zero is not None else a.to_u(a.parameter.typical) for a in axes]
     zero = np.concatenate([fit.u, own])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any
 
@@ -13,12 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.discrepancy.adequacy import ADEQUATE, Residual, look
-from skinlab.discrepancy.fit import EXPLAINS, Fit, Fitter
+from skinlab.discrepancy.fit import HOPELESS, Fit, Fitter
+from skinlab.discrepancy.records import Record
 from skinlab.discrepancy.screen import Signature, signature
-from skinlab.discrepancy.unknowns import Unknowns
+from skinlab.discrepancy.unknowns import Known, Unknowns
 from skinlab.effects.registry import effect_names
 from skinlab.errors import NotTrustworthyError
-from skinlab.materials.compressibility import KappaConvention
+from skinlab.model_file import BASE, Model, Normal
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -29,6 +30,7 @@ TIE = 1.3  # log10 evidence: 20 to 1
 # Before the data: no effect as likely as one of the library, two together a fifth of that.
 _PAIRS_ODDS = 0.2
 _SEEN = 8.0  # a gain of χ² by which an effect is worth a fit
+_BEHIND = 18.0  # the same for a second one: 20 : 1, the odds of pairs, and what a prior costs
 _SHARE = 0.04  # or of the largest gain, where the misfit is large
 _MOST_SINGLES = 8
 _PARTNERS = 5  # of each of the best singles
@@ -58,29 +60,50 @@ class Candidate:
         return self.left.p_value >= ADEQUATE
 
 
+@dataclass(eq=False)
+class Partial:
+    """What is known so far, for whoever interrupts."""
+
+    base: Candidate | None = None
+    candidates: list[Candidate] = field(default_factory=list)
+
+
+def unknowns_of(model: Model) -> Unknowns:
+    """Return the unknowns of a model, with what it says of its effects as their priors."""
+    known = []
+    for name, ranges in model.effects.items():
+        for parameter, at in ranges.items():
+            sd = at.prior.sd if isinstance(at.prior, Normal) else 0.0
+            known.append(Known(name, parameter, at.value, sd))
+    return Unknowns(tuple(sorted(model.effects)), model.model.kappa, tuple(known))
+
+
 @dataclass(frozen=True, eq=False)
 class Found:
     """What the search came to."""
 
+    records: Sequence[Record]
     base: Candidate
     signatures: dict[str, Signature]  # of single effects at the base fit
     candidates: list[Candidate] = field(default_factory=list)  # the best first; never empty
 
 
 class Search:
-    """Explains one campaign. `own` are the effects that the model has already."""
+    """Explains one campaign, starting from a model that may have effects already."""
 
     def __init__(
         self,
         fitter: Fitter,
         *,
-        own: Sequence[str] = (),
-        kappa: KappaConvention = "paper",
+        model: Model = BASE,
         workers: int = 1,
         progress: Progress = lambda _: None,
+        partial: Partial | None = None,
     ) -> None:
-        self._fitter, self._own, self._kappa = fitter, tuple(own), kappa
-        self._workers, self._progress = workers, progress
+        self._fitter = fitter
+        self._unknowns = unknowns_of(model)
+        self._own = self._unknowns.effects
+        self._workers, self._progress, self._partial = workers, progress, partial
         self._library = [n for n in effect_names() if n not in self._own]
 
     def base(self) -> Candidate:
@@ -89,14 +112,15 @@ class Search:
         Raises:
             NotTrustworthyError: it has no answer at all for these curves.
         """
-        unknowns = Unknowns(self._own, self._kappa)
-        fits = []
-        for start in _STARTS:
-            fit = self._fitter.fit(unknowns, unknowns.start(start))
-            if fit is not None:
-                fits.append(fit)
-            if self._own and fits:
-                break  # finite elements: one good start, from where the table led
+        unknowns = self._unknowns
+        plain = replace(unknowns, effects=(), known=())
+        fits = [f for f in (self._fitter.fit(plain, start) for start in _STARTS) if f is not None]
+        if self._own:
+            # Finite elements cost more: from the best of the plain fits, and from the middle.
+            fits.sort(key=lambda f: f.cost)
+            starts = [*(f.u for f in fits[:1]), np.array([math.log(0.04), 4.0, 0.33])]
+            found = (self._fitter.fit(unknowns, unknowns.start(start)) for start in starts)
+            fits = [f for f in found if f is not None]
         if not fits:
             raise NotTrustworthyError("the model has no answer for these curves")
         return self._candidate(min(fits, key=lambda f: f.cost), None)
@@ -105,6 +129,8 @@ class Search:
         """Return the base fit, the screen and the candidates."""
         self._progress("fitting the model as it is")
         base = self.base()
+        if self._partial is not None:
+            self._partial.base = base
         with _pool(self._fitter, self._workers) as pool:
             self._progress(f"screening {len(self._library)} effects")
             signatures = self._screen(pool, base.fit, self._library)
@@ -113,14 +139,23 @@ class Search:
             if chosen:
                 self._progress(f"fitting {', '.join(s.effect for s in chosen)}")
                 singles = self._fits(pool, base, [(base.fit, s) for s in chosen])
+            if self._partial is not None:
+                self._partial.candidates = singles
             candidates = singles
-            if not base.adequate and not any(c.adequate for c in singles):
-                candidates = singles + self._pairs(pool, base, singles)
+            explaining = [c for c in singles if c.adequate]
+            if explaining:
+                # Something weaker may hide behind what explains nearly all.
+                candidates = singles + self._pairs(pool, base, explaining, 1, _BEHIND)
+            elif not base.adequate:
+                candidates = singles + self._pairs(pool, base, singles, _LEADERS, _SEEN)
         candidates.sort(key=lambda c: -c.log10_evidence)
-        return Found(base, signatures, candidates)
+        return Found(self._fitter.records, base, signatures, candidates)
 
-    def _pairs(self, pool: Executor, base: Candidate, singles: list[Candidate]) -> list[Candidate]:
-        leaders = sorted(singles, key=lambda c: -c.log10_evidence)[:_LEADERS]
+    def _pairs(
+        self, pool: Executor, base: Candidate, singles: list[Candidate], most: int, least: float
+    ) -> list[Candidate]:
+        """Return pairs of the best singles, at most so many, with partners that gain so much."""
+        leaders = sorted(singles, key=lambda c: -c.log10_evidence)[:most]
         tasks: dict[frozenset[str], tuple[Fit, Signature]] = {}
         for leader in leaders:
             mine = leader.effects[-1]
@@ -130,7 +165,7 @@ class Search:
             for s in sorted(found.values(), key=lambda s: -s.gain)[:_PARTNERS]:
                 expected = leader.fit.cost - s.gain
                 names = frozenset((mine, s.effect))
-                if s.gain > _SEEN and (
+                if s.gain > least and (
                     names not in tasks or expected < tasks[names][0].cost - tasks[names][1].gain
                 ):
                     tasks[names] = leader.fit, s
@@ -207,7 +242,7 @@ def _fit(task: tuple[Fit, Signature]) -> Fit | None:
     """Fit with one more effect, from the size that the screen expects, and from half of it."""
     fit, seen = task
     fitter = _mine["fitter"]
-    unknowns = Unknowns((*fit.effects, seen.effect), fit.unknowns.kappa)
+    unknowns = fit.unknowns.with_effect(seen.effect)
     axes = unknowns.axes[len(fit.unknowns.axes) :]
     best: Fit | None = None
     for share in (0.7, 0.2, 1.5):
@@ -226,7 +261,7 @@ def _fit(task: tuple[Fit, Signature]) -> Fit | None:
             best = found
         # An effect that does not take away what the screen expected may have been misled.
         if best is not None and (
-            best.chi2 < EXPLAINS * fitter.errors.count
+            best.chi2 < HOPELESS * fitter.errors.count
             or (best.settled and best.cost < fit.cost - 0.5 * seen.gain)
         ):
             break

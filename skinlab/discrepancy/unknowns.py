@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -32,6 +32,7 @@ class Axis:
 
     effect: str
     parameter: Parameter
+    known: tuple[float, float] | None = None  # value and standard deviation, from a model
 
     @property
     def name(self) -> str:
@@ -69,6 +70,9 @@ class Axis:
     def prior(self) -> tuple[float, float]:
         """Mean and standard deviation of its Gaussian prior."""
         p = self.parameter
+        if self.known is not None:
+            mean = self.to_u(self.known[0])
+            return mean, max(self.known[1] / abs(self.slope(mean)), 1e-6)
         if p.zero is None:
             return math.log(p.typical), _DECADES * math.log(10.0)
         return 0.0, _SIZES
@@ -77,7 +81,19 @@ class Axis:
     def one_sided(self) -> bool:
         """Whether the prior is cut off at its mean, the parameter's zero."""
         p = self.parameter
-        return p.zero is not None and (p.zero <= p.low or p.zero >= p.high)
+        if self.known is not None or p.zero is None:
+            return False
+        return p.zero <= p.low or p.zero >= p.high
+
+
+@dataclass(frozen=True)
+class Known:
+    """What a model says of one parameter: its value, and how sure; an sd of 0 fixes nothing."""
+
+    effect: str
+    parameter: str
+    value: float
+    sd: float  # 0: no more than the effect's own prior
 
 
 @dataclass(frozen=True)
@@ -86,16 +102,22 @@ class Unknowns:
 
     effects: tuple[str, ...]
     kappa: KappaConvention = "paper"
+    known: tuple[Known, ...] = ()  # what a model says of its own effects' parameters
 
     @cached_property
     def axes(self) -> tuple[Axis, ...]:
         """Effect parameters that are unknown: those without a default of no effect."""
+        said = {(k.effect, k.parameter): (k.value, k.sd) for k in self.known if k.sd > 0}
         return tuple(
-            Axis(name, p)
+            Axis(name, p, said.get((name, p.name)))
             for name in self.effects
             for p in get_effect(name).parameters
             if p.default is None
         )
+
+    def with_effect(self, name: str) -> Unknowns:
+        """Return these with one effect more."""
+        return replace(self, effects=(*self.effects, name))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -119,6 +141,9 @@ class Unknowns:
     def values(self, u: Array) -> Values:
         """Return the effects' parameters."""
         found: Values = {name: {} for name in self.effects}
+        for known in self.known:
+            if known.effect in found:
+                found[known.effect][known.parameter] = known.value
         for axis, value in zip(self.axes, u[3:], strict=True):
             found[axis.effect][axis.parameter.name] = axis.to_value(float(value))
         return found
@@ -133,7 +158,9 @@ class Unknowns:
         """Return unknowns with the effects at their typical size, or at `sizes` times it."""
         sizes = sizes or {}
         effects = [
-            a.to_u(a.parameter.typical)
+            a.to_u(a.known[0])
+            if a.known is not None
+            else a.to_u(a.parameter.typical)
             * (1.0 if a.parameter.zero is None else sizes.get(a.effect, 1.0))
             for a in self.axes
         ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 from skinlab.campaign import Campaign
 from skinlab.database.dimensionless import DimensionlessTable
@@ -14,9 +14,11 @@ from skinlab.discrepancy.next_measurement import advise
 from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.records import records_of
 from skinlab.discrepancy.screen import alike
-from skinlab.discrepancy.search import Search
+from skinlab.discrepancy.search import Partial, Search
 from skinlab.discrepancy.verdict import decide
-from skinlab.materials.compressibility import KappaConvention
+from skinlab.model_file import BASE, Model
+
+__all__ = ["Partial", "explain"]
 
 _MOST_TIED = 4  # explanations that a next measurement is looked for
 
@@ -25,17 +27,17 @@ def explain(
     campaign: Campaign,
     database: DimensionlessTable,
     *,
-    own: Sequence[str] = (),
-    kappa: KappaConvention = "paper",
+    model: Model = BASE,
     workers: int = 1,
     finite_elements: bool = True,
     progress: Callable[[str], None] = lambda _: None,
+    partial: Partial | None = None,
 ) -> Outcome:
     """Return what is missing in the model, as far as these curves tell.
 
-    `own` are effects that the model has already; without `finite_elements` the effects that the
-    database cannot answer are left out of the library. The answer is the same for any number of
-    workers.
+    `model` is what the curves are explained by so far; without `finite_elements` the effects that
+    the database cannot answer stay approximate. `partial` is told of what is known so far. The
+    answer is the same for any number of workers.
 
     Raises:
         InputError: a curve is too short.
@@ -45,7 +47,7 @@ def explain(
     fitter = Fitter(
         records, errors_of(records), TableDomes(database), finite_elements=finite_elements
     )
-    found = Search(fitter, own=own, kappa=kappa, workers=workers, progress=progress).run()
+    found = Search(fitter, model=model, workers=workers, progress=progress, partial=partial).run()
     verdict = decide(found)
     progress("predicting conditions held out of the fit")
     parts = conditions_of(fitter, [c.fit for c in verdict.explanations])

@@ -16,7 +16,7 @@ from skinlab.errors import InputError, NotTrustworthyError
 from skinlab.identify import auto
 from skinlab.identify.advice import advise
 from skinlab.identify.intervals import correlation, interval, is_logarithmic, most_of_the_range
-from skinlab.identify.joint import JointMisfit
+from skinlab.identify.joint import GaussianPrior, JointMisfit
 from skinlab.identify.noise import Whitening
 from skinlab.identify.polish import polish
 from skinlab.identify.problem import Estimate, Options, Problem
@@ -25,6 +25,7 @@ from skinlab.identify.result import Advice, Identification, Provenance, Value
 from skinlab.identify.samples import Fitted, Group, choose, group
 from skinlab.identify.uncertainty import Sensor, Uncertainty, assess, noise_of_curves
 from skinlab.materials.compressibility import KappaConvention, kappa_ratio, nu_consistent
+from skinlab.model_file import BASE, Model
 from skinlab.parameters import PAPER_BOX, ParameterSpace
 
 Array = NDArray[np.float64]
@@ -43,7 +44,8 @@ class Identifier:
     """How to identify curves; the same for all curves of a run.
 
     `space` is where to search, and with its flat prior what is known beforehand; None: the
-    database's whole range (the paper's box for the paper's methods). `clock` only fills the field
+    database's whole range (the paper's box for the paper's methods). `priors` come on top of that.
+    `model` is what all this is from, where it is from a file; `clock` only fills the field
     `seconds`.
     """
 
@@ -55,13 +57,17 @@ class Identifier:
     phases: tuple[str, ...] = ("load",)
     sensor: Sensor = field(default_factory=Sensor)
     space: ParameterSpace | None = None
+    priors: tuple[GaussianPrior, ...] = ()
+    model: Model = BASE
     clock: Callable[[], float] = time.perf_counter
 
     def provenance(self) -> Provenance:
         """Return what a reader of the result must know to repeat it."""
         model = f"{self.database.law} kappa={self.kappa} mesh={self.database.mesh_name}"
+        if self.model is not BASE:
+            model += f" model={self.model.hash}"
         return Provenance(
-            model_name="base",
+            model_name=self.model.model.name,
             model_hash="sha256:" + hashlib.sha256(model.encode()).hexdigest(),
             kappa=self.kappa,
             database_hash=self.database.content_hash,
@@ -151,7 +157,14 @@ class Identifier:
         answer = self._answer(groups, models, problem, estimate, blank)
         if intervals and estimate.minima is not None and len(estimate.minima):
             left = assess(
-                self.database, self.kappa, groups, problem.space, estimate.minima, self.sensor, rng
+                self.database,
+                self.kappa,
+                groups,
+                problem.space,
+                estimate.minima,
+                self.sensor,
+                rng,
+                priors=self.priors,
             )
             answer = _with_uncertainty(answer, problem.space, left, self.seed)
         return replace(answer, seconds=self.clock() - started)

@@ -65,6 +65,8 @@ def assess(
     minima: Array,
     sensor: Sensor,
     rng: np.random.Generator,
+    *,
+    priors: Sequence[GaussianPrior] = (),
 ) -> Uncertainty:
     """Return the posterior about the minima (m, k), points of the space's unit cube, best first."""
     points = sum(len(g.deflection_mm) for g in groups)
@@ -90,6 +92,7 @@ def assess(
         whitening = Whitening(sigma, mesh_error_shapes(g.pressure_mbar, at_best))
         parts.append(model.misfit(g.deflection_mm, whitening))
     names = space.names
+    parts += priors
     modes = minima[:_MOST_MODES]
     if relative_sd > 0.0:
         low, high = max(f[0] for f in factors), min(f[1] for f in factors)

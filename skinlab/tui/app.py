@@ -10,20 +10,26 @@ from textual import on
 from textual.app import App
 from textual.binding import Binding, BindingType
 from textual.message import Message
+from textual.timer import Timer
+from textual.widgets import Input
 
 from drivers.errors import DriverError
 from drivers.events import InstrumentState
 from skinlab.errors import InputError, SkinlabError
 from skinlab.log import log_exception
+from skinlab.session_fit import comparable
 from skinlab.tui.bench import Bench
-from skinlab.tui.board import Board, Level
+from skinlab.tui.board import Board, Level, Series
+from skinlab.tui.ledger import Deed
 from skinlab.tui.lifeline import INTERRUPTED
 from skinlab.tui.news import Connected, Disconnected, Done, Failed, News
-from skinlab.tui.order import Order, read_order
+from skinlab.tui.order import Order, check_limits, read_order
+from skinlab.tui.remembered import recall, remember
 from skinlab.tui.screens.alarm import AlarmScreen
 from skinlab.tui.screens.help import HelpScreen
 from skinlab.tui.screens.main import MainScreen
 from skinlab.tui.screens.ports import PortsScreen
+from skinlab.tui.screens.session import SessionScreen
 from skinlab.tui.widgets.fields import Fields
 
 _DARK, _LIGHT = "textual-dark", "textual-light"
@@ -50,7 +56,8 @@ class SkinlabApp(App[None]):
     VERTICAL_BREAKPOINTS = [(0, "-low"), (23, "-usual"), (34, "-tall")]  # noqa: RUF012 -- Textual's own form
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("v", "vent_key", "Vent", priority=True),
-        Binding("escape", "vent", "Vent", key_display="Esc", priority=True),
+        # A terminal may hold a lone Esc back, so v is the key that is shown
+        Binding("escape", "vent", "Vent", show=False, priority=True),
         Binding("question_mark", "help", "Help", key_display="?"),
         Binding("f1", "help", "Help", show=False, priority=True),
         Binding("t", "theme", "Theme", show=False),
@@ -58,9 +65,18 @@ class SkinlabApp(App[None]):
         Binding("ctrl+q,ctrl+c", "leave", "Quit", show=False, priority=True),
     ]
 
-    def __init__(self, port: str, folder: Path, make_bench: Callable[..., Bench] = Bench) -> None:
+    def __init__(
+        self,
+        port: str,
+        folder: Path,
+        make_bench: Callable[..., Bench] = Bench,
+        settings: Path | None = None,
+    ) -> None:
+        """Keep the settings for the next time in `settings`; None: nowhere."""
         super().__init__()
         self.board = Board(port)
+        self._settings = settings
+        self._rest: Timer | None = None  # until the next repeat
         self.bench = make_bench(folder, self._post)
         self.failure: Exception | None = None  # a bug that ended the app
         self._queued: Order | None = None  # to be armed once its port is connected
@@ -71,7 +87,7 @@ class SkinlabApp(App[None]):
 
     def get_default_screen(self) -> MainScreen:
         """Begin with the main screen."""
-        return MainScreen(self.board)
+        return MainScreen(self.board, recall(self._settings))
 
     def on_ready(self) -> None:
         """Connect, and load what identification needs meanwhile."""
@@ -148,6 +164,49 @@ class SkinlabApp(App[None]):
                 pass
         if self.board.alarm is not None:
             self._raise_alarm(self.board.alarm)
+        self._go_on()
+
+    # ---- repeats ------------------------------------------------------------------------------
+
+    def _go_on(self) -> None:
+        """Begin the rest before the next repeat, start it once it is armed, or give it up."""
+        board = self.board
+        series = board.series
+        if series is None:
+            return
+        if board.alarm is not None or board.level is Level.ERROR or board.hello is None:
+            self._give_up("the repeats that were left are given up")
+        elif series.starting and board.can_start:
+            series.starting = False
+            self._start()
+        elif series.finished(board):
+            order = series.order
+            cut = board.entry is not None and board.entry.cut is not None
+            if order.repeats == 1 or cut:
+                self._give_up("the curve was cut short: the repeats that were left are given up")
+                return
+            board.begin(
+                "resting",
+                f"{order.repeats - 1} more, the next after {order.rest_s:g} s of rest; v ends it",
+            )
+            self._rest = self.set_timer(order.rest_s, self._repeat)
+
+    def _repeat(self) -> None:
+        self._rest = None
+        series = self.board.series
+        if series is not None and self.board.doing == "resting":
+            self.board.series = Series(series.order.again(), len(self.board.entries), starting=True)
+            self._arm(self.board.series.order)
+
+    def _give_up(self, why: str) -> None:
+        """Let no further repeat follow."""
+        series, self.board.series = self.board.series, None
+        if self._rest is not None:
+            self._rest.stop()
+            self._rest = None
+            self.board.rested()
+        if series is not None and series.order.repeats > 1 and why:
+            self.board.say(Level.WARNING, why)
 
     def _connected(self, news: Connected) -> None:
         order, self._queued = self._queued, None
@@ -190,7 +249,7 @@ class SkinlabApp(App[None]):
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """While a field takes text, v is text."""
         if action == "vent_key":
-            return not (self.screen is self._main and self._main.typing)
+            return not isinstance(self.focused, Input) or self.board.moving
         return super().check_action(action, parameters)
 
     def action_vent_key(self) -> None:
@@ -200,8 +259,11 @@ class SkinlabApp(App[None]):
     def action_vent(self) -> None:
         """Vent at once; close what is open over the main screen, and leave the fields."""
         self.bench.vent("operator")
+        self._give_up("vented: the repeats that were left are given up")
         self._queued = None
-        if isinstance(self.screen, HelpScreen | PortsScreen):
+        if isinstance(self.screen, SessionScreen):
+            self.screen.leave_line()
+        elif isinstance(self.screen, HelpScreen | PortsScreen):
             self.pop_screen()
         self._main.set_focus(None)
 
@@ -233,27 +295,69 @@ class SkinlabApp(App[None]):
             case "arm" if self.board.can_arm:
                 self._want_arm()
             case "start" if self.board.can_start:
-                self.board.begin("starting", "")
-                vents = self.bench.vents
-                self._perform("starting", lambda: self.bench.start(vents))
+                if self.board.order is not None:
+                    self.board.series = Series(self.board.order, len(self.board.entries))
+                self._start()
+            case "session":
+                self.push_screen(SessionScreen(self.board))
             case "ports" if self.board.can_arm:
                 self.push_screen(PortsScreen(), self._port_chosen)
             case _:
                 pass
 
+    @on(SessionScreen.Decided)
+    def _decided(self, message: SessionScreen.Decided) -> None:
+        deed = message.deed
+        what = f"undone: {deed.what}" if message.undone else deed.what
+        # What is undone is put right in the trail as well, whoever reads it
+        if message.undone and deed.curve is not None:
+            back = self.board.ledger.excluded.get(deed.curve)
+            what = "curve included" if back is None else "curve excluded"
+            deed = Deed(what, deed.curve, back or "")
+        try:
+            self.bench.audit(what, curve=deed.curve, text=deed.text)
+        except SkinlabError as error:
+            self.board.refuse(str(error))
+        else:
+            self.board.say(Level.INFO, f"recorded: {what}")
+
+    @on(SessionScreen.Wanted)
+    def _session_wanted(self, message: SessionScreen.Wanted) -> None:
+        board = self.board
+        used = [e.curve for i, e in board.entries.items() if i not in board.ledger.excluded]
+        curves = comparable(used)
+        if not curves:
+            board.refuse("no whole curve is there to be fitted")
+        elif message.path is None:
+            self._perform("fitting", lambda: self.bench.fit_together(curves))
+        else:
+            path = Path(message.path).expanduser()
+            self._perform("comparing", lambda: self.bench.compare(path, curves))
+
+    def _start(self) -> None:
+        self.board.begin("starting", "")
+        vents = self.bench.vents
+        self._perform("starting", lambda: self.bench.start(vents))
+
     def _want_arm(self) -> None:
+        self._give_up("")
         if self.board.instrument is InstrumentState.FAULT:
             self.board.begin("resetting", "the fault is acknowledged")
             self._perform("resetting", self.bench.reset)
             return
         try:
-            order = read_order(self._fields.texts())
+            texts = self._fields.texts()
+            order = read_order(texts)
+            if self.board.hello is not None and order.port == self.board.port:
+                assert order.setup.program is not None
+                check_limits(order.setup.program, self.board.hello)
         except InputError as error:
             self.board.refuse(str(error))
             wrong = self._fields.first_wrong()
             if wrong is not None:
                 wrong.focus()
             return
+        remember(self._settings, texts)
         visit = self.board.visit
         if self.board.hello is None or order.port != self.board.port:
             self._reconnect(order.port, order)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -18,11 +18,17 @@ from drivers.errors import DriverError, LinkError
 from drivers.probe import Probe
 from drivers.reconnect import Backoff, reconnect
 from skinlab.errors import AcquisitionError, SkinlabError
+from skinlab.identify.result import Identification
+from skinlab.pauses import shorten_pauses
 from skinlab.stream import CurveCompleted, Happened, Identified, Message
+from skinlab.tui.analyst import Analyst
 from skinlab.tui.news import (
+    Compared,
     Connected,
     Disconnected,
+    Estimated,
     Failed,
+    Fitted,
     Found,
     Heard,
     News,
@@ -34,11 +40,13 @@ from skinlab.tui.order import Order
 from skinlab.tui.tape import Tape
 
 if TYPE_CHECKING:
+    from skinlab.curve import Curve
     from skinlab.identify.identifier import Identifier
     from skinlab.pipeline import Pipeline
     from skinlab.recording import Recording as SessionRecording
     from skinlab.sources import LiveSource
 
+_LOOK_S = 0.02  # while an identification is under way: how late its answer may be seen
 _POLL_S = 0.1  # also how long the stream must be quiet before the session is saved
 _BATCH_S = 0.04  # posts are no more frequent than the screen is drawn
 _CLOSE_S = 20.0
@@ -60,6 +68,7 @@ class _Visit:
     recording: SessionRecording
     source: LiveSource
     pipeline: Pipeline
+    analyst: Analyst
 
 
 class Bench:
@@ -119,6 +128,18 @@ class Bench:
         if probe is not None:
             probe.acknowledge_alarm()
 
+    def audit(self, what: str, **detail: object) -> None:
+        """Record in the session's audit trail that the operator decided this.
+
+        Raises:
+            SkinlabError: there is no session, or it cannot be written.
+        """
+        visit = self._visit
+        if visit is None:
+            raise AcquisitionError("there is no session to keep this in")
+        visit.recording.audit(what, **detail)
+        self._unsaved = True
+
     # ---- slow: to be called in a worker thread ------------------------------------------------
 
     def prepare(self) -> None:
@@ -163,6 +184,34 @@ class Bench:
         if probe is None:
             raise LinkError("no probe is connected")
         probe.reset()
+
+    def fit_together(self, curves: Sequence[Curve]) -> None:
+        """Post one answer for several curves.
+
+        Raises:
+            SkinlabError: it cannot be computed.
+        """
+        identifier = self._load_identifier()
+        self._post(Fitted(identifier(curves[0]) if len(curves) == 1 else identifier.joint(curves)))
+
+    def compare(self, before: Path, curves: Sequence[Curve]) -> None:
+        """Post how these curves differ from an earlier session.
+
+        Raises:
+            SkinlabError: it cannot be read, or one of the two gives nothing to compare.
+        """
+        from skinlab.identify.compare import compare, in_words
+        from skinlab.session import read_session
+        from skinlab.session_fit import fit_curves, fit_session
+
+        identifier = self._load_identifier()
+        session = read_session(before)
+        earlier = fit_session(identifier, before, session)
+        found = compare(earlier, fit_curves(identifier, "this session", curves))
+        meta = session.meta
+        who = ", ".join(str(meta[k]) for k in ("subject", "site") if meta.get(k))
+        title = f"Compared with {before.name} ({who or 'no subject'}):"
+        self._post(Compared((title, *(f"  {line}" for line in in_words(found)))))
 
     def close(self) -> None:
         """Vent, let go of the probe and finish the session. Raises nothing."""
@@ -212,6 +261,7 @@ class Bench:
         with self._loading:
             if self._identifier is None:
                 self._identifier = self._make_identifier()
+                shorten_pauses()
             return self._identifier
 
     def _stay_behind(self, vents: int) -> None:
@@ -230,10 +280,12 @@ class Bench:
             path, identifier, subject=order.subject, site=order.site, url=order.port
         )
         self._tape.into(recording.journal)
+        analyst = Analyst(identifier, self._estimated)
         visit = _Visit(
             recording,
             LiveSource(probe, recording.journal),
-            Pipeline(identifier, [recording, self._note]),
+            Pipeline(identifier, [recording, self._note, analyst.listen], analyst.hand_over),
+            analyst,
         )
         self._visit = visit
         self._post(Recording(path))
@@ -243,7 +295,10 @@ class Bench:
         self._messages.append(message)
         self._unsaved = self._unsaved or isinstance(message, Identified)
         if isinstance(message, CurveCompleted):
-            self._flush()  # now, because its identification takes a while
+            self._flush()  # now, not with the batch: it is waited for
+
+    def _estimated(self, index: int, result: Identification) -> None:
+        self._post(Estimated(index, result))
 
     def _pull(self, probe: Probe) -> None:
         while True:
@@ -252,14 +307,19 @@ class Bench:
                 continue
             if not probe.is_open:
                 return
+            if self._visit is not None and self._visit.analyst.busy:
+                continue
             if self._unsaved and self._visit is not None:
                 self._save(self._visit)
 
     def _find(self, probe: Probe, closes: int) -> bool:
         """Look for a lost link; False where it stays lost, or nobody wants it any more."""
-        if self._visit is not None and self._unsaved:
-            self._save(self._visit)
         self._post(Searching(self._port))
+        if self._visit is not None:
+            self._settle(self._visit)
+            self._flush()
+            if self._unsaved:
+                self._save(self._visit)
         try:
             reconnect(
                 probe,
@@ -290,11 +350,20 @@ class Bench:
             if timed is not None:
                 self._note(Happened(timed.event))
             return timed is not None
-        item = visit.source.next_item(timeout_s)
+        found = visit.analyst.take()
+        if found is not None:
+            visit.pipeline.identified(*found)
+            return True
+        item = visit.source.next_item(min(timeout_s, _LOOK_S) if visit.analyst.busy else timeout_s)
         if item is None:
             return False
         visit.pipeline.handle(item)
         return True
+
+    def _settle(self, visit: _Visit) -> None:
+        """Wait for the identifications that are under way; nothing else comes now."""
+        while (found := visit.analyst.take(wait=True)) is not None:
+            visit.pipeline.identified(*found)
 
     def _flush(self) -> None:
         if self._messages:
@@ -319,10 +388,12 @@ class Bench:
                 pass
             if self._visit is not None:
                 self._visit.pipeline.end("the connection ended")
+                self._settle(self._visit)
         finally:
             self._flush()
             visit, self._visit = self._visit, None
             if visit is not None:
+                visit.analyst.close()
                 self._finish_session(visit)
 
     def _finish_session(self, visit: _Visit) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from drivers.events import (
     Alarm,
+    Damaged,
     Event,
     Gap,
     Hello,
@@ -17,6 +18,7 @@ from drivers.events import (
     State,
 )
 from skinlab.curve import Curve, Setup
+from skinlab.gates.base import Finding
 from skinlab.identify.result import Identification
 from skinlab.stream import (
     CurveCompleted,
@@ -27,11 +29,15 @@ from skinlab.stream import (
     Message,
     Sampled,
 )
+from skinlab.tui.ledger import Ledger
 from skinlab.tui.news import (
+    Compared,
     Connected,
     Disconnected,
     Done,
+    Estimated,
     Failed,
+    Fitted,
     Found,
     Heard,
     News,
@@ -44,6 +50,7 @@ from skinlab.tui.words import event_note
 
 _S = InstrumentState
 SEARCHING = "searching"  # for a link that was lost
+_RATE_SAMPLES = 41
 _MOVING = frozenset({_S.ARMED, _S.RUNNING, _S.VENTING})
 
 
@@ -64,10 +71,19 @@ class Live:
 
     index: int
     setup: Setup
+    time_s: list[float] = field(default_factory=list)
     pressure_mbar: list[float] = field(default_factory=list)
     deflection_mm: list[float] = field(default_factory=list)
     last: Sample | None = None
     lost: int = 0
+    findings: list[Finding] = field(default_factory=list)
+    estimate: Identification | None = None  # of what there is so far
+
+    @property
+    def rate_hz(self) -> float | None:
+        """Samples a second by the instrument's clock, over the last second or so; None: unknown."""
+        late = self.time_s[-_RATE_SAMPLES:]
+        return (len(late) - 1) / (late[-1] - late[0]) if len(late) > 1 else None
 
 
 @dataclass(slots=True)
@@ -79,6 +95,27 @@ class Entry:
     cut: str | None
     lost: int
     result: Identification | None = None
+    findings: list[Finding] = field(default_factory=list)
+
+
+@dataclass(slots=True)
+class Series:
+    """A run that was started, and the repeats that are to follow it by themselves."""
+
+    order: Order  # of the present repeat
+    before: int  # how many curves there were when it began
+    starting: bool = False  # to be started once it is armed
+
+    def finished(self, board: Board) -> bool:
+        """Whether the present repeat is over: identified, and nothing moves."""
+        last = board.entry
+        return (
+            not self.starting
+            and board.can_arm
+            and len(board.entries) > self.before
+            and last is not None
+            and last.result is not None
+        )
 
 
 class Board:
@@ -91,13 +128,18 @@ class Board:
         self.doing: str | None = None  # connecting, arming, starting, resetting, searching, closing
         self.order: Order | None = None  # armed last
         self.visit: tuple[str, str, str] | None = None  # what the open session belongs to
+        self.series: Series | None = None
         self.live: Live | None = None
         self.latest: Sample | None = None  # the final vent included
         self.entries: dict[int, Entry] = {}
+        self.ledger = Ledger()
+        self.joint: Identification | None = None  # of the curves that are used
+        self.compared: list[str] = []  # with another session, in sentences
         self.shown: int | None = None  # which entry is looked at
         self.session = 0  # counts connections: entries of another one are gone
         self.path: Path | None = None  # of this connection's session, once there is one
         self.saved: Path | None = None  # session file written last
+        self.damaged = 0  # frames of this connection that made no sense
         self.alarm: str | None = None
         self.note = ""
         self.level = Level.INFO
@@ -108,7 +150,7 @@ class Board:
     @property
     def moving(self) -> bool:
         """Armed, running or venting, or about to: fields take no text, v always vents."""
-        return self.doing in {"arming", "starting"} or self.instrument in _MOVING
+        return self.doing in {"arming", "starting", "resting"} or self.instrument in _MOVING
 
     @property
     def can_arm(self) -> bool:
@@ -146,6 +188,10 @@ class Board:
             self.shown = None  # the plot is for the next curve
         self.version += 1
 
+    def touch(self) -> None:
+        """Something was changed by hand: draw it."""
+        self.version += 1
+
     def say(self, level: Level, note: str) -> None:
         """Say something, unless something worse is being said."""
         if _RANK[level] >= _RANK[self.level]:
@@ -162,6 +208,11 @@ class Board:
         if self.live is None and index in self.entries and self.shown != index:
             self.shown = index
             self.version += 1
+
+    def rested(self) -> None:
+        """No more is waited for before the next repeat."""
+        self._done("resting")
+        self.version += 1
 
     def acknowledge(self) -> None:
         """Take the alarm away."""
@@ -181,6 +232,13 @@ class Board:
                     self._hear(message)
             case Recording(path):
                 self.path = path
+            case Estimated(index, result):
+                if self.live is not None and self.live.index == index:
+                    self.live.estimate = result
+            case Fitted(result):
+                self.joint = result
+            case Compared(lines):
+                self.compared = list(lines)
             case Saved(path):
                 self.saved = path
                 self.say(Level.INFO, f"saved: {path}")
@@ -210,6 +268,8 @@ class Board:
         self.port, self.hello = port, hello
         self.visit = self.path = self.live = self.shown = self.latest = None
         self.entries.clear()
+        self.ledger, self.joint, self.compared = Ledger(), None, []
+        self.damaged = 0
         self.session += 1
         self._done("connecting")
         self.say(Level.INFO, "connected; Enter arms")
@@ -228,13 +288,18 @@ class Board:
                 if self.live is not None and self.live.index == index:
                     self._sample(self.live, sample)
             case CurveCompleted(index, curve, cut, lost):
-                self.entries[index] = Entry(index, curve, cut, lost)
+                found = [] if self.live is None else self.live.findings
+                self.entries[index] = Entry(index, curve, cut, lost, findings=found)
                 self.live, self.shown = None, index
                 if cut is not None:
                     self.say(Level.WARNING, f"curve {index} was cut short: {cut}")
             case Identified(index, _, result):
                 self.entries[index].result = result
             case Flagged(index, finding):
+                of = self.live if self.live and self.live.index == index else None
+                whose = of or self.entries.get(index)
+                if whose is not None:
+                    whose.findings.append(finding)
                 self.say(Level.WARNING, f"curve {index}: {finding.sentence}; {finding.advice}")
             case Happened(event):
                 self._happened(event)
@@ -242,6 +307,7 @@ class Board:
     def _sample(self, live: Live, sample: Sample) -> None:
         live.last = sample
         if live.setup.program is None or sample.segment < len(live.setup.program.segments):
+            live.time_s.append(sample.device_time_s)
             live.pressure_mbar.append(sample.pressure_mbar)
             live.deflection_mm.append(sample.deflection_mm)
 
@@ -254,6 +320,8 @@ class Board:
                     self.say(Level.WARNING, "too few samples for a curve; they are recorded")
             case Alarm(text):
                 self.alarm = text
+            case Damaged():
+                self.damaged += 1
             case Gap(expected, received) if self.live is not None:
                 self.live.lost += received - expected
             case LinkLost():

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from drivers.events import Hello
+from skinlab.identify.result import Identification
 from skinlab.stream import Message
 
 
@@ -29,6 +30,28 @@ class Heard:
     """Messages of the pipeline, in order; several at once, so that a fast probe costs no more."""
 
     messages: tuple[Message, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Estimated:
+    """What a curve that still grows looks like so far; not final, and without intervals."""
+
+    index: int
+    result: Identification
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fitted:
+    """Several curves of the session, fitted together."""
+
+    result: Identification
+
+
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """The session held against another one, in sentences."""
+
+    lines: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,4 +97,17 @@ class Done:
     doing: str
 
 
-News = Connected | Recording | Heard | Saved | Searching | Found | Disconnected | Failed | Done
+News = (
+    Connected
+    | Recording
+    | Heard
+    | Estimated
+    | Fitted
+    | Compared
+    | Saved
+    | Searching
+    | Found
+    | Disconnected
+    | Failed
+    | Done
+)

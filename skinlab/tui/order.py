@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from drivers.events import Hello
 from skinlab.curve import Setup, check_aperture, check_thickness
 from skinlab.errors import InputError
-from skinlab.program import parse_program
+from skinlab.program import Program, parse_program
 from skinlab.subject import check_subject
 
 DEFAULTS = {
@@ -16,7 +17,10 @@ DEFAULTS = {
     "site": "",
     "aperture_mm": "6",
     "thickness_mm": "1.0",
+    "thickness_sd_mm": "",
     "cycle": "1",
+    "repeats": "1",
+    "rest_s": "5",
     "program": "ramp:100@20",
 }
 
@@ -28,7 +32,17 @@ class Order:
     port: str
     subject: str
     site: str
-    setup: Setup
+    setup: Setup  # of the first repeat
+    repeats: int = 1
+    rest_s: float = 5.0  # between two repeats
+
+    def again(self) -> Order:
+        """Return the order for the next repeat: one more loading of the site, and one less to do.
+
+        Only where there is one.
+        """
+        setup = replace(self.setup, cycle=self.setup.cycle + 1, repeat=self.setup.repeat + 1)
+        return replace(self, setup=setup, repeats=self.repeats - 1)
 
     @property
     def visit(self) -> tuple[str, str, str]:
@@ -36,16 +50,43 @@ class Order:
         return (self.port, self.subject, self.site)
 
 
-def complaint(field: str, text: str) -> str | None:
-    """Return what is wrong with the text of a field, in one sentence, or None."""
+MOST_REPEATS = 20
+MOST_REST_S = 3600.0
+
+
+def complaint(field: str, text: str, hello: Hello | None = None) -> str | None:
+    """Return what is wrong with the text of a field, in one sentence, or None.
+
+    With `hello` the program must be within that instrument's limits too.
+    """
     check = _CHECKS.get(field)
     if check is None:
         return None
     try:
-        check(text.strip())
+        found = check(text.strip())
+        if isinstance(found, Program) and hello is not None:
+            check_limits(found, hello)
     except InputError as error:
         return str(error)
     return None
+
+
+def check_limits(program: Program, hello: Hello) -> None:
+    """Refuse what this instrument would refuse.
+
+    Raises:
+        InputError: it goes beyond the instrument's limits.
+    """
+    if program.max_pressure_mbar > hello.max_pressure_mbar:
+        raise InputError(
+            f"program {program}: up to {program.max_pressure_mbar:g} mbar; this instrument goes "
+            f"to {hello.max_pressure_mbar:g} mbar"
+        )
+    if program.longest_suction_s > hello.max_suction_s:
+        raise InputError(
+            f"program {program}: {program.longest_suction_s:g} s of suction without a pause; this "
+            f"instrument holds at most {hello.max_suction_s:g} s"
+        )
 
 
 def read_order(texts: Mapping[str, str]) -> Order:
@@ -62,8 +103,16 @@ def read_order(texts: Mapping[str, str]) -> Order:
         thickness_mm=_number("thickness_mm", text["thickness_mm"]),
         program=parse_program(text["program"]),
         cycle=_cycle(text["cycle"]),
+        thickness_sd_mm=_sd(text["thickness_sd_mm"]),
     )
-    return Order(text["port"], text["subject"], text["site"], setup)
+    return Order(
+        text["port"],
+        text["subject"],
+        text["site"],
+        setup,
+        _repeats(text["repeats"]),
+        _rest(text["rest_s"]),
+    )
 
 
 def _port(text: str) -> None:
@@ -81,6 +130,28 @@ def _number(field: str, text: str) -> float:
     return number
 
 
+def _sd(text: str) -> float | None:
+    if not text:
+        return None
+    number = _number("thickness_sd_mm", text)
+    if not 0 < number <= 1:
+        raise InputError(f"thickness_sd_mm {text!r}: expected over 0 to 1 mm, or nothing")
+    return number
+
+
+def _repeats(text: str) -> int:
+    if not (text.isascii() and text.isdecimal() and 1 <= int(text) <= MOST_REPEATS):
+        raise InputError(f"repeats {text!r}: expected 1–{MOST_REPEATS}")
+    return int(text)
+
+
+def _rest(text: str) -> float:
+    number = _number("rest_s", text)
+    if not 0 <= number <= MOST_REST_S:
+        raise InputError(f"rest_s {text!r}: expected 0–{MOST_REST_S:g} s between repeats")
+    return number
+
+
 def _cycle(text: str) -> int:
     if not (text.isascii() and text.isdecimal() and int(text) >= 1):
         raise InputError(f"cycle {text!r}: expected 1 (first loading, or after full rest) or more")
@@ -92,6 +163,9 @@ _CHECKS: dict[str, Callable[[str], object]] = {
     "subject": check_subject,
     "aperture_mm": lambda text: check_aperture(_number("aperture_mm", text)),
     "thickness_mm": lambda text: check_thickness(_number("thickness_mm", text)),
+    "thickness_sd_mm": _sd,
     "cycle": _cycle,
+    "repeats": _repeats,
+    "rest_s": _rest,
     "program": parse_program,
 }

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from drivers.events import (
     Alarm,
@@ -15,8 +19,11 @@ from drivers.events import (
     VentConfirmed,
 )
 from skinlab.curve import Setup
+from skinlab.gates.base import Finding
 from skinlab.identify.result import Identification, Value
 from skinlab.program import Program
+from skinlab.report.text import explain
+from skinlab.tui.canvas import interval_bar, share
 
 if TYPE_CHECKING:
     from skinlab.tui.board import Board, Entry, Live
@@ -96,12 +103,22 @@ def deflection_text(sample: Sample | None) -> str:
     return "-.---" if sample is None else f"{sample.deflection_mm:.3f}"
 
 
+def link_text(board: Board) -> str:
+    """Return how the link does."""
+    if board.hello is None:
+        return "no link"
+    if board.doing == "searching":
+        return "LINK LOST"
+    return f"{board.damaged} damaged frames" if board.damaged else "link ok"
+
+
 def progress_text(board: Board) -> str:
     """Return how far the program is: points, segment, time."""
     live, entry = board.live, board.entry
     if live is not None:
+        rate = "" if live.rate_hz is None else f" {live.rate_hz:.0f} Hz"
         lost = f", {live.lost} lost" if live.lost else ""
-        return f"{len(live.pressure_mbar)} points{lost}  {_progress(live)}"
+        return f"{len(live.pressure_mbar)} points{rate}{lost}  {_progress(live)}"
     if entry is not None:
         lost = f", {entry.lost} lost" if entry.lost else ""
         return f"curve {entry.index}: {len(entry.curve)} points{lost}"
@@ -126,12 +143,24 @@ def order_lines(order: Order) -> list[str]:
     who = ", ".join(part for part in (order.subject, order.site) if part)
     return [
         f"opening  {setup.aperture_mm:g} mm",
-        f"skin     {setup.thickness_mm:g} mm thick",
+        f"skin     {_thickness(setup)} thick",
         f"program  {setup.program}",
         *([] if setup.program is None else [f"         {program_extent(setup.program)}"]),
         f"cycle    {setup.cycle}",
+        *([f"repeats  {order.repeats}, {order.rest_s:g} s rest"] if order.repeats > 1 else []),
         f"subject  {who or 'none given'}",
     ]
+
+
+def _thickness(setup: Setup) -> str:
+    sd = "" if setup.thickness_sd_mm is None else f" ± {setup.thickness_sd_mm:g}"
+    return f"{setup.thickness_mm:g}{sd} mm"
+
+
+def settings_line(texts: Mapping[str, str]) -> str:
+    """Return the settings in one line, where the fields are folded away."""
+    who = ", ".join(t for t in (texts["subject"], texts["site"]) if t) or "no subject"
+    return f"{who}: {texts['aperture_mm']} mm, {texts['program']}"
 
 
 def program_extent(program: Program) -> str:
@@ -139,21 +168,42 @@ def program_extent(program: Program) -> str:
     return f"up to {program.max_pressure_mbar:g} mbar, {program.duration_s:.3g} s"
 
 
-def card_text(board: Board) -> tuple[str, str]:
-    """Return title and text of the panel under the fields: what is armed, or what was found."""
-    entry = board.entry
+@dataclass(frozen=True)
+class CardText:
+    """What the panel says; `final` is false for numbers that may still change."""
+
+    title: str
+    lines: tuple[str, ...]
+    final: bool = True
+
+
+def card_text(board: Board, columns: int) -> CardText:
+    """Return what is armed, what is known so far of a running curve, or what was found."""
+    live, entry = board.live, board.entry
+    if live is not None:
+        if live.estimate is None:
+            return CardText(f"curve {live.index}", ("measuring …",), final=False)
+        lines = (*result_lines(live.estimate, columns), *advice_lines(None, live.findings))
+        return CardText(f"curve {live.index}: so far, not final", lines, final=False)
     if entry is None and board.order is not None and board.moving:
         hint = "Space starts, v vents" if board.can_start else "v vents"
-        return f"{board.phase}: {hint}", "\n".join(order_lines(board.order))
+        return CardText(f"{board.phase}: {hint}", tuple(order_lines(board.order)))
     if entry is None:
-        return "result", "Enter arms, Space starts"
+        return CardText("result", ("Enter arms, Space starts",))
     if entry.result is None:
-        return f"curve {entry.index}", "identifying …"
-    return f"curve {entry.index}", "\n".join(result_lines(entry.result))
+        return CardText(f"curve {entry.index}", ("identifying …",), final=False)
+    lines = (
+        *result_lines(entry.result, columns),
+        *advice_lines(entry.result, entry.findings),
+    )
+    return CardText(f"curve {entry.index}", lines)
 
 
-def result_lines(result: Identification) -> list[str]:
-    """Return what was identified, in short lines."""
+def result_lines(result: Identification, columns: int = 34) -> list[str]:
+    """Return what was identified: values, intervals in numbers and as bars, and how well it fits.
+
+    A bar shows X1 and X2 from a third of the value to three times it, and nu over its range.
+    """
     if result.error is not None:
         return ["not identified:", result.error]
     lines = []
@@ -162,15 +212,57 @@ def result_lines(result: Identification) -> list[str]:
         lines.append(
             f"{label:<5}{digits(value.value, 4):<8}{unit:<5}{interval_text(value)}".rstrip()
         )
+        bar = value_bar(name, value, columns - 5)
+        if bar:
+            lines.append(f"{'':<5}{bar}".rstrip())
         if name == "nu" and result.nu_consistent is not None:
             lines.append(f"{'':<5}{digits(result.nu_consistent, 4):<8}true nu")
-    if result.error_um is not None:
-        lines.append(f"{'E':<5}{digits(result.error_um, 3):<8}µm")
-    if result.rms_um is not None:
-        lines.append(f"{'rms':<5}{digits(result.rms_um, 3):<8}µm")
-    fitted = 0 if result.fitted is None else int(result.fitted.sum())
+    if result.error_um is not None and result.rms_um is not None:
+        noise = "" if result.noise_um is None else f" noise {digits(result.noise_um, 2)}"
+        lines.append(f"E {digits(result.error_um, 3)} rms {digits(result.rms_um, 3)}{noise} µm")
+    fitted = result.fitted_points
     lines.append(f"{fitted} of {result.points} points fitted")
-    lines += [f"! {flag_words(flag)}" for flag in result.flags]
+    return lines
+
+
+_BAR_FACTOR = 3.0
+_NU_RANGE = (0.2, 0.5)
+
+
+def value_bar(name: str, value: Value, columns: int) -> str:
+    """Return the interval as a bar, or nothing where there is none."""
+    if value.low is None or value.high is None:
+        return ""
+    numbers = np.array([value.low, value.value, value.high])
+    if name == "nu":
+        at = share(numbers, *_NU_RANGE)
+    elif value.low > 0:
+        at = 0.5 + 0.5 * np.log(numbers / value.value) / np.log(_BAR_FACTOR)
+    else:
+        return ""
+    low, best, high = (float(x) for x in at)
+    return interval_bar(low, best, high, columns)
+
+
+_WHAT_TO_DO = {
+    "not_identifiable": "Measure with another opening too and fit together (s), or go higher.",
+    "misfit_above_noise": "The model misses something here: skinlab discrepancy says what.",
+    "at_bound": "Do not use the number as it is.",
+    "outside_database": "Part of the curve is beyond the database, and was not fitted.",
+    "not_converged": "The search did not settle: measure again.",
+    "partial_curve": "The curve was cut short: measure again.",
+    "not_first_cycle": "Not the first loading: the skin is softer than when fresh; let it rest.",
+}
+
+
+def advice_lines(result: Identification | None, findings: Sequence[Finding]) -> list[str]:
+    """Return what to think of a curve and what to do, a sentence or two each."""
+    lines = []
+    if result is not None:
+        flags = list(dict.fromkeys(flag.partition(":")[0] for flag in result.flags))
+        lines += [f"! {sentence}" for sentence in explain(result)]
+        lines += [f"→ {_WHAT_TO_DO[flag]}" for flag in flags if flag in _WHAT_TO_DO]
+    lines += [f"! {finding.sentence} → {finding.advice}" for finding in findings]
     return lines
 
 
@@ -183,7 +275,7 @@ def interval_text(value: Value) -> str:
     """Return the interval, or nothing where the method gives none."""
     if value.low is None or value.high is None:
         return ""
-    return f"{digits(value.low, 3)} to {digits(value.high, 3)}"
+    return f"{digits(value.low, 3)}–{digits(value.high, 3)}"
 
 
 def row_texts(entry: Entry) -> tuple[str, ...]:

@@ -126,7 +126,7 @@ counts = st.integers(0, 10**6)
         segment=st.integers(0, 128),
     )
 )
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_samples_are_exact(sample):
     for name in dialect_names():
         dialect = get_dialect(name)
@@ -158,7 +158,7 @@ def test_the_other_side_is_blamed_for_nonsense(dialect):
 
 
 @given(st.lists(st.one_of(st.binary(max_size=30), st.sampled_from(EVENTS)), max_size=15))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_framing_does_not_depend_on_the_pieces(parts):
     for name in dialect_names():
         dialect = get_dialect(name)

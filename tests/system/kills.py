@@ -4,13 +4,15 @@
 
 Each measurement is a process of its own (forked from this one, to save the imports), and so is the
 probe, whose log is the truth. `oldest_lost_ms`: how long before the kill the oldest sample that is
-not in the recovered session was sent; null where none was lost. `stall_ms`: by how much this
-process itself was late, at worst, in the half second before the kill: a loaded machine.
+not in the recovered session was sent; null where none was lost. `starved_ms`: how long threads of
+the measurement were ready and waited for a processor, all together, in the half second before the
+kill (the kernel's own account): what a loaded machine adds, and no program can help.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import hashlib
 import importlib
 import json
@@ -38,6 +40,7 @@ from skinlab.sources import recorded_items
 
 SPEED = 4.0  # of the simulated probe
 TICK_S = 0.005
+WINDOW_S = 0.5
 REPEATS = "2"
 
 
@@ -82,8 +85,9 @@ def study(folder: Path, url: str, program: str, rng: random.Random, kills: int) 
     whole_s = time.monotonic() - started
     if status != 0:
         raise SystemExit((folder / "whole.txt").read_text())
-    entries = []
-    for number in range(kills):
+    entries: list[dict[str, Any]] = []
+    while sum(not e["ended_before"] for e in entries) < kills:
+        number = len(entries)
         moment_s = rng.uniform(0.1, 1.02 * whole_s)
         settle(folder / "log")
         before = hashes(folder)
@@ -98,9 +102,10 @@ def study(folder: Path, url: str, program: str, rng: random.Random, kills: int) 
         "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores",
         "whole_measurement_s": round(whole_s, 3),
         "kills": kills,
-        "of_them_ended_before": sum(e["ended_before"] for e in entries),
+        "ended_before_their_kill": len(entries) - kills,
         "failures": sum(bool(failure(e)) for e in entries),
         "worst_oldest_lost_ms": max(lost, default=None),
+        "of_them_above_100_ms": sum(ms > 100.0 for ms in lost),
         "samples_sent": sum(e["sent"] for e in entries),
         "samples_recovered": sum(e["recovered"] for e in entries),
         "entries": entries,
@@ -110,7 +115,7 @@ def study(folder: Path, url: str, program: str, rng: random.Random, kills: int) 
 def failure(entry: dict[str, Any]) -> str | None:
     """What is wrong with one kill: nothing older than 100 ms may be lost, nothing be damaged."""
     lost = entry["oldest_lost_ms"]
-    if lost is not None and lost > 100.0 + entry["stall_ms"]:
+    if lost is not None and lost > 100.0 + entry["starved_ms"]:
         return "a sample that had arrived 100 ms before is lost"
     if entry["problems"] or not entry["as_sent"] or not entry["bystanders_unchanged"]:
         return "damaged"
@@ -147,14 +152,15 @@ def kill_once(folder: Path, url: str, program: str, name: str, moment_s: float) 
     out = folder / f"{name}.h5"
     begun = time.monotonic()
     process = measure(url, program, out)
-    stalls: list[tuple[float, float]] = []
+    waited = [(begun, 0.0)]
     while (now := time.monotonic()) < begun + moment_s:
+        waited.append((now, starved_s(process)))
         time.sleep(TICK_S)
-        late = time.monotonic() - now - TICK_S
-        stalls.append((now, late))
+    starved = starved_s(process)
     killed = time.monotonic()
     os.kill(process, signal.SIGKILL)
     _, status = os.waitpid(process, 0)
+    before = max(total for t, total in waited if t <= max(begun, killed - WINDOW_S))
     truth = sent(folder / "log", begun, killed)
     journal = Path(f"{out}.journal")
     problems: list[str] = []
@@ -182,11 +188,20 @@ def kill_once(folder: Path, url: str, program: str, name: str, moment_s: float) 
         "sent": len(events),
         "recovered": len(got),
         "oldest_lost_ms": round(1e3 * (killed - lost[0][0]), 1) if lost else None,
-        "stall_ms": round(1e3 * max((s for t, s in stalls if t > killed - 0.5), default=0.0), 1),
+        "starved_ms": round(1e3 * max(0.0, starved - before), 1),
         "as_sent": [e for _, e in got] == [e for _, e in events[: len(got)]]
         and received in b"".join(r.data for r in truth),
         "problems": problems,
     }
+
+
+def starved_s(process: int) -> float:
+    """How long its threads have waited for a processor so far, all together."""
+    total_ns = 0
+    for task in Path(f"/proc/{process}/task").glob("*/schedstat"):
+        with contextlib.suppress(OSError):  # a thread that has just ended
+            total_ns += int(task.read_text().split()[1])
+    return total_ns / 1e9
 
 
 def settle(log: Path) -> None:

@@ -8,18 +8,18 @@ import shlex
 import shutil
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from patience import patient_command
 
 from skinlab.session import Session, read_session
 
 pytestmark = pytest.mark.skipif(shutil.which("tmux") is None, reason="tmux is not installed")
 
-PATIENCE_S = 60.0
+PATIENCE_S = 120.0
 
 
 class Terminal:
@@ -29,7 +29,7 @@ class Terminal:
         self.sessions = folder / "sessions"
         self._socket = str(folder / "tmux")
         columns, rows = size
-        command = [sys.executable, "-m", "skinlab", "ui", "--port", port]
+        command = patient_command("skinlab", "ui", "--port", port)
         command += ["--sessions", str(self.sessions)]
         # `sh` stays, so that what is left on the screen can be read.
         line = f"{shlex.join(command)}; echo exit status $?; read end"
@@ -56,6 +56,11 @@ class Terminal:
     def press(self, *keys: str) -> None:
         self._tmux("send-keys", *keys)
 
+    def row(self, word: str) -> str:
+        """The first row with this word, colours included."""
+        rows = self._tmux("capture-pane", "-e", "-p").splitlines()
+        return next(row for row in rows if word in row)
+
     def screen(self) -> str:
         return self._tmux("capture-pane", "-p")
 
@@ -65,6 +70,10 @@ class Terminal:
             assert time.monotonic() < end, screen
             time.sleep(0.05)
         return screen
+
+    def until_all(self, *words: str) -> str:
+        """Wait for a screen with all of these; a frame may be caught half drawn."""
+        return self.until(lambda screen: all(word in screen for word in words))
 
     def program(self) -> int:
         """Process number of the program: the child of the terminal's shell."""
@@ -78,6 +87,11 @@ class Terminal:
     def start_slow_run(self) -> None:
         """Start a run that takes long, and wait until its curve is drawn."""
         self.until(lambda screen: "READY" in screen)
+        calm = self.row("Program")
+        self.press(*["Tab"] * 7)  # from field to field
+        self.until(lambda _: self.row("Program") != calm)  # in the colours of a selected text
+        self.press("-l", "ramp:100@2")
+        self.until(lambda screen: re.search(r"ramp:100@2\s", screen))
         self.press("Enter")
         self.until(lambda screen: "ARMED" in screen)
         self.press("Space")
@@ -120,19 +134,14 @@ def open_terminal(tmp_path: Path) -> Iterator[Callable[..., Terminal]]:
 @pytest.mark.parametrize("size", [(80, 24), (160, 50)], ids=["80x24", "160x50"])
 def test_a_measurement_by_keys(open_terminal, size):
     terminal = open_terminal(size)
-    first = terminal.until(lambda screen: "READY" in screen)
-    assert "SIMULATED" in first
+    terminal.until_all("READY", "SIMULATED")
     terminal.press("Enter")
-    armed = terminal.until(lambda screen: "ARMED" in screen)
-    assert "up to 100 mbar" in armed
+    terminal.until_all("ARMED", "up to 100 mbar")
     terminal.press("Space")
-    result = terminal.until(lambda screen: "saved:" in screen and "true nu" in screen)
-    for word in ("X1", "X2", "nu", "MPa", "measured", "fitted", "deflection (mm)", "ramp:100@20"):
-        assert word in result
+    terminal.until_all("saved:", "true nu", "X1", "X2", "nu", "MPa", "measured", "fitted")
+    terminal.until_all("deflection (mm)", "ramp:100@20")
     terminal.press("q")
-    last = terminal.until(lambda screen: "exit status" in screen)
-    assert "exit status 0" in last
-    assert "session:" in last
+    last = terminal.until_all("exit status 0", "session:")
     assert "Traceback" not in last
     assert terminal.session().results[0]["parameters"] is not None
 
@@ -141,8 +150,7 @@ def test_a_terminated_program_vents_and_saves(open_terminal):
     terminal = open_terminal(port="sim://?seed=1")
     terminal.start_slow_run()
     os.kill(terminal.program(), signal.SIGTERM)
-    last = terminal.until(lambda screen: "exit status" in screen)
-    assert "exit status 130" in last
+    last = terminal.until_all("exit status 130")
     assert "Traceback" not in last
     assert terminal.session().curves[0].partial
 
@@ -161,7 +169,6 @@ def test_a_closed_terminal_vents_and_saves(open_terminal):
 
 def test_a_missing_port_is_a_sentence(open_terminal):
     terminal = open_terminal(port="/dev/no-such-port")
-    screen = terminal.until(lambda screen: "no such port" in screen)
-    assert "NO PROBE" in screen
+    terminal.until_all("no such port", "NO PROBE")
     terminal.press("q")
-    assert "exit status 0" in terminal.until(lambda screen: "exit status" in screen)
+    terminal.until_all("exit status 0")

@@ -16,7 +16,7 @@ from skinlab.tui.app import SkinlabApp
 from skinlab.tui.bench import Bench, default_identifier
 
 SIMULATED = "sim://?seed=1&speed=20"
-PATIENCE_S = 30.0
+PATIENCE_S = 120.0
 
 
 class Bedside:
@@ -91,7 +91,9 @@ def bedside(tmp_path: Path, identifier: Identifier):
         make_bench = partial(Bench, make_identifier=lambda: identifier)
         app = SkinlabApp(port, tmp_path, make_bench)
         async with app.run_test(size=size) as pilot:
-            yield Bedside(app, pilot)
+            bed = Bedside(app, pilot)
+            await bed.until(lambda: app.board.version > 0)  # it has begun to connect
+            yield bed
 
     return enter
 

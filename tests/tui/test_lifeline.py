@@ -7,7 +7,7 @@ import pytest
 
 from skinlab.tui.lifeline import INTERRUPTED, Lifeline
 
-PATIENCE_S = 10.0
+PATIENCE_S = 120.0
 
 
 class Program:

@@ -33,17 +33,20 @@ async def test_whole_measurement_from_arming_to_replay(bedside, session_files):
         await bed.arm()
         assert bed.app.screen.query_one("#program").disabled is False  # its parent is
         assert not bed.app.screen.query_one("#program").focusable
+        await bed.until(lambda: "up to 100 mbar, 5 s" in bed.text("#card-text"))
         assert "ramp:100@20" in bed.text("#card-text")
-        assert "up to 100 mbar, 5 s" in bed.text("#card-text")
         await bed.press("space")
         await bed.until(lambda: bed.board.entry and bed.board.entry.result)
         await bed.until(lambda: "X1" in bed.text("#card-text"))
         card = bed.text("#card-text")
         for word in ("X1", "X2", "nu", "true nu", "MPa", "E", "rms", "100 of 100 points fitted"):
             assert word in card
-        plot = bed.app.screen.query_one(CurvePlot)
-        assert {label for label in plot._labels if label} == {"measured", "fitted"}
-        assert bed.app.screen.query_one(Curves).get_row_at(0)[:3] == ["1", "ramp:100@20", "1"]
+        plot, curves = bed.app.screen.query_one(CurvePlot), bed.app.screen.query_one(Curves)
+        await bed.until(
+            lambda: {label for label in plot._labels if label} == {"measured", "fitted"}
+        )
+        await bed.until(lambda: curves.row_count == 1)
+        assert curves.get_row_at(0)[:3] == ["1", "ramp:100@20", "1"]
         # On disk before anybody quits
         await bed.until(lambda: bed.board.saved is not None)
         early = read_session(bed.board.saved)
@@ -69,7 +72,7 @@ async def test_the_curve_is_drawn_as_its_points_arrive(bedside):
         for points in (10, 40, 80):
             await bed.until(lambda n=points: plot._datasets and len(plot._datasets[0].x) > n)
             assert bed.board.live is not None
-            assert "points" in bed.text("#reading-line")
+            await bed.until(lambda: "points" in bed.text("#reading-line"))
             assert "of 1" in bed.text("#reading-line")
 
 
@@ -115,9 +118,9 @@ async def test_escape_vents_as_well_and_disarms(bedside, session_files):
         await bed.connected()
         await bed.arm()
         await bed.press("escape")
+        await bed.until(lambda: "vented" in bed.board.note)
         await bed.until(lambda: bed.board.can_arm)
         assert bed.board.instrument is not InstrumentState.ARMED
-        assert "vented" in bed.board.note
         await bed.press("q")
         await bed.until(lambda: bed.app._exit)
     assert session_files() == []  # armed only: nothing to keep
@@ -163,7 +166,9 @@ async def test_two_curves_and_looking_back_at_the_first(bedside, session_files):
         await bed.run()
         await bed.until(lambda: "not the first loading" in bed.text("#card-text"))
         assert bed.board.shown == 2
-        bed.app.screen.query_one(Curves).focus()
+        curves = bed.app.screen.query_one(Curves)
+        curves.focus()
+        await bed.until(lambda: curves.has_focus and curves.cursor_row == 1)
         await bed.press("up")
         await bed.until(lambda: bed.text("#card-text") == first)
         assert bed.board.shown == 1

@@ -50,6 +50,17 @@ def test_forward_prints_a_curve_that_identify_reads(capsys, tmp_path):
     assert entry["parameters"]["X1_MPa"]["value"] == pytest.approx(0.03, rel=0.01)
 
 
+def test_a_simulated_curve_replaces_a_file_only_by_force(capsys, curve_csv):
+    before = curve_csv.read_bytes()
+    other = [*FORWARD, "--program", "ramp:50@20", "--csv", curve_csv]
+    status, _, err = call(capsys, *other)
+    assert status == 3
+    assert "exists already; --force replaces it" in err
+    assert curve_csv.read_bytes() == before
+    assert call(capsys, *other, "--force")[0] == 0
+    assert curve_csv.read_bytes() != before
+
+
 def test_database_and_finite_elements_agree_between_nodes(capsys):
     arguments = ["forward", "--x1-mpa", "0.0345", "--x2-mpa", "1.234", "--nu", "0.333"]
     arguments += [*SKIN, *RAMP]
@@ -97,6 +108,16 @@ def test_database_and_finite_elements_agree_between_nodes(capsys):
             "absent.toml",
         ),
         (["measure", "--port", "sim://", *SKIN, "--program", "x", "--out", "s.h5"], 3, "segment"),
+        (["measure", "--port", "sim://?seed=x", *SKIN, *RAMP, "--out", "s.h5"], 2, "whole number"),
+        (["measure", "--port", "socket://", *SKIN, *RAMP, "--out", "s.h5"], 2, "HOST:PORT"),
+        (["measure", "--port", "no://x", *SKIN, *RAMP, "--out", "s.h5"], 2, "not known"),
+        (
+            ["measure", "--port", "/dev/x", *SKIN, *RAMP, "--phases", "rest,hold", "--out", "s.h5"],
+            2,
+            "ramp:100@20 has no rest,hold, so that nothing could be fitted; it has load",
+        ),
+        (["identify", "absent.h5", "--aperture-mm", "6"], 2, "sessions and campaigns state"),
+        (["identify", ".", "--thickness-sd-mm", "0.1"], 2, "sessions and campaigns state"),
     ],
 )
 def test_bad_input_is_one_sentence_and_the_contracts_status(

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 from textual import on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
+from textual.events import DescendantBlur, DescendantFocus
 from textual.message import Message
 from textual.screen import Screen
 from textual.widgets import DataTable, Footer, Input, Static
@@ -19,6 +21,8 @@ from skinlab.tui.widgets.curves import Curves
 from skinlab.tui.widgets.fields import Fields
 from skinlab.tui.widgets.header import Top
 from skinlab.tui.widgets.reading import Reading
+from skinlab.tui.widgets.strip import Strip
+from skinlab.tui.words import settings_line
 
 _FRAMES_PER_S = 16
 
@@ -27,7 +31,7 @@ class MainScreen(Screen[None]):
     """Shows the board, so often a second; says what the operator wants."""
 
     class Wanted(Message):
-        """A key asked for something: arm, start or ports."""
+        """A key asked for something: arm, start, ports or session."""
 
         def __init__(self, what: str) -> None:
             super().__init__()
@@ -38,11 +42,14 @@ class MainScreen(Screen[None]):
         Binding("enter", "want('arm')", "Arm", key_display="Enter", priority=True),
         Binding("space", "want('start')", "Start", key_display="Space", priority=True),
         Binding("f2", "want('ports')", "Ports", key_display="F2", priority=True),
+        Binding("f3", "settings", "Settings", key_display="F3", priority=True),
+        Binding("s", "want('session')", "Session"),
     ]
 
-    def __init__(self, board: Board) -> None:
+    def __init__(self, board: Board, settings: Mapping[str, str]) -> None:
         super().__init__()
         self._board = board
+        self._settings = settings
         self._drawn = -1  # version of the board
         self._noted = ("", "")
         self._keys: tuple[bool, ...] = ()
@@ -52,9 +59,12 @@ class MainScreen(Screen[None]):
         yield Top(id="top")
         with Horizontal(id="middle"):
             with Vertical(id="left"):
-                yield Fields(self._board.port)
+                yield Static("", id="settings-line", markup=False)
+                yield Fields(self._board.port, self._settings)
                 yield Card(id="card")
-            yield CurvePlot()
+            with Vertical(id="right"):
+                yield CurvePlot()
+                yield Strip()
         yield Reading(id="reading")
         yield Curves()
         yield Static("", id="note", markup=False)
@@ -73,7 +83,10 @@ class MainScreen(Screen[None]):
         self.close_fields(closed=board.moving)
         self.query_one(Top).show(board)
         self.query_one(Card).show(board)
+        self.fold()
+        self.query_one(Fields).know(board.hello)
         self.query_one(CurvePlot).show(board)
+        self.query_one(Strip).show(board)
         self.query_one(Reading).show(board)
         self.query_one(Curves).show(board)
         self._write_note(board.note, str(board.level))
@@ -89,6 +102,29 @@ class MainScreen(Screen[None]):
             note.update(text)
             note.set_classes(f"-{level}")
 
+    def fold(self) -> None:
+        """Where there is little room, leave it to what is measured and found; F3 unfolds."""
+        board = self._board
+        busy = board.moving or board.live is not None or board.entry is not None
+        folded = busy and not isinstance(self.focused, Input)
+        self.set_class(folded, "-folded")
+        if folded:
+            line = settings_line(self.query_one(Fields).texts())
+            self.query_one("#settings-line", Static).update(line, layout=False)
+
+    @on(DescendantFocus)
+    @on(DescendantBlur)
+    def _focus_moved(self) -> None:
+        if self.is_mounted and self.query(Fields):
+            self.fold()
+
+    def action_settings(self) -> None:
+        """Go to the fields, or leave them."""
+        if isinstance(self.focused, Input):
+            self.set_focus(None)
+        else:
+            self.query_one("#program", Input).focus()
+
     def close_fields(self, *, closed: bool) -> None:
         """Let the fields take no text, or text again."""
         fields = self.query_one(Fields)
@@ -102,6 +138,10 @@ class MainScreen(Screen[None]):
             what = parameters[0]
             if what == "start":
                 return self._board.can_start
+            if what == "session":
+                return not self.typing
+            return self._board.can_arm
+        if action == "settings":
             return self._board.can_arm
         return super().check_action(action, parameters)
 

@@ -7,13 +7,15 @@ from textual.containers import VerticalScroll
 from textual.widgets import Static
 
 from skinlab.tui.board import Board
-from skinlab.tui.words import card_text
+from skinlab.tui.words import CardText, card_text
+
+_USUAL_COLUMNS = 33  # before the first layout
 
 
 class Card(VerticalScroll, can_focus=False):
-    """A title and a few lines."""
+    """A title and some lines; grey while they may still change."""
 
-    _written = ("", "")
+    _written: CardText | None = None
 
     def compose(self) -> ComposeResult:
         """Yield the text."""
@@ -22,9 +24,11 @@ class Card(VerticalScroll, can_focus=False):
 
     def show(self, board: Board) -> None:
         """Draw."""
-        title, text = card_text(board)
-        if (title, text) != self._written:
-            self._written = (title, text)
-            self.query_one("#card-title", Static).update(title)
-            self.query_one("#card-text", Static).update(text)
+        columns = self.query_one("#card-text").size.width or _USUAL_COLUMNS
+        text = card_text(board, columns)
+        if text != self._written:
+            self._written = text
+            self.query_one("#card-title", Static).update(text.title)
+            self.query_one("#card-text", Static).update("\n".join(text.lines))
         self.set_class(board.can_start, "-armed")
+        self.set_class(not text.final, "-forming")

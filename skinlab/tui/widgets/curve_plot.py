@@ -28,6 +28,7 @@ class CurvePlot(PlotWidget, can_focus=False):
         super().on_mount()
         self.margin_top = 1
         self.margin_left = 7
+        self.margin_bottom = 2
         self.set_xlabel("pressure (mbar)")
         self.set_ylabel("     deflection (mm)")  # centred on the axis: the blanks keep it whole
         self.show_legend(LegendLocation.BOTTOMRIGHT, is_visible=False)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from textual import on
 from textual.app import ComposeResult
 from textual.containers import Horizontal, Vertical
 from textual.widgets import Input, Label, Static
 
+from drivers.events import Hello
 from skinlab.tui.order import DEFAULTS, complaint
 
 # Rows of (field, label, most characters); fields of one row stand side by side.
@@ -14,18 +17,25 @@ _ROWS: tuple[tuple[tuple[str, str, int], ...], ...] = (
     (("port", "Port", 200),),
     (("subject", "Subject", 60),),
     (("site", "Site", 60),),
-    (("aperture_mm", "Opening", 1), ("thickness_mm", "Skin", 5), ("cycle", "Cycle", 3)),
+    (("aperture_mm", "Opening", 1), ("thickness_mm", "Skin", 5), ("thickness_sd_mm", "±", 5)),
+    (("cycle", "Cycle", 3), ("repeats", "Times", 2), ("rest_s", "Rest s", 4)),
     (("program", "Program", 200),),
 )
-_HINTS = {"subject": "pseudonym, never a name", "site": "e.g. forearm"}
+_HINTS = {
+    "subject": "pseudonym, never a name",
+    "site": "e.g. forearm",
+    "thickness_sd_mm": "?",
+    "program": "or mode1 to mode4",
+}
 
 
 class Fields(Vertical):
-    """Port, subject, site, opening, thickness, cycle, program; the complaint stands under each."""
+    """Who, where, which probe, which program, how often; the complaint stands under each row."""
 
-    def __init__(self, port: str) -> None:
+    def __init__(self, port: str, start: Mapping[str, str]) -> None:
         super().__init__(id="fields")
-        self._start = {**DEFAULTS, "port": port}
+        self._start = {**DEFAULTS, **start, "port": port}
+        self._hello: Hello | None = None
 
     def compose(self) -> ComposeResult:
         """Yield a line of fields and a line for complaints for each row."""
@@ -52,18 +62,30 @@ class Fields(Vertical):
 
     def first_wrong(self) -> Input | None:
         """Return the first field with a complaint."""
-        return next((f for f in self.query(Input) if complaint(str(f.id), f.value)), None)
+        return next((f for f in self.query(Input) if self._complaint(f)), None)
+
+    def know(self, hello: Hello | None) -> None:
+        """Check against the limits of this instrument from here on."""
+        if hello != self._hello:
+            self._hello = hello
+            self._judge(_ROWS[-1])
+
+    def _complaint(self, field: Input) -> str | None:
+        return complaint(str(field.id), field.value, self._hello)
 
     @on(Input.Changed)
     def _check(self, event: Input.Changed) -> None:
         event.stop()
         for row in _ROWS:
-            names = [name for name, _, _ in row]
-            if event.input.id in names:
-                found = [complaint(n, self.query_one(f"#{n}", Input).value) for n in names]
-                for name, wrong in zip(names, found, strict=True):
-                    self.query_one(f"#{name}", Input).set_class(wrong is not None, "-wrong")
-                line = self.query_one(f"#wrong-{names[0]}", Static)
-                text = next((wrong for wrong in found if wrong), "")
-                line.update(text)
-                line.display = bool(text)
+            if event.input.id in [name for name, _, _ in row]:
+                self._judge(row)
+
+    def _judge(self, row: tuple[tuple[str, str, int], ...]) -> None:
+        fields = [self.query_one(f"#{name}", Input) for name, _, _ in row]
+        found = [self._complaint(field) for field in fields]
+        for field, wrong in zip(fields, found, strict=True):
+            field.set_class(wrong is not None, "-wrong")
+        line = self.query_one(f"#wrong-{row[0][0]}", Static)
+        text = next((wrong for wrong in found if wrong), "")
+        line.update(text)
+        line.display = bool(text)

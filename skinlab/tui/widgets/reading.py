@@ -7,7 +7,7 @@ from textual.containers import Horizontal, Vertical
 from textual.widgets import Digits, Label, Static
 
 from skinlab.tui.board import Board
-from skinlab.tui.words import deflection_text, pressure_text, progress_text
+from skinlab.tui.words import deflection_text, link_text, pressure_text, progress_text
 
 
 class Reading(Vertical):
@@ -26,7 +26,7 @@ class Reading(Vertical):
     def show(self, board: Board) -> None:
         """Draw."""
         pressure, deflection = pressure_text(board.latest), deflection_text(board.latest)
-        progress = progress_text(board)
+        progress = f"{progress_text(board)}  {link_text(board)}".strip()
         # Of one width, so that no frame moves the layout
         self.query_one("#pressure-large", Digits).update(f"{pressure:>6}")
         self.query_one("#deflection-large", Digits).update(f"{deflection:>6}")

@@ -11,6 +11,8 @@ from drivers.probe import Probe
 from sim_device.device import Device
 from sim_device.files import SensorSection
 
+PATIENCE_S = 120.0
+
 
 class PowerSkin:
     """A dome that grows with the pressure; quick, and nothing else."""
@@ -80,7 +82,7 @@ class Bench:
     def until(self, wanted: Callable[[Event], bool]) -> Event:
         """Wait for an event that is `wanted`; fails if the stream falls silent."""
         while True:
-            timed = self.probe.next_event(5.0)
+            timed = self.probe.next_event(PATIENCE_S)
             assert timed is not None, [t.event for t in self.seen[-20:]]
             self.seen.append(timed)
             if wanted(timed.event):

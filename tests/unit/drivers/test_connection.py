@@ -235,7 +235,7 @@ FRAMES = [encode(event) for event in CONVERSATION]
 
 
 @given(st.lists(st.one_of(st.binary(max_size=40), st.sampled_from(FRAMES)), max_size=20))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_any_bytes_give_events_or_blame_the_instrument(pieces):
     events_of(*pieces)
 

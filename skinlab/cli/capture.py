@@ -1,0 +1,70 @@
+"""`skinlab capture`: record what a real instrument says, for whoever adds its dialect."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import click
+
+from skinlab.cli.interrupts import interrupt_on_signals
+
+
+@click.command()
+@click.option("--port", required=True, help="pyserial URL of the instrument: /dev/ttyUSB0, COM3, …")
+@click.option("--through", help="Where its software connects: pty, tcp, tcp:PORT or a serial port.")
+@click.option(
+    "--framing",
+    default="8N1",
+    show_default=True,
+    type=click.Choice([f"{b}{p}{s}" for b in (7, 8) for p in "NEO" for s in (1, 2)]),
+    help="Data bits, parity, stop bits.",
+)
+@click.option("--seconds", type=click.FloatRange(min=0), help="End by itself [default: Ctrl-C].")
+@click.option("--out", required=True, type=click.Path(path_type=Path), help="The file to write.")
+def command(port: str, through: str | None, framing: str, seconds: float | None, out: Path) -> int:
+    """Record the raw bytes of a real instrument with their times; docs/dialects.md says what for.
+
+    Alone it only listens, and sends nothing. With --through it stands between the instrument and
+    the manufacturer's software and passes the bytes on both ways; what the software is to connect
+    to is printed first.
+
+    \b
+    Example: skinlab capture --port "/dev/ttyUSB0?baud=9600" --through pty --out traffic.jsonl
+    """
+    import time
+    from contextlib import ExitStack
+    from datetime import UTC, datetime
+
+    from drivers.capture import CaptureWriter, Side
+    from drivers.link import Link, open_link
+    from drivers.passthrough import listen, open_software_side
+    from skinlab.errors import InputError
+
+    facts = {
+        "created_utc": datetime.now(UTC).isoformat(),
+        "port": port,
+        "framing": framing,
+        "through": through,
+    }
+    if out.exists():
+        raise InputError(f"{out}: exists already; a capture is never overwritten")
+    interrupt_on_signals()
+    with ExitStack() as stack:
+        instrument = open_link(port, framing)
+        stack.callback(instrument.close)
+        software: Link | None = None
+        if through is not None:
+            url, software = open_software_side(through, framing)
+            stack.callback(software.close)
+        writer = stack.enter_context(CaptureWriter(out, facts))
+        if through is not None:
+            click.echo(url)
+            sys.stdout.flush()
+        click.echo(f"capturing to {out}; Ctrl-C ends", err=True)
+        try:
+            listen(instrument, software, writer.write, time.monotonic, seconds)
+        finally:
+            counts = ", ".join(f"{writer.bytes_of[side]} bytes from the {side}" for side in Side)
+            click.echo(f"{out}: {counts}", err=True)
+    return 0

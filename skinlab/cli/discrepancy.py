@@ -1,0 +1,144 @@
+"""`skinlab discrepancy`: what is missing in the model."""
+
+from __future__ import annotations
+
+import datetime
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from skinlab.cli.options import json_option, print_json
+
+if TYPE_CHECKING:
+    from skinlab.discrepancy.outcome import Outcome
+
+
+@click.command()
+@click.argument("campaign", type=click.Path(path_type=Path))
+@click.option(
+    "--model", "model_path", type=click.Path(path_type=Path), help="Model to start from [base]."
+)
+@click.option("--adopt", type=click.Path(path_type=Path), help="Write the model with the effect.")
+@click.option("--report", type=click.Path(path_type=Path), help="Folder for an HTML report.")
+@click.option("--workers", type=int, help="Processes; same answers [default: all cores].")
+@click.option("--no-cache", is_flag=True, help="Compute again what was computed before.")
+@json_option()
+def command(
+    campaign: Path,
+    model_path: Path | None,
+    adopt: Path | None,
+    report: Path | None,
+    workers: int | None,
+    no_cache: bool,
+    as_json: bool,
+) -> int:
+    """Find where simulation and measurement disagree, and which physical effect is missing.
+
+    CAMPAIGN: a campaign's TOML (or its folder), or a session.
+
+    \b
+    Example: skinlab discrepancy forearm/campaign.toml --adopt forearm-model.toml --report out
+    """
+    from skinlab.discrepancy.words import describe
+
+    if workers is not None and workers < 1:
+        raise click.BadParameter("expected 1 or more", param_hint="--workers")
+    if adopt is not None and adopt.exists():
+        from skinlab.errors import InputError
+
+        raise InputError(f"{adopt}: exists already; expected a new file")
+    outcome, files = _outcome(
+        campaign, model_path, workers or os.cpu_count() or 1, no_cache, report
+    )
+    if adopt is not None:
+        outcome = _adopt(outcome, adopt, model_path, files)
+    if report is not None:
+        from skinlab.report.missing_effect import write_report
+
+        click.echo(f"report: {write_report(outcome, report)}", err=True)
+    if as_json:
+        print_json(outcome.to_json())
+    else:
+        click.echo(describe(outcome))
+    if outcome.verdict.name == "ambiguous" and outcome.next_measurement is None:
+        click.echo(
+            "skinlab: no measurement of the menu would tell the tied explanations apart", err=True
+        )
+    return 0
+
+
+def _outcome(
+    path: Path, model_path: Path | None, workers: int, no_cache: bool, report: Path | None
+) -> tuple[Outcome, list[Path]]:
+    from skinlab.database.store import shipped_table
+    from skinlab.discrepancy import cache
+    from skinlab.discrepancy.adopt import hashes
+    from skinlab.discrepancy.workflow import Partial, explain
+    from skinlab.fem.suction import SOLVER_VERSION
+    from skinlab.inputs import read_campaign_or_session
+    from skinlab.model_file import BASE, read_model
+
+    model = BASE if model_path is None else read_model(model_path)
+    campaign, files = read_campaign_or_session(path)
+    table = shipped_table()
+    name = cache.key(
+        [
+            model.hash,
+            table.content_hash,
+            SOLVER_VERSION,
+            *(f"{k} {v}" for k, v in hashes(files).items()),
+        ]
+    )
+    known = None if no_cache else cache.load(name)
+    if known is not None:
+        return known, files
+
+    def progress(text: str) -> None:
+        if sys.stderr.isatty():
+            click.echo(f"{text} …", err=True)
+
+    partial = Partial()
+    try:
+        outcome = explain(
+            campaign, table, model=model, workers=workers, progress=progress, partial=partial
+        )
+    except KeyboardInterrupt:
+        from skinlab.discrepancy.words import partial_words
+
+        text = partial_words(partial)
+        click.echo(text, err=True)
+        if report is not None:
+            report.mkdir(parents=True, exist_ok=True)
+            (report / "partial.txt").write_text(text + "\n", encoding="utf-8")
+        raise
+    cache.save(name, outcome)
+    return outcome, files
+
+
+def _adopt(outcome: Outcome, to: Path, model_path: Path | None, files: list[Path]) -> Outcome:
+    from dataclasses import replace
+    from importlib.metadata import version
+
+    from skinlab.database.store import shipped_table
+    from skinlab.discrepancy.adopt import adopted, hashes
+    from skinlab.model_file import BASE, read_model
+
+    if outcome.verdict.name != "named":
+        click.echo(
+            f"skinlab: the verdict is {outcome.verdict.name}: there is nothing to adopt", err=True
+        )
+        return outcome
+    model = adopted(
+        BASE if model_path is None else read_model(model_path),
+        outcome.best.fit,
+        verdict=outcome.verdict.name,
+        data=hashes(files),
+        database_hash=shipped_table().content_hash,
+        version=version("skinlab"),
+        date=datetime.datetime.now(datetime.UTC).date().isoformat(),
+    )
+    to.write_text(model.to_toml(), encoding="utf-8")
+    return replace(outcome, adopted_model=str(to))

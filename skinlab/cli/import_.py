@@ -1,0 +1,121 @@
+"""`skinlab import`: curves that other software exported become a session."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+from skinlab.cli.importing import form_options, stated
+from skinlab.cli.options import json_option, print_json
+
+T = TypeVar("T")
+
+
+@click.command()
+@click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("--aperture-mm", type=float, multiple=True, required=True, help="Opening's diameter.")
+@click.option("--thickness-mm", type=float, multiple=True, required=True, help="Of the skin.")
+@click.option("--thickness-sd-mm", type=float, multiple=True, help="Its standard deviation.")
+@click.option("--program", multiple=True, help="What the pump did, e.g. ramp:100@20.")
+@click.option("--cycle", type=int, multiple=True, help="1: first loading of the site [default: 1].")
+@click.option("--repeat", type=int, multiple=True, help="Counts from 1 [default: 1].")
+@form_options()
+@click.option("--out", required=True, type=click.Path(path_type=Path), help="The session to write.")
+@json_option()
+def command(
+    files: tuple[Path, ...],
+    aperture_mm: tuple[float, ...],
+    thickness_mm: tuple[float, ...],
+    thickness_sd_mm: tuple[float, ...],
+    program: tuple[str, ...],
+    cycle: tuple[int, ...],
+    repeat: tuple[int, ...],
+    subject: str,
+    site: str,
+    out: Path,
+    as_json: bool,
+    **options: Any,
+) -> int:
+    """Make a session of curves that other software exported as text or .xlsx.
+
+    Separator, decimal sign, encoding, header lines, columns and units are found by looking, and
+    what was understood is said. What stays open is asked for on a terminal, and refused in a pipe;
+    an option answers it too. Without a column of the pressure, --program says what it was.
+
+    The options from --aperture-mm to --repeat hold for all files, or are given once a file, in the
+    files' order.
+
+    \b
+    Example: skinlab import a.txt b.txt --aperture-mm 6 --thickness-mm 1 --cycle 1 --cycle 2 \\
+             --program ramp:100@20 --out visit.h5
+    """
+    from skinlab.curve import Setup
+    from skinlab.errors import InputError
+    from skinlab.importing.questions import Answers, Question
+    from skinlab.importing.reader import Imported, import_file
+    from skinlab.importing.session import Who, check_new, imported_session, write_session
+    from skinlab.program import Program, parse_program
+
+    programs: list[Program | None] = [parse_program(text) for text in program]
+    sds: tuple[float | None, ...] = thickness_sd_mm
+    setups = [
+        Setup(*values)
+        for values in zip(
+            _each("aperture-mm", aperture_mm, files, 0.0),
+            _each("thickness-mm", thickness_mm, files, 0.0),
+            _each("program", programs, files, None),
+            _each("cycle", cycle, files, 1),
+            _each("repeat", repeat, files, 1),
+            _each("thickness-sd-mm", sds, files, None),
+            strict=True,
+        )
+    ]
+    who = Who(subject, site)
+    check_new(out)
+    reading = files[0]
+
+    def ask(question: Question) -> str:
+        click.echo(f"{reading}: {question.text}.", err=True)
+        choices = click.Choice(question.choices)
+        answer: str = click.prompt(f"--{question.option}", type=choices, err=True)
+        return answer
+
+    answers = Answers(stated(options), ask if sys.stdin.isatty() and sys.stderr.isatty() else None)
+    good: list[Imported] = []
+    entries: list[dict[str, Any]] = []
+    for path, setup in zip(files, setups, strict=True):
+        reading = path
+        entry: dict[str, Any] = {"file": str(path), "error": None, "points": 0, "understood": []}
+        entries.append(entry)
+        try:
+            imported = import_file(path, setup, answers)
+        except InputError as error:
+            entry["error"] = str(error)
+            click.echo(f"skinlab: {error}", err=True)
+            continue
+        good.append(imported)
+        entry.update(points=len(imported.curve), understood=list(imported.understood))
+        click.echo(f"{path}: {'; '.join(imported.understood)}", err=True)
+    if good:
+        made = imported_session(good, [None] * len(good), None, who)
+        write_session(out, made)
+    if as_json:
+        session = str(out) if good else None
+        print_json({"schema": "skinlab.import/1", "session": session, "files": entries})
+    elif good:
+        click.echo(f"session: {out}")
+    return 0 if len(good) == len(files) else 3
+
+
+def _each(option: str, values: Sequence[T], files: Sequence[Path], default: T) -> list[T]:
+    """Return one value a file."""
+    if len(values) not in {0, 1, len(files)}:
+        raise click.UsageError(
+            f"--{option} is given {len(values)} times for {len(files)} files; "
+            "expected once, or once a file"
+        )
+    return list(values) if len(values) > 1 else list(values or [default]) * len(files)

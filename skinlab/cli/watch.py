@@ -1,0 +1,118 @@
+"""`skinlab watch`: identify each exported file as it lands in a folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from skinlab.cli.importing import form_options, stated
+from skinlab.cli.interrupts import interrupt_on_signals
+from skinlab.cli.method_options import MethodCommand
+from skinlab.cli.options import (
+    geometry_options,
+    identification_options,
+    json_option,
+    make_identifier,
+    print_json,
+)
+
+
+@click.command(cls=MethodCommand)
+@click.argument("folder", type=click.Path(path_type=Path))
+@geometry_options(required=True)
+@click.option("--program", help="What the pump does, e.g. ramp:100@20.")
+@click.option("--cycle", default=1, show_default=True, help="1: first loading of the site.")
+@click.option("--repeat", default=1, show_default=True, help="Counts from 1.")
+@form_options()
+@click.option("--settle-s", default=1.0, show_default=True, help="A file unchanged for so long.")
+@click.option("--out", type=click.Path(path_type=Path), help="[default: session-DATE-TIME.h5]")
+@identification_options()
+@json_option()
+def command(
+    folder: Path,
+    aperture_mm: float,
+    thickness_mm: float,
+    thickness_sd_mm: float | None,
+    program: str | None,
+    cycle: int,
+    repeat: int,
+    subject: str,
+    site: str,
+    settle_s: float,
+    out: Path | None,
+    as_json: bool,
+    **options: Any,
+) -> int:
+    """Identify each file as it lands in FOLDER, those that are there already first.
+
+    A file is taken once it stayed as it is for --settle-s. Ctrl-C ends it: the session then holds
+    all curves, and --json prints one document. What a file leaves open is not asked for, since
+    nobody may be there: an option says it.
+
+    \b
+    Example: skinlab watch exports --aperture-mm 6 --thickness-mm 1 --program ramp:100@20
+    """
+    import time
+    from datetime import datetime
+
+    from skinlab.curve import Setup
+    from skinlab.errors import InputError
+    from skinlab.identify.result import document
+    from skinlab.importing.folder import Folder
+    from skinlab.importing.questions import Answers
+    from skinlab.importing.session import Who, check_new
+    from skinlab.importing.watch import Landed, Watch, watch
+    from skinlab.program import parse_program
+    from skinlab.recording import new_session_path
+    from skinlab.report.text import describe
+
+    if not 0.1 <= settle_s <= 3600:
+        raise InputError(f"settle_s {settle_s:g}: expected 0.1-3600 s")
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no such folder")
+    setup = Setup(
+        aperture_mm,
+        thickness_mm,
+        None if program is None else parse_program(program),
+        cycle,
+        repeat,
+        thickness_sd_mm,
+    )
+    answers = Answers(stated(options))
+    identifier = make_identifier(**options)
+    out = out or new_session_path(Path(), datetime.now())
+    who = Who(subject, site)
+    check_new(out)
+    watcher = Watch(out, setup, answers, identifier, who)
+
+    def trouble(sentence: str) -> None:
+        click.echo(f"skinlab: {sentence}", err=True)
+
+    def tell(landed: Landed) -> None:
+        if landed.imported is None:
+            trouble(str(landed.result.error))
+            return
+        click.echo(f"{landed.path}: {'; '.join(landed.imported.understood)}", err=True)
+        if landed.result.error is not None:
+            trouble(landed.result.error)
+        elif not as_json:
+            click.echo(describe(landed.result))
+
+    interrupt_on_signals()
+    try:
+        click.echo(f"watching {folder}; Ctrl-C ends and keeps the curves in {out}", err=True)
+        watch(Folder(folder, settle_s), watcher, tell, trouble, time.monotonic, time.sleep)
+    finally:
+        saved = None
+        try:
+            saved = watcher.save()
+        finally:
+            if as_json:
+                results = [one.result for one in watcher.landed]
+                session = None if saved is None else str(saved)
+                print_json(document(identifier.provenance(), results, session=session))
+            elif saved is not None:
+                click.echo(f"session: {saved}")
+    return 0

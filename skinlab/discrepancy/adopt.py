@@ -1,0 +1,70 @@
+"""From a verdict to a model that others take: MODEL.toml with the effect that was missing."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from skinlab.discrepancy.fit import Fit
+from skinlab.fem.suction import SOLVER_VERSION
+from skinlab.model_file import (
+    EffectRange,
+    Header,
+    Model,
+    Normal,
+    Provenance,
+    Range,
+)
+
+
+def adopted(
+    base: Model,
+    fit: Fit,
+    *,
+    verdict: str,
+    data: Mapping[str, str],
+    database_hash: str,
+    version: str,
+    date: str,
+) -> Model:
+    """Return the base model with the fit's effects: values, and priors as wide as they are sure.
+
+    `data` are hashes by file; `date` is ISO 8601.
+    """
+    effects: dict[str, dict[str, EffectRange]] = {}
+    deviations = fit.deviations[3:]
+    for axis, u, deviation in zip(fit.unknowns.axes, fit.u[3:], deviations, strict=True):
+        value = axis.to_value(float(u))
+        sd = max(abs(axis.slope(float(u))) * float(deviation), 1e-9)
+        effects.setdefault(axis.effect, {})[axis.parameter.name] = EffectRange(
+            value, axis.parameter.low, axis.parameter.high, Normal(value, sd)
+        )
+    for name, ranges in base.effects.items():
+        for parameter, at in ranges.items():
+            effects.setdefault(name, {}).setdefault(parameter, at)
+    names = " and ".join(sorted(set(effects) - set(base.effects)))
+    return Model(
+        Header(f"{base.model.name} with {names}", base.model.law, base.model.kappa),
+        dict(base.parameters) or _BASE_RANGES,
+        effects,
+        Provenance(
+            dict(data),
+            {"skinlab": version, "solver": SOLVER_VERSION, "database": database_hash},
+            verdict,
+            date,
+            base.hash,
+        ),
+    )
+
+
+_BASE_RANGES = {
+    "X1_MPa": Range(0.005, 0.2, "log-uniform"),
+    "X2_MPa": Range(0.0025, 100.0, "log-uniform"),
+    "nu": Range(0.2, 0.49, "uniform"),
+}
+
+
+def hashes(files: Iterable[Path]) -> dict[str, str]:
+    """Return `sha256:…` of each file's bytes, by its name."""
+    return {f.name: "sha256:" + hashlib.sha256(f.read_bytes()).hexdigest() for f in files}

@@ -1,0 +1,206 @@
+"""Identification with a model of one's own: other bounds and priors, or effects in the law."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinlab.campaign import Campaign
+from skinlab.curve import Curve
+from skinlab.database.dimensionless import DimensionlessTable
+from skinlab.discrepancy.adequacy import ADEQUATE
+from skinlab.discrepancy.fast_model import TableDomes
+from skinlab.discrepancy.fit import Fit, Fitter
+from skinlab.discrepancy.misfit import errors_of
+from skinlab.discrepancy.outcome import parameters
+from skinlab.discrepancy.records import records_of
+from skinlab.discrepancy.search import Search
+from skinlab.effects.registry import get_effect
+from skinlab.errors import InputError, NotTrustworthyError
+from skinlab.identify.identifier import Identifier
+from skinlab.identify.joint import GaussianPrior
+from skinlab.identify.result import Identification, Provenance, Value
+from skinlab.identify.samples import choose
+from skinlab.materials.compressibility import kappa_ratio, nu_consistent
+from skinlab.model_file import Model, Normal, Range
+from skinlab.parameters import AxisSpace
+
+Array = NDArray[np.float64]
+
+_EVERYTHING = ("load", "hold", "unload", "rest")
+_HALF = 0.5  # of the range: an interval wider than that fixes nothing
+_DEFAULTS = {"X1_MPa": (0.005, 0.2), "X2_MPa": (0.0025, 200.0), "nu": (0.2, 0.49)}
+
+
+def with_model(identifier: Identifier, model: Model) -> Identifier:
+    """Return the identifier with a model: its bounds and priors, and its effects.
+
+    Raises:
+        InputError: the method cannot take effects.
+    """
+    if model.effects:
+        if identifier.method != "auto":
+            raise InputError(
+                f"method {identifier.method}: a model with effects needs --method auto"
+            )
+        given = {f.name: getattr(identifier, f.name) for f in fields(identifier)}
+        return ModelIdentifier(**given | {"kappa": model.model.kappa, "model": model})
+    space, priors = _space_of(model)
+    return replace(identifier, kappa=model.model.kappa, space=space, priors=priors, model=model)
+
+
+def _space_of(model: Model) -> tuple[AxisSpace | None, tuple[GaussianPrior, ...]]:
+    """Return where to search and what is known beforehand, of a model without effects."""
+    if not model.parameters:
+        return None, ()
+    names = tuple(_DEFAULTS)
+    ranges: list[Range] = []
+    for name, (low, high) in _DEFAULTS.items():
+        standard = Range(low, high, "uniform" if name == "nu" else "log-uniform")
+        ranges.append(model.parameters.get(name, standard))
+    logarithmic = tuple(
+        name != "nu" and own.low > 0 and own.prior != "uniform"
+        for name, own in zip(names, ranges, strict=True)
+    )
+    priors = tuple(
+        GaussianPrior(i, r.prior.mean, r.prior.sd)
+        for i, r in enumerate(ranges)
+        if isinstance(r.prior, Normal)
+    )
+    lows, highs = tuple(r.low for r in ranges), tuple(r.high for r in ranges)
+    return AxisSpace(names, lows, highs, logarithmic), priors
+
+
+@dataclass(frozen=True)
+class ModelIdentifier(Identifier):
+    """Identification by a law with effects: finite elements where the database cannot speak."""
+
+    def provenance(self) -> Provenance:
+        """Return what a reader of the result must know to repeat it."""
+        return replace(
+            super().provenance(),
+            model_name=self.model.model.name,
+            model_hash=self.model.hash,
+            effects=tuple(sorted(self.model.effects)),
+        )
+
+    def growing(self, curve: Curve, previous: Identification | None = None) -> Identification:
+        """Return a quick answer by the base law: the effects wait for the whole curve."""
+        return Identifier(self.database, kappa=self.kappa, phases=("load",)).growing(
+            curve, previous
+        )
+
+    def _identify(
+        self,
+        curves: Sequence[Curve],
+        blank: Identification,
+        *,
+        intervals: bool = True,
+        start: Array | None = None,
+    ) -> Identification:
+        del intervals, start
+        started = self.clock()
+        history = any(get_effect(name).needs_history for name in self.model.effects)
+        phases = _EVERYTHING if history else self.phases
+        blank = replace(blank, phases=phases)
+        try:
+            fit, fitter, p_value = self._fit(curves, phases)
+        except (InputError, NotTrustworthyError) as error:
+            outside = isinstance(error, NotTrustworthyError)
+            flags = ("outside_database",) if outside else ()
+            return replace(blank, error=str(error), flags=flags)
+        answer = self._answer_of(curves, blank, fit, fitter, p_value)
+        return replace(answer, seconds=self.clock() - started)
+
+    def _fit(self, curves: Sequence[Curve], phases: tuple[str, ...]) -> tuple[Fit, Fitter, float]:
+        if not isinstance(self.database, DimensionlessTable):
+            raise InputError("a model with effects needs the dimensionless database")
+        chosen = []
+        for curve in curves:
+            mask = choose(curve, phases, self.database).mask
+            chosen.append(
+                Curve(
+                    curve.name,
+                    curve.setup,
+                    curve.time_s[mask],
+                    curve.pressure_mbar[mask],
+                    curve.deflection_mm[mask],
+                    None if curve.segment is None else curve.segment[mask],
+                    curve.partial,
+                )
+            )
+        campaign = Campaign(
+            "", self.sensor.noise_um, self.sensor.pressure_noise_mbar, tuple(chosen)
+        )
+        records = records_of(campaign)
+        fitter = Fitter(records, errors_of(records), TableDomes(self.database))
+        base = Search(fitter, model=self.model).base()
+        return base.fit, fitter, base.left.p_value
+
+    def _answer_of(
+        self,
+        curves: Sequence[Curve],
+        blank: Identification,
+        fit: Fit,
+        fitter: Fitter,
+        p_value: float,
+    ) -> Identification:
+        values = {n: Value(v["value"], v["low"], v["high"]) for n, v in parameters(fit).items()}
+        off = np.concatenate(fit.deflections_mm) - fitter.measured
+        n = len(off)
+        rms_um = 1e3 * float(np.sqrt(np.mean(off**2)))
+        ratio = float(kappa_ratio(values["nu"].value, self.kappa))
+        noises = [r.noise_um**2 for r in fitter.records]
+        noise = float(np.sqrt(np.average(noises, weights=[len(r.curve) for r in fitter.records])))
+        mask, model_mm = None, None
+        if len(curves) == 1:
+            mask = choose(curves[0], blank.phases, self.database).mask
+            model_mm = np.full(len(curves[0]), np.nan)
+            model_mm[mask] = fit.deflections_mm[0]
+        return replace(
+            blank,
+            parameters=values,
+            correlation=_correlation(fit),
+            nu_consistent=float(nu_consistent(ratio)),
+            kappa_MPa=ratio * values["X1_MPa"].value,
+            error_um=rms_um / math.sqrt(n),
+            rms_um=rms_um,
+            noise_um=noise,
+            flags=_flags(curves, fit, p_value),
+            fitted=mask,
+            fitted_points=n,
+            model_mm=model_mm,
+        )
+
+
+def _correlation(fit: Fit) -> tuple[tuple[float, ...], ...]:
+    """Return the correlation of the parameters; X2's unknown is its ratio to X1."""
+    turn = np.eye(len(fit.u))
+    turn[1, 0] = 1.0
+    covariance = turn @ np.linalg.inv(fit.information) @ turn.T
+    deviation = np.sqrt(np.diag(covariance))
+    matrix = covariance / np.outer(deviation, deviation)
+    return tuple(tuple(float(v) for v in row) for row in matrix)
+
+
+def _flags(curves: Sequence[Curve], fit: Fit, p_value: float) -> tuple[str, ...]:
+    low, high = fit.unknowns.bounds
+    flags = [
+        f"at_bound:{name}"
+        for name, u, a, b in zip(fit.unknowns.names, fit.u, low, high, strict=True)
+        if min(u - a, b - u) <= 1e-5 * (b - a)
+    ]
+    for j, name in enumerate(fit.unknowns.names[:3]):
+        if 2 * 1.645 * fit.deviations[j] > _HALF * (high[j] - low[j]):
+            flags.append(f"not_identifiable:{name}")
+    if p_value < ADEQUATE:
+        flags.append("misfit_above_noise")
+    if not fit.settled:
+        flags.append("not_converged")
+    if any(c.partial for c in curves):
+        flags.append("partial_curve")
+    return tuple(flags)

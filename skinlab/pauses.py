@@ -1,0 +1,20 @@
+"""Keeps the pauses short in which no thread runs: the probe's keep-alive must go out in them."""
+
+from __future__ import annotations
+
+import gc
+import sys
+
+_TURN_S = 0.001  # how long a thread keeps the interpreter while another one waits
+
+
+def shorten_pauses() -> None:
+    """Call once all is imported and loaded, before there is suction; may take 0.1 s itself.
+
+    A full garbage collection goes through everything that was ever imported and stops all threads
+    meanwhile: up to a second on a busy machine, where the instrument vents after half of one
+    without keep-alive. What is here now is here to stay, and is set apart from collections.
+    """
+    gc.collect()
+    gc.freeze()
+    sys.setswitchinterval(_TURN_S)

@@ -1,0 +1,174 @@
+"""The report of the missing-effect workflow: one HTML page that stands alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from skinlab.discrepancy.fit import Fit
+from skinlab.discrepancy.outcome import Outcome
+from skinlab.discrepancy.words import (
+    gap_words,
+    next_words,
+    parameter_rows,
+    verdict_words,
+    where_words,
+)
+from skinlab.effects.registry import get_effect
+from skinlab.errors import InputError
+from skinlab.report.page import Illustration, Section, Table, page
+from skinlab.report.pictures import new_figure, style, to_data_uri
+
+_NAME = "missing-effect.html"
+_MARK = "skinlab missing-effect report"
+
+
+def write_report(outcome: Outcome, folder: Path) -> Path:
+    """Write the page into the folder; return its path.
+
+    Raises:
+        InputError: the folder cannot be written, or holds a file of this name that is not ours.
+    """
+    to = folder / _NAME
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if to.exists() and _MARK not in to.read_text(encoding="utf-8", errors="replace"):
+            raise InputError(f"{to}: exists and is no report of ours; expected another folder")
+        to.write_text(render(outcome), encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{to}: {error.strerror or error}") from None
+    return to
+
+
+def render(outcome: Outcome) -> str:
+    """Return the page's text; the same outcome gives the same text."""
+    sections = [
+        Section("Verdict", [verdict_words(outcome), gap_words(outcome), *next_words(outcome)]),
+        Section(
+            "Where the model as it is disagrees",
+            [] if outcome.where else ["Nowhere by more than the noise."],
+            points=[where_words(p) for p in outcome.where],
+            figures=_residuals(outcome),
+        ),
+        _which(outcome),
+        Section(
+            "Parameters before and after",
+            ["Values with 90 % intervals. The change is the bias that the missing effect caused."],
+            tables=[Table(["parameter", "before", "after"], parameter_rows(outcome))],
+        ),
+        _methods(outcome),
+    ]
+    return page("What is missing in the model", sections, subtitle=_MARK)
+
+
+def _which(outcome: Outcome) -> Section:
+    own = set(outcome.found.base.effects)
+    candidates = outcome.found.candidates
+    best = candidates[0].log10_evidence if candidates else 0.0
+    rows = [
+        [
+            " and ".join(e for e in c.effects if e not in own),
+            f"{c.log10_evidence - best:.1f}",
+            "yes" if c.adequate else "no",
+            f"{c.left.p_value:.1g}",
+        ]
+        for c in candidates
+    ]
+    screen = [
+        [s.effect, f"{s.gain:.0f}", f"{100 * s.absorbed:.0f} %"]
+        for s in sorted(outcome.found.signatures.values(), key=lambda s: -s.gain)
+    ]
+    tables = [
+        Table(
+            ["effect", "χ² it could explain", "of it hidden in X1, X2 and ν"],
+            screen,
+            "Screen: every effect's signature against what is left",
+        )
+    ]
+    if rows:
+        tables.insert(
+            0,
+            Table(
+                ["explanation", "log10 evidence", "explains the data", "p of what it leaves"],
+                rows,
+                "Explanations that were fitted; evidence relative to the best",
+            ),
+        )
+    meanings = [
+        f"{e}: {get_effect(e).meaning}; {get_effect(e).formula}."
+        for c in outcome.verdict.explanations
+        for e in c.effects
+    ]
+    return Section("Which effect", points=meanings, tables=tables)
+
+
+def _methods(outcome: Outcome) -> Section:
+    lowest = [[n, f"{v:.3g}"] for n, v in outcome.detectable.items()]
+    records = outcome.found.records
+    data = [
+        [
+            r.name,
+            f"{r.geometry.aperture_mm:g}",
+            f"{r.geometry.thickness_mm:g}",
+            str(r.curve.setup.program or "read from the pressure"),
+            str(r.curve.setup.cycle),
+            str(len(r.curve)),
+            f"{r.noise_um:.2f}",
+        ]
+        for r in records
+    ]
+    return Section(
+        "Data, method and limits",
+        [
+            "All samples of all curves are fitted together, by finite elements on the mesh of "
+            "record; errors are the sensor's noise, the pressure's noise through the slope of the "
+            "curve, and the mesh's own error, whose size was measured. Evidence is Laplace's "
+            "approximation, with priors as wide as three typical sizes of each effect; one effect "
+            "is as likely beforehand as any other, none at all as likely as all together.",
+            "An effect that is not in the library cannot be named, and one that the data cannot "
+            "tell from X1, X2 and ν cannot be seen: the table says what could have been.",
+        ],
+        tables=[
+            Table(
+                ["curve", "aperture mm", "thickness mm", "program", "cycle", "samples", "noise µm"],
+                data,
+            ),
+            Table(["parameter", "smallest size to be seen"], lowest),
+        ],
+    )
+
+
+def _residuals(outcome: Outcome) -> list[Illustration]:
+    """Return residuals of every curve, before and after, against time."""
+    fits: list[tuple[str, Fit]] = [("before", outcome.found.base.fit)]
+    if outcome.verdict.explanations:
+        fits.append(("after", outcome.best.fit))
+    records = outcome.found.records
+    columns = 2
+    rows = (len(records) + 1) // columns
+    with style():
+        figure = new_figure(9.0, 2.2 * rows + 0.6)
+        axes = np.atleast_1d(figure.subplots(rows, columns, squeeze=False)).ravel()
+        for i, record in enumerate(records):
+            ax = axes[i]
+            time = record.curve.time_s
+            ax.axhspan(-2 * record.noise_um, 2 * record.noise_um, color="0.88", zorder=0)
+            for name, fit in fits:
+                left = 1e3 * (record.curve.deflection_mm - fit.deflections_mm[i])
+                ax.plot(time, left, ".", markersize=2.5, label=name)
+            ax.set_title(record.name)
+            ax.set_xlabel("time (s)")
+            ax.set_ylabel("residual (µm)")
+        for ax in axes[len(records) :]:
+            ax.set_visible(False)
+        axes[0].legend()
+        source = to_data_uri(figure, "png")
+    return [
+        Illustration(
+            source,
+            "Residuals of every curve against time, before and after the effect was added; a grey "
+            "band shows twice the noise.",
+            "Measured minus fitted deflection. Grey: twice the noise.",
+        )
+    ]

@@ -1,0 +1,79 @@
+"""Pictures as bytes: PNG, SVG and data URIs, the same bytes for the same figure.
+
+matplotlib is loaded when a picture is drawn. Figures are made from its classes, without pyplot: no
+window, no global list of figures.
+"""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Literal
+
+from skinlab.errors import InputError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Kind = Literal["png", "svg"]
+
+# Okabe and Ito's colours, which people with any of the common colour blindnesses tell apart.
+BLUE, VERMILION, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
+ORANGE, SKY, GREY = "#E69F00", "#56B4E9", "#6B6B6B"
+SERIES = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, "#000000")
+
+_DOTS_PER_INCH = 150
+
+_STYLE: dict[str, object] = {
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#E3E3E3",
+    "axes.axisbelow": True,
+    "font.size": 10.0,
+    "legend.frameon": False,
+    "svg.hashsalt": "skinlab",  # else the ids in an SVG differ from run to run
+    "svg.fonttype": "path",  # looks the same wherever it is opened
+    "savefig.dpi": _DOTS_PER_INCH,
+}
+
+
+@contextmanager
+def style() -> Iterator[None]:
+    """Draw inside of this, so that a user's own matplotlib settings change nothing.
+
+    Raises:
+        InputError: matplotlib is not installed.
+    """
+    try:
+        import matplotlib.style
+    except ImportError:
+        raise InputError(
+            "the pictures need matplotlib, which is not installed: pip install matplotlib"
+        ) from None
+    with matplotlib.style.context(["default", _STYLE]):
+        yield
+
+
+def new_figure(width_in: float, height_in: float) -> Figure:
+    """Return an empty figure that arranges what is put into it; call it inside `style()`."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width_in, height_in), layout="constrained")
+
+
+def to_bytes(figure: Figure, kind: Kind) -> bytes:
+    """Return the figure as a file of this kind."""
+    stream = io.BytesIO()
+    metadata = {"png": {"Software": "skinlab"}, "svg": {"Date": None, "Creator": "skinlab"}}[kind]
+    with style():
+        figure.savefig(stream, format=kind, metadata=metadata)
+    return stream.getvalue()
+
+
+def to_data_uri(figure: Figure, kind: Kind = "svg") -> str:
+    """Return the figure as the source of an `<img>` that needs no other file."""
+    media = {"png": "image/png", "svg": "image/svg+xml"}[kind]
+    return f"data:{media};base64,{base64.b64encode(to_bytes(figure, kind)).decode('ascii')}"

@@ -1,0 +1,71 @@
+"""Where the process begins: thin, so that Ctrl-C and closed streams are met from the first moment.
+
+Only what every Python has loaded already is imported at the top.
+"""
+
+import os
+import sys
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from types import FrameType
+
+INTERRUPTED = 130
+_SENTENCE = b"skinlab: interrupted\n"
+
+
+def main() -> None:
+    """Run the command line and exit with the status of contracts: 0, 1, 2, 3, 4, 5 or 130."""
+    try:
+        import signal
+
+        if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else `nohup`, `&`
+            signal.signal(signal.SIGINT, _interrupt)
+        _open_closed_streams()
+        from skinlab.cli.main import run
+
+        status = run()
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # nothing is left to interrupt
+    except KeyboardInterrupt:
+        os.write(2, _SENTENCE)
+        status = INTERRUPTED
+    _flush_or_forget()
+    sys.exit(status)
+
+
+def _interrupt(number: int, frame: "FrameType | None") -> None:
+    """Raise KeyboardInterrupt; but in the middle of an import, leave.
+
+    There is nothing to put in order then, and many libraries do not expect to be interrupted while
+    they are imported: they print a traceback, or fail in another way.
+    """
+    while frame is not None:
+        if frame.f_code.co_filename.startswith("<frozen importlib"):
+            os.write(2, _SENTENCE)
+            os._exit(INTERRUPTED)
+        frame = frame.f_back
+    raise KeyboardInterrupt
+
+
+def _open_closed_streams() -> None:
+    """Give what the caller closed (`>&-`) to the null device.
+
+    Else the next file that is opened, a session, would be standard output.
+    """
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free: this one
+        if getattr(sys, name) is None:
+            null = open(os.devnull, "w" if number else "r", encoding="utf-8")  # noqa: SIM115
+            setattr(sys, name, null)
+
+
+def _flush_or_forget() -> None:
+    """Leave nothing that fails to be written at exit: that it failed was told, where it could."""
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except OSError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())

@@ -1,0 +1,65 @@
+"""Drawing with braille dots, as pure functions: numbers in, rows of characters out."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Bits = NDArray[np.uint8]
+
+# Of the 2 x 4 dots of a cell: the bit of each, by row and column (Unicode block U+2800).
+_DOT = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]], dtype=np.uint8)
+
+
+def dots(x: ArrayLike, y: ArrayLike, columns: int, rows: int) -> Bits:
+    """Return the braille bits (rows, columns) of points; x and y run from 0 to 1, y upwards.
+
+    What lies outside, or is not finite, is left out.
+    """
+    bits = np.zeros((max(rows, 0), max(columns, 0)), dtype=np.uint8)
+    across, up = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
+    there = (across >= 0) & (across <= 1) & (up >= 0) & (up <= 1)  # NaN is nowhere
+    if not bits.size or not there.any():
+        return bits
+    i = np.minimum((across[there] * 2 * columns).astype(int), 2 * columns - 1)
+    j = np.minimum(((1 - up[there]) * 4 * rows).astype(int), 4 * rows - 1)
+    np.bitwise_or.at(bits, (j // 4, i // 2), _DOT[j % 4, i % 2])
+    return bits
+
+
+def level(y: float, columns: int, rows: int, every: int = 2) -> Bits:
+    """Return the bits of a dotted horizontal line at y, one dot in `every`."""
+    across = (np.arange(0, 2 * max(columns, 0), every) + 0.5) / (2 * max(columns, 1))
+    return dots(across, np.full(len(across), y), columns, rows)
+
+
+def braille(bits: Bits) -> list[str]:
+    """Return one text a row; a cell without a dot is a blank."""
+    return ["".join(chr(0x2800 + int(b)) if b else " " for b in row) for row in bits]
+
+
+def share(values: ArrayLike, low: float, high: float) -> NDArray[np.float64]:
+    """Return where values lie between `low` (0) and `high` (1)."""
+    span = high - low
+    return (np.asarray(values, dtype=float) - low) / (span if span > 0 else 1.0)
+
+
+def interval_bar(low: float, best: float, high: float, columns: int) -> str:
+    """Return an interval as a bar; all three as shares of the width, arrows where it goes beyond.
+
+    For example `  ├───●────┤   `.
+    """
+    if columns < 1:
+        return ""
+    last = columns - 1
+
+    def cell(share: float) -> int:
+        return min(max(round(share * last), 0), last)
+
+    cells = [" "] * columns
+    begin, end = cell(low), cell(high)
+    cells[begin : end + 1] = "─" * (end - begin + 1)
+    cells[begin] = "◄" if low < 0 else "├"
+    cells[end] = "►" if high > 1 else "┤"
+    cells[cell(best)] = "●"
+    return "".join(cells)

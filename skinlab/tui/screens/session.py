@@ -1,0 +1,191 @@
+"""The session: all curves, what they say together, and what the operator decides about them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import ClassVar
+
+from textual import on
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import VerticalScroll
+from textual.message import Message
+from textual.screen import Screen
+from textual.widgets import DataTable, Footer, Input, Static
+
+from skinlab.tui.board import Board
+from skinlab.tui.ledger import Deed
+from skinlab.tui.summary import repeats, repeats_lines
+from skinlab.tui.words import result_lines, row_texts
+
+_COLUMNS = ("#", "mm", "program", "cycle", "X1 MPa", "X2 MPa", "nu", "E µm", "used")
+_FRAMES_PER_S = 8
+
+
+class SessionScreen(Screen[None]):
+    """Shows the board's session; says what was decided, and what is to be computed."""
+
+    class Decided(Message):
+        """The operator decided something that belongs into the audit trail."""
+
+        def __init__(self, deed: Deed, *, undone: bool = False) -> None:
+            super().__init__()
+            self.deed = deed
+            self.undone = undone
+
+    class Wanted(Message):
+        """A joint fit of the curves that are used, or (with a path) a comparison."""
+
+        def __init__(self, path: str | None = None) -> None:
+            super().__init__()
+            self.path = path
+
+    AUTO_FOCUS = "#session-curves"
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("x", "exclude", "Use or not"),
+        Binding("j", "joint", "Joint fit"),
+        Binding("c", "compare", "Compare"),
+        Binding("n", "note", "Note"),
+        Binding("u", "undo", "Undo"),
+        Binding("s,q", "back", "Back", key_display="s"),
+    ]
+
+    def __init__(self, board: Board) -> None:
+        super().__init__()
+        self._board = board
+        self._drawn: object = None
+        self._then: Callable[[str], None] | None = None  # what the line that is typed is for
+
+    def compose(self) -> ComposeResult:
+        """Yield the parts, from top to bottom."""
+        yield Static("", id="session-title", markup=False)
+        yield DataTable(id="session-curves", cursor_type="row", zebra_stripes=True)
+        with VerticalScroll(id="session-says", can_focus=False):
+            yield Static("", id="session-text", markup=False)
+        yield Input(id="session-line", compact=True, max_length=200)
+        yield Static("", id="session-note", markup=False)
+        yield Footer(show_command_palette=False)
+
+    def on_mount(self) -> None:
+        """Begin to draw."""
+        self.query_one(DataTable).add_columns(*_COLUMNS)
+        self.query_one(Input).display = False
+        self.draw()
+        self.set_interval(1 / _FRAMES_PER_S, self.draw)
+
+    def draw(self) -> None:
+        """Draw where something changed."""
+        board = self._board
+        if board.version == self._drawn:
+            return
+        self._drawn = board.version
+        who = board.order and ", ".join(t for t in (board.order.subject, board.order.site) if t)
+        self.query_one("#session-title", Static).update(
+            f"Session: {who or 'no subject'}, {len(board.entries)} curves"
+        )
+        table = self.query_one(DataTable)
+        at = table.cursor_row
+        table.clear()
+        for index, entry in board.entries.items():
+            number, program, cycle, *values, _ = row_texts(entry)
+            reason = board.ledger.excluded.get(index)
+            used = "yes" if reason is None else f"no: {reason}"
+            opening = f"{entry.curve.setup.aperture_mm:g}"
+            table.add_row(number, opening, program, cycle, *values, used, key=str(index))
+        if board.entries:
+            table.move_cursor(row=min(at, len(board.entries) - 1))
+        self.query_one("#session-text", Static).update("\n".join(self._lines()))
+        self.query_one("#session-note", Static).update(board.note)
+
+    def _lines(self) -> list[str]:
+        board = self._board
+        lines = repeats_lines(repeats(board.entries.values(), board.ledger.excluded))
+        if board.joint is not None:
+            curves = ", ".join(board.joint.files or (board.joint.file,))
+            lines += [f"Together ({curves}):"]
+            lines += [f"  {line}" for line in result_lines(board.joint, 50)]
+        lines += board.compared
+        lines += [f"Note: {note}" for note in board.ledger.notes]
+        return lines or ["Nothing yet: repeats are averaged here; j fits openings together."]
+
+    # ---- keys ---------------------------------------------------------------------------------
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Letters are text while a line is typed."""
+        if action in {"exclude", "joint", "compare", "note", "undo", "back"}:
+            return not isinstance(self.focused, Input)
+        return super().check_action(action, parameters)
+
+    @property
+    def _index(self) -> int | None:
+        numbers = list(self._board.entries)
+        row = self.query_one(DataTable).cursor_row
+        return numbers[row] if 0 <= row < len(numbers) else None
+
+    def action_exclude(self) -> None:
+        """Leave the curve out, with a reason, or take it in again."""
+        index = self._index
+        if index is None:
+            return
+        if index in self._board.ledger.excluded:
+            self._decided(self._board.ledger.include(index))
+        else:
+            self._ask(
+                f"why is curve {index} left out?",
+                lambda text: self._decided(self._board.ledger.exclude(index, text)),
+            )
+
+    def action_note(self) -> None:
+        """Write something down."""
+        self._ask("note", lambda text: self._decided(self._board.ledger.note(text)))
+
+    def action_compare(self) -> None:
+        """Compare with another session."""
+        self._ask(
+            "path of the session to compare with (the earlier one)",
+            lambda text: self._want(self.Wanted(text)),
+        )
+
+    def action_joint(self) -> None:
+        """Fit the curves that are used together."""
+        self._want(self.Wanted())
+
+    def action_undo(self) -> None:
+        """Take the last decision back."""
+        deed = self._board.ledger.undo()
+        if deed is not None:
+            self._board.touch()
+            self.post_message(self.Decided(deed, undone=True))
+
+    def action_back(self) -> None:
+        """Go back to the main screen."""
+        self.dismiss()
+
+    def _want(self, message: Wanted) -> None:
+        self.post_message(message)
+
+    def _decided(self, deed: Deed) -> None:
+        self._board.touch()
+        self.post_message(self.Decided(deed))
+
+    # ---- a line of text -----------------------------------------------------------------------
+
+    def _ask(self, what: str, then: Callable[[str], None]) -> None:
+        self._then = then
+        line = self.query_one(Input)
+        line.value, line.placeholder, line.display = "", what, True
+        line.focus()
+
+    def leave_line(self) -> None:
+        """Ask no more."""
+        self._then = None
+        self.query_one(Input).display = False
+        self.query_one(DataTable).focus()
+
+    @on(Input.Submitted)
+    def _answered(self, event: Input.Submitted) -> None:
+        event.stop()
+        text, then = event.value.strip(), self._then
+        self.leave_line()
+        if text and then is not None:
+            then(text)

@@ -1,0 +1,104 @@
+"""What is drawn below the plot, as pure functions: layers of braille dots and their labels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from skinlab.tui.board import Entry, Live
+from skinlab.tui.canvas import Bits, dots, level, share
+from skinlab.tui.trace import round_up
+
+_NOISE = 2.0  # standard deviations: 19 of 20 residuals lie inside the band
+
+
+@dataclass(frozen=True, eq=False)
+class Drawing:
+    """Layers (rows, columns), the main one on top; labels at the first and the last row."""
+
+    caption: str
+    main: Bits
+    second: Bits
+    band: Bits
+    top: str = ""
+    bottom: str = ""
+
+    def label(self, row: int) -> str:
+        """Return the label of a row, or nothing."""
+        if row == 0:
+            return self.top
+        return self.bottom if row == len(self.main) - 1 else ""
+
+
+def against_time(live: Live, columns: int, rows: int) -> Drawing:
+    """Return deflection (main) and pressure (second, dotted) against time."""
+    program = live.setup.program
+    time_s = np.asarray(live.time_s)
+    last_s = float(time_s[-1]) if len(time_s) else 0.0
+    whole_s = max(program.duration_s if program else 0.0, last_s)
+    most_mbar = max(
+        program.max_pressure_mbar if program else 0.0, max(live.pressure_mbar, default=0)
+    )
+    deepest_mm = round_up(max(live.deflection_mm, default=0.0), least=0.1)
+    at = share(time_s, 0.0, whole_s)
+    return Drawing(
+        f"against {whole_s:.3g} s: to {deepest_mm:g} mm; dotted to {most_mbar:g} mbar",
+        main=dots(
+            *_line(at, share(live.deflection_mm, 0.0, deepest_mm), 4 * columns), columns, rows
+        ),
+        second=dots(
+            *_line(at, share(live.pressure_mbar, 0.0, 1.05 * most_mbar), columns // 2),
+            columns,
+            rows,
+        ),
+        band=dots([], [], columns, rows),
+        bottom="0",
+    )
+
+
+def residual(entry: Entry, columns: int, rows: int) -> Drawing | None:
+    """Return measured minus fitted against pressure, and the band of two standard deviations.
+
+    None where nothing was fitted.
+    """
+    result = entry.result
+    if result is None or result.model_mm is None:
+        return None
+    left_um = 1e3 * (entry.curve.deflection_mm - np.asarray(result.model_mm))
+    there = np.isfinite(left_um)
+    if not there.any():
+        return None
+    band_um = _NOISE * (result.noise_um or 0.0)
+    most_um = round_up(1.05 * max(float(np.abs(left_um[there]).max()), band_um), least=0.1)
+    top_mbar = 1.05 * max(float(entry.curve.pressure_mbar.max()), 1.0)
+    band = dots([], [], columns, rows)
+    if band_um:
+        for edge_um in (-band_um, band_um):
+            band = band | level(float(share(edge_um, -most_um, most_um)), columns, rows)
+    noise = f", dotted: noise ±{band_um:.2g}" if band_um else ""
+    return Drawing(
+        f"residual µm: rms {result.rms_um:.3g}{noise}",
+        main=dots(
+            share(entry.curve.pressure_mbar[there], 0.0, top_mbar),
+            share(left_um[there], -most_um, most_um),
+            columns,
+            rows,
+        ),
+        second=dots([], [], columns, rows),
+        band=band,
+        top=f"+{most_um:g}",
+        bottom=f"-{most_um:g}",
+    )
+
+
+def _line(
+    x: Sequence[float] | np.ndarray, y: Sequence[float] | np.ndarray, most: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return points evenly spread along a polyline, at most `most` of them."""
+    if len(x) < 2:
+        return np.asarray(x), np.asarray(y)
+    reach = float(x[-1]) - float(x[0])
+    at = np.linspace(x[0], x[-1], max(int(most * min(reach, 1.0)), 2))
+    return at, np.interp(at, x, y)

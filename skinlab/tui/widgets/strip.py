@@ -1,0 +1,63 @@
+"""The plot below the plot: both channels against time while a curve runs, then the residual."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from rich.text import Text
+from textual.widgets import Static
+
+from skinlab.tui.board import Board, Entry, Live
+from skinlab.tui.canvas import braille
+from skinlab.tui.strips import Drawing, against_time, residual
+
+_LEFT = 7  # as the plot above
+
+
+class Strip(Static):
+    """A caption and a few rows of dots."""
+
+    COMPONENT_CLASSES: ClassVar[set[str]] = {"strip--main", "strip--second", "strip--band"}
+
+    def __init__(self) -> None:
+        super().__init__("", id="strip", markup=False)
+        self._drawn: object = None
+
+    def show(self, board: Board) -> None:
+        """Draw what the board shows, only where that changed."""
+        shown = board.live or board.entry
+        n = len(shown.pressure_mbar) if isinstance(shown, Live) else 0
+        done = isinstance(shown, Entry) and shown.result is not None
+        key = (board.session, type(shown), shown and shown.index, n, done, self.size)
+        if key == self._drawn:
+            return
+        self._drawn = key
+        columns, rows = self.size.width - _LEFT - 1, self.size.height - 1
+        drawing = _drawing(shown, columns, rows)
+        self.update("" if drawing is None else self._text(drawing), layout=False)
+
+    def _text(self, drawing: Drawing) -> Text:
+        text = Text(" " + drawing.caption, no_wrap=True, overflow="crop")
+        main = self.get_component_rich_style("strip--main")
+        second = self.get_component_rich_style("strip--second")
+        band = self.get_component_rich_style("strip--band")
+        rows = [braille(layer) for layer in (drawing.main, drawing.second, drawing.band)]
+        whole = braille(drawing.main | drawing.second | drawing.band)
+        for number, row in enumerate(whole):
+            text.append("\n" + drawing.label(number).rjust(_LEFT - 1) + " ")
+            for cell, character in enumerate(row):
+                if rows[0][number][cell] != " ":
+                    text.append(character, main)
+                elif rows[1][number][cell] != " ":
+                    text.append(character, second)
+                else:
+                    text.append(character, band)
+        return text
+
+
+def _drawing(shown: Live | Entry | None, columns: int, rows: int) -> Drawing | None:
+    if columns < 1 or rows < 1:
+        return None
+    if isinstance(shown, Live):
+        return against_time(shown, columns, rows)
+    return None if shown is None else residual(shown, columns, rows)

@@ -1,0 +1,71 @@
+"""Time that stands still while the machine keeps a process waiting.
+
+The watchdogs are right to vent where a process did not run for some tenths of a second, and a test
+would fail with them on a busy machine. So the tests' probes live in a time of their own: between
+two looks at the clock at most `LONGEST_S` pass. What happens in which order, and after how many of
+these seconds, is as ever.
+
+`python tests/patience.py [--apart] MODULE ARGUMENTS` is `python -m MODULE ARGUMENTS` in such a
+time. `--apart` is for a probe and a host in two processes, where each must forgive the other, too.
+"""
+
+from __future__ import annotations
+
+import runpy
+import sys
+import threading
+import time
+from pathlib import Path
+
+LONGEST_S = 0.02
+FORGIVING_S = 60.0  # instead of the limits that would notice that another process did not run
+
+
+class PatientClock:
+    """Seconds; never goes back."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._real_s = self._now_s = time.monotonic()
+
+    def __call__(self) -> float:
+        with self._lock:
+            real_s = time.monotonic()
+            self._now_s += min(real_s - self._real_s, LONGEST_S)
+            self._real_s = real_s
+            return self._now_s
+
+
+def be_patient(*, apart: bool = False) -> None:
+    """Let probes and simulated probes that are made from now on live in a patient time."""
+    import sim_device.build
+    import sim_device.serve
+    from drivers import probe
+    from sim_device.protocol_sim import Serial
+
+    clock = PatientClock()
+    Serial.clock = staticmethod(clock)
+    sim_device.serve.serve.__defaults__ = (clock,)
+    options = probe.Probe.__init__.__kwdefaults__
+    options["clock"] = clock
+    if apart:
+        sim_device.build.KEEP_ALIVE_S = FORGIVING_S
+        options["limits"] = probe.Limits(stale_s=FORGIVING_S, vent_time_s=FORGIVING_S)
+        probe.Probe._call.__kwdefaults__["timeout_s"] = FORGIVING_S
+        probe.Probe.open.__defaults__ = (FORGIVING_S,)
+
+
+def patient_command(module: str, *arguments: str, apart: bool = False) -> list[str]:
+    """Return the command line that runs a module in a patient time."""
+    flags = ["--apart"] if apart else []
+    return [sys.executable, str(Path(__file__)), *flags, module, *arguments]
+
+
+if __name__ == "__main__":
+    sys.argv.pop(0)
+    apart = sys.argv[0] == "--apart"
+    if apart:
+        sys.argv.pop(0)
+    sys.path[0] = ""  # as with `python -m`, and not the folder of this file
+    be_patient(apart=apart)
+    runpy.run_module(sys.argv[0], run_name="__main__", alter_sys=True)
