@@ -32,6 +32,7 @@ _PAIRS_ODDS = 0.2
 _SEEN = 8.0  # a gain of χ² by which an effect is worth a fit
 _BEHIND = 18.0  # the same for a second one: 20 : 1, the odds of pairs, and what a prior costs
 _SHARE = 0.04  # or of the largest gain, where the misfit is large
+_RIVAL = 0.5
 _MOST_SINGLES = 8
 _PARTNERS = 5  # of each of the best singles
 _LEADERS = 4
@@ -138,7 +139,7 @@ class Search:
             singles: list[Candidate] = []
             if chosen:
                 self._progress(f"fitting {', '.join(s.effect for s in chosen)}")
-                singles = self._fits(pool, base, [(base.fit, s) for s in chosen])
+                singles = self._singles(pool, base, chosen)
             if self._partial is not None:
                 self._partial.candidates = singles
             candidates = singles
@@ -150,6 +151,18 @@ class Search:
                 candidates = singles + self._pairs(pool, base, singles, _LEADERS, _SEEN)
         candidates.sort(key=lambda c: -c.log10_evidence)
         return Found(self._fitter.records, base, signatures, candidates)
+
+    def _singles(self, pool: Executor, base: Candidate, chosen: list[Signature]) -> list[Candidate]:
+        """Return fits of single effects: of the lesser ones only where the likely explain nothing.
+
+        An effect of which the screen expects less than half of what another one, that explains the
+        curves, takes away is no rival.
+        """
+        likely = [s for s in chosen if s.gain >= _RIVAL * chosen[0].gain]
+        found = self._fits(pool, base, [(base.fit, s) for s in likely])
+        if not any(c.adequate for c in found):
+            found += self._fits(pool, base, [(base.fit, s) for s in chosen[len(likely) :]])
+        return found
 
     def _pairs(
         self, pool: Executor, base: Candidate, singles: list[Candidate], most: int, least: float

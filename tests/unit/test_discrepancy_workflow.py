@@ -1,4 +1,4 @@
-"""The whole missing-effect workflow on curves of the simulated probe's skin, with hidden effects."""
+"""The whole missing-effect workflow on curves of the simulated skin, with hidden effects."""
 
 import json
 
