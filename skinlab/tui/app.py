@@ -35,6 +35,7 @@ from skinlab.tui.screens.session import SessionScreen
 from skinlab.tui.screens.welcome import EXAMPLE, SIMULATED, WelcomeScreen
 from skinlab.tui.widgets.fields import Fields
 
+_SHORTEST_S = 0.01  # rest between two repeats
 _DARK, _LIGHT = "textual-dark", "textual-light"
 
 
@@ -254,7 +255,8 @@ class SkinlabApp(App[None]):
                 "resting",
                 f"{order.repeats - 1} more, the next after {order.rest_s:g} s of rest; v ends it",
             )
-            self._rest = self.set_timer(order.rest_s, self._repeat)
+            # A timer of 0 s would never fire
+            self._rest = self.set_timer(max(order.rest_s, _SHORTEST_S), self._repeat)
 
     def _repeat(self) -> None:
         self._rest = None

@@ -278,7 +278,8 @@ def advice_lines(result: Identification | None, findings: Sequence[Finding]) -> 
     if result is not None:
         flags = list(dict.fromkeys(flag.partition(":")[0] for flag in result.flags))
         lines += [f"! {sentence}" for sentence in explain(result)]
-        lines += [f"→ {_WHAT_TO_DO[flag]}" for flag in flags if flag in _WHAT_TO_DO]
+        said = {finding.gate for finding in findings}
+        lines += [f"→ {_WHAT_TO_DO[f]}" for f in flags if f in _WHAT_TO_DO and f not in said]
     lines += [f"! {finding.sentence} → {finding.advice}" for finding in findings]
     return lines
 

@@ -164,7 +164,7 @@ async def test_two_curves_and_looking_back_at_the_first(bedside, session_files):
         first = bed.text("#card-text")
         await bed.fill("cycle", "2")
         await bed.run()
-        await bed.until(lambda: "not the first loading" in bed.text("#card-text"))
+        await bed.until(lambda: "this is loading 2" in bed.text("#card-text"))
         assert bed.board.shown == 2
         curves = bed.app.screen.query_one(Curves)
         curves.focus()
