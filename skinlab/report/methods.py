@@ -74,8 +74,8 @@ def how(identifier: Identifier, phases: tuple[str, ...]) -> list[str]:
         f"{method} The same settings give the same numbers.",
         "Intervals, which only the method auto gives, hold the true value in nine of ten "
         f"measurements of such skins, if the model is right. {intervals} "
-        f"Noise: {', '.join(noise)}. Compare two skins by their intervals, never by the values alone: where they overlap "
-        "widely, nothing was shown.",
+        f"Noise: {', '.join(noise)}. Compare two skins by their intervals, never by the "
+        "values alone: where they overlap widely, nothing was shown.",
         "A correlation near +1 or −1 between two parameters means that an error of one goes with "
         "an error of the other.",
         "E is the paper's error, (1/u)·√Σd² over u samples; rms, the root mean square of the same "
