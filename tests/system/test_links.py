@@ -29,7 +29,7 @@ from drivers.events import (
 )
 from drivers.link import list_ports, open_link
 from drivers.probe import Limits, Probe
-from drivers.reconnect import reconnect
+from drivers.reconnect import Backoff, reconnect
 
 PATIENCE_S = 120.0
 # The watchdog may not mind that the other process did not run for a while
@@ -317,7 +317,7 @@ def test_unplugged_in_process(monkeypatch, tmp_path):
         assert "the device is gone" in until(probe, lambda e: isinstance(e, LinkLost), seen).reason
         with pytest.raises(LinkError, match="no such port"):
             probe.reopen()
-        reconnect(probe)
+        reconnect(probe, Backoff(first_s=0.01, most_s=0.01))  # time passes when it is looked for
         until(probe, lambda e: isinstance(e, VentConfirmed), seen)
         probe.acknowledge_alarm()
         start_again(probe, PROGRAM)
@@ -334,6 +334,7 @@ def test_unplugged_in_process(monkeypatch, tmp_path):
         (os.devnull, "not a serial port"),
         ("socket://no-such-host.invalid:77", "there is no such host"),
         ("sim://?skin=/no/such.toml", "/no/such.toml: cannot be read"),
+        ("sim://?faults=/no/such.toml", "/no/such.toml: cannot be read"),
     ],
 )
 def test_what_cannot_be_opened_is_one_sentence(url, match):
@@ -360,7 +361,6 @@ def test_what_cannot_be_opened_is_one_sentence(url, match):
         ("sim://?aperture_mm=5", "aperture_mm must be one of"),
         ("sim://?speed=0", "speed"),
         ("sim://?sped=10", "sped"),
-        ("sim://?faults=/no/such.toml", "/no/such.toml: cannot be read"),
         ("sim://?seed=1&seed=2", "twice"),
         ("sim://somewhere", "query"),
     ],

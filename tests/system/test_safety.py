@@ -90,7 +90,7 @@ class Host:
     def __init__(self, folder, url, *options, program="ramp:60@200,hold:50", before=""):
         command = ["-m", "skinlab"]
         if before:
-            command = ["-c", before + "\nfrom skinlab.cli.main import main\nmain()"]
+            command = ["-c", before + "\nfrom skinlab.start import main\nmain()"]
         self.process = subprocess.Popen(
             [
                 sys.executable, *command, "measure", "--port", url, *SKIN, "--program", program,

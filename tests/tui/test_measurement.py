@@ -194,7 +194,7 @@ async def test_another_subject_begins_another_session(bedside, session_files):
 async def test_a_link_that_is_lost_and_comes_back(bedside, tmp_path):
     faults = tmp_path / "faults" / "FAULTS.toml"
     faults.parent.mkdir()
-    faults.write_text('[[fault]]\nkind = "unplug"\nat_s = 2.0\nfor_s = 4.0\n')
+    faults.write_text('[[fault]]\nkind = "unplug"\nat_s = 2.0\nfor_s = 0.2\n')
     async with bedside(f"sim://?seed=1&speed=5&faults={faults}") as bed:
         await bed.connected()
         await bed.arm()
