@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from skinlab.report import plots
-from skinlab.report.flags import NAMES
+from skinlab.report.flags import NAMES, signed
 from skinlab.report.measured import Measured
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ def curve_drawings(measured: Measured) -> list[Drawing]:
         )
     if result is not None and result.correlation is not None and result.order:
         pairs = [
-            f"{NAMES.get(a, a)} and {NAMES.get(b, b)} {result.correlation[i][j]:+.2f}"
+            f"{NAMES.get(a, a)} and {NAMES.get(b, b)} {signed(result.correlation[i][j])}"
             for i, a in enumerate(result.order)
             for j, b in enumerate(result.order)
             if i < j

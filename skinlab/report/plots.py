@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skinlab.report.flags import NAMES
+from skinlab.report.flags import NAMES, signed
 from skinlab.report.measured import Measured
 from skinlab.report.pictures import (
     BLUE,
@@ -125,7 +125,7 @@ def draw_intervals(measured: Measured) -> Figure:
         axes.set_yticks([])
         axes.grid(axis="y", visible=False)
         axes.set_xlabel(_LABELS.get(name, name), parse_math=False)
-    rows[0].set_title(f"Curve {measured.number}")
+    rows[0].set_title(f"Curve {measured.number}: values and 90 % intervals")
     return figure
 
 
@@ -147,8 +147,8 @@ def draw_correlation(measured: Measured) -> Figure:
     axes.spines[:].set_visible(False)
     for (i, j), value in np.ndenumerate(matrix):
         colour = "white" if abs(value) > 0.6 else "black"
-        axes.text(j, i, f"{value:+.2f}".replace("-", "−"), ha="center", va="center", color=colour)
-    axes.set_title(f"Curve {measured.number}")
+        axes.text(j, i, signed(value), ha="center", va="center", color=colour)
+    axes.set_title(f"Curve {measured.number}: correlations")
     return figure
 
 
@@ -182,7 +182,7 @@ def draw_all_intervals(curves: Sequence[Measured]) -> Figure:
     """Return the parameters of all curves that have some, one below the other."""
     found = [(m.number, m.result.parameters) for m in curves if m.result and m.result.parameters]
     names = [name for name in NAMES if any(name in values for _, values in found)]
-    figure = new_figure(WIDTH_IN, 1.4 + 0.25 * len(found))
+    figure = new_figure(WIDTH_IN, 1.6 + 0.25 * len(found))
     columns: Any = figure.subplots(1, len(names), sharey=True, squeeze=False)[0]
     for axes, name in zip(columns, names, strict=True):
         for row, (_, values) in enumerate(found):
@@ -199,6 +199,7 @@ def draw_all_intervals(curves: Sequence[Measured]) -> Figure:
         _scale(axes, name, 2)
         axes.set_xlabel(_LABELS[name])
     columns[0].set_ylabel("curve")
+    figure.suptitle("Values and 90 % intervals of all curves")
     return figure
 
 
@@ -227,10 +228,10 @@ def _scale(axes: Axes, name: str, ticks: int) -> None:
     """Give a stiffness a logarithmic axis; few ticks, so that they never run into each other."""
     from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
-    if not name.endswith("_MPa"):
+    low, high = axes.get_xlim()
+    if not name.endswith("_MPa") or low <= 0.0:
         axes.xaxis.set_major_locator(MaxNLocator(ticks))
         return
-    low, high = axes.get_xlim()
     decades = np.log10(high / low)
     axes.set_xscale("log")
     if decades < _NARROW:
