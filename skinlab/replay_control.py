@@ -50,6 +50,11 @@ class ReplayControl:
         return self._paused
 
     @property
+    def at_s(self) -> float | None:
+        """Time of the record that is reached; None: nothing came yet."""
+        return self._at_s
+
+    @property
     def stopped(self) -> bool:
         """Whether the replay was ended before its end."""
         return self._stopped

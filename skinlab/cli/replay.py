@@ -20,12 +20,17 @@ _DRAW_S = 0.05
 @click.command()
 @click.argument("session", type=click.Path(path_type=Path))
 @click.option(
-    "--speed", type=click.Choice(["1", "10", "max"]), default="max", help="Pace [default: max]."
+    "--speed",
+    type=click.Choice(["1", "10", "max"]),
+    help="Pace [default: max; with --ui as it was].",
 )
+@click.option("--ui", is_flag=True, help="In the screens of the terminal UI.")
 @click.option("--paused", is_flag=True, help="Begin paused (on a terminal, where keys go on).")
 @click.option("--verify", is_flag=True, help="Compare with the stored results, bit for bit.")
 @json_option()
-def command(session: Path, speed: str, paused: bool, verify: bool, as_json: bool) -> int:
+def command(
+    session: Path, speed: str | None, ui: bool, paused: bool, verify: bool, as_json: bool
+) -> int:
     """Run a recorded SESSION through driver, assembler, gates and identification again.
 
     On a terminal, a replay that is not at full speed takes keys: space pauses and goes on, the full
@@ -43,6 +48,9 @@ def command(session: Path, speed: str, paused: bool, verify: bool, as_json: bool
     from skinlab.session import read_session
     from skinlab.stream import Flagged, Identified, Message
 
+    if ui:
+        return _in_the_ui(session, speed or "1")
+    speed = speed or "max"
     if paused and not on_terminal():
         raise InputError("--paused: there is no terminal whose keys could go on")
     recorded = read_session(session)
@@ -97,6 +105,17 @@ def command(session: Path, speed: str, paused: bool, verify: bool, as_json: bool
         stored = sum(result is not None for result in recorded.results)
         click.echo(f"{len(completed)} curves and {stored} stored results agree bit for bit")
     return 1 if found else 0
+
+
+def _in_the_ui(session: Path, speed: str) -> int:
+    from skinlab.cli.ui import replay_on_terminal
+    from skinlab.errors import InputError
+    from skinlab.session import read_session
+
+    if not (sys.stdin.isatty() and sys.stdout.isatty() and sys.stderr.isatty()):
+        raise InputError("--ui: there is no terminal to draw on")
+    read_session(session)  # what is wrong with it is said without a screen
+    return replay_on_terminal(session, None if speed == "max" else float(speed))
 
 
 def _actions(control: Any) -> dict[str, Callable[[], None]]:

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from datetime import datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
+if TYPE_CHECKING:
+    from skinlab.tui.app import SkinlabApp
+
 SIMULATED = "sim://?seed=1"
+ESCAPE_MS = "40"
 
 
 @click.command()
-@click.option("--port", default=SIMULATED, help="pyserial URL [default: the simulated probe].")
+@click.option("--port", help="pyserial URL [default: asks; the simulated probe headless].")
 @click.option("--sessions", type=click.Path(path_type=Path), help="Folder for the sessions.")
-def command(port: str = SIMULATED, sessions: Path | None = None) -> int:
+def command(port: str | None = None, sessions: Path | None = None) -> int:
     """Open the bedside terminal UI.
 
     With no terminal (in a pipe): one measurement, headless, whose result is printed.
@@ -26,25 +32,44 @@ def command(port: str = SIMULATED, sessions: Path | None = None) -> int:
     # The screen is drawn on standard error.
     if sys.stdin.isatty() and sys.stdout.isatty() and sys.stderr.isatty():
         return _on_terminal(port, folder)
-    return _headless(port, folder)
+    return _headless(port or SIMULATED, folder)
 
 
-def _on_terminal(port: str, folder: Path) -> int:
+def _on_terminal(port: str | None, folder: Path) -> int:
+    _release_escape()
     from skinlab.tui.app import SkinlabApp
-    from skinlab.tui.lifeline import Lifeline
     from skinlab.tui.remembered import default_path
 
-    app = SkinlabApp(port, folder, settings=default_path())
+    return show(SkinlabApp(port, folder, settings=default_path()))
+
+
+def replay_on_terminal(session: Path, speed: float | None) -> int:
+    """Replay a session in the screens of the UI; return the exit status."""
+    _release_escape()
+    from skinlab.tui.app import SkinlabApp
+
+    return show(SkinlabApp(None, session.parent, replay=session, speed=speed))
+
+
+def show(app: SkinlabApp) -> int:
+    """Run the UI; whatever ends it, the probe vents and the session is saved."""
+    from skinlab.tui.lifeline import Lifeline
+
     try:
-        with Lifeline(app.bench.vent, app.interrupt, app.bench.close):
+        with Lifeline(app.vent, app.interrupt, app.close_bench):
             app.run()
     finally:
-        app.bench.close()  # vented and saved already, unless the screen itself came to grief
+        app.close_bench()  # done already, unless the screen itself came to grief
     if app.failure is not None:
         raise app.failure
     if app.board.saved is not None:
         click.echo(f"session: {app.board.saved}", err=True)
     return app.return_code or 0
+
+
+def _release_escape() -> None:
+    """Let a lone Esc vent sooner: Textual waits 100 ms to see whether more follows."""
+    os.environ.setdefault("ESCDELAY", ESCAPE_MS)  # read when Textual is imported
 
 
 def default_folder() -> Path:

@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from skinlab.program import Program
-from skinlab.report.flags import NAMES, explanations
+from skinlab.report.flags import NAMES, explanations, signed
 from skinlab.report.measured import Measured
 from skinlab.report.page import Illustration, Section, Table
 from skinlab.report.stored import StoredValue
 
-_OVERVIEW = (
-    "curve", "name", "opening (mm)", "thickness (mm)", "program", "cycle", "X1 (MPa)", "X2 (MPa)",
-    "ν", "rms (µm)", "noise (µm)", "flags",
-)  # fmt: skip
+_OVERVIEW = ("curve", "name", "opening on skin, program, cycle", "X1 (MPa)", "X2 (MPa)", "ν",
+             "rms (µm)", "flags")  # fmt: skip
 
 
 def overview_table(curves: Sequence[Measured]) -> Table:
@@ -33,13 +31,10 @@ def _overview_row(measured: Measured) -> tuple[str, ...]:
     return (
         str(measured.number),
         measured.curve.name,
-        f"{setup.aperture_mm:g}",
-        f"{setup.thickness_mm:g}",
-        _program(setup.program),
-        str(setup.cycle),
+        f"{setup.aperture_mm:g} on {setup.thickness_mm:g} mm, "
+        f"{_program(setup.program).replace(',', ', ')}, cycle {setup.cycle}",  # may break there
         *(_with_interval(values.get(name)) for name in NAMES),
         _number(result.rms_um if result else None, 3),
-        _number(result.noise_um if result else None, 3),
         ", ".join(flags) or "none",
     )
 
@@ -64,7 +59,7 @@ def curve_section(measured: Measured, figures: Sequence[Illustration]) -> Sectio
         if result.correlation is not None and result.order:
             names = [NAMES.get(name, name) for name in result.order]
             rows = [
-                (name, *(f"{value:+.2f}" for value in row))
+                (name, *(signed(value) for value in row))
                 for name, row in zip(names, result.correlation, strict=True)
             ]
             tables.append(Table(("correlation", *names), rows))
@@ -129,7 +124,10 @@ def _with_interval(value: StoredValue | None) -> str:
         return "–"
     if value.low is None or value.high is None:
         return _number(value.value, 4)
-    return f"{_number(value.value, 4)} ({_number(value.low, 3)} to {_number(value.high, 3)})"
+    ends = f"{_number(value.low, 3)} to {_number(value.high, 3)}"
+    return f"{_number(value.value, 4)} ({ends})".replace(
+        " to ", "\N{NO-BREAK SPACE}to\N{NO-BREAK SPACE}"
+    )
 
 
 def _number(value: float | None, significant: int) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from skinlab.report import plots
-from skinlab.report.flags import NAMES
+from skinlab.report.flags import NAMES, signed
 from skinlab.report.measured import Measured
 
 if TYPE_CHECKING:
@@ -75,7 +75,8 @@ def curve_drawings(measured: Measured) -> list[Drawing]:
             )
             for name, value in result.parameters.items()
         )
-        whole = "" if isinstance(measured.fit, str) else " The axes span all that was searched."
+        searched = not isinstance(measured.fit, str) and bool(measured.fit.ranges)
+        whole = " The axes span all that was searched." if searched else ""
         found.append(
             Drawing(
                 f"{name}_intervals",
@@ -86,7 +87,7 @@ def curve_drawings(measured: Measured) -> list[Drawing]:
         )
     if result is not None and result.correlation is not None and result.order:
         pairs = [
-            f"{NAMES.get(a, a)} and {NAMES.get(b, b)} {result.correlation[i][j]:+.2f}"
+            f"{NAMES.get(a, a)} and {NAMES.get(b, b)} {signed(result.correlation[i][j])}"
             for i, a in enumerate(result.order)
             for j, b in enumerate(result.order)
             if i < j

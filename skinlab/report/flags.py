@@ -13,7 +13,7 @@ _WORDS = {
     "Check opening and thickness, and do not trust the number.",
     "not_identifiable": "This curve hardly fixes {}: its interval covers most of what is possible, "
     "so do not use the number. Measure with another opening or a higher pressure as well "
-    "(skinlab identify --advise says which).",
+    "(“skinlab identify --advise” says which).",
     "outside_database": "Samples, or the whole curve, lie where nothing was computed, and were not "
     "fitted. Use a thickness and a pressure inside the database.",
     "not_converged": "The search did not end by itself: the values are where it was stopped. "
@@ -22,6 +22,11 @@ _WORDS = {
     "not_first_cycle": "The site was loaded before: skin is softer from the second loading on, and "
     "the elastic law describes the first. Compare it with later loadings only.",
 }
+
+
+def signed(correlation: float) -> str:
+    """Return a correlation with its sign."""
+    return f"{correlation:+.2f}".replace("-", "−")
 
 
 def explanations(measured: Measured) -> list[str]:
@@ -59,5 +64,5 @@ def _misfit(result: StoredResult) -> str:
     return (
         f"The residual is clearly more than the noise{ratio}: the model misses something here, and "
         "the intervals mean less. Repeat the measurement, look for contact, tape and movement; "
-        "skinlab discrepancy looks for the effect."
+        "“skinlab discrepancy” looks for the effect."
     )

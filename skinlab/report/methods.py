@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from skinlab.effects.registry import get_effect
 from skinlab.identify.identifier import Identifier
+from skinlab.model_file import BASE, Model
 
 _METHODS = {
     "auto": "many random candidates over all that is possible, the best ones of every part of it "
@@ -24,15 +26,23 @@ _KAPPA = {
 }
 
 
-def how(identifier: Identifier) -> list[str]:
-    """Return paragraphs that say how the numbers were found."""
+_WITH_EFFECTS = (
+    "the parameters of the law and of the effects together, by least squares from several starts, "
+    "with finite elements where the database cannot speak; intervals are Gaussian about the optimum"
+)
+
+
+def how(identifier: Identifier, phases: tuple[str, ...]) -> list[str]:
+    """Return paragraphs that say how the numbers were found, from samples in these phases."""
     settings = identifier.options
     sensor = identifier.sensor
-    phases = ", ".join(identifier.phases)
+    method = _METHODS.get(identifier.method, identifier.method)
+    if identifier.model.effects:
+        method = _WITH_EFFECTS
     fitted = (
         "the first loading only, because the elastic law describes nothing else"
-        if identifier.phases == ("load",)
-        else f"the phases {phases}"
+        if phases == ("load",)
+        else f"the phases {', '.join(phases)}"
     )
     noise = [
         f"{name} {value:g} {unit} (stated)" if value is not None else f"{name} estimated"
@@ -47,7 +57,8 @@ def how(identifier: Identifier) -> list[str]:
         "nearest to the measured one in the sum of squared differences of the deflection.",
         f"Fitted was {fitted}. Computed curves come from a database of finite-element solutions by "
         f"interpolation (law {identifier.database.law}, mesh {identifier.database.mesh_name}).",
-        f"Method {identifier.method}: {_METHODS.get(identifier.method, identifier.method)}. "
+        *_model(identifier.model),
+        f"Method {identifier.method}: {method}. "
         f"Candidates {settings.samples}, best {settings.best}, tolerance {settings.tolerance_um:g} "
         f"µm, seed {identifier.seed}: the same settings give the same numbers.",
         "Intervals, which only the method auto gives, hold the true value in nine of ten "
@@ -66,9 +77,23 @@ def how(identifier: Identifier) -> list[str]:
     ]
 
 
+def _model(model: Model) -> list[str]:
+    if model is BASE:
+        return []
+    own = " It sets bounds or priors of its own." if model.parameters else ""
+    return [f"Model “{model.model.name}”, from a file.{own}"]
+
+
 def assumptions(identifier: Identifier) -> list[str]:
     """Return what was assumed, a point each."""
+    effects = [get_effect(name) for name in sorted(identifier.model.effects)]
+    added = [
+        f"Added to the base law by the model, in place of what is said below of the same thing: "
+        f"{effect.name}: {effect.meaning}; {effect.formula}."
+        for effect in effects
+    ]
     return [
+        *added,
         "The skin is one homogeneous, isotropic layer of the stated thickness, elastic and without "
         "history: W = X1 (J1 − 3) + X2 (J1 − 3)(J2 − 3) + κ/2 (J − 1)² (X1, X2: stiffness at small "
         "and at large stretch; κ: resistance to a change of volume; J1, J2, J: invariants of the "

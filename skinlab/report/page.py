@@ -131,10 +131,15 @@ def _table(table: Table) -> Iterator[str]:
 def _cell(cell: str, *, first: bool) -> str:
     if first:
         return f'<th scope="row">{_text(cell)}</th>'
-    return f'<td class="n">{_text(cell)}</td>' if _NUMBER.match(cell) else f"<td>{_text(cell)}</td>"
+    if _NUMBER.match(cell):
+        return f'<td class="n">{_text(cell)}</td>'
+    if max(map(len, cell.split()), default=0) > _LONG:
+        return f'<td class="long">{_text(cell)}</td>'
+    return f"<td>{_text(cell)}</td>"
 
 
 _NUMBER = re.compile(r"[-−+±<>≥≤ ]*\d[^A-Za-z:]*(µm|mm|mbar|MPa|s|%)?$")
+_LONG = 30  # letters without a space: a hash or a path, which paper cannot scroll
 
 # Control characters are not allowed in HTML; those that turn the direction of text can hide it.
 _TURNING = frozenset("\u061c\u200e\u200f\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069")
@@ -173,7 +178,6 @@ table { border-collapse: collapse; font-size: 0.9rem; }
 th, td { border-bottom: 1px solid #ccc; padding: 0.25rem 0.75rem 0.25rem 0; text-align: left;
   vertical-align: top; }
 th { font-weight: 600; }
-td { overflow-wrap: anywhere; min-width: 4rem; }
 .n { font-variant-numeric: tabular-nums; white-space: nowrap; }
 @media print {
   body { max-width: none; padding: 0; font-size: 10pt; }
@@ -181,12 +185,14 @@ td { overflow-wrap: anywhere; min-width: 4rem; }
   figure, tr, li { break-inside: avoid; }
   h2, h3, h4 { break-after: avoid; }
   .wide { overflow: visible; }
+  .figures { grid-template-columns: 1fr 1fr; }
+  .long { overflow-wrap: anywhere; }
 }
 """
 
 _PAGE = """\
 <!DOCTYPE html>
-<html lang="en" xmlns="http://www.w3.org/1999/xhtml">
+<html lang="en">
 <head>
 <meta charset="utf-8" />
 <meta http-equiv="Content-Security-Policy" \

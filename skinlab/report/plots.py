@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skinlab.report.flags import NAMES
+from skinlab.report.flags import NAMES, signed
 from skinlab.report.measured import Measured
 from skinlab.report.pictures import (
     BLUE,
@@ -37,6 +37,7 @@ _PHASES = {
 }
 _DASHES = ("-", "--", ":", "-.")
 _NARROW, _WIDE = 1.0, 2.5  # decades: ticks where a linear axis has them, and only at powers of 10
+_WIDE_RATIO = 20.0  # of the ends of an axis that is better logarithmic
 _MANY = 2000  # samples from which points are stored as an image inside an SVG
 MOST_NAMED = len(SERIES) * len(_DASHES)  # curves that can be told apart by colour and dashes
 _LABELS = {"X1_MPa": "X1 (MPa)", "X2_MPa": "X2 (MPa)", "nu": "ν"}
@@ -125,7 +126,7 @@ def draw_intervals(measured: Measured) -> Figure:
         axes.set_yticks([])
         axes.grid(axis="y", visible=False)
         axes.set_xlabel(_LABELS.get(name, name), parse_math=False)
-    rows[0].set_title(f"Curve {measured.number}")
+    rows[0].set_title(f"Curve {measured.number}: values and 90 % intervals")
     return figure
 
 
@@ -136,19 +137,21 @@ def draw_correlation(measured: Measured) -> Figure:
     assert result.correlation is not None
     matrix = np.array(result.correlation, dtype=float)
     names = [NAMES.get(name, name) for name in result.order]
-    figure = new_figure(WIDTH_IN, 3.8)
+    long = len(names) > len(NAMES)
+    figure = new_figure(WIDTH_IN, 4.8 if long else 3.8)
     axes = figure.add_subplot()
     image = axes.imshow(matrix, cmap="PuOr", vmin=-1, vmax=1)
-    figure.colorbar(image, ax=axes, label="correlation")
+    figure.colorbar(image, ax=axes, label="correlation", shrink=0.6 if long else 1.0)
     ticks = np.arange(len(names))
-    axes.set_xticks(ticks, names, parse_math=False)
-    axes.set_yticks(ticks, names, parse_math=False)
+    size = 8 if long else 10
+    axes.set_xticks(ticks, names, parse_math=False, rotation=90 if long else 0, fontsize=size)
+    axes.set_yticks(ticks, names, parse_math=False, fontsize=size)
     axes.grid(visible=False)
     axes.spines[:].set_visible(False)
     for (i, j), value in np.ndenumerate(matrix):
         colour = "white" if abs(value) > 0.6 else "black"
-        axes.text(j, i, f"{value:+.2f}".replace("-", "−"), ha="center", va="center", color=colour)
-    axes.set_title(f"Curve {measured.number}")
+        axes.text(j, i, signed(value), ha="center", va="center", color=colour, fontsize=size)
+    axes.set_title(f"Curve {measured.number}: correlations")
     return figure
 
 
@@ -182,7 +185,7 @@ def draw_all_intervals(curves: Sequence[Measured]) -> Figure:
     """Return the parameters of all curves that have some, one below the other."""
     found = [(m.number, m.result.parameters) for m in curves if m.result and m.result.parameters]
     names = [name for name in NAMES if any(name in values for _, values in found)]
-    figure = new_figure(WIDTH_IN, 1.4 + 0.25 * len(found))
+    figure = new_figure(WIDTH_IN, 1.6 + 0.25 * len(found))
     columns: Any = figure.subplots(1, len(names), sharey=True, squeeze=False)[0]
     for axes, name in zip(columns, names, strict=True):
         for row, (_, values) in enumerate(found):
@@ -199,6 +202,7 @@ def draw_all_intervals(curves: Sequence[Measured]) -> Figure:
         _scale(axes, name, 2)
         axes.set_xlabel(_LABELS[name])
     columns[0].set_ylabel("curve")
+    figure.suptitle("Values and 90 % intervals of all curves")
     return figure
 
 
@@ -224,13 +228,14 @@ def _scatter(axes: Axes, x: Any, y: Any, phase: Any) -> None:
 
 
 def _scale(axes: Axes, name: str, ticks: int) -> None:
-    """Give a stiffness a logarithmic axis; few ticks, so that they never run into each other."""
+    """Give a stiffness, or a wide range, a logarithmic axis; few ticks, so that none touch."""
     from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
-    if not name.endswith("_MPa"):
+    low, high = axes.get_xlim()
+    stiffness = name.endswith("_MPa")
+    if low <= 0.0 or not (stiffness or high / low > _WIDE_RATIO):
         axes.xaxis.set_major_locator(MaxNLocator(ticks))
         return
-    low, high = axes.get_xlim()
     decades = np.log10(high / low)
     axes.set_xscale("log")
     if decades < _NARROW:

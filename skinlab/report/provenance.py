@@ -17,9 +17,9 @@ _TOLD = {  # facts of a session that have a place of their own
 
 _WORDS = (
     "Numbers are those that the session stores. Fitted curves, which it does not store, and "
-    "findings of the quality gates were computed again for this page. `skinlab session verify` "
-    "checks the session's hash and audit trail, `skinlab replay --verify` identifies it again, "
-    "`skinlab export --to csv` gives the samples. No real instrument has been met by this program; "
+    "findings of the quality gates were computed again for this page. “skinlab session verify” "
+    "checks the session's hash and audit trail, “skinlab replay --verify” identifies it again, "
+    "“skinlab export --to csv” gives the samples. No real instrument has been met by this program; "
     "it is no medical device."
 )
 
@@ -53,12 +53,12 @@ def _versions(stated: object) -> Table:
 
 def _hashes(session: Session, identifier: Identifier | str) -> Table:
     rows = [("session, all that it holds", content_hash(session))]
-    if not isinstance(identifier, str):
+    settings = dict(_items(session.meta.get("identification")))
+    if settings and not isinstance(identifier, str):
         provenance = identifier.provenance()
-        stated = dict(_items(session.meta.get("identification"))).get("database_hash")
         rows += [
             ("model", provenance.model_hash),
-            ("database, as recorded", str(stated)),
+            ("database, as recorded", str(settings.get("database_hash"))),
             ("database, of this page", provenance.database_hash),
         ]
     return Table(("hash of", "value"), rows)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from datetime import datetime, timedelta
 from functools import cached_property
 from typing import Literal
 
@@ -84,7 +85,10 @@ class SessionReport:
             each = [tuple(illustrate(curve_drawings(m))) for m in self.curves]
         meta = self.session.meta
         about = [f"Subject {meta['subject']}"] if meta.get("subject") else []
-        about += [str(meta[name]) for name in ("site", "created_utc") if meta.get(name)]
+        if meta.get("site"):
+            about.append(str(meta["site"]))
+        if meta.get("created_utc"):
+            about.append(_day_and_minute(str(meta["created_utc"])))
         return page(
             "Skin measurement report",
             [
@@ -107,12 +111,14 @@ class SessionReport:
         if not self.curves:
             return Section("In short", ("The session holds no curves.",))
         done = sum(m.result is not None and bool(m.result.parameters) for m in self.curves)
-        count = "One curve" if len(self.curves) == 1 else f"{len(self.curves)} curves"
+        count = f"{len(self.curves)} curves, of which {done} with values"
+        if len(self.curves) == 1:
+            count = f"One curve, {'with' if done else 'without'} values"
         return Section(
             "In short",
             (
-                f"{count}, of which {done} with values. Brackets hold 90 % intervals. Read the "
-                "flags before a number is used: each curve's section says what they mean.",
+                f"{count}. Brackets hold 90 % intervals. Read the flags before a number is used: "
+                "each curve's section says what they mean.",
             ),
             (overview_table(self.curves),),
             figures,
@@ -121,9 +127,20 @@ class SessionReport:
     def _methods(self) -> list[Section]:
         if isinstance(self.identifier, str):
             return [Section("How the numbers were found", (f"Not known: {self.identifier}.",))]
-        if not any(m.result for m in self.curves):
+        phases = next((m.result.phases for m in self.curves if m.result), None)
+        if phases is None:
             return [Section("How the numbers were found", ("Nothing was identified.",))]
         return [
-            Section("How the numbers were found", how(self.identifier)),
+            Section(
+                "How the numbers were found", how(self.identifier, phases or self.identifier.phases)
+            ),
             Section("What was assumed", points=assumptions(self.identifier)),
         ]
+
+
+def _day_and_minute(utc: str) -> str:
+    try:
+        at = datetime.fromisoformat(utc)
+    except ValueError:
+        return utc
+    return f"{at:%Y-%m-%d %H:%M} UTC" if at.utcoffset() == timedelta(0) else utc

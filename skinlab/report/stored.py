@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import msgspec
 
 from skinlab.errors import InputError
@@ -41,15 +43,17 @@ def stored_result(number: int, result: object) -> StoredResult | None:
     Raises:
         InputError: it is damaged; names the field.
     """
+    damaged = f"the stored result of curve {number} is damaged"
+    try:
+        json.dumps(result, allow_nan=False)
+    except ValueError:
+        raise InputError(f"{damaged}: a number is not finite") from None
     try:
         decoded = msgspec.convert(result, StoredResult | None)
     except msgspec.ValidationError as error:
-        raise InputError(f"the stored result of curve {number} is damaged: {error}") from None
+        raise InputError(f"{damaged}: {error}") from None
     if decoded is not None and decoded.correlation is not None:
         size = len(decoded.order)
         if [len(row) for row in decoded.correlation] != [size] * size:
-            raise InputError(
-                f"the stored result of curve {number} is damaged: expected a correlation of "
-                f"{size} × {size} values"
-            )
+            raise InputError(f"{damaged}: expected a correlation of {size} × {size} values")
     return decoded

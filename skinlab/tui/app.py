@@ -15,23 +15,27 @@ from textual.widgets import Input
 
 from drivers.errors import DriverError
 from drivers.events import InstrumentState
+from drivers.link import PortInfo, list_ports
 from skinlab.errors import InputError, SkinlabError
 from skinlab.log import log_exception
 from skinlab.session_fit import comparable
 from skinlab.tui.bench import Bench
-from skinlab.tui.board import Board, Level, Series
+from skinlab.tui.board import Board, Level, Playing, Series
 from skinlab.tui.ledger import Deed
 from skinlab.tui.lifeline import INTERRUPTED
 from skinlab.tui.news import Connected, Disconnected, Done, Failed, News
 from skinlab.tui.order import Order, check_limits, read_order
 from skinlab.tui.remembered import recall, remember
+from skinlab.tui.replayer import Replayer, example_session, next_speed
 from skinlab.tui.screens.alarm import AlarmScreen
 from skinlab.tui.screens.help import HelpScreen
 from skinlab.tui.screens.main import MainScreen
 from skinlab.tui.screens.ports import PortsScreen
 from skinlab.tui.screens.session import SessionScreen
+from skinlab.tui.screens.welcome import EXAMPLE, SIMULATED, WelcomeScreen
 from skinlab.tui.widgets.fields import Fields
 
+_SHORTEST_S = 0.01  # rest between two repeats
 _DARK, _LIGHT = "textual-dark", "textual-light"
 
 
@@ -67,14 +71,24 @@ class SkinlabApp(App[None]):
 
     def __init__(
         self,
-        port: str,
+        port: str | None,
         folder: Path,
         make_bench: Callable[..., Bench] = Bench,
         settings: Path | None = None,
+        replay: Path | None = None,
+        speed: float | None = 1.0,
+        ports: Callable[[], tuple[PortInfo, ...]] = list_ports,
     ) -> None:
-        """Keep the settings for the next time in `settings`; None: nowhere."""
+        """Begin with a port, with the replay of a session, or (neither) by asking.
+
+        Settings are kept for the next time in `settings`; None: nowhere.
+        """
         super().__init__()
-        self.board = Board(port)
+        self.board = Board(port or SIMULATED)
+        self._ask = port is None and replay is None
+        self._replay = replay
+        self._speed = speed
+        self._ports = ports
         self._settings = settings
         self._rest: Timer | None = None  # until the next repeat
         self.bench = make_bench(folder, self._post)
@@ -92,8 +106,60 @@ class SkinlabApp(App[None]):
     def on_ready(self) -> None:
         """Connect, and load what identification needs meanwhile."""
         self._main.begin()
-        self._connect(self.board.port)
+        if self._ask:
+            self.push_screen(WelcomeScreen(self._ports()), self._welcomed)
+        elif self._replay is not None:
+            self._play(self._replay)
+        else:
+            self._connect(self.board.port)
         self._perform("preparing", self.bench.prepare)
+
+    def _welcomed(self, choice: str | None) -> None:
+        if choice is None:
+            self.action_leave()
+        elif choice == EXAMPLE:
+            self._play(example_session())
+        else:
+            self._fields.put("port", choice)
+            self._connect(choice)
+
+    def vent(self, reason: str) -> None:
+        """Vent what is connected; from any thread."""
+        self.bench.vent(reason)
+
+    def close_bench(self) -> None:
+        """Vent, and finish the session; from any thread."""
+        self.bench.close()
+
+    # ---- a replay -----------------------------------------------------------------------------
+
+    def _play(self, path: Path) -> None:
+        replayer = Replayer(path.parent, self._post, self._speed)
+        self.bench = replayer
+        self.board.playing = Playing(speed=self._speed)
+        self._connect(str(path))
+
+    def _control(self, what: str) -> None:
+        """Do what a key of the replay says."""
+        replayer, playing = self.bench, self.board.playing
+        if not isinstance(replayer, Replayer) or playing is None:
+            return
+        control = replayer.control
+        if playing.ended:
+            if what == "play" and self.board.doing is None:
+                replayer.again()
+                self.board.playing = Playing(speed=self._speed)
+                self._connect(self.board.port)
+            return
+        match what:
+            case "play":
+                (control.resume if control.paused else control.pause)()
+            case "step":
+                control.step()
+            case _:
+                control.set_speed(next_speed(control.speed, faster=what == "faster"))
+        playing.paused, playing.speed = control.paused, control.speed
+        self.board.touch()
 
     def on_unmount(self) -> None:
         """Whatever ended the app: vent, and finish the session."""
@@ -189,7 +255,8 @@ class SkinlabApp(App[None]):
                 "resting",
                 f"{order.repeats - 1} more, the next after {order.rest_s:g} s of rest; v ends it",
             )
-            self._rest = self.set_timer(order.rest_s, self._repeat)
+            # A timer of 0 s would never fire
+            self._rest = self.set_timer(max(order.rest_s, _SHORTEST_S), self._repeat)
 
     def _repeat(self) -> None:
         self._rest = None
@@ -211,6 +278,8 @@ class SkinlabApp(App[None]):
     def _connected(self, news: Connected) -> None:
         order, self._queued = self._queued, None
         aperture_mm = news.hello.aperture_mm
+        if self.board.playing is not None:
+            return
         if order is not None and order.setup.aperture_mm == aperture_mm:
             self._arm(order)
             return
@@ -298,6 +367,8 @@ class SkinlabApp(App[None]):
                 if self.board.order is not None:
                     self.board.series = Series(self.board.order, len(self.board.entries))
                 self._start()
+            case "play" | "step" | "faster" | "slower":
+                self._control(message.what)
             case "session":
                 self.push_screen(SessionScreen(self.board))
             case "ports" if self.board.can_arm:

@@ -41,6 +41,7 @@ from skinlab.tui.news import (
     Found,
     Heard,
     News,
+    Played,
     Recording,
     Saved,
     Searching,
@@ -118,6 +119,17 @@ class Series:
         )
 
 
+@dataclass(slots=True)
+class Playing:
+    """A replay, in the place of a probe."""
+
+    at_s: float = 0.0
+    length_s: float = 0.0
+    speed: float | None = 1.0  # None: as fast as can be
+    paused: bool = False
+    ended: bool = False
+
+
 class Board:
     """All that is known; `version` changes whenever anything does."""
 
@@ -128,6 +140,7 @@ class Board:
         self.doing: str | None = None  # connecting, arming, starting, resetting, searching, closing
         self.order: Order | None = None  # armed last
         self.visit: tuple[str, str, str] | None = None  # what the open session belongs to
+        self.playing: Playing | None = None
         self.series: Series | None = None
         self.live: Live | None = None
         self.latest: Sample | None = None  # the final vent included
@@ -155,7 +168,9 @@ class Board:
     @property
     def can_arm(self) -> bool:
         """Whether Enter means anything."""
-        return self.doing is None and not self.moving and self.alarm is None
+        return (
+            self.playing is None and self.doing is None and not self.moving and self.alarm is None
+        )
 
     @property
     def can_start(self) -> bool:
@@ -165,6 +180,8 @@ class Board:
     @property
     def phase(self) -> str:
         """One word for the header."""
+        if self.playing is not None and self.doing != "closing":
+            return "ENDED" if self.playing.ended else "PAUSED" if self.playing.paused else "REPLAY"
         if self.doing is not None:
             return self.doing.upper()
         if self.hello is None:
@@ -235,6 +252,10 @@ class Board:
             case Estimated(index, result):
                 if self.live is not None and self.live.index == index:
                     self.live.estimate = result
+            case Played(at_s, length_s, ended):
+                if self.playing is not None:
+                    self.playing.at_s, self.playing.length_s = at_s, length_s
+                    self.playing.ended = ended
             case Fitted(result):
                 self.joint = result
             case Compared(lines):
@@ -272,7 +293,10 @@ class Board:
         self.damaged = 0
         self.session += 1
         self._done("connecting")
-        self.say(Level.INFO, "connected; Enter arms")
+        if self.playing is None:
+            self.say(Level.INFO, "connected; Enter arms")
+        else:
+            self.say(Level.INFO, "a replay: Space pauses, . steps, + and - change the speed")
 
     def _done(self, doing: str) -> None:
         if self.doing == doing:

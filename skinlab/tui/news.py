@@ -55,6 +55,15 @@ class Compared:
 
 
 @dataclass(frozen=True, slots=True)
+class Played:
+    """How far a replay is, in s of the record."""
+
+    at_s: float
+    length_s: float
+    ended: bool
+
+
+@dataclass(frozen=True, slots=True)
 class Saved:
     """The session file holds everything up to now."""
 
@@ -104,6 +113,7 @@ News = (
     | Estimated
     | Fitted
     | Compared
+    | Played
     | Saved
     | Searching
     | Found

@@ -26,7 +26,7 @@ from skinlab.report.text import explain
 from skinlab.tui.canvas import interval_bar, share
 
 if TYPE_CHECKING:
-    from skinlab.tui.board import Board, Entry, Live
+    from skinlab.tui.board import Board, Entry, Live, Playing
     from skinlab.tui.order import Order
 
 _UNITS = {"X1_MPa": ("X1", "MPa"), "X2_MPa": ("X2", "MPa"), "nu": ("nu", "")}
@@ -81,6 +81,8 @@ def event_note(event: Event) -> tuple[str, str] | None:
 def where_text(board: Board) -> str:
     """Return what is connected, for the header."""
     hello = board.hello
+    if board.playing is not None:
+        return f"replay of {board.port}"
     if hello is None:
         return board.port
     return f"{hello.model} {hello.firmware}, {hello.aperture_mm:g} mm opening"
@@ -103,8 +105,20 @@ def deflection_text(sample: Sample | None) -> str:
     return "-.---" if sample is None else f"{sample.deflection_mm:.3f}"
 
 
+def timeline_text(playing: Playing, columns: int = _BAR) -> str:
+    """Return where a replay is, and at what speed."""
+    share = playing.at_s / playing.length_s if playing.length_s > 0 else 1.0
+    filled = round(columns * share)
+    speed = "max" if playing.speed is None else f"{playing.speed:g}"
+    sign = "■" if playing.ended else "‖" if playing.paused else "►"
+    bar = "█" * filled + "░" * (columns - filled)
+    return f"{sign} x{speed} {bar} {playing.at_s:.1f}/{playing.length_s:.1f} s"
+
+
 def link_text(board: Board) -> str:
     """Return how the link does."""
+    if board.playing is not None:
+        return ""
     if board.hello is None:
         return "no link"
     if board.doing == "searching":
@@ -114,6 +128,9 @@ def link_text(board: Board) -> str:
 
 def progress_text(board: Board) -> str:
     """Return how far the program is: points, segment, time."""
+    if board.playing is not None:
+        n = 0 if board.live is None else len(board.live.pressure_mbar)
+        return f"{n} points  {timeline_text(board.playing)}"
     live, entry = board.live, board.entry
     if live is not None:
         rate = "" if live.rate_hz is None else f" {live.rate_hz:.0f} Hz"
@@ -261,7 +278,8 @@ def advice_lines(result: Identification | None, findings: Sequence[Finding]) -> 
     if result is not None:
         flags = list(dict.fromkeys(flag.partition(":")[0] for flag in result.flags))
         lines += [f"! {sentence}" for sentence in explain(result)]
-        lines += [f"→ {_WHAT_TO_DO[flag]}" for flag in flags if flag in _WHAT_TO_DO]
+        said = {finding.gate for finding in findings}
+        lines += [f"→ {_WHAT_TO_DO[f]}" for f in flags if f in _WHAT_TO_DO and f not in said]
     lines += [f"! {finding.sentence} → {finding.advice}" for finding in findings]
     return lines
 

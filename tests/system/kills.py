@@ -7,6 +7,9 @@ probe, whose log is the truth. `oldest_lost_ms`: how long before the kill the ol
 not in the recovered session was sent; null where none was lost. `starved_ms`: how long threads of
 the measurement were ready and waited for a processor, all together, in the half second before the
 kill (the kernel's own account): what a loaded machine adds, and no program can help.
+
+`--patient` judges nothing that depends on how fast the machine is: what was recovered must be what
+was sent, whole, from the beginning; how much of the end is lost is only reported.
 """
 
 from __future__ import annotations
@@ -16,6 +19,7 @@ import contextlib
 import hashlib
 import importlib
 import json
+import math
 import os
 import platform
 import random
@@ -29,6 +33,10 @@ from typing import Any
 
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from patience import be_patient
+
 from drivers.events import InstrumentState, Sample, State, TimedEvent
 from skinlab.cli.main import run
 from skinlab.database.store import shipped_table
@@ -40,6 +48,7 @@ from skinlab.sources import recorded_items
 
 SPEED = 4.0  # of the simulated probe
 TICK_S = 0.005
+MOST_LOST_MS = 100.0
 WINDOW_S = 0.5
 REPEATS = "2"
 
@@ -50,7 +59,10 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--program", default="ramp:100@40,ramp:0@40")
     parser.add_argument("--save", type=Path)
+    parser.add_argument("--patient", action="store_true")
     arguments = parser.parse_args()
+    if arguments.patient:
+        be_patient(apart=True)
     rng = random.Random(arguments.seed)
     with tempfile.TemporaryDirectory(prefix="skinlab-kills-") as name:
         folder = Path(name)
@@ -64,7 +76,8 @@ def main() -> int:
         try:
             assert probe.stdout is not None
             url = probe.stdout.readline().strip()
-            result = study(folder, url, arguments.program, rng, arguments.kills)
+            most_lost_ms = math.inf if arguments.patient else MOST_LOST_MS
+            result = study(folder, url, arguments.program, rng, arguments.kills, most_lost_ms)
         finally:
             probe.kill()
             probe.wait()
@@ -78,7 +91,14 @@ def main() -> int:
     return 0 if result["failures"] == 0 else 1
 
 
-def study(folder: Path, url: str, program: str, rng: random.Random, kills: int) -> dict[str, Any]:
+def study(
+    folder: Path,
+    url: str,
+    program: str,
+    rng: random.Random,
+    kills: int,
+    most_lost_ms: float,
+) -> dict[str, Any]:
     preload()
     started = time.monotonic()
     _, status = os.waitpid(measure(url, program, folder / "whole.h5"), 0)
@@ -103,7 +123,7 @@ def study(folder: Path, url: str, program: str, rng: random.Random, kills: int) 
         "whole_measurement_s": round(whole_s, 3),
         "kills": kills,
         "ended_before_their_kill": len(entries) - kills,
-        "failures": sum(bool(failure(e)) for e in entries),
+        "failures": sum(bool(failure(e, most_lost_ms)) for e in entries),
         "worst_oldest_lost_ms": max(lost, default=None),
         "of_them_above_100_ms": sum(ms > 100.0 for ms in lost),
         "samples_sent": sum(e["sent"] for e in entries),
@@ -112,11 +132,11 @@ def study(folder: Path, url: str, program: str, rng: random.Random, kills: int) 
     }
 
 
-def failure(entry: dict[str, Any]) -> str | None:
-    """What is wrong with one kill: nothing older than 100 ms may be lost, nothing be damaged."""
+def failure(entry: dict[str, Any], most_lost_ms: float) -> str | None:
+    """What is wrong with one kill: nothing older than this may be lost, nothing be damaged."""
     lost = entry["oldest_lost_ms"]
-    if lost is not None and lost > 100.0 + entry["starved_ms"]:
-        return "a sample that had arrived 100 ms before is lost"
+    if lost is not None and lost > most_lost_ms + entry["starved_ms"]:
+        return f"a sample that had arrived {most_lost_ms:g} ms before is lost"
     if entry["problems"] or not entry["as_sent"] or not entry["bystanders_unchanged"]:
         return "damaged"
     return None
@@ -206,7 +226,7 @@ def starved_s(process: int) -> float:
 
 def settle(log: Path) -> None:
     """Wait until the probe has vented by itself, as it does when its host is gone."""
-    end = time.monotonic() + 30.0
+    end = time.monotonic() + 300.0
     while time.monotonic() < end:
         last = None
         for item in recorded_items(sent(log, 0.0, end)):

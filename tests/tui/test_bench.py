@@ -7,7 +7,7 @@ import time
 import pytest
 
 from drivers.errors import DriverError, LinkError, LocalProtocolError
-from drivers.events import HostVented, State
+from drivers.events import HostVented, State, VentConfirmed
 from drivers.link import open_link
 from drivers.probe import Probe
 from drivers.reconnect import Backoff
@@ -17,7 +17,16 @@ from skinlab.program import parse_program
 from skinlab.session import read_session
 from skinlab.stream import CurveCompleted, Happened, Identified, Sampled
 from skinlab.tui.bench import Bench
-from skinlab.tui.news import Connected, Disconnected, Failed, Found, Heard, Saved, Searching
+from skinlab.tui.news import (
+    Connected,
+    Disconnected,
+    Estimated,
+    Failed,
+    Found,
+    Heard,
+    Saved,
+    Searching,
+)
 from skinlab.tui.order import Order
 
 PORT = "sim://?seed=1&speed=20"
@@ -266,3 +275,57 @@ def test_a_session_that_cannot_be_written_keeps_its_journal(room, tmp_path, monk
     room.close()
     assert any("disk full" in failed.text for failed in room.of(Failed))
     assert any(path.name.endswith(".journal") for path in tmp_path.iterdir())
+
+
+def test_an_identification_that_takes_long_holds_nothing_up(tmp_path, identifier):
+    release = threading.Event()
+
+    class Slow:
+        def __getattr__(self, name):
+            return getattr(identifier, name)
+
+        def __call__(self, curve):
+            assert release.wait(PATIENCE_S)
+            return identifier(curve)
+
+    room = Room(tmp_path, Slow())
+    room.connect()
+    room.bench.arm(order(), room.bench.vents)
+    room.bench.start(room.bench.vents)
+    room.until(lambda: room.messages(CurveCompleted))
+    room.until(lambda: [m for m in room.messages(Happened) if isinstance(m.event, VentConfirmed)])
+    room.bench.arm(order(), room.bench.vents)  # even the next run can begin
+    room.bench.vent("operator")
+    vents = [HostVented("operator")]
+    room.until(lambda: [m for m in room.messages(Happened) if m.event in vents])
+    assert not room.messages(Identified)
+    release.set()
+    room.until(lambda: room.messages(Identified))
+    room.close()
+    assert room.error is None
+    (path,) = tmp_path.iterdir()
+    assert read_session(path).results[0]["parameters"] is not None
+
+
+def test_a_curve_that_is_identified_at_the_end_is_saved(tmp_path, identifier):
+    room = Room(tmp_path, identifier)
+    room.connect()
+    room.bench.arm(order(), room.bench.vents)
+    room.bench.start(room.bench.vents)
+    room.until(lambda: room.messages(CurveCompleted))
+    room.close()
+    (path,) = tmp_path.iterdir()
+    assert read_session(path).results[0]["parameters"] is not None
+
+
+def test_estimates_come_while_the_curve_grows(tmp_path, identifier):
+    room = Room(tmp_path, identifier)
+    room.connect(SLOW)
+    room.bench.arm(order("ramp:100@2", SLOW), room.bench.vents)
+    room.bench.start(room.bench.vents)
+    room.until(lambda: len(room.of(Estimated)) > 1)
+    assert not room.messages(CurveCompleted)
+    estimate = room.of(Estimated)[-1].result
+    assert estimate.parameters["X1_MPa"].low is None  # no intervals yet
+    room.close()
+    assert room.error is None

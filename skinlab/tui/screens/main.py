@@ -31,7 +31,7 @@ class MainScreen(Screen[None]):
     """Shows the board, so often a second; says what the operator wants."""
 
     class Wanted(Message):
-        """A key asked for something: arm, start, ports or session."""
+        """A key asked for something: arm, start, ports, session, or a replay's controls."""
 
         def __init__(self, what: str) -> None:
             super().__init__()
@@ -41,6 +41,10 @@ class MainScreen(Screen[None]):
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("enter", "want('arm')", "Arm", key_display="Enter", priority=True),
         Binding("space", "want('start')", "Start", key_display="Space", priority=True),
+        Binding("space", "play", "Play/pause", key_display="Space", priority=True),
+        Binding("full_stop", "step", "Step", key_display="."),
+        Binding("plus,equals_sign", "speed(1)", "Faster", key_display="+"),
+        Binding("minus", "speed(-1)", "Slower", key_display="-"),
         Binding("f2", "want('ports')", "Ports", key_display="F2", priority=True),
         Binding("f3", "settings", "Settings", key_display="F3", priority=True),
         Binding("s", "want('session')", "Session"),
@@ -90,7 +94,7 @@ class MainScreen(Screen[None]):
         self.query_one(Reading).show(board)
         self.query_one(Curves).show(board)
         self._write_note(board.note, str(board.level))
-        keys = (board.can_arm, board.can_start)
+        keys = (board.can_arm, board.can_start, board.playing is not None)
         if keys != self._keys:
             self._keys = keys
             self.refresh_bindings()
@@ -134,6 +138,8 @@ class MainScreen(Screen[None]):
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Enter and Space are left to the fields where they mean nothing here."""
+        if action in {"play", "step", "speed"}:
+            return self._board.playing is not None
         if action == "want":
             what = parameters[0]
             if what == "start":
@@ -144,6 +150,18 @@ class MainScreen(Screen[None]):
         if action == "settings":
             return self._board.can_arm
         return super().check_action(action, parameters)
+
+    def action_play(self) -> None:
+        """Pass on that a replay is to go on, or to stop."""
+        self.post_message(self.Wanted("play"))
+
+    def action_step(self) -> None:
+        """Pass on that a replay is to go one sample further."""
+        self.post_message(self.Wanted("step"))
+
+    def action_speed(self, by: int) -> None:
+        """Pass on that a replay is to be faster or slower."""
+        self.post_message(self.Wanted("faster" if by > 0 else "slower"))
 
     def action_want(self, what: str) -> None:
         """Pass on what a key asked for."""

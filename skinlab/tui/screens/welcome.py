@@ -1,0 +1,57 @@
+"""The first minute: what to begin with, and the five keys."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from textual import on
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Vertical
+from textual.screen import ModalScreen
+from textual.widgets import OptionList, Static
+from textual.widgets.option_list import Option
+
+from drivers.link import PortInfo
+
+SIMULATED = "sim://?seed=1"
+EXAMPLE = "example"
+
+_TOUR = """\
+Enter  checks the settings and arms
+Space  starts
+v      vents, always and at once
+F3     goes to the settings and back
+?      lists all keys
+"""
+
+
+class WelcomeScreen(ModalScreen[str | None]):
+    """Gives the URL that was chosen, `EXAMPLE`, or None to quit."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("q", "dismiss(None)", "Quit", priority=True),
+    ]
+
+    def __init__(self, ports: tuple[PortInfo, ...]) -> None:
+        super().__init__()
+        self._ports = ports
+
+    def compose(self) -> ComposeResult:
+        """Yield what there is to choose from, and the tour."""
+        with Vertical(id="welcome"):
+            yield Static("skinlab: measure skin with a suction probe", classes="title")
+            yield OptionList(
+                Option("Simulated probe: try everything, nothing can happen", id=SIMULATED),
+                Option("Recorded example: watch a measurement", id=EXAMPLE),
+                *(Option(f"Probe at {p.url}  {p.details}", id=p.url) for p in self._ports),
+                markup=False,
+            )
+            if not self._ports:
+                yield Static("no serial port was found on this computer", classes="hint")
+            yield Static(_TOUR, id="tour", markup=False)
+            yield Static("up, down and Enter choose; q quits", classes="hint")
+
+    @on(OptionList.OptionSelected)
+    def _chosen(self, event: OptionList.OptionSelected) -> None:
+        self.dismiss(event.option.id)

@@ -1,0 +1,276 @@
+"""What an operator does, from the first minute to a comparison, by keys."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from textual.widgets import Input
+
+from drivers.link import PortInfo
+from skinlab.session import read_session
+from skinlab.tui.replayer import Replayer, example_session
+from skinlab.tui.screens.session import SessionScreen
+from skinlab.tui.screens.welcome import WelcomeScreen
+
+SLOW = "sim://?seed=1&speed=5"
+LONG = "ramp:100@2"
+
+
+async def session_screen(bed):
+    await bed.press("s")
+    await bed.until(lambda: isinstance(bed.app.screen, SessionScreen))
+    await bed.until(lambda: bed.app.screen.query("#session-text"))
+
+
+# ---- repeats ----------------------------------------
+
+
+async def test_repeats_follow_by_themselves(bedside, session_files):
+    async with bedside() as bed:
+        await bed.connected()
+        await bed.fill("repeats", "3")
+        await bed.fill("rest_s", "0")
+        await bed.arm()
+        assert "repeats  3" in bed.text("#card-text")
+        await bed.press("space")
+        await bed.until(lambda: len(bed.board.entries) == 3 and bed.board.series is None)
+        await bed.until(lambda: bed.board.can_arm)
+        await session_screen(bed)
+        await bed.until(lambda: "Curves 1, 2, 3" in bed.text("#session-text"))
+        assert "±" in bed.text("#session-text")
+    (path,) = session_files()
+    setups = [curve.setup for curve in read_session(path).curves]
+    assert [(s.cycle, s.repeat) for s in setups] == [(1, 1), (2, 2), (3, 3)]
+
+
+async def test_a_vent_during_the_rest_ends_the_repeats(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        await bed.fill("repeats", "2")
+        await bed.fill("rest_s", "3600")
+        await bed.arm()
+        await bed.press("space")
+        await bed.until(lambda: bed.board.phase == "RESTING")
+        await bed.press("tab", "x")
+        assert not isinstance(bed.app.focused, Input)
+        await bed.press("v")
+        assert bed.board.series is None
+        await bed.connected()
+        assert len(bed.board.entries) == 1
+        assert "given up" in bed.board.note
+
+
+async def test_a_vent_in_a_repeat_ends_the_repeats(bedside):
+    async with bedside(SLOW) as bed:
+        await bed.connected()
+        await bed.fill("program", LONG)
+        await bed.fill("repeats", "2")
+        await bed.fill("rest_s", "0")
+        await bed.arm()
+        await bed.press("space")
+        await bed.until(lambda: bed.board.live and len(bed.board.live.pressure_mbar) > 20)
+        await bed.press("escape")
+        await bed.until(lambda: bed.board.entry and bed.board.entry.result and bed.board.can_arm)
+        assert bed.board.series is None
+        assert bed.board.entry.curve.partial
+
+
+# ---- settings ----------------------------------------
+
+
+async def test_the_last_settings_come_back_but_not_the_person(bedside, tmp_path):
+    kept = tmp_path / "config" / "ui.json"
+    async with bedside(settings=kept) as bed:
+        await bed.connected()
+        for field, text in (("subject", "P07"), ("site", "arm"), ("thickness_mm", "1.3")):
+            await bed.fill(field, text)
+        await bed.fill("program", "mode2:50@20")
+        await bed.fill("thickness_sd_mm", "0.1")
+        await bed.arm()
+        await bed.until(lambda: "1.3 ± 0.1 mm" in bed.text("#card-text"))
+        await bed.press("v")
+    async with bedside(settings=kept) as bed:
+        await bed.connected()
+        values = {str(f.id): f.value for f in bed.app.screen.query(Input)}
+        assert values["program"] == "mode2:50@20"
+        assert values["thickness_mm"] == "1.3"
+        assert values["subject"] == values["site"] == ""
+    kept.write_text('{"program": "ramp:9999@1", "thickness_mm": 3, "rest_s": "7"}')
+    async with bedside(settings=kept) as bed:
+        await bed.connected()
+        assert bed.app.screen.query_one("#program", Input).value == "ramp:100@20"
+        assert bed.app.screen.query_one("#rest_s", Input).value == "7"
+
+
+async def test_f3_goes_to_the_settings_and_back(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        await bed.run()
+        await bed.until(lambda: not bed.app.screen.query_one("#fields").display)
+        await bed.press("f3")
+        await bed.until(lambda: bed.app.screen.query_one("#fields").display)
+        assert bed.app.screen.query_one("#program").has_focus
+        await bed.press("f3")
+        await bed.until(lambda: not bed.app.screen.query_one("#fields").display)
+
+
+# ---- live ----------------------------------------
+
+
+@pytest.mark.parametrize("size", [(60, 20), (80, 24)])
+async def test_the_estimate_forms_in_grey_and_a_vent_ends_the_ramp(bedside, size, monkeypatch):
+    monkeypatch.setenv("NO_COLOR", "1")
+    async with bedside(SLOW, size=size) as bed:
+        await bed.connected()
+        await bed.fill("program", LONG)
+        await bed.arm()
+        await bed.press("space")
+        await bed.until(lambda: "so far" in bed.text("#card-title"))
+        await bed.until(lambda: "X1" in bed.text("#card-text"))
+        assert bed.app.screen.query_one("#card").has_class("-forming")
+        await bed.until(lambda: "Hz" in bed.text("#reading-line"))
+        assert "dotted" in bed.text("#strip")
+        await bed.press("v")
+        await bed.until(lambda: bed.board.entry and bed.board.entry.result and bed.board.can_arm)
+        await bed.until(lambda: "residual" in bed.text("#strip"))
+        assert not bed.app.screen.query_one("#card").has_class("-forming")
+        assert "v Vent" in bed.screenshot().replace("&#160;", " ")
+
+
+# ---- the session ----------------------------------------
+
+
+async def test_excluding_noting_fitting_and_undoing(bedside, session_files):
+    async with bedside() as bed:
+        await bed.connected()
+        await bed.run()
+        await bed.run()
+        await session_screen(bed)
+        await bed.press("x", *"bad", "enter")
+        await bed.until(lambda: bed.board.ledger.excluded)
+        (number,) = bed.board.ledger.excluded
+        assert bed.board.ledger.excluded[number] == "bad"
+        await bed.press("u")
+        await bed.until(lambda: not bed.board.ledger.excluded)
+        await bed.press("n", *"vj", "enter")
+        await bed.until(lambda: "Note: vj" in bed.text("#session-text"))
+        assert bed.app.bench.vents == 0  # that v was text
+        await bed.press("j")
+        await bed.until(lambda: "Together (curve 1, curve 2)" in bed.text("#session-text"))
+        await bed.press("v")
+        assert bed.app.bench.vents == 1
+        await bed.press("s")
+        await bed.until(lambda: bed.app.screen is bed.app.screen_stack[0])
+    (path,) = session_files()
+    from skinlab.audit import entries
+
+    session = read_session(path)
+    deeds = [(e.what, e.detail.get("curve")) for e in entries(session.records)]
+    assert ("curve excluded", number) in deeds
+    assert ("curve included", number) in deeds
+    assert ("note", None) in deeds
+    assert len(session.curves) == 2
+
+
+async def test_comparing_with_an_earlier_session(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        await bed.run()
+        await session_screen(bed)
+        await bed.press("c")
+        await bed.until(lambda: isinstance(bed.app.focused, Input))
+        bed.app.focused.value = "/no/such/file.h5"
+        await bed.press("enter")
+        await bed.until(lambda: "no such file" in bed.board.note)
+        await bed.press("c")
+        bed.app.focused.value = str(example_session())
+        await bed.press("enter")
+        await bed.until(lambda: "Compared with example.h5" in bed.text("#session-text"))
+        assert "probability" in bed.text("#session-text")
+
+
+# ---- replay, and the first minute ----------------------------------------
+
+
+async def test_a_replay_plays_pauses_steps_and_ends(bedside):
+    async with bedside(None, replay=example_session()) as bed:
+        board = bed.board
+        await bed.until(lambda: board.phase == "REPLAY" and board.live)
+        await bed.press("space")
+        assert board.phase == "PAUSED"
+        await bed.until(lambda: "x1" in bed.text("#reading-line"))
+        control = bed.app.bench.control
+        before = len(board.live.pressure_mbar)
+        await bed.press("full_stop")
+        await bed.until(lambda: len(board.live.pressure_mbar) > before)
+        await bed.press("enter", "f2")  # nothing can be armed
+        assert board.doing in {None, "connecting"}
+        assert not board.moving
+        await bed.press("plus")
+        assert control.speed == 2.0
+        await bed.press("minus", "minus")
+        assert control.speed == 0.5
+        while control.speed is not None:
+            await bed.press("plus")
+        await bed.press("space")
+        await bed.until(lambda: board.phase == "ENDED")
+        assert len(board.entries) == 2
+        assert all(entry.result.parameters for entry in board.entries.values())
+        await bed.press("v")  # does no harm
+        await session_screen(bed)
+        await bed.press("n", "x", "enter")
+        await bed.until(lambda: "replay" in board.note)
+        await bed.press("s", "q")
+        await bed.until(lambda: bed.app._exit)
+
+
+async def test_the_replayed_results_are_those_of_the_session(bedside):
+    stored = read_session(example_session()).results
+    async with bedside(None, replay=example_session(), speed=None) as bed:
+        await bed.until(lambda: bed.board.phase == "ENDED")
+        for entry, result in zip(bed.board.entries.values(), stored, strict=True):
+            assert entry.result.parameters["X1_MPa"].value == pytest.approx(
+                result["parameters"]["X1_MPa"]["value"], rel=1e-6
+            )
+
+
+async def test_a_damaged_record_is_a_sentence(bedside, tmp_path):
+    bad = tmp_path / "bad.h5"
+    bad.write_bytes(b"no session")
+    async with bedside(None, replay=bad) as bed:
+        await bed.until(lambda: "bad.h5" in bed.board.note)
+        assert "Traceback" not in bed.screenshot()
+        await bed.press("q")
+        await bed.until(lambda: bed.app._exit)
+
+
+async def test_without_a_port_it_offers_what_there_is(bedside):
+    def ports():
+        return (PortInfo("/dev/ttyX9", "a bench probe"),)
+
+    async with bedside(None, ports=ports, size=(60, 20)) as bed:
+        await bed.until(lambda: isinstance(bed.app.screen, WelcomeScreen))
+        await bed.pilot.pause()
+        picture = bed.screenshot().replace("&#160;", " ")
+        for word in ("Simulated probe", "Recorded example", "/dev/ttyX9", "vents", "Space"):
+            assert word in picture
+        await bed.press("down", "enter")
+        await bed.until(lambda: isinstance(bed.app.bench, Replayer) and bed.board.live)
+        assert "replay of" in bed.text("#where")
+
+
+async def test_the_simulated_probe_is_one_key_away(bedside):
+    async with bedside(None, ports=tuple) as bed:
+        await bed.until(lambda: isinstance(bed.app.screen, WelcomeScreen))
+        await bed.press("enter")
+        await bed.connected()
+        assert bed.board.hello.simulated
+
+
+def test_the_example_is_small_and_simulated():
+    path: Path = example_session()
+    assert path.stat().st_size < 100_000
+    session = read_session(path)
+    assert session.meta["instrument"]["simulated"] is True
+    assert len(session.curves) == 2
