@@ -16,6 +16,7 @@ from __future__ import annotations
 import argparse
 import gc
 import json
+import math
 import os
 import resource
 import signal
@@ -210,7 +211,7 @@ def main() -> None:
     runs = []
     for number, rate in enumerate(arguments.rates):  # each in a process of its own
         minutes = arguments.minutes_others if number else arguments.minutes
-        cycles = max(1, round(60 * minutes / CYCLE_S))
+        cycles = math.ceil(60 * minutes / CYCLE_S)
         with get_context("spawn").Pool(1) as pool:
             runs.append(pool.apply(acquire, (rate, cycles)))
     text = json.dumps({"python": sys.version.split()[0], "runs": runs}, indent=1)

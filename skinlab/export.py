@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -61,19 +61,41 @@ def export(session: Session, kind: str, folder: Path) -> list[Path]:
     Raises:
         InputError: one of them exists already, or cannot be written.
     """
-    files = {folder / name: text for name, text in FORMATS[kind](session).items()}
-    for path in files:
-        if path.exists():
-            raise InputError(f"{path}: exists already; expected a folder without it")
+    return write_new(
+        folder, {name: text.encode("utf-8") for name, text in FORMATS[kind](session).items()}
+    )
+
+
+def check_free(folder: Path, names: Iterable[str]) -> None:
+    """Make sure that nothing would be overwritten.
+
+    Raises:
+        InputError: a file of such a name is in the folder, or the folder is none.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder}: cannot be written (it is no folder)")
+    for name in names:
+        if (folder / name).exists():
+            raise InputError(f"{folder / name}: exists already; expected a folder without it")
+
+
+def write_new(folder: Path, files: Mapping[str, bytes]) -> list[Path]:
+    """Write files into the folder, which is made where it is missing; return their paths.
+
+    Raises:
+        InputError: one of them exists already, or cannot be written.
+    """
+    check_free(folder, files)
     path = folder
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for path, text in files.items():
+        for name, content in files.items():
+            path = folder / name
             path.touch(mode=0o600, exist_ok=False)  # about a person: for its owner only
-            path.write_text(text, encoding="utf-8", newline="")
+            path.write_bytes(content)
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
-    return list(files)
+    return [folder / name for name in files]
 
 
 def _file(number: int) -> str:

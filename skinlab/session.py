@@ -24,6 +24,7 @@ from skinlab.curve import Curve
 from skinlab.database.store import open_hdf5
 from skinlab.errors import InputError
 from skinlab.records import Kind, Record
+from skinlab.seal import SEAL_BYTES, Seal, put_seal, read_seal
 from skinlab.sources import numbered_items, recorded_items
 from skinlab.stream import CurveCompleted, Message, Planned, setup_from_json, setup_to_json
 
@@ -144,9 +145,11 @@ def _image(session: Session) -> memoryview:
     import h5py
 
     image = io.BytesIO()
-    with h5py.File(image, "w", track_order=True) as file:
+    with h5py.File(image, "w", track_order=True, userblock_size=SEAL_BYTES) as file:
         _write(file, session)
-    return image.getbuffer()
+    buffer = image.getbuffer()
+    put_seal(buffer)
+    return buffer
 
 
 def _take_name(partial: Path, path: Path) -> None:
@@ -246,11 +249,17 @@ def read_session(path: Path) -> Session:
     Raises:
         InputError: no such file, not a session, cut off, or changed since it was written.
     """
-    stored = read_stored(path)
-    if not stored.unchanged:
+    seal = read_seal(path)
+    if seal is Seal.BROKEN:
         raise InputError(
-            f"{path}: its content does not agree with its hash; it was changed "
+            f"{path}: its bytes do not agree with their hash; it was changed "
             f"(`skinlab session verify {path}` says where)"
+        )
+    stored = read_stored(path)
+    if seal is Seal.NONE or not stored.unchanged:
+        raise InputError(
+            f"{path}: it was changed, or not written by skinlab: "
+            + ("its seal is missing" if stored.unchanged else "its content differs from its hash")
         )
     return stored.session
 

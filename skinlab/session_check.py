@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +13,7 @@ from skinlab.audit import Chain, entries
 from skinlab.curve import Curve
 from skinlab.errors import InputError
 from skinlab.records import Kind
+from skinlab.seal import Seal, read_seal
 from skinlab.session import Session, Stored, read_stored, sample_rows, session_from_records
 from skinlab.versions import code_hash
 
@@ -33,7 +36,32 @@ def check(path: Path) -> tuple[Session, list[str]]:
             found.append(f"the records cannot be read again ({error})")
     if not stored.unchanged:
         found.append("the content does not agree with its hash: it was changed")
+    if read_seal(path) is not Seal.HOLDS:
+        found.append("the bytes of the file do not agree with their hash: it was changed")
     return stored.session, found
+
+
+def complaints_about_changed(path: Path) -> list[str]:
+    """Return what `check` finds in a file whose seal is broken.
+
+    In a process of its own, because HDF5's library may crash over damaged bytes.
+
+    Raises:
+        InputError: the file cannot be read as a session any more.
+    """
+    command = [sys.executable, "-m", __name__, str(path)]
+    done = subprocess.run(command, capture_output=True, text=True, encoding="utf-8", check=False)
+    try:
+        found: dict[str, list[str]] = json.loads(done.stdout)
+    except json.JSONDecodeError:
+        found = {}
+    if "found" not in found:
+        raise InputError(
+            found["unreadable"][0]
+            if "unreadable" in found
+            else f"{path}: was changed since it was written, and cannot be read any more"
+        )
+    return found["found"]
 
 
 def _other_software(session: Session) -> str:
@@ -110,3 +138,11 @@ def _differing(stored: Curve, again: Curve) -> list[str]:
 
 def _plain(result: dict[str, object] | None) -> str:
     return json.dumps(result, sort_keys=True)
+
+
+if __name__ == "__main__":
+    try:
+        result = {"found": check(Path(sys.argv[1]))[1]}
+    except InputError as error:
+        result = {"unreadable": [str(error)]}
+    sys.stdout.write(json.dumps(result))

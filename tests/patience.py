@@ -55,6 +55,11 @@ def be_patient(*, apart: bool = False) -> None:
         probe.Probe.open.__defaults__ = (FORGIVING_S,)
 
 
+def module_command(module: str, *arguments: str) -> list[str]:
+    """Return the command line that runs a module as a user does."""
+    return [sys.executable, "-m", module, *arguments]
+
+
 def patient_command(module: str, *arguments: str, apart: bool = False) -> list[str]:
     """Return the command line that runs a module in a patient time."""
     flags = ["--apart"] if apart else []

@@ -1,25 +1,77 @@
-"""`skinlab export`: a session as tidy files."""
+"""`skinlab export`: a session as tidy files, as a report, or as its pictures."""
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
+from typing import TYPE_CHECKING, Literal
 
 import click
+
+if TYPE_CHECKING:
+    from skinlab.report.session_report import Format
+    from skinlab.session import Session
 
 
 @click.command()
 @click.argument("session", type=click.Path(path_type=Path))
 @click.argument("folder", type=click.Path(path_type=Path), metavar="DIR")
-@click.option("--to", "kind", type=click.Choice(["csv", "json"]), required=True, help="Format.")
-def command(session: Path, folder: Path, kind: str) -> int:
-    """Write SESSION into DIR: csv (curves, results, a campaign of them) or json (one file).
+@click.option(
+    "--to",
+    "kind",
+    type=click.Choice(["csv", "json", "html", "png", "svg"]),
+    required=True,
+    help="Format.",
+)
+def command(session: Path, folder: Path, kind: Literal["csv", "json", "html", "png", "svg"]) -> int:
+    """Write SESSION into DIR.
+
+    csv: curves, results, and a campaign of them; json: one file; html: a report with pictures that
+    stands alone; png, svg: the pictures of that report. Prints the paths of what it wrote. A file
+    that exists is never overwritten.
 
     \b
-    Example: skinlab export visit.h5 --to csv visit
+    Example: skinlab export visit.h5 --to html visit
     """
     from skinlab.export import export
     from skinlab.session import read_session
 
-    for path in export(read_session(session), kind, folder):
+    read = read_session(session)
+    match kind:
+        case "csv" | "json":
+            paths = export(read, kind, folder)
+        case _:
+            paths = _export_report(session, read, kind, folder)
+    for path in paths:
         click.echo(str(path))
     return 0
+
+
+def _export_report(path: Path, session: Session, kind: Format, folder: Path) -> list[Path]:
+    from skinlab.errors import InputError
+    from skinlab.export import check_free, write_new
+    from skinlab.identify.identifier import Identifier
+    from skinlab.replay import identifier_of
+    from skinlab.report.session_report import SessionReport
+
+    identifier: Identifier | str
+    remarks = []
+    try:
+        identifier, warning = identifier_of(session)
+    except InputError as error:
+        identifier, warning = str(error), None
+    if warning is not None:
+        click.echo(f"skinlab: {path}: {warning}", err=True)
+        remarks.append(warning[:1].upper() + warning[1:] + ".")
+    report = SessionReport(session, identifier, remarks)
+    try:
+        check_free(folder, report.names(kind))
+        hidden = not sys.stderr.isatty()
+        with click.progressbar(
+            length=len(report.drawings), label="pictures", file=sys.stderr, hidden=hidden
+        ) as bar:
+            files = report.files(kind, lambda: bar.update(1))
+    except InputError as error:
+        text = str(error)
+        raise InputError(text if text.startswith(str(folder)) else f"{path}: {text}") from None
+    return write_new(folder, files)

@@ -15,7 +15,7 @@ def command() -> None:
 @command.command()
 @click.argument("session", type=click.Path(path_type=Path))
 def verify(session: Path) -> int:
-    """Check SESSION: its hash, its audit trail, and its curves against the recorded bytes.
+    """Check SESSION: its bytes, its audit trail, and its curves against what was recorded.
 
     Status 1 where something does not hold. The hash of the last audit entry binds all that was
     recorded: noted elsewhere, it shows even a session that was forged from end to end.
@@ -24,13 +24,14 @@ def verify(session: Path) -> int:
     Example: skinlab session verify visit.h5
     """
     from skinlab.audit import entries
-    from skinlab.session_check import audit_head, check
+    from skinlab.seal import Seal, read_seal
+    from skinlab.session_check import audit_head, check, complaints_about_changed
 
+    if read_seal(session) is Seal.BROKEN:
+        return _tell(session, complaints_about_changed(session))
     read, found = check(session)
-    for sentence in found:
-        click.echo(f"skinlab: {session}: {sentence}", err=True)
     if found:
-        return 1
+        return _tell(session, found)
     click.echo(f"{session}: unchanged; {len(read.curves)} curves, {len(read.records)} records")
     head = audit_head(read)
     if head is None:
@@ -38,6 +39,12 @@ def verify(session: Path) -> int:
     else:
         click.echo(f"  {len(entries(read.records))} audit entries, the last one's hash is {head}")
     return 0
+
+
+def _tell(session: Path, found: list[str]) -> int:
+    for sentence in found:
+        click.echo(f"skinlab: {session}: {sentence}", err=True)
+    return 1
 
 
 @command.command()

@@ -115,9 +115,8 @@ def relaxed_pressure(
     """
     share = sum(term.g for term in prony)
     start = preload_mbar / (1.0 - share)
-    grid = _grid(prony, path, time_s)
-    p = path(grid) + preload_mbar
-    # A jump has two knots at one time: the second one counts from there on.
+    grid, p = _grid(prony, path, time_s)
+    p = p + preload_mbar
     P = np.empty(len(grid))
     H = np.zeros(len(prony))
     P[0] = start + (path.pressure_mbar[0])
@@ -135,12 +134,16 @@ def relaxed_pressure(
     return np.asarray(np.interp(time_s, grid, P)), start
 
 
-def _grid(prony: tuple[Prony, ...], path: PressurePath, time_s: Array) -> Array:
+def _grid(prony: tuple[Prony, ...], path: PressurePath, time_s: Array) -> tuple[Array, Array]:
+    """Return times and suctions to step along: the path's knots, both of a jump, and between."""
     knots = np.array(path.time_s)
     begin, end = min(knots[0], float(time_s[0])), max(knots[-1], float(time_s[-1]))
     step = max(min(0.05, 0.2 * min(term.tau_s for term in prony)), (end - begin) / 2000.0)
     even = np.linspace(begin, end, max(2, math.ceil((end - begin) / step) + 1))
-    return np.unique(np.concatenate([even, knots]))
+    even = even[~np.isin(even, knots)]
+    times = np.concatenate([even, knots])
+    order = np.argsort(times, kind="stable")
+    return times[order], np.concatenate([path(even), path.pressure_mbar])[order]
 
 
 def plain_part(problem: SkinProblem) -> SkinProblem:

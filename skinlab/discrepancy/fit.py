@@ -18,8 +18,14 @@ from skinlab.discrepancy.unknowns import Unknowns
 
 Array = NDArray[np.float64]
 
-_ANCHORS = 7
-_CLOSE = 0.25  # standard deviations: an anchor that changes nothing by more is the last
+_ANCHORS = 8
+_MORE_ANCHORS = 16  # where the fit may be an explanation: a valley is long and curved
+EXPLAINS = 1.3  # χ² of a sample: what leaves more explains nothing
+_AFRESH = 3  # after so many, slopes learnt on the way are replaced by differences once
+_CLOSE = 0.5  # of χ²: an anchor that changes the curves by no more is the last
+_CLOSE_SHARE = 0.01  # or so much of the χ² that is more than noise: such a fit decides nothing
+_REFRESHED = 3  # times that the slopes are taken anew
+_GAIN = 0.3  # of the cost: less is not worth another time
 _RADIUS = np.array([0.5, 0.9, 0.1])  # how far from an anchor it is trusted: log X1, log X2/X1, ν
 _EFFECT_RADIUS = 1.0
 _NO_MODEL = 1e3  # a whitened residual where there is no model
@@ -38,6 +44,7 @@ class Fit:
     jacobian: Array  # (n, k) of whitened residuals
     log_evidence: float
     settled: bool  # whether another anchor would change nothing
+    corrected: bool  # whether finite elements corrected the table
 
     @property
     def effects(self) -> tuple[str, ...]:
@@ -79,7 +86,9 @@ class Fitter:
         """Solve the finite elements at u where they are to be used; False where they fail."""
         return not self._finite_elements or model.anchor(u, slopes=slopes)
 
-    def residuals(self, model: MappedModel, u: Array, keep: Array | None = None) -> Array:
+    def residuals(
+        self, model: MappedModel, u: Array, keep: NDArray[np.bool_] | None = None
+    ) -> Array:
         """Return whitened residuals (n,); large where there is no model."""
         off = np.concatenate(model.predict(u)) - self.measured
         if not np.isfinite(off).all():
@@ -88,7 +97,9 @@ class Fitter:
             off = np.where(keep, off, 0.0)
         return self.errors.whiten(off)
 
-    def jacobian(self, model: MappedModel, u: Array, keep: Array | None = None) -> Array:
+    def jacobian(
+        self, model: MappedModel, u: Array, keep: NDArray[np.bool_] | None = None
+    ) -> Array:
         """Return derivatives (n, k) of `residuals`, by differences inside the bounds."""
         high = model.unknowns.bounds[1]
         here = self.residuals(model, u, keep)
@@ -107,7 +118,7 @@ class Fitter:
         start: Array,
         low: Array,
         high: Array,
-        keep: Array | None = None,
+        keep: NDArray[np.bool_] | None = None,
     ) -> Array:
         """Return the optimum between bounds, of the model as it is now."""
         unknowns = model.unknowns
@@ -131,7 +142,28 @@ class Fitter:
         return np.asarray(found.x)
 
     def fit(self, unknowns: Unknowns, start: Array) -> Fit | None:
-        """Return the best fit near a start (k,), None where there is no model."""
+        """Return the best fit near a start (k,), None where there is no model.
+
+        What is learnt from anchor to anchor leads to the valley, not to its bottom: from where that
+        ended, the slopes are taken anew, until nothing is gained.
+        """
+        best = self._walk(unknowns, start)
+        for _ in range(_REFRESHED):
+            if best is None or not best.corrected or best.chi2 > EXPLAINS * self.errors.count:
+                return best
+            again = self._walk(unknowns, best.u)
+            if again is None or again.cost > best.cost - _GAIN:
+                break
+            best = again
+        assert best is not None
+        model = self.model(unknowns)
+        if not model.anchor(best.u):
+            return best
+        final = self._finish(model, best.u)
+        return best if final is None else replace(final, settled=best.settled)
+
+    def _walk(self, unknowns: Unknowns, start: Array) -> Fit | None:
+        """Return where one model, corrected from anchor to anchor, leads."""
         model = self.model(unknowns)
         low, high = unknowns.bounds
         if self._finite_elements and not model.anchor(start):
@@ -139,12 +171,17 @@ class Fitter:
         if not model.corrected:
             u = self.minimise(model, start, low, high)
             return self._finish(model, u)
-        radius = np.concatenate([_RADIUS, np.full(len(unknowns) - 3, _EFFECT_RADIUS)])
+        widest = np.concatenate([_RADIUS, np.full(len(unknowns) - 3, _EFFECT_RADIUS)])
+        radius = widest
         best = self._finish(model, start)
         if best is None:
             return None
         settled = False
-        for _ in range(_ANCHORS):
+        for k in range(_MORE_ANCHORS):
+            if k >= _ANCHORS and best.chi2 > EXPLAINS * self.errors.count:
+                break
+            if k == _AFRESH:
+                model.anchor(best.u, afresh=True)
             u = self.minimise(
                 model,
                 best.u,
@@ -161,19 +198,25 @@ class Fitter:
             if found is None:
                 radius = 0.4 * radius
                 continue
-            settled = self._change(found.deflections_mm, expected) < _CLOSE
+            close = _CLOSE + _CLOSE_SHARE * max(0.0, found.chi2 - self.errors.count)
+            well = self._change(found.deflections_mm, expected) < close
             at_edge = bool((np.abs(u - best.u) > 0.98 * radius).any())
+            settled = well and not at_edge
             if found.cost > best.cost:
                 radius = 0.4 * radius
+                if not well:
+                    model.anchor(best.u, afresh=True)
             else:
                 best = found
-            if settled and not at_edge:
+                if well:
+                    radius = np.minimum(2.5 * radius, widest)
+            if settled:
                 break
         return replace(best, settled=settled)
 
     def _change(self, now: list[Array], before: list[Array]) -> float:
-        off = (np.concatenate(now) - np.concatenate(before)) / self.errors.sigma_mm
-        return float(np.sqrt(np.mean(off**2)))
+        off = self.errors.whiten(np.concatenate(now) - np.concatenate(before))
+        return float(off @ off)
 
     def _cost(self, unknowns: Unknowns, u: Array, predicted: list[Array]) -> float:
         off = np.concatenate(predicted) - self.measured
@@ -198,7 +241,15 @@ class Fitter:
             - unknowns.log_prior_volume
         )
         return Fit(
-            unknowns, u, predicted, cost - float(prior @ prior), cost, jacobian, evidence, True
+            unknowns,
+            u,
+            predicted,
+            cost - float(prior @ prior),
+            cost,
+            jacobian,
+            evidence,
+            settled=True,
+            corrected=model.corrected,
         )
 
 

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from skinlab.discrepancy.fit import Fit, Fitter
-from skinlab.discrepancy.misfit import Errors, errors_of
 
 Array = NDArray[np.float64]
+Part = NDArray[np.bool_]
 
 _RADIUS = 1.0  # how far a refit may go from the whole fit: log X1, log X2/X1, typical sizes
 _NU_RADIUS = 0.15
-_NO_MODEL = 1e3
+_TOLD = 0.3  # of its prior's standard deviation: an unknown that is known no better is not told
 
 
 @dataclass(frozen=True)
@@ -27,51 +27,66 @@ class HeldOut:
     files: tuple[str, ...]  # empty where there is one condition only: then of the fit itself
 
 
-def predict_held_out(fitter: Fitter, fit: Fit) -> HeldOut:
-    """Return the gap of an explanation.
+def conditions_of(fitter: Fitter, fits: Sequence[Fit]) -> list[Part]:
+    """Return what is held out, in turn: samples (u,) of whole conditions.
 
-    The model stays anchored at the fit to all curves; only its unknowns are fitted again. With one
-    condition there is nothing to hold out, and the gap is that of the fit.
+    A condition that alone tells an unknown of one of the fits cannot be predicted by anybody
+    without it (the softening, of the only later cycle): its phases are held out instead. Empty
+    where there is one condition only.
     """
-    records, sigma = fitter.records, fitter.errors.sigma_mm
+    records = fitter.records
+    names = np.array([i for i, r in enumerate(records) for _ in range(len(r.curve))])
+    phases = np.concatenate([r.curve.phase for r in records])
     conditions = list(dict.fromkeys(r.condition for r in records))
-    measured = fitter.errors.split(fitter.measured)
     if len(conditions) < 2:
-        off = np.concatenate(fit.deflections_mm) - fitter.measured
+        return []
+    found: list[Part] = []
+    for condition in conditions:
+        members = [i for i, r in enumerate(records) if r.condition == condition]
+        whole = np.isin(names, members)
+        if not any(_lost(fit, whole) for fit in fits):
+            found.append(whole)
+            continue
+        parts = [whole & (phases == phase) for phase in dict.fromkeys(phases[whole])]
+        if len(parts) > 1:
+            found += [p for p in parts if not any(_lost(fit, p) for fit in fits)]
+    return found
+
+
+def _lost(fit: Fit, out: Part) -> bool:
+    """Return whether an effect's unknown is known hardly better than its prior without these."""
+    kept = fit.jacobian[~out]
+    prior = fit.information - fit.jacobian.T @ fit.jacobian
+    deviations = np.sqrt(np.diag(np.linalg.inv(kept.T @ kept + prior)))
+    most = [_TOLD * axis.prior[1] for axis in fit.unknowns.axes]
+    lost = deviations[3:] > most
+    return bool((lost & (fit.deviations[3:] <= most)).any())
+
+
+def predict_held_out(fitter: Fitter, fit: Fit, parts: Sequence[Part]) -> HeldOut:
+    """Return the gap of an explanation over these parts, of `conditions_of`.
+
+    The model stays anchored at the fit to all curves; only its unknowns are fitted again. With
+    nothing to hold out the gap is that of the fit.
+    """
+    sigma, measured = fitter.errors.sigma_mm, fitter.measured
+    if not parts:
+        off = np.concatenate(fit.deflections_mm) - measured
         return HeldOut(_rms_um(off), _rms_um(sigma), ())
     model = fitter.model(fit.unknowns)
     fitter.prepare(model, fit.u, slopes=True)
-    left: list[Array] = []
-    for condition in conditions:
-        kept = [i for i, r in enumerate(records) if r.condition != condition]
-        errors = errors_of([records[i] for i in kept])
-        goal = np.concatenate([measured[i] for i in kept])
-
-        def residuals(
-            u: Array, kept: list[int] = kept, goal: Array = goal, errors: Errors = errors
-        ) -> Array:
-            predicted = model.predict(u)
-            off = np.concatenate([predicted[i] for i in kept]) - goal
-            if not np.isfinite(off).all():
-                return np.full(len(goal) + len(u) - 3, _NO_MODEL)
-            return np.concatenate([errors.whiten(off), fit.unknowns.prior_rows(u)])
-
-        low, high = fit.unknowns.bounds
-        radius = np.full(len(fit.u), _RADIUS)
-        radius[2] = _NU_RADIUS
-        low, high = np.maximum(low, fit.u - radius), np.minimum(high, fit.u + radius)
-        span = np.maximum(high - low, 1e-9)
-        start = np.clip(fit.u, low + 1e-6 * span, high - 1e-6 * span)
-        found = least_squares(
-            residuals, start, bounds=(low, high), x_scale=np.minimum(span, 1.0), max_nfev=25,
-            xtol=1e-6, ftol=1e-6, diff_step=np.full(len(start), 1e-4),
-        )  # fmt: skip
-        predicted = model.predict(found.x)
-        left += [
-            predicted[i] - measured[i] for i, r in enumerate(records) if r.condition == condition
-        ]
-    off = np.concatenate(left)
-    return HeldOut(_rms_um(off[np.isfinite(off)]), _rms_um(sigma), tuple(r.name for r in records))
+    low, high = fit.unknowns.bounds
+    radius = np.full(len(fit.u), _RADIUS)
+    radius[2] = _NU_RADIUS
+    low, high = np.maximum(low, fit.u - radius), np.minimum(high, fit.u + radius)
+    left = np.full(len(measured), np.nan)
+    for out in parts:
+        at = fitter.minimise(model, fit.u, low, high, ~out)
+        left[out] = (np.concatenate(model.predict(at)) - measured)[out]
+    held = np.isfinite(left)
+    split = fitter.errors.split(held)
+    files = tuple(r.name for r, part in zip(fitter.records, split, strict=True) if part.any())
+    return HeldOut(_rms_um(left[held]), _rms_um(sigma[held]), files)
 
 
 def _rms_um(values_mm: Array) -> float:

@@ -145,11 +145,12 @@ class MappedModel:
 
     # ---- the finite elements ----
 
-    def anchor(self, u: Array, *, slopes: bool = True) -> bool:
+    def anchor(self, u: Array, *, slopes: bool = True, afresh: bool = False) -> bool:
         """Solve the finite elements at u, so that the model is exact there.
 
-        With `slopes` the first anchor also learns how the correction changes around it. Returns
-        False where they do not hold over most of the pressures.
+        With `slopes` the first anchor also learns how the correction changes around it, and with
+        `afresh` a later one does so again. Returns False where they do not hold over most of the
+        pressures.
         """
         problems = self._problems(u)
         if problems is None:
@@ -165,7 +166,7 @@ class MappedModel:
             value = self._ratio(problem, key[0], nodes)
             if value is None:
                 return False
-            if first or key not in self._ratios:
+            if first or afresh or key not in self._ratios:
                 changes = np.zeros((len(nodes), len(u)))
                 if slopes:
                     changes = self._ratio_slopes(u, key, nodes, value)

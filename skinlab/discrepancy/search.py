@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.discrepancy.adequacy import ADEQUATE, Residual, look
-from skinlab.discrepancy.fit import Fit, Fitter
+from skinlab.discrepancy.fit import EXPLAINS, Fit, Fitter
 from skinlab.discrepancy.records import Record
 from skinlab.discrepancy.screen import Signature, signature
 from skinlab.discrepancy.unknowns import Known, Unknowns
@@ -252,6 +252,9 @@ def _fit(task: tuple[Fit, Signature]) -> Fit | None:
         if found is not None and (best is None or found.cost < best.cost):
             best = found
         # An effect that does not take away what the screen expected may have been misled.
-        if best is not None and best.settled and best.cost < fit.cost - 0.5 * seen.gain:
+        if best is not None and (
+            best.chi2 < EXPLAINS * fitter.errors.count
+            or (best.settled and best.cost < fit.cost - 0.5 * seen.gain)
+        ):
             break
     return best

@@ -8,7 +8,7 @@ from skinlab.campaign import Campaign
 from skinlab.database.dimensionless import DimensionlessTable
 from skinlab.discrepancy.fast_model import TableDomes
 from skinlab.discrepancy.fit import Fitter
-from skinlab.discrepancy.heldout import predict_held_out
+from skinlab.discrepancy.heldout import conditions_of, predict_held_out
 from skinlab.discrepancy.misfit import errors_of
 from skinlab.discrepancy.next_measurement import advise
 from skinlab.discrepancy.outcome import Outcome
@@ -50,8 +50,9 @@ def explain(
     found = Search(fitter, model=model, workers=workers, progress=progress, partial=partial).run()
     verdict = decide(found)
     progress("predicting conditions held out of the fit")
-    before = predict_held_out(fitter, found.base.fit)
-    held = {c.effects: predict_held_out(fitter, c.fit) for c in verdict.explanations}
+    parts = conditions_of(fitter, [c.fit for c in verdict.explanations])
+    before = predict_held_out(fitter, found.base.fit, parts)
+    held = {c.effects: predict_held_out(fitter, c.fit, parts) for c in verdict.explanations}
     following = None
     if verdict.name == "ambiguous":
         progress("looking for the measurement that would tell them apart")

@@ -66,11 +66,17 @@ class Section:
     sections: Sequence[Section] = ()
 
 
-def page(title: str, sections: Sequence[Section], *, subtitle: str = "") -> str:
-    """Return the page; the same input gives the same text."""
+def page(
+    title: str, sections: Sequence[Section], *, subtitle: str = "", notices: Sequence[str] = ()
+) -> str:
+    """Return the page; the same input gives the same text.
+
+    `notices` are what nobody may overlook, and stand in frames above all else.
+    """
     body = [f"<h1>{_text(title)}</h1>"]
     if subtitle:
         body.append(f'<p class="subtitle">{_text(subtitle)}</p>')
+    body += [f'<p class="notice">{_text(notice)}</p>' for notice in notices]
     if len(sections) > 1:
         body.append("<nav><ul>")
         body += [
@@ -94,10 +100,14 @@ def _section(section: Section, name: str, level: int) -> Iterator[str]:
         for point in section.points:
             yield f"<li>{_text(point)}</li>"
         yield "</ul>"
+    if section.figures:
+        yield '<div class="figures">'
     for figure in section.figures:
         caption = f"<figcaption>{_text(figure.caption)}</figcaption>" if figure.caption else ""
         alt = _text(figure.alt)
         yield f'<figure><img src="{figure.source}" alt="{alt}" />{caption}</figure>'
+    if section.figures:
+        yield "</div>"
     for table in section.tables:
         yield from _table(table)
     for number, inner in enumerate(section.sections, start=1):
@@ -121,10 +131,15 @@ def _table(table: Table) -> Iterator[str]:
 def _cell(cell: str, *, first: bool) -> str:
     if first:
         return f'<th scope="row">{_text(cell)}</th>'
-    return f'<td class="n">{_text(cell)}</td>' if _NUMBER.match(cell) else f"<td>{_text(cell)}</td>"
+    if _NUMBER.match(cell):
+        return f'<td class="n">{_text(cell)}</td>'
+    if max(map(len, cell.split()), default=0) > _LONG:
+        return f'<td class="long">{_text(cell)}</td>'
+    return f"<td>{_text(cell)}</td>"
 
 
 _NUMBER = re.compile(r"[-−+±<>≥≤ ]*\d[^A-Za-z:]*(µm|mm|mbar|MPa|s|%)?$")
+_LONG = 30  # letters without a space: a hash or a path, which paper cannot scroll
 
 # Control characters are not allowed in HTML; those that turn the direction of text can hide it.
 _TURNING = frozenset("\u061c\u200e\u200f\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069")
@@ -152,7 +167,10 @@ h1 { margin-top: 0.5em; }
 h2 { border-top: 1px solid #bbb; padding-top: 0.8em; }
 .subtitle { color: #444; }
 a { color: #00508a; }
-figure { margin: 1rem 0; }
+.notice { border: 2px solid #b34700; padding: 0.5rem 0.75rem; font-weight: 600; }
+.figures { display: grid; gap: 1rem;
+  grid-template-columns: repeat(auto-fit, minmax(min(100%, 24rem), 1fr)); }
+figure { margin: 0; }
 img { max-width: 100%; height: auto; display: block; }
 figcaption, caption { color: #444; font-size: 0.9rem; text-align: left; padding: 0.3rem 0; }
 .wide { overflow-x: auto; margin: 1rem 0; }
@@ -160,7 +178,6 @@ table { border-collapse: collapse; font-size: 0.9rem; }
 th, td { border-bottom: 1px solid #ccc; padding: 0.25rem 0.75rem 0.25rem 0; text-align: left;
   vertical-align: top; }
 th { font-weight: 600; }
-td { overflow-wrap: anywhere; min-width: 4rem; }
 .n { font-variant-numeric: tabular-nums; white-space: nowrap; }
 @media print {
   body { max-width: none; padding: 0; font-size: 10pt; }
@@ -168,12 +185,14 @@ td { overflow-wrap: anywhere; min-width: 4rem; }
   figure, tr, li { break-inside: avoid; }
   h2, h3, h4 { break-after: avoid; }
   .wide { overflow: visible; }
+  .figures { grid-template-columns: 1fr 1fr; }
+  .long { overflow-wrap: anywhere; }
 }
 """
 
 _PAGE = """\
 <!DOCTYPE html>
-<html lang="en" xmlns="http://www.w3.org/1999/xhtml">
+<html lang="en">
 <head>
 <meta charset="utf-8" />
 <meta http-equiv="Content-Security-Policy" \

@@ -45,7 +45,7 @@ def style() -> Iterator[None]:
     """Draw inside of this, so that a user's own matplotlib settings change nothing.
 
     Raises:
-        InputError: matplotlib is not installed.
+        InputError: matplotlib is not installed, or set up wrongly.
     """
     try:
         import matplotlib.style
@@ -53,6 +53,8 @@ def style() -> Iterator[None]:
         raise InputError(
             "the pictures need matplotlib, which is not installed: pip install matplotlib"
         ) from None
+    except ValueError as error:  # the environment names a backend that there is not
+        raise InputError(f"matplotlib, which draws the pictures, does not start: {error}") from None
     with matplotlib.style.context(["default", _STYLE]):
         yield
 

@@ -6,20 +6,22 @@ import csv
 import os
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from patience import module_command, patient_command
 
-PATIENCE_S = 60.0  # how long to wait for what must come; only a failure takes it
+PATIENCE_S = 300.0  # how long to wait for what must come; only a failure takes it
 
 
 class SimulatedProbe:
     """`python -m sim_device`: where it is, and what its pressure really is."""
 
-    def __init__(self, folder: Path, *options: str, faults: str = "", speed: float = 1) -> None:
+    def __init__(
+        self, folder: Path, *options: str, faults: str, speed: float, patient: bool
+    ) -> None:
         self.folder = folder
         self.trace = folder / f"trace{len(list(folder.glob('trace*')))}.csv"
         arguments = ["--trace", str(self.trace), "--speed", str(speed), *options]
@@ -27,7 +29,9 @@ class SimulatedProbe:
             (folder / "FAULTS.toml").write_text(faults)
             arguments += ["--faults", str(folder / "FAULTS.toml")]
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "sim_device", *arguments],
+            patient_command("sim_device", *arguments, apart=True)
+            if patient
+            else module_command("sim_device", *arguments),
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
@@ -55,7 +59,8 @@ class SimulatedProbe:
             raise AssertionError(f"the simulated probe ended with status {status}")
 
     def until_suction(self, mbar: float = 40.0) -> None:
-        self.until(lambda rows: rows[-1][1] > mbar)
+        """Wait until it has pulled; nobody can wait for it to be pulling still."""
+        self.until(lambda rows: any(pressure > mbar for _, pressure, _ in rows))
 
     def until_vented(self) -> None:
         """Wait until the true pressure is below 5 mbar and the pump is off."""
@@ -70,11 +75,18 @@ class SimulatedProbe:
 
 @pytest.fixture
 def simulate(tmp_path):
-    """Start simulated probes; all of them are gone afterwards."""
+    """Start simulated probes; all of them are gone afterwards.
+
+    A patient one does not mind a host that did not run for a while: see `patience`.
+    """
     running: list[SimulatedProbe] = []
 
-    def start(*options: str, faults: str = "", speed: float = 1) -> SimulatedProbe:
-        running.append(SimulatedProbe(tmp_path, *options, faults=faults, speed=speed))
+    def start(
+        *options: str, faults: str = "", speed: float = 1, patient: bool = False
+    ) -> SimulatedProbe:
+        running.append(
+            SimulatedProbe(tmp_path, *options, faults=faults, speed=speed, patient=patient)
+        )
         return running[-1]
 
     yield start

@@ -29,7 +29,7 @@ from drivers.events import (
 )
 from drivers.link import list_ports, open_link
 from drivers.probe import Limits, Probe
-from drivers.reconnect import reconnect
+from drivers.reconnect import Backoff, reconnect
 
 PATIENCE_S = 120.0
 # The watchdog may not mind that the other process did not run for a while
@@ -188,11 +188,11 @@ class Lines(PosixSerial if hasattr(os, "openpty") else object):
 @pytest.fixture
 def terminal_server(simulate, monkeypatch):
     monkeypatch.setattr(serial, "Serial", Lines)
-    server = Rfc2217Server(simulate("--pty", speed=5).url)
+    server = Rfc2217Server(simulate("--pty", speed=5, patient=True).url)
     server.start()
     yield server
     server.over.set()
-    server.join(10)
+    server.join(PATIENCE_S)
     assert not server.is_alive()
 
 
@@ -203,7 +203,7 @@ pyserial_is_old = pytest.mark.filterwarnings("ignore:set(Daemon|Name):Deprecatio
 @pyserial_is_old
 def test_rfc2217(terminal_server):
     """A serial port over the network, with the speed of the line set from here."""
-    with Probe(f"{terminal_server.url}?baud=460800") as probe:
+    with Probe(f"{terminal_server.url}?baud=460800", limits=APART) as probe:
         start(probe, PROGRAM)
         seen = []
         until(probe, done, seen)
@@ -216,7 +216,7 @@ def test_rfc2217(terminal_server):
 @needs_pty
 @pyserial_is_old
 def test_a_terminal_server_that_goes(terminal_server):
-    with Probe(terminal_server.url) as probe:
+    with Probe(terminal_server.url, limits=APART) as probe:
         start(probe, LONG)
         seen = []
         until(probe, lambda e: isinstance(e, Sample) and e.pressure_mbar > 50, seen)
@@ -280,10 +280,11 @@ def test_the_speed_changes_no_byte_of_a_run(simulate):
     faults = '[[fault]]\nkind = "drifting_sensor"\n[[fault]]\nkind = "counter_jump"\nat_s = 1.0\n'
     runs = []
     for speed in (3, 40):
-        simulated = simulate("--tcp", "0", "--seed", "7", faults=faults, speed=speed)
+        simulated = simulate("--tcp", "0", "--seed", "7", faults=faults, speed=speed, patient=True)
         received = []
         with Probe(
             simulated.url,
+            limits=APART,
             on_bytes=lambda way, _, data, to=received: to.append(data) if way == "rx" else None,
         ) as probe:
             start(probe, PROGRAM)
@@ -317,7 +318,8 @@ def test_unplugged_in_process(monkeypatch, tmp_path):
         assert "the device is gone" in until(probe, lambda e: isinstance(e, LinkLost), seen).reason
         with pytest.raises(LinkError, match="no such port"):
             probe.reopen()
-        reconnect(probe)
+        # Often, because its time passes only where somebody looks
+        reconnect(probe, Backoff(first_s=0.01, most_s=0.01, give_up_s=PATIENCE_S))
         until(probe, lambda e: isinstance(e, VentConfirmed), seen)
         probe.acknowledge_alarm()
         start_again(probe, PROGRAM)
@@ -334,6 +336,7 @@ def test_unplugged_in_process(monkeypatch, tmp_path):
         (os.devnull, "not a serial port"),
         ("socket://no-such-host.invalid:77", "there is no such host"),
         ("sim://?skin=/no/such.toml", "/no/such.toml: cannot be read"),
+        ("sim://?faults=/no/such.toml", "/no/such.toml: cannot be read"),
     ],
 )
 def test_what_cannot_be_opened_is_one_sentence(url, match):
@@ -360,7 +363,6 @@ def test_what_cannot_be_opened_is_one_sentence(url, match):
         ("sim://?aperture_mm=5", "aperture_mm must be one of"),
         ("sim://?speed=0", "speed"),
         ("sim://?sped=10", "sped"),
-        ("sim://?faults=/no/such.toml", "/no/such.toml: cannot be read"),
         ("sim://?seed=1&seed=2", "twice"),
         ("sim://somewhere", "query"),
     ],

@@ -23,6 +23,8 @@ from skinlab.program import parse_program
 from skinlab.recording import Recording
 from skinlab.sources import LiveSource
 
+PATIENCE_S = 300.0
+
 
 class Terminal:
     """A process on a terminal of its own."""
@@ -40,7 +42,7 @@ class Terminal:
 
     def until(self, *wanted: str) -> None:
         """Read until all of this was written."""
-        deadline = time.monotonic() + 60
+        deadline = time.monotonic() + PATIENCE_S
         while not all(w in self.text for w in wanted):
             assert time.monotonic() < deadline, self.text
             if select.select([self.master], [], [], 0.1)[0]:
@@ -83,7 +85,7 @@ def test_keys_step_go_on_and_the_terminal_is_left_as_it_was(session):
         terminal.until("0.10 s")
         terminal.press("m ")
         terminal.until("agree bit for bit")
-        assert terminal.process.wait(60) == 0
+        assert terminal.process.wait(PATIENCE_S) == 0
         assert termios.tcgetattr(terminal.slave) == terminal.before
     finally:
         terminal.close()
@@ -95,7 +97,7 @@ def test_q_ends_it(session):
         terminal.until("space pauses")
         terminal.press("q")
         terminal.until("interrupted")
-        assert terminal.process.wait(60) == 130
+        assert terminal.process.wait(PATIENCE_S) == 130
         assert termios.tcgetattr(terminal.slave) == terminal.before
     finally:
         terminal.close()

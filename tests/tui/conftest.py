@@ -11,6 +11,7 @@ import pytest
 from textual.pilot import Pilot
 from textual.widgets import Input
 
+from drivers.reconnect import Backoff
 from skinlab.identify.identifier import Identifier
 from skinlab.tui.app import SkinlabApp
 from skinlab.tui.bench import Bench, default_identifier
@@ -88,7 +89,9 @@ def bedside(tmp_path: Path, identifier: Identifier):
     async def enter(
         port: str | None = SIMULATED, size: tuple[int, int] = (80, 24), **options
     ) -> AsyncIterator[Bedside]:
-        make_bench = partial(Bench, make_identifier=lambda: identifier)
+        # Often, because the time of a simulated probe passes only where somebody looks
+        backoff = Backoff(first_s=0.02, most_s=0.02, give_up_s=PATIENCE_S)
+        make_bench = partial(Bench, make_identifier=lambda: identifier, backoff=backoff)
         app = SkinlabApp(port, tmp_path, make_bench, **options)
         async with app.run_test(size=size) as pilot:
             bed = Bedside(app, pilot)

@@ -202,7 +202,7 @@ async def test_a_link_that_is_lost_and_comes_back(bedside, tmp_path):
         await bed.until(lambda: bed.board.alarm is not None)
         assert "lift the probe" in bed.board.alarm
         await bed.until(lambda: bed.board.phase == "READY")
-        assert "the link is back" in bed.board.note
+        await bed.until(lambda: "the link is back" in bed.board.note)
         assert bed.board.entries[1].cut is not None
         await bed.press("a")  # the alarm is acknowledged ...
         await bed.until(lambda: bed.board.can_arm)

@@ -20,6 +20,7 @@ from skinlab.pipeline import Pipeline
 from skinlab.program import parse_program
 from skinlab.recording import Recording
 from skinlab.records import Kind, Record
+from skinlab.seal import SEAL_BYTES, Seal, read_seal
 from skinlab.session import Session, content_hash, read_session, write_session
 from skinlab.session_check import audit_head, check
 from skinlab.sources import LiveSource
@@ -160,6 +161,40 @@ def test_software_of_another_version_may_cut_curves_otherwise(session, tmp_path)
         meta={k: v for k, v in session.meta.items() if k != "versions"} | {"versions": versions},
     )  # fmt: skip
     assert "made by other software: skinlab" in found_in(other, tmp_path / "s.h5")[-1]
+
+
+def test_every_flipped_byte_is_seen_before_hdf5_reads_it(session, tmp_path):
+    path = tmp_path / "s.h5"
+    write_session(path, session)
+    whole = path.read_bytes()
+    assert read_seal(path) is Seal.HOLDS
+    for place in [*range(0, SEAL_BYTES, 13), *range(SEAL_BYTES, len(whole), 499), len(whole) - 1]:
+        path.write_bytes(
+            whole[:place] + bytes([whole[place] ^ 1 << place % 8]) + whole[place + 1 :]
+        )
+        assert read_seal(path) is not Seal.HOLDS
+        with pytest.raises(InputError, match="it was changed"):
+            read_session(path)
+    path.write_bytes(whole + b"\0")
+    assert read_seal(path) is Seal.BROKEN
+    assert run(["session", "verify", str(path)]) == 1
+
+
+def test_damage_over_which_the_library_crashes_is_one_sentence(
+    session, tmp_path, capsys, monkeypatch
+):
+    path = tmp_path / "s.h5"
+    write_session(path, session)
+    path.write_bytes(path.read_bytes()[:-1] + b"?")
+    crashes = tmp_path / "crashes"
+    crashes.write_text("#!/bin/sh\nkill -SEGV $$\n")
+    crashes.chmod(0o700)
+    monkeypatch.setattr("sys.executable", str(crashes))
+    assert run(["session", "verify", str(path)]) == 3
+    told = capsys.readouterr().err
+    assert (
+        told == f"skinlab: {path}: was changed since it was written, and cannot be read any more\n"
+    )
 
 
 def test_rubbish_is_bad_input(session, tmp_path):

@@ -1,0 +1,97 @@
+"""A session's curves with all that a report says of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from skinlab.curve import Curve
+from skinlab.errors import InputError
+from skinlab.gates.base import Finding
+from skinlab.identify.identifier import Identifier
+from skinlab.pipeline import Pipeline
+from skinlab.report.fitted import Fit, fit_again
+from skinlab.report.stored import StoredResult, stored_result
+from skinlab.session import Session
+from skinlab.sources import recorded_items
+from skinlab.stream import CurveCompleted, Flagged, Message
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What the quality gates found about a curve, and why it ended early, where it did."""
+
+    findings: tuple[Finding, ...] = ()
+    cut: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """One curve; `fit` is a sentence where there is no fitted curve."""
+
+    number: int  # from 1
+    curve: Curve
+    judged: Judged
+    result: StoredResult | None
+    fit: Fit | str
+
+
+def measured_curves(session: Session, identifier: Identifier | str) -> tuple[Measured, ...]:
+    """Return the curves; `identifier` is that of the session, or a sentence why it is unknown.
+
+    Raises:
+        InputError: a stored result is damaged.
+    """
+    judged = _judged(session)
+    found = []
+    for number, (curve, stored) in enumerate(
+        zip(session.curves, session.results, strict=True), start=1
+    ):
+        result = stored_result(number, stored)
+        fit = _fit(curve, result, identifier)
+        found.append(Measured(number, curve, judged[number - 1], result, fit))
+    return tuple(found)
+
+
+def _fit(curve: Curve, result: StoredResult | None, identifier: Identifier | str) -> Fit | str:
+    if result is None:
+        return "Nothing was identified from this curve."
+    if result.error is not None:
+        return f"Not identified: {result.error}."
+    if isinstance(identifier, str):
+        return f"There is no fitted curve to draw: {identifier}."
+    try:
+        return fit_again(curve, result, identifier)
+    except InputError as error:
+        return f"There is no fitted curve to draw: {error}."
+
+
+def _judged(session: Session) -> list[Judged]:
+    """Return what the gates say: of the recorded bytes, where the curves come from them."""
+    listener = _Listener()
+    pipeline = Pipeline(None, [listener])
+    for item in recorded_items(session.records):
+        pipeline.handle(item)
+    pipeline.end("the record ends here")
+    if len(listener.judged) != len(session.curves):  # imported: there are no bytes
+        listener = _Listener()
+        pipeline = Pipeline(None, [listener])
+        for number, curve in enumerate(session.curves, start=1):
+            pipeline.complete(number, curve)
+    return [*listener.judged.values()]
+
+
+class _Listener:
+    def __init__(self) -> None:
+        self.judged: dict[int, Judged] = {}
+        self._findings: dict[int, tuple[Finding, ...]] = {}
+
+    def __call__(self, message: Message) -> None:
+        match message:
+            case Flagged(index, finding):
+                self._findings[index] = (*self._findings.get(index, ()), finding)
+                if index in self.judged:  # gates speak once more after the curve is complete
+                    self.judged[index] = Judged(self._findings[index], self.judged[index].cut)
+            case CurveCompleted(index, _, cut):
+                self.judged[index] = Judged(self._findings.get(index, ()), cut)
+            case _:
+                pass

@@ -1,0 +1,244 @@
+"""The pictures of a session; drawn inside `skinlab.report.pictures.style`.
+
+No text of a user is drawn: curves go by their number. Colours are told apart by shape as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from skinlab.report.flags import NAMES, signed
+from skinlab.report.measured import Measured
+from skinlab.report.pictures import (
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    SERIES,
+    VERMILION,
+    new_figure,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+WIDTH_IN = 5.0  # a phone shows it at three quarters, still readable
+
+_PHASES = {
+    "load": (BLUE, "o"),
+    "hold": (GREEN, "s"),
+    "unload": (ORANGE, "v"),
+    "rest": (PURPLE, "x"),
+}
+_DASHES = ("-", "--", ":", "-.")
+_NARROW, _WIDE = 1.0, 2.5  # decades: ticks where a linear axis has them, and only at powers of 10
+_MANY = 2000  # samples from which points are stored as an image inside an SVG
+MOST_NAMED = len(SERIES) * len(_DASHES)  # curves that can be told apart by colour and dashes
+_LABELS = {"X1_MPa": "X1 (MPa)", "X2_MPa": "X2 (MPa)", "nu": "ν"}
+PRESSURE, DEFLECTION = "pressure (mbar)", "deflection (mm)"
+
+
+def draw_fit(measured: Measured) -> Figure:
+    """Return deflection against pressure, the fitted curve over it, and the residuals below."""
+    curve, fit = measured.curve, measured.fit
+    if isinstance(fit, str):
+        figure = new_figure(WIDTH_IN, 3.8)
+        axes = figure.add_subplot()
+        _points(axes, measured)
+        axes.set_xlabel(PRESSURE)
+    else:
+        figure = new_figure(WIDTH_IN, 5.2)
+        axes, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+        _points(axes, measured)
+        axes.plot(fit.line_mbar, fit.line_mm, color=VERMILION, lw=2, label="fitted curve")
+        pressure = curve.pressure_mbar[fit.mask]
+        if fit.noise_mm is not None:
+            order = np.argsort(pressure)
+            band = 2e3 * fit.noise_mm[order]
+            below.fill_between(
+                pressure[order],
+                -band,
+                band,
+                color="#CFCFCF",
+                lw=0,
+                rasterized=len(order) > _MANY,
+                label="2 × noise",
+            )
+        below.axhline(0.0, color=VERMILION, lw=1.5)
+        _scatter(below, pressure, 1e3 * fit.residual_mm, curve.phase[fit.mask])
+        below.legend(
+            loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=5, fontsize=8, borderaxespad=0.2
+        )
+        below.set_xlabel(PRESSURE)
+        below.set_ylabel("residual (µm)")
+    axes.set_ylabel(DEFLECTION)
+    if len(curve):
+        axes.legend(loc="best", fontsize=8)
+    axes.set_title(f"Curve {measured.number}")
+    return figure
+
+
+def draw_time(measured: Measured) -> Figure:
+    """Return pressure and deflection against time, with the fitted curve where it was fitted."""
+    curve, fit = measured.curve, measured.fit
+    figure = new_figure(WIDTH_IN, 5.2)
+    above, below = figure.subplots(2, 1, sharex=True)
+    many = len(curve) > _MANY
+    above.plot(curve.time_s, curve.pressure_mbar, color=BLUE, lw=1.2, rasterized=many)
+    below.plot(
+        curve.time_s, curve.deflection_mm, color=BLUE, lw=1.2, rasterized=many, label="measured"
+    )
+    if not isinstance(fit, str):
+        model = np.full(len(curve), np.nan)
+        model[fit.mask] = fit.model_mm
+        below.plot(
+            curve.time_s, model, "--", color=VERMILION, lw=2, rasterized=many, label="fitted curve"
+        )
+    below.legend(loc="best", fontsize=8)
+    above.set_ylabel(PRESSURE)
+    below.set_ylabel(DEFLECTION)
+    below.set_xlabel("time (s)")
+    above.set_title(f"Curve {measured.number}")
+    return figure
+
+
+def draw_intervals(measured: Measured) -> Figure:
+    """Return the parameters as dots with their 90 % intervals as bars, on what was searched."""
+    result = measured.result
+    assert result is not None
+    assert result.parameters
+    figure = new_figure(WIDTH_IN, 0.6 + 1.05 * len(result.parameters))
+    rows: Any = figure.subplots(len(result.parameters), 1, squeeze=False)[:, 0]
+    for axes, (name, value) in zip(rows, result.parameters.items(), strict=True):
+        if value.low is not None and value.high is not None:
+            axes.plot([value.low, value.high], [0, 0], color=BLUE, lw=7, solid_capstyle="butt")
+        axes.plot(value.value, 0, "|", color=VERMILION, ms=22, mew=3, clip_on=False)
+        if not isinstance(measured.fit, str) and name in measured.fit.ranges:
+            axes.set_xlim(*measured.fit.ranges[name])
+        _scale(axes, name, 5)
+        axes.set_ylim(-1, 1)
+        axes.set_yticks([])
+        axes.grid(axis="y", visible=False)
+        axes.set_xlabel(_LABELS.get(name, name), parse_math=False)
+    rows[0].set_title(f"Curve {measured.number}: values and 90 % intervals")
+    return figure
+
+
+def draw_correlation(measured: Measured) -> Figure:
+    """Return the correlations as coloured squares with their numbers."""
+    result = measured.result
+    assert result is not None
+    assert result.correlation is not None
+    matrix = np.array(result.correlation, dtype=float)
+    names = [NAMES.get(name, name) for name in result.order]
+    figure = new_figure(WIDTH_IN, 3.8)
+    axes = figure.add_subplot()
+    image = axes.imshow(matrix, cmap="PuOr", vmin=-1, vmax=1)
+    figure.colorbar(image, ax=axes, label="correlation")
+    ticks = np.arange(len(names))
+    axes.set_xticks(ticks, names, parse_math=False)
+    axes.set_yticks(ticks, names, parse_math=False)
+    axes.grid(visible=False)
+    axes.spines[:].set_visible(False)
+    for (i, j), value in np.ndenumerate(matrix):
+        colour = "white" if abs(value) > 0.6 else "black"
+        axes.text(j, i, signed(value), ha="center", va="center", color=colour)
+    axes.set_title(f"Curve {measured.number}: correlations")
+    return figure
+
+
+def draw_all_curves(curves: Sequence[Measured]) -> Figure:
+    """Return all curves, deflection against pressure."""
+    figure = new_figure(WIDTH_IN, 4.2)
+    axes = figure.add_subplot()
+    named = len(curves) <= MOST_NAMED
+    for k, measured in enumerate(curves):
+        curve = measured.curve
+        axes.plot(
+            curve.pressure_mbar,
+            curve.deflection_mm,
+            color=SERIES[k % len(SERIES)] if named else GREY,
+            ls=_DASHES[k // len(SERIES) % len(_DASHES)] if named else "-",
+            lw=1.4,
+            rasterized=len(curve) > _MANY,
+            label=f"{measured.number}: {curve.setup.aperture_mm:g} mm",
+        )
+    if named:
+        axes.legend(
+            title="curve: opening", fontsize=8, ncols=1 + len(curves) // 8, title_fontsize=8
+        )
+    axes.set_xlabel(PRESSURE)
+    axes.set_ylabel(DEFLECTION)
+    axes.set_title("All curves")
+    return figure
+
+
+def draw_all_intervals(curves: Sequence[Measured]) -> Figure:
+    """Return the parameters of all curves that have some, one below the other."""
+    found = [(m.number, m.result.parameters) for m in curves if m.result and m.result.parameters]
+    names = [name for name in NAMES if any(name in values for _, values in found)]
+    figure = new_figure(WIDTH_IN, 1.6 + 0.25 * len(found))
+    columns: Any = figure.subplots(1, len(names), sharey=True, squeeze=False)[0]
+    for axes, name in zip(columns, names, strict=True):
+        for row, (_, values) in enumerate(found):
+            value = values.get(name)
+            if value is None:
+                continue
+            if value.low is not None and value.high is not None:
+                axes.plot(
+                    [value.low, value.high], [row, row], color=BLUE, lw=5, solid_capstyle="butt"
+                )
+            axes.plot(value.value, row, "|", color=VERMILION, ms=13, mew=2.5, clip_on=False)
+        axes.set_ylim(len(found) - 0.5, -0.5)
+        axes.set_yticks(range(len(found)), [str(number) for number, _ in found])
+        _scale(axes, name, 2)
+        axes.set_xlabel(_LABELS[name])
+    columns[0].set_ylabel("curve")
+    figure.suptitle("Values and 90 % intervals of all curves")
+    return figure
+
+
+def _points(axes: Axes, measured: Measured) -> None:
+    curve = measured.curve
+    _scatter(axes, curve.pressure_mbar, curve.deflection_mm, curve.phase)
+
+
+def _scatter(axes: Axes, x: Any, y: Any, phase: Any) -> None:
+    for name, (colour, marker) in _PHASES.items():
+        chosen = phase == name
+        if chosen.any():
+            axes.plot(
+                x[chosen],
+                y[chosen],
+                marker,
+                color=colour,
+                ms=3.5,
+                alpha=0.8,
+                rasterized=len(x) > _MANY,
+                label=name,
+            )
+
+
+def _scale(axes: Axes, name: str, ticks: int) -> None:
+    """Give a stiffness a logarithmic axis; few ticks, so that they never run into each other."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+
+    low, high = axes.get_xlim()
+    if not name.endswith("_MPa") or low <= 0.0:
+        axes.xaxis.set_major_locator(MaxNLocator(ticks))
+        return
+    decades = np.log10(high / low)
+    axes.set_xscale("log")
+    if decades < _NARROW:
+        axes.xaxis.set_major_locator(MaxNLocator(ticks))
+    else:
+        subs = (1.0,) if decades > _WIDE else (1.0, 2.0, 5.0)
+        axes.xaxis.set_major_locator(LogLocator(subs=subs, numticks=12))
+    axes.set_xlim(low, high)
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.xaxis.set_minor_formatter(NullFormatter())

@@ -1,0 +1,339 @@
+"""A session's report: page, pictures, and the command that writes them."""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+import re
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from skinlab.cli.main import run
+from skinlab.curve import Curve, Setup
+from skinlab.errors import InputError
+from skinlab.fem.suction import Geometry
+from skinlab.identify.identifier import Identifier
+from skinlab.identify.uncertainty import Sensor
+from skinlab.program import parse_program
+from skinlab.recording import identification_settings
+from skinlab.report.curve_section import curve_section
+from skinlab.report.flags import explanations
+from skinlab.report.measured import measured_curves
+from skinlab.report.session_report import FORMATS, SessionReport
+from skinlab.session import Session, content_hash, read_session, write_session
+from skinlab.versions import versions
+
+HOSTILE = "<img src=x onerror=alert(1)> \"&'; $\\frac$ \x1b[2J"
+SKIN = np.array([[0.025, 2.95, 0.28]])
+NOISE_UM, PRESSURE_NOISE_MBAR = 3.0, 0.2
+
+
+def curve_of(table, name: str, seed: int, **setup) -> Curve:
+    """Return a loading and unloading of a known skin, with known noise."""
+    rng = np.random.default_rng(seed)
+    program = parse_program("ramp:100@20,ramp:0@20")
+    time_s = np.arange(200) / 20.0
+    pressure = np.interp(time_s, [0, 5, 10], [0, 100, 0])
+    model = table.model(Geometry(6.0, 1.0), np.maximum(pressure, 0.01))
+    w = model.deflection_mm(SKIN)[0]
+    return Curve(
+        name,
+        Setup(6.0, 1.0, program, **setup),
+        time_s,
+        pressure + PRESSURE_NOISE_MBAR * rng.standard_normal(200),
+        w + 1e-3 * NOISE_UM * rng.standard_normal(200),
+        segment=(time_s >= 5).astype(np.intp),
+    )
+
+
+@pytest.fixture(scope="module")
+def identifier(table) -> Identifier:
+    return Identifier(table, sensor=Sensor(NOISE_UM, PRESSURE_NOISE_MBAR))
+
+
+@pytest.fixture(scope="module")
+def session(table, identifier) -> Session:
+    whole = curve_of(table, HOSTILE, 1)
+    later = curve_of(table, "later", 2, cycle=2, repeat=2)
+    cut = replace(
+        whole,
+        name="cut",
+        partial=True,
+        **{k: getattr(whole, k)[:3] for k in ("time_s", "pressure_mbar", "deflection_mm")},
+        segment=whole.segment[:3],
+    )
+    results = (*(identifier(c).to_json() for c in (whole, later, cut)), None)
+    meta = {
+        "created_utc": "2026-01-02T03:04:05+00:00",
+        "subject": "P-1",
+        "site": HOSTILE,
+        "versions": {"skinlab": "0.0.1", HOSTILE: HOSTILE},
+        "identification": identification_settings(identifier),
+        "notes": [HOSTILE],
+    }
+    return Session(meta, (), (whole, later, cut, later), results)
+
+
+@pytest.fixture(scope="module")
+def few(session) -> Session:
+    return Session(session.meta, (), session.curves[:1], session.results[:1])
+
+
+@pytest.fixture(scope="module")
+def report(session, identifier) -> SessionReport:
+    return SessionReport(session, identifier, ["Another database."])
+
+
+@pytest.fixture(scope="module")
+def page(report) -> str:
+    return report.html()
+
+
+def text_of(element: ET.Element) -> str:
+    return "".join(element.itertext())
+
+
+def section(page: str, heading: str) -> ET.Element:
+    for found in ET.fromstring(page).iter("section"):
+        if text_of(found.find("h2")) == heading:
+            return found
+    raise AssertionError(heading)
+
+
+def test_every_curve_has_its_numbers_and_pictures_with_words(page, session):
+    for number, result in enumerate(session.results, start=1):
+        found = section(page, f"Curve {number}")
+        text = text_of(found)
+        pictures = list(found.iter("img"))
+        values = (result or {}).get("parameters") or {}
+        assert len(pictures) == (4 if values else 2)
+        assert all(p.get("src").startswith("data:image/svg+xml;base64,") for p in pictures)
+        words = " ".join(p.get("alt") for p in pictures)
+        for value in values.values():
+            for end in value.values():
+                assert f"{end:#.4g}" in text
+                assert f"{end:.4g}" in words
+        if values:
+            assert f"{result['rms_um']:#.3g}" in text
+            assert f"{result['nu_consistent']:#.4g}" in text
+            assert f"{result['correlation'][0][1]:+.2f}".replace("-", "−") in text
+    rows = list(section(page, "In short").iter("tr"))
+    assert len(rows) == 1 + len(session.curves)
+    assert "not identified" in text_of(rows[3])
+    assert f"Not identified: {session.results[2]['error']}." in text_of(section(page, "Curve 3"))
+    assert "Nothing was identified" in text_of(section(page, "Curve 4"))
+
+
+def test_hostile_names_stay_text(page):
+    root = ET.fromstring(page)
+    tags = {element.tag for element in root.iter()}
+    assert "script" not in tags
+    assert all(set(e.attrib) <= {"src", "alt"} for e in root.iter("img"))
+    shown = HOSTILE.replace("\x1b", "\ufffd")
+    assert shown in text_of(section(page, "Curve 1"))
+    assert shown in text_of(section(page, "Versions and hashes"))
+    assert "P-1" in text_of(root.find("body"))
+
+
+def test_nothing_is_fetched(page):
+    assert not re.search(r"https?:|url\(|@import", page)
+    pictures = []
+    for element in ET.fromstring(page).iter():
+        for name, value in element.attrib.items():
+            if name == "href":
+                assert value.startswith("#")
+            if name == "src":
+                pictures.append(base64.b64decode(value.partition(",")[2], validate=True))
+    assert pictures
+    for picture in pictures:
+        inside = {a for e in ET.fromstring(picture).iter() for k, a in e.items() if "href" in k}
+        assert all(value.startswith(("#", "data:image/png")) for value in inside)
+
+
+def test_flags_and_findings_are_explained(page, session, report):
+    for measured, result in zip(report.curves, session.results, strict=True):
+        points = explanations(measured)
+        told = {point.partition(": ")[0] for point in points} | {
+            ":".join(point.split(":")[:2]) for point in points
+        }
+        assert set((result or {}).get("flags", ())) <= told
+        assert {f.gate for f in measured.judged.findings} <= told
+        assert not any("does not know" in point for point in points)
+        for point in points:
+            assert point in text_of(section(page, f"Curve {measured.number}"))
+    assert "not_first_cycle: This is loading 2 of the site" in page
+
+
+def test_methods_assumptions_versions_and_hashes(page, session, identifier):
+    how = text_of(section(page, "How the numbers were found"))
+    assert "Method auto" in how
+    assert f"of the deflection {NOISE_UM:g} µm (stated)" in how
+    assert "isotropic" in text_of(section(page, "What was assumed"))
+    found = text_of(section(page, "Versions and hashes"))
+    for value in (
+        content_hash(session),
+        identifier.provenance().model_hash,
+        identifier.database.content_hash,
+        "0.0.1",
+        *versions().values(),
+    ):
+        assert value in found
+    assert "Another database." in page
+
+
+def test_the_fitted_curve_is_the_one_that_was_found(report, session):
+    fit = report.curves[0].fit
+    result = session.results[0]
+    rms_um = 1e3 * np.sqrt(np.mean(fit.residual_mm**2))
+    assert rms_um == pytest.approx(result["rms_um"], rel=1e-9)
+    assert fit.mask.sum() == result["fitted_points"]
+    assert not fit.remark
+    # 99.9 % of binomial counts of 100 samples, 95.4 % of which lie inside two deviations
+    assert 0.87 < fit.within <= 1.0
+    line = np.interp(session.curves[0].pressure_mbar[fit.mask], fit.line_mbar, fit.line_mm)
+    np.testing.assert_allclose(line, fit.model_mm, atol=2e-3)
+    assert fit.ranges["nu"] == pytest.approx((0.2, 0.49))
+
+
+def test_a_stored_result_that_this_database_does_not_give_is_remarked(session, identifier):
+    changed = json.loads(json.dumps(session.results[0]))
+    changed["rms_um"] *= 1.01
+    other = Session(session.meta, (), session.curves[:1], (changed,))
+    (measured,) = measured_curves(other, identifier)
+    assert "differs from then" in measured.fit.remark
+    assert measured.fit.remark in curve_section(measured, ()).paragraphs
+
+
+def test_without_the_identification_the_stored_numbers_are_shown(few, session):
+    page = SessionReport(few, "the session does not say how").html()
+    found = text_of(section(page, "Curve 1"))
+    assert "There is no fitted curve to draw: the session does not say how." in found
+    assert f"{session.results[0]['parameters']['X1_MPa']['value']:#.4g}" in found
+    assert "Not known" in text_of(section(page, "How the numbers were found"))
+
+
+def test_a_method_without_intervals(session, identifier):
+    bare = json.loads(json.dumps(session.results[0]))
+    for value in bare["parameters"].values():
+        value["low"] = value["high"] = None
+    bare.update(correlation=None, noise_um=None)
+    other = Session(session.meta, (), session.curves[:1], (bare,))
+    found = section(SessionReport(other, identifier).html(), "Curve 1")
+    alts = [p.get("alt") for p in found.iter("img")]
+    assert len(alts) == 3
+    assert "no interval" in alts[2]
+    assert "noise is unknown" in text_of(found)
+
+
+@pytest.mark.parametrize("kind", ["png", "svg"])
+def test_pictures_are_valid_and_the_same_twice(few, identifier, kind):
+    drawn: list[None] = []
+    report = SessionReport(few, identifier)
+    files = report.files(kind, lambda: drawn.append(None))
+    assert list(files) == report.names(kind)
+    assert len(drawn) == len(files) == 4
+    for name, content in files.items():
+        if kind == "png":
+            image = Image.open(io.BytesIO(content)).convert("RGB")
+            assert min(image.size) > 200
+            assert len(image.getcolors(maxcolors=2**20)) > 20, name
+        else:
+            assert ET.fromstring(content).tag == "{http://www.w3.org/2000/svg}svg"
+    assert SessionReport(few, identifier).files(kind) == files
+
+
+def test_the_pictures_of_a_session_are_those_of_its_page(report):
+    each = [4, 4, 2, 2]
+    names = [f"curve_{k:04d}_" for k, count in enumerate(each, start=1) for _ in range(count)]
+    found = report.names("svg")
+    assert found[:2] == ["all_curves.svg", "all_intervals.svg"]
+    assert [name[: len("curve_0001_")] for name in found[2:]] == names
+
+
+@pytest.mark.parametrize("kind", FORMATS)
+def test_an_empty_session(kind, tmp_path, capsys):
+    path = tmp_path / "empty.h5"
+    write_session(path, Session({}, (), (), ()))
+    assert run(["export", str(path), str(tmp_path / "out"), "--to", kind]) == 0
+    if kind == "html":
+        page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+        assert "The session holds no curves." in page
+        assert ET.fromstring(page).tag == "html"
+    else:
+        assert capsys.readouterr().out == ""
+
+
+def test_a_curve_without_samples(identifier):
+    none = Curve("none", Setup(6.0, 1.0), np.empty(0), np.empty(0), np.empty(0), partial=True)
+    page = SessionReport(Session({}, (), (none,), (None,)), identifier).html()
+    assert "0 samples" in text_of(section(page, "Curve 1"))
+
+
+def test_the_command_writes_what_it_says_and_nothing_over_anything(few, tmp_path, capsys):
+    path = tmp_path / "s.h5"
+    write_session(path, few)
+    out = tmp_path / "new" / "out"
+    assert run(["export", str(path), str(out), "--to", "html"]) == 0
+    (name,) = capsys.readouterr().out.splitlines()
+    page = (out / "report.html").read_bytes()
+    assert name == str(out / "report.html")
+    assert page == SessionReport(read_session(path), _identifier(path)).files("html")["report.html"]
+    (out / "curve_0001_time.svg").write_text("mine")
+    for kind, standing in (("html", "report.html"), ("svg", "curve_0001_time.svg")):
+        before = sorted((p.name, p.read_bytes()) for p in out.iterdir())
+        assert run(["export", str(path), str(out), "--to", kind]) == 3
+        said = capsys.readouterr().err
+        assert f"{out / standing}: exists already" in said
+        assert said.count("\n") == 1
+        assert sorted((p.name, p.read_bytes()) for p in out.iterdir()) == before
+    assert run(["export", str(path), str(path), "--to", "png"]) == 3
+    assert "is no folder" in capsys.readouterr().err
+
+
+def _identifier(path):
+    from skinlab.replay import identifier_of
+
+    return identifier_of(read_session(path))[0]
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "said"),
+    [
+        ("rms_um", "much", "rms_um"),
+        ("correlation", [[1.0]], "3 × 3"),
+        ("parameters", {"X1_MPa": {"value": float("nan")}}, "finite"),
+        ("flags", 7, "flags"),
+    ],
+)
+def test_a_damaged_result_is_named(session, tmp_path, capsys, field, value, said):
+    path = tmp_path / "s.h5"
+    damaged = {**session.results[0], field: value}
+    write_session(path, Session(session.meta, (), session.curves[:1], (damaged,)))
+    assert run(["export", str(path), str(tmp_path / "out"), "--to", "html"]) == 3
+    error = capsys.readouterr().err
+    assert f"{path}: the stored result of curve 1 is damaged" in error
+    assert said in error
+    assert not (tmp_path / "out").exists()
+    with pytest.raises(InputError):
+        _ = SessionReport(read_session(path), "unknown").curves
+
+
+def test_a_measured_session_is_judged_again_from_its_bytes(tmp_path, capsys):
+    path = tmp_path / "visit.h5"
+    arguments = "--port sim://?seed=1&speed=50 --aperture-mm 6 --thickness-mm 1 --rate-hz 10"
+    arguments += " --program ramp:60@60 --first-cycle 2"
+    assert run(["measure", *arguments.split(), "--out", str(path)]) == 0
+    session = read_session(path)
+    (measured,) = measured_curves(session, _identifier(path))
+    gates = {finding.gate for finding in measured.judged.findings}
+    assert {"not_first_cycle", "too_few_points"} <= gates
+    assert gates <= set(session.results[0]["flags"])
+    page = SessionReport(session, _identifier(path)).html()
+    notice = ET.fromstring(page).find("body/p[@class='notice']")
+    assert text_of(notice).startswith("SIMULATED")
+    assert "What to do:" in text_of(section(page, "Curve 1"))
