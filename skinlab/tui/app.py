@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import ClassVar
 
 from textual import on
 from textual.app import App
 from textual.binding import Binding, BindingType
+from textual.filter import LineFilter
 from textual.message import Message
 from textual.timer import Timer
 from textual.widgets import Input
@@ -21,6 +22,7 @@ from skinlab.log import log_exception
 from skinlab.session_fit import comparable
 from skinlab.tui.bench import Bench
 from skinlab.tui.board import Board, Level, Playing, Series
+from skinlab.tui.colourless import StyledFirst
 from skinlab.tui.ledger import Deed
 from skinlab.tui.lifeline import INTERRUPTED
 from skinlab.tui.news import Connected, Disconnected, Done, Failed, News
@@ -184,6 +186,10 @@ class SkinlabApp(App[None]):
     def _fatal_error(self) -> None:
         # Instead of a traceback: the command line says it in one sentence.
         self._close_messages_no_wait()
+
+    def get_line_filters(self) -> Sequence[LineFilter]:
+        """Return Textual's filters, safe for text without a style."""
+        return [StyledFirst(inner) for inner in super().get_line_filters()]
 
     # ---- threads ------------------------------------------------------------------------------
 

@@ -19,6 +19,7 @@ from textual.pilot import Pilot
 
 from skinlab.tui.app import SkinlabApp
 from skinlab.tui.bench import Bench
+from skinlab.tui.board import Board
 from skinlab.tui.screens.main import MainScreen
 from skinlab.tui.widgets.fields import Fields
 
@@ -31,6 +32,12 @@ async def _until(pilot: Pilot[None], condition: Callable[[], bool]) -> None:
         if time.monotonic() > end:
             raise TimeoutError("the simulated measurement did not get that far")
         await pilot.pause(0.02)
+
+
+def _found(board: Board, curves: int) -> bool:
+    entry = board.entry
+    found = entry is not None and entry.result is not None
+    return board.can_arm and len(board.entries) == curves and found
 
 
 async def draw(port: str, size: tuple[int, int], programs: list[str], theme: str) -> str:
@@ -50,7 +57,7 @@ async def draw(port: str, size: tuple[int, int], programs: list[str], theme: str
             await pilot.press("enter")
             await _until(pilot, lambda: board.can_start)
             await pilot.press("space")
-            await _until(pilot, lambda: board.can_arm and board.note.startswith("saved"))
+            await _until(pilot, partial(_found, board, number))
         main = app.screen
         assert isinstance(main, MainScreen)
         main.draw()

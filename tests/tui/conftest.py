@@ -17,7 +17,7 @@ from skinlab.tui.app import SkinlabApp
 from skinlab.tui.bench import Bench, default_identifier
 
 SIMULATED = "sim://?seed=1&speed=20"
-PATIENCE_S = 20.0
+PATIENCE_S = 120.0
 
 
 class Bedside:

@@ -14,8 +14,9 @@ _KEYS = """\
 Enter      check the settings, connect if need be, arm
 Space      start the armed program
 v  Esc     vent: open the valve now, and stop
-Tab        next field; Esc leaves the fields
+F3  Tab    the settings, next field; F3 or Esc leaves them
 F2         choose a port
+s          session: means, joint fit, compare, exclude, notes, undo
 up  down   look at another curve (Tab to the list)
 t          light or dark
 ?  F1      this help
@@ -25,6 +26,15 @@ q  Ctrl+Q  vent, save the session, quit
 _TEXT = """\
 In a field v, q, t and ? are text while nothing is armed; Esc vents even then. While armed or \
 running the fields are closed, and v always vents.
+
+Bars: X1 and X2 from a third of the value to three times it, nu from 0.2 to 0.5. Grey numbers are \
+not final. Below the plot: both channels against time, then what the fit leaves, with twice the \
+noise dotted.
+
+With several repeats each follows by itself after the rest; v ends that too. A terminal may hold a \
+lone Esc back for a moment: v is the sure key.
+
+In a replay: Space pauses, the full stop steps, + and - change the speed.
 
 The session file is written after each curve, and everything goes to its journal as it happens. \
 Another port, subject or site begins another session.

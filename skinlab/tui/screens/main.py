@@ -46,7 +46,7 @@ class MainScreen(Screen[None]):
         Binding("plus,equals_sign", "speed(1)", "Faster", key_display="+"),
         Binding("minus", "speed(-1)", "Slower", key_display="-"),
         Binding("f2", "want('ports')", "Ports", key_display="F2", priority=True),
-        Binding("f3", "settings", "Settings", key_display="F3", priority=True),
+        Binding("f3", "settings", "Edit", key_display="F3", priority=True),
         Binding("s", "want('session')", "Session"),
     ]
 
@@ -72,7 +72,7 @@ class MainScreen(Screen[None]):
         yield Reading(id="reading")
         yield Curves()
         yield Static("", id="note", markup=False)
-        yield Footer(show_command_palette=False)
+        yield Footer(show_command_palette=False, compact=True)
 
     def begin(self) -> None:
         """Begin to draw, once all parts are there."""

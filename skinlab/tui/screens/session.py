@@ -64,7 +64,7 @@ class SessionScreen(Screen[None]):
             yield Static("", id="session-text", markup=False)
         yield Input(id="session-line", compact=True, max_length=200)
         yield Static("", id="session-note", markup=False)
-        yield Footer(show_command_palette=False)
+        yield Footer(show_command_palette=False, compact=True)
 
     def on_mount(self) -> None:
         """Begin to draw."""
