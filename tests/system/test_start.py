@@ -22,6 +22,8 @@ class CtrlC:
         if name == wanted:
             os.kill(os.getpid(), signal.SIGINT)
 
+# A background job, such as a CI's, starts with it ignored
+signal.signal(signal.SIGINT, signal.default_int_handler)
 wanted = sys.argv.pop(1)
 sys.meta_path.insert(0, CtrlC())
 runpy.run_module("skinlab", run_name="__main__", alter_sys=True)
