@@ -14,7 +14,6 @@ process may be silent for longer than the 300 ms after which the host vents; `tr
 from __future__ import annotations
 
 import argparse
-import gc
 import json
 import math
 import os
@@ -33,6 +32,10 @@ from typing import Any
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
+
+from drivers.events import Damaged, Gap
+from skinlab.pauses import shorten_pauses
+from skinlab.stream import CurveCompleted, CurveStarted, Happened, Sampled
 
 FOLDER = Path(__file__).resolve().parent
 CYCLE = "ramp:100@20,hold:45,release,rest:9"  # 59 s and the time to vent
@@ -62,7 +65,7 @@ def be_the_probe(log: Path) -> None:
 
     signal.signal(signal.SIGTERM, end)
     device = build_device(None, seed=1, speed=1.0, aperture_mm=6.0)
-    set_apart()
+    shorten_pauses()
     with Host() as host:
         print(host.url, flush=True)
         try:
@@ -86,9 +89,6 @@ class Listener:
 
     def __call__(self, message: object) -> None:
         """Take one message of the pipeline."""
-        from drivers.events import Damaged, Gap
-        from skinlab.stream import CurveCompleted, CurveStarted, Happened, Sampled
-
         match message:
             case Sampled() if self.end == (0.0, 0.0):
                 self.came.append(time.monotonic())
@@ -103,12 +103,6 @@ class Listener:
                 self.damaged += 1
             case _:
                 pass
-
-
-def set_apart() -> None:
-    """Keep what is here by now out of garbage collections, as `skinlab measure` does."""
-    gc.collect()
-    gc.freeze()
 
 
 def clocks() -> tuple[float, float]:
@@ -147,7 +141,7 @@ def acquire(rate_hz: float, cycles: int) -> dict[str, Any]:
             url = probe_process.stdout.readline().strip()
             setup = Setup(6.0, 1.0, parse_program(",".join([CYCLE] * cycles)))
             recording = Recording(out, identifier, url=url)
-            set_apart()
+            shorten_pauses()
             with Probe(url, on_bytes=recording.journal.raw) as probe:
                 probe.open()
                 source = LiveSource(probe, recording.journal)

@@ -28,7 +28,7 @@ import os
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -521,7 +521,7 @@ def main() -> None:
         ]
         with ProcessPoolExecutor(arguments.workers) as pool, arguments.lines.open("a") as out:
             work = [pool.submit(partial(judge, part, arguments.seed, version, n)) for n in numbers]
-            for job in work:
+            for job in as_completed(work):
                 line = job.result()
                 out.write(json.dumps(line, ensure_ascii=False) + "\n")
                 out.flush()

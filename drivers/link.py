@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import socket
+import time
 from dataclasses import dataclass
 from typing import Protocol
 from urllib.parse import parse_qsl, urlsplit
@@ -16,7 +17,7 @@ from drivers.errors import LinkError, PortUrlError
 
 BAUD_RATE = 115_200
 BAUD_RATES = (1_200, 4_000_000)  # what a URL may ask for
-_POLL_S = 0.01  # one read waits this long; fixed, because setting it talks to the port each time
+_POLL_S = 0.01  # between two looks at the port
 _WRITE_TIMEOUT_S = 0.5
 _NETWORK = frozenset({"socket", "rfc2217"})
 _PYSERIALS_OPTIONS = "debug|info|warning|error"  # in its words for a URL that it cannot parse
@@ -88,15 +89,16 @@ def open_link(url: str, framing: str = "8N1") -> Link:
     try:
         _check_address(url)
         name, baud_rate = _split_baud(url)
+        waits = name.startswith("rfc2217:")
         port = serial.serial_for_url(
             name,
             baudrate=baud_rate,
             bytesize=int(framing[0]),
             parity=framing[1],
             stopbits=int(framing[2]),
-            timeout=_POLL_S,
+            timeout=_POLL_S if waits else 0,
             # pyserial's rfc2217 knows none, and gives up after 5 s by itself
-            write_timeout=None if name.startswith("rfc2217:") else _WRITE_TIMEOUT_S,
+            write_timeout=None if waits else _WRITE_TIMEOUT_S,
             exclusive=True,
         )
     except ValueError as error:  # pyserial's and our own word for it; what fails is an OSError
@@ -105,7 +107,7 @@ def open_link(url: str, framing: str = "8N1") -> Link:
         if _PYSERIALS_OPTIONS in str(error):
             raise PortUrlError(f"cannot open {url}: its options are not understood") from error
         raise LinkError(f"cannot open {url}: {_why(error)}") from error
-    return _SerialLink(url, port)
+    return _SerialLink(url, port, waits)
 
 
 def _check_address(url: str) -> None:
@@ -146,19 +148,29 @@ def _split_baud(url: str) -> tuple[str, int]:
 
 
 class _SerialLink:
-    def __init__(self, url: str, port: serial.SerialBase) -> None:
+    """A port; `waits`: its own `read` does (rfc2217 gives a byte at a time where it must not)."""
+
+    def __init__(self, url: str, port: serial.SerialBase, waits: bool) -> None:
         self._url = url
         self._port = port
+        self._waits = waits
+        self._full = False  # the last read left bytes behind
 
     def read(self, max_bytes: int, timeout_s: float) -> bytes:
+        # Pause, then take what came: one wake-up a turn at every rate, where waiting for bytes is
+        # one for each piece in which they arrive.
+        pauses = 0 if self._full else round(timeout_s / _POLL_S)
         try:
-            for _ in range(max(1, round(timeout_s / _POLL_S))):
+            while True:
+                if pauses and not self._waits:
+                    time.sleep(_POLL_S)
                 data = self._port.read(max_bytes)
-                if data:
+                self._full = len(data) >= max_bytes
+                if data or pauses <= 1:
                     return bytes(data)
+                pauses -= 1
         except Exception as error:
             raise LinkError(f"lost {self._url}: {_why(error)}") from error
-        return b""
 
     def write(self, data: bytes) -> None:
         try:

@@ -15,6 +15,7 @@ from drivers.events import (
     PROGRAM_END,
     Event,
     Gap,
+    Hello,
     InstrumentState,
     LinkLost,
     Sample,
@@ -52,6 +53,7 @@ class CurveAssembler:
         self._samples = _Columns()
         self._index = 0
         self._running = False
+        self._found = False  # the link is new, and what the instrument runs is no run of ours
         self._cut: str | None = None
         self._lost = 0
 
@@ -68,6 +70,12 @@ class CurveAssembler:
         """Return what this event means, in order."""
         messages: list[Message] = []
         match event:
+            case Hello():
+                # In the midst of a run: the link was lost. The bytes of a record say no more.
+                messages += self.end("the link was lost")
+                self._found = True
+            case State(InstrumentState.RUNNING) if self._found:
+                pass
             case State(InstrumentState.RUNNING) if not self._running and self._next is not None:
                 messages.append(self._begin())
             case State(state, reason) if self._running and state is not InstrumentState.RUNNING:
@@ -87,6 +95,8 @@ class CurveAssembler:
                 messages += self._finish()
             case _:
                 pass
+        if isinstance(event, State) and event.state is not InstrumentState.RUNNING:
+            self._found = False
         if isinstance(event, Sample) and self._index:
             messages.append(Sampled(self._index, event))
         else:

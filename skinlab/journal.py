@@ -25,7 +25,7 @@ from skinlab.records import Kind, Record
 __all__ = ["Journal", "Kind", "Record", "read_journal"]
 
 SCHEMA = "skinlab.journal/1"
-_COMMIT_S = 0.02  # how long a record may wait for its commit: a killed process loses no more
+_COMMIT_S = 0.03  # how long a record may wait for its commit: a killed process loses no more
 _SYNC_S = 1.0  # how long a commit may wait for the disk itself: a power cut loses no more
 _WAL_PAGES = 4000  # 16 MB between checkpoints, which hold up the commits
 _INSERT = "INSERT INTO record (kind, host_time_s, utc_s, data) VALUES (?, ?, ?, ?)"
@@ -170,22 +170,19 @@ class Journal:
         """Return what comes within the time of a commit, who waits for it, and whether all came."""
         batch: list[Record] = []
         waiting: list[threading.Event] = []
-        end: float | None = None
-        while True:
-            left = None if end is None else end - time.monotonic()
-            if left is not None and left <= 0:
-                return batch, waiting, False
-            try:
-                record = self._records.get(timeout=left)
-            except queue.Empty:
-                return batch, waiting, False
-            if record is None:
-                return batch, waiting, True
+        record = self._records.get()
+        if not self._closing.is_set():
+            time.sleep(_COMMIT_S)  # one wake-up for all that comes meanwhile, not one for each
+        while record is not None:
             if isinstance(record, threading.Event):
                 waiting.append(record)
             else:
                 batch.append(record)
-            end = time.monotonic() + _COMMIT_S if end is None else end
+            try:
+                record = self._records.get_nowait()
+            except queue.Empty:
+                return batch, waiting, False
+        return batch, waiting, True
 
     def _commit(self, batch: list[Record]) -> None:
         chain = self._chain.copy()

@@ -24,6 +24,7 @@ from skinlab.stream import (
     Happened,
     Identified,
     Message,
+    Sampled,
     setup_to_json,
 )
 from skinlab.subject import check_subject
@@ -102,6 +103,8 @@ class Recording:
         Where the journal cannot be written, the probe has been vented for it, and `finish` says so:
         the curve is still identified and shown.
         """
+        if isinstance(message, Sampled):
+            return  # by far the most, and in the bytes already
         self.ran = self.ran or isinstance(message, CurveStarted)
         with contextlib.suppress(InputError):
             self._record(message)

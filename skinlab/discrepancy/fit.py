@@ -19,13 +19,11 @@ from skinlab.discrepancy.unknowns import Unknowns
 Array = NDArray[np.float64]
 
 _ANCHORS = 8
-_MORE_ANCHORS = 16  # where the fit may be an explanation: a valley is long and curved
-EXPLAINS = 1.3  # χ² of a sample: what leaves more explains nothing
-_AFRESH = 3  # after so many, slopes learnt on the way are replaced by differences once
-_CLOSE = 0.5  # of χ²: an anchor that changes the curves by no more is the last
-_CLOSE_SHARE = 0.01  # or so much of the χ² that is more than noise: such a fit decides nothing
-_REFRESHED = 3  # times that the slopes are taken anew
+_REFRESHED = 4  # times that the slopes are taken anew
+HOPELESS = 1.5  # a χ² a sample that no exact optimum will turn into an explanation
 _GAIN = 0.3  # of the cost: less is not worth another time
+_CLOSE = 0.3  # of χ²: an anchor that changes the curves by no more is the last
+_CLOSE_SHARE = 0.01  # or so much of the χ² that is more than noise: such a fit decides nothing
 _RADIUS = np.array([0.5, 0.9, 0.1])  # how far from an anchor it is trusted: log X1, log X2/X1, ν
 _EFFECT_RADIUS = 1.0
 _NO_MODEL = 1e3  # a whitened residual where there is no model
@@ -62,6 +60,14 @@ class Fit:
         return np.asarray(np.sqrt(np.diag(np.linalg.inv(self.information))))
 
 
+@dataclass(frozen=True, eq=False)
+class Kept:
+    """Some of a campaign's samples, and their errors."""
+
+    samples: NDArray[np.bool_]
+    errors: Errors
+
+
 class Fitter:
     """Fits explanations to one campaign."""
 
@@ -86,20 +92,21 @@ class Fitter:
         """Solve the finite elements at u where they are to be used; False where they fail."""
         return not self._finite_elements or model.anchor(u, slopes=slopes)
 
-    def residuals(
-        self, model: MappedModel, u: Array, keep: NDArray[np.bool_] | None = None
-    ) -> Array:
+    def kept(self, samples: NDArray[np.bool_]) -> Kept:
+        """Return some of the samples (u,), with their errors, to be fitted alone."""
+        return Kept(samples, self.errors.only(samples))
+
+    def residuals(self, model: MappedModel, u: Array, keep: Kept | None = None) -> Array:
         """Return whitened residuals (n,); large where there is no model."""
         off = np.concatenate(model.predict(u)) - self.measured
-        if not np.isfinite(off).all():
-            return np.full(self.errors.count, _NO_MODEL)
+        errors = self.errors
         if keep is not None:
-            off = np.where(keep, off, 0.0)
-        return self.errors.whiten(off)
+            off, errors = off[keep.samples], keep.errors
+        if not np.isfinite(off).all():
+            return np.full(errors.count, _NO_MODEL)
+        return errors.whiten(off)
 
-    def jacobian(
-        self, model: MappedModel, u: Array, keep: NDArray[np.bool_] | None = None
-    ) -> Array:
+    def jacobian(self, model: MappedModel, u: Array, keep: Kept | None = None) -> Array:
         """Return derivatives (n, k) of `residuals`, by differences inside the bounds."""
         high = model.unknowns.bounds[1]
         here = self.residuals(model, u, keep)
@@ -118,7 +125,7 @@ class Fitter:
         start: Array,
         low: Array,
         high: Array,
-        keep: NDArray[np.bool_] | None = None,
+        keep: Kept | None = None,
     ) -> Array:
         """Return the optimum between bounds, of the model as it is now."""
         unknowns = model.unknowns
@@ -149,7 +156,7 @@ class Fitter:
         """
         best = self._walk(unknowns, start)
         for _ in range(_REFRESHED):
-            if best is None or not best.corrected or best.chi2 > EXPLAINS * self.errors.count:
+            if best is None or not best.corrected or best.chi2 > HOPELESS * self.errors.count:
                 return best
             again = self._walk(unknowns, best.u)
             if again is None or again.cost > best.cost - _GAIN:
@@ -177,11 +184,7 @@ class Fitter:
         if best is None:
             return None
         settled = False
-        for k in range(_MORE_ANCHORS):
-            if k >= _ANCHORS and best.chi2 > EXPLAINS * self.errors.count:
-                break
-            if k == _AFRESH:
-                model.anchor(best.u, afresh=True)
+        for _ in range(_ANCHORS):
             u = self.minimise(
                 model,
                 best.u,

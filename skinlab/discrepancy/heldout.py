@@ -81,7 +81,7 @@ def predict_held_out(fitter: Fitter, fit: Fit, parts: Sequence[Part]) -> HeldOut
     low, high = np.maximum(low, fit.u - radius), np.minimum(high, fit.u + radius)
     left = np.full(len(measured), np.nan)
     for out in parts:
-        at = fitter.minimise(model, fit.u, low, high, ~out)
+        at = fitter.minimise(model, fit.u, low, high, fitter.kept(~out))
         left[out] = (np.concatenate(model.predict(at)) - measured)[out]
     held = np.isfinite(left)
     split = fitter.errors.split(held)

@@ -48,6 +48,11 @@ class Errors:
         share = self.s**2 / (1.0 + self.s**2)
         return np.asarray(z - self.q @ (share * (self.q.T @ z)))
 
+    def only(self, kept: NDArray[np.bool_]) -> Errors:
+        """Return the errors of some of the samples (u,) alone, as one piece."""
+        q, s, _ = np.linalg.svd((self.q * self.s)[kept], full_matrices=False)
+        return Errors(self.sigma_mm[kept], q, s, (int(kept.sum()),))
+
     def split(self, values: Array) -> list[Array]:
         """Return values (u, …) by record."""
         return np.split(values, self.ends[:-1])

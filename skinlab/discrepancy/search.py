@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.discrepancy.adequacy import ADEQUATE, Residual, look
-from skinlab.discrepancy.fit import EXPLAINS, Fit, Fitter
+from skinlab.discrepancy.fit import HOPELESS, Fit, Fitter
 from skinlab.discrepancy.records import Record
 from skinlab.discrepancy.screen import Signature, signature
 from skinlab.discrepancy.unknowns import Known, Unknowns
@@ -30,7 +30,9 @@ TIE = 1.3  # log10 evidence: 20 to 1
 # Before the data: no effect as likely as one of the library, two together a fifth of that.
 _PAIRS_ODDS = 0.2
 _SEEN = 8.0  # a gain of χ² by which an effect is worth a fit
+_BEHIND = 18.0  # the same for a second one: 20 : 1, the odds of pairs, and what a prior costs
 _SHARE = 0.04  # or of the largest gain, where the misfit is large
+_RIVAL = 0.5
 _MOST_SINGLES = 8
 _PARTNERS = 5  # of each of the best singles
 _LEADERS = 4
@@ -137,17 +139,36 @@ class Search:
             singles: list[Candidate] = []
             if chosen:
                 self._progress(f"fitting {', '.join(s.effect for s in chosen)}")
-                singles = self._fits(pool, base, [(base.fit, s) for s in chosen])
+                singles = self._singles(pool, base, chosen)
             if self._partial is not None:
                 self._partial.candidates = singles
             candidates = singles
-            if not base.adequate and not any(c.adequate for c in singles):
-                candidates = singles + self._pairs(pool, base, singles)
+            explaining = [c for c in singles if c.adequate]
+            if explaining:
+                # Something weaker may hide behind what explains nearly all.
+                candidates = singles + self._pairs(pool, base, explaining, 1, _BEHIND)
+            elif not base.adequate:
+                candidates = singles + self._pairs(pool, base, singles, _LEADERS, _SEEN)
         candidates.sort(key=lambda c: -c.log10_evidence)
         return Found(self._fitter.records, base, signatures, candidates)
 
-    def _pairs(self, pool: Executor, base: Candidate, singles: list[Candidate]) -> list[Candidate]:
-        leaders = sorted(singles, key=lambda c: -c.log10_evidence)[:_LEADERS]
+    def _singles(self, pool: Executor, base: Candidate, chosen: list[Signature]) -> list[Candidate]:
+        """Return fits of single effects: of the lesser ones only where the likely explain nothing.
+
+        An effect of which the screen expects less than half of what another one, that explains the
+        curves, takes away is no rival.
+        """
+        likely = [s for s in chosen if s.gain >= _RIVAL * chosen[0].gain]
+        found = self._fits(pool, base, [(base.fit, s) for s in likely])
+        if not any(c.adequate for c in found):
+            found += self._fits(pool, base, [(base.fit, s) for s in chosen[len(likely) :]])
+        return found
+
+    def _pairs(
+        self, pool: Executor, base: Candidate, singles: list[Candidate], most: int, least: float
+    ) -> list[Candidate]:
+        """Return pairs of the best singles, at most so many, with partners that gain so much."""
+        leaders = sorted(singles, key=lambda c: -c.log10_evidence)[:most]
         tasks: dict[frozenset[str], tuple[Fit, Signature]] = {}
         for leader in leaders:
             mine = leader.effects[-1]
@@ -157,7 +178,7 @@ class Search:
             for s in sorted(found.values(), key=lambda s: -s.gain)[:_PARTNERS]:
                 expected = leader.fit.cost - s.gain
                 names = frozenset((mine, s.effect))
-                if s.gain > _SEEN and (
+                if s.gain > least and (
                     names not in tasks or expected < tasks[names][0].cost - tasks[names][1].gain
                 ):
                     tasks[names] = leader.fit, s
@@ -253,7 +274,7 @@ def _fit(task: tuple[Fit, Signature]) -> Fit | None:
             best = found
         # An effect that does not take away what the screen expected may have been misled.
         if best is not None and (
-            best.chi2 < EXPLAINS * fitter.errors.count
+            best.chi2 < HOPELESS * fitter.errors.count
             or (best.settled and best.cost < fit.cost - 0.5 * seen.gain)
         ):
             break

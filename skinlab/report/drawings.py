@@ -75,7 +75,8 @@ def curve_drawings(measured: Measured) -> list[Drawing]:
             )
             for name, value in result.parameters.items()
         )
-        whole = "" if isinstance(measured.fit, str) else " The axes span all that was searched."
+        searched = not isinstance(measured.fit, str) and bool(measured.fit.ranges)
+        whole = " The axes span all that was searched." if searched else ""
         found.append(
             Drawing(
                 f"{name}_intervals",

@@ -1,23 +1,31 @@
-"""The fitted curve, which a session does not store: the database at the stored parameters."""
+"""The fitted curve, which a session does not store: the model at the stored parameters."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from skinlab.campaign import Campaign
 from skinlab.curve import Curve
+from skinlab.discrepancy.misfit import errors_of
+from skinlab.discrepancy.records import records_of
+from skinlab.discrepancy.unknowns import BASE_RANGES
+from skinlab.effects.model import Skin, response
+from skinlab.effects.registry import get_effect
 from skinlab.errors import InputError, NotTrustworthyError
 from skinlab.identify.identifier import PAPERS_METHODS, Identifier
 from skinlab.identify.noise import pressure_noise_mbar, slope_mm_per_mbar
-from skinlab.identify.samples import choose, group
+from skinlab.identify.samples import Fitted, choose, group
 from skinlab.parameters import PAPER_BOX
 from skinlab.report.stored import StoredResult
 
 Array = NDArray[np.float64]
 
+_BASE = ("X1_MPa", "X2_MPa", "nu")
 _LINE_POINTS = 200
 _ROUNDING = 1e-3  # relative difference of a residual that another database or version explains
 
@@ -30,9 +38,9 @@ class Fit:
     model_mm: Array  # (u,)
     residual_mm: Array  # (u,) measured less model
     noise_mm: Array | None  # (u,) one standard deviation, the pressure's noise included
-    line_mbar: Array  # (m,) increasing
+    line_mbar: Array  # (m,) increasing, or in the order of time where the model has a memory
     line_mm: Array  # (m,)
-    ranges: Mapping[str, tuple[float, float]]  # what was searched, by parameter
+    ranges: Mapping[str, tuple[float, float]]  # what was searched, by parameter, where known
     remark: str = ""  # a sentence where this is not quite what was found then
 
     @property
@@ -47,53 +55,121 @@ def fit_again(curve: Curve, result: StoredResult, identifier: Identifier) -> Fit
     """Return the fit that was found then; nothing is identified again.
 
     Raises:
-        InputError: the database of this installation cannot give it; says why in a sentence.
+        InputError: this installation cannot compute it; says why in a sentence.
     """
-    values = result.parameters or {}
-    if set(values) != {"X1_MPa", "X2_MPa", "nu"}:
-        raise InputError("its parameters are not those of the base model")
-    x = np.array([[values[name].value for name in ("X1_MPa", "X2_MPa", "nu")]])
-    database, kappa = identifier.database, identifier.kappa
     try:
-        chosen = choose(curve, result.phases or identifier.phases, database)
-        (members,) = group([chosen])
-        model = members.model(database, kappa)
-        model_mm = model.deflection_mm(x)[0]
-        line_mbar = np.linspace(
-            members.pressure_mbar.min(), members.pressure_mbar.max(), _LINE_POINTS
-        )
-        line_mm = database.model(members.geometry, line_mbar, kappa).deflection_mm(x)[0]
+        chosen = choose(curve, result.phases or identifier.phases, identifier.database)
+        make = _with_effects if identifier.model.effects else _from_database
+        at = make(chosen, result, identifier)
     except NotTrustworthyError as error:
         raise InputError(str(error)) from None
-    if not np.isfinite(model_mm).all():
-        raise InputError("the database does not hold at the stored parameters")
-    residual_mm = members.deflection_mm - model_mm
-    space = PAPER_BOX if identifier.method in PAPERS_METHODS else model.space
-    lows, highs = (bound.tolist() for bound in space.bounds)
+    if not np.isfinite(at.model_mm).all():
+        raise InputError("the model does not hold at the stored parameters")
+    residual_mm = curve.deflection_mm[chosen.mask] - at.model_mm
     return Fit(
         mask=chosen.mask,
-        model_mm=model_mm,
+        model_mm=at.model_mm,
         residual_mm=residual_mm,
-        noise_mm=_noise_mm(curve, chosen.mask, model_mm, result, identifier),
-        line_mbar=line_mbar,
-        line_mm=line_mm,
-        ranges=dict(zip(space.names, zip(lows, highs, strict=True), strict=True)),
+        noise_mm=at.noise_mm,
+        line_mbar=at.line_mbar,
+        line_mm=at.line_mm,
+        ranges=at.ranges,
         remark=_remark(residual_mm, result),
     )
 
 
+@dataclass(frozen=True, eq=False)
+class _Model:
+    model_mm: Array  # (u,)
+    noise_mm: Array | None  # (u,)
+    line_mbar: Array  # (m,)
+    line_mm: Array  # (m,)
+    ranges: Mapping[str, tuple[float, float]]
+
+
+def _from_database(chosen: Fitted, result: StoredResult, identifier: Identifier) -> _Model:
+    values = result.parameters or {}
+    if set(values) != set(_BASE):
+        raise InputError("its parameters are not those of the base law")
+    x = np.array([[values[name].value for name in _BASE]])
+    database, kappa = identifier.database, identifier.kappa
+    (members,) = group([chosen])
+    model = members.model(database, kappa)
+    line_mbar = np.linspace(members.pressure_mbar.min(), members.pressure_mbar.max(), _LINE_POINTS)
+    space = identifier.space
+    if space is None:
+        space = PAPER_BOX if identifier.method in PAPERS_METHODS else model.space
+    lows, highs = (bound.tolist() for bound in space.bounds)
+    model_mm = model.deflection_mm(x)[0]
+    return _Model(
+        model_mm,
+        _noise_mm(chosen, model_mm, result, identifier),
+        line_mbar,
+        database.model(members.geometry, line_mbar, kappa).deflection_mm(x)[0],
+        dict(zip(space.names, zip(lows, highs, strict=True), strict=True)),
+    )
+
+
+def _with_effects(chosen: Fitted, result: StoredResult, identifier: Identifier) -> _Model:
+    values = {name: value.value for name, value in (result.parameters or {}).items()}
+    if not set(_BASE) <= set(values):
+        raise InputError("its parameters are not those of its model")
+    effects = {
+        effect: {name: known.value for name, known in parameters.items()}
+        for effect, parameters in identifier.model.effects.items()
+    }
+    for name, value in values.items():
+        effect, _, parameter = name.partition(".")
+        if effect in effects:
+            effects[effect][parameter] = value
+    curve, mask = chosen.curve, chosen.mask
+    fitted = Curve(
+        curve.name,
+        curve.setup,
+        curve.time_s[mask],
+        curve.pressure_mbar[mask],
+        curve.deflection_mm[mask],
+        None if curve.segment is None else curve.segment[mask],
+        curve.partial,
+    )
+    sensor = identifier.sensor
+    (record,) = records_of(Campaign("", sensor.noise_um, sensor.pressure_noise_mbar, (fitted,)))
+    skin = Skin(values["X1_MPa"], values["X2_MPa"], values["nu"], identifier.kappa)
+    model_mm = response(
+        skin,
+        effects,
+        record.geometry,
+        record.path,
+        fitted.time_s,
+        record.pressure_mbar,
+        cycle=curve.setup.cycle,
+    ).deflection_mm
+    noise_mm = errors_of([record]).sigma_mm
+    return _Model(model_mm, noise_mm, record.pressure_mbar, model_mm, _ranges(effects))
+
+
+def _ranges(effects: Iterable[str]) -> dict[str, tuple[float, float]]:
+    """Return where a fit with effects searches."""
+    (x1_low, x1_high), (ratio_low, ratio_high), nu = BASE_RANGES
+    found = {
+        "X1_MPa": (math.exp(x1_low), math.exp(x1_high)),
+        "X2_MPa": (math.exp(x1_low + ratio_low), math.exp(x1_high + ratio_high)),
+        "nu": nu,
+    }
+    for effect in effects:
+        for parameter in get_effect(effect).parameters:
+            found[f"{effect}.{parameter.name}"] = (parameter.low, parameter.high)
+    return found
+
+
 def _noise_mm(
-    curve: Curve,
-    mask: NDArray[np.bool_],
-    model_mm: Array,
-    result: StoredResult,
-    identifier: Identifier,
+    chosen: Fitted, model_mm: Array, result: StoredResult, identifier: Identifier
 ) -> Array | None:
     if result.noise_um is None:
         return None
     stated = identifier.sensor.pressure_noise_mbar
-    pressure = curve.pressure_mbar[mask]
-    spread = pressure_noise_mbar(curve.time_s[mask], pressure) if stated is None else stated
+    time, pressure = chosen.curve.time_s[chosen.mask], chosen.curve.pressure_mbar[chosen.mask]
+    spread = pressure_noise_mbar(time, pressure) if stated is None else stated
     return np.hypot(1e-3 * result.noise_um, slope_mm_per_mbar(pressure, model_mm) * spread)
 
 

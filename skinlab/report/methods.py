@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from skinlab.effects.registry import get_effect
 from skinlab.identify.identifier import Identifier
+from skinlab.model_file import BASE, Model
 
 _METHODS = {
     "auto": "many random candidates over all that is possible, the best ones of every part of it "
@@ -24,15 +26,37 @@ _KAPPA = {
 }
 
 
-def how(identifier: Identifier) -> list[str]:
-    """Return paragraphs that say how the numbers were found."""
+_WITH_EFFECTS = (
+    "Method auto, with effects: the parameters of the law and of the effects together, by least "
+    "squares in units of each sample's error, from several starts; finite elements compute the "
+    "curves, with the database as their guide."
+)
+_SHORTEST = (
+    "They are the shortest parts with 90 % of what data, noise, thickness (with its standard "
+    "deviation, where one is stated) and the range searched leave open."
+)
+_GAUSSIAN = "They are Gaussian about the optimum, and cut off at the ends of what was searched."
+
+
+def how(identifier: Identifier, phases: tuple[str, ...]) -> list[str]:
+    """Return paragraphs that say how the numbers were found, from samples in these phases."""
     settings = identifier.options
     sensor = identifier.sensor
-    phases = ", ".join(identifier.phases)
+    law, mesh = identifier.database.law, identifier.database.mesh_name
+    if identifier.model.effects:
+        method, intervals = _WITH_EFFECTS, _GAUSSIAN
+    else:
+        method = (
+            f"Method {identifier.method}: {_METHODS.get(identifier.method, identifier.method)}. "
+            f"Candidates {settings.samples}, best {settings.best}, tolerance "
+            f"{settings.tolerance_um:g} µm, seed {identifier.seed}. Computed curves come from a "
+            "database of finite-element solutions by interpolation."
+        )
+        intervals = _SHORTEST
     fitted = (
         "the first loading only, because the elastic law describes nothing else"
-        if identifier.phases == ("load",)
-        else f"the phases {phases}"
+        if phases == ("load",)
+        else f"the phases {', '.join(phases)}"
     )
     noise = [
         f"{name} {value:g} {unit} (stated)" if value is not None else f"{name} estimated"
@@ -45,18 +69,13 @@ def how(identifier: Identifier) -> list[str]:
         "A probe with a round opening pulls the skin into a dome; deflection is the height of its "
         "apex, pressure the suction. The parameters of the skin are those whose computed curve is "
         "nearest to the measured one in the sum of squared differences of the deflection.",
-        f"Fitted was {fitted}. Computed curves come from a database of finite-element solutions by "
-        f"interpolation (law {identifier.database.law}, mesh {identifier.database.mesh_name}).",
-        f"Method {identifier.method}: {_METHODS.get(identifier.method, identifier.method)}. "
-        f"Candidates {settings.samples}, best {settings.best}, tolerance {settings.tolerance_um:g} "
-        f"µm, seed {identifier.seed}: the same settings give the same numbers.",
+        f"Fitted was {fitted}. Law {law}, mesh {mesh}.",
+        *_model(identifier.model),
+        f"{method} The same settings give the same numbers.",
         "Intervals, which only the method auto gives, hold the true value in nine of ten "
-        "measurements of such skins, if the model is right: they are the shortest parts with 90 % "
-        "of what data, noise and the range searched leave open. Noise: "
-        + ", ".join(noise)
-        + ". The thickness enters with its "
-        "standard deviation, where one is stated. Compare two skins by their intervals, never by "
-        "the values alone: where they overlap widely, nothing was shown.",
+        f"measurements of such skins, if the model is right. {intervals} "
+        f"Noise: {', '.join(noise)}. Compare two skins by their intervals, never by the "
+        "values alone: where they overlap widely, nothing was shown.",
         "A correlation near +1 or −1 between two parameters means that an error of one goes with "
         "an error of the other.",
         "E is the paper's error, (1/u)·√Σd² over u samples; rms, the root mean square of the same "
@@ -66,9 +85,23 @@ def how(identifier: Identifier) -> list[str]:
     ]
 
 
+def _model(model: Model) -> list[str]:
+    if model is BASE:
+        return []
+    own = " It sets bounds or priors of its own." if model.parameters else ""
+    return [f"Model “{model.model.name}”, from a file.{own}"]
+
+
 def assumptions(identifier: Identifier) -> list[str]:
     """Return what was assumed, a point each."""
+    effects = [get_effect(name) for name in sorted(identifier.model.effects)]
+    added = [
+        f"Added to the base law by the model, in place of what is said below of the same thing: "
+        f"{effect.name}: {effect.meaning}; {effect.formula}."
+        for effect in effects
+    ]
     return [
+        *added,
         "The skin is one homogeneous, isotropic layer of the stated thickness, elastic and without "
         "history: W = X1 (J1 − 3) + X2 (J1 − 3)(J2 − 3) + κ/2 (J − 1)² (X1, X2: stiffness at small "
         "and at large stretch; κ: resistance to a change of volume; J1, J2, J: invariants of the "

@@ -157,7 +157,7 @@ def _residuals(outcome: Outcome) -> list[Illustration]:
             for name, fit in fits:
                 left = 1e3 * (record.curve.deflection_mm - fit.deflections_mm[i])
                 ax.plot(time, left, ".", markersize=2.5, label=name)
-            ax.set_title(record.name)
+            ax.set_title(record.name, parse_math=False)
             ax.set_xlabel("time (s)")
             ax.set_ylabel("residual (µm)")
         for ax in axes[len(records) :]:

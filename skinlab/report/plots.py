@@ -37,6 +37,7 @@ _PHASES = {
 }
 _DASHES = ("-", "--", ":", "-.")
 _NARROW, _WIDE = 1.0, 2.5  # decades: ticks where a linear axis has them, and only at powers of 10
+_WIDE_RATIO = 20.0  # of the ends of an axis that is better logarithmic
 _MANY = 2000  # samples from which points are stored as an image inside an SVG
 MOST_NAMED = len(SERIES) * len(_DASHES)  # curves that can be told apart by colour and dashes
 _LABELS = {"X1_MPa": "X1 (MPa)", "X2_MPa": "X2 (MPa)", "nu": "ν"}
@@ -136,18 +137,20 @@ def draw_correlation(measured: Measured) -> Figure:
     assert result.correlation is not None
     matrix = np.array(result.correlation, dtype=float)
     names = [NAMES.get(name, name) for name in result.order]
-    figure = new_figure(WIDTH_IN, 3.8)
+    long = len(names) > len(NAMES)
+    figure = new_figure(WIDTH_IN, 4.8 if long else 3.8)
     axes = figure.add_subplot()
     image = axes.imshow(matrix, cmap="PuOr", vmin=-1, vmax=1)
-    figure.colorbar(image, ax=axes, label="correlation")
+    figure.colorbar(image, ax=axes, label="correlation", shrink=0.6 if long else 1.0)
     ticks = np.arange(len(names))
-    axes.set_xticks(ticks, names, parse_math=False)
-    axes.set_yticks(ticks, names, parse_math=False)
+    size = 8 if long else 10
+    axes.set_xticks(ticks, names, parse_math=False, rotation=90 if long else 0, fontsize=size)
+    axes.set_yticks(ticks, names, parse_math=False, fontsize=size)
     axes.grid(visible=False)
     axes.spines[:].set_visible(False)
     for (i, j), value in np.ndenumerate(matrix):
         colour = "white" if abs(value) > 0.6 else "black"
-        axes.text(j, i, signed(value), ha="center", va="center", color=colour)
+        axes.text(j, i, signed(value), ha="center", va="center", color=colour, fontsize=size)
     axes.set_title(f"Curve {measured.number}: correlations")
     return figure
 
@@ -225,11 +228,12 @@ def _scatter(axes: Axes, x: Any, y: Any, phase: Any) -> None:
 
 
 def _scale(axes: Axes, name: str, ticks: int) -> None:
-    """Give a stiffness a logarithmic axis; few ticks, so that they never run into each other."""
+    """Give a stiffness, or a wide range, a logarithmic axis; few ticks, so that none touch."""
     from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
     low, high = axes.get_xlim()
-    if not name.endswith("_MPa") or low <= 0.0:
+    stiffness = name.endswith("_MPa")
+    if low <= 0.0 or not (stiffness or high / low > _WIDE_RATIO):
         axes.xaxis.set_major_locator(MaxNLocator(ticks))
         return
     decades = np.log10(high / low)

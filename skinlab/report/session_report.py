@@ -127,10 +127,13 @@ class SessionReport:
     def _methods(self) -> list[Section]:
         if isinstance(self.identifier, str):
             return [Section("How the numbers were found", (f"Not known: {self.identifier}.",))]
-        if not any(m.result for m in self.curves):
+        phases = next((m.result.phases for m in self.curves if m.result), None)
+        if phases is None:
             return [Section("How the numbers were found", ("Nothing was identified.",))]
         return [
-            Section("How the numbers were found", how(self.identifier)),
+            Section(
+                "How the numbers were found", how(self.identifier, phases or self.identifier.phases)
+            ),
             Section("What was assumed", points=assumptions(self.identifier)),
         ]
 

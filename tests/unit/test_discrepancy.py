@@ -150,6 +150,12 @@ def test_whitening_is_that_of_the_dense_covariance():
     expected = r.T @ np.linalg.solve(covariance, r)
     np.testing.assert_allclose(white.T @ white, expected, rtol=1e-8)
     np.testing.assert_allclose(errors.whiten(r[:, 0]), white[:, 0], rtol=1e-12)
+    some = np.random.default_rng(2).random(errors.count) < 0.6
+    part = errors.only(some).whiten(r[some])
+    within = covariance[np.ix_(some, some)]
+    np.testing.assert_allclose(
+        part.T @ part, r[some].T @ np.linalg.solve(within, r[some]), rtol=1e-8
+    )
     assert [len(part) for part in errors.split(r)] == [len(x.curve) for x in records]
     # What is left of r when the mesh's most probable share is taken off: σ² Σ⁻¹ r.
     left = errors.sigma_mm * np.linalg.solve(covariance, r[:, 0])
@@ -330,7 +336,7 @@ def candidate(effects, evidence, p_value=0.5):
 
 def verdict(base_p, *candidates):
     ranked = sorted(candidates, key=lambda c: -c.log10_evidence)
-    found = decide(Found(candidate((), 0.0, base_p), {}, ranked))
+    found = decide(Found([], candidate((), 0.0, base_p), {}, ranked))
     return found.name, [set(c.effects) for c in found.explanations]
 
 
