@@ -160,7 +160,7 @@ async def test_two_curves_and_looking_back_at_the_first(bedside, session_files):
     async with bedside() as bed:
         await bed.connected()
         await bed.run()
-        await bed.until(lambda: "points fitted" in bed.text("#card-text"))  # drawn by a timer
+        await bed.until(lambda: "100 of 100 points" in bed.text("#card-text"))  # no estimate
         first = bed.text("#card-text")
         await bed.fill("cycle", "2")
         await bed.run()
