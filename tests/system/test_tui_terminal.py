@@ -88,7 +88,7 @@ class Terminal:
         """Start a run that takes long, and wait until its curve is drawn."""
         self.until(lambda screen: "READY" in screen)
         calm = self.row("Program")
-        self.press(*["Tab"] * 7)  # from field to field
+        self.press(*["Tab"] * 10)  # from field to field
         self.until(lambda _: self.row("Program") != calm)  # in the colours of a selected text
         self.press("-l", "ramp:100@2")
         self.until(lambda screen: re.search(r"ramp:100@2\s", screen))
@@ -139,7 +139,7 @@ def test_a_measurement_by_keys(open_terminal, size):
     terminal.until_all("ARMED", "up to 100 mbar")
     terminal.press("Space")
     terminal.until_all("saved:", "true nu", "X1", "X2", "nu", "MPa", "measured", "fitted")
-    terminal.until_all("deflection (mm)", "ramp:100@20")
+    terminal.until_all("deflection (mm)", "ramp:100@2")
     terminal.press("q")
     last = terminal.until_all("exit status 0", "session:")
     assert "Traceback" not in last
