@@ -36,7 +36,7 @@ def read_seal(path: Path) -> Seal:
         InputError: the file cannot be read.
     """
     try:
-        with path.open("rb") as file:
+        with Path(path).open("rb") as file:
             block = file.read(SEAL_BYTES)
             digest = hashlib.file_digest(file, "sha256")
     except FileNotFoundError:

@@ -83,10 +83,10 @@ def unknowns_of(model: Model) -> Unknowns:
 class Found:
     """What the search came to."""
 
-    records: Sequence[Record]
     base: Candidate
     signatures: dict[str, Signature]  # of single effects at the base fit
-    candidates: list[Candidate] = field(default_factory=list)  # the best first; never empty
+    candidates: list[Candidate] = field(default_factory=list)  # the best first
+    records: Sequence[Record] = ()  # what was explained
 
 
 class Search:
@@ -150,7 +150,7 @@ class Search:
             elif not base.adequate:
                 candidates = singles + self._pairs(pool, base, singles, _LEADERS, _SEEN)
         candidates.sort(key=lambda c: -c.log10_evidence)
-        return Found(self._fitter.records, base, signatures, candidates)
+        return Found(base, signatures, candidates, self._fitter.records)
 
     def _singles(self, pool: Executor, base: Candidate, chosen: list[Signature]) -> list[Candidate]:
         """Return fits of single effects: of the lesser ones only where the likely explain nothing.

@@ -120,7 +120,7 @@ def test_nothing_good_leaves_no_session(call, tmp_path):
         (["watch", ".", *SKIN, "--settle-s", 0], 3, "expected 0.1-3600"),
         (["watch", ".", *SKIN, "--out", "a.txt"], 3, "exists already"),
         (["export", "absent.h5", "--to", "csv", "d"], 3, "absent.h5"),
-        (["export", "absent.h5", "--to", "html", "d"], 2, "'csv', 'json'"),
+        (["export", "absent.h5", "--to", "docx", "d"], 2, "'csv', 'json'"),
         (["capture", "--port", "sim://", "--out", "a.txt"], 3, "never overwritten"),
         (["capture", "--port", "/dev/absent", "--out", "c"], 4, "there is no such port"),
         (["capture", "--port", "sim://", "--through", "tcp:99999", "--out", "c"], 4, "65535"),
