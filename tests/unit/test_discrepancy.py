@@ -330,13 +330,15 @@ def test_structure_is_seen_and_said_where(looks):
 def candidate(effects, evidence, p_value=0.5):
     unknowns = Unknowns(tuple(effects))
     k = len(unknowns)
-    fit = Fit(unknowns, np.zeros(k), [], 0.0, 0.0, np.zeros((1, k)), 0.0, settled=True)
+    fit = Fit(
+        unknowns, np.zeros(k), [], 0.0, 0.0, np.zeros((1, k)), 0.0, settled=True, corrected=False
+    )
     return Candidate(fit, Residual(p_value, ()), evidence)
 
 
 def verdict(base_p, *candidates):
     ranked = sorted(candidates, key=lambda c: -c.log10_evidence)
-    found = decide(Found([], candidate((), 0.0, base_p), {}, ranked))
+    found = decide(Found(candidate((), 0.0, base_p), {}, ranked))
     return found.name, [set(c.effects) for c in found.explanations]
 
 
