@@ -96,7 +96,9 @@ class Outcome:
     def where(self) -> list[Place]:
         """Places where the model as it is leaves more than noise, the most significant first."""
         places = self.found.base.left.places
-        return [p for p in places if p.p_value < _SIGNIFICANT][:_MOST_PLACES]
+        found = [p for p in places if p.p_value < _SIGNIFICANT][:_MOST_PLACES]
+        # What goes up and down within every stretch stands out in none: then the foremost.
+        return found or ([] if self.verdict.name == "none" else list(places[:3]))
 
     @property
     def detectable(self) -> dict[str, float]:

@@ -136,6 +136,8 @@ class Search:
             self._progress(f"screening {len(self._library)} effects")
             signatures = self._screen(pool, base.fit, self._library)
             chosen = _worth(signatures.values())
+            if not chosen and not base.adequate:  # how close the best comes is told all the same
+                chosen = sorted(signatures.values(), key=lambda s: -s.gain)[:2]
             singles: list[Candidate] = []
             if chosen:
                 self._progress(f"fitting {', '.join(s.effect for s in chosen)}")
