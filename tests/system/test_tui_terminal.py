@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shlex
@@ -20,13 +21,18 @@ from skinlab.session import Session, read_session
 pytestmark = pytest.mark.skipif(shutil.which("tmux") is None, reason="tmux is not installed")
 
 PATIENCE_S = 120.0
+LONG = "ramp:100@2"  # 50 s, of which 1 s is waited for
 
 
 class Terminal:
     """A program in a tmux of its own."""
 
-    def __init__(self, folder: Path, size: tuple[int, int], port: str) -> None:
+    def __init__(self, folder: Path, size: tuple[int, int], port: str, program: str) -> None:
         self.sessions = folder / "sessions"
+        self._settings = folder / "settings"
+        kept = self._settings / "skinlab" / "ui.json"  # of the last time, as if there was one
+        kept.parent.mkdir(parents=True)
+        kept.write_text(json.dumps({"program": program}))
         self._socket = str(folder / "tmux")
         columns, rows = size
         command = patient_command("skinlab", "ui", "--port", port)
@@ -49,17 +55,13 @@ class Terminal:
                 "OPENBLAS_NUM_THREADS": "1",
                 "LC_ALL": "C.UTF-8",
                 "SHELL": "/bin/sh",
+                "XDG_CONFIG_HOME": str(self._settings),
             },
         )
         return done.stdout
 
     def press(self, *keys: str) -> None:
         self._tmux("send-keys", *keys)
-
-    def row(self, word: str) -> str:
-        """The first row with this word, colours included."""
-        rows = self._tmux("capture-pane", "-e", "-p").splitlines()
-        return next(row for row in rows if word in row)
 
     def screen(self) -> str:
         return self._tmux("capture-pane", "-p")
@@ -87,11 +89,6 @@ class Terminal:
     def start_slow_run(self) -> None:
         """Start a run that takes long, and wait until its curve is drawn."""
         self.until(lambda screen: "READY" in screen)
-        calm = self.row("Program")
-        self.press(*["Tab"] * 10)  # from field to field
-        self.until(lambda _: self.row("Program") != calm)  # in the colours of a selected text
-        self.press("-l", "ramp:100@2")
-        self.until(lambda screen: re.search(r"ramp:100@2\s", screen))
         self.press("Enter")
         self.until(lambda screen: "ARMED" in screen)
         self.press("Space")
@@ -122,8 +119,12 @@ def alive(process: int) -> bool:
 def open_terminal(tmp_path: Path) -> Iterator[Callable[..., Terminal]]:
     opened: list[Terminal] = []
 
-    def open_it(size: tuple[int, int] = (80, 24), port: str = "sim://?seed=1&speed=10") -> Terminal:
-        opened.append(Terminal(tmp_path, size, port))
+    def open_it(
+        size: tuple[int, int] = (80, 24),
+        port: str = "sim://?seed=1&speed=10",
+        program: str = "ramp:100@20",
+    ) -> Terminal:
+        opened.append(Terminal(tmp_path, size, port, program))
         return opened[-1]
 
     yield open_it
@@ -139,7 +140,7 @@ def test_a_measurement_by_keys(open_terminal, size):
     terminal.until_all("ARMED", "up to 100 mbar")
     terminal.press("Space")
     terminal.until_all("saved:", "true nu", "X1", "X2", "nu", "MPa", "measured", "fitted")
-    terminal.until_all("deflection (mm)", "ramp:100@2")
+    terminal.until_all("deflection (mm)", "ramp:100@20")
     terminal.press("q")
     last = terminal.until_all("exit status 0", "session:")
     assert "Traceback" not in last
@@ -147,7 +148,7 @@ def test_a_measurement_by_keys(open_terminal, size):
 
 
 def test_a_terminated_program_vents_and_saves(open_terminal):
-    terminal = open_terminal(port="sim://?seed=1")
+    terminal = open_terminal(port="sim://?seed=1", program=LONG)
     terminal.start_slow_run()
     os.kill(terminal.program(), signal.SIGTERM)
     last = terminal.until_all("exit status 130")
@@ -156,7 +157,7 @@ def test_a_terminated_program_vents_and_saves(open_terminal):
 
 
 def test_a_closed_terminal_vents_and_saves(open_terminal):
-    terminal = open_terminal(port="sim://?seed=1")
+    terminal = open_terminal(port="sim://?seed=1", program=LONG)
     terminal.start_slow_run()
     program = terminal.program()
     terminal.kill()
