@@ -36,7 +36,10 @@ def check(path: Path) -> tuple[Session, list[str]]:
             found.append(f"the records cannot be read again ({error})")
     if not stored.unchanged:
         found.append("the content does not agree with its hash: it was changed")
-    if read_seal(path) is not Seal.HOLDS:
+    seal = read_seal(path)
+    if seal is Seal.NONE:
+        found.append("the file has no seal: it was changed, or not written by skinlab")
+    elif seal is Seal.BROKEN:
         found.append("the bytes of the file do not agree with their hash: it was changed")
     return stored.session, found
 

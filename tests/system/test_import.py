@@ -22,6 +22,7 @@ from skinlab.session import read_session
 SKINLAB = [sys.executable, "-m", "skinlab"]
 ENVIRONMENT = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
 SKIN = ["--aperture-mm", "6", "--thickness-mm", "1"]
+PATIENCE_S = 300.0
 ROWS = "".join(f"{0.1 * i:.1f};{i};{0.006 * i:.3f}\n" for i in range(51))
 UNCLEAR = "t (s);pressure;w (mm)\n" + ROWS
 
@@ -44,7 +45,7 @@ def test_what_is_ambiguous_fails_in_a_pipe_and_is_asked_for_on_a_terminal(tmp_pa
     (tmp_path / "b.txt").write_text(UNCLEAR)
     arguments = ["import", "a.txt", "b.txt", *SKIN, "--out", "s.h5"]
     piped = start(tmp_path, *arguments)
-    out, err = piped.communicate(timeout=120)
+    out, err = piped.communicate(timeout=PATIENCE_S)
     assert (piped.returncode, out) == (3, "")
     assert "a.txt: line 1: the unit of the pressure (column 'pressure') is not known" in err
     assert "--pressure-unit mbar or bar or hPa or kPa or Pa or mmHg" in err
@@ -62,7 +63,7 @@ def test_what_is_ambiguous_fails_in_a_pipe_and_is_asked_for_on_a_terminal(tmp_pa
             shown += chunk
     except OSError:
         pass  # Linux says so when the other end is closed: the process has ended
-    out, _ = process.communicate(timeout=120)
+    out, _ = process.communicate(timeout=PATIENCE_S)
     os.close(terminal)
     assert (process.returncode, out) == (0, "session: s.h5\n")
     assert b"'lunch' is not one of" in shown
@@ -94,7 +95,7 @@ def test_watch_takes_files_as_they_land_and_keeps_them_when_interrupted(tmp_path
     (tmp_path / "new").rename(exports / "new.txt")
     wait_for("exports/new.txt: UTF-8")
     process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=120)
+    out, err = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 130
     assert "Traceback" not in err
     document = json.loads(out)
@@ -122,7 +123,7 @@ def test_capture_stands_between_a_probe_and_its_software(tmp_path, through):
             heard.append(event)
     software.close()
     capture.send_signal(signal.SIGINT)
-    _, err = capture.communicate(timeout=120)
+    _, err = capture.communicate(timeout=PATIENCE_S)
     assert capture.returncode == 130
     assert "bytes from the instrument" in err
     assert "Traceback" not in err

@@ -32,7 +32,7 @@ async def test_repeats_follow_by_themselves(bedside, session_files):
         await bed.fill("repeats", "3")
         await bed.fill("rest_s", "0")
         await bed.arm()
-        assert "repeats  3" in bed.text("#card-text")
+        await bed.until(lambda: "repeats  3" in bed.text("#card-text"))
         await bed.press("space")
         await bed.until(lambda: len(bed.board.entries) == 3 and bed.board.series is None)
         await bed.until(lambda: bed.board.can_arm)
@@ -55,10 +55,10 @@ async def test_a_vent_during_the_rest_ends_the_repeats(bedside):
         await bed.press("tab", "x")
         assert not isinstance(bed.app.focused, Input)
         await bed.press("v")
-        assert bed.board.series is None
+        await bed.until(lambda: bed.board.series is None)
         await bed.connected()
         assert len(bed.board.entries) == 1
-        assert "vented" in bed.board.note
+        await bed.until(lambda: "vented" in bed.board.note)
 
 
 async def test_a_vent_in_a_repeat_ends_the_repeats(bedside):
@@ -110,7 +110,7 @@ async def test_f3_goes_to_the_settings_and_back(bedside):
         await bed.until(lambda: not bed.app.screen.query_one("#fields").display)
         await bed.press("f3")
         await bed.until(lambda: bed.app.screen.query_one("#fields").display)
-        assert bed.app.screen.query_one("#program").has_focus
+        await bed.until(lambda: bed.app.screen.query_one("#program").has_focus)
         await bed.press("f3")
         await bed.until(lambda: not bed.app.screen.query_one("#fields").display)
 
@@ -128,14 +128,14 @@ async def test_the_estimate_forms_in_grey_and_a_vent_ends_the_ramp(bedside, size
         await bed.press("space")
         await bed.until(lambda: "so far" in bed.text("#card-title"))
         await bed.until(lambda: "X1" in bed.text("#card-text"))
-        assert bed.app.screen.query_one("#card").has_class("-forming")
+        await bed.until(lambda: bed.app.screen.query_one("#card").has_class("-forming"))
         await bed.until(lambda: "Hz" in bed.text("#reading-line"))
-        assert "dotted" in bed.text("#strip")
+        await bed.until(lambda: "dotted" in bed.text("#strip"))
         await bed.press("v")
         await bed.until(lambda: bed.board.entry and bed.board.entry.result and bed.board.can_arm)
         await bed.until(lambda: "residual" in bed.text("#strip"))
-        assert not bed.app.screen.query_one("#card").has_class("-forming")
-        assert "Vent" in bed.screenshot()
+        await bed.until(lambda: not bed.app.screen.query_one("#card").has_class("-forming"))
+        await bed.until(lambda: "Vent" in bed.screenshot())
 
 
 # ---- the session ----------------------------------------
@@ -147,19 +147,23 @@ async def test_excluding_noting_fitting_and_undoing(bedside, session_files):
         await bed.run()
         await bed.run()
         await session_screen(bed)
-        await bed.press("x", *"bad", "enter")
+        await bed.press("x")
+        await bed.until(lambda: isinstance(bed.app.focused, Input))
+        await bed.press(*"bad", "enter")
         await bed.until(lambda: bed.board.ledger.excluded)
         (number,) = bed.board.ledger.excluded
         assert bed.board.ledger.excluded[number] == "bad"
         await bed.press("u")
         await bed.until(lambda: not bed.board.ledger.excluded)
-        await bed.press("n", *"vj", "enter")
+        await bed.press("n")
+        await bed.until(lambda: isinstance(bed.app.focused, Input))
+        await bed.press(*"vj", "enter")
         await bed.until(lambda: "Note: vj" in bed.text("#session-text"))
         assert bed.app.bench.vents == 0  # that v was text
         await bed.press("j")
         await bed.until(lambda: "Together (curve 1, curve 2)" in bed.text("#session-text"))
         await bed.press("v")
-        assert bed.app.bench.vents == 1
+        await bed.until(lambda: bed.app.bench.vents == 1)
         await bed.press("s")
         await bed.until(lambda: bed.app.screen is bed.app.screen_stack[0])
     (path,) = session_files()
@@ -184,6 +188,7 @@ async def test_comparing_with_an_earlier_session(bedside):
         await bed.press("enter")
         await bed.until(lambda: "no such file" in bed.board.note)
         await bed.press("c")
+        await bed.until(lambda: isinstance(bed.app.focused, Input))
         bed.app.focused.value = str(example_session())
         await bed.press("enter")
         await bed.until(lambda: "Compared with example.h5" in bed.text("#session-text"))
@@ -198,7 +203,7 @@ async def test_a_replay_plays_pauses_steps_and_ends(bedside):
         board = bed.board
         await bed.until(lambda: board.phase == "REPLAY" and board.live)
         await bed.press("space")
-        assert board.phase == "PAUSED"
+        await bed.until(lambda: board.phase == "PAUSED")
         await bed.until(lambda: "x1" in bed.text("#reading-line"))
         control = bed.app.bench.control
         before = len(board.live.pressure_mbar)
@@ -207,9 +212,9 @@ async def test_a_replay_plays_pauses_steps_and_ends(bedside):
         await bed.press("enter", "f2")  # nothing can be armed
         assert board.order is None
         await bed.press("plus")
-        assert control.speed == 2.0
+        await bed.until(lambda: control.speed == 2.0)
         await bed.press("minus", "minus")
-        assert control.speed == 0.5
+        await bed.until(lambda: control.speed == 0.5)
         while control.speed is not None:
             await bed.press("plus")
         await bed.press("space")
@@ -218,7 +223,9 @@ async def test_a_replay_plays_pauses_steps_and_ends(bedside):
         assert all(entry.result.parameters for entry in board.entries.values())
         await bed.press("v")  # does no harm
         await session_screen(bed)
-        await bed.press("n", "x", "enter")
+        await bed.press("n")
+        await bed.until(lambda: isinstance(bed.app.focused, Input))
+        await bed.press("x", "enter")
         await bed.until(lambda: "replay" in board.note)
         await bed.press("s", "q")
         await bed.until(lambda: bed.app._exit)
@@ -250,13 +257,11 @@ async def test_without_a_port_it_offers_what_there_is(bedside):
 
     async with bedside(None, ports=ports, size=(60, 20)) as bed:
         await bed.until(lambda: isinstance(bed.app.screen, WelcomeScreen))
-        await bed.pilot.pause()
-        picture = bed.screenshot().replace("&#160;", " ")
         for word in ("Simulated probe", "Recorded example", "/dev/ttyX9", "vents", "Space"):
-            assert word in picture
+            await bed.until(lambda w=word: w in bed.screenshot().replace("&#160;", " "))
         await bed.press("down", "enter")
         await bed.until(lambda: isinstance(bed.app.bench, Replayer) and bed.board.live)
-        assert "replay of" in bed.text("#where")
+        await bed.until(lambda: "replay of" in bed.text("#where"))
 
 
 async def test_the_simulated_probe_is_one_key_away(bedside):
