@@ -58,13 +58,15 @@ def look(
     off = np.concatenate([m - w for m, w in zip(measured, deflections_mm, strict=True)])
     z_all = errors.without_mesh(off)
     raw_all = off
-    total, count, product, pairs = 0.0, 0, 0.0, 0
+    total, count, pairs = 0.0, 0, 0
+    lags = range(1, _NEIGHBOURS + 1)
+    product = -sum(errors.expected_product(apart) for apart in lags)
     places: list[tuple[float, Place]] = []
     scale = _noise_scale(records, errors.split(z_all))
     for record, z, raw in zip(
         records, errors.split(z_all / scale), errors.split(raw_all), strict=True
     ):
-        for apart in range(1, _NEIGHBOURS + 1):
+        for apart in lags:
             product += float(z[apart:] @ z[:-apart])
             pairs += len(z) - apart
         for begin, end in _stretches(record):
