@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from textual import on
 from textual.app import App
@@ -21,21 +22,25 @@ from skinlab.errors import InputError, SkinlabError
 from skinlab.log import log_exception
 from skinlab.session_fit import comparable
 from skinlab.tui.bench import Bench
-from skinlab.tui.board import Board, Level, Playing, Series
+from skinlab.tui.board import EXPLAINING, Board, Level, Missing, Playing, Series
 from skinlab.tui.colourless import StyledFirst
 from skinlab.tui.ledger import Deed
 from skinlab.tui.lifeline import INTERRUPTED
-from skinlab.tui.news import Connected, Disconnected, Done, Failed, News
-from skinlab.tui.order import Order, check_limits, read_order
+from skinlab.tui.news import Adopted, Connected, Disconnected, Done, Failed, News
+from skinlab.tui.order import Order, check_limits, read_order, with_opening
 from skinlab.tui.remembered import recall, remember
 from skinlab.tui.replayer import Replayer, example_session, next_speed
 from skinlab.tui.screens.alarm import AlarmScreen
 from skinlab.tui.screens.help import HelpScreen
 from skinlab.tui.screens.main import MainScreen
+from skinlab.tui.screens.missing import MissingScreen
 from skinlab.tui.screens.ports import PortsScreen
 from skinlab.tui.screens.session import SessionScreen
 from skinlab.tui.screens.welcome import EXAMPLE, SIMULATED, WelcomeScreen
 from skinlab.tui.widgets.fields import Fields
+
+if TYPE_CHECKING:
+    from skinlab.discrepancy.next_measurement import NextMeasurement
 
 _SHORTEST_S = 0.01  # rest between two repeats
 _DARK, _LIGHT = "textual-dark", "textual-light"
@@ -87,6 +92,7 @@ class SkinlabApp(App[None]):
         """
         super().__init__()
         self.board = Board(port or SIMULATED)
+        self._folder = folder
         self._ask = port is None and replay is None
         self._replay = replay
         self._speed = speed
@@ -97,6 +103,7 @@ class SkinlabApp(App[None]):
         self.failure: Exception | None = None  # a bug that ended the app
         self._queued: Order | None = None  # to be armed once its port is connected
         self._next_port: str | None = None  # to be connected once the present one is closed
+        self._anew = False  # what is armed next begins another session
         self._leaving = False
 
     # ---- life ---------------------------------------------------------------------------------
@@ -136,7 +143,8 @@ class SkinlabApp(App[None]):
     # ---- a replay -----------------------------------------------------------------------------
 
     def _play(self, path: Path) -> None:
-        replayer = Replayer(path.parent, self._post, self._speed)
+        folder = self._folder if path == example_session() else path.parent  # for models
+        replayer = Replayer(folder, self._post, self._speed)
         self.bench = replayer
         self.board.playing = Playing(speed=self._speed)
         self._connect(str(path))
@@ -225,6 +233,8 @@ class SkinlabApp(App[None]):
         match news:
             case Connected():
                 self._connected(news)
+            case Adopted():
+                self._anew = True  # a session is identified with one model
             case Disconnected() if self._next_port is not None:
                 port, self._next_port = self._next_port, None
                 self._connect(port)
@@ -304,7 +314,10 @@ class SkinlabApp(App[None]):
         self.push_screen(AlarmScreen(text), self._acknowledged)
 
     def _acknowledged(self, _: None) -> None:
-        self.bench.acknowledge()
+        try:
+            self.bench.acknowledge(self.board.alarm or "")
+        except SkinlabError as error:
+            self.board.refuse(str(error))
         self.board.acknowledge()
         if self._leaving and self.board.doing is None:
             self._leave()
@@ -338,7 +351,7 @@ class SkinlabApp(App[None]):
         self._queued = None
         if isinstance(self.screen, SessionScreen):
             self.screen.leave_line()
-        elif isinstance(self.screen, HelpScreen | PortsScreen):
+        elif isinstance(self.screen, HelpScreen | PortsScreen | MissingScreen):
             self.pop_screen()
         self._main.set_focus(None)
 
@@ -377,6 +390,8 @@ class SkinlabApp(App[None]):
                 self._control(message.what)
             case "session":
                 self.push_screen(SessionScreen(self.board))
+            case "missing":
+                self._show_missing()
             case "ports" if self.board.can_arm:
                 self.push_screen(PortsScreen(), self._port_chosen)
             case _:
@@ -401,15 +416,63 @@ class SkinlabApp(App[None]):
     @on(SessionScreen.Wanted)
     def _session_wanted(self, message: SessionScreen.Wanted) -> None:
         board = self.board
-        used = [e.curve for i, e in board.entries.items() if i not in board.ledger.excluded]
-        curves = comparable(used)
+        if message.what == "missing":
+            self._show_missing()
+            return
+        curves = comparable(board.used)
         if not curves:
             board.refuse("no whole curve is there to be fitted")
-        elif message.path is None:
+        elif message.what == "joint":
             self._perform("fitting", lambda: self.bench.fit_together(curves))
         else:
             path = Path(message.path).expanduser()
             self._perform("comparing", lambda: self.bench.compare(path, curves))
+
+    # ---- the missing effect -------------------------------------------------------------------
+
+    def _show_missing(self) -> None:
+        self.push_screen(MissingScreen(self.board))
+        if self.board.missing is None:
+            self._look_for_it()
+
+    def _look_for_it(self) -> None:
+        board = self.board
+        curves = [curve for curve in board.used if not curve.partial]
+        if not curves:
+            board.refuse("no whole curve is there to be looked at")
+            return
+        board.missing = Missing(tuple(curve.name for curve in curves))
+        board.touch()
+        self._perform(EXPLAINING, lambda: self.bench.explain(curves))
+
+    @on(MissingScreen.Wanted)
+    def _missing_wanted(self, message: MissingScreen.Wanted) -> None:
+        missing = self.board.missing
+        outcome = None if missing is None else missing.outcome
+        match message.what:
+            case "begin":
+                self._look_for_it()
+            case "cancel":
+                self.bench.stop_explaining()
+            case "adopt" if outcome is not None:
+                session = Path(self.board.port) if self.board.playing else self.board.saved
+                self._perform("adopting", lambda: self.bench.adopt(outcome, session))
+            case "load" if outcome is not None and outcome.next_measurement is not None:
+                self._load_next(outcome.next_measurement)
+            case _:
+                pass
+
+    def _load_next(self, following: NextMeasurement) -> None:
+        """Put the measurement that would tell most into the fields; Enter arms it."""
+        aperture = f"{following.aperture_mm:g}"
+        self._fields.put("aperture_mm", aperture)
+        self._fields.put("program", following.program)
+        self._fields.put("repeats", "1")
+        while self.screen is not self._main:
+            self.pop_screen()
+        self.board.say(
+            Level.INFO, f"loaded: {following.program}, {aperture} mm opening; Enter arms"
+        )
 
     def _start(self) -> None:
         self.board.begin("starting", "")
@@ -435,11 +498,18 @@ class SkinlabApp(App[None]):
                 wrong.focus()
             return
         remember(self._settings, texts)
-        visit = self.board.visit
-        if self.board.hello is None or order.port != self.board.port:
+        board = self.board
+        if board.visit is not None and board.visit != order.visit:
+            self._anew = True  # another person or site: another session
+        if board.hello is None or order.port != board.port:
             self._reconnect(order.port, order)
-        elif visit is not None and visit != order.visit:
-            self._reconnect(order.port, order)  # another person or site: another session
+        elif order.setup.aperture_mm != board.hello.aperture_mm:
+            # Another head was put on, so the instrument must be asked again
+            port = with_opening(order.port, order.setup.aperture_mm)
+            self._fields.put("port", port)
+            self._reconnect(port, replace(order, port=port))
+        elif self._anew and board.visit is not None:
+            self._reconnect(order.port, order)
         else:
             self._arm(order)
 
@@ -462,9 +532,10 @@ class SkinlabApp(App[None]):
         else:
             self._next_port = port
             self.board.begin("connecting", f"leaving {self.board.port} …")
-            self._perform("leaving", self.bench.close)
+            self._perform("leaving", self.bench.leave)
 
     def _connect(self, port: str) -> None:
         self.board.port = port
         self.board.begin("connecting", f"connecting to {port} …")
-        self._perform("connecting", lambda: self.bench.serve(port))
+        anew, self._anew = self._anew, False
+        self._perform("connecting", lambda: self.bench.serve(port, anew=anew))

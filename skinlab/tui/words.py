@@ -262,8 +262,8 @@ def value_bar(name: str, value: Value, columns: int) -> str:
 
 
 _WHAT_TO_DO = {
-    "not_identifiable": "Measure with another opening too and fit together (s), or go higher.",
-    "misfit_above_noise": "The model misses something here: skinlab discrepancy says what.",
+    "not_identifiable": "Measure with another opening too and fit together (s, j), or go higher.",
+    "misfit_above_noise": "What it misses: press d.",
     "at_bound": "Do not use the number as it is.",
     "outside_database": "Part of the curve is beyond the database, and was not fitted.",
     "not_converged": "The search did not settle: measure again.",

@@ -177,7 +177,7 @@ def test_a_link_that_comes_back_goes_on_with_the_same_session(tmp_path, identifi
     room.until(lambda: room.of(Found))
     with pytest.raises(LocalProtocolError, match="acknowledge the alarm"):
         room.bench.arm(order(), room.bench.vents)
-    room.bench.acknowledge()
+    room.bench.acknowledge("lift the probe")
     room.bench.arm(order(), room.bench.vents)
     room.bench.start(room.bench.vents)
     room.until(lambda: len(room.messages(Identified)) == 2)

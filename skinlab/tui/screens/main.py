@@ -48,6 +48,7 @@ class MainScreen(Screen[None]):
         Binding("f2", "want('ports')", "Ports", key_display="F2", priority=True),
         Binding("f3", "settings", "Edit", key_display="F3", priority=True),
         Binding("s", "want('session')", "Session"),
+        Binding("d,D", "want('missing')", "Missing?", key_display="d"),
     ]
 
     def __init__(self, board: Board, settings: Mapping[str, str]) -> None:
@@ -94,7 +95,7 @@ class MainScreen(Screen[None]):
         self.query_one(Reading).show(board)
         self.query_one(Curves).show(board)
         self._write_note(board.note, str(board.level))
-        keys = (board.can_arm, board.can_start, board.playing is not None)
+        keys = (board.can_arm, board.can_start, board.playing is not None, bool(board.entries))
         if keys != self._keys:
             self._keys = keys
             self.refresh_bindings()
@@ -146,6 +147,8 @@ class MainScreen(Screen[None]):
                 return self._board.can_start
             if what == "session":
                 return not self.typing
+            if what == "missing":
+                return bool(self._board.entries) and not self.typing
             return self._board.can_arm
         if action == "settings":
             return self._board.can_arm
