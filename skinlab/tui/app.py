@@ -12,6 +12,7 @@ from textual.app import App
 from textual.binding import Binding, BindingType
 from textual.filter import LineFilter
 from textual.message import Message
+from textual.screen import ModalScreen
 from textual.timer import Timer
 from textual.widgets import Input
 
@@ -66,13 +67,14 @@ class SkinlabApp(App[None]):
     HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (76, "-normal"), (110, "-wide")]  # noqa: RUF012
     VERTICAL_BREAKPOINTS = [(0, "-low"), (23, "-usual"), (34, "-tall")]  # noqa: RUF012 -- Textual's own form
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("v", "vent_key", "Vent", priority=True),
-        # A terminal may hold a lone Esc back, so v is the key that is shown
+        # Each screen shows v, first of all; a terminal may hold a lone Esc back
+        Binding("v", "vent_key", "Vent", show=False, priority=True),
         Binding("escape", "vent", "Vent", show=False, priority=True),
         Binding("question_mark", "help", "Help", key_display="?"),
         Binding("f1", "help", "Help", show=False, priority=True),
         Binding("t", "theme", "Theme", show=False),
         Binding("q", "leave", "Quit"),
+        Binding("f2", "ports", "Ports", key_display="F2", priority=True),
         Binding("ctrl+q,ctrl+c", "leave", "Quit", show=False, priority=True),
     ]
 
@@ -338,6 +340,8 @@ class SkinlabApp(App[None]):
         """While a field takes text, v is text."""
         if action == "vent_key":
             return not isinstance(self.focused, Input) or self.board.moving
+        if action == "ports":
+            return self.board.can_arm and isinstance(self.screen, MainScreen)
         return super().check_action(action, parameters)
 
     def action_vent_key(self) -> None:
@@ -357,8 +361,12 @@ class SkinlabApp(App[None]):
 
     def action_help(self) -> None:
         """Open the help."""
-        if self.screen is self._main:
+        if not isinstance(self.screen, ModalScreen):
             self.push_screen(HelpScreen())
+
+    def action_ports(self) -> None:
+        """Choose a port."""
+        self.push_screen(PortsScreen(), self._port_chosen)
 
     def action_theme(self) -> None:
         """Change between dark and light."""
@@ -392,8 +400,6 @@ class SkinlabApp(App[None]):
                 self.push_screen(SessionScreen(self.board))
             case "missing":
                 self._show_missing()
-            case "ports" if self.board.can_arm:
-                self.push_screen(PortsScreen(), self._port_chosen)
             case _:
                 pass
 

@@ -289,10 +289,10 @@ class Bench:
 
     def close(self) -> None:
         """Vent, let go of the probe and finish the session. Raises nothing."""
-        self._explain.cancel()
         self._let_go(keep=False)
         if self._free.is_set():
             self._end_visit()
+        self._explain.cancel()
 
     def _let_go(self, *, keep: bool) -> None:
         self._vents += 1

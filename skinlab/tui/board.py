@@ -293,12 +293,13 @@ class Board:
             case Explained(outcome):
                 if self.missing is not None:
                     self.missing.outcome, self.missing.running = outcome, False
-                    self.say(Level.INFO, f"missing effect: {outcome.verdict.name}")
+                    self.say(Level.INFO, f"the search is over: {outcome.verdict.name} (d shows it)")
             case Adopted(path, name):
                 self.model = name
                 if self.missing is not None:
                     self.missing.adopted = path
-                self.say(Level.INFO, f"adopted: {path}; the next curve begins a session with it")
+                # More than a note: not to be covered by "saved"
+                self.say(Level.WARNING, f"adopted: {path}; the next curve begins a new session")
             case Saved(path):
                 self.saved = path
                 self.say(Level.INFO, f"saved: {path}")

@@ -1,31 +1,31 @@
-"""Looks for what the model misses, in a process of its own.
+"""Looks for what the model misses, in a process of its own: `python -m skinlab.tui.explainer`.
 
 It computes for minutes; in a thread it would hold up keys and keep-alives. The process can be
-ended at any time, and ends by itself where this one is gone.
+ended at any time, and ends by itself where this one is gone. Both sides are the same program, so
+pickles go between them: (campaign, model) in, ("stage" | "error" | "outcome", content) out.
 """
 
 from __future__ import annotations
 
-import multiprocessing
 import os
+import pickle
 import signal
+import subprocess
+import sys
 import threading
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Sequence
+from typing import IO, TYPE_CHECKING, Any
 
 from skinlab.errors import SkinlabError
 from skinlab.log import log_exception
 
 if TYPE_CHECKING:
-    from multiprocessing.connection import Connection
-
     from skinlab.campaign import Campaign
     from skinlab.discrepancy.outcome import Outcome
     from skinlab.model_file import Model
 
 _LESS = 5  # by so much the process is less urgent than the one that keeps the probe alive
-
-Work = Callable[["Connection", "Campaign", "Model"], None]
+_COMMAND = (sys.executable, "-m", "skinlab.tui.explainer")
 
 
 class ExplainError(SkinlabError):
@@ -33,12 +33,12 @@ class ExplainError(SkinlabError):
 
 
 class Explainer:
-    """One search at a time; `work` sends ("stage" | "error", text) or ("outcome", Outcome)."""
+    """One search at a time, by a process that `command` starts."""
 
-    def __init__(self, work: Work | None = None) -> None:
-        self._work = work or look_for_it
+    def __init__(self, command: Sequence[str] = _COMMAND) -> None:
+        self._command = command
         self._lock = threading.Lock()
-        self._process: Any = None
+        self._process: subprocess.Popen[bytes] | None = None
         self._cancelled = False
 
     def __call__(
@@ -49,26 +49,32 @@ class Explainer:
         Raises:
             SkinlabError: there is none, a sentence; or another search is under way.
         """
-        context = multiprocessing.get_context("spawn")  # a fork would inherit threads and the port
-        ours, theirs = context.Pipe(duplex=False)
         with self._lock:
             if self._process is not None:
                 raise ExplainError("what is missing is being looked for already")
             self._cancelled = False
-            self._process = context.Process(
-                target=self._work, args=(theirs, campaign, model), daemon=True
+            process = self._process = subprocess.Popen(
+                self._command,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+                start_new_session=True,  # Ctrl-C in the terminal is not meant for it
             )
-            self._process.start()
-        theirs.close()
         try:
-            return self._listen(ours, tell)
+            assert process.stdin is not None
+            assert process.stdout is not None
+            pickle.dump((campaign, model), process.stdin)
+            process.stdin.flush()  # and left open: its end means that nobody listens any more
+            return _listen(process.stdout, tell)
+        except (EOFError, OSError, pickle.UnpicklingError):
+            if self._cancelled:
+                return None
+            raise ExplainError("the search ended without an answer; try again") from None
         finally:
-            ours.close()
             with self._lock:
-                process, self._process = self._process, None
-                process.kill()
-            process.join()
-            process.close()
+                self._process = None
+            process.kill()
+            process.communicate()
 
     def cancel(self) -> None:
         """End the search, if there is one; from any thread."""
@@ -77,59 +83,58 @@ class Explainer:
                 self._cancelled = True
                 self._process.kill()
 
-    def _listen(self, ours: Connection, tell: Callable[[str], None]) -> Outcome | None:
-        while True:
-            try:
-                kind, content = ours.recv()
-            except (EOFError, OSError):
-                if self._cancelled:
-                    return None
-                raise ExplainError("the search ended without an answer; try again") from None
-            if kind == "outcome":
-                found: Outcome = content
-                return found
-            if kind == "error":
-                raise ExplainError(content)
-            tell(content)
+
+def _listen(answers: IO[bytes], tell: Callable[[str], None]) -> Outcome:
+    while True:
+        kind, content = pickle.load(answers)
+        if kind == "outcome":
+            found: Outcome = content
+            return found
+        if kind == "error":
+            raise ExplainError(content)
+        tell(content)
 
 
-def look_for_it(theirs: Connection, campaign: Campaign, model: Model) -> None:
-    """Do the work, in the other process."""
-    _stay_behind()
-    try:
-        theirs.send(("stage", "loading the database"))
-        from skinlab.database.store import shipped_table
-        from skinlab.discrepancy.workflow import explain
-
-        outcome = explain(
-            campaign,
-            shipped_table(),
-            model=model,
-            progress=lambda text: theirs.send(("stage", text)),
-        )
-        theirs.send(("outcome", outcome))
-    except SkinlabError as error:
-        theirs.send(("error", str(error)))
-    except BrokenPipeError:
-        return  # nobody listens any more
-    except Exception as error:  # noqa: BLE001 -- told in a sentence; details are logged
-        where = log_exception(error)
-        theirs.send(("error", f"the search failed ({error!r}); details are in {where}"))
+# ---- the other process ------------------------------------------------------------------------
 
 
-def _stay_behind() -> None:
-    """Write nothing to the screen, leave signals to the other process, and end with it."""
-    nowhere = os.open(os.devnull, os.O_RDWR)
-    for number in (0, 1, 2):
-        os.dup2(nowhere, number)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+def main() -> None:
+    """Read what is to be explained, look, and answer."""
     if hasattr(os, "nice"):
         os.nice(_LESS)
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what libraries print is no answer
+
+    def say(kind: str, content: Any) -> None:
+        pickle.dump((kind, content), answers)
+        answers.flush()
+
+    campaign, model = pickle.load(sys.stdin.buffer)
+    threading.Thread(target=_end_with, args=(sys.stdin.buffer,), daemon=True).start()
+    try:
+        say("outcome", _look(campaign, model, lambda text: say("stage", text)))
+    except BrokenPipeError:
+        return
+    except SkinlabError as error:
+        say("error", str(error))
+    except Exception as error:  # noqa: BLE001 -- told in a sentence; details are logged
+        where = log_exception(error)
+        say("error", f"the search failed ({error!r}); details are in {where}")
 
 
-def _end_with(parent: Any) -> None:
-    parent.join()
+def _look(campaign: Campaign, model: Model, tell: Callable[[str], None]) -> Outcome:
+    tell("loading the database")
+    from skinlab.database.store import shipped_table
+    from skinlab.discrepancy.workflow import explain
+
+    return explain(campaign, shipped_table(), model=model, progress=tell)
+
+
+def _end_with(asking: IO[bytes]) -> None:
+    asking.read()
     os._exit(1)
+
+
+if __name__ == "__main__":
+    main()

@@ -67,6 +67,7 @@ class Replayer(Bench):
         self.control.stop()
         self._closing.set()
         self._free.wait()
+        self._explain.cancel()
 
     def serve(self, port: str, *, anew: bool = False) -> None:
         """Play the session in the file `port` until its end, or until it is closed.

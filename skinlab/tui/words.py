@@ -41,6 +41,7 @@ _FLAGS = {
     "not_first_cycle": "not the first loading",
 }
 
+_LABEL = 5  # cells of a parameter's name
 _BAR = 12  # cells of the progress bar
 _PROGRAM = 24  # cells of a program in the list
 
@@ -204,7 +205,8 @@ def card_text(board: Board, columns: int) -> CardText:
         return CardText(f"curve {live.index}: so far, not final", lines, final=False)
     if entry is None and board.order is not None and board.moving:
         hint = "Space starts, v vents" if board.can_start else "v vents"
-        return CardText(f"{board.phase}: {hint}", tuple(order_lines(board.order)))
+        model = () if board.model is None else (f"model    {board.model}",)
+        return CardText(f"{board.phase}: {hint}", (*order_lines(board.order), *model))
     if entry is None:
         return CardText("result", ("Enter arms, Space starts",))
     if entry.result is None:
@@ -226,17 +228,19 @@ def result_lines(result: Identification, columns: int = 34) -> list[str]:
     lines = []
     for name, value in (result.parameters or {}).items():
         label, unit = _UNITS.get(name, (name, ""))
+        if len(label) >= _LABEL:  # of an effect
+            lines.append(label)
+            label = ""
         lines.append(
-            f"{label:<5}{digits(value.value, 4):<8}{unit:<5}{interval_text(value)}".rstrip()
+            f"{label:<{_LABEL}}{digits(value.value, 4):<8}{unit:<5}{interval_text(value)}".rstrip()
         )
-        bar = value_bar(name, value, columns - 5)
+        bar = value_bar(name, value, columns - _LABEL)
         if bar:
-            lines.append(f"{'':<5}{bar}".rstrip())
+            lines.append(f"{'':<{_LABEL}}{bar}".rstrip())
         if name == "nu" and result.nu_consistent is not None:
             lines.append(f"{'':<5}{digits(result.nu_consistent, 4):<8}true nu")
     if result.error_um is not None and result.rms_um is not None:
-        noise = "" if result.noise_um is None else f" noise {digits(result.noise_um, 2)}"
-        lines.append(f"E {digits(result.error_um, 3)} rms {digits(result.rms_um, 3)}{noise} µm")
+        lines.append(f"E {digits(result.error_um, 3)} µm, rms {digits(result.rms_um, 3)} µm")
     fitted = result.fitted_points
     lines.append(f"{fitted} of {result.points} points fitted")
     return lines

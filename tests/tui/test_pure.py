@@ -54,7 +54,7 @@ def test_the_defaults_make_an_order():
     order = read_order({**DEFAULTS, "port": " sim:// "})
     assert order.port == "sim://"
     assert order.setup == SETUP
-    assert order.visit == ("sim://", "", "")
+    assert order.visit == ("", "")
 
 
 def test_a_decimal_comma_is_understood():

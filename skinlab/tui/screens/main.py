@@ -31,7 +31,7 @@ class MainScreen(Screen[None]):
     """Shows the board, so often a second; says what the operator wants."""
 
     class Wanted(Message):
-        """A key asked for something: arm, start, ports, session, or a replay's controls."""
+        """A key asked for something: arm, start, session, missing, or a replay's controls."""
 
         def __init__(self, what: str) -> None:
             super().__init__()
@@ -39,16 +39,16 @@ class MainScreen(Screen[None]):
 
     AUTO_FOCUS = ""
     BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("v", "app.vent_key", "Vent", priority=True),
         Binding("enter", "want('arm')", "Arm", key_display="Enter", priority=True),
         Binding("space", "want('start')", "Start", key_display="Space", priority=True),
-        Binding("space", "play", "Play/pause", key_display="Space", priority=True),
+        Binding("space", "play", "Play", key_display="Space", priority=True),
         Binding("full_stop", "step", "Step", key_display="."),
         Binding("plus,equals_sign", "speed(1)", "Faster", key_display="+"),
         Binding("minus", "speed(-1)", "Slower", key_display="-"),
-        Binding("f2", "want('ports')", "Ports", key_display="F2", priority=True),
         Binding("f3", "settings", "Edit", key_display="F3", priority=True),
         Binding("s", "want('session')", "Session"),
-        Binding("d,D", "want('missing')", "Missing?", key_display="d"),
+        Binding("d,D", "want('missing')", "Missing", key_display="d"),
     ]
 
     def __init__(self, board: Board, settings: Mapping[str, str]) -> None:

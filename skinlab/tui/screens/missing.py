@@ -61,6 +61,7 @@ class MissingScreen(Screen[None]):
 
     AUTO_FOCUS = "#missing-says"
     BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("v", "app.vent_key", "Vent", priority=True),
         Binding("l", "want('load')", "Load next"),
         Binding("a", "want('adopt')", "Adopt"),
         Binding("x", "want('cancel')", "Give up"),

@@ -43,13 +43,14 @@ class SessionScreen(Screen[None]):
 
     AUTO_FOCUS = "#session-curves"
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("x", "exclude", "Use or not"),
-        Binding("j", "joint", "Joint fit"),
+        Binding("v", "app.vent_key", "Vent", priority=True),
+        Binding("x", "exclude", "Use"),
+        Binding("j", "joint", "Joint"),
         Binding("c", "compare", "Compare"),
         Binding("n", "note", "Note"),
-        Binding("d,D", "missing", "Missing?", key_display="d"),
+        Binding("d,D", "missing", "Missing", key_display="d"),
         Binding("u", "undo", "Undo"),
-        Binding("s,q", "back", "Back", key_display="s"),
+        Binding("s,b,q", "back", "Back", key_display="s"),
     ]
 
     def __init__(self, board: Board) -> None:
