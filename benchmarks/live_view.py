@@ -161,8 +161,9 @@ def measure(port: str, columns: int, rows: int, curves: int, folder: Path) -> di
                     keys[key.decode()].append(terminal.until(says, at) - at)
                 terminal.pump(0.3)
                 at = terminal.press(byte)
-                keys[name].append(terminal.until(b"VENTING|vented", at) - at)
-                terminal.until(b"saved:", at)
+                keys[name].append(terminal.until(b"VENTING|vented|cut short|READY", at) - at)
+                terminal.until(b"saved:|cut short", at)
+                terminal.pump(1.0)
     finally:
         terminal.end()
     session = read_session(next(sessions.glob("*.h5")))
