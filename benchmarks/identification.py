@@ -133,6 +133,7 @@ def optimum(curves: int, seed: int) -> dict[str, Any]:
         "found": int((excess < CLOSE_UM).sum()),
         "share": float((excess < CLOSE_UM).mean()),
         "largest_excess_um": float(excess.max()),
+        "missed": np.flatnonzero(excess >= CLOSE_UM).tolist(),
         "median_seconds": statistics.median(r["seconds"] for r in rows),
     }
 

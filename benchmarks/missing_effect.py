@@ -46,7 +46,7 @@ from skinlab.campaign import Campaign
 from skinlab.curve import Curve, Setup
 from skinlab.database.store import shipped_table
 from skinlab.discrepancy.misfit import errors_of
-from skinlab.discrepancy.outcome import Outcome, parameters
+from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.records import records_of
 from skinlab.discrepancy.workflow import explain
 from skinlab.effects.model import Effects, Skin, forget, response
@@ -297,7 +297,7 @@ def judge(part: str, seed: int, version: str, number: int) -> dict[str, Any]:
         ],
     }  # fmt: skip
     line |= _strength(truth, made, outcome)
-    line["parameters"] = parameters(outcome.best.fit)
+    line["parameters"] = outcome.parameters(outcome.best)
     if verdict.name == "ambiguous" and outcome.next_measurement is not None:
         following = outcome.next_measurement
         entry = (following.aperture_mm, following.program, 1, 1)

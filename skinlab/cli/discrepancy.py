@@ -133,7 +133,7 @@ def _adopt(outcome: Outcome, to: Path, model_path: Path | None, files: list[Path
         return outcome
     model = adopted(
         BASE if model_path is None else read_model(model_path),
-        outcome.best.fit,
+        outcome.posteriors[outcome.best.effects],
         verdict=outcome.verdict.name,
         data=hashes(files),
         database_hash=shipped_table().content_hash,

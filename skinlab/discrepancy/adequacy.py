@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 
 _BINS = 6  # of a phase of a curve
 _FEWEST = 6  # samples of a bin
+_NEIGHBOURS = 3  # samples apart: beyond what chance does to one distance, within a heartbeat
 _SIGMA_SD = 0.03  # relative uncertainty of a noise that was estimated from a whole campaign
 _MOST_OFF = 0.15
 ADEQUATE = 1e-3  # a fit whose residual is less likely than this leaves more than noise
@@ -49,21 +50,25 @@ def look(
 ) -> Residual:
     """Return the structure in the residuals of fitted deflections, one array a record.
 
-    Two tests: means over stretches of each phase (χ² of their squares), and the product of
-    neighbours (white noise has none). The mesh's probable share is taken off first.
+    Two tests: means over stretches of each phase (χ² of their squares), and the products of samples
+    up to `_NEIGHBOURS` apart (white noise has none; what goes up and down does at all of these).
+    The mesh's probable share is taken off first.
     """
     measured = [r.curve.deflection_mm for r in records]
     off = np.concatenate([m - w for m, w in zip(measured, deflections_mm, strict=True)])
     z_all = errors.without_mesh(off)
     raw_all = off
-    total, count, product, pairs = 0.0, 0, 0.0, 0
+    total, count, pairs = 0.0, 0, 0
+    lags = range(1, _NEIGHBOURS + 1)
+    product = -sum(errors.expected_product(apart) for apart in lags)
     places: list[tuple[float, Place]] = []
     scale = _noise_scale(records, errors.split(z_all))
     for record, z, raw in zip(
         records, errors.split(z_all / scale), errors.split(raw_all), strict=True
     ):
-        product += float(z[1:] @ z[:-1])
-        pairs += len(z) - 1
+        for apart in lags:
+            product += float(z[apart:] @ z[:-apart])
+            pairs += len(z) - apart
         for begin, end in _stretches(record):
             n = end - begin
             mean = float(z[begin:end].mean())

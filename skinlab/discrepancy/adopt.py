@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from skinlab.discrepancy.fit import Fit
+from skinlab.discrepancy.posterior import Posterior
 from skinlab.fem.suction import SOLVER_VERSION
 from skinlab.model_file import (
     EffectRange,
@@ -20,7 +20,7 @@ from skinlab.model_file import (
 
 def adopted(
     base: Model,
-    fit: Fit,
+    explanation: Posterior,
     *,
     verdict: str,
     data: Mapping[str, str],
@@ -28,13 +28,13 @@ def adopted(
     version: str,
     date: str,
 ) -> Model:
-    """Return the base model with the fit's effects: values, and priors as wide as they are sure.
+    """Return the base model with an explanation's effects: values, priors as wide as they are sure.
 
     `data` are hashes by file; `date` is ISO 8601.
     """
     effects: dict[str, dict[str, EffectRange]] = {}
-    deviations = fit.deviations[3:]
-    for axis, u, deviation in zip(fit.unknowns.axes, fit.u[3:], deviations, strict=True):
+    axes, best = explanation.unknowns.axes, explanation.best[3:]
+    for axis, u, deviation in zip(axes, best, explanation.deviations[3:], strict=True):
         value = axis.to_value(float(u))
         sd = max(abs(axis.slope(float(u))) * float(deviation), 1e-9)
         effects.setdefault(axis.effect, {})[axis.parameter.name] = EffectRange(

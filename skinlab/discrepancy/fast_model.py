@@ -26,6 +26,7 @@ from skinlab.database.dimensionless_model import DimensionlessModel
 from skinlab.errors import NotTrustworthyError
 from skinlab.fem.skin import Prony, SkinProblem
 from skinlab.fem.suction import Geometry
+from skinlab.materials.compressibility import KappaConvention
 from skinlab.pressure_path import PressurePath
 
 Array = NDArray[np.float64]
@@ -56,23 +57,19 @@ class Dome:
         return np.asarray(found)
 
 
-@lru_cache(maxsize=256)
-def _model(
-    database: DimensionlessTable,
-    geometry: Geometry,
-    top_mbar: float,
-    kappa: str,
-    free_thickness: bool,
+def _tabulate(
+    database: DimensionlessTable, geometry: Geometry, top_mbar: float, kappa: str, sd_mm: float
 ) -> tuple[DimensionlessModel, Array, float]:
     scale = top_mbar / 40.0
     low, high = math.asinh(-_BELOW_MBAR / scale), math.asinh(top_mbar / scale)
     nodes = np.linspace(low, high, _NODES)
     pressure = scale * np.sinh(nodes)
-    sd = _RATIO_SD * geometry.thickness_mm if free_thickness else 0.0
-    model = database.model(
-        geometry, pressure, "consistent" if kappa == "consistent" else "paper", sd
-    )
-    return model, nodes, scale
+    convention: KappaConvention = "consistent" if kappa == "consistent" else "paper"
+    return database.model(geometry, pressure, convention, sd_mm), nodes, scale
+
+
+_plain = lru_cache(maxsize=64)(_tabulate)  # 7 MB each
+_any_thickness = lru_cache(maxsize=12)(_tabulate)  # 75 MB each
 
 
 class TableDomes:
@@ -91,11 +88,13 @@ class TableDomes:
         free = abs(ratio - 1.0) > 1e-12
         at = [problem.X1_MPa, problem.X2_MPa, problem.nu] + ([ratio] if free else [])
         parameters = np.array([at])
+        tabulated = _any_thickness if free else _plain
+        sd_mm = _RATIO_SD * stated.thickness_mm if free else 0.0
         for share in _TOPS:
             top = min(share * top_mbar, 505.0)
             try:
-                model, nodes, scale = _model(
-                    self._database, stated, round(top, 3), problem.kappa, free
+                model, nodes, scale = tabulated(
+                    self._database, stated, round(top, 3), problem.kappa, sd_mm
                 )
             except NotTrustworthyError:
                 return None
@@ -111,39 +110,27 @@ def relaxed_pressure(
     """Return the suctions (n,) without memory that would dome the skin as memory does, at times.
 
     As if the dome's answer P(w) relaxed like the stress: p = (1 − Σg) P + Σ g H, dH/dt + H/τ =
-    dP/dt. The second value is that of the relaxed preload. Exact for pieces of straight line.
+    dP/dt. The second value is that of the relaxed preload. In closed form, since the path is made
+    of straight lines: dH/dt = −A H + dp/dt with A = (I − 1 gᵀ) diag(1/τ).
     """
-    share = sum(term.g for term in prony)
-    start = preload_mbar / (1.0 - share)
-    grid, p = _grid(prony, path, time_s)
-    p = p + preload_mbar
-    P = np.empty(len(grid))
-    H = np.zeros(len(prony))
-    P[0] = start + (path.pressure_mbar[0])
     g = np.array([term.g for term in prony])
     tau = np.array([term.tau_s for term in prony])
-    H += P[0] - start
-    dt = np.diff(grid)
-    decay = np.exp(-dt[:, None] / tau)
-    x = dt[:, None] / tau
-    rise = np.where(x > 1e-8, -np.expm1(-x) / np.maximum(x, 1e-12), 1.0)
-    for i in range(len(dt)):
-        old = decay[i] * H
-        P[i + 1] = (p[i + 1] - g @ (old - rise[i] * P[i])) / (1.0 - share + g @ rise[i])
-        H = old + rise[i] * (P[i + 1] - P[i])
-    return np.asarray(np.interp(time_s, grid, P)), start
-
-
-def _grid(prony: tuple[Prony, ...], path: PressurePath, time_s: Array) -> tuple[Array, Array]:
-    """Return times and suctions to step along: the path's knots, both of a jump, and between."""
-    knots = np.array(path.time_s)
-    begin, end = min(knots[0], float(time_s[0])), max(knots[-1], float(time_s[-1]))
-    step = max(min(0.05, 0.2 * min(term.tau_s for term in prony)), (end - begin) / 2000.0)
-    even = np.linspace(begin, end, max(2, math.ceil((end - begin) / step) + 1))
-    even = even[~np.isin(even, knots)]
-    times = np.concatenate([even, knots])
-    order = np.argsort(times, kind="stable")
-    return times[order], np.concatenate([path(even), path.pressure_mbar])[order]
+    rest = 1.0 - float(g.sum())
+    start = preload_mbar / rest
+    rates, vectors = np.linalg.eig((np.eye(len(g)) - g[None, :]) / tau)
+    # gᵀ H is a sum of modes, each of which forgets at a rate of its own.
+    modes = np.real(g @ vectors * np.linalg.solve(vectors, np.ones(len(g))))
+    t, p = np.array(path.time_s), np.array(path.pressure_mbar)
+    since = np.maximum(time_s[:, None] - t, 0.0)  # (n, knots)
+    length, rise = np.diff(t), np.diff(p)
+    slope = np.divide(rise, length, out=np.zeros_like(rise), where=length > 0)
+    jump = np.concatenate([p[:1], np.where(length > 0, 0.0, rise)])  # the first from zero
+    held = np.zeros(len(time_s))
+    for rate, mode in zip(np.real(rates), modes, strict=True):
+        left = np.exp(-rate * since)
+        jumped = np.where(time_s[:, None] >= t, left, 0.0) @ jump
+        held += mode * (jumped + (left[:, 1:] - left[:, :-1]) @ slope / rate)
+    return np.asarray(start + (path(time_s) - held) / rest), start
 
 
 def plain_part(problem: SkinProblem) -> SkinProblem:

@@ -52,7 +52,7 @@ class Fit:
     @property
     def information(self) -> Array:
         """JᵀJ with the priors (k, k)."""
-        return _information(self.unknowns, self.jacobian)
+        return self.unknowns.information(self.jacobian)
 
     @property
     def deviations(self) -> Array:
@@ -221,6 +221,10 @@ class Fitter:
         off = self.errors.whiten(np.concatenate(now) - np.concatenate(before))
         return float(off @ off)
 
+    def cost(self, model: MappedModel, u: Array) -> float:
+        """Return χ² with the effects' priors; infinite where there is no model."""
+        return self._cost(model.unknowns, u, model.predict(u))
+
     def _cost(self, unknowns: Unknowns, u: Array, predicted: list[Array]) -> float:
         off = np.concatenate(predicted) - self.measured
         if not np.isfinite(off).all():
@@ -236,7 +240,7 @@ class Fitter:
             return None
         jacobian = self.jacobian(model, u)
         prior = unknowns.prior_rows(u)
-        log_det = float(np.linalg.slogdet(_information(unknowns, jacobian))[1])
+        log_det = float(np.linalg.slogdet(unknowns.information(jacobian))[1])
         evidence = (
             -0.5 * cost
             - 0.5 * log_det
@@ -254,9 +258,3 @@ class Fitter:
             settled=True,
             corrected=model.corrected,
         )
-
-
-def _information(unknowns: Unknowns, jacobian: Array) -> Array:
-    flat = [12.0 / (high - low) ** 2 for low, high in zip(*unknowns.bounds, strict=True)][:3]
-    gauss = [1.0 / axis.prior[1] ** 2 for axis in unknowns.axes]
-    return np.asarray(jacobian.T @ jacobian + np.diag([*flat, *gauss]))

@@ -48,6 +48,17 @@ class Errors:
         share = self.s**2 / (1.0 + self.s**2)
         return np.asarray(z - self.q @ (share * (self.q.T @ z)))
 
+    def expected_product(self, apart: int) -> float:
+        """Return what noise and mesh alone let the products of `without_mesh` sum up to.
+
+        Of values so many samples apart in the same record: taking the mesh off leaves some less
+        than none, Cov = 1 − Q s²/(1+s²) Qᵀ.
+        """
+        share = self.s**2 / (1.0 + self.s**2)
+        return -sum(
+            float(np.einsum("um,um,m->", q[apart:], q[:-apart], share)) for q in self.split(self.q)
+        )
+
     def only(self, kept: NDArray[np.bool_]) -> Errors:
         """Return the errors of some of the samples (u,) alone, as one piece."""
         q, s, _ = np.linalg.svd((self.q * self.s)[kept], full_matrices=False)

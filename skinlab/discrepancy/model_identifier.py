@@ -16,7 +16,7 @@ from skinlab.discrepancy.adequacy import ADEQUATE
 from skinlab.discrepancy.fast_model import TableDomes
 from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.misfit import errors_of
-from skinlab.discrepancy.outcome import parameters
+from skinlab.discrepancy.posterior import Posterior, sample
 from skinlab.discrepancy.records import records_of
 from skinlab.discrepancy.search import Search
 from skinlab.effects.registry import get_effect
@@ -149,7 +149,8 @@ class ModelIdentifier(Identifier):
         fitter: Fitter,
         p_value: float,
     ) -> Identification:
-        values = {n: Value(v["value"], v["low"], v["high"]) for n, v in parameters(fit).items()}
+        left = sample(fitter, fit, np.random.default_rng(self.seed))
+        values = {n: Value(v["value"], v["low"], v["high"]) for n, v in left.parameters.items()}
         off = np.concatenate(fit.deflections_mm) - fitter.measured
         n = len(off)
         rms_um = 1e3 * float(np.sqrt(np.mean(off**2)))
@@ -164,30 +165,20 @@ class ModelIdentifier(Identifier):
         return replace(
             blank,
             parameters=values,
-            correlation=_correlation(fit),
+            correlation=left.correlation,
             nu_consistent=float(nu_consistent(ratio)),
             kappa_MPa=ratio * values["X1_MPa"].value,
             error_um=rms_um / math.sqrt(n),
             rms_um=rms_um,
             noise_um=noise,
-            flags=_flags(curves, fit, p_value),
+            flags=_flags(curves, fit, left, p_value),
             fitted=mask,
             fitted_points=n,
             model_mm=model_mm,
         )
 
 
-def _correlation(fit: Fit) -> tuple[tuple[float, ...], ...]:
-    """Return the correlation of the parameters; X2's unknown is its ratio to X1."""
-    turn = np.eye(len(fit.u))
-    turn[1, 0] = 1.0
-    covariance = turn @ np.linalg.inv(fit.information) @ turn.T
-    deviation = np.sqrt(np.diag(covariance))
-    matrix = covariance / np.outer(deviation, deviation)
-    return tuple(tuple(float(v) for v in row) for row in matrix)
-
-
-def _flags(curves: Sequence[Curve], fit: Fit, p_value: float) -> tuple[str, ...]:
+def _flags(curves: Sequence[Curve], fit: Fit, left: Posterior, p_value: float) -> tuple[str, ...]:
     low, high = fit.unknowns.bounds
     flags = [
         f"at_bound:{name}"
@@ -195,7 +186,7 @@ def _flags(curves: Sequence[Curve], fit: Fit, p_value: float) -> tuple[str, ...]
         if min(u - a, b - u) <= 1e-5 * (b - a)
     ]
     for j, name in enumerate(fit.unknowns.names[:3]):
-        if 2 * 1.645 * fit.deviations[j] > _HALF * (high[j] - low[j]):
+        if 2 * 1.645 * left.deviations[j] > _HALF * (high[j] - low[j]):
             flags.append(f"not_identifiable:{name}")
     if p_value < ADEQUATE:
         flags.append("misfit_above_noise")

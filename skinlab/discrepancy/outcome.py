@@ -6,17 +6,13 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-from scipy.stats import norm, truncnorm
-
 from skinlab.discrepancy.adequacy import Place
-from skinlab.discrepancy.fit import Fit
 from skinlab.discrepancy.heldout import HeldOut
 from skinlab.discrepancy.next_measurement import NextMeasurement
+from skinlab.discrepancy.posterior import Posterior, gaussian
 from skinlab.discrepancy.search import Candidate, Found
 from skinlab.discrepancy.unknowns import BASE_NAMES
 from skinlab.discrepancy.verdict import Verdict
-from skinlab.identify.intervals import LEVEL
 
 SCHEMA = "skinlab.discrepancy/1"
 
@@ -38,6 +34,8 @@ class Outcome:
     seed: int = 0
     adopted_model: str | None = None
     alike: list[tuple[str, str]] = field(default_factory=list)
+    # Of the model as it is and of the explanations, by their effects.
+    posteriors: dict[tuple[str, ...], Posterior] = field(default_factory=dict)
 
     @property
     def best(self) -> Candidate:
@@ -45,6 +43,15 @@ class Outcome:
         if self.verdict.explanations:
             return self.verdict.explanations[0]
         return self.found.base
+
+    def parameters(self, candidate: Candidate) -> dict[str, dict[str, float]]:
+        """Return `value`, `low` and `high` of an explanation's parameters, by name.
+
+        The 90 % intervals are those of draws from the posterior; of an explanation that is not in
+        the verdict, of a Gaussian at its optimum.
+        """
+        posterior = self.posteriors.get(candidate.effects)
+        return (gaussian(candidate.fit) if posterior is None else posterior).parameters
 
     def to_json(self) -> dict[str, Any]:
         """Return the document."""
@@ -60,7 +67,7 @@ class Outcome:
                 {
                     "effects": [e for e in c.effects if e not in own],
                     "parameters": {
-                        n: v for n, v in parameters(c.fit).items() if n not in BASE_NAMES
+                        n: v for n, v in self.parameters(c).items() if n not in BASE_NAMES
                     },
                     "held_out_rms_um": self.held_out.get(c.effects),
                     "log10_evidence": c.log10_evidence - reference,
@@ -74,8 +81,8 @@ class Outcome:
                 "held_out": list(self.gap_before.files),
             },
             "parameters": {
-                "before": _base_only(base.fit),
-                "after": _base_only(self.best.fit),
+                "before": _base_only(self.parameters(base)),
+                "after": _base_only(self.parameters(self.best)),
             },
             "detectable": self.detectable,
             "next_measurement": None
@@ -129,36 +136,5 @@ def place_json(place: Place) -> dict[str, Any]:
     }
 
 
-def parameters(fit: Fit) -> dict[str, dict[str, float]]:
-    """Return values with 90 % intervals: Gaussian about the optimum, cut off at the bounds."""
-    u, deviations = fit.u, fit.deviations
-    low, high = fit.unknowns.bounds
-    value = fit.unknowns.named(u)
-    ends = []
-    for q in (0.5 * (1 - LEVEL), 0.5 * (1 + LEVEL)):
-        at = u.copy()
-        for j in range(len(u)):
-            a, b = (low[j] - u[j]) / deviations[j], (high[j] - u[j]) / deviations[j]
-            at[j] = u[j] + deviations[j] * float(truncnorm.ppf(q, a, b))
-        ends.append(at)
-    found = {}
-    lows, highs = (fit.unknowns.named(at) for at in ends)
-    # X2 is the product of two unknowns, whose errors go together.
-    if "X2_MPa" in value:
-        spread = _log_x2_deviation(fit)
-        z = float(norm.ppf(0.5 * (1 + LEVEL)))
-        lows["X2_MPa"] = value["X2_MPa"] * math.exp(-z * spread)
-        highs["X2_MPa"] = value["X2_MPa"] * math.exp(z * spread)
-    for name, best in value.items():
-        lo, hi = sorted((lows[name], highs[name]))
-        found[name] = {"value": best, "low": min(lo, best), "high": max(hi, best)}
-    return found
-
-
-def _log_x2_deviation(fit: Fit) -> float:
-    covariance = np.linalg.inv(fit.information)
-    return float(np.sqrt(covariance[0, 0] + covariance[1, 1] + 2.0 * covariance[0, 1]))
-
-
-def _base_only(fit: Fit) -> dict[str, dict[str, float]]:
-    return {n: v for n, v in parameters(fit).items() if n in BASE_NAMES}
+def _base_only(values: dict[str, dict[str, float]]) -> dict[str, dict[str, float]]:
+    return {n: v for n, v in values.items() if n in BASE_NAMES}

@@ -173,6 +173,12 @@ class Unknowns:
             [(v - a.prior[0]) / a.prior[1] for a, v in zip(self.axes, u[3:], strict=True)]
         )
 
+    def information(self, jacobian: Array) -> Array:
+        """Return JᵀJ of whitened residuals (n, k), with the priors: (k, k)."""
+        flat = [12.0 / (high - low) ** 2 for low, high in BASE_RANGES]
+        gauss = [1.0 / axis.prior[1] ** 2 for axis in self.axes]
+        return np.asarray(jacobian.T @ jacobian + np.diag([*flat, *gauss]))
+
     @property
     def log_prior_volume(self) -> float:
         """Return the log of the normalisation of all priors: flat ranges, Gaussians."""

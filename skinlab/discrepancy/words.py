@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from skinlab.discrepancy.adequacy import ADEQUATE, Place
-from skinlab.discrepancy.outcome import Outcome, parameters
+from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.search import Candidate, Partial
 from skinlab.discrepancy.unknowns import BASE_NAMES
 from skinlab.effects.registry import get_effect
@@ -52,7 +52,7 @@ def where_words(place: Place) -> str:
 
 def parameter_rows(outcome: Outcome) -> list[tuple[str, str, str]]:
     """Return rows (name, before, after) with 90 % intervals."""
-    before, after = parameters(outcome.found.base.fit), parameters(outcome.best.fit)
+    before, after = outcome.parameters(outcome.found.base), outcome.parameters(outcome.best)
     rows = []
     for name in [*BASE_NAMES, *(n for n in after if n not in BASE_NAMES)]:
         rows.append((_LABEL.get(name, name), _value(before.get(name)), _value(after.get(name))))

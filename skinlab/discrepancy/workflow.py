@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
+
 from skinlab.campaign import Campaign
 from skinlab.database.dimensionless import DimensionlessTable
 from skinlab.discrepancy.fast_model import TableDomes
@@ -12,6 +14,7 @@ from skinlab.discrepancy.heldout import conditions_of, predict_held_out
 from skinlab.discrepancy.misfit import errors_of
 from skinlab.discrepancy.next_measurement import advise
 from skinlab.discrepancy.outcome import Outcome
+from skinlab.discrepancy.posterior import sample
 from skinlab.discrepancy.records import records_of
 from skinlab.discrepancy.screen import alike
 from skinlab.discrepancy.search import Partial, Search
@@ -20,7 +23,7 @@ from skinlab.model_file import BASE, Model
 
 __all__ = ["Partial", "explain"]
 
-_MOST_TIED = 4  # explanations that a next measurement is looked for
+_MOST_TIED = 4  # explanations that a next measurement is looked for, and that are sampled
 
 
 def explain(
@@ -32,12 +35,13 @@ def explain(
     finite_elements: bool = True,
     progress: Callable[[str], None] = lambda _: None,
     partial: Partial | None = None,
+    seed: int = 0,
 ) -> Outcome:
     """Return what is missing in the model, as far as these curves tell.
 
     `model` is what the curves are explained by so far; without `finite_elements` the effects that
     the database cannot answer stay approximate. `partial` is told of what is known so far. The
-    answer is the same for any number of workers.
+    answer is the same for any number of workers; `seed` is that of the draws from the posterior.
 
     Raises:
         InputError: a curve is too short.
@@ -53,6 +57,10 @@ def explain(
     parts = conditions_of(fitter, [c.fit for c in verdict.explanations])
     before = predict_held_out(fitter, found.base.fit, parts)
     held = {c.effects: predict_held_out(fitter, c.fit, parts) for c in verdict.explanations}
+    progress("drawing from the posteriors")
+    rng = np.random.default_rng(seed)
+    fits = [found.base.fit, *(c.fit for c in verdict.explanations[:_MOST_TIED])]
+    posteriors = {fit.effects: sample(fitter, fit, rng) for fit in fits}
     following = None
     if verdict.name == "ambiguous":
         progress("looking for the measurement that would tell them apart")
@@ -65,5 +73,7 @@ def explain(
         after,
         {names: gap.rms_um for names, gap in held.items()},
         following,
+        seed=seed,
+        posteriors=posteriors,
         alike=alike(found.signatures),
     )
