@@ -29,10 +29,17 @@ def command(port: str | None = None, sessions: Path | None = None) -> int:
     Example: skinlab ui --port /dev/ttyUSB0
     """
     folder = sessions or default_folder()
-    # The screen is drawn on standard error.
-    if sys.stdin.isatty() and sys.stdout.isatty() and sys.stderr.isatty():
+    if has_screen():
         return _on_terminal(port, folder)
     return _headless(port or SIMULATED, folder)
+
+
+def has_screen() -> bool:
+    """Return whether the UI can be shown: on a terminal, or by `textual serve` in a browser."""
+    if os.environ.get("TEXTUAL_DRIVER"):
+        return True
+    # The screen is drawn on standard error.
+    return sys.stdin.isatty() and sys.stdout.isatty() and sys.stderr.isatty()
 
 
 def _on_terminal(port: str | None, folder: Path) -> int:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from datetime import UTC, datetime
 from importlib.metadata import version
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from skinlab.discrepancy.adopt import adopted, hashes
 from skinlab.errors import InputError
 from skinlab.model_file import Model
 
@@ -29,12 +30,14 @@ def write_adopted(
     Raises:
         InputError: the verdict names no effect, or the file cannot be written.
     """
+    from skinlab.discrepancy.adopt import adopted, hashes  # slow to import
+
     if outcome.verdict.name != "named":
         raise InputError(f"the verdict is {outcome.verdict.name}: there is nothing to adopt")
     found = session is not None and session.is_file()
     model = adopted(
         base,
-        outcome.best.fit,
+        outcome.posteriors[outcome.best.effects],
         verdict=outcome.verdict.name,
         data=hashes([session]) if session is not None and found else {},
         database_hash=database.content_hash,
@@ -48,16 +51,27 @@ def write_adopted(
 
 def _write_new(folder: Path, stem: str, text: str) -> Path:
     """Write a file whose name is free; nothing is overwritten."""
-    number = 1
-    while True:
-        path = folder / (f"{stem}.toml" if number == 1 else f"{stem}-{number}.toml")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise _unwritable(folder, error) from None
+    for path in _names(folder, stem):
         try:
-            folder.mkdir(parents=True, exist_ok=True)
             with path.open("x", encoding="utf-8") as file:
                 file.write(text)
         except FileExistsError:
-            number += 1
+            continue
         except OSError as error:
-            raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
-        else:
-            return path
+            raise _unwritable(path, error) from None
+        return path
+    raise AssertionError  # names do not end
+
+
+def _names(folder: Path, stem: str) -> Iterator[Path]:
+    yield folder / f"{stem}.toml"
+    for number in count(2):
+        yield folder / f"{stem}-{number}.toml"
+
+
+def _unwritable(path: Path, error: OSError) -> InputError:
+    return InputError(f"{path}: cannot be written ({error.strerror or error})")

@@ -1,4 +1,7 @@
-"""What the missing-effect screen says and draws, as pure functions."""
+"""What the missing-effect screen says and draws, as pure functions.
+
+The workflow is slow to import, and is imported where there is an outcome.
+"""
 
 from __future__ import annotations
 
@@ -6,9 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skinlab.discrepancy.outcome import parameters
-from skinlab.discrepancy.unknowns import BASE_NAMES
-from skinlab.discrepancy.words import gap_words, next_words, verdict_words, where_words
 from skinlab.tui.canvas import Bits, dots, level, share
 from skinlab.tui.trace import round_up
 from skinlab.tui.words import digits, name_of
@@ -26,6 +26,8 @@ _VALUE = 26  # cells of a value with its interval
 
 def outcome_lines(outcome: Outcome) -> list[str]:
     """Return verdict, gap, where, which, parameters before and after, and what to measure next."""
+    from skinlab.discrepancy.words import gap_words, next_words, verdict_words, where_words
+
     lines = [verdict_words(outcome), gap_words(outcome), *next_words(outcome)]
     if outcome.where:
         lines += ["", "Where the model as it is disagrees:"]
@@ -53,8 +55,10 @@ def _effects(candidate: Candidate, outcome: Outcome) -> str:
 
 
 def _parameter_lines(outcome: Outcome) -> list[str]:
-    before = parameters(outcome.found.base.fit)
-    after = parameters(outcome.best.fit) if outcome.verdict.explanations else {}
+    from skinlab.discrepancy.unknowns import BASE_NAMES
+
+    before = outcome.parameters(outcome.found.base)
+    after = outcome.parameters(outcome.best) if outcome.verdict.explanations else {}
     title = f"{'':<10}{'before':<{_VALUE}}{'after' if after else ''}"
     lines = [title.rstrip()]
     for name in [*BASE_NAMES, *(n for n in {**before, **after} if n not in BASE_NAMES)]:

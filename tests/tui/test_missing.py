@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import threading
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import pytest
-from explained import UP, UP_AND_DOWN, campaign, outcome
+from explained import UP, UP_AND_DOWN, campaign
 from textual.widgets import Input
 
 from skinlab.audit import entries
+from skinlab.discrepancy.next_measurement import NextMeasurement
+from skinlab.discrepancy.verdict import Verdict
 from skinlab.errors import InputError, SkinlabError
 from skinlab.model_file import BASE, read_model
 from skinlab.session import read_session
@@ -24,13 +27,24 @@ from skinlab.tui.screens.missing import MissingScreen
 
 
 @pytest.fixture(scope="module")
-def named(table):
-    return outcome(table, UP_AND_DOWN)
+def searched(table):
+    """Stages and answer of a real search, in its own process."""
+    stages = []
+    return stages, Explainer()(campaign(table, UP_AND_DOWN), BASE, stages.append)
 
 
 @pytest.fixture(scope="module")
-def ambiguous(table):
-    return outcome(table, UP)
+def named(searched):
+    return searched[1]
+
+
+@pytest.fixture(scope="module")
+def ambiguous(named):
+    """The same, as if two explanations were tied."""
+    best = named.best
+    tied = NextMeasurement(8.0, "ramp:300@60,ramp:0@60", (best.effects, ("pressure_lag",)), 3.2)
+    verdict = Verdict("ambiguous", [best, best])
+    return replace(named, verdict=verdict, next_measurement=tied)
 
 
 class Search:
@@ -220,9 +234,8 @@ def test_a_model_is_never_overwritten(named, ambiguous, table, tmp_path):
 # ---- the other process ----------------------------------------------------------------------
 
 
-def test_the_real_search(table):
-    stages = []
-    found = Explainer()(campaign(table, UP_AND_DOWN), BASE, stages.append)
+def test_the_real_search(searched):
+    stages, found = searched
     assert found.verdict.name == "named"
     assert found.best.effects == ("deflection_offset",)
     assert any("screening" in stage for stage in stages)
