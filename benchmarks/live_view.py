@@ -8,7 +8,8 @@ same process, or (`--apart`) in a process of its own.
 
 - frames: what the program wrote while the curve ran, between two marks of synchronised output.
 - input to screen: from the byte of a key to the end of the first frame that shows its effect:
-  s (the session opens), b (it closes), v and Esc (vented; of a run that goes on).
+  s (the session opens), b (it closes), v and Esc (vented; of a run that goes on). The last two also
+  in tmux with its own settings, which holds a lone Esc back.
 - completion: from the moment at which the host had the curve's last sample, by the session file,
   to the end of the first frame with bars, which only a final result has. All by the one monotonic
   clock that both processes have (Linux).
@@ -23,6 +24,8 @@ import os
 import pty
 import re
 import select
+import shlex
+import shutil
 import signal
 import struct
 import subprocess
@@ -30,6 +33,7 @@ import sys
 import tempfile
 import time
 from bisect import bisect_left
+from contextlib import suppress
 from fcntl import ioctl
 from operator import itemgetter
 from pathlib import Path
@@ -46,6 +50,7 @@ FOLDER = Path(__file__).resolve().parent
 PATIENCE_S = 60.0
 PROGRAM = "ramp:100@20"
 LONG = "ramp:100@2"  # for keys that are pressed while a curve runs
+_VENTED = b"VENTING|vented|cut short|READY"
 _TYPED_S = 0.1  # between two keys
 _END = b"\x1b[?2026l"  # of a frame
 
@@ -65,6 +70,7 @@ class Terminal:
             os.execvpe(command[0], command, environment)
         ioctl(self._file, TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
         self.chunks: list[tuple[float, bytes]] = []
+        self.marked = "tmux" not in command[0]
 
     def pump(self, seconds: float) -> None:
         """Take what comes within this time, and something at all events."""
@@ -101,13 +107,15 @@ class Terminal:
         found, rest = [], b""
         for at_s, data in self.chunks[bisect_left(self.chunks, since_s, key=itemgetter(0)) :]:
             parts = (rest + data).split(_END)
-            rest = parts.pop()
+            # A terminal between the two, such as tmux, passes no marks on
+            rest = parts.pop() if self.marked else b""
             found += [(at_s, re.sub(rb"\x1b\[[0-9;?]*[a-zA-Z]", b"", part)) for part in parts]
         return [(at_s, frame) for at_s, frame in found if at_s <= until_s]
 
     def end(self) -> None:
         """End the program."""
-        os.kill(self.process, signal.SIGTERM)
+        with suppress(ProcessLookupError):
+            os.kill(self.process, signal.SIGTERM)
         os.waitpid(self.process, 0)
         os.close(self._file)
 
@@ -131,8 +139,7 @@ def set_program(terminal: Terminal, program: str) -> None:
 
 def arm_and_start(terminal: Terminal) -> float:
     """Return when the run was seen to begin."""
-    armed = terminal.press(b"\r")
-    armed = terminal.until(b"armed: Space", armed)
+    terminal.until(b"ARMED|armed: Space|Space Start", terminal.press(b"\r"))
     return terminal.until(b"RUNNING", terminal.press(b" "))
 
 
@@ -147,7 +154,7 @@ def measure(port: str, columns: int, rows: int, curves: int, folder: Path) -> di
         runs: list[tuple[float, float]] = []
         for _ in range(curves):
             started = arm_and_start(terminal)
-            shown = terminal.until("[├◄●►┤]".encode(), started)
+            shown = terminal.until("●".encode(), started + 1.0)
             runs.append((started, shown))
             terminal.until(b"saved:", shown)
         set_program(terminal, LONG)
@@ -161,7 +168,7 @@ def measure(port: str, columns: int, rows: int, curves: int, folder: Path) -> di
                     keys[key.decode()].append(terminal.until(says, at) - at)
                 terminal.pump(0.3)
                 at = terminal.press(byte)
-                keys[name].append(terminal.until(b"VENTING|vented|cut short|READY", at) - at)
+                keys[name].append(terminal.until(_VENTED, at) - at)
                 terminal.until(b"saved:|cut short", at)
                 terminal.pump(1.0)
     finally:
@@ -173,6 +180,30 @@ def measure(port: str, columns: int, rows: int, curves: int, folder: Path) -> di
         **_of_session(session, terminal, runs),
         "input_to_screen": {name: spread(values) for name, values in keys.items()},
     }
+
+
+def vent_keys_in_tmux(port: str, curves: int, folder: Path) -> dict[str, Any]:
+    """Return how late v and Esc are seen to vent where the program runs in tmux as it comes."""
+    sessions, socket = folder / "tmux-sessions", str(folder / "tmux")
+    ui = [sys.executable, "-m", "skinlab", "ui", "--port", port, "--sessions", str(sessions)]
+    tmux = ["tmux", "-S", socket]
+    command = [*tmux, "-f", "/dev/null", "new-session", shlex.join(ui)]
+    terminal = Terminal(command, 80, 24, folder)
+    keys: dict[str, list[float]] = {"v": [], "Esc": []}
+    try:
+        terminal.until(b"connected; Enter arms", time.monotonic())
+        for name, byte in (("v", b"v"), ("Esc", b"\x1b")):
+            for _ in range(curves):
+                arm_and_start(terminal)
+                terminal.pump(1.5)
+                at = terminal.press(byte)
+                keys[name].append(terminal.until(_VENTED, at) - at)
+                terminal.pump(2.0)
+    finally:
+        subprocess.run([*tmux, "kill-server"], check=False)
+        terminal.end()
+    version = subprocess.run(["tmux", "-V"], check=True, capture_output=True, text=True).stdout
+    return {"version": version.strip(), **{name: spread(found) for name, found in keys.items()}}
 
 
 def _of_session(session: Any, terminal: Terminal, runs: list[tuple[float, float]]) -> Any:
@@ -241,6 +272,9 @@ def main() -> None:
                 if probe is not None:
                     probe.terminate()
                     probe.wait()
+        if shutil.which("tmux"):
+            port = f"sim://?seed=1&skin={skin}"
+            results["in_tmux"] = vent_keys_in_tmux(port, options.curves, folder)
     text = json.dumps(results, indent=1)
     print(text)
     options.save.parent.mkdir(parents=True, exist_ok=True)

@@ -42,6 +42,7 @@ from skinlab.tui.widgets.fields import Fields
 
 if TYPE_CHECKING:
     from skinlab.discrepancy.next_measurement import NextMeasurement
+    from skinlab.model_file import Model
 
 _SHORTEST_S = 0.01  # rest between two repeats
 _DARK, _LIGHT = "textual-dark", "textual-light"
@@ -87,10 +88,11 @@ class SkinlabApp(App[None]):
         replay: Path | None = None,
         speed: float | None = 1.0,
         ports: Callable[[], tuple[PortInfo, ...]] = list_ports,
+        model: Model | None = None,
     ) -> None:
         """Begin with a port, with the replay of a session, or (neither) by asking.
 
-        Settings are kept for the next time in `settings`; None: nowhere.
+        `model` is what curves are identified with; None: the base. Settings are kept for the next time in `settings`; None: nowhere.
         """
         super().__init__()
         self.board = Board(port or SIMULATED)
@@ -101,7 +103,9 @@ class SkinlabApp(App[None]):
         self._ports = ports
         self._settings = settings
         self._rest: Timer | None = None  # until the next repeat
-        self.bench = make_bench(folder, self._post)
+        self.bench = make_bench(folder, self._post, model=model)
+        if model is not None:
+            self.board.model = model.model.name
         self.failure: Exception | None = None  # a bug that ended the app
         self._queued: Order | None = None  # to be armed once its port is connected
         self._next_port: str | None = None  # to be connected once the present one is closed

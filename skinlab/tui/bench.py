@@ -109,10 +109,12 @@ class Bench:
         now: Callable[[], datetime] = datetime.now,
         backoff: Backoff = _BACKOFF,
         explain: Explain | None = None,
+        model: Model | None = None,
     ) -> None:
         self._folder = folder
         self._post = post
         self._make_identifier = make_identifier
+        self._model = model
         self._make_probe = make_probe
         self._now = now
         self._backoff = backoff
@@ -370,7 +372,12 @@ class Bench:
     def _load_identifier(self) -> Identifier:
         with self._loading:
             if self._identifier is None:
-                self._identifier = self._make_identifier()
+                identifier = self._make_identifier()
+                if self._model is not None:
+                    from skinlab.discrepancy.model_identifier import with_model
+
+                    identifier = with_model(identifier, self._model)
+                self._identifier = identifier
                 shorten_pauses()
             return self._identifier
 

@@ -74,7 +74,8 @@ def residual(entry: Entry, columns: int, rows: int) -> Drawing | None:
     if not there.any():
         return None
     mbar = entry.curve.pressure_mbar
-    edge_mbar, edge_um = noise_band(entry, there)
+    edge_mbar, sd_um = noise_band(entry)
+    edge_um = _NOISE * sd_um
     widest_um = float(edge_um.max(initial=0.0))
     most_um = round_up(1.05 * max(float(np.abs(left_um[there]).max()), widest_um), least=0.1)
     top_mbar = 1.05 * max(float(mbar.max()), 1.0)
@@ -101,21 +102,25 @@ def residual(entry: Entry, columns: int, rows: int) -> Drawing | None:
     )
 
 
-def noise_band(entry: Entry, there: NDArray[np.bool_]) -> tuple[Array, Array]:
-    """Return pressures (n,), mbar, rising, and half the band there, µm: two standard deviations.
+def noise_band(entry: Entry) -> tuple[Array, Array]:
+    """Return pressures (n,), mbar, rising, of what was fitted, and a sample's noise there, µm.
 
-    The noise of the deflection, and that of the pressure through the slope of the curve.
+    One standard deviation: the noise of the deflection, and that of the pressure through the slope
+    of the curve. Empty where the noise is unknown.
     """
-    from skinlab.identify.noise import pressure_noise_mbar, slope_mm_per_mbar  # slow to import
-
-    result, mbar = entry.result, entry.curve.pressure_mbar[there]
+    result = entry.result
     if result is None or result.model_mm is None or not result.noise_um:
         return np.zeros(0), np.zeros(0)
+    from skinlab.identify.noise import pressure_noise_mbar, slope_mm_per_mbar  # slow to import
+
+    model_mm = np.asarray(result.model_mm)
+    there = np.isfinite(model_mm)
+    mbar = entry.curve.pressure_mbar[there]
     spread_mbar = pressure_noise_mbar(entry.curve.time_s[there], mbar)
-    slope = slope_mm_per_mbar(mbar, np.asarray(result.model_mm)[there])
-    half_um = _NOISE * np.hypot(result.noise_um, 1e3 * slope * spread_mbar)
+    slope = slope_mm_per_mbar(mbar, model_mm[there])
+    sd_um = np.hypot(result.noise_um, 1e3 * slope * spread_mbar)
     order = np.argsort(mbar)
-    return mbar[order], half_um[order]
+    return mbar[order], sd_um[order]
 
 
 def _line(

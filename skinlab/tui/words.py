@@ -213,7 +213,7 @@ def card_text(board: Board, columns: int) -> CardText:
         return CardText(f"curve {entry.index}", ("identifying …",), final=False)
     lines = (
         *result_lines(entry.result, columns),
-        *advice_lines(entry.result, entry.findings),
+        *advice_lines(entry.result, entry.findings, sample_noise_um(entry)),
     )
     return CardText(f"curve {entry.index}", lines)
 
@@ -276,12 +276,25 @@ _WHAT_TO_DO = {
 }
 
 
-def advice_lines(result: Identification | None, findings: Sequence[Finding]) -> list[str]:
-    """Return what to think of a curve and what to do, a sentence or two each."""
+def sample_noise_um(entry: Entry) -> float | None:
+    """Return the noise of one sample, root mean square over the fitted ones; None: unknown."""
+    from skinlab.tui.strips import noise_band
+
+    _, sd_um = noise_band(entry)
+    return float(np.sqrt(np.mean(sd_um**2))) if len(sd_um) else None
+
+
+def advice_lines(
+    result: Identification | None, findings: Sequence[Finding], noise_um: float | None = None
+) -> list[str]:
+    """Return what to think of a curve and what to do, a sentence or two each.
+
+    `noise_um` is that of one sample of it, the pressure's included; None: unknown.
+    """
     lines = []
     if result is not None:
         flags = list(dict.fromkeys(flag.partition(":")[0] for flag in result.flags))
-        lines += [f"! {sentence}" for sentence in explain(result)]
+        lines += [f"! {sentence}" for sentence in explain(result, noise_um)]
         said = {finding.gate for finding in findings}
         lines += [f"→ {_WHAT_TO_DO[f]}" for f in flags if f in _WHAT_TO_DO and f not in said]
     lines += [f"! {finding.sentence} → {finding.advice}" for finding in findings]
