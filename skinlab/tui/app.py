@@ -92,7 +92,8 @@ class SkinlabApp(App[None]):
     ) -> None:
         """Begin with a port, with the replay of a session, or (neither) by asking.
 
-        `model` is what curves are identified with; None: the base. Settings are kept for the next time in `settings`; None: nowhere.
+        Settings are kept for the next time in `settings`; None: nowhere. `model` is what curves
+        are identified with; None: the base law.
         """
         super().__init__()
         self.board = Board(port or SIMULATED)
