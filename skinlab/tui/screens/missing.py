@@ -13,7 +13,7 @@ from textual.screen import Screen
 from textual.widgets import Footer, Static
 
 from skinlab.tui.board import Board, Missing
-from skinlab.tui.canvas import braille
+from skinlab.tui.canvas import runs
 from skinlab.tui.missing import hints, missing_lines, residual_picture
 
 _FRAMES_PER_S = 8
@@ -34,16 +34,16 @@ class MissingPicture(Static):
         columns, rows = self.size.width - 1, self.size.height // count - 1
         if columns < 1 or rows < 1:
             return
-        residual = self.get_component_rich_style("missing--residual")
-        band_style = self.get_component_rich_style("missing--band")
+        styles = [
+            self.get_component_rich_style(f"missing--{layer}") for layer in ("residual", "band")
+        ]
         text = Text(no_wrap=True, overflow="crop")
         for caption, main, band in residual_picture(outcome, columns, rows):
             text.append(f" {caption}\n")
-            plain, whole = braille(main), braille(main | band)
-            for own, row in zip(plain, whole, strict=True):
+            for row in runs((main, band)):
                 text.append(" ")
-                for mine, character in zip(own, row, strict=True):
-                    text.append(character, band_style if mine == " " else residual)
+                for cells, layer in row:
+                    text.append(cells, styles[layer])
                 text.append("\n")
         text.right_crop(1)
         self.update(text, layout=False)
