@@ -13,6 +13,7 @@ same process, or (`--apart`) in a process of its own.
 - completion: from the moment at which the host had the curve's last sample, by the session file,
   to the end of the first frame with bars, which only a final result has. All by the one monotonic
   clock that both processes have (Linux).
+- cut short: curves that a watchdog ended, on a machine that is busy with other things.
 - lost: counters of samples that are missing in the file.
 """
 
@@ -145,7 +146,8 @@ def arm_and_start(terminal: Terminal) -> float:
 
 def measure(port: str, columns: int, rows: int, curves: int, folder: Path) -> dict[str, Any]:
     """Return the figures of one size of terminal."""
-    sessions = folder / f"{columns}x{rows}"
+    folder = folder / f"{columns}x{rows}"  # with settings of its own
+    sessions = folder / "sessions"
     command = [sys.executable, "-m", "skinlab", "ui", "--port", port, "--sessions", str(sessions)]
     terminal = Terminal(command, columns, rows, folder)
     try:
@@ -156,7 +158,8 @@ def measure(port: str, columns: int, rows: int, curves: int, folder: Path) -> di
             started = arm_and_start(terminal)
             shown = terminal.until("●".encode(), started + 1.0)
             runs.append((started, shown))
-            terminal.until(b"saved:", shown)
+            terminal.until(b"saved:|cut short", shown)
+            terminal.pump(1.0)
         set_program(terminal, LONG)
         keys: dict[str, list[float]] = {"s": [], "b": [], "v": [], "Esc": []}
         for name, byte in (("v", b"v"), ("Esc", b"\x1b")):
@@ -184,7 +187,9 @@ def measure(port: str, columns: int, rows: int, curves: int, folder: Path) -> di
 
 def vent_keys_in_tmux(port: str, curves: int, folder: Path) -> dict[str, Any]:
     """Return how late v and Esc are seen to vent where the program runs in tmux as it comes."""
-    sessions, socket = folder / "tmux-sessions", str(folder / "tmux")
+    folder = folder / "in-tmux"
+    folder.mkdir()
+    sessions, socket = folder / "sessions", str(folder / "socket")
     ui = [sys.executable, "-m", "skinlab", "ui", "--port", port, "--sessions", str(sessions)]
     tmux = ["tmux", "-S", socket]
     command = [*tmux, "-f", "/dev/null", "new-session", shlex.join(ui)]
@@ -212,6 +217,8 @@ def _of_session(session: Any, terminal: Terminal, runs: list[tuple[float, float]
     jumps = np.diff(sequence)
     frames_per_s, gaps, completion, points = [], [], [], []
     for curve, (started, shown) in zip(session.curves, runs, strict=False):
+        if curve.partial:
+            continue
         mine = (host_s > started - 1.0) & (host_s < shown)
         last = host_s[mine][len(curve) - 1]
         ends = [at for at, _ in terminal.frames(started, last)]
@@ -221,6 +228,7 @@ def _of_session(session: Any, terminal: Terminal, runs: list[tuple[float, float]
         points.append(len(curve))
     return {
         "points_of_each_curve": points,
+        "cut_short": len(runs) - len(points),  # by a watchdog, where the machine is too busy
         "samples_in_file": len(rows),
         "lost_samples": int((jumps[jumps > 0] - 1).sum()),
         "frames_per_s": {

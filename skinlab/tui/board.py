@@ -106,6 +106,11 @@ class Entry:
     result: Identification | None = None
     findings: list[Finding] = field(default_factory=list)
 
+    @property
+    def setup(self) -> Setup:
+        """What it was measured with."""
+        return self.curve.setup
+
 
 @dataclass(slots=True)
 class Series:

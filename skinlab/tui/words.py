@@ -175,8 +175,15 @@ def _thickness(setup: Setup) -> str:
     return f"{setup.thickness_mm:g}{sd} mm"
 
 
-def settings_line(texts: Mapping[str, str]) -> str:
-    """Return the settings in one line, where the fields are folded away."""
+def settings_line(board: Board, texts: Mapping[str, str]) -> str:
+    """Return the settings in one line, where the fields are folded away.
+
+    Those of the fields; in a replay, where they mean nothing, those of the curve.
+    """
+    shown = board.live or board.entry
+    if board.playing is not None and shown is not None:
+        setup = shown.setup
+        return f"{setup.aperture_mm:g} mm, {_thickness(setup)} of skin, {setup.program}"
     who = ", ".join(t for t in (texts["subject"], texts["site"]) if t) or "no subject"
     return f"{who}: {texts['aperture_mm']} mm, {texts['program']}"
 

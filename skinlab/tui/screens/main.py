@@ -108,13 +108,13 @@ class MainScreen(Screen[None]):
             note.set_classes(f"-{level}")
 
     def fold(self) -> None:
-        """Where there is little room, leave it to what is measured and found; F3 unfolds."""
+        """Leave the room, and the time of a frame, to what is measured and found; F3 unfolds."""
         board = self._board
         busy = board.moving or board.live is not None or board.entry is not None
         folded = busy and not isinstance(self.focused, Input)
         self.set_class(folded, "-folded")
         if folded:
-            line = settings_line(self.query_one(Fields).texts())
+            line = settings_line(board, self.query_one(Fields).texts())
             self.query_one("#settings-line", Static).update(line, layout=False)
 
     @on(DescendantFocus)
