@@ -19,6 +19,9 @@ from skinlab.discrepancy.unknowns import Unknowns
 Array = NDArray[np.float64]
 
 _ANCHORS = 8
+_SEEN = 2  # after so many, one that expects to stay above its limit ends
+_ENOUGH = 3  # after so many, one that explains nothing goes on only while it gains this share
+_WORTH = 0.1
 _REFRESHED = 4  # times that the slopes are taken anew
 HOPELESS = 1.5  # a χ² a sample that no exact optimum will turn into an explanation
 _GAIN = 0.3  # of the cost: less is not worth another time
@@ -148,18 +151,21 @@ class Fitter:
         )  # fmt: skip
         return np.asarray(found.x)
 
-    def fit(self, unknowns: Unknowns, start: Array) -> Fit | None:
+    def fit(self, unknowns: Unknowns, start: Array, limit: float = math.inf) -> Fit | None:
         """Return the best fit near a start (k,), None where there is no model.
 
         What is learnt from anchor to anchor leads to the valley, not to its bottom: from where that
-        ended, the slopes are taken anew, until nothing is gained.
+        ended, the slopes are taken anew, until nothing is gained. A fit that will not come below a
+        cost of `limit` ends early and is not settled.
         """
-        best = self._walk(unknowns, start)
+        best = self._walk(unknowns, start, limit)
         for _ in range(_REFRESHED):
-            if best is None or not best.corrected or best.chi2 > HOPELESS * self.errors.count:
+            hopeless = min(HOPELESS * self.errors.count, limit)
+            if best is None or not best.corrected or best.chi2 > hopeless:
                 return best
-            again = self._walk(unknowns, best.u)
-            if again is None or again.cost > best.cost - _GAIN:
+            again = self._walk(unknowns, best.u, limit)
+            least = _GAIN + _CLOSE_SHARE * max(0.0, best.chi2 - self.errors.count)
+            if again is None or again.cost > best.cost - least:
                 break
             best = again
         assert best is not None
@@ -169,7 +175,7 @@ class Fitter:
         final = self._finish(model, best.u)
         return best if final is None else replace(final, settled=best.settled)
 
-    def _walk(self, unknowns: Unknowns, start: Array) -> Fit | None:
+    def _walk(self, unknowns: Unknowns, start: Array, limit: float) -> Fit | None:
         """Return where one model, corrected from anchor to anchor, leads."""
         model = self.model(unknowns)
         low, high = unknowns.bounds
@@ -183,8 +189,9 @@ class Fitter:
         best = self._finish(model, start)
         if best is None:
             return None
-        settled = False
-        for _ in range(_ANCHORS):
+        settled = again = False
+        for k in range(_ANCHORS):
+            before = best.cost
             u = self.minimise(
                 model,
                 best.u,
@@ -192,6 +199,9 @@ class Fitter:
                 np.minimum(high, best.u + radius),
             )
             expected = model.predict(u)
+            if k >= _SEEN and min(best.cost, self._cost(unknowns, u, expected)) > limit:
+                settled = False
+                break
             if not model.anchor(u):
                 radius = 0.4 * radius
                 model = self.model(unknowns)
@@ -207,13 +217,14 @@ class Fitter:
             settled = well and not at_edge
             if found.cost > best.cost:
                 radius = 0.4 * radius
-                if not well:
-                    model.anchor(best.u, afresh=True)
+                if not (well or again):
+                    again = model.anchor(best.u, afresh=True)
             else:
                 best = found
                 if well:
                     radius = np.minimum(2.5 * radius, widest)
-            if settled:
+            stuck = k >= _ENOUGH and best.cost > before - _WORTH * (best.chi2 - self.errors.count)
+            if settled or (stuck and best.chi2 > 2.0 * HOPELESS * self.errors.count):
                 break
         return replace(best, settled=settled)
 

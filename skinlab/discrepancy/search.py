@@ -33,6 +33,8 @@ _SEEN = 8.0  # a gain of χ² by which an effect is worth a fit
 _BEHIND = 18.0  # the same for a second one: 20 : 1, the odds of pairs, and what a prior costs
 _SHARE = 0.04  # or of the largest gain, where the misfit is large
 _RIVAL = 0.5
+_FAR = 20.0  # a cost so much above that of an explanation, and a tenth of what that one gained,
+_FAR_SHARE = 0.1  # is out of the race
 _MOST_SINGLES = 8
 _PARTNERS = 5  # of each of the best singles
 _LEADERS = 4
@@ -161,10 +163,21 @@ class Search:
         curves, takes away is no rival.
         """
         likely = [s for s in chosen if s.gain >= _RIVAL * chosen[0].gain]
-        found = self._fits(pool, base, [(base.fit, s) for s in likely])
+        found = self._race(pool, base, [(base.fit, s) for s in likely])
         if not any(c.adequate for c in found):
-            found += self._fits(pool, base, [(base.fit, s) for s in chosen[len(likely) :]])
+            found += self._race(pool, base, [(base.fit, s) for s in chosen[len(likely) :]])
         return found
+
+    def _race(
+        self, pool: Executor, base: Candidate, tasks: Sequence[tuple[Fit, Signature]]
+    ) -> list[Candidate]:
+        """Return fits: the two likeliest, then the others, which end early where those explain."""
+        found = self._fits(pool, base, tasks[:2])
+        serving = [c.fit.cost for c in found if c.adequate]
+        limit = math.inf
+        if serving:
+            limit = min(serving) + _FAR + _FAR_SHARE * max(0.0, base.fit.cost - min(serving))
+        return found + self._fits(pool, base, tasks[2:], limit)
 
     def _pairs(
         self, pool: Executor, base: Candidate, singles: list[Candidate], most: int, least: float
@@ -190,17 +203,21 @@ class Search:
         self._progress(
             "fitting pairs: " + ", ".join(f"{f.effects[-1]} and {s.effect}" for f, s in ranked)
         )
-        return self._fits(pool, base, ranked)
+        return self._race(pool, base, ranked)
 
     def _screen(self, pool: Executor, fit: Fit, names: Iterable[str]) -> dict[str, Signature]:
         found = pool.map(_signature, [(fit, name) for name in names])
         return {s.effect: s for s in found if s is not None}
 
     def _fits(
-        self, pool: Executor, base: Candidate, tasks: Sequence[tuple[Fit, Signature]]
+        self,
+        pool: Executor,
+        base: Candidate,
+        tasks: Sequence[tuple[Fit, Signature]],
+        limit: float = math.inf,
     ) -> list[Candidate]:
         found = []
-        for fit in pool.map(_fit, tasks):
+        for fit in pool.map(_fit, [(*task, limit) for task in tasks]):
             if fit is not None:
                 found.append(self._candidate(fit, base))
         return found
@@ -253,9 +270,9 @@ def _signature(task: tuple[Fit, str]) -> Signature | None:
     return signature(_mine["fitter"], *task)
 
 
-def _fit(task: tuple[Fit, Signature]) -> Fit | None:
+def _fit(task: tuple[Fit, Signature, float]) -> Fit | None:
     """Fit with one more effect, from the size that the screen expects, and from half of it."""
-    fit, seen = task
+    fit, seen, limit = task
     fitter = _mine["fitter"]
     unknowns = fit.unknowns.with_effect(seen.effect)
     axes = unknowns.axes[len(fit.unknowns.axes) :]
@@ -271,7 +288,7 @@ def _fit(task: tuple[Fit, Signature]) -> Fit | None:
         ]
         low, high = unknowns.bounds
         start = np.clip(np.concatenate([fit.u, own]), low, high)
-        found = fitter.fit(unknowns, start)
+        found = fitter.fit(unknowns, start, limit)
         if found is not None and (best is None or found.cost < best.cost):
             best = found
         # An effect that does not take away what the screen expected may have been misled.

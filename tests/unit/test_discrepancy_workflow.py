@@ -57,9 +57,9 @@ def document(outcome):
         ({"deflection_offset": {"offset_um": 20.0}}, PLAN, False),
         ({"pressure_lag": {"lag_s": 0.06}}, PLAN, True),
         ({"contact_preload": {"p0_mbar": 7.0}}, PLAN, True),
-        ({"natural_tension": {"stretch": 1.05}}, RAMPS, False),
+        ({"strain_stiffening": {"X3_MPa": 150.0}}, RAMPS, False),
     ],
-    ids=["offset", "lag", "preload", "tension"],
+    ids=["offset", "lag", "preload", "stiffening"],
 )
 def test_a_hidden_effect_is_named_and_the_gap_shrinks_to_the_noise(table, effects, plan, stated):
     # What the finite elements must solve is quick on ramps; the others do without.
