@@ -51,7 +51,7 @@ FOLDER = Path(__file__).resolve().parent
 PATIENCE_S = 60.0
 PROGRAM = "ramp:100@20"
 LONG = "ramp:100@2"  # for keys that are pressed while a curve runs
-_VENTED = b"VENTING|vented|cut short|READY"
+_VENTED = b"VENTING|vent ordered|vented|cut short|READY"
 _TYPED_S = 0.1  # between two keys
 _END = b"\x1b[?2026l"  # of a frame
 

@@ -22,12 +22,13 @@ from drivers.link import PortInfo, list_ports
 from skinlab.errors import InputError, SkinlabError
 from skinlab.log import log_exception
 from skinlab.session_fit import comparable
+from skinlab.stream import Sampled
 from skinlab.tui.bench import Bench
 from skinlab.tui.board import EXPLAINING, Board, Level, Missing, Playing, Series
 from skinlab.tui.colourless import StyledFirst
 from skinlab.tui.ledger import Deed
 from skinlab.tui.lifeline import INTERRUPTED
-from skinlab.tui.news import Adopted, Connected, Disconnected, Done, Failed, News
+from skinlab.tui.news import Adopted, Connected, Disconnected, Done, Failed, Heard, News
 from skinlab.tui.order import Order, check_limits, read_order, with_opening
 from skinlab.tui.remembered import recall, remember
 from skinlab.tui.replayer import Replayer, example_session, next_speed
@@ -254,6 +255,8 @@ class SkinlabApp(App[None]):
         if self.board.alarm is not None:
             self._raise_alarm(self.board.alarm)
         self._go_on()
+        if self.screen is self._main and not _only_samples(news):
+            self._main.draw()  # now, not with the next frame: it is waited for
 
     # ---- repeats ------------------------------------------------------------------------------
 
@@ -356,6 +359,8 @@ class SkinlabApp(App[None]):
     def action_vent(self) -> None:
         """Vent at once; close what is open over the main screen, and leave the fields."""
         self.bench.vent("operator")
+        if self.board.moving:
+            self.board.say(Level.WARNING, "vent ordered")
         self._give_up("vented: the repeats that were left are given up")
         self._queued = None
         if isinstance(self.screen, SessionScreen):
@@ -363,6 +368,8 @@ class SkinlabApp(App[None]):
         elif isinstance(self.screen, HelpScreen | PortsScreen | MissingScreen):
             self.pop_screen()
         self._main.set_focus(None)
+        if self._main.is_mounted:
+            self._main.draw()
 
     def action_help(self) -> None:
         """Open the help."""
@@ -550,3 +557,7 @@ class SkinlabApp(App[None]):
         self.board.begin("connecting", f"connecting to {port} …")
         anew, self._anew = self._anew, False
         self._perform("connecting", lambda: self.bench.serve(port, anew=anew))
+
+
+def _only_samples(news: News) -> bool:
+    return isinstance(news, Heard) and all(isinstance(m, Sampled) for m in news.messages)

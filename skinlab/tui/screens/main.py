@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 from typing import ClassVar
 
@@ -25,6 +26,7 @@ from skinlab.tui.widgets.strip import Strip
 from skinlab.tui.words import settings_line
 
 _FRAMES_PER_S = 16
+_ANSWER_S = 0.15
 
 
 class MainScreen(Screen[None]):
@@ -58,6 +60,7 @@ class MainScreen(Screen[None]):
         self._drawn = -1  # version of the board
         self._noted = ("", "")
         self._keys: tuple[bool, ...] = ()
+        self._due_s: float | None = None  # until when the answer is waited for
 
     def compose(self) -> ComposeResult:
         """Yield the parts, from top to bottom."""
@@ -82,7 +85,7 @@ class MainScreen(Screen[None]):
     def draw(self) -> None:
         """Draw the board where it changed."""
         board = self._board
-        if board.version == self._drawn:
+        if board.version == self._drawn or self._answer_is_near():
             return
         self._drawn = board.version
         self.close_fields(closed=board.moving)
@@ -99,6 +102,16 @@ class MainScreen(Screen[None]):
         if keys != self._keys:
             self._keys = keys
             self.refresh_bindings()
+
+    def _answer_is_near(self) -> bool:
+        """Whether a curve is complete and its answer due: what is drawn meanwhile delays it."""
+        entry = self._board.entry
+        if entry is None or entry.result is not None or self._board.alarm is not None:
+            self._due_s = None
+            return False
+        if self._due_s is None:
+            self._due_s = time.monotonic() + _ANSWER_S
+        return time.monotonic() < self._due_s
 
     def _write_note(self, text: str, level: str) -> None:
         note = self.query_one("#note", Static)
