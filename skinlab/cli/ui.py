@@ -72,7 +72,9 @@ def replay_on_terminal(session: Path, speed: float | None) -> int:
 def show(app: SkinlabApp) -> int:
     """Run the UI; whatever ends it, the probe vents and the session is saved."""
     from skinlab.tui.lifeline import Lifeline
+    from skinlab.tui.prompt_escape import look_sooner
 
+    look_sooner()
     try:
         with Lifeline(app.vent, app.interrupt, app.close_bench):
             app.run()
