@@ -19,7 +19,7 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, PPoly
 
 from skinlab.database.dimensionless import DimensionlessTable
 from skinlab.database.dimensionless_model import DimensionlessModel
@@ -41,7 +41,7 @@ _TOPS = (2.0, 1.5, 1.25, 1.1, 1.03, 0.9, 0.75, 0.6)  # of the pressure asked for
 class Dome:
     """Deflection (mm) as a function of suction (mbar); straight lines beyond its ends."""
 
-    spline: CubicSpline
+    spline: PPoly
     scale: float
 
     def __call__(self, pressure_mbar: Array) -> Array:
@@ -57,15 +57,33 @@ class Dome:
         return np.asarray(found)
 
 
+@dataclass(frozen=True, eq=False)
+class _Tabulated:
+    """The database at a geometry, at the nodes of a spline in arsinh(p / scale)."""
+
+    model: DimensionlessModel
+    nodes: Array
+    scale: float
+    spline_of: Array  # (4, n − 1, n): the spline's coefficients, of values at the nodes
+
+    def dome(self, parameters: Array) -> Dome | None:
+        """Return the dome of parameters (1, p), None where the table does not hold."""
+        values = self.model.deflection_mm(parameters)[0]
+        if not np.isfinite(values).all():
+            return None
+        return Dome(PPoly.construct_fast(self.spline_of @ values, self.nodes), self.scale)
+
+
 def _tabulate(
     database: DimensionlessTable, geometry: Geometry, top_mbar: float, kappa: str, sd_mm: float
-) -> tuple[DimensionlessModel, Array, float]:
+) -> _Tabulated:
     scale = top_mbar / 40.0
     low, high = math.asinh(-_BELOW_MBAR / scale), math.asinh(top_mbar / scale)
     nodes = np.linspace(low, high, _NODES)
     pressure = scale * np.sinh(nodes)
     convention: KappaConvention = "consistent" if kappa == "consistent" else "paper"
-    return database.model(geometry, pressure, convention, sd_mm), nodes, scale
+    model = database.model(geometry, pressure, convention, sd_mm)
+    return _Tabulated(model, nodes, scale, CubicSpline(nodes, np.eye(_NODES)).c)
 
 
 _plain = lru_cache(maxsize=64)(_tabulate)  # 7 MB each
@@ -93,14 +111,12 @@ class TableDomes:
         for share in _TOPS:
             top = min(share * top_mbar, 505.0)
             try:
-                model, nodes, scale = tabulated(
-                    self._database, stated, round(top, 3), problem.kappa, sd_mm
-                )
+                found = tabulated(self._database, stated, round(top, 3), problem.kappa, sd_mm)
             except NotTrustworthyError:
                 return None
-            values = model.deflection_mm(parameters)[0]
-            if np.isfinite(values).all():
-                return Dome(CubicSpline(nodes, values), scale)
+            dome = found.dome(parameters)
+            if dome is not None:
+                return dome
         return None
 
 

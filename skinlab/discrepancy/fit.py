@@ -122,6 +122,18 @@ class Fitter:
         found = np.column_stack(columns)
         return np.where(np.abs(found) < 0.1 * _NO_MODEL / _DIFFERENCE, found, 0.0)
 
+    def all_residuals(self, model: MappedModel, u: Array, keep: Kept | None = None) -> Array:
+        """Return `residuals` and the priors' deviations (n + axes,): their squares are the cost."""
+        return np.concatenate([self.residuals(model, u, keep), model.unknowns.prior_rows(u)])
+
+    def all_slopes(self, model: MappedModel, u: Array, keep: Kept | None = None) -> Array:
+        """Return derivatives (n + axes, k) of `all_residuals`."""
+        axes = model.unknowns.axes
+        prior = np.zeros((len(axes), len(u)))
+        for i, axis in enumerate(axes):
+            prior[i, 3 + i] = 1.0 / axis.prior[1]
+        return np.vstack([self.jacobian(model, u, keep), prior])
+
     def minimise(
         self,
         model: MappedModel,
@@ -131,22 +143,17 @@ class Fitter:
         keep: Kept | None = None,
     ) -> Array:
         """Return the optimum between bounds, of the model as it is now."""
-        unknowns = model.unknowns
-        k = len(start)
-
-        def residuals(u: Array) -> Array:
-            return np.concatenate([self.residuals(model, u, keep), unknowns.prior_rows(u)])
-
-        def jacobian(u: Array) -> Array:
-            prior = np.zeros((k - 3, k))
-            for i, axis in enumerate(unknowns.axes):
-                prior[i, 3 + i] = 1.0 / axis.prior[1]
-            return np.vstack([self.jacobian(model, u, keep), prior])
-
         span = np.maximum(high - low, 1e-9)
         inside = np.clip(start, low + 1e-6 * span, high - 1e-6 * span)
+
+        def residuals(u: Array) -> Array:
+            return self.all_residuals(model, u, keep)
+
+        def slopes(u: Array) -> Array:
+            return self.all_slopes(model, u, keep)
+
         found = least_squares(
-            residuals, inside, jac=jacobian, bounds=(low, high), x_scale=np.minimum(span, 1.0),
+            residuals, inside, jac=slopes, bounds=(low, high), x_scale=np.minimum(span, 1.0),
             xtol=1e-7, ftol=1e-7, gtol=1e-9, max_nfev=40,
         )  # fmt: skip
         return np.asarray(found.x)

@@ -34,7 +34,7 @@ class Outcome:
     seed: int = 0
     adopted_model: str | None = None
     alike: list[tuple[str, str]] = field(default_factory=list)
-    # Of the model as it is and of the explanations, by their effects.
+    # Of the best explanation, by its effects.
     posteriors: dict[tuple[str, ...], Posterior] = field(default_factory=dict)
 
     @property
@@ -47,8 +47,8 @@ class Outcome:
     def parameters(self, candidate: Candidate) -> dict[str, dict[str, float]]:
         """Return `value`, `low` and `high` of an explanation's parameters, by name.
 
-        The 90 % intervals are those of draws from the posterior; of an explanation that is not in
-        the verdict, of a Gaussian at its optimum.
+        The 90 % intervals are those of draws from the posterior; but for the best, of a Gaussian
+        at the optimum.
         """
         posterior = self.posteriors.get(candidate.effects)
         return (gaussian(candidate.fit) if posterior is None else posterior).parameters

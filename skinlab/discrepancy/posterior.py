@@ -1,35 +1,27 @@
 """How sure an explanation's parameters are: draws from its posterior, not a Gaussian at its best.
 
-Population Monte Carlo (Cappé et al. 2004, J. Comput. Graph. Stat. 13:907): candidates are drawn
-from a Student distribution as wide as the curvature at the optimum, weighted by their posterior,
-and drawn again around the heavy ones, each with its own curvature, until enough of them count. All
-rounds count as draws from one mixture (Owen and Zhou 2000, J. Am. Stat. Assoc. 95:135). The model
-stays anchored at the fit.
+The valley is followed as in the identification of a curve (identify/posterior.py); the model stays
+anchored at the fit.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gammaln, logsumexp
 
 from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.mapped_model import MappedModel
 from skinlab.discrepancy.unknowns import BASE_NAMES, Unknowns
 from skinlab.identify.intervals import correlation, interval
+from skinlab.identify.posterior import sample as follow_the_valley
+from skinlab.parameters import AxisSpace
 
 Array = NDArray[np.float64]
 
-_DRAWS = 400  # a round
+_DRAWS = 600  # a round
 _GAUSSIAN_DRAWS = 2000
-_CENTRES = 20  # of the later rounds
-_ENOUGH = 400.0  # effective draws: 5 % to within 1 %
-_MOST_ROUNDS = 5
-_FREEDOM = 5.0  # of the Student distributions
-_WIDER = 1.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,26 +74,42 @@ def sample(fitter: Fitter, fit: Fit, rng: np.random.Generator) -> Posterior:
     unknowns = fit.unknowns
     model = fitter.model(unknowns)
     if not fitter.prepare(model, fit.u, slopes=True):
-        model = fitter.model(unknowns)
-    mixtures = [_Mixture(fit.u[None], _WIDER * _root(fit.information)[None])]
+        return gaussian(fit)
     low, high = unknowns.bounds
-    found: Posterior | None = None
-    us, costs = [fit.u[None]], [np.array([fit.cost])]
-    for _ in range(_MOST_ROUNDS):
-        drawn = mixtures[-1].draw(_DRAWS, rng)
-        drawn = drawn[((drawn >= low) & (drawn <= high)).all(axis=1)]
-        us.append(drawn)
-        costs.append(np.array([fitter.cost(model, u) for u in drawn]))
-        u, cost = np.concatenate(us), np.concatenate(costs)
-        log_drawn = logsumexp(np.array([m.log_density(u) for m in mixtures]), axis=0)
-        log_weight = -0.5 * cost - log_drawn
-        weight = np.exp(log_weight - log_weight.max())
-        found = Posterior(unknowns, fit.u, u, weight / weight.sum())
-        if found.effective >= _ENOUGH:
-            break
-        mixtures.append(_around(fitter, model, found, rng))
-    assert found is not None
-    return found
+    space = AxisSpace(unknowns.names, tuple(low), tuple(high), (False,) * len(unknowns))
+    draws = follow_the_valley(
+        space, _Misfit(fitter, model), space.to_unit(fit.u)[None], rng, draws=_DRAWS
+    )
+    return Posterior(unknowns, fit.u, draws.parameters, draws.weight)
+
+
+@dataclass(frozen=True, eq=False)
+class _Misfit:
+    """A fit's whitened residuals and priors, of many candidates one after the other."""
+
+    fitter: Fitter
+    model: MappedModel
+    rest: float = 0.0
+
+    def __call__(self, parameters: Array) -> Array:
+        """Return χ² (n,) with the priors; infinite where there is no model."""
+        return np.array([self.fitter.cost(self.model, u) for u in parameters])
+
+    def differences(self, parameters: Array) -> Array:
+        """Return residuals (n, m); large where there is no model."""
+        return np.array([self.residuals(u) for u in parameters])
+
+    def slopes(self, parameters: Array) -> Array:
+        """Return derivatives (n, m, k) of `differences`."""
+        return np.array([self.jacobian(u) for u in parameters])
+
+    def residuals(self, parameters: Array) -> Array:
+        """Return residuals (m,) of one candidate."""
+        return self.fitter.all_residuals(self.model, parameters)
+
+    def jacobian(self, parameters: Array) -> Array:
+        """Return the derivatives (m, k) of `residuals`."""
+        return self.fitter.all_slopes(self.model, parameters)
 
 
 def gaussian(fit: Fit) -> Posterior:
@@ -114,48 +122,6 @@ def gaussian(fit: Fit) -> Posterior:
     return Posterior(fit.unknowns, fit.u, u, np.full(len(u), 1.0 / len(u)))
 
 
-def _around(
-    fitter: Fitter, model: MappedModel, found: Posterior, rng: np.random.Generator
-) -> _Mixture:
-    """Return a mixture about draws that count, more of them where there were too few."""
-    share = np.cumsum(np.sqrt(found.weight))
-    at = (np.arange(_CENTRES) + rng.random(_CENTRES)) / _CENTRES * share[-1]
-    centres = found.u[np.unique(np.minimum(np.searchsorted(share, at), len(share) - 1))]
-    near = np.diag(1.0 / np.maximum(np.square(found.deviations), 1e-18))
-    roots = [
-        _WIDER * _root(near + found.unknowns.information(fitter.jacobian(model, u)))
-        for u in centres
-    ]
-    return _Mixture(centres, np.array(roots))
-
-
 def _root(information: Array) -> Array:
     """Return the lower triangular root of its inverse."""
     return np.asarray(np.linalg.cholesky(np.linalg.inv(information)))
-
-
-@dataclass(frozen=True, eq=False)
-class _Mixture:
-    """Equally likely Student distributions: means (m, k), roots (m, k, k) of their scales."""
-
-    mean: Array
-    root: Array
-
-    def draw(self, n: int, rng: np.random.Generator) -> Array:
-        """Return draws (n, k)."""
-        which = np.arange(n) % len(self.mean)
-        normal = rng.standard_normal((n, self.mean.shape[1]))
-        stretch = np.sqrt(_FREEDOM / rng.chisquare(_FREEDOM, n))
-        along = np.einsum("nij,nj->ni", self.root[which], normal)
-        return np.asarray(self.mean[which] + along * stretch[:, None])
-
-    def log_density(self, at: Array) -> Array:
-        """Return the log of the density (n,) at points (n, k)."""
-        k = self.mean.shape[1]
-        z = np.einsum("mij,nmj->nmi", np.linalg.inv(self.root), at[:, None] - self.mean)
-        log_det = np.log(np.einsum("mii->mi", self.root)).sum(axis=1)
-        constant = gammaln(0.5 * (_FREEDOM + k)) - gammaln(0.5 * _FREEDOM)
-        constant -= 0.5 * k * math.log(_FREEDOM * math.pi) + math.log(len(self.mean))
-        square = np.einsum("nmi,nmi->nm", z, z)
-        each = constant - log_det - 0.5 * (_FREEDOM + k) * np.log1p(square / _FREEDOM)
-        return np.asarray(logsumexp(each, axis=1))

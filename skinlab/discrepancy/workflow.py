@@ -23,7 +23,7 @@ from skinlab.model_file import BASE, Model
 
 __all__ = ["Partial", "explain"]
 
-_MOST_TIED = 4  # explanations that a next measurement is looked for, and that are sampled
+_MOST_TIED = 4  # explanations that a next measurement is looked for
 
 
 def explain(
@@ -57,10 +57,9 @@ def explain(
     parts = conditions_of(fitter, [c.fit for c in verdict.explanations])
     before = predict_held_out(fitter, found.base.fit, parts)
     held = {c.effects: predict_held_out(fitter, c.fit, parts) for c in verdict.explanations}
-    progress("drawing from the posteriors")
-    rng = np.random.default_rng(seed)
-    fits = [found.base.fit, *(c.fit for c in verdict.explanations[:_MOST_TIED])]
-    posteriors = {fit.effects: sample(fitter, fit, rng) for fit in fits}
+    progress("drawing from the posterior")
+    best = verdict.explanations[0].fit if verdict.explanations else found.base.fit
+    posteriors = {best.effects: sample(fitter, best, np.random.default_rng(seed))}
     following = None
     if verdict.name == "ambiguous":
         progress("looking for the measurement that would tell them apart")

@@ -90,7 +90,8 @@ def polish(
         evaluations += len(trial)
         cost_new = _squares(r_new)
         better = cost_new < cost[live]
-        gain = (cost[live] - cost_new) / np.maximum(promise, 1e-300)
+        with np.errstate(over="ignore"):  # a step that promised nothing; the gain is clipped
+            gain = (cost[live] - cost_new) / np.maximum(promise, 1e-300)
         yes, no = live[better], live[~better]
         unit[yes], cost[yes] = trial[better], cost_new[better]
         residual[yes], jacobian[yes] = r_new[better], J_new[better]

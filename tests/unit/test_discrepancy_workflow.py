@@ -8,6 +8,7 @@ import pytest
 from sim_device.skin import MESH
 from skinlab.campaign import Campaign
 from skinlab.curve import Curve, Setup
+from skinlab.discrepancy.posterior import gaussian
 from skinlab.discrepancy.workflow import explain
 from skinlab.effects.model import Skin, response
 from skinlab.effects.registry import effect_names
@@ -94,6 +95,10 @@ def test_where_nothing_is_hidden_nothing_is_found(table):
     for name in ("X1_MPa", "X2_MPa"):
         value = found["parameters"]["after"][name]
         assert value["low"] <= value["value"] <= value["high"]
+    # Well-known parameters have a Gaussian posterior: that of the curvature at the optimum.
+    (drawn,) = outcome.posteriors.values()
+    assert drawn.effective > 300
+    np.testing.assert_allclose(drawn.deviations, outcome.best.fit.deviations, rtol=0.2)
     seen = {name.split(".")[0] for name in found["detectable"]}
     assert seen <= set(effect_names())
     assert "preconditioning" not in seen  # no second cycle: it could not have been seen
@@ -105,6 +110,11 @@ def test_one_ramp_names_nothing_and_any_number_of_workers_says_the_same(table):
     one = explain(hidden, table, workers=1)
     assert one.verdict.name in ("none", "ambiguous")
     assert document(one)["gap"]["held_out"] == []  # there is one condition only
+    # Of one ramp the valley is long and bent: no Gaussian has its length.
+    (drawn,) = one.posteriors.values()
+    rough = gaussian(one.best.fit).parameters["nu"]
+    nu = drawn.parameters["nu"]
+    assert nu["high"] - nu["low"] > 1.5 * (rough["high"] - rough["low"])
     assert document(explain(hidden, table, workers=2)) == document(one)
 
 
