@@ -255,7 +255,8 @@ class SkinlabApp(App[None]):
         if self.board.alarm is not None:
             self._raise_alarm(self.board.alarm)
         self._go_on()
-        if self.screen is self._main and not _only_samples(news):
+        shown = self.screen_stack  # nothing while the app ends
+        if shown and shown[-1] is self._main and not _only_samples(news):
             self._main.draw()  # now, not with the next frame: it is waited for
 
     # ---- repeats ------------------------------------------------------------------------------
