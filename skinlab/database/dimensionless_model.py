@@ -179,6 +179,17 @@ class DimensionlessModel:
         """Return the curves (n, u) of candidates (n, p); NaN where the table does not hold."""
         return np.asarray(self.coordinates(parameters) @ self._q.T)
 
+    def with_reach(self, parameters: Array) -> tuple[Array, Array]:
+        """Return curves (n, u), and the suctions (n,) in mbar up to which these are answers.
+
+        Beyond that they go on smoothly and mean nothing. NaN and 0 outside of the table.
+        """
+        points, holds_to_mpa = self._points(parameters)
+        inside = holds_to_mpa > 0.0
+        found = np.full((len(points), len(self._q)), np.nan)
+        found[inside] = self._spline(points[inside]) @ self._q.T
+        return found, holds_to_mpa / MBAR
+
     def misfit(self, measured_mm: Array, whitening: Whitening | None = None) -> Misfit:
         """Return the sum of squared differences to these deflections (u,), as a function."""
         return Misfit(self, self._q, measured_mm, whitening)

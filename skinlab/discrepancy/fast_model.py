@@ -37,7 +37,7 @@ _BELOW_MBAR = 12.0  # under zero, for noise and for lag
 _RATIO_SD = 0.13  # thickness from 0.55 to 1.45 of the stated one
 # The highest suctions (mbar) that the database is tabulated to: few, so that these are kept.
 _TOPS = (*(20.0 * 1.2**i for i in range(18)), 505.0)
-_STEPS_DOWN = 4  # below what is asked for, where the skin creases on the way
+_LEAST_REACH = 0.5  # of the suction that is asked for: a skin that creases before has no dome
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,12 +46,13 @@ class Dome:
 
     spline: PPoly
     scale: float
+    reach_mbar: float  # beyond: a straight line
 
     def __call__(self, pressure_mbar: Array) -> Array:
         """Return the deflection at these suctions."""
         s = self.spline
         low, high = (self.scale * math.sinh(x) for x in (s.x[0], s.x[-1]))
-        within = np.clip(pressure_mbar, low, high)
+        within = np.clip(pressure_mbar, low, min(high, self.reach_mbar))
         at = np.arcsinh(within / self.scale)
         found = s(at)
         beyond = pressure_mbar - within
@@ -69,12 +70,13 @@ class _Tabulated:
     scale: float
     spline_of: Array  # (4, n − 1, n): the spline's coefficients, of values at the nodes
 
-    def dome(self, parameters: Array) -> Dome | None:
-        """Return the dome of parameters (1, p), None where the table does not hold."""
-        values = self.model.deflection_mm(parameters)[0]
-        if not np.isfinite(values).all():
+    def dome(self, parameters: Array, least_reach_mbar: float) -> Dome | None:
+        """Return the dome of parameters (1, p), None where the table does not hold so far."""
+        values, reach_mbar = self.model.with_reach(parameters)
+        if reach_mbar[0] < least_reach_mbar or not np.isfinite(values).all():
             return None
-        return Dome(PPoly.construct_fast(self.spline_of @ values, self.nodes), self.scale)
+        spline = PPoly.construct_fast(self.spline_of @ values[0], self.nodes)
+        return Dome(spline, self.scale, float(reach_mbar[0]))
 
 
 def _tabulate(
@@ -111,16 +113,12 @@ class TableDomes:
         parameters = np.array([at])
         tabulated = _any_thickness if free else _plain
         sd_mm = _RATIO_SD * stated.thickness_mm if free else 0.0
-        first = min(bisect_left(_TOPS, top_mbar), len(_TOPS) - 1)
-        for top in _TOPS[first : max(first - _STEPS_DOWN - 1, 0) : -1]:
-            try:
-                found = tabulated(self._database, stated, top, problem.kappa, sd_mm)
-            except NotTrustworthyError:
-                return None
-            dome = found.dome(parameters)
-            if dome is not None:
-                return dome
-        return None
+        top = _TOPS[min(bisect_left(_TOPS, top_mbar), len(_TOPS) - 1)]
+        try:
+            found = tabulated(self._database, stated, top, problem.kappa, sd_mm)
+        except NotTrustworthyError:
+            return None
+        return found.dome(parameters, _LEAST_REACH * min(top_mbar, top))
 
 
 def relaxed_pressure(
