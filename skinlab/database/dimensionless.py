@@ -164,11 +164,11 @@ class DimensionlessTable:
         return DimensionlessModel(self, geometry, pressure_mbar, kappa, thickness_sd_mm)
 
 
-TableRow = tuple[int, Array, float]  # entry, log compliance (load,), NaN beyond; holds to
+def compute_row(spec: DimensionlessSpec, entry: int) -> Array:
+    """Return one entry of the table: log compliance (load,), NaN beyond the q to which it holds.
 
-
-def compute_row(spec: DimensionlessSpec, entry: int) -> TableRow:
-    """Return one entry of the table, by finite elements with R = 1 mm and X1 = 1 MPa."""
+    That q is the last number. By finite elements with R = 1 mm and X1 = 1 MPa.
+    """
     i, j, k = np.unravel_index(entry, spec.shape)
     thickness = float(np.exp(spec.thickness_over_radius.log_nodes()[i]))
     parameters = {
@@ -195,4 +195,4 @@ def compute_row(spec: DimensionlessSpec, entry: int) -> TableRow:
     secant[np.abs(q) < 1e-9] = dome(0.0, 1) / MBAR  # at zero the secant is the tangent
     row = np.full(len(nodes), np.nan)
     row[held] = np.log(secant)
-    return entry, row, holds_to
+    return np.append(row, holds_to)

@@ -40,7 +40,8 @@ def rebuilt_differences(
 
 
 def _grid_difference(grid: GridDatabase, entry: int) -> str:
-    _, curve, holds_to, _ = compute_entry(grid.spec, entry)
+    row = compute_entry(grid.spec, entry)
+    curve, holds_to = row[:-2], row[-2]
     at = np.unravel_index(entry, grid.spec.shape[:3])
     stored = grid.deflection_mm[at]
     same = np.allclose(curve, stored, rtol=0, atol=TOLERANCE_MM, equal_nan=True)
@@ -52,7 +53,8 @@ def _grid_difference(grid: GridDatabase, entry: int) -> str:
 
 
 def _table_difference(table: DimensionlessTable, entry: int) -> str:
-    _, row, holds_to = compute_row(table.spec, entry)
+    *computed, holds_to = compute_row(table.spec, entry)
+    row = np.array(computed)
     at = np.unravel_index(entry, table.spec.shape)
     worst = float(np.nanmax(np.abs(row - table.log_compliance[at])))  # NaN: filled, not computed
     stored = float(table.holds_to_load[at])
