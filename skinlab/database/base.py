@@ -7,6 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from skinlab.curve import Curve
 from skinlab.database.misfit import Misfit, Whitening
 from skinlab.fem.suction import Geometry
 from skinlab.materials.compressibility import KappaConvention
@@ -50,8 +51,12 @@ class Database(Protocol):
         """`sha256:…` over what was computed from what, and the numbers."""
         ...
 
-    def covered(self, pressure_mbar: Array) -> NDArray[np.bool_]:
-        """Return which pressures (n,) it speaks of, its small extensions included."""
+    def covers(self, curve: Curve) -> NDArray[np.bool_]:
+        """Return which samples (n,) of a curve it speaks of, its small extensions included.
+
+        Raises:
+            NotTrustworthyError: it does not speak of such a curve at all; says why.
+        """
         ...
 
     def model(
@@ -60,8 +65,11 @@ class Database(Protocol):
         pressure_mbar: Array,
         kappa: KappaConvention = "paper",
         thickness_sd_mm: float = 0.0,
+        time_s: Array | None = None,
     ) -> CurveModel:
         """Return the database at this geometry and these pressures (u,).
+
+        `time_s` (u,) are the times since the curve began, for databases that depend on them.
 
         With a standard deviation of the thickness, its ratio to the stated one is one more
         parameter at the end, `thickness_ratio`.

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from skinlab.curve import Curve
 from skinlab.errors import NotTrustworthyError
 from skinlab.fem.newton import StepSettings
 from skinlab.fem.suction import (
@@ -137,12 +138,17 @@ class DimensionlessTable:
         high = self.spec.pressure_mbar * (1 + EXTENSION_ABOVE)
         return np.asarray((pressure_mbar >= -EXTENSION_BELOW_MBAR) & (pressure_mbar <= high))
 
+    def covers(self, curve: Curve) -> NDArray[np.bool_]:
+        """Return which samples (n,) of a curve it speaks of."""
+        return self.covered(curve.pressure_mbar)
+
     def model(
         self,
         geometry: Geometry,
         pressure_mbar: Array,
         kappa: KappaConvention = "paper",
         thickness_sd_mm: float = 0.0,
+        time_s: Array | None = None,
     ) -> DimensionlessModel:
         """Return the table at this geometry and these pressures (u,).
 
@@ -153,6 +159,7 @@ class DimensionlessTable:
         """
         from skinlab.database.dimensionless_model import DimensionlessModel
 
+        del time_s
         axis = self.spec.thickness_over_radius
         asked = geometry.thickness_mm / geometry.radius_mm
         if not axis.low * (1 - 1e-12) <= asked <= axis.high * (1 + 1e-12):

@@ -10,8 +10,8 @@ from skinlab.database.build import build_grid
 from skinlab.database.grid import GridSpec
 from skinlab.database.grid_model import GridModel
 from skinlab.database.lagrange import TensorLagrange, matrix
-from skinlab.database.store import read_grid, write_grid
 from skinlab.database.rows import How
+from skinlab.database.store import read_grid, write_grid
 from skinlab.database.verify import rebuilt_differences
 from skinlab.errors import InputError, NotTrustworthyError
 from skinlab.fem.suction import Geometry

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from skinlab.database.build import build_table
-from skinlab.database.rows import How
 from skinlab.database.dimensionless import Axis, DimensionlessSpec
+from skinlab.database.rows import How
 from skinlab.database.splines import basis, coefficients
 from skinlab.database.store import read_database, read_table, write_table
 from skinlab.database.verify import rebuilt_differences
