@@ -7,7 +7,6 @@ import numpy as np
 from skinlab.database.dimensionless import DimensionlessTable
 from skinlab.database.grid import GridDatabase
 from skinlab.database.model_database import ModelDatabase
-from skinlab.database.spec_file import unit_of
 from skinlab.fem.suction import MBAR
 
 
@@ -34,8 +33,7 @@ def _model(database: ModelDatabase) -> list[str]:
         lines.append(f"  along {spec.program} only, cycle {spec.measurement.cycle}")
     for name, axis in spec.axis.items():
         lines.append(
-            f"  {name:<28}{axis.low:g} to {axis.high:g} {unit_of(name)}, {axis.nodes} nodes, "
-            f"{axis.spacing}"
+            f"  {name:<28}{axis.low:g} to {axis.high:g}, {axis.nodes} nodes, {axis.spacing}"
         )
     for effect, values in model.values.items():
         for parameter, value in values.items():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import TYPE_CHECKING
@@ -18,7 +19,8 @@ from skinlab.database.course import Course, course_of
 from skinlab.database.filled import filled
 from skinlab.database.rows import How, compute_rows
 from skinlab.database.spec_file import ModelSpec
-from skinlab.errors import NotTrustworthyError
+from skinlab.effects.model import Effects
+from skinlab.errors import InputError, NotTrustworthyError
 from skinlab.fem.suction import SOLVER_VERSION, Geometry
 from skinlab.materials.compressibility import KappaConvention
 from skinlab.parameters import AxisSpace
@@ -88,6 +90,31 @@ class ModelDatabase:
         )
         low, high = (tuple(getattr(a, end) for a in axes.values()) for end in ("low", "high"))
         return AxisSpace(tuple(axes), low, high, logarithmic)
+
+    def point(self, base: Mapping[str, float], effects: Effects) -> Array:
+        """Return the parameters (k,) of X1, X2 and ν, by name, and effects' values.
+
+        What `effects` do not give is the model's own value.
+
+        Raises:
+            InputError: a value is none of this database's; says which.
+        """
+        at = dict(base)
+        own = self.spec.model.values
+        for effect, values in effects.items():
+            for parameter, value in values.items():
+                name = f"{effect}.{parameter}"
+                if name not in self.spec.axis and own.get(effect, {}).get(parameter) != value:
+                    raise InputError(f"{name} {value:g} is none of this database's")
+        for name, axis in self.spec.axis.items():
+            effect, _, parameter = name.rpartition(".")
+            if effect:
+                at[name] = effects.get(effect, {}).get(parameter, own[effect][parameter])
+            if not axis.low <= at[name] <= axis.high:
+                raise InputError(
+                    f"{name} {at[name]:g} is outside the database ({axis.low:g}–{axis.high:g})"
+                )
+        return np.array([at[name] for name in self.spec.axis])
 
     def covers(self, curve: Curve) -> NDArray[np.bool_]:
         """Return which samples (n,) of a curve it speaks of.
