@@ -24,6 +24,11 @@ class CurveModel(Protocol):
         """Where the database holds at all."""
         ...
 
+    @property
+    def error_shapes_mm(self) -> Array:
+        """Shapes (u, m), each as large as its standard deviation, in which it errs as a whole."""
+        ...
+
     def deflection_mm(self, parameters: Array) -> Array:
         """Return the curves (n, u) of candidates (n, k); NaN where the database does not hold."""
         ...

@@ -42,6 +42,11 @@ def _model(database: ModelDatabase) -> list[str]:
     lines.append(f"  {'pressure_mbar':<28}0 to {spec.high_mbar:g}, {len(course.nodes)} samples")
     short = int((database.holds_to < course.nodes[-1]).sum())
     lines.append(f"{spec.entries} curves, {short} of them hold to less than the end")
+    rms_um = 1e3 * np.sqrt(np.mean(database.errors[:, : len(course.nodes)] ** 2, axis=1))
+    lines.append(
+        f"between the nodes off by {np.median(rms_um):.2g} µm rms, at worst {rms_um.max():.2g} µm "
+        f"({len(rms_um)} points compared with finite elements)"
+    )
     said = model.provenance
     if said.verdict:
         lines.append(f"adopted {said.date}, verdict {said.verdict}, from {', '.join(said.data)}")

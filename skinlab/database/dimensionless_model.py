@@ -174,6 +174,11 @@ class DimensionlessModel:
             slopes[inside, :, d] = by[d] / values[:, None]
         return slopes
 
+    @property
+    def error_shapes_mm(self) -> Array:
+        """Shapes (u, 0): between nodes it errs by less than the least noise there is."""
+        return np.zeros((len(self._q), 0))
+
     def deflection_mm(self, parameters: Array) -> Array:
         """Return the curves (n, u) of candidates (n, p); NaN where the table does not hold."""
         return np.asarray(self.coordinates(parameters) @ self._q.T)

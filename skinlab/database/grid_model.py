@@ -112,6 +112,11 @@ class GridModel:
         rise = values[:, :3] - values[:, 3:]
         return np.asarray(np.moveaxis(rise, 1, 2) / (2 * steps))
 
+    @property
+    def error_shapes_mm(self) -> Array:
+        """Shapes (u, 0): between nodes it errs by less than the least noise there is."""
+        return np.zeros((len(self._q), 0))
+
     def deflection_mm(self, parameters: Array) -> Array:
         """Return the curves (n, u) of candidates (n, 3); NaN where the database does not hold."""
         return np.asarray(self.coordinates(parameters) @ self._q.T)

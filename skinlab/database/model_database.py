@@ -5,12 +5,13 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import NdBSpline
 
 from skinlab.curve import Curve
 from skinlab.database.axes import Interpolant
@@ -37,13 +38,15 @@ class ModelDatabase:
     """What was built of a spec.
 
     `curves` (axes…, width) are the rows of the course; `holds_to` (axes…) is the pressure in mbar,
-    or the time in s, to which an entry holds, negative where it does not at all. Beyond it a curve
-    supports the interpolation of neighbours, and is no answer in itself.
+    or the time in s, to which an entry holds, -inf where it does not at all. Beyond it a curve
+    supports the interpolation of neighbours, and is no answer in itself. `errors` (m, width) is
+    what interpolation errs by at `check_points`; zero where there is nothing to compare.
     """
 
     spec: ModelSpec
     curves: Array
     holds_to: Array
+    errors: Array
     solver_version: str
     versions: dict[str, str]  # what it was built with; not part of its content
 
@@ -51,7 +54,7 @@ class ModelDatabase:
     def content_hash(self) -> str:
         """`sha256:…` over what is computed from what, and the numbers themselves."""
         digest = hashlib.sha256(f"{self.spec.to_json()} {self.solver_version}".encode())
-        for array in (self.curves, self.holds_to):
+        for array in (self.curves, self.holds_to, self.errors):
             digest.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
         return f"sha256:{digest.hexdigest()}"
 
@@ -167,6 +170,7 @@ class ModelDatabase:
             )
 
 
+_CHECKS = 12  # points at which the interpolation is compared with finite elements
 _AS_SPACED = {"log": "log-uniform", "linear": "uniform", "chebyshev": "uniform"}
 
 
@@ -176,9 +180,25 @@ def node(spec: ModelSpec, entry: int) -> tuple[float, ...]:
     return tuple(float(axis.values()[i]) for axis, i in zip(spec.axis.values(), at, strict=True))
 
 
+def check_points(spec: ModelSpec) -> Array:
+    """Return the points (m, k) between the nodes at which the interpolation is checked."""
+    share = np.random.default_rng(0).random((_CHECKS, len(spec.axis)))
+    columns = []
+    for axis, u in zip(spec.axis.values(), share.T, strict=True):
+        log = axis.spacing == "log"
+        even = axis.low + (axis.high - axis.low) * u
+        columns.append(axis.low * (axis.high / axis.low) ** u if log else even)
+    return np.stack(columns, axis=1)
+
+
 def compute_curve(spec: ModelSpec, entry: int) -> Array:
-    """Return one entry's row (width,) by finite elements, NaN where the skin does not hold."""
-    skin, effects = spec.skin(node(spec, entry))
+    """Return one entry's row (width,) by finite elements, NaN where the skin does not hold.
+
+    The check points are entries behind those of the grid.
+    """
+    between = entry - spec.entries
+    point = node(spec, entry) if between < 0 else check_points(spec)[between]
+    skin, effects = spec.skin(point)
     return course_of(spec).row(skin, effects)
 
 
@@ -190,7 +210,8 @@ def build_model(spec: ModelSpec, how: How = HERE) -> ModelDatabase:
     """
     course = course_of(spec)
     what = f"{spec.to_json()} {SOLVER_VERSION}"
-    rows = compute_rows(partial(compute_curve, spec), what, spec.entries, course.width, how)
+    entries = spec.entries + _CHECKS
+    rows = compute_rows(partial(compute_curve, spec), what, entries, course.width, how)
     count = len(course.nodes)
     held: NDArray[np.bool_] = np.all(np.isfinite(rows).reshape(len(rows), -1, count), axis=1)
     first_lost = np.where(np.all(held, axis=1), count, np.argmin(held, axis=1))
@@ -198,10 +219,34 @@ def build_model(spec: ModelSpec, how: How = HERE) -> ModelDatabase:
     # Later samples that seem to hold again are of a skin that did not get there.
     lost = np.arange(count) >= first_lost[:, None]
     rows[np.tile(lost, course.width // count)] = np.nan
-    return ModelDatabase(
+    grid, between = np.split(rows, [spec.entries])
+    built = ModelDatabase(
         spec,
-        filled(rows.reshape(*spec.shape, -1)),
-        holds_to.reshape(spec.shape),
+        filled(grid.reshape(*spec.shape, -1)),
+        holds_to[: spec.entries].reshape(spec.shape),
+        np.zeros((_CHECKS, course.width)),
         SOLVER_VERSION,
         versions(),
     )
+    return replace(built, errors=_errors(built, between))
+
+
+def _errors(database: ModelDatabase, computed: Array) -> Array:
+    """Return interpolated less computed rows (m, width); zero where either ends."""
+    points = check_points(database.spec)
+    nodes, axes = database.course.nodes, database.interpolants
+    coefficients = database.curves
+    for d, axis in enumerate(axes):
+        coefficients = axis.coefficients(coefficients, d)
+    spline = NdBSpline(
+        tuple(a.knots for a in axes),
+        np.ascontiguousarray(coefficients),
+        tuple(a.degree for a in axes),
+    )
+    found = spline(np.stack([a.coordinate(p) for p, a in zip(points.T, axes, strict=True)], axis=1))
+    errors = np.nan_to_num(found - computed)
+    for error, point in zip(errors, points, strict=True):  # as far as the point's cell holds
+        cell = [int(axis.cell(point[[d]])[0]) for d, axis in enumerate(axes)]
+        corners = database.holds_to[tuple(slice(i, i + 2) for i in cell)]
+        error[np.tile(nodes > corners.min(), len(error) // len(nodes))] = 0.0
+    return np.asarray(errors)

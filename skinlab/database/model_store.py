@@ -36,6 +36,8 @@ def write_model(path: Path, database: ModelDatabase) -> None:
             data = file.create_dataset(name, data=block, compression="gzip", shuffle=True)
             data.attrs["unit"] = unit
             data.attrs["axes"] = ", ".join([*spec.axis, abscissa])
+        errors = file.create_dataset("interpolation_error", data=database.errors)
+        errors.attrs["unit"] = "mm; slopes mm/mbar"
         holds = file.create_dataset(f"holds_to_{course.unit}", data=database.holds_to)
         holds.attrs["unit"] = course.unit
 
@@ -57,13 +59,18 @@ def read_model_database(path: Path) -> ModelDatabase:
         course = course_of(spec)
         curves = [file[name][:] for name, _ in _CURVES if name in file]
         holds_to = file[f"holds_to_{course.unit}"][:]
+        errors = file["interpolation_error"][:]
         shapes = [(*spec.shape, len(course.nodes))] * (course.width // len(course.nodes))
-        if [c.shape for c in curves] != shapes or holds_to.shape != spec.shape:
+        if [c.shape for c in curves] != shapes or (holds_to.shape, errors.shape[1:]) != (
+            spec.shape,
+            (course.width,),
+        ):
             raise InputError(f"{path}: its arrays are not of its spec's shape; it is damaged")
         database = ModelDatabase(
             spec,
             np.concatenate(curves, axis=-1),
             holds_to,
+            errors,
             str(file.attrs["solver_version"]),
             versions,
         )

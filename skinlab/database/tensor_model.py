@@ -32,7 +32,9 @@ class TensorModel:
         course = database.course
         self.space: ParameterSpace = database.space
         self._axes = database.interpolants
-        wide, turn = np.linalg.qr(course.operator(pressure_mbar, time_s))
+        operator = course.operator(pressure_mbar, time_s)
+        self._error_shapes = operator @ database.errors.T / np.sqrt(len(database.errors))
+        wide, turn = np.linalg.qr(operator)
         grid = database.curves
         curves = grid.reshape(-1, grid.shape[-1]) @ turn.T  # samples, in an orthonormal basis
         q = components(curves)
@@ -81,6 +83,11 @@ class TensorModel:
             by = axis.coordinate_slope(parameters[inside, d])
             slopes[inside, :, d] = self._spline(points, nu=order) * by[:, None]
         return slopes
+
+    @property
+    def error_shapes_mm(self) -> Array:
+        """Shapes (u, m) in which it errs between its nodes, as found at m points of the box."""
+        return np.asarray(self._error_shapes)
 
     def deflection_mm(self, parameters: Array) -> Array:
         """Return the curves (n, u) of candidates; NaN where the database does not hold."""
