@@ -29,7 +29,7 @@ def computed_on_cluster(
             "--dask needs dask.distributed, which is not installed: pip install 'skinlab[dask]'"
         ) from None
     try:
-        client = Client(address, timeout=_ANSWER_WITHIN_S, set_as_default=False)
+        client = Client(address, timeout=_ANSWER_WITHIN_S)
     except (OSError, ValueError, TypeError) as error:  # OSError: timeouts as well
         said = str(error).splitlines()
         raise InputError(

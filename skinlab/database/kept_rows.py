@@ -28,7 +28,7 @@ _DIGEST = 16
 
 
 class KeptRows:
-    """A file of rows; a context manager. It stays when the build fails, and after it too."""
+    """A file of rows; a context manager. It stays after the build, also where that fails."""
 
     def __init__(self, path: Path, what: str, width: int, *, resume: bool) -> None:
         """Open or begin the file.
@@ -46,7 +46,7 @@ class KeptRows:
         self._path, self._width = path, width
         self._size = 8 + 8 * width + _DIGEST
         try:
-            there = path.exists() and path.stat().st_size > 0
+            there = path.exists() and path.stat().st_size >= len(self._head) + self._size
             if there and not resume:
                 raise InputError(
                     f"{path}: rows of a build that did not end; --resume goes on with them, or "
@@ -59,13 +59,10 @@ class KeptRows:
             self._file.write(self._head)
             self._file.flush()
             return
-        first = self._file.readline()
-        if first != self._head:
+        if self._file.readline() != self._head:
             self._file.close()
-            torn = self._head.startswith(first)
-            what_it_is = "cut off in its first line; remove it" if torn else "of another build"
             raise InputError(
-                f"{path}: {what_it_is}; expected rows of this spec, solver and version to resume"
+                f"{path}: rows of another build; expected those of this spec and solver to resume"
             )
 
     def found(self) -> Iterator[tuple[int, Array]]:
@@ -98,7 +95,10 @@ class KeptRows:
         trace: TracebackType | None,
     ) -> None:
         os.fsync(self._file.fileno())
+        empty = self._file.tell() <= len(self._head)
         self._file.close()
+        if empty:
+            self._path.unlink(missing_ok=True)
 
 
 def _digest(body: bytes) -> bytes:
