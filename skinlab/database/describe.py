@@ -49,7 +49,8 @@ def _model(database: ModelDatabase) -> list[str]:
     )
     said = model.provenance
     if said.verdict:
-        lines.append(f"adopted {said.date}, verdict {said.verdict}, from {', '.join(said.data)}")
+        origin = f", from {', '.join(said.data)}" if said.data else ""
+        lines.append(f"adopted {said.date}, verdict {said.verdict}{origin}")
     built = ", ".join(f"{name} {v}" for name, v in sorted(database.versions.items()))
     return [*lines, f"built with {built}"]
 
