@@ -25,7 +25,7 @@ check: setup
 	@$(BIN)/lint-imports
 
 unit: setup
-	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest
+	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
 
 # Long: what the tests do once, many times, and a hundred measurements killed at random moments.
 # Results are saved in benchmarks/results.

@@ -108,11 +108,11 @@ def command(
 
 
 def _in_the_ui(session: Path, speed: str) -> int:
-    from skinlab.cli.ui import replay_on_terminal
+    from skinlab.cli.ui import has_screen, replay_on_terminal
     from skinlab.errors import InputError
     from skinlab.session import read_session
 
-    if not (sys.stdin.isatty() and sys.stdout.isatty() and sys.stderr.isatty()):
+    if not has_screen():
         raise InputError("--ui: there is no terminal to draw on")
     read_session(session)  # what is wrong with it is said without a screen
     return replay_on_terminal(session, None if speed == "max" else float(speed))

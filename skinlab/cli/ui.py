@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
+    from skinlab.model_file import Model
     from skinlab.tui.app import SkinlabApp
 
 SIMULATED = "sim://?seed=1"
@@ -20,7 +21,12 @@ ESCAPE_MS = "40"
 @click.command()
 @click.option("--port", help="pyserial URL [default: asks; the simulated probe headless].")
 @click.option("--sessions", type=click.Path(path_type=Path), help="Folder for the sessions.")
-def command(port: str | None = None, sessions: Path | None = None) -> int:
+@click.option(
+    "--model", "model_path", type=click.Path(path_type=Path), help="MODEL.toml to identify with."
+)
+def command(
+    port: str | None = None, sessions: Path | None = None, model_path: Path | None = None
+) -> int:
     """Open the bedside terminal UI.
 
     With no terminal (in a pipe): one measurement, headless, whose result is printed.
@@ -29,18 +35,30 @@ def command(port: str | None = None, sessions: Path | None = None) -> int:
     Example: skinlab ui --port /dev/ttyUSB0
     """
     folder = sessions or default_folder()
+    model = None
+    if model_path is not None:
+        from skinlab.model_file import read_model
+
+        model = read_model(model_path)
+    if has_screen():
+        return _on_terminal(port, folder, model)
+    return _headless(port or SIMULATED, folder, model)
+
+
+def has_screen() -> bool:
+    """Return whether the UI can be shown: on a terminal, or by `textual serve` in a browser."""
+    if os.environ.get("TEXTUAL_DRIVER"):
+        return True
     # The screen is drawn on standard error.
-    if sys.stdin.isatty() and sys.stdout.isatty() and sys.stderr.isatty():
-        return _on_terminal(port, folder)
-    return _headless(port or SIMULATED, folder)
+    return sys.stdin.isatty() and sys.stdout.isatty() and sys.stderr.isatty()
 
 
-def _on_terminal(port: str | None, folder: Path) -> int:
+def _on_terminal(port: str | None, folder: Path, model: Model | None) -> int:
     _release_escape()
     from skinlab.tui.app import SkinlabApp
     from skinlab.tui.remembered import default_path
 
-    return show(SkinlabApp(port, folder, settings=default_path()))
+    return show(SkinlabApp(port, folder, settings=default_path(), model=model))
 
 
 def replay_on_terminal(session: Path, speed: float | None) -> int:
@@ -54,7 +72,9 @@ def replay_on_terminal(session: Path, speed: float | None) -> int:
 def show(app: SkinlabApp) -> int:
     """Run the UI; whatever ends it, the probe vents and the session is saved."""
     from skinlab.tui.lifeline import Lifeline
+    from skinlab.tui.prompt_escape import look_sooner
 
+    look_sooner()
     try:
         with Lifeline(app.vent, app.interrupt, app.close_bench):
             app.run()
@@ -79,7 +99,7 @@ def default_folder() -> Path:
     return user_data_path("skinlab", appauthor=False) / "sessions"
 
 
-def _headless(port: str, folder: Path) -> int:
+def _headless(port: str, folder: Path, model: Model | None) -> int:
     from skinlab.cli.measure import run
     from skinlab.cli.options import make_identifier
     from skinlab.curve import Setup
@@ -96,6 +116,10 @@ def _headless(port: str, folder: Path) -> int:
         kappa="paper",
         phases="load",
     )
+    if model is not None:
+        from skinlab.discrepancy.model_identifier import with_model
+
+        identifier = with_model(identifier, model)
     plan = Plan(Setup(6.0, 1.0, parse_program("ramp:100@20")))
     out = new_session_path(folder, datetime.now())
     return run(port, plan, out, identifier, as_json=False)

@@ -14,6 +14,7 @@ Nothing here asks which effect it is.
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -34,7 +35,9 @@ Array = NDArray[np.float64]
 _NODES = 72
 _BELOW_MBAR = 12.0  # under zero, for noise and for lag
 _RATIO_SD = 0.13  # thickness from 0.55 to 1.45 of the stated one
-_TOPS = (2.0, 1.5, 1.25, 1.1, 1.03, 0.9, 0.75, 0.6)  # of the pressure asked for
+# The highest suctions (mbar) that the database is tabulated to: few, so that these are kept.
+_TOPS = (*(20.0 * 1.2**i for i in range(18)), 505.0)
+_STEPS_DOWN = 4  # below what is asked for, where the skin creases on the way
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +90,7 @@ def _tabulate(
 
 
 _plain = lru_cache(maxsize=64)(_tabulate)  # 7 MB each
-_any_thickness = lru_cache(maxsize=12)(_tabulate)  # 75 MB each
+_any_thickness = lru_cache(maxsize=16)(_tabulate)  # 75 MB each
 
 
 class TableDomes:
@@ -108,10 +111,10 @@ class TableDomes:
         parameters = np.array([at])
         tabulated = _any_thickness if free else _plain
         sd_mm = _RATIO_SD * stated.thickness_mm if free else 0.0
-        for share in _TOPS:
-            top = min(share * top_mbar, 505.0)
+        first = min(bisect_left(_TOPS, top_mbar), len(_TOPS) - 1)
+        for top in _TOPS[first : max(first - _STEPS_DOWN - 1, 0) : -1]:
             try:
-                found = tabulated(self._database, stated, round(top, 3), problem.kappa, sd_mm)
+                found = tabulated(self._database, stated, top, problem.kappa, sd_mm)
             except NotTrustworthyError:
                 return None
             dome = found.dome(parameters)

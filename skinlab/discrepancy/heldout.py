@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.discrepancy.fit import Fit, Fitter
+from skinlab.discrepancy.misfit import Errors
 
 Array = NDArray[np.float64]
 Part = NDArray[np.bool_]
@@ -44,18 +45,18 @@ def conditions_of(fitter: Fitter, fits: Sequence[Fit]) -> list[Part]:
     for condition in conditions:
         members = [i for i, r in enumerate(records) if r.condition == condition]
         whole = np.isin(names, members)
-        if not any(_lost(fit, whole) for fit in fits):
+        if not any(_lost(fitter.errors, fit, whole) for fit in fits):
             found.append(whole)
             continue
         parts = [whole & (phases == phase) for phase in dict.fromkeys(phases[whole])]
         if len(parts) > 1:
-            found += [p for p in parts if not any(_lost(fit, p) for fit in fits)]
+            found += [p for p in parts if not any(_lost(fitter.errors, fit, p) for fit in fits)]
     return found
 
 
-def _lost(fit: Fit, out: Part) -> bool:
+def _lost(errors: Errors, fit: Fit, out: Part) -> bool:
     """Return whether an effect's unknown is known hardly better than its prior without these."""
-    kept = fit.jacobian[~out]
+    kept = errors.only(~out).whiten(errors.colour(fit.jacobian)[~out])
     prior = fit.information - fit.jacobian.T @ fit.jacobian
     deviations = np.sqrt(np.diag(np.linalg.inv(kept.T @ kept + prior)))
     most = [_TOLD * axis.prior[1] for axis in fit.unknowns.axes]

@@ -42,6 +42,13 @@ class Errors:
         flat = flat + self.q @ (shrink[:, None] * (self.q.T @ flat))
         return np.asarray(flat.reshape(residuals_mm.shape))
 
+    def colour(self, whitened: Array) -> Array:
+        """Return what `whiten` made these (u, …) from, mm."""
+        flat = whitened.reshape(self.count, -1)
+        stretch = np.sqrt(1.0 + self.s**2) - 1.0
+        flat = flat + self.q @ (stretch[:, None] * (self.q.T @ flat))
+        return np.asarray((flat * self.sigma_mm[:, None]).reshape(whitened.shape))
+
     def without_mesh(self, residuals_mm: Array) -> Array:
         """Return residuals (u,) in standard deviations, less what the mesh probably did."""
         z = residuals_mm / self.sigma_mm

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from skinlab.gates.registry import all_gates
 from skinlab.report.measured import Measured
-from skinlab.report.stored import StoredResult
 
 NAMES = {"X1_MPa": "X1", "X2_MPa": "X2", "nu": "ν"}
 
@@ -39,14 +40,14 @@ def explanations(measured: Measured) -> list[str]:
         points.append(f"{finding.gate}: {sentence}. What to do: {advice}.")
     result = measured.result
     if result is not None:
-        points += [f"{f}: {_words(f, result)}" for f in result.flags if f not in told]
+        points += [f"{f}: {_words(f, measured)}" for f in result.flags if f not in told]
     return points
 
 
-def _words(flag: str, result: StoredResult) -> str:
+def _words(flag: str, measured: Measured) -> str:
     kind, _, parameter = flag.partition(":")
     if kind == "misfit_above_noise":
-        return _misfit(result)
+        return _misfit(measured)
     if kind in _WORDS:
         return _WORDS[kind].replace("{}", NAMES.get(parameter, parameter))
     if kind in {gate.name for gate in all_gates()}:
@@ -57,10 +58,11 @@ def _words(flag: str, result: StoredResult) -> str:
     return "A flag that this version of the program does not know."
 
 
-def _misfit(result: StoredResult) -> str:
-    ratio = ""
-    if result.rms_um and result.noise_um:
-        ratio = f" ({result.rms_um / result.noise_um:.1f} times)"
+def _misfit(measured: Measured) -> str:
+    ratio, fit = "", measured.fit
+    if not isinstance(fit, str) and fit.noise_mm is not None:
+        noise_mm = np.sqrt(np.mean(fit.noise_mm**2))  # the pressure's too, as in the band
+        ratio = f" ({np.sqrt(np.mean(fit.residual_mm**2)) / noise_mm:.1f} times)"
     return (
         f"The residual is clearly more than the noise{ratio}: the model misses something here, and "
         "the intervals mean less. Repeat the measurement, look for contact, tape and movement; "

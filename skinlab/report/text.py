@@ -44,17 +44,22 @@ def describe(result: Identification) -> str:
     return "\n".join(lines)
 
 
-def explain(result: Identification) -> list[str]:
-    """Return what the flags of uncertainty mean here, a sentence each."""
+def explain(result: Identification, noise_um: float | None = None) -> list[str]:
+    """Return what the flags of uncertainty mean here, a sentence each.
+
+    `noise_um` is that of a sample of the curve, the pressure's noise included; None: not known.
+    """
     found = []
     loose = [f.split(":")[1] for f in result.flags if f.startswith("not_identifiable:")]
     if loose:
         names = " and ".join(_UNITS.get(name, (name, ""))[0] for name in loose)
         found.append(f"These data hardly fix {names}: the interval is most of what is possible.")
-    if "misfit_above_noise" in result.flags and result.noise_um and result.rms_um:
-        ratio = result.rms_um / result.noise_um
+    if "misfit_above_noise" in result.flags:
+        much = "clearly more than"
+        if noise_um and result.rms_um:
+            much = f"{result.rms_um / noise_um:.1f} times"
         found.append(
-            f"The residual is {ratio:.1f} times the noise: the model misses something, and the "
+            f"The residual is {much} the noise: the model misses something here, and the "
             "intervals mean less."
         )
     bounds = [f.split(":")[1] for f in result.flags if f.startswith("at_bound:")]

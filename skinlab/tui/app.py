@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from textual import on
 from textual.app import App
 from textual.binding import Binding, BindingType
 from textual.filter import LineFilter
 from textual.message import Message
+from textual.screen import ModalScreen
 from textual.timer import Timer
 from textual.widgets import Input
 
@@ -20,22 +22,28 @@ from drivers.link import PortInfo, list_ports
 from skinlab.errors import InputError, SkinlabError
 from skinlab.log import log_exception
 from skinlab.session_fit import comparable
+from skinlab.stream import Sampled
 from skinlab.tui.bench import Bench
-from skinlab.tui.board import Board, Level, Playing, Series
+from skinlab.tui.board import EXPLAINING, Board, Level, Missing, Playing, Series
 from skinlab.tui.colourless import StyledFirst
 from skinlab.tui.ledger import Deed
 from skinlab.tui.lifeline import INTERRUPTED
-from skinlab.tui.news import Connected, Disconnected, Done, Failed, News
-from skinlab.tui.order import Order, check_limits, read_order
+from skinlab.tui.news import Adopted, Connected, Disconnected, Done, Failed, Heard, News
+from skinlab.tui.order import Order, check_limits, read_order, with_opening
 from skinlab.tui.remembered import recall, remember
 from skinlab.tui.replayer import Replayer, example_session, next_speed
 from skinlab.tui.screens.alarm import AlarmScreen
 from skinlab.tui.screens.help import HelpScreen
 from skinlab.tui.screens.main import MainScreen
+from skinlab.tui.screens.missing import MissingScreen
 from skinlab.tui.screens.ports import PortsScreen
 from skinlab.tui.screens.session import SessionScreen
 from skinlab.tui.screens.welcome import EXAMPLE, SIMULATED, WelcomeScreen
 from skinlab.tui.widgets.fields import Fields
+
+if TYPE_CHECKING:
+    from skinlab.discrepancy.next_measurement import NextMeasurement
+    from skinlab.model_file import Model
 
 _SHORTEST_S = 0.01  # rest between two repeats
 _DARK, _LIGHT = "textual-dark", "textual-light"
@@ -61,13 +69,14 @@ class SkinlabApp(App[None]):
     HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (76, "-normal"), (110, "-wide")]  # noqa: RUF012
     VERTICAL_BREAKPOINTS = [(0, "-low"), (23, "-usual"), (34, "-tall")]  # noqa: RUF012 -- Textual's own form
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("v", "vent_key", "Vent", priority=True),
-        # A terminal may hold a lone Esc back, so v is the key that is shown
+        # Each screen shows v, first of all; a terminal may hold a lone Esc back
+        Binding("v", "vent_key", "Vent", show=False, priority=True),
         Binding("escape", "vent", "Vent", show=False, priority=True),
         Binding("question_mark", "help", "Help", key_display="?"),
         Binding("f1", "help", "Help", show=False, priority=True),
         Binding("t", "theme", "Theme", show=False),
         Binding("q", "leave", "Quit"),
+        Binding("f2", "ports", "Ports", key_display="F2", priority=True),
         Binding("ctrl+q,ctrl+c", "leave", "Quit", show=False, priority=True),
     ]
 
@@ -80,23 +89,29 @@ class SkinlabApp(App[None]):
         replay: Path | None = None,
         speed: float | None = 1.0,
         ports: Callable[[], tuple[PortInfo, ...]] = list_ports,
+        model: Model | None = None,
     ) -> None:
         """Begin with a port, with the replay of a session, or (neither) by asking.
 
-        Settings are kept for the next time in `settings`; None: nowhere.
+        Settings are kept for the next time in `settings`; None: nowhere. `model` is what curves
+        are identified with; None: the base law.
         """
         super().__init__()
         self.board = Board(port or SIMULATED)
+        self._folder = folder
         self._ask = port is None and replay is None
         self._replay = replay
         self._speed = speed
         self._ports = ports
         self._settings = settings
         self._rest: Timer | None = None  # until the next repeat
-        self.bench = make_bench(folder, self._post)
+        self.bench = make_bench(folder, self._post, model=model)
+        if model is not None:
+            self.board.model = model.model.name
         self.failure: Exception | None = None  # a bug that ended the app
         self._queued: Order | None = None  # to be armed once its port is connected
         self._next_port: str | None = None  # to be connected once the present one is closed
+        self._anew = False  # what is armed next begins another session
         self._leaving = False
 
     # ---- life ---------------------------------------------------------------------------------
@@ -136,7 +151,8 @@ class SkinlabApp(App[None]):
     # ---- a replay -----------------------------------------------------------------------------
 
     def _play(self, path: Path) -> None:
-        replayer = Replayer(path.parent, self._post, self._speed)
+        folder = self._folder if path == example_session() else path.parent  # for models
+        replayer = Replayer(folder, self._post, self._speed)
         self.bench = replayer
         self.board.playing = Playing(speed=self._speed)
         self._connect(str(path))
@@ -225,6 +241,8 @@ class SkinlabApp(App[None]):
         match news:
             case Connected():
                 self._connected(news)
+            case Adopted():
+                self._anew = True  # a session is identified with one model
             case Disconnected() if self._next_port is not None:
                 port, self._next_port = self._next_port, None
                 self._connect(port)
@@ -237,6 +255,9 @@ class SkinlabApp(App[None]):
         if self.board.alarm is not None:
             self._raise_alarm(self.board.alarm)
         self._go_on()
+        shown = self.screen_stack  # nothing while the app ends
+        if shown and shown[-1] is self._main and not _only_samples(news):
+            self._main.draw()  # now, not with the next frame: it is waited for
 
     # ---- repeats ------------------------------------------------------------------------------
 
@@ -304,7 +325,10 @@ class SkinlabApp(App[None]):
         self.push_screen(AlarmScreen(text), self._acknowledged)
 
     def _acknowledged(self, _: None) -> None:
-        self.bench.acknowledge()
+        try:
+            self.bench.acknowledge(self.board.alarm or "")
+        except SkinlabError as error:
+            self.board.refuse(str(error))
         self.board.acknowledge()
         if self._leaving and self.board.doing is None:
             self._leave()
@@ -325,6 +349,8 @@ class SkinlabApp(App[None]):
         """While a field takes text, v is text."""
         if action == "vent_key":
             return not isinstance(self.focused, Input) or self.board.moving
+        if action == "ports":
+            return self.board.can_arm and isinstance(self.screen, MainScreen)
         return super().check_action(action, parameters)
 
     def action_vent_key(self) -> None:
@@ -334,18 +360,26 @@ class SkinlabApp(App[None]):
     def action_vent(self) -> None:
         """Vent at once; close what is open over the main screen, and leave the fields."""
         self.bench.vent("operator")
+        if self.board.moving:
+            self.board.say(Level.WARNING, "vent ordered")
         self._give_up("vented: the repeats that were left are given up")
         self._queued = None
         if isinstance(self.screen, SessionScreen):
             self.screen.leave_line()
-        elif isinstance(self.screen, HelpScreen | PortsScreen):
+        elif isinstance(self.screen, HelpScreen | PortsScreen | MissingScreen):
             self.pop_screen()
         self._main.set_focus(None)
+        if self._main.is_mounted:
+            self._main.draw()
 
     def action_help(self) -> None:
         """Open the help."""
-        if self.screen is self._main:
+        if not isinstance(self.screen, ModalScreen):
             self.push_screen(HelpScreen())
+
+    def action_ports(self) -> None:
+        """Choose a port."""
+        self.push_screen(PortsScreen(), self._port_chosen)
 
     def action_theme(self) -> None:
         """Change between dark and light."""
@@ -377,8 +411,8 @@ class SkinlabApp(App[None]):
                 self._control(message.what)
             case "session":
                 self.push_screen(SessionScreen(self.board))
-            case "ports" if self.board.can_arm:
-                self.push_screen(PortsScreen(), self._port_chosen)
+            case "missing":
+                self._show_missing()
             case _:
                 pass
 
@@ -401,15 +435,63 @@ class SkinlabApp(App[None]):
     @on(SessionScreen.Wanted)
     def _session_wanted(self, message: SessionScreen.Wanted) -> None:
         board = self.board
-        used = [e.curve for i, e in board.entries.items() if i not in board.ledger.excluded]
-        curves = comparable(used)
+        if message.what == "missing":
+            self._show_missing()
+            return
+        curves = comparable(board.used)
         if not curves:
             board.refuse("no whole curve is there to be fitted")
-        elif message.path is None:
+        elif message.what == "joint":
             self._perform("fitting", lambda: self.bench.fit_together(curves))
         else:
             path = Path(message.path).expanduser()
             self._perform("comparing", lambda: self.bench.compare(path, curves))
+
+    # ---- the missing effect -------------------------------------------------------------------
+
+    def _show_missing(self) -> None:
+        self.push_screen(MissingScreen(self.board))
+        if self.board.missing is None:
+            self._look_for_it()
+
+    def _look_for_it(self) -> None:
+        board = self.board
+        curves = [curve for curve in board.used if not curve.partial]
+        if not curves:
+            board.refuse("no whole curve is there to be looked at")
+            return
+        board.missing = Missing(tuple(curve.name for curve in curves))
+        board.touch()
+        self._perform(EXPLAINING, lambda: self.bench.explain(curves))
+
+    @on(MissingScreen.Wanted)
+    def _missing_wanted(self, message: MissingScreen.Wanted) -> None:
+        missing = self.board.missing
+        outcome = None if missing is None else missing.outcome
+        match message.what:
+            case "begin":
+                self._look_for_it()
+            case "cancel":
+                self.bench.stop_explaining()
+            case "adopt" if outcome is not None:
+                session = Path(self.board.port) if self.board.playing else self.board.saved
+                self._perform("adopting", lambda: self.bench.adopt(outcome, session))
+            case "load" if outcome is not None and outcome.next_measurement is not None:
+                self._load_next(outcome.next_measurement)
+            case _:
+                pass
+
+    def _load_next(self, following: NextMeasurement) -> None:
+        """Put the measurement that would tell most into the fields; Enter arms it."""
+        aperture = f"{following.aperture_mm:g}"
+        self._fields.put("aperture_mm", aperture)
+        self._fields.put("program", following.program)
+        self._fields.put("repeats", "1")
+        while self.screen is not self._main:
+            self.pop_screen()
+        self.board.say(
+            Level.INFO, f"loaded: {following.program}, {aperture} mm opening; Enter arms"
+        )
 
     def _start(self) -> None:
         self.board.begin("starting", "")
@@ -435,11 +517,18 @@ class SkinlabApp(App[None]):
                 wrong.focus()
             return
         remember(self._settings, texts)
-        visit = self.board.visit
-        if self.board.hello is None or order.port != self.board.port:
+        board = self.board
+        if board.visit is not None and board.visit != order.visit:
+            self._anew = True  # another person or site: another session
+        if board.hello is None or order.port != board.port:
             self._reconnect(order.port, order)
-        elif visit is not None and visit != order.visit:
-            self._reconnect(order.port, order)  # another person or site: another session
+        elif order.setup.aperture_mm != board.hello.aperture_mm:
+            # Another head was put on, so the instrument must be asked again
+            port = with_opening(order.port, order.setup.aperture_mm)
+            self._fields.put("port", port)
+            self._reconnect(port, replace(order, port=port))
+        elif self._anew and board.visit is not None:
+            self._reconnect(order.port, order)
         else:
             self._arm(order)
 
@@ -462,9 +551,14 @@ class SkinlabApp(App[None]):
         else:
             self._next_port = port
             self.board.begin("connecting", f"leaving {self.board.port} …")
-            self._perform("leaving", self.bench.close)
+            self._perform("leaving", self.bench.leave)
 
     def _connect(self, port: str) -> None:
         self.board.port = port
         self.board.begin("connecting", f"connecting to {port} …")
-        self._perform("connecting", lambda: self.bench.serve(port))
+        anew, self._anew = self._anew, False
+        self._perform("connecting", lambda: self.bench.serve(port, anew=anew))
+
+
+def _only_samples(news: News) -> bool:
+    return isinstance(news, Heard) and all(isinstance(m, Sampled) for m in news.messages)

@@ -9,10 +9,10 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from drivers.errors import DriverError, LinkError
 from drivers.probe import Probe
@@ -22,11 +22,15 @@ from skinlab.identify.result import Identification
 from skinlab.pauses import shorten_pauses
 from skinlab.stream import CurveCompleted, Happened, Identified, Message
 from skinlab.tui.analyst import Analyst
+from skinlab.tui.explainer import Explainer
 from skinlab.tui.news import (
+    Adopted,
     Compared,
     Connected,
     Disconnected,
     Estimated,
+    Explained,
+    Explaining,
     Failed,
     Fitted,
     Found,
@@ -40,8 +44,12 @@ from skinlab.tui.order import Order
 from skinlab.tui.tape import Tape
 
 if TYPE_CHECKING:
+    from drivers.events import Hello
+    from skinlab.campaign import Campaign
     from skinlab.curve import Curve
+    from skinlab.discrepancy.outcome import Outcome
     from skinlab.identify.identifier import Identifier
+    from skinlab.model_file import Model
     from skinlab.pipeline import Pipeline
     from skinlab.recording import Recording as SessionRecording
     from skinlab.sources import LiveSource
@@ -61,6 +69,18 @@ def default_identifier() -> Identifier:
     return Identifier(shipped_table())
 
 
+class Explain(Protocol):
+    """Looks for what the model misses; can be cancelled."""
+
+    def __call__(
+        self, campaign: Campaign, model: Model, tell: Callable[[str], None], /
+    ) -> Outcome | None:
+        """Return the answer; None: it was cancelled."""
+
+    def cancel(self) -> None:
+        """Give up."""
+
+
 @dataclass(frozen=True)
 class _Visit:
     """What there is from the first arming on."""
@@ -69,13 +89,14 @@ class _Visit:
     source: LiveSource
     pipeline: Pipeline
     analyst: Analyst
+    simulated: bool
 
 
 class Bench:
-    """A probe at a time, and the session of each connection.
+    """A probe at a time, and the session of a visit: one subject, one site.
 
-    A session belongs to one connection: another port, subject or site is another connection. A link
-    that is lost and comes back is the same one.
+    A session outlives its probe: another head, with another opening, goes on with it. What is
+    simulated and what is not never come into one session.
     """
 
     def __init__(
@@ -87,10 +108,13 @@ class Bench:
         make_probe: Callable[..., Probe] = Probe,
         now: Callable[[], datetime] = datetime.now,
         backoff: Backoff = _BACKOFF,
+        explain: Explain | None = None,
+        model: Model | None = None,
     ) -> None:
         self._folder = folder
         self._post = post
         self._make_identifier = make_identifier
+        self._model = model
         self._make_probe = make_probe
         self._now = now
         self._backoff = backoff
@@ -107,6 +131,9 @@ class Bench:
         self._vents = 0
         self._closes = 0
         self._closing = threading.Event()  # wakes who waits for a lost link
+        self._explain = Explainer() if explain is None else explain
+        self._keep = False  # the session, once this connection is over
+        self._ending = threading.Lock()
 
     @property
     def vents(self) -> int:
@@ -122,11 +149,17 @@ class Bench:
         if probe is not None:
             probe.vent(reason)
 
-    def acknowledge(self) -> None:
-        """Unlatch the alarm."""
+    def acknowledge(self, text: str) -> None:
+        """Unlatch the alarm that said this; the session's audit trail tells who did.
+
+        Raises:
+            SkinlabError: the trail cannot be written; the alarm is unlatched all the same.
+        """
         probe = self._probe
         if probe is not None:
             probe.acknowledge_alarm()
+        if self._visit is not None:
+            self.audit("alarm acknowledged", text=text)
 
     def audit(self, what: str, **detail: object) -> None:
         """Record in the session's audit trail that the operator decided this.
@@ -213,35 +246,93 @@ class Bench:
         title = f"Compared with {before.name} ({who or 'no subject'}):"
         self._post(Compared((title, *(f"  {line}" for line in in_words(found)))))
 
+    def leave(self) -> None:
+        """Vent and let go of the probe; the session waits for the next one. Raises nothing."""
+        self._let_go(keep=True)
+
+    def explain(self, curves: Sequence[Curve]) -> None:
+        """Look for what the model misses in these curves; post each stage, and the answer.
+
+        Raises:
+            SkinlabError: there is none.
+        """
+        from skinlab.campaign import Campaign
+
+        identifier = self._load_identifier()
+        sensor = identifier.sensor
+        campaign = Campaign("", sensor.noise_um, sensor.pressure_noise_mbar, tuple(curves))
+        outcome = self._explain(campaign, identifier.model, lambda s: self._post(Explaining(s)))
+        if outcome is not None:
+            self._post(Explained(outcome))
+
+    def stop_explaining(self) -> None:
+        """Give the search up; at once, from any thread."""
+        self._explain.cancel()
+
+    def adopt(self, outcome: Outcome, session: Path | None) -> None:
+        """Write the model with the missing effect, and identify with it from the next session on.
+
+        `session` is the file that the curves are in, where there is one.
+
+        Raises:
+            SkinlabError: it cannot be written.
+        """
+        from skinlab.discrepancy.model_identifier import with_model
+        from skinlab.tui.adopting import write_adopted
+
+        identifier = self._load_identifier()
+        path, model = write_adopted(
+            outcome, identifier.model, self._folder, session, identifier.database, self._now()
+        )
+        if self._visit is not None:
+            self.audit("model adopted", file=path.name, hash=model.hash)
+        self._identifier = with_model(identifier, model)
+        self._post(Adopted(path, model.model.name))
+
     def close(self) -> None:
         """Vent, let go of the probe and finish the session. Raises nothing."""
+        self._let_go(keep=False)
+        if self._free.is_set():
+            self._end_visit()
+        self._explain.cancel()
+
+    def _let_go(self, *, keep: bool) -> None:
         self._vents += 1
         self._closes += 1
+        self._keep = keep
         self._closing.set()
         probe = self._probe
         if probe is not None:
             probe.close()
         self._free.wait(_CLOSE_S)
 
-    def serve(self, port: str) -> None:
-        """Connect, and pass on all that comes until the connection is over; then finish.
+    def serve(self, port: str, *, anew: bool = False) -> None:
+        """Connect, and pass on all that comes until the connection is over.
+
+        A session that was left open goes on, unless `anew`. It is finished with the connection,
+        unless that was left for another one.
 
         Raises:
-            DriverError: no probe answered at this port.
+            DriverError: no probe answered at this port; a session that was left open waits on.
             Exception: a bug; the probe was vented and the session finished.
         """
         if not self._free.is_set():
             raise LinkError(f"{self._port} is still connected")
         self._free.clear()
         self._port = port
-        self._tape, self._visit, self._unsaved = Tape(), None, False
         self._messages = []
         closes = self._closes
         self._closing.clear()
+        if anew:
+            self._end_visit()
+        self._keep = True
+        self._tape = Tape()
         probe = self._probe = self._make_probe(port, on_bytes=self._tape)
         try:
-            self._post(Connected(port, probe.open()))
+            hello = probe.open()
             if closes == self._closes:  # else it was closed before it was open
+                self._keep = False
+                self._post(Connected(port, hello, goes_on=self._take_up(port, probe, hello)))
                 self._pull(probe)
                 while closes == self._closes and self._find(probe, closes):
                     self._pull(probe)
@@ -257,10 +348,36 @@ class Bench:
 
     # ---- inside -------------------------------------------------------------------------------
 
+    def _take_up(self, port: str, probe: Probe, hello: Hello) -> bool:
+        """Go on with the session that was left open; False: there is none, or not of this kind."""
+        from skinlab.sources import LiveSource
+
+        visit = self._visit
+        if visit is not None and visit.simulated != hello.simulated:
+            self._end_visit()
+            visit = None
+        if visit is None:
+            return False
+        self._tape.into(visit.recording.journal)
+        visit.recording.audit(
+            "probe changed",
+            url=port,
+            model=hello.model,
+            serial_number=hello.serial_number,
+            aperture_mm=hello.aperture_mm,
+        )
+        self._visit = replace(visit, source=LiveSource(probe, visit.recording.journal))
+        return True
+
     def _load_identifier(self) -> Identifier:
         with self._loading:
             if self._identifier is None:
-                self._identifier = self._make_identifier()
+                identifier = self._make_identifier()
+                if self._model is not None:
+                    from skinlab.discrepancy.model_identifier import with_model
+
+                    identifier = with_model(identifier, self._model)
+                self._identifier = identifier
                 shorten_pauses()
             return self._identifier
 
@@ -286,8 +403,9 @@ class Bench:
             LiveSource(probe, recording.journal),
             Pipeline(identifier, [recording, self._note, analyst.listen], analyst.hand_over),
             analyst,
+            simulated=probe.hello is not None and probe.hello.simulated,
         )
-        self._visit = visit
+        self._visit, self._unsaved = visit, False
         self._post(Recording(path))
         return visit
 
@@ -391,19 +509,26 @@ class Bench:
                 self._settle(self._visit)
         finally:
             self._flush()
-            visit, self._visit = self._visit, None
-            if visit is not None:
-                visit.analyst.close()
-                self._finish_session(visit)
+            if self._keep and self._visit is not None:
+                if self._unsaved:
+                    self._save(self._visit)
+            else:
+                self._end_visit()
 
-    def _finish_session(self, visit: _Visit) -> None:
-        try:
-            path = visit.recording.finish()
-        except SkinlabError as error:
-            self._post(Failed("saving", str(error)))
-            return
-        if path is not None:
-            self._post(Saved(path))
+    def _end_visit(self) -> None:
+        """Finish the session, if there is one; whoever comes second waits until it is done."""
+        with self._ending:
+            visit, self._visit = self._visit, None
+            if visit is None:
+                return
+            visit.analyst.close()
+            try:
+                path = visit.recording.finish()
+            except SkinlabError as error:
+                self._post(Failed("saving", str(error)))
+                return
+            if path is not None:
+                self._post(Saved(path))
 
 
 def _wait_closed(probe: Probe) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from drivers.events import (
     Alarm,
@@ -31,11 +32,14 @@ from skinlab.stream import (
 )
 from skinlab.tui.ledger import Ledger
 from skinlab.tui.news import (
+    Adopted,
     Compared,
     Connected,
     Disconnected,
     Done,
     Estimated,
+    Explained,
+    Explaining,
     Failed,
     Fitted,
     Found,
@@ -49,8 +53,12 @@ from skinlab.tui.news import (
 from skinlab.tui.order import Order
 from skinlab.tui.words import event_note
 
+if TYPE_CHECKING:
+    from skinlab.discrepancy.outcome import Outcome
+
 _S = InstrumentState
 SEARCHING = "searching"  # for a link that was lost
+EXPLAINING = "explaining"  # what the model misses; everything else goes on beside it
 _RATE_SAMPLES = 41
 _MOVING = frozenset({_S.ARMED, _S.RUNNING, _S.VENTING})
 
@@ -98,6 +106,11 @@ class Entry:
     result: Identification | None = None
     findings: list[Finding] = field(default_factory=list)
 
+    @property
+    def setup(self) -> Setup:
+        """What it was measured with."""
+        return self.curve.setup
+
 
 @dataclass(slots=True)
 class Series:
@@ -130,6 +143,18 @@ class Playing:
     ended: bool = False
 
 
+@dataclass(slots=True)
+class Missing:
+    """The search for what the model misses, and its answer."""
+
+    curves: tuple[str, ...]
+    stages: list[str] = field(default_factory=list)  # the last one is under way
+    running: bool = True
+    outcome: Outcome | None = None
+    failed: str = ""
+    adopted: Path | None = None
+
+
 class Board:
     """All that is known; `version` changes whenever anything does."""
 
@@ -139,7 +164,7 @@ class Board:
         self.instrument: InstrumentState | None = None
         self.doing: str | None = None  # connecting, arming, starting, resetting, searching, closing
         self.order: Order | None = None  # armed last
-        self.visit: tuple[str, str, str] | None = None  # what the open session belongs to
+        self.visit: tuple[str, str] | None = None  # subject and site of the open session
         self.playing: Playing | None = None
         self.series: Series | None = None
         self.live: Live | None = None
@@ -148,6 +173,8 @@ class Board:
         self.ledger = Ledger()
         self.joint: Identification | None = None  # of the curves that are used
         self.compared: list[str] = []  # with another session, in sentences
+        self.missing: Missing | None = None  # what was looked for in the curves
+        self.model: str | None = None  # that was adopted, by its name
         self.shown: int | None = None  # which entry is looked at
         self.session = 0  # counts connections: entries of another one are gone
         self.path: Path | None = None  # of this connection's session, once there is one
@@ -194,6 +221,11 @@ class Board:
     def entry(self) -> Entry | None:
         """The completed curve that is looked at."""
         return None if self.shown is None else self.entries.get(self.shown)
+
+    @property
+    def used(self) -> list[Curve]:
+        """The curves that the operator did not leave out."""
+        return [e.curve for i, e in self.entries.items() if i not in self.ledger.excluded]
 
     # ---- what the operator does ---------------------------------------------------------------
 
@@ -242,8 +274,8 @@ class Board:
         """Take in what the bench said."""
         self.version += 1
         match news:
-            case Connected(port, hello):
-                self._connected(port, hello)
+            case Connected(port, hello, goes_on):
+                self._connected(port, hello, goes_on=goes_on)
             case Heard(messages):
                 for message in messages:
                     self._hear(message)
@@ -260,6 +292,19 @@ class Board:
                 self.joint = result
             case Compared(lines):
                 self.compared = list(lines)
+            case Explaining(stage):
+                if self.missing is not None:
+                    self.missing.stages.append(stage)
+            case Explained(outcome):
+                if self.missing is not None:
+                    self.missing.outcome, self.missing.running = outcome, False
+                    self.say(Level.INFO, f"the search is over: {outcome.verdict.name} (d shows it)")
+            case Adopted(path, name):
+                self.model = name
+                if self.missing is not None:
+                    self.missing.adopted = path
+                # More than a note: not to be covered by "saved"
+                self.say(Level.WARNING, f"adopted: {path}; the next curve begins a new session")
             case Saved(path):
                 self.saved = path
                 self.say(Level.INFO, f"saved: {path}")
@@ -276,24 +321,33 @@ class Board:
                 )
             case Disconnected():
                 self._done(SEARCHING)
-                self.hello = self.instrument = self.visit = self.live = None
+                self.hello = self.instrument = self.live = None
             case Failed(doing, text):
                 self._done(doing)
+                if doing == EXPLAINING and self.missing is not None:
+                    self.missing.running, self.missing.failed = False, text
                 self.refuse(text)
             case Done(doing):
                 self._done(doing)
+                if doing == EXPLAINING and self.missing is not None:
+                    self.missing.running = False  # given up, where there is no answer
                 if doing == "arming":
                     self.say(Level.INFO, "armed: Space starts, v vents")
 
-    def _connected(self, port: str, hello: Hello) -> None:
+    def _connected(self, port: str, hello: Hello, *, goes_on: bool) -> None:
         self.port, self.hello = port, hello
-        self.visit = self.path = self.live = self.shown = self.latest = None
-        self.entries.clear()
-        self.ledger, self.joint, self.compared = Ledger(), None, []
+        self.live = self.latest = None
         self.damaged = 0
-        self.session += 1
+        if not goes_on:
+            self.visit = self.path = self.shown = None
+            self.entries.clear()
+            self.ledger, self.joint, self.compared = Ledger(), None, []
+            self.missing = None
+            self.session += 1
         self._done("connecting")
-        if self.playing is None:
+        if goes_on:
+            self.say(Level.INFO, "connected, the session goes on; Enter arms")
+        elif self.playing is None:
             self.say(Level.INFO, "connected; Enter arms")
         else:
             self.say(Level.INFO, "a replay: Space pauses, . steps, + and - change the speed")

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -36,6 +39,24 @@ def level(y: float, columns: int, rows: int, every: int = 2) -> Bits:
 def braille(bits: Bits) -> list[str]:
     """Return one text a row; a cell without a dot is a blank."""
     return ["".join(chr(0x2800 + int(b)) if b else " " for b in row) for row in bits]
+
+
+def runs(layers: Sequence[Bits]) -> list[list[tuple[str, int]]]:
+    """Return each row as (text, number of the layer that colours it); the first layer is on top.
+
+    Cells of one colour come together: a thousand single characters take longer than a frame may.
+    """
+    whole = braille(np.bitwise_or.reduce(layers))
+    # Of each cell the topmost layer that has a dot there; blanks go with the last one
+    owner = np.full(layers[0].shape, len(layers) - 1)
+    for number in range(len(layers) - 1, -1, -1):
+        owner[layers[number] != 0] = number
+    rows = []
+    for text, owners in zip(whole, owner, strict=True):
+        edges = np.flatnonzero(np.diff(owners)) + 1
+        bounds = [0, *edges.tolist(), len(text)]
+        rows.append([(text[a:b], int(owners[a])) for a, b in pairwise(bounds) if b > a])
+    return rows
 
 
 def share(values: ArrayLike, low: float, high: float) -> NDArray[np.float64]:

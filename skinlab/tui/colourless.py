@@ -17,5 +17,6 @@ class StyledFirst(LineFilter):
 
     def apply(self, segments: list[Segment], background: Color) -> list[Segment]:
         """Return the segments, filtered."""
-        styled = [Segment(s.text, s.style or Style.null(), s.control) for s in segments]
-        return self._inner.apply(styled, background)
+        if any(s.style is None for s in segments):
+            segments = [Segment(s.text, s.style or Style.null(), s.control) for s in segments]
+        return self._inner.apply(segments, background)

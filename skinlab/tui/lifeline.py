@@ -10,6 +10,7 @@ import os
 import signal
 import threading
 from collections.abc import Callable
+from functools import partial
 from types import FrameType, TracebackType
 from typing import Any, Self
 
@@ -87,8 +88,12 @@ class Lifeline:
         self._pulled.wait()
         if self._over.is_set():
             return
-        self._vent(self._reason)
-        self._leave()
-        self._close()
+        # Whatever goes wrong in one of them, the next must be done
+        steps: list[Callable[[], None]] = [partial(self._vent, self._reason), self._leave]
+        for step in [*steps, self._close]:
+            try:
+                step()
+            except Exception as error:  # noqa: BLE001 -- logged: nobody is left to be told
+                log_exception(error)
         if not self._over.wait(self._grace_s):
             self._end_process(INTERRUPTED)

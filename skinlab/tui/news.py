@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from drivers.events import Hello
 from skinlab.identify.result import Identification
 from skinlab.stream import Message
+
+if TYPE_CHECKING:
+    from skinlab.discrepancy.outcome import Outcome
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,6 +20,7 @@ class Connected:
 
     port: str
     hello: Hello
+    goes_on: bool = False  # the session that was open before
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +57,28 @@ class Compared:
     """The session held against another one, in sentences."""
 
     lines: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Explaining:
+    """A stage of the search for what the model misses has begun."""
+
+    stage: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Explained:
+    """What the model misses."""
+
+    outcome: Outcome
+
+
+@dataclass(frozen=True, slots=True)
+class Adopted:
+    """A model with the missing effect was written, and is what curves are identified with."""
+
+    path: Path
+    name: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,6 +140,9 @@ News = (
     | Estimated
     | Fitted
     | Compared
+    | Explaining
+    | Explained
+    | Adopted
     | Played
     | Saved
     | Searching

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from urllib.parse import parse_qsl, urlencode
 
 from drivers.events import Hello
 from skinlab.curve import Setup, check_aperture, check_thickness
@@ -45,9 +46,21 @@ class Order:
         return replace(self, setup=setup, repeats=self.repeats - 1)
 
     @property
-    def visit(self) -> tuple[str, str, str]:
-        """What one session file belongs to: port, subject, site."""
-        return (self.port, self.subject, self.site)
+    def visit(self) -> tuple[str, str]:
+        """What one session file belongs to: subject and site."""
+        return (self.subject, self.site)
+
+
+def with_opening(port: str, aperture_mm: float) -> str:
+    """Return the port of the same simulated probe with another head; any other port as it is.
+
+    The head of a real probe is changed by hand, and the port stays the same.
+    """
+    if not port.startswith("sim:"):
+        return port
+    base, _, query = port.partition("?")
+    kept = [(key, value) for key, value in parse_qsl(query) if key != "aperture_mm"]
+    return f"{base}?{urlencode([*kept, ('aperture_mm', f'{aperture_mm:g}')], safe='/')}"
 
 
 MOST_REPEATS = 20

@@ -67,8 +67,9 @@ class Replayer(Bench):
         self.control.stop()
         self._closing.set()
         self._free.wait()
+        self._explain.cancel()
 
-    def serve(self, port: str) -> None:
+    def serve(self, port: str, *, anew: bool = False) -> None:
         """Play the session in the file `port` until its end, or until it is closed.
 
         Raises:
@@ -78,6 +79,7 @@ class Replayer(Bench):
         from skinlab.session import read_session
         from skinlab.sources import recorded_items
 
+        del anew  # every replay is
         self._free.clear()
         self._closing.clear()
         self._messages = []

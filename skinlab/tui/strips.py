@@ -6,10 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from skinlab.tui.board import Entry, Live
-from skinlab.tui.canvas import Bits, dots, level, share
+from skinlab.tui.canvas import Bits, dots, share
 from skinlab.tui.trace import round_up
+
+Array = NDArray[np.float64]
 
 _NOISE = 2.0  # standard deviations: 19 of 20 residuals lie inside the band
 
@@ -70,16 +73,22 @@ def residual(entry: Entry, columns: int, rows: int) -> Drawing | None:
     there = np.isfinite(left_um)
     if not there.any():
         return None
-    band_um = _NOISE * (result.noise_um or 0.0)
-    most_um = round_up(1.05 * max(float(np.abs(left_um[there]).max()), band_um), least=0.1)
-    top_mbar = 1.05 * max(float(entry.curve.pressure_mbar.max()), 1.0)
+    mbar = entry.curve.pressure_mbar
+    edge_mbar, sd_um = noise_band(entry)
+    edge_um = _NOISE * sd_um
+    widest_um = float(edge_um.max(initial=0.0))
+    most_um = round_up(1.05 * max(float(np.abs(left_um[there]).max()), widest_um), least=0.1)
+    top_mbar = 1.05 * max(float(mbar.max()), 1.0)
     band = dots([], [], columns, rows)
-    if band_um:
-        for edge_um in (-band_um, band_um):
-            band = band | level(float(share(edge_um, -most_um, most_um)), columns, rows)
-    noise = f", dotted: noise ±{band_um:.2g}" if band_um else ""
+    if widest_um:
+        across = (np.arange(0, 2 * max(columns, 0), 2) + 0.5) / (2 * max(columns, 1))
+        height_um = np.interp(across * top_mbar, edge_mbar, edge_um, np.nan, np.nan)
+        for side in (-1.0, 1.0):
+            at = share(side * height_um, -most_um, most_um)
+            band = band | dots(across, at, columns, rows)
+    noise = f", noise ±{np.sqrt(np.mean(edge_um**2)):.2g} dotted" if widest_um else ""
     return Drawing(
-        f"residual µm: rms {result.rms_um:.3g}{noise}",
+        f"residual µm{noise}, rms {result.rms_um:.3g}",
         main=dots(
             share(entry.curve.pressure_mbar[there], 0.0, top_mbar),
             share(left_um[there], -most_um, most_um),
@@ -91,6 +100,27 @@ def residual(entry: Entry, columns: int, rows: int) -> Drawing | None:
         top=f"+{most_um:g}",
         bottom=f"-{most_um:g}",
     )
+
+
+def noise_band(entry: Entry) -> tuple[Array, Array]:
+    """Return pressures (n,), mbar, rising, of what was fitted, and a sample's noise there, µm.
+
+    One standard deviation: the noise of the deflection, and that of the pressure through the slope
+    of the curve. Empty where the noise is unknown.
+    """
+    result = entry.result
+    if result is None or result.model_mm is None or not result.noise_um:
+        return np.zeros(0), np.zeros(0)
+    from skinlab.identify.noise import pressure_noise_mbar, slope_mm_per_mbar  # slow to import
+
+    model_mm = np.asarray(result.model_mm)
+    there = np.isfinite(model_mm)
+    mbar = entry.curve.pressure_mbar[there]
+    spread_mbar = pressure_noise_mbar(entry.curve.time_s[there], mbar)
+    slope = slope_mm_per_mbar(mbar, model_mm[there])
+    sd_um = np.hypot(result.noise_um, 1e3 * slope * spread_mbar)
+    order = np.argsort(mbar)
+    return mbar[order], sd_um[order]
 
 
 def _line(

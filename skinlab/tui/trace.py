@@ -108,3 +108,15 @@ def round_up(value: float, least: float) -> float:
     value = max(value, least)
     decade = 10.0 ** math.floor(math.log10(value))
     return next(s for s in _STEPS if s * decade >= value * (1 - 1e-12)) * decade
+
+
+def nice_ticks(low: float, high: float, most: int) -> list[float]:
+    """Return round numbers between two ends, evenly spaced, at most `most` of them (2 or more)."""
+    span = high - low
+    decade = 10.0 ** math.floor(math.log10(span))
+    steps = (s * decade * scale for scale in (0.1, 1.0) for s in (1.0, 2.0, 5.0))
+    for step in (*steps, 10 * decade):
+        first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+        if last - first < max(most, 2):
+            return [k * step for k in range(first, last + 1)]
+    return [low, high]

@@ -41,6 +41,7 @@ _FLAGS = {
     "not_first_cycle": "not the first loading",
 }
 
+_LABEL = 5  # cells of a parameter's name
 _BAR = 12  # cells of the progress bar
 _PROGRAM = 24  # cells of a program in the list
 
@@ -174,8 +175,15 @@ def _thickness(setup: Setup) -> str:
     return f"{setup.thickness_mm:g}{sd} mm"
 
 
-def settings_line(texts: Mapping[str, str]) -> str:
-    """Return the settings in one line, where the fields are folded away."""
+def settings_line(board: Board, texts: Mapping[str, str]) -> str:
+    """Return the settings in one line, where the fields are folded away.
+
+    Those of the fields; in a replay, where they mean nothing, those of the curve.
+    """
+    shown = board.live or board.entry
+    if board.playing is not None and shown is not None:
+        setup = shown.setup
+        return f"{setup.aperture_mm:g} mm, {_thickness(setup)} of skin, {setup.program}"
     who = ", ".join(t for t in (texts["subject"], texts["site"]) if t) or "no subject"
     return f"{who}: {texts['aperture_mm']} mm, {texts['program']}"
 
@@ -204,14 +212,15 @@ def card_text(board: Board, columns: int) -> CardText:
         return CardText(f"curve {live.index}: so far, not final", lines, final=False)
     if entry is None and board.order is not None and board.moving:
         hint = "Space starts, v vents" if board.can_start else "v vents"
-        return CardText(f"{board.phase}: {hint}", tuple(order_lines(board.order)))
+        model = () if board.model is None else (f"model    {board.model}",)
+        return CardText(f"{board.phase}: {hint}", (*order_lines(board.order), *model))
     if entry is None:
         return CardText("result", ("Enter arms, Space starts",))
     if entry.result is None:
         return CardText(f"curve {entry.index}", ("identifying …",), final=False)
     lines = (
         *result_lines(entry.result, columns),
-        *advice_lines(entry.result, entry.findings),
+        *advice_lines(entry.result, entry.findings, sample_noise_um(entry)),
     )
     return CardText(f"curve {entry.index}", lines)
 
@@ -226,17 +235,19 @@ def result_lines(result: Identification, columns: int = 34) -> list[str]:
     lines = []
     for name, value in (result.parameters or {}).items():
         label, unit = _UNITS.get(name, (name, ""))
+        if len(label) >= _LABEL:  # of an effect
+            lines.append(label)
+            label = ""
         lines.append(
-            f"{label:<5}{digits(value.value, 4):<8}{unit:<5}{interval_text(value)}".rstrip()
+            f"{label:<{_LABEL}}{digits(value.value, 4):<8}{unit:<5}{interval_text(value)}".rstrip()
         )
-        bar = value_bar(name, value, columns - 5)
+        bar = value_bar(name, value, columns - _LABEL)
         if bar:
-            lines.append(f"{'':<5}{bar}".rstrip())
+            lines.append(f"{'':<{_LABEL}}{bar}".rstrip())
         if name == "nu" and result.nu_consistent is not None:
             lines.append(f"{'':<5}{digits(result.nu_consistent, 4):<8}true nu")
     if result.error_um is not None and result.rms_um is not None:
-        noise = "" if result.noise_um is None else f" noise {digits(result.noise_um, 2)}"
-        lines.append(f"E {digits(result.error_um, 3)} rms {digits(result.rms_um, 3)}{noise} µm")
+        lines.append(f"E {digits(result.error_um, 3)} µm, rms {digits(result.rms_um, 3)} µm")
     fitted = result.fitted_points
     lines.append(f"{fitted} of {result.points} points fitted")
     return lines
@@ -262,8 +273,8 @@ def value_bar(name: str, value: Value, columns: int) -> str:
 
 
 _WHAT_TO_DO = {
-    "not_identifiable": "Measure with another opening too and fit together (s), or go higher.",
-    "misfit_above_noise": "The model misses something here: skinlab discrepancy says what.",
+    "not_identifiable": "Measure with another opening too and fit together (s, j), or go higher.",
+    "misfit_above_noise": "What it misses: press d.",
     "at_bound": "Do not use the number as it is.",
     "outside_database": "Part of the curve is beyond the database, and was not fitted.",
     "not_converged": "The search did not settle: measure again.",
@@ -272,12 +283,25 @@ _WHAT_TO_DO = {
 }
 
 
-def advice_lines(result: Identification | None, findings: Sequence[Finding]) -> list[str]:
-    """Return what to think of a curve and what to do, a sentence or two each."""
+def sample_noise_um(entry: Entry) -> float | None:
+    """Return the noise of one sample, root mean square over the fitted ones; None: unknown."""
+    from skinlab.tui.strips import noise_band
+
+    _, sd_um = noise_band(entry)
+    return float(np.sqrt(np.mean(sd_um**2))) if len(sd_um) else None
+
+
+def advice_lines(
+    result: Identification | None, findings: Sequence[Finding], noise_um: float | None = None
+) -> list[str]:
+    """Return what to think of a curve and what to do, a sentence or two each.
+
+    `noise_um` is that of one sample of it, the pressure's included; None: unknown.
+    """
     lines = []
     if result is not None:
         flags = list(dict.fromkeys(flag.partition(":")[0] for flag in result.flags))
-        lines += [f"! {sentence}" for sentence in explain(result)]
+        lines += [f"! {sentence}" for sentence in explain(result, noise_um)]
         said = {finding.gate for finding in findings}
         lines += [f"→ {_WHAT_TO_DO[f]}" for f in flags if f in _WHAT_TO_DO and f not in said]
     lines += [f"! {finding.sentence} → {finding.advice}" for finding in findings]

@@ -14,7 +14,7 @@ from textual.widgets import Input
 from drivers.reconnect import Backoff
 from skinlab.identify.identifier import Identifier
 from skinlab.tui.app import SkinlabApp
-from skinlab.tui.bench import Bench, default_identifier
+from skinlab.tui.bench import Bench, Explain, default_identifier
 
 SIMULATED = "sim://?seed=1&speed=20"
 PATIENCE_S = 120.0
@@ -87,11 +87,16 @@ def identifier() -> Identifier:
 def bedside(tmp_path: Path, identifier: Identifier):
     @asynccontextmanager
     async def enter(
-        port: str | None = SIMULATED, size: tuple[int, int] = (80, 24), **options
+        port: str | None = SIMULATED,
+        size: tuple[int, int] = (80, 24),
+        explain: Explain | None = None,
+        **options,
     ) -> AsyncIterator[Bedside]:
         # Often, because the time of a simulated probe passes only where somebody looks
         backoff = Backoff(first_s=0.02, most_s=0.02, give_up_s=PATIENCE_S)
-        make_bench = partial(Bench, make_identifier=lambda: identifier, backoff=backoff)
+        make_bench = partial(
+            Bench, make_identifier=lambda: identifier, backoff=backoff, explain=explain
+        )
         app = SkinlabApp(port, tmp_path, make_bench, **options)
         async with app.run_test(size=size) as pilot:
             bed = Bedside(app, pilot)

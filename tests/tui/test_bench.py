@@ -11,10 +11,12 @@ from drivers.events import HostVented, State, VentConfirmed
 from drivers.link import open_link
 from drivers.probe import Probe
 from drivers.reconnect import Backoff
+from skinlab.audit import entries
 from skinlab.curve import Setup
 from skinlab.errors import AcquisitionError
 from skinlab.program import parse_program
 from skinlab.session import read_session
+from skinlab.session_check import check
 from skinlab.stream import CurveCompleted, Happened, Identified, Sampled
 from skinlab.tui.bench import Bench
 from skinlab.tui.news import (
@@ -177,7 +179,7 @@ def test_a_link_that_comes_back_goes_on_with_the_same_session(tmp_path, identifi
     room.until(lambda: room.of(Found))
     with pytest.raises(LocalProtocolError, match="acknowledge the alarm"):
         room.bench.arm(order(), room.bench.vents)
-    room.bench.acknowledge()
+    room.bench.acknowledge("lift the probe")
     room.bench.arm(order(), room.bench.vents)
     room.bench.start(room.bench.vents)
     room.until(lambda: len(room.messages(Identified)) == 2)
@@ -196,6 +198,75 @@ def test_closing_ends_the_search(tmp_path, identifier):
     room.close()
     assert room.error is None
     assert room.of(Failed) == []
+
+
+def heads_of(path):
+    """Audit entries and curves of a session: what, opening of each curve."""
+    session = read_session(path)
+    return [e.what for e in entries(session.records)], [
+        curve.setup.aperture_mm for curve in session.curves
+    ]
+
+
+def measure(room, order_):
+    n = len(room.messages(Identified))
+    room.bench.arm(order_, room.bench.vents)
+    room.bench.start(room.bench.vents)
+    room.until(lambda: len(room.messages(Identified)) > n)
+
+
+def test_a_session_goes_on_with_another_head(room, tmp_path):
+    room.connect()
+    measure(room, order())
+    room.bench.leave()
+    room.thread.join(PATIENCE_S)
+    assert isinstance(room.news[-1], Disconnected)
+    with pytest.raises(LinkError, match="no such port"):  # which harms nothing
+        room.bench.serve("/dev/no-such-port")
+    other = f"{PORT}&aperture_mm=2"
+    room.news.clear()
+    room.connect(other)
+    assert room.of(Connected)[0].goes_on
+    setup = Setup(2.0, 1.0, parse_program("ramp:100@20"))
+    measure(room, Order(other, "P07", "forearm", setup))
+    room.close()
+    assert room.error is None
+    (path,) = tmp_path.iterdir()
+    deeds, openings = heads_of(path)
+    assert openings == [6.0, 2.0]
+    assert "probe changed" in deeds
+    assert check(path)[1] == []
+
+
+def test_anew_or_without_a_probe_the_session_is_finished(room, tmp_path):
+    room.connect()
+    measure(room, order())
+    room.bench.leave()
+    room.thread.join(PATIENCE_S)
+    room.news.clear()
+    room.thread = threading.Thread(
+        target=room.bench.serve, args=(PORT,), kwargs={"anew": True}, daemon=True
+    )
+    room.thread.start()
+    room.until(lambda: room.of(Connected))
+    assert not room.of(Connected)[0].goes_on
+    assert [heads_of(path)[1] for path in tmp_path.glob("*.h5")] == [[6.0]]
+    measure(room, order())
+    room.bench.leave()
+    room.close()  # nothing is connected any more
+    assert not list(tmp_path.glob("*.journal"))
+    assert len(list(tmp_path.glob("*.h5"))) == 2
+
+
+def test_an_acknowledged_alarm_is_in_the_trail(room, tmp_path):
+    room.connect()
+    room.bench.acknowledge("no session is there yet")
+    measure(room, order())
+    room.bench.acknowledge("the pressure did not fall: lift the probe")
+    room.close()
+    (path,) = tmp_path.iterdir()
+    found = [e.detail for e in entries(read_session(path).records) if e.what.startswith("alarm")]
+    assert found == [{"text": "the pressure did not fall: lift the probe"}]
 
 
 def vented_after(room, reason):

@@ -8,7 +8,7 @@ from skinlab.curve import Curve, Setup
 from skinlab.identify.result import Identification
 from skinlab.program import parse_program
 from skinlab.tui.board import Entry, Live
-from skinlab.tui.canvas import braille, dots, interval_bar, level, share
+from skinlab.tui.canvas import braille, dots, interval_bar, level, runs, share
 from skinlab.tui.strips import against_time, residual
 
 SETUP = Setup(6.0, 1.0, parse_program("ramp:100@20"))
@@ -41,6 +41,16 @@ def test_a_level_is_straight_and_dotted():
     assert braille(level(2.0, 3, 1)) == ["   "]
     assert share([0, 5, 10], 0, 10).tolist() == [0, 0.5, 1]
     assert share([1.0], 2.0, 2.0).tolist() == [-1.0]
+
+
+def test_cells_of_one_colour_come_together_and_the_first_layer_is_on_top():
+    left = dots([0.1, 0.3], [0.5, 0.5], 4, 1)
+    whole = level(0.5, 4, 1, every=1)
+    (row,) = runs((left, whole))
+    assert [(len(text), layer) for text, layer in row] == [(2, 0), (2, 1)]
+    assert "".join(text for text, _ in row) == braille(left | whole)[0]
+    nothing = dots([], [], 0, 2)
+    assert runs((nothing, nothing)) == [[], []]
 
 
 def test_bars():

@@ -262,6 +262,7 @@ async def test_without_a_port_it_offers_what_there_is(bedside):
         await bed.press("down", "enter")
         await bed.until(lambda: isinstance(bed.app.bench, Replayer) and bed.board.live)
         await bed.until(lambda: "replay of" in bed.text("#where"))
+        await bed.until(lambda: "1 mm of skin, ramp:100@20" in bed.text("#settings-line"))
 
 
 async def test_the_simulated_probe_is_one_key_away(bedside):

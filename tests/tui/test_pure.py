@@ -16,8 +16,17 @@ from skinlab.recording import new_session_path
 from skinlab.stream import CurveCompleted, CurveStarted, Happened, Identified, Sampled
 from skinlab.tui.board import Board, Entry, Level
 from skinlab.tui.news import Connected, Disconnected, Failed, Heard
-from skinlab.tui.order import DEFAULTS, complaint, read_order
-from skinlab.tui.trace import Trace, box_around, fitted, measured, round_up, spaced, thin
+from skinlab.tui.order import DEFAULTS, complaint, read_order, with_opening
+from skinlab.tui.trace import (
+    Trace,
+    box_around,
+    fitted,
+    measured,
+    nice_ticks,
+    round_up,
+    spaced,
+    thin,
+)
 from skinlab.tui.words import digits, flag_words, interval_text, result_lines, row_texts
 
 HELLO = Hello("reference", 1, "rig", "1.0", "7", 6.0, 500.0, 60.0, 1.0, 1000.0, simulated=False)
@@ -54,11 +63,18 @@ def test_the_defaults_make_an_order():
     order = read_order({**DEFAULTS, "port": " sim:// "})
     assert order.port == "sim://"
     assert order.setup == SETUP
-    assert order.visit == ("sim://", "", "")
+    assert order.visit == ("", "")
 
 
 def test_a_decimal_comma_is_understood():
     assert read_order({**DEFAULTS, "port": "p", "thickness_mm": "1,2"}).setup.thickness_mm == 1.2
+
+
+def test_another_head_of_a_simulated_probe_is_another_url():
+    assert with_opening("sim://", 2.0) == "sim://?aperture_mm=2"
+    assert with_opening("sim://?aperture_mm=6&seed=1", 8.0) == "sim://?seed=1&aperture_mm=8"
+    assert with_opening("sim://?skin=/a/b.toml", 2.0) == "sim://?skin=/a/b.toml&aperture_mm=2"
+    assert with_opening("/dev/ttyUSB0", 2.0) == "/dev/ttyUSB0"
 
 
 @given(st.text(max_size=30))
@@ -82,7 +98,7 @@ def test_a_result_in_words():
     assert lines[2] == "X2   2.900   MPa"  # no interval: nothing is said
     assert lines[3] == "nu   0.2800       0.210–0.460"
     assert lines[5] == "     0.3240  true nu"
-    assert "E 0.420 rms 3.00 µm" in lines
+    assert "E 0.420 µm, rms 3.00 µm" in lines
     assert all(len(line) <= 34 for line in lines)  # the panel at 80 columns
 
 
@@ -135,6 +151,16 @@ def test_the_box_holds_everything_and_marks_lie_apart():
     assert box_around(None, [empty]).top_mm == pytest.approx(0.1)
     assert len(spaced(empty, box)) == 0
     assert box_around(None, [Trace(np.array([1.0]), np.array([-0.5]))]).bottom_mm <= -0.5
+
+
+@given(st.floats(-5.0, 5.0), st.floats(1e-3, 100.0), st.integers(0, 20))
+def test_ticks_are_round_even_and_not_too_many(low, span, most):
+    ticks = nice_ticks(low, low + span, most)
+    assert 1 <= len(ticks) <= max(most, 2)
+    assert all(low - 1e-6 * span <= tick <= low + (1 + 1e-6) * span for tick in ticks)
+    steps = np.diff(ticks)
+    assert np.allclose(steps, steps[:1])
+    assert nice_ticks(0.0, 0.8, 4) == pytest.approx([0.0, 0.5])
 
 
 def test_no_model_no_line():

@@ -150,6 +150,7 @@ def test_whitening_is_that_of_the_dense_covariance():
     expected = r.T @ np.linalg.solve(covariance, r)
     np.testing.assert_allclose(white.T @ white, expected, rtol=1e-8)
     np.testing.assert_allclose(errors.whiten(r[:, 0]), white[:, 0], rtol=1e-12)
+    np.testing.assert_allclose(errors.colour(white), r, atol=1e-10)
     some = np.random.default_rng(2).random(errors.count) < 0.6
     part = errors.only(some).whiten(r[some])
     within = covariance[np.ix_(some, some)]

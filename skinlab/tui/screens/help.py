@@ -17,6 +17,7 @@ v  Esc     vent: open the valve now, and stop
 F3  Tab    the settings, next field; F3 or Esc leaves them
 F2         choose a port
 s          session: means, joint fit, compare, exclude, notes, undo
+d          what the model misses in these curves; what to measure next
 up  down   look at another curve (Tab to the list)
 t          light or dark
 ?  F1      this help
@@ -37,7 +38,8 @@ lone Esc back for a moment: v is the sure key.
 In a replay: Space pauses, the full stop steps, + and - change the speed.
 
 The session file is written after each curve, and everything goes to its journal as it happens. \
-Another port, subject or site begins another session.
+Another subject or site begins another session; another opening goes on with it: put the other \
+head on, type its opening, Enter.
 
 "Not fixed by this curve" means that other values fit as well: read the interval, not the number.
 

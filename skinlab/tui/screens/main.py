@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 from typing import ClassVar
 
@@ -25,13 +26,14 @@ from skinlab.tui.widgets.strip import Strip
 from skinlab.tui.words import settings_line
 
 _FRAMES_PER_S = 16
+_ANSWER_S = 0.15
 
 
 class MainScreen(Screen[None]):
     """Shows the board, so often a second; says what the operator wants."""
 
     class Wanted(Message):
-        """A key asked for something: arm, start, ports, session, or a replay's controls."""
+        """A key asked for something: arm, start, session, missing, or a replay's controls."""
 
         def __init__(self, what: str) -> None:
             super().__init__()
@@ -39,15 +41,16 @@ class MainScreen(Screen[None]):
 
     AUTO_FOCUS = ""
     BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("v", "app.vent_key", "Vent", priority=True),
         Binding("enter", "want('arm')", "Arm", key_display="Enter", priority=True),
         Binding("space", "want('start')", "Start", key_display="Space", priority=True),
-        Binding("space", "play", "Play/pause", key_display="Space", priority=True),
+        Binding("space", "play", "Play", key_display="Space", priority=True),
         Binding("full_stop", "step", "Step", key_display="."),
         Binding("plus,equals_sign", "speed(1)", "Faster", key_display="+"),
         Binding("minus", "speed(-1)", "Slower", key_display="-"),
-        Binding("f2", "want('ports')", "Ports", key_display="F2", priority=True),
         Binding("f3", "settings", "Edit", key_display="F3", priority=True),
         Binding("s", "want('session')", "Session"),
+        Binding("d,D", "want('missing')", "Missing", key_display="d"),
     ]
 
     def __init__(self, board: Board, settings: Mapping[str, str]) -> None:
@@ -57,6 +60,7 @@ class MainScreen(Screen[None]):
         self._drawn = -1  # version of the board
         self._noted = ("", "")
         self._keys: tuple[bool, ...] = ()
+        self._due_s: float | None = None  # until when the answer is waited for
 
     def compose(self) -> ComposeResult:
         """Yield the parts, from top to bottom."""
@@ -81,7 +85,7 @@ class MainScreen(Screen[None]):
     def draw(self) -> None:
         """Draw the board where it changed."""
         board = self._board
-        if board.version == self._drawn:
+        if board.version == self._drawn or self._answer_is_near():
             return
         self._drawn = board.version
         self.close_fields(closed=board.moving)
@@ -94,10 +98,20 @@ class MainScreen(Screen[None]):
         self.query_one(Reading).show(board)
         self.query_one(Curves).show(board)
         self._write_note(board.note, str(board.level))
-        keys = (board.can_arm, board.can_start, board.playing is not None)
+        keys = (board.can_arm, board.can_start, board.playing is not None, bool(board.entries))
         if keys != self._keys:
             self._keys = keys
             self.refresh_bindings()
+
+    def _answer_is_near(self) -> bool:
+        """Whether a curve is complete and its answer due: what is drawn meanwhile delays it."""
+        entry = self._board.entry
+        if entry is None or entry.result is not None or self._board.alarm is not None:
+            self._due_s = None
+            return False
+        if self._due_s is None:
+            self._due_s = time.monotonic() + _ANSWER_S
+        return time.monotonic() < self._due_s
 
     def _write_note(self, text: str, level: str) -> None:
         note = self.query_one("#note", Static)
@@ -107,13 +121,13 @@ class MainScreen(Screen[None]):
             note.set_classes(f"-{level}")
 
     def fold(self) -> None:
-        """Where there is little room, leave it to what is measured and found; F3 unfolds."""
+        """Leave the room, and the time of a frame, to what is measured and found; F3 unfolds."""
         board = self._board
         busy = board.moving or board.live is not None or board.entry is not None
         folded = busy and not isinstance(self.focused, Input)
         self.set_class(folded, "-folded")
         if folded:
-            line = settings_line(self.query_one(Fields).texts())
+            line = settings_line(board, self.query_one(Fields).texts())
             self.query_one("#settings-line", Static).update(line, layout=False)
 
     @on(DescendantFocus)
@@ -146,6 +160,8 @@ class MainScreen(Screen[None]):
                 return self._board.can_start
             if what == "session":
                 return not self.typing
+            if what == "missing":
+                return bool(self._board.entries) and not self.typing
             return self._board.can_arm
         if action == "settings":
             return self._board.can_arm

@@ -34,20 +34,23 @@ class SessionScreen(Screen[None]):
             self.undone = undone
 
     class Wanted(Message):
-        """A joint fit of the curves that are used, or (with a path) a comparison."""
+        """A joint fit of the curves that are used, a comparison, or what the model misses."""
 
-        def __init__(self, path: str | None = None) -> None:
+        def __init__(self, what: str, path: str = "") -> None:
             super().__init__()
+            self.what = what
             self.path = path
 
     AUTO_FOCUS = "#session-curves"
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("x", "exclude", "Use or not"),
-        Binding("j", "joint", "Joint fit"),
+        Binding("v", "app.vent_key", "Vent", priority=True),
+        Binding("x", "exclude", "Use"),
+        Binding("j", "joint", "Joint"),
         Binding("c", "compare", "Compare"),
         Binding("n", "note", "Note"),
+        Binding("d,D", "missing", "Missing", key_display="d"),
         Binding("u", "undo", "Undo"),
-        Binding("s,q", "back", "Back", key_display="s"),
+        Binding("s,b,q", "back", "Back", key_display="s"),
     ]
 
     def __init__(self, board: Board) -> None:
@@ -112,7 +115,7 @@ class SessionScreen(Screen[None]):
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Letters are text while a line is typed."""
-        if action in {"exclude", "joint", "compare", "note", "undo", "back"}:
+        if action in {"exclude", "joint", "compare", "note", "undo", "back", "missing"}:
             return not isinstance(self.focused, Input)
         return super().check_action(action, parameters)
 
@@ -143,12 +146,16 @@ class SessionScreen(Screen[None]):
         """Compare with another session."""
         self._ask(
             "path of the session to compare with (the earlier one)",
-            lambda text: self._want(self.Wanted(text)),
+            lambda text: self._want(self.Wanted("compare", text)),
         )
 
     def action_joint(self) -> None:
         """Fit the curves that are used together."""
-        self._want(self.Wanted())
+        self._want(self.Wanted("joint"))
+
+    def action_missing(self) -> None:
+        """Ask what the model misses in the curves that are used."""
+        self._want(self.Wanted("missing"))
 
     def action_undo(self) -> None:
         """Take the last decision back."""

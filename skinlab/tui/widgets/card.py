@@ -27,8 +27,17 @@ class Card(VerticalScroll, can_focus=False):
         columns = self.query_one("#card-text").size.width or _USUAL_COLUMNS
         text = card_text(board, columns)
         if text != self._written:
+            # The layout of the whole screen takes longer than a frame may
+            same = self._written is not None and _shape(text, columns) == _shape(
+                self._written, columns
+            )
             self._written = text
-            self.query_one("#card-title", Static).update(text.title)
-            self.query_one("#card-text", Static).update("\n".join(text.lines))
+            self.query_one("#card-title", Static).update(text.title, layout=False)
+            self.query_one("#card-text", Static).update("\n".join(text.lines), layout=not same)
         self.set_class(board.can_start, "-armed")
         self.set_class(not text.final, "-forming")
+
+
+def _shape(text: CardText, columns: int) -> list[str]:
+    """Return what decides where lines are broken: which there are, and the text of long ones."""
+    return [line if len(line) > columns else "" for line in text.lines]

@@ -7,8 +7,9 @@ from typing import ClassVar
 from textual_plot import HiResMode, LegendLocation, PlotWidget
 
 from skinlab.tui.board import Board, Entry, Live
-from skinlab.tui.trace import Trace, box_around, fitted, measured, spaced
+from skinlab.tui.trace import Trace, box_around, fitted, measured, nice_ticks, spaced
 
+_TICK_ROWS = 3  # of the plot for each label
 _LEGEND_COLUMNS = 36  # in less, the legend would lie on the curve
 
 
@@ -66,6 +67,8 @@ class CurvePlot(PlotWidget, can_focus=False):
         box = box_around(self._top_mbar, traces)
         self.set_xlimits(box.left_mbar, box.right_mbar)
         self.set_ylimits(box.bottom_mm, box.top_mm)
+        # Not so many that two fall on one row, and one of them is not seen
+        self.set_yticks(nice_ticks(box.bottom_mm, box.top_mm, self.size.height // _TICK_ROWS))
         if points is not None and len(points):
             self._points(box.inside(points), label="measured" if fit is None else None)
         if fit is not None and points is not None:

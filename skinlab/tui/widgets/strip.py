@@ -8,7 +8,7 @@ from rich.text import Text
 from textual.widgets import Static
 
 from skinlab.tui.board import Board, Entry, Live
-from skinlab.tui.canvas import braille
+from skinlab.tui.canvas import runs
 from skinlab.tui.strips import Drawing, against_time, residual
 
 _LEFT = 7  # as the plot above
@@ -38,20 +38,13 @@ class Strip(Static):
 
     def _text(self, drawing: Drawing) -> Text:
         text = Text(" " + drawing.caption, no_wrap=True, overflow="crop")
-        main = self.get_component_rich_style("strip--main")
-        second = self.get_component_rich_style("strip--second")
-        band = self.get_component_rich_style("strip--band")
-        rows = [braille(layer) for layer in (drawing.main, drawing.second, drawing.band)]
-        whole = braille(drawing.main | drawing.second | drawing.band)
-        for number, row in enumerate(whole):
+        styles = [
+            self.get_component_rich_style(f"strip--{layer}") for layer in ("main", "second", "band")
+        ]
+        for number, row in enumerate(runs((drawing.main, drawing.second, drawing.band))):
             text.append("\n" + drawing.label(number).rjust(_LEFT - 1) + " ")
-            for cell, character in enumerate(row):
-                if rows[0][number][cell] != " ":
-                    text.append(character, main)
-                elif rows[1][number][cell] != " ":
-                    text.append(character, second)
-                else:
-                    text.append(character, band)
+            for cells, layer in row:
+                text.append(cells, styles[layer])
         return text
 
 

@@ -1,0 +1,29 @@
+"""A lone Esc that vents soon: Textual 8's terminal driver looks for it only every 100 ms."""
+
+from __future__ import annotations
+
+import selectors
+from types import SimpleNamespace
+from typing import Any
+
+_LOOK_S = 0.01
+
+
+class PromptSelector(selectors.SelectSelector):
+    """Waits no longer than a hundredth of a second, so that the driver looks at its clock."""
+
+    def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
+        """Return what is ready; perhaps nothing, sooner than `timeout` (s)."""
+        return super().select(_LOOK_S if timeout is None else min(timeout, _LOOK_S))
+
+
+def look_sooner() -> None:
+    """Let the terminal driver notice within 10 ms that nothing followed an Esc."""
+    try:
+        from textual.drivers import linux_driver
+    except ImportError:
+        return  # another system, another driver
+    module: Any = linux_driver
+    module.selectors = SimpleNamespace(
+        SelectSelector=PromptSelector, EVENT_READ=selectors.EVENT_READ
+    )

@@ -1,0 +1,129 @@
+"""What the model misses: where, which effect, what to measure next, before and after."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from rich.text import Text
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import VerticalScroll
+from textual.message import Message
+from textual.screen import Screen
+from textual.widgets import Footer, Static
+
+from skinlab.tui.board import Board, Missing
+from skinlab.tui.canvas import runs
+from skinlab.tui.missing import hints, missing_lines, residual_picture
+
+_FRAMES_PER_S = 8
+
+
+class MissingPicture(Static):
+    """The residuals before and after, one above the other."""
+
+    COMPONENT_CLASSES: ClassVar[set[str]] = {"missing--residual", "missing--band"}
+
+    def draw(self, missing: Missing | None) -> None:
+        """Draw, where there is an answer and room for it."""
+        outcome = None if missing is None else missing.outcome
+        self.display = outcome is not None
+        if outcome is None:
+            return
+        count = 2 if outcome.verdict.explanations else 1
+        columns, rows = self.size.width - 1, self.size.height // count - 1
+        if columns < 1 or rows < 1:
+            return
+        styles = [
+            self.get_component_rich_style(f"missing--{layer}") for layer in ("residual", "band")
+        ]
+        text = Text(no_wrap=True, overflow="crop")
+        for caption, main, band in residual_picture(outcome, columns, rows):
+            text.append(f" {caption}\n")
+            for row in runs((main, band)):
+                text.append(" ")
+                for cells, layer in row:
+                    text.append(cells, styles[layer])
+                text.append("\n")
+        text.right_crop(1)
+        self.update(text, layout=False)
+
+
+class MissingScreen(Screen[None]):
+    """Shows the board's search; says what is wanted of it."""
+
+    class Wanted(Message):
+        """A key asked for something: begin, cancel, load or adopt."""
+
+        def __init__(self, what: str) -> None:
+            super().__init__()
+            self.what = what
+
+    AUTO_FOCUS = "#missing-says"
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("v", "app.vent_key", "Vent", priority=True),
+        Binding("l", "want('load')", "Load next"),
+        Binding("a", "want('adopt')", "Adopt"),
+        Binding("x", "want('cancel')", "Give up"),
+        Binding("d,D", "want('begin')", "Look again", key_display="d"),
+        Binding("b,q,s", "back", "Back", key_display="b"),
+    ]
+
+    def __init__(self, board: Board) -> None:
+        super().__init__()
+        self._board = board
+        self._drawn: object = None
+        self._keys: object = None
+
+    def compose(self) -> ComposeResult:
+        """Yield the parts, from top to bottom."""
+        yield Static("", id="missing-title", markup=False)
+        with VerticalScroll(id="missing-says"):
+            yield Static("", id="missing-text", markup=False)
+        yield MissingPicture("", id="missing-picture", markup=False)
+        yield Static("", id="missing-note", markup=False)
+        yield Footer(show_command_palette=False, compact=True)
+
+    def on_mount(self) -> None:
+        """Begin to draw."""
+        self.query_one(MissingPicture).display = False
+        self.draw()
+        self.set_interval(1 / _FRAMES_PER_S, self.draw)
+
+    def draw(self) -> None:
+        """Draw where something changed."""
+        board, picture = self._board, self.query_one(MissingPicture)
+        drawn = (board.version, picture.size)
+        if drawn == self._drawn:
+            return
+        self._drawn = drawn
+        missing = board.missing
+        state = "" if missing is None else "looking …" if missing.running else "done"
+        title = f"What is missing in the model? {state}"
+        self.query_one("#missing-title", Static).update(f"{title}  [{board.phase}]")
+        self.query_one("#missing-text", Static).update("\n".join(missing_lines(missing)))
+        self.query_one("#missing-note", Static).update(board.note)
+        picture.draw(missing)
+        keys = (missing and missing.running, hints(missing))
+        if keys != self._keys:
+            self._keys = keys
+            self.refresh_bindings()
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Show the keys that mean something now."""
+        if action != "want":
+            return super().check_action(action, parameters)
+        missing = self._board.missing
+        running = missing is not None and missing.running
+        load, adopt = hints(missing)
+        return {"load": load, "adopt": adopt, "cancel": running, "begin": not running}[
+            str(parameters[0])
+        ]
+
+    def action_want(self, what: str) -> None:
+        """Pass on what a key asked for."""
+        self.post_message(self.Wanted(what))
+
+    def action_back(self) -> None:
+        """Go back; the search goes on."""
+        self.dismiss()

@@ -1,0 +1,27 @@
+"""A curve whose zero is off by 30 µm: quickly made, and quickly explained."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from skinlab.campaign import Campaign
+from skinlab.curve import Curve, Setup
+from skinlab.database.dimensionless import DimensionlessTable
+from skinlab.fem.suction import Geometry
+from skinlab.pressure_path import PressurePath
+from skinlab.program import parse_program
+
+UP, UP_AND_DOWN = "ramp:100@50", "ramp:100@50,ramp:0@50"
+_NOISE_UM = 2.0
+_OFFSET_MM = 0.03
+
+
+def campaign(table: DimensionlessTable, program_text: str) -> Campaign:
+    program = parse_program(program_text)
+    time_s = np.arange(int(program.duration_s * 20) + 1) / 20
+    pressure_mbar = PressurePath.of_program(program)(time_s)
+    model = table.model(Geometry(6.0, 1.0), pressure_mbar, "paper")
+    noise = np.random.default_rng(1).normal(0.0, 1e-3 * _NOISE_UM, len(time_s))
+    deflection_mm = model.deflection_mm(np.array([[0.03, 1.5, 0.3]]))[0] + _OFFSET_MM + noise
+    curve = Curve("curve 1", Setup(6.0, 1.0, program), time_s, pressure_mbar, deflection_mm)
+    return Campaign("", _NOISE_UM, 0.0, (curve,))

@@ -1,0 +1,265 @@
+"""What the model misses: the screen by keys, and the search in its own process."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+from explained import UP, UP_AND_DOWN, campaign
+from textual.widgets import Input
+
+from skinlab.audit import entries
+from skinlab.discrepancy.next_measurement import NextMeasurement
+from skinlab.discrepancy.verdict import Verdict
+from skinlab.errors import InputError, SkinlabError
+from skinlab.model_file import BASE, read_model
+from skinlab.session import read_session
+from skinlab.tui.adopting import write_adopted
+from skinlab.tui.bench import Bench
+from skinlab.tui.board import Missing
+from skinlab.tui.explainer import Explainer
+from skinlab.tui.missing import hints, missing_lines, outcome_lines, residual_picture
+from skinlab.tui.screens.main import MainScreen
+from skinlab.tui.screens.missing import MissingScreen
+
+
+@pytest.fixture(scope="module")
+def searched(table):
+    """Stages and answer of a real search, in its own process."""
+    stages = []
+    return stages, Explainer()(campaign(table, UP_AND_DOWN), BASE, stages.append)
+
+
+@pytest.fixture(scope="module")
+def named(searched):
+    return searched[1]
+
+
+@pytest.fixture(scope="module")
+def ambiguous(named):
+    """The same, as if two explanations were tied."""
+    best = named.best
+    tied = NextMeasurement(8.0, "ramp:300@60,ramp:0@60", (best.effects, ("pressure_lag",)), 3.2)
+    verdict = Verdict("ambiguous", [best, best])
+    return replace(named, verdict=verdict, next_measurement=tied)
+
+
+class Search:
+    """In the place of the other process: answers when it is told to."""
+
+    def __init__(self, answer=None):
+        self.answer = answer
+        self.go = threading.Event()
+        self.asked = []
+
+    def __call__(self, campaign, model, tell):
+        self.asked.append(campaign)
+        tell("screening")
+        self.go.wait(120.0)
+        return self.answer
+
+    def cancel(self):
+        self.answer = None
+        self.go.set()
+
+
+async def looking(bed):
+    """Measure once, and begin to look for what the model misses."""
+    await bed.connected()
+    await bed.run()
+    await bed.press("d")
+    await bed.until(lambda: isinstance(bed.app.screen, MissingScreen))
+    await bed.until(lambda: "now:  screening" in bed.text("#missing-text"))
+
+
+async def test_the_search_blocks_nothing_and_the_next_measurement_is_one_key_away(
+    bedside, ambiguous
+):
+    search = Search(ambiguous)
+    async with bedside(explain=search) as bed:
+        await looking(bed)
+        (asked,) = search.asked
+        assert [curve.name for curve in asked.curves] == ["curve 1"]
+        await bed.press("a", "l")  # nothing to adopt or to load yet
+        vents = bed.app.bench.vents
+        await bed.press("v")  # vents, and goes back
+        await bed.until(lambda: bed.app.bench.vents > vents)
+        await bed.until(lambda: isinstance(bed.app.screen, MainScreen))
+        await bed.run()  # the search goes on meanwhile
+        search.go.set()
+        await bed.until(lambda: bed.board.missing.outcome is ambiguous)
+        await bed.press("s")
+        await bed.until(lambda: bed.app.screen.query("#session-text"))
+        await bed.press("d")
+        await bed.until(lambda: isinstance(bed.app.screen, MissingScreen))
+        await bed.until(lambda: "tied" in bed.text("#missing-text"))
+        assert len(search.asked) == 1  # shown, not looked for again
+        await bed.until(lambda: bed.app.screen.query_one("#missing-picture").display)
+        await bed.press("l")
+        await bed.until(lambda: isinstance(bed.app.screen, MainScreen))
+        values = {str(f.id): f.value for f in bed.app.screen.query(Input)}
+        assert values["aperture_mm"] == "8"
+        assert values["program"] == ambiguous.next_measurement.program
+        assert len(bed.board.entries) == 2
+        await bed.arm()  # the other head, in the same session
+        assert bed.board.hello.aperture_mm == 8
+        assert len(bed.board.entries) == 2
+
+
+async def test_giving_up_and_looking_again(bedside, named):
+    search = Search(named)
+    async with bedside(explain=search, size=(60, 20)) as bed:
+        await looking(bed)
+        await bed.press("x")
+        await bed.until(lambda: "Given up" in bed.text("#missing-text"))
+        search.answer = named
+        await bed.press("d")
+        await bed.until(lambda: "deflection_offset" in bed.text("#missing-text"))
+        await bed.press("b")
+        await bed.until(lambda: isinstance(bed.app.screen, MainScreen))
+
+
+async def test_adopting_writes_a_model_and_goes_on_with_it(bedside, named, tmp_path):
+    search = Search(named)
+    search.go.set()
+    async with bedside(explain=search) as bed:
+        await bed.connected()
+        await bed.run()
+        await bed.press("d")
+        await bed.until(lambda: bed.board.missing and bed.board.missing.outcome)
+        await bed.until(lambda: "Missing: deflection_offset" in bed.text("#missing-text"))
+        await bed.press("a")
+        await bed.until(lambda: bed.board.model == "base with deflection_offset")
+        await bed.until(lambda: "Adopted:" in bed.text("#missing-text"))
+        await bed.press("b")
+        await bed.arm()
+        assert bed.board.entries == {}  # of another session: one session, one model
+        await bed.until(lambda: "base with deflection_offset" in bed.text("#card-text"))
+        await bed.press("v")
+        await bed.until(lambda: bed.board.can_arm)
+    (path,) = tmp_path.glob("*.h5")
+    (model,) = tmp_path.glob("*-deflection_offset.toml")
+    assert list(read_model(model).effects) == ["deflection_offset"]
+    deeds = [entry.what for entry in entries(read_session(path).records)]
+    assert "model adopted" in deeds
+
+
+async def test_without_a_curve_there_is_nothing_to_look_at(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        await bed.press("d")
+        assert isinstance(bed.app.screen, MainScreen)
+        assert bed.board.missing is None
+
+
+async def test_a_search_that_fails_is_a_sentence(bedside):
+    def fail(*_):
+        raise InputError("curve 1: 3 samples; expected 20 or more")
+
+    search = Search()
+    async with bedside(explain=search) as bed:
+        bed.app.bench._explain = fail
+        fail.cancel = lambda: None
+        await bed.connected()
+        await bed.run()
+        await bed.press("d")
+        await bed.until(lambda: "expected 20 or more" in bed.text("#missing-text"))
+        await bed.press("b")
+        await bed.connected()
+
+
+# ---- words and picture ----------------------------------------------------------------------
+
+
+def test_an_outcome_in_words(named, ambiguous):
+    text = "\n".join(outcome_lines(named))
+    for words in ("Missing: deflection_offset", "Gap", "before", "after", "× noise", "X1", "nu"):
+        assert words in text
+    assert "curve 1, load" in text  # where
+    assert "explains the data" in text  # which
+    assert "To tell them apart, measure" in "\n".join(outcome_lines(ambiguous))
+
+
+def test_what_is_known_is_said_at_every_moment(named, tmp_path):
+    assert "d begins" in missing_lines(None)[0]
+    missing = Missing(("curve 1",))
+    assert hints(missing) == (False, False)
+    missing.stages += ["one", "two"]
+    assert "  done: one" in missing_lines(missing)
+    assert any("two …" in line for line in missing_lines(missing))
+    missing.running = False
+    assert "Given up" in missing_lines(missing)[-1]
+    missing.outcome = named
+    assert hints(missing) == (False, True)
+    missing.adopted = tmp_path
+    assert hints(missing) == (False, False)
+    assert str(tmp_path) in missing_lines(missing)[-1]
+
+
+def test_the_picture_has_one_scale_before_and_after(named):
+    before, after = residual_picture(named, 40, 4)
+    assert "residual before" in before[0]
+    assert "residual after" in after[0]
+    assert before[1].shape == after[1].shape == (4, 40)
+
+    def height(bits):
+        return np.flatnonzero(bits.any(axis=1))
+
+    assert len(height(after[1])) < len(height(before[1]))
+    assert (before[2] == after[2]).all()
+    assert residual_picture(named, 0, 0)[0][1].size == 0
+
+
+# ---- the model ------------------------------------------------------------------------------
+
+
+def test_a_model_is_never_overwritten(named, ambiguous, table, tmp_path):
+    from datetime import UTC, datetime
+
+    now = datetime(2026, 1, 2, tzinfo=UTC)
+    write = partial(write_adopted, base=BASE, folder=tmp_path, database=table, now=now)
+    first, model = write(named, session=None)
+    second, _ = write(named, session=None)
+    assert first != second
+    assert read_model(first).hash == model.hash
+    with pytest.raises(InputError, match="nothing to adopt"):
+        write(ambiguous, session=None)
+    with pytest.raises(InputError, match="cannot be written"):
+        write(named, folder=first, session=None)
+
+
+# ---- the other process ----------------------------------------------------------------------
+
+
+def test_the_real_search(searched):
+    stages, found = searched
+    assert found.verdict.name == "named"
+    assert found.best.effects == ("deflection_offset",)
+    assert any("screening" in stage for stage in stages)
+
+
+def test_a_search_can_be_given_up(table):
+    explainer = Explainer()
+    explainer.cancel()  # there is none
+    assert explainer(campaign(table, UP), BASE, lambda _: explainer.cancel()) is None
+
+
+def test_a_search_that_dies_is_a_sentence(table):
+    with pytest.raises(SkinlabError, match="ended without an answer"):
+        Explainer(["false"])(campaign(table, UP), BASE, print)
+
+
+def test_what_the_search_refuses_is_said(table):
+    short = campaign(table, "ramp:100@500")
+    with pytest.raises(SkinlabError, match="expected 20 or more"):
+        Explainer()(short, BASE, lambda _: None)
+
+
+def test_closing_ends_the_search(tmp_path, identifier):
+    search = Search()
+    bench = Bench(tmp_path, lambda _: None, make_identifier=lambda: identifier, explain=search)
+    bench.close()
+    assert search.go.is_set()
