@@ -74,17 +74,22 @@ def build(spec: str, out: Path | None, workers: int | None, dask: str | None, re
     entries, run = _building(spec)
     kept = out.with_name(f"{out.name}.rows")
     hidden = not sys.stderr.isatty()
-    with click.progressbar(length=entries, label="curves", file=sys.stderr, hidden=hidden) as bar:
-        content_hash = run(
-            out,
-            How(
+    try:
+        with click.progressbar(
+            length=entries, label="curves", file=sys.stderr, hidden=hidden
+        ) as bar:
+            how = How(
                 workers=workers or os.cpu_count() or 1,
                 dask=dask,
                 keep=kept,
                 resume=resume,
                 progress=lambda done, total: bar.update(done - bar.pos),
-            ),
-        )
+            )
+            content_hash = run(out, how)
+    except KeyboardInterrupt:
+        if kept.exists():
+            click.echo(f"skinlab: what is done is kept in {kept}; --resume goes on", err=True)
+        raise
     kept.unlink(missing_ok=True)
     click.echo(f"{out}: {entries} curves, {content_hash}")
     return 0
@@ -95,7 +100,7 @@ def _building(spec: str) -> tuple[int, Callable[[Path, How], str]]:
     from skinlab.database.build import build_grid, build_table
     from skinlab.database.dimensionless import DimensionlessSpec
     from skinlab.database.grid import GridSpec
-    from skinlab.database.model_database import build_model
+    from skinlab.database.model_build import build_model
     from skinlab.database.model_store import write_model
     from skinlab.database.spec_file import read_spec
     from skinlab.database.store import write_grid, write_table

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from skinlab.curve import FEWEST_POINTS, Curve
-from skinlab.database.spec_file import ModelSpec
+from skinlab.database.model_spec import ModelSpec
 from skinlab.effects.model import Effects, Skin, response
 from skinlab.errors import NotTrustworthyError
 from skinlab.fem.suction import EXTENSION_ABOVE, EXTENSION_BELOW_MBAR

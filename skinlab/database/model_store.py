@@ -10,7 +10,7 @@ import numpy as np
 from skinlab.database.course import course_of
 from skinlab.database.hdf5 import SCHEMA, check_hash, check_kind, open_hdf5, written_whole
 from skinlab.database.model_database import ModelDatabase
-from skinlab.database.spec_file import spec_from_json, unit_of
+from skinlab.database.model_spec import spec_from_json, unit_of
 from skinlab.errors import InputError
 
 _CURVES = (("deflection_mm", "mm"), ("slope_mm_per_mbar", "mm/mbar"))

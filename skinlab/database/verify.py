@@ -7,7 +7,8 @@ import numpy as np
 from skinlab.database.build import compute_entry
 from skinlab.database.dimensionless import DimensionlessTable, compute_row
 from skinlab.database.grid import GridDatabase
-from skinlab.database.model_database import ModelDatabase, compute_curve, node
+from skinlab.database.model_build import compute_curve, node
+from skinlab.database.model_database import ModelDatabase
 from skinlab.errors import InputError
 from skinlab.fem.suction import MESH_OF_RECORD, SOLVER_VERSION
 

@@ -12,7 +12,7 @@ import pytest
 from skinlab.cli.main import run
 from skinlab.curve import Curve, Setup
 from skinlab.database.kept_rows import KeptRows
-from skinlab.database.model_database import build_model
+from skinlab.database.model_build import build_model
 from skinlab.database.model_store import write_model
 from skinlab.database.rows import How
 from skinlab.database.spec_file import read_spec
@@ -232,7 +232,7 @@ def test_two_processes_give_the_same_bits(corners):
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from skinlab.database.model_database import build_model
+from skinlab.database.model_build import build_model
 from skinlab.database.rows import How
 from skinlab.database.spec_file import read_spec
 

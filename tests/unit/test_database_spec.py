@@ -4,7 +4,8 @@ import pytest
 
 from skinlab.cli.main import run
 from skinlab.database.axes import AxisRange
-from skinlab.database.spec_file import read_spec, spec_from_json
+from skinlab.database.model_spec import spec_from_json
+from skinlab.database.spec_file import read_spec
 from skinlab.errors import InputError
 
 WHOLE = """
