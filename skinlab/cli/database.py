@@ -111,9 +111,9 @@ def _building(spec: str) -> tuple[int, Callable[[Path, How], str]]:
         return _of(DimensionlessSpec(), build_table, write_table)
     own = read_spec(spec)
     names = ", ".join(f"{name} {a.low:g}–{a.high:g} × {a.nodes}" for name, a in own.axis.items())
-    click.echo(f"skinlab: {own.entries} curves: {names}", err=True)
-    if own.has_history:
-        click.echo(f"skinlab: along {own.program} only: an effect depends on time", err=True)
+    at = f"{own.geometry.aperture_mm:g} mm opening on {own.geometry.thickness_mm:g} mm of skin"
+    along = f", along {own.program} only" if own.has_history else ""
+    click.echo(f"skinlab: {own.entries} curves, {at}{along}: {names}", err=True)
     return _of(own, build_model, write_model)
 
 

@@ -121,7 +121,11 @@ class ModelDatabase:
             NotTrustworthyError: it does not speak of such a curve at all; says why.
         """
         setup, own = curve.setup, self.spec.measurement
-        self._check(Geometry(setup.aperture_mm, setup.thickness_mm), setup.thickness_sd_mm or 0.0)
+        try:
+            geometry = Geometry(setup.aperture_mm, setup.thickness_mm)
+            self._check(geometry, setup.thickness_sd_mm or 0.0)
+        except NotTrustworthyError as error:
+            raise NotTrustworthyError(f"{curve.name}: {error}") from None
         if self.spec.has_history and setup.cycle != own.cycle:
             raise NotTrustworthyError(
                 f"{curve.name}: cycle {setup.cycle}, and this database holds for cycle "

@@ -6,6 +6,7 @@ import subprocess
 import sys
 
 import h5py
+import msgspec
 import numpy as np
 import pytest
 
@@ -22,6 +23,10 @@ from skinlab.effects.model import Skin, response
 from skinlab.errors import InputError, NotTrustworthyError
 from skinlab.fem.suction import Geometry
 from skinlab.forward import simulate, simulate_from
+from skinlab.identify.identifier import Identifier
+from skinlab.identify.own_database import with_own_database
+from skinlab.identify.uncertainty import Sensor
+from skinlab.model_file import EffectRange, Normal
 from skinlab.pressure_path import PressurePath
 from skinlab.program import parse_program
 
@@ -183,6 +188,26 @@ def test_identify_finds_the_skin_and_the_effect(tiny, off_the_nodes, tmp_path, c
         found = answer["parameters"][name]
         assert found["low"] <= value <= found["high"]
     assert answer["rms_um"] < 2.0
+
+
+def test_a_models_prior_counts(tiny, off_the_nodes):
+    """Four unknowns on one curve lie in a valley: what is known of the effect chooses in it."""
+    built = read_database(tiny)
+    for mean in (1.02, 1.03):
+        at = EffectRange(1.03, prior=Normal(mean, 1e-4))
+        model = msgspec.structs.replace(
+            built.spec.model, effects={"natural_tension": {"stretch": at}}
+        )
+        spec = msgspec.structs.replace(built.spec, model=model)
+        identifier = with_own_database(
+            Identifier(built, sensor=Sensor(3.0, 0.0)),
+            dataclasses.replace(built, spec=spec),
+            phases_said=False,
+        )
+        found = identifier(off_the_nodes).parameters["natural_tension.stretch"]
+        assert found.low < mean < found.high
+        assert found.value == pytest.approx(mean, abs=2e-4)
+        assert found.high - found.low < 1e-3
 
 
 def test_other_measurements_are_outside(tiny, off_the_nodes, tmp_path, capsys):
