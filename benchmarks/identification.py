@@ -267,13 +267,17 @@ def _error_um(problem: Problem, unit: Array) -> float:
     return float(problem.error_um(problem.space.from_unit(np.clip(unit, 0, 1)[None]))[0])
 
 
+_CANDIDATES = 15  # of each unknown: scipy's default
+
+
 def _differential_evolution(problem: Problem, seed: int) -> tuple[float, int]:
     misfit = _unit_misfit(problem)
     found = differential_evolution(
         lambda u: misfit(u.T), [(0.0, 1.0)] * 3, vectorized=True, updating="deferred",
-        tol=1e-10, polish=False, rng=np.random.default_rng(seed), maxiter=1000,
+        tol=1e-10, polish=False, rng=np.random.default_rng(seed), maxiter=1000, popsize=_CANDIDATES,
     )  # fmt: skip
-    return _error_um(problem, found.x), int(found.nfev)
+    # It counts a whole population as one evaluation.
+    return _error_um(problem, found.x), int(found.nfev) * 3 * _CANDIDATES
 
 
 def _dual_annealing(problem: Problem, seed: int) -> tuple[float, int]:
