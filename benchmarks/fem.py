@@ -26,6 +26,7 @@ from scipy.sparse.linalg import spsolve
 
 from skinlab.database.build import build_grid
 from skinlab.database.grid import GridSpec
+from skinlab.database.rows import How
 from skinlab.fem import newton
 from skinlab.fem.element import QUAD8_FULL
 from skinlab.fem.known_answers import ReferenceCurve, reference_curves
@@ -337,7 +338,7 @@ def main() -> None:
     }
     if not options.quick:
         start = time.perf_counter()
-        grid = build_grid(GridSpec(), workers=2)
+        grid = build_grid(GridSpec(), How(workers=2))
         report["paper_grid"] = {
             "curves": grid.spec.entries,
             "seconds_on_2_cores": time.perf_counter() - start,

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.curve import FEWEST_POINTS, Curve, Setup
+from skinlab.database.base import Database
+from skinlab.database.model_database import ModelDatabase
 from skinlab.effects.model import Effects, Sensors, Skin, is_physical, response
 from skinlab.errors import InputError, NotTrustworthyError
 from skinlab.fem.suction import Geometry
 from skinlab.materials.compressibility import KappaConvention, kappa_ratio
+from skinlab.parameters import contains
 from skinlab.pressure_path import PressurePath
 
 Array = NDArray[np.float64]
@@ -37,16 +41,9 @@ def simulate(
         InputError: a value is out of its range.
         NotTrustworthyError: the model does not hold even for the first samples.
     """
-    if setup.program is None:
-        raise InputError("a simulated curve needs a program")
-    for name, value in (("X1_MPa", X1_MPa), ("rate_hz", rate_hz)):
-        if not (math.isfinite(value) and value > 0):
-            raise InputError(f"{name} must be positive, got {value}")
-    if not (math.isfinite(X2_MPa) and X2_MPa >= 0):
-        raise InputError(f"X2_MPa must not be negative, got {X2_MPa}")
+    time_s, pressure = _asked(X1_MPa, X2_MPa, setup, rate_hz)
     effects = effects or {}
-    time_s = np.arange(math.floor(setup.program.duration_s * rate_hz + 1e-9) + 1) / rate_hz
-    pressure = setup.program.pressure_mbar(time_s)
+    assert setup.program is not None
     geometry = Geometry(setup.aperture_mm, setup.thickness_mm)
     kappa_ratio(nu, kappa)  # refuses a ν that cannot be
     path = PressurePath.of_program(setup.program)
@@ -60,6 +57,82 @@ def simulate(
         felt = path(sensors.when(time_s))
         deflection = _from_database(np.array([X1_MPa, X2_MPa, nu]), geometry, felt, kappa)
         deflection = sensors.read(time_s, deflection, 0.0)
+    return _as_far_as_it_holds(setup, time_s, pressure, deflection)
+
+
+def simulate_from(
+    database: Database,
+    base: Mapping[str, float],
+    effects: Effects,
+    setup: Setup,
+    kappa: KappaConvention | None = None,
+    rate_hz: float = 20.0,
+) -> tuple[Curve, str | None]:
+    """Return the curve that a database gives along the setup's program, and a warning if it ends.
+
+    `base` are X1, X2 and ν by name. Of a database with effects, `effects` are those that differ
+    from its model's own values; kappa None: the database's own.
+
+    Raises:
+        InputError: a value is out of its range, or none of the database's.
+        NotTrustworthyError: the database does not speak of it.
+    """
+    time_s, pressure = _asked(base["X1_MPa"], base["X2_MPa"], setup, rate_hz)
+    if isinstance(database, ModelDatabase):
+        names, parameters = database.space.names, database.point(base, effects)
+        kappa = kappa or database.spec.model.model.kappa
+    elif effects:
+        raise InputError("this database knows no effects; build one of the model")
+    else:
+        names, parameters = tuple(base), np.array(list(base.values()))
+    covered = database.covers(Curve("simulated", setup, time_s, pressure, 0.0 * pressure))
+    geometry = Geometry(setup.aperture_mm, setup.thickness_mm)
+
+    def first(samples: int) -> Array:
+        model = database.model(
+            geometry, pressure[:samples], kappa or "paper", time_s=time_s[:samples]
+        )
+        inside = contains(model.space, parameters)
+        if not inside:
+            low, high = model.space.bounds
+            said = zip(names, parameters, low, high, strict=True)
+            ranges = ", ".join(f"{n} {v:g} ({a:.4g}–{b:.4g})" for n, v, a, b in said)
+            raise InputError(f"outside the database, or at its edge: {ranges}")
+        return np.asarray(model.deflection_mm(parameters[None])[0])
+
+    deflection = np.full(len(time_s), np.nan)
+    holds, fails = 0, 1 + (len(covered) if covered.all() else int(covered.argmin()))
+    while fails - holds > 1:  # the whole first, then halves: a part holds where more of it does
+        samples = fails - 1 if holds == 0 and fails > len(time_s) else (holds + fails) // 2
+        found = first(samples)
+        if np.isfinite(found).all():
+            deflection[:samples], holds = found, samples
+        else:
+            fails = samples
+    return _as_far_as_it_holds(setup, time_s, pressure, deflection)
+
+
+def _asked(X1_MPa: float, X2_MPa: float, setup: Setup, rate_hz: float) -> tuple[Array, Array]:
+    """Return times (n,) and pressures (n,) of the setup's program.
+
+    Raises:
+        InputError: a value is out of its range.
+    """
+    if setup.program is None:
+        raise InputError("a simulated curve needs a program")
+    for name, value in (("X1_MPa", X1_MPa), ("rate_hz", rate_hz)):
+        if not (math.isfinite(value) and value > 0):
+            raise InputError(f"{name} must be positive, got {value}")
+    if not (math.isfinite(X2_MPa) and X2_MPa >= 0):
+        raise InputError(f"X2_MPa must not be negative, got {X2_MPa}")
+    time_s = np.arange(math.floor(setup.program.duration_s * rate_hz + 1e-9) + 1) / rate_hz
+    return time_s, setup.program.pressure_mbar(time_s)
+
+
+def _as_far_as_it_holds(
+    setup: Setup, time_s: Array, pressure: Array, deflection: Array
+) -> tuple[Curve, str | None]:
+    """Return the curve up to where it has values, and a warning where that is not the end."""
     holds = np.isfinite(deflection)
     end = len(holds) if holds.all() else int(np.argmin(holds))
     warning = None

@@ -30,7 +30,7 @@ import math
 import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import msgspec
 from msgspec import field
@@ -40,6 +40,8 @@ from skinlab.effects.registry import checked
 from skinlab.errors import InputError
 from skinlab.materials import get_law
 from skinlab.materials.compressibility import KappaConvention
+
+T = TypeVar("T")
 
 PriorName = Literal["uniform", "log-uniform"]
 
@@ -160,33 +162,47 @@ def decode_model(raw: bytes | str, path: str) -> Model:
         InputError: something in it is not known, missing or out of range; names the field.
     """
     try:
-        said = msgspec.toml.decode(raw)
-        _check_entries(said)
-        model = msgspec.convert(said, Model)
-        check_model(model)
+        return model_of(msgspec.toml.decode(raw))
     except (ValueError, UnicodeDecodeError) as error:  # InputError is one
-        raise InputError(f"{path}: {_plain(str(error))}") from None
+        raise InputError(f"{path}: {plain(str(error))}") from None
+
+
+def model_of(said: Mapping[str, Any]) -> Model:
+    """Return the model that decoded tables say.
+
+    Raises:
+        ValueError: something in them is not known, missing or out of range; `plain` puts it so that
+            the field comes first.
+    """
+    _check_entries(said)
+    model = msgspec.convert(said, Model)
+    check_model(model)
     return model
 
 
 def _check_entries(said: Mapping[str, Any]) -> None:
     """Decode the tables with names of their own one by one: errors then say which."""
     for name, entry in _items(said.get("parameters")):
-        _check_entry(f"parameters.{name}", entry, Range)
+        check_entry(f"parameters.{name}", entry, Range)
     for name, entries in _items(said.get("effects")):
         for parameter, entry in _items(entries):
-            _check_entry(f"effects.{name}.{parameter}", entry, EffectRange)
+            check_entry(f"effects.{name}.{parameter}", entry, EffectRange)
 
 
 def _items(table: Any) -> list[tuple[str, Any]]:
     return list(table.items()) if isinstance(table, dict) else []
 
 
-def _check_entry(where: str, entry: Any, kind: type[Range | EffectRange]) -> None:
+def check_entry(where: str, entry: Any, kind: type[T]) -> T:
+    """Return the entry of a table with names of its own, decoded.
+
+    Raises:
+        InputError: it is not of that kind; names the field.
+    """
     try:
-        msgspec.convert(entry, kind)
+        return msgspec.convert(entry, kind)
     except msgspec.ValidationError as error:
-        message = _plain(str(error))
+        message = plain(str(error))
         inner = re.match(r"([a-z]+): ", message)  # a field of it
         raise InputError(f"{where}{'.' if inner else ': '}{message}") from None
 
@@ -251,7 +267,7 @@ def _value(value: str | float) -> str:
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
-def _plain(message: str) -> str:
+def plain(message: str) -> str:
     """Put msgspec's `... - at `$.model.law`` in front, where a reader looks for the field."""
     match = re.fullmatch(r"(.*) - at `(?:key in )?\$\.?(.*)`", message, re.DOTALL)
     if match is None:

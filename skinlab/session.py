@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from drivers.events import Hello, Sample, TimedEvent
 from skinlab.assembler import CurveAssembler
 from skinlab.curve import Curve
-from skinlab.database.store import open_hdf5
+from skinlab.database.hdf5 import open_hdf5
 from skinlab.errors import InputError
 from skinlab.records import Kind, Record
 from skinlab.seal import SEAL_BYTES, Seal, put_seal, read_seal

@@ -4,9 +4,28 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 import click
+
+if TYPE_CHECKING:
+    from skinlab.database.rows import How
+
+
+class _Spec(Protocol):
+    @property
+    def entries(self) -> int: ...
+
+
+class _Built(Protocol):
+    @property
+    def content_hash(self) -> str: ...
+
+
+S = TypeVar("S", bound=_Spec)
+D = TypeVar("D", bound=_Built)
 
 
 @click.group()
@@ -17,54 +36,96 @@ def command() -> None:
 @command.command()
 @click.option(
     "--spec",
-    type=click.Choice(["paper", "dimensionless"]),
     default="paper",
     show_default=True,
-    help="The paper's grid, or the table that serves every aperture, thickness and pressure.",
+    help="A SPEC.toml or MODEL.toml, or the name of what ships: paper, dimensionless.",
 )
 @click.option(
     "--out", type=click.Path(path_type=Path), help="The file to write [default: SPEC.h5]."
 )
 @click.option("--workers", type=int, help="Processes [default: one a core].")
-def build(spec: str, out: Path | None, workers: int | None) -> int:
+@click.option("--dask", metavar="ADDRESS", help="Compute on the cluster of this dask scheduler.")
+@click.option("--resume", is_flag=True, help="Go on with a build that was interrupted or killed.")
+def build(spec: str, out: Path | None, workers: int | None, dask: str | None, resume: bool) -> int:
     """Compute a database with the finite elements.
 
     paper: X1 10 × X2 17 × nu 8, 0 to 100 mbar by 2, 6 mm opening on 1 mm of skin.
     dimensionless: h/R 18 × X2/X1 26 × kappa/X1 18, exact along X1, to 500 mbar.
+    SPEC.toml: a law with effects on axes of your own (docs/files.md); a MODEL.toml, as
+    `discrepancy --adopt` writes it, is one with default axes.
+
+    Curves are kept in OUT.rows until the build is done, so that --resume can go on.
 
     \b
-    Example: skinlab database build --spec dimensionless --out my_table.h5
+    Example: skinlab database build --spec adopted.toml --out adopted.h5 --workers 2
     """
+    from skinlab.database.rows import How
+    from skinlab.errors import InputError
+
+    if dask is not None and workers is not None:
+        raise click.UsageError("--dask and --workers exclude each other")
+    if workers is not None and not 1 <= workers <= 1024:
+        raise InputError(f"workers {workers}: expected 1–1024")
+    out = out or Path(f"{Path(spec).stem}.h5")
+    if not out.parent.is_dir():
+        raise InputError(f"{out}: its folder does not exist")
+    if out.is_dir() or out.resolve() == Path(spec).resolve():
+        raise InputError(f"{out}: expected the name of a file to write")
+    entries, run = _building(spec)
+    kept = out.with_name(f"{out.name}.rows")
+    hidden = not sys.stderr.isatty()
+    try:
+        with click.progressbar(
+            length=entries, label="curves", file=sys.stderr, hidden=hidden
+        ) as bar:
+            how = How(
+                workers=workers or os.cpu_count() or 1,
+                dask=dask,
+                keep=kept,
+                resume=resume,
+                progress=lambda done, total: bar.update(done - bar.pos),
+            )
+            content_hash = run(out, how)
+    except KeyboardInterrupt:
+        if kept.exists():
+            click.echo(f"skinlab: what is done is kept in {kept}; --resume goes on", err=True)
+        raise
+    kept.unlink(missing_ok=True)
+    click.echo(f"{out}: {entries} curves, {content_hash}")
+    return 0
+
+
+def _building(spec: str) -> tuple[int, Callable[[Path, How], str]]:
+    """Return the number of curves, and what builds and writes them and returns their hash."""
     from skinlab.database.build import build_grid, build_table
     from skinlab.database.dimensionless import DimensionlessSpec
     from skinlab.database.grid import GridSpec
+    from skinlab.database.model_build import build_model
+    from skinlab.database.model_store import write_model
+    from skinlab.database.spec_file import read_spec
     from skinlab.database.store import write_grid, write_table
-    from skinlab.errors import InputError
 
-    out = out or Path(f"{spec}.h5")
-    if workers is not None and not 1 <= workers <= 1024:
-        raise InputError(f"workers {workers}: expected 1–1024")
-    if not out.parent.is_dir():
-        raise InputError(f"{out}: its folder does not exist")
-    grid_spec, table_spec = GridSpec(), DimensionlessSpec()
-    entries = grid_spec.entries if spec == "paper" else table_spec.entries
-    processes = workers or os.cpu_count() or 1
-    hidden = not sys.stderr.isatty()
-    with click.progressbar(length=entries, label="curves", file=sys.stderr, hidden=hidden) as bar:
+    if spec == "paper":
+        return _of(GridSpec(), build_grid, write_grid)
+    if spec == "dimensionless":
+        return _of(DimensionlessSpec(), build_table, write_table)
+    own = read_spec(spec)
+    names = ", ".join(f"{name} {a.low:g}–{a.high:g} × {a.nodes}" for name, a in own.axis.items())
+    at = f"{own.geometry.aperture_mm:g} mm opening on {own.geometry.thickness_mm:g} mm of skin"
+    along = f", along {own.program} only" if own.has_history else ""
+    click.echo(f"skinlab: {own.entries} curves, {at}{along}: {names}", err=True)
+    return _of(own, build_model, write_model)
 
-        def progress(done: int, total: int) -> None:
-            bar.update(1)
 
-        if spec == "paper":
-            grid = build_grid(grid_spec, processes, progress)
-            content_hash = grid.content_hash
-            write_grid(out, grid)
-        else:
-            table = build_table(table_spec, processes, progress)
-            content_hash = table.content_hash
-            write_table(out, table)
-    click.echo(f"{out}: {entries} curves, {content_hash}")
-    return 0
+def _of(
+    spec: S, build: Callable[[S, How], D], write: Callable[[Path, D], None]
+) -> tuple[int, Callable[[Path, How], str]]:
+    def run(out: Path, how: How) -> str:
+        database = build(spec, how)
+        write(out, database)
+        return database.content_hash
+
+    return spec.entries, run
 
 
 @command.command()

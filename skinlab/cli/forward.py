@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 from click.core import ParameterSource
 
-from skinlab.cli.options import kappa_option
+from skinlab.cli.options import database_option, kappa_option
 
 if TYPE_CHECKING:
     from skinlab.materials.compressibility import KappaConvention
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     type=click.Path(path_type=Path),
     help="MODEL.toml: its effects act on the curve; physical ones imply --direct.",
 )
+@database_option()
 @click.option("--cycle", default=1, show_default=True, help="1: first loading of the site.")
 @click.option(
     "--csv",
@@ -50,6 +51,7 @@ def command(
     rate_hz: float,
     direct: bool,
     model_path: Path | None,
+    database_path: Path | None,
     cycle: int,
     csv_path: Path | None,
     force: bool,
@@ -62,26 +64,35 @@ def command(
     """
     from skinlab.curve import Setup
     from skinlab.curve_csv import write_curve
+    from skinlab.database.store import read_database
     from skinlab.errors import InputError
-    from skinlab.forward import simulate
+    from skinlab.forward import simulate, simulate_from
     from skinlab.model_file import read_model
     from skinlab.program import parse_program
 
     if csv_path is not None and csv_path.is_file() and not force:
         raise InputError(f"{csv_path}: exists already; --force replaces it")
+    if database_path is not None and direct:
+        raise click.UsageError("--database answers, or --direct: not both")
     setup = Setup(aperture_mm, thickness_mm, parse_program(program), cycle=cycle)
     effects = {}
+    source = click.get_current_context().get_parameter_source("kappa")
     if model_path is not None:
         model = read_model(model_path)
-        source = click.get_current_context().get_parameter_source("kappa")
         if source is not ParameterSource.DEFAULT and kappa != model.model.kappa:
             raise InputError(
                 f"{model_path}: kappa is {model.model.kappa!r}, and --kappa says {kappa!r}"
             )
         kappa, effects = model.model.kappa, model.values
-    curve, warning = simulate(
-        x1_mpa, x2_mpa, nu, setup, kappa, rate_hz, direct=direct, effects=effects
-    )
+    if database_path is not None:
+        base = {"X1_MPa": x1_mpa, "X2_MPa": x2_mpa, "nu": nu}
+        database = read_database(database_path)
+        stated = None if source is ParameterSource.DEFAULT and model_path is None else kappa
+        curve, warning = simulate_from(database, base, effects, setup, stated, rate_hz)
+    else:
+        curve, warning = simulate(
+            x1_mpa, x2_mpa, nu, setup, kappa, rate_hz, direct=direct, effects=effects
+        )
     if csv_path is None:
         write_curve(sys.stdout, curve)
     else:

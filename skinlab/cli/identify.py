@@ -9,6 +9,7 @@ import click
 
 from skinlab.cli.method_options import MethodCommand
 from skinlab.cli.options import (
+    database_option,
     geometry_options,
     identification_options,
     json_option,
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 @click.argument("inputs", nargs=-1, required=True, type=click.Path(path_type=Path))
 @geometry_options(required=False)
 @identification_options()
+@database_option()
 @click.option("--joint", is_flag=True, help="One answer for all curves: one skin.")
 @click.option("--advise", is_flag=True, help="Say which measurement would narrow it most.")
 @click.option("--workers", default=1, show_default=True, help="Processes; same answers.")
@@ -48,6 +50,8 @@ def command(
     Sessions and campaigns state aperture and thickness of each curve themselves.
     With --joint all curves are explained by one skin; with --advise the measurement is named that
     would narrow the intervals most (of all curves together, or of the first).
+    With --database the answer comes from a database of your own; if its model has effects, their
+    parameters are identified too, as far as they are axes of it.
 
     \b
     Example: skinlab identify curve.csv --aperture-mm 6 --thickness-mm 1.0 --json
@@ -60,6 +64,8 @@ def command(
 
     if advise and options["method"] != "auto":
         raise click.UsageError("--advise needs the intervals that only --method auto gives")
+    if advise and options["database_path"] is not None:
+        raise click.UsageError("--advise needs the shipped database, which speaks of all openings")
     if workers < 1:
         raise click.BadParameter("expected 1 or more", param_hint="--workers")
     identifier: Identifier = make_identifier(**options)

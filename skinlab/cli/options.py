@@ -6,12 +6,15 @@ import json
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 from click.core import ParameterSource
 
 from skinlab.cli.method_options import method_options, single_settings
+
+if TYPE_CHECKING:
+    from skinlab.model_file import Model
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -102,6 +105,16 @@ def kappa_option() -> Callable[[F], F]:
     )
 
 
+def database_option() -> Callable[[F], F]:
+    """`--database`."""
+    return click.option(
+        "--database",
+        "database_path",
+        type=click.Path(path_type=Path),
+        help="A file that `skinlab database build` wrote  [default: the shipped one].",
+    )
+
+
 def json_option() -> Callable[[F], F]:
     """`--json`."""
     return click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
@@ -137,6 +150,7 @@ def make_identifier(
     noise_um: float | None = None,
     pressure_noise_mbar: float | None = None,
     model_path: Path | None = None,
+    database_path: Path | None = None,
     **single: Any,
 ) -> Any:
     """Return the Identifier that the options describe; `single` are those of single methods.
@@ -145,11 +159,14 @@ def make_identifier(
         click.UsageError: the method does not read one of its options.
         InputError: an option is out of its range.
     """
-    from skinlab.database.store import shipped_table
+    from skinlab.database.model_database import ModelDatabase
+    from skinlab.database.store import read_database, shipped_table
     from skinlab.errors import InputError
     from skinlab.identify.identifier import Identifier
+    from skinlab.identify.own_database import with_own_database
     from skinlab.identify.problem import Options, check
     from skinlab.identify.uncertainty import Sensor
+    from skinlab.model_file import read_model
 
     options = Options(
         best=best, tolerance_um=tolerance_um, **single_settings(method, samples, single)
@@ -162,7 +179,7 @@ def make_identifier(
     if pressure_noise_mbar is not None and not 0 <= pressure_noise_mbar < 1e3:
         raise InputError(f"pressure_noise_mbar {pressure_noise_mbar:g}: expected zero or more")
     identifier = Identifier(
-        shipped_table(),
+        shipped_table() if database_path is None else read_database(database_path),
         method=method,
         options=options,
         seed=seed,
@@ -170,25 +187,38 @@ def make_identifier(
         phases=parse_phases(phases),
         sensor=Sensor(noise_um, pressure_noise_mbar),
     )
-    if model_path is None:
+    model = None if model_path is None else read_model(model_path)
+    database = identifier.database
+    if isinstance(database, ModelDatabase):
+        own = database.spec.model
+        if model is not None and model.hash != own.hash:
+            raise InputError(
+                f"{database_path}: built for the model {own.model.name!r}, and {model_path} is "
+                "another; build a database of that, or leave --database out"
+            )
+        _check_kappa(database_path, own, kappa)
+        return with_own_database(identifier, database, phases_said=was_said("phases"))
+    if model is None:
         return identifier
     from skinlab.discrepancy.model_identifier import with_model
-    from skinlab.model_file import read_model
 
-    model = read_model(model_path)
-    if kappa_was_said() and kappa != model.model.kappa:
-        raise InputError(
-            f"{model_path}: kappa is {model.model.kappa!r}, and --kappa says {kappa!r}"
-        )
+    _check_kappa(model_path, model, kappa)
     return with_model(identifier, model)
 
 
-def kappa_was_said() -> bool:
-    """Return whether the user gave `--kappa`, rather than its default."""
+def _check_kappa(path: Path | None, model: Model, kappa: str) -> None:
+    from skinlab.errors import InputError
+
+    if was_said("kappa") and kappa != model.model.kappa:
+        raise InputError(f"{path}: kappa is {model.model.kappa!r}, and --kappa says {kappa!r}")
+
+
+def was_said(option: str) -> bool:
+    """Return whether the user gave an option, rather than its default."""
     context = click.get_current_context(silent=True)
     if context is None:
         return False
-    return context.get_parameter_source("kappa") not in (None, ParameterSource.DEFAULT)
+    return context.get_parameter_source(option) not in (None, ParameterSource.DEFAULT)
 
 
 def print_json(document: dict[str, Any]) -> None:

@@ -7,6 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from skinlab.curve import Curve
 from skinlab.database.misfit import Misfit, Whitening
 from skinlab.fem.suction import Geometry
 from skinlab.materials.compressibility import KappaConvention
@@ -21,6 +22,11 @@ class CurveModel(Protocol):
     @property
     def space(self) -> ParameterSpace:
         """Where the database holds at all."""
+        ...
+
+    @property
+    def error_shapes_mm(self) -> Array:
+        """Shapes (u, m), each as large as its standard deviation, in which it errs as a whole."""
         ...
 
     def deflection_mm(self, parameters: Array) -> Array:
@@ -50,8 +56,12 @@ class Database(Protocol):
         """`sha256:…` over what was computed from what, and the numbers."""
         ...
 
-    def covered(self, pressure_mbar: Array) -> NDArray[np.bool_]:
-        """Return which pressures (n,) it speaks of, its small extensions included."""
+    def covers(self, curve: Curve) -> NDArray[np.bool_]:
+        """Return which samples (n,) of a curve it speaks of, its small extensions included.
+
+        Raises:
+            NotTrustworthyError: it does not speak of such a curve at all; says why.
+        """
         ...
 
     def model(
@@ -60,8 +70,11 @@ class Database(Protocol):
         pressure_mbar: Array,
         kappa: KappaConvention = "paper",
         thickness_sd_mm: float = 0.0,
+        time_s: Array | None = None,
     ) -> CurveModel:
         """Return the database at this geometry and these pressures (u,).
+
+        `time_s` (u,) are the times since the curve began, for databases that depend on them.
 
         With a standard deviation of the thickness, its ratio to the stated one is one more
         parameter at the end, `thickness_ratio`.

@@ -1,19 +1,15 @@
-"""Compute a grid's curves with the finite elements, on as many cores as asked for."""
+"""Build a database: compute its rows with the finite elements, and put them in order."""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
-from multiprocessing import get_context
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.database.dimensionless import DimensionlessSpec, DimensionlessTable, compute_row
 from skinlab.database.grid import GridDatabase, GridSpec
+from skinlab.database.rows import How, compute_rows
 from skinlab.database.support import supported
 from skinlab.fem.admissibility import NO_LIMITS
 from skinlab.fem.newton import StepSettings
@@ -22,13 +18,11 @@ from skinlab.materials.compressibility import kappa_ratio
 
 Array = NDArray[np.float64]
 
-R = TypeVar("R")
-Progress = Callable[[int, int], None]
-Row = tuple[int, Array, float, int]  # entry, deflections (p,), holds to, iterations
+HERE = How()
 
 
-def compute_entry(spec: GridSpec, entry: int) -> Row:
-    """Return one entry's curve on the spec's pressures.
+def compute_entry(spec: GridSpec, entry: int) -> Array:
+    """Return one entry's curve on the spec's pressures (p,), to which mbar it holds, iterations.
 
     Where the skin creases before the last pressure, the curve goes on along the creased branch: it
     supports the interpolation of neighbours that hold, and is never given as an answer itself.
@@ -40,53 +34,45 @@ def compute_entry(spec: GridSpec, entry: int) -> Row:
     if held.stopped:
         unchecked = StepSettings(limits=NO_LIMITS)
         curve = solve(spec.geometry, parameters, top, law=spec.law, settings=unchecked)
-    return entry, curve(np.array(spec.pressure_mbar)), held.holds_to_mbar, curve.iterations
+    deflection = curve(np.array(spec.pressure_mbar))
+    return np.append(deflection, [held.holds_to_mbar, curve.iterations])
 
 
-def build_grid(
-    spec: GridSpec, workers: int = 1, progress: Progress = lambda done, total: None
-) -> GridDatabase:
-    """Return the built grid; the numbers do not depend on `workers`.
+def build_grid(spec: GridSpec, how: How = HERE) -> GridDatabase:
+    """Return the built grid.
 
-    `progress` is called with (done, total) after each entry.
+    Raises:
+        InputError: see `compute_rows`.
     """
-    deflection = np.full(spec.shape, np.nan)
-    holds = np.zeros(spec.shape[:3])
-    iterations = np.zeros(spec.shape[:3], dtype=np.int32)
-    rows = _computed(partial(compute_entry, spec), spec.entries, workers)
-    for done, (entry, curve, holds_to, spent) in enumerate(rows, start=1):
-        at = np.unravel_index(entry, spec.shape[:3])
-        deflection[at], holds[at], iterations[at] = curve, holds_to, spent
-        progress(done, spec.entries)
+    rows = compute_rows(
+        partial(compute_entry, spec), _all_of(spec), spec.entries, spec.shape[3] + 2, how
+    )
     assembly, _ = assembly_for(spec.geometry, MESH_OF_RECORD, spec.law)
     return GridDatabase(
-        spec, deflection, holds, iterations, MESH_OF_RECORD.name, SOLVER_VERSION, assembly.n
+        spec,
+        np.ascontiguousarray(rows[:, :-2]).reshape(spec.shape),
+        np.ascontiguousarray(rows[:, -2]).reshape(spec.shape[:3]),
+        rows[:, -1].astype(np.int32).reshape(spec.shape[:3]),
+        MESH_OF_RECORD.name,
+        SOLVER_VERSION,
+        assembly.n,
     )
 
 
-def build_table(
-    spec: DimensionlessSpec, workers: int = 1, progress: Progress = lambda done, total: None
-) -> DimensionlessTable:
-    """Return the built table; the numbers do not depend on `workers`.
+def build_table(spec: DimensionlessSpec, how: How = HERE) -> DimensionlessTable:
+    """Return the built table.
 
-    `progress` is called with (done, total) after each entry.
+    Raises:
+        InputError: see `compute_rows`.
     """
-    compliance = np.full((*spec.shape, spec.load_nodes), np.nan)
-    holds = np.zeros(spec.shape)
-    rows = _computed(partial(compute_row, spec), spec.entries, workers)
-    for done, (entry, row, holds_to) in enumerate(rows, start=1):
-        at = np.unravel_index(entry, spec.shape)
-        compliance[at], holds[at] = row, holds_to
-        progress(done, spec.entries)
+    rows = compute_rows(
+        partial(compute_row, spec), _all_of(spec), spec.entries, spec.load_nodes + 1, how
+    )
+    compliance = rows[:, :-1].reshape(*spec.shape, -1)
     filled = supported(compliance, spec.load_coordinates()).astype(np.float32)
+    holds = np.ascontiguousarray(rows[:, -1]).reshape(spec.shape)
     return DimensionlessTable(spec, filled, holds, MESH_OF_RECORD.name, SOLVER_VERSION)
 
 
-def _computed(compute: Callable[[int], R], entries: int, workers: int) -> Iterator[R]:
-    if workers <= 1:
-        yield from map(compute, range(entries))
-        return
-    # One thread of linear algebra a process: the cores are shared out by entries.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        yield from pool.map(compute, range(entries), chunksize=8)
+def _all_of(spec: GridSpec | DimensionlessSpec) -> str:
+    return repr((spec, MESH_OF_RECORD.name, SOLVER_VERSION))

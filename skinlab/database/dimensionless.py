@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from skinlab.curve import Curve
 from skinlab.errors import NotTrustworthyError
 from skinlab.fem.newton import StepSettings
 from skinlab.fem.suction import (
@@ -137,12 +138,17 @@ class DimensionlessTable:
         high = self.spec.pressure_mbar * (1 + EXTENSION_ABOVE)
         return np.asarray((pressure_mbar >= -EXTENSION_BELOW_MBAR) & (pressure_mbar <= high))
 
+    def covers(self, curve: Curve) -> NDArray[np.bool_]:
+        """Return which samples (n,) of a curve it speaks of."""
+        return self.covered(curve.pressure_mbar)
+
     def model(
         self,
         geometry: Geometry,
         pressure_mbar: Array,
         kappa: KappaConvention = "paper",
         thickness_sd_mm: float = 0.0,
+        time_s: Array | None = None,
     ) -> DimensionlessModel:
         """Return the table at this geometry and these pressures (u,).
 
@@ -153,6 +159,7 @@ class DimensionlessTable:
         """
         from skinlab.database.dimensionless_model import DimensionlessModel
 
+        del time_s
         axis = self.spec.thickness_over_radius
         asked = geometry.thickness_mm / geometry.radius_mm
         if not axis.low * (1 - 1e-12) <= asked <= axis.high * (1 + 1e-12):
@@ -164,11 +171,11 @@ class DimensionlessTable:
         return DimensionlessModel(self, geometry, pressure_mbar, kappa, thickness_sd_mm)
 
 
-TableRow = tuple[int, Array, float]  # entry, log compliance (load,), NaN beyond; holds to
+def compute_row(spec: DimensionlessSpec, entry: int) -> Array:
+    """Return one entry of the table: log compliance (load,), NaN beyond the q to which it holds.
 
-
-def compute_row(spec: DimensionlessSpec, entry: int) -> TableRow:
-    """Return one entry of the table, by finite elements with R = 1 mm and X1 = 1 MPa."""
+    That q is the last number. By finite elements with R = 1 mm and X1 = 1 MPa.
+    """
     i, j, k = np.unravel_index(entry, spec.shape)
     thickness = float(np.exp(spec.thickness_over_radius.log_nodes()[i]))
     parameters = {
@@ -195,4 +202,4 @@ def compute_row(spec: DimensionlessSpec, entry: int) -> TableRow:
     secant[np.abs(q) < 1e-9] = dome(0.0, 1) / MBAR  # at zero the secant is the tangent
     row = np.full(len(nodes), np.nan)
     row[held] = np.log(secant)
-    return entry, row, holds_to
+    return np.append(row, holds_to)

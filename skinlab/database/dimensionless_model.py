@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline, NdBSpline
 
+from skinlab.database.components import components
 from skinlab.database.misfit import Misfit, Whitening
 from skinlab.database.splines import basis, coefficients, knots
 from skinlab.fem.suction import MBAR, Geometry
@@ -33,8 +34,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _X1_NODES = 24  # along log X1, between the table's bounds
-_DROPPED = 2e-6  # mm: a component is dropped that, in the mean over curves, is smaller than this
-_ROWS_FOR_COMPONENTS = 400
 _MOST_SAMPLES = 110
 _PRESSURE_NODES = 72
 _THICKNESS_STEP = 0.07  # along log h/R; 7 nodes or more
@@ -91,7 +90,7 @@ class DimensionlessModel:
         if spread is not None:
             wide, turn = np.linalg.qr(spread)
             curves = curves @ turn.T
-        q = _components(curves)  # (nodes, k), orthonormal
+        q = components(curves)  # (nodes, k), orthonormal
         self._q = q if wide is None else wide @ q  # (u, k)
         grid = (curves @ q).reshape(*(len(n) for n in self._nodes), -1)
         for axis in range(len(self._nodes)):
@@ -175,6 +174,11 @@ class DimensionlessModel:
             slopes[inside, :, d] = by[d] / values[:, None]
         return slopes
 
+    @property
+    def error_shapes_mm(self) -> Array:
+        """Shapes (u, 0): between nodes it errs by less than the least noise there is."""
+        return np.zeros((len(self._q), 0))
+
     def deflection_mm(self, parameters: Array) -> Array:
         """Return the curves (n, u) of candidates (n, p); NaN where the table does not hold."""
         return np.asarray(self.coordinates(parameters) @ self._q.T)
@@ -229,11 +233,3 @@ def _cells_hold_to(table: DimensionlessTable, log_thickness: float) -> Array:
     corner = table.holds_to_load[i : i + 2].min(axis=0)
     least = np.minimum(corner[1:], corner[:-1])
     return np.asarray(np.minimum(least[:, 1:], least[:, :-1]))
-
-
-def _components(curves: Array) -> Array:
-    """Return orthonormal components (u, k) that hold these curves (n, u) to `_DROPPED`."""
-    rows = curves[:: max(1, len(curves) // _ROWS_FOR_COMPONENTS)]
-    _, s, vt = np.linalg.svd(rows, full_matrices=False)
-    k = max(1, int((s > _DROPPED * math.sqrt(len(rows))).sum()))
-    return np.ascontiguousarray(vt[:k].T)

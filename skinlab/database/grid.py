@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from skinlab.curve import Curve
 from skinlab.errors import NotTrustworthyError
 from skinlab.fem.suction import EXTENSION_ABOVE, EXTENSION_BELOW_MBAR, Geometry
 from skinlab.materials.compressibility import KappaConvention
@@ -76,12 +77,23 @@ class GridDatabase:
         high = max(self.spec.pressure_mbar) * (1 + EXTENSION_ABOVE)
         return np.asarray((pressure_mbar >= low) & (pressure_mbar <= high))
 
+    def covers(self, curve: Curve) -> NDArray[np.bool_]:
+        """Return which samples (n,) of a curve it speaks of.
+
+        Raises:
+            NotTrustworthyError: the thickness is uncertain.
+        """
+        if curve.setup.thickness_sd_mm:
+            raise NotTrustworthyError("this database holds one thickness, and knows no other")
+        return self.covered(curve.pressure_mbar)
+
     def model(
         self,
         geometry: Geometry,
         pressure_mbar: Array,
         kappa: KappaConvention = "paper",
         thickness_sd_mm: float = 0.0,
+        time_s: Array | None = None,
     ) -> GridModel:
         """Return the grid at this geometry and these pressures (u,).
 
@@ -90,6 +102,7 @@ class GridDatabase:
         """
         from skinlab.database.grid_model import GridModel
 
+        del time_s
         if thickness_sd_mm > 0.0:
             raise NotTrustworthyError("this database holds one thickness, and knows no other")
         return GridModel(self, geometry, pressure_mbar, kappa)

@@ -12,6 +12,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from skinlab.database.components import cells_that_hold
 from skinlab.database.grid import GridDatabase
 from skinlab.database.lagrange import TensorLagrange, matrix
 from skinlab.database.misfit import Misfit, Whitening
@@ -35,16 +36,6 @@ def _components(database: GridDatabase) -> tuple[Array, Array]:
     coordinates = np.full((len(curves), k), np.nan)
     coordinates[holds] = curves[holds] @ vt[:k].T
     return coordinates, vt[:k]
-
-
-def _cells_that_hold(nodes: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return which cells of a grid in three coordinates have eight nodes that hold."""
-    cells = nodes
-    for axis in range(3):
-        low = np.take(cells, np.arange(cells.shape[axis] - 1), axis)
-        high = np.take(cells, np.arange(1, cells.shape[axis]), axis)
-        cells = low & high
-    return cells
 
 
 class GridModel:
@@ -80,7 +71,7 @@ class GridModel:
         self._q = q  # (u, k) orthonormal
         values = (coordinates @ r.T).reshape(*spec.shape[:3], -1)
         top = min(float(pressure_mbar.max(initial=0.0)), max(spec.pressure_mbar))
-        self._holds = _cells_that_hold(database.holds_to_mbar >= top)
+        self._holds = cells_that_hold(database.holds_to_mbar >= top)
         axes = (np.array(spec.X1_MPa), np.array(spec.X2_MPa), np.array(spec.nu))
         self._axes = axes
         self._tensor = TensorLagrange(axes, values)
@@ -120,6 +111,11 @@ class GridModel:
         values = self.coordinates(points.reshape(-1, 3)).reshape(len(parameters), 6, -1)
         rise = values[:, :3] - values[:, 3:]
         return np.asarray(np.moveaxis(rise, 1, 2) / (2 * steps))
+
+    @property
+    def error_shapes_mm(self) -> Array:
+        """Shapes (u, 0): between nodes it errs by less than the least noise there is."""
+        return np.zeros((len(self._q), 0))
 
     def deflection_mm(self, parameters: Array) -> Array:
         """Return the curves (n, u) of candidates (n, 3); NaN where the database does not hold."""

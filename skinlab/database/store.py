@@ -2,71 +2,24 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from functools import cache
 from importlib.resources import as_file, files
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from skinlab.database.dimensionless import Axis, DimensionlessSpec, DimensionlessTable
 from skinlab.database.grid import GridDatabase, GridSpec
-from skinlab.errors import InputError
+from skinlab.database.hdf5 import SCHEMA, check_hash, check_kind, open_hdf5, written_whole
+from skinlab.database.model_database import ModelDatabase
+from skinlab.database.model_store import read_model_database
 from skinlab.fem.suction import Geometry
-
-SCHEMA = "skinlab.database/1"
-
-
-@contextmanager
-def open_hdf5(path: Path) -> Iterator[Any]:
-    """Open an HDF5 file for reading.
-
-    Raises:
-        InputError: no such file, no HDF5, cut off, or a field is missing.
-    """
-    import h5py
-
-    try:
-        with h5py.File(path, "r") as file:
-            yield file
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file") from None
-    except PermissionError:
-        raise InputError(f"{path}: no permission to read it") from None
-    except OSError as error:
-        what = "truncated" if "truncated" in str(error) else "not readable"
-        raise InputError(f"{path}: {what} as HDF5; expected a file that skinlab wrote") from None
-    except (KeyError, RuntimeError) as error:
-        raise InputError(f"{path}: a field is missing or damaged ({error})") from None
-
-
-@contextmanager
-def _written_whole(path: Path) -> Iterator[Any]:
-    """Open a new HDF5 file for writing; it takes its name once it is whole.
-
-    Raises:
-        InputError: it cannot be written.
-    """
-    import h5py
-
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(f".{path.name}.partial")
-    try:
-        with h5py.File(partial, "w", track_order=True) as file:
-            yield file
-        os.replace(partial, path)
-    except OSError as error:
-        partial.unlink(missing_ok=True)
-        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
 
 
 def write_grid(path: Path, database: GridDatabase) -> None:
     """Write the grid; the file appears whole or not at all."""
     spec = database.spec
-    with _written_whole(path) as file:
+    with written_whole(path) as file:
         file.attrs["schema"] = SCHEMA
         file.attrs["kind"] = "grid"
         file.attrs["law"] = spec.law
@@ -101,7 +54,7 @@ def read_grid(path: Path) -> GridDatabase:
         InputError: the file is no database of this version, or its content hash does not agree.
     """
     with open_hdf5(path) as file:
-        _check_kind(path, file, "grid")
+        check_kind(path, file, "grid")
         axes = {name: tuple(map(float, file[f"axes/{name}"][:])) for name in _AXES}
         spec = GridSpec(
             law=str(file.attrs["law"]),
@@ -119,7 +72,7 @@ def read_grid(path: Path) -> GridDatabase:
             int(file.attrs["degrees_of_freedom"]),
         )
         stated = str(file.attrs["content_hash"])
-    _check_hash(path, database.content_hash, stated)
+    check_hash(path, database.content_hash, stated)
     return database
 
 
@@ -129,7 +82,7 @@ _AXES = ("X1_MPa", "X2_MPa", "nu", "pressure_mbar")
 def write_table(path: Path, table: DimensionlessTable) -> None:
     """Write the table; the file appears whole or not at all."""
     spec = table.spec
-    with _written_whole(path) as file:
+    with written_whole(path) as file:
         file.attrs["schema"] = SCHEMA
         file.attrs["kind"] = "dimensionless"
         file.attrs["law"] = spec.law
@@ -162,7 +115,7 @@ def read_table(path: Path) -> DimensionlessTable:
         InputError: the file is no table of this version, or its content hash does not agree.
     """
     with open_hdf5(path) as file:
-        _check_kind(path, file, "dimensionless")
+        check_kind(path, file, "dimensionless")
         attrs = file.attrs
         axes = {
             name: Axis(float(attrs[name][0]), float(attrs[name][1]), int(attrs[name][2]))
@@ -185,11 +138,14 @@ def read_table(path: Path) -> DimensionlessTable:
             str(attrs["solver_version"]),
         )
         stated = str(attrs["content_hash"])
-    _check_hash(path, table.content_hash, stated)
+    check_hash(path, table.content_hash, stated)
     return table
 
 
-def read_database(path: Path) -> GridDatabase | DimensionlessTable:
+AnyDatabase = GridDatabase | DimensionlessTable | ModelDatabase
+
+
+def read_database(path: Path) -> AnyDatabase:
     """Return the database in this file, of whichever kind.
 
     Raises:
@@ -197,18 +153,9 @@ def read_database(path: Path) -> GridDatabase | DimensionlessTable:
     """
     with open_hdf5(path) as file:
         kind = file.attrs.get("kind")
+    if kind == "model":
+        return read_model_database(path)
     return read_table(path) if kind == "dimensionless" else read_grid(path)
-
-
-def _check_kind(path: Path, file: Any, kind: str) -> None:
-    schema = file.attrs.get("schema")
-    if schema != SCHEMA or file.attrs.get("kind") != kind:
-        raise InputError(f"{path}: schema {schema!r}; expected a {kind} database, {SCHEMA!r}")
-
-
-def _check_hash(path: Path, computed: str, stated: str) -> None:
-    if computed != stated:
-        raise InputError(f"{path}: its content does not agree with its hash; it is damaged")
 
 
 @cache

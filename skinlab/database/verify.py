@@ -7,6 +7,8 @@ import numpy as np
 from skinlab.database.build import compute_entry
 from skinlab.database.dimensionless import DimensionlessTable, compute_row
 from skinlab.database.grid import GridDatabase
+from skinlab.database.model_build import compute_curve, node
+from skinlab.database.model_database import ModelDatabase
 from skinlab.errors import InputError
 from skinlab.fem.suction import MESH_OF_RECORD, SOLVER_VERSION
 
@@ -16,7 +18,7 @@ TOLERANCE_LOG = 1e-6
 
 
 def rebuilt_differences(
-    database: GridDatabase | DimensionlessTable, samples: int, seed: int
+    database: GridDatabase | DimensionlessTable | ModelDatabase, samples: int, seed: int
 ) -> list[str]:
     """Return a sentence for each entry, of `samples` random ones, that comes out differently.
 
@@ -26,21 +28,41 @@ def rebuilt_differences(
     total = database.spec.entries
     if not 1 <= samples <= total:
         raise InputError(f"samples {samples}: expected 1–{total}")
-    if (database.mesh_name, database.solver_version) != (MESH_OF_RECORD.name, SOLVER_VERSION):
+    here = database.mesh_name if isinstance(database, ModelDatabase) else MESH_OF_RECORD.name
+    if (database.mesh_name, database.solver_version) != (here, SOLVER_VERSION):
         return [
             f"built with mesh {database.mesh_name}, solver {database.solver_version}; "
-            f"this is {MESH_OF_RECORD.name}, {SOLVER_VERSION}"
+            f"this is {here}, {SOLVER_VERSION}"
         ]
     entries = np.random.default_rng(seed).choice(total, samples, replace=False).tolist()
-    if isinstance(database, GridDatabase):
+    if isinstance(database, ModelDatabase):
+        found = [_model_difference(database, entry) for entry in entries]
+    elif isinstance(database, GridDatabase):
         found = [_grid_difference(database, entry) for entry in entries]
     else:
         found = [_table_difference(database, entry) for entry in entries]
     return [sentence for sentence in found if sentence]
 
 
+def _model_difference(database: ModelDatabase, entry: int) -> str:
+    spec, nodes = database.spec, database.course.nodes
+    at = np.unravel_index(entry, spec.shape)
+    computed = compute_curve(spec, entry).reshape(-1, len(nodes))
+    stored = database.curves[at].reshape(-1, len(nodes))
+    held = nodes <= database.holds_to[at]  # beyond: filled, not computed
+    off = np.abs(computed - stored)[:, held]
+    if np.all(off <= TOLERANCE_MM):
+        return ""
+    named = zip(spec.axis, node(spec, entry), strict=True)
+    worst = float(np.max(off))
+    return (
+        f"entry {', '.join(f'{name} {value:g}' for name, value in named)} differs by {worst:.3g} mm"
+    )
+
+
 def _grid_difference(grid: GridDatabase, entry: int) -> str:
-    _, curve, holds_to, _ = compute_entry(grid.spec, entry)
+    row = compute_entry(grid.spec, entry)
+    curve, holds_to = row[:-2], row[-2]
     at = np.unravel_index(entry, grid.spec.shape[:3])
     stored = grid.deflection_mm[at]
     same = np.allclose(curve, stored, rtol=0, atol=TOLERANCE_MM, equal_nan=True)
@@ -52,7 +74,8 @@ def _grid_difference(grid: GridDatabase, entry: int) -> str:
 
 
 def _table_difference(table: DimensionlessTable, entry: int) -> str:
-    _, row, holds_to = compute_row(table.spec, entry)
+    *computed, holds_to = compute_row(table.spec, entry)
+    row = np.array(computed)
     at = np.unravel_index(entry, table.spec.shape)
     worst = float(np.nanmax(np.abs(row - table.log_compliance[at])))  # NaN: filled, not computed
     stored = float(table.holds_to_load[at])

@@ -152,7 +152,7 @@ class Identifier:
             estimate = method(problem, self.options, rng)
         else:
             estimate = auto.identify(problem, self.options, rng, start=start)
-        if len(curves) > 1 and estimate.minima is not None:
+        if (len(curves) > 1 or self.priors) and estimate.minima is not None:
             estimate = self._weighted(groups, models, problem, estimate)
         answer = self._answer(groups, models, problem, estimate, blank)
         if intervals and estimate.minima is not None and len(estimate.minima):
@@ -186,7 +186,7 @@ class Identifier:
         problem: Problem,
         estimate: Estimate,
     ) -> Estimate:
-        """Return the optimum with every curve weighted by its own noise."""
+        """Return the optimum with every curve weighted by its own noise, and with the priors."""
         assert estimate.minima is not None
         misfits = []
         for g, m in zip(groups, models, strict=True):
@@ -202,7 +202,7 @@ class Identifier:
                 ]
             )
             misfits.append(m.misfit(g.deflection_mm, Whitening(sigma, np.zeros((len(sigma), 0)))))
-        total = JointMisfit(misfits)
+        total = JointMisfit([*misfits, *self.priors])
         found = polish(problem.space, total, estimate.minima, least_gain=1e-9)
         best = np.argsort(found.cost, kind="stable")
         parameters = problem.space.from_unit(found.unit[best[0]])

@@ -35,8 +35,9 @@ def choose(curve: Curve, phases: tuple[str, ...], database: Database) -> Fitted:
 
     Raises:
         InputError: they are too few.
+        NotTrustworthyError: it does not speak of such a curve at all.
     """
-    mask = curve.in_phases(phases) & database.covered(curve.pressure_mbar)
+    mask = curve.in_phases(phases) & database.covers(curve)
     if int(mask.sum()) < FEWEST_POINTS:
         raise InputError(
             f"{curve.name}: {int(mask.sum())} samples to fit in phases {','.join(phases)}; "
@@ -54,6 +55,7 @@ class Group:
     thickness_sd_mm: float
     pressure_mbar: Array  # (u,)
     deflection_mm: Array  # (u,)
+    time_s: Array  # (u,) since each curve began
 
     def split(self, values: Array) -> list[Array]:
         """Return values (u, …) by curve."""
@@ -70,7 +72,7 @@ class Group:
             NotTrustworthyError: it does not speak of this geometry.
         """
         sd = relative_sd * self.geometry.thickness_mm
-        return database.model(self.geometry, self.pressure_mbar, kappa, sd)
+        return database.model(self.geometry, self.pressure_mbar, kappa, sd, self.time_s)
 
 
 def group(fitted: Sequence[Fitted]) -> list[Group]:
@@ -87,6 +89,7 @@ def group(fitted: Sequence[Fitted]) -> list[Group]:
             sd,
             np.concatenate([m.curve.pressure_mbar[m.mask] for m in members]),
             np.concatenate([m.curve.deflection_mm[m.mask] for m in members]),
+            np.concatenate([m.curve.time_s[m.mask] - m.curve.time_s[0] for m in members]),
         )
         for (aperture, thickness, sd), members in keys.items()
     ]

@@ -89,7 +89,8 @@ def assess(
             [np.full(m.count, 1e-3 * n.assumed_um) for n, m in zip(found, g.members, strict=True)]
         )
         sigma = np.hypot(sigmas, _other_errors(g, at_best, sensor))
-        whitening = Whitening(sigma, mesh_error_shapes(g.pressure_mbar, at_best))
+        shapes = (mesh_error_shapes(g.pressure_mbar, at_best), model.error_shapes_mm)
+        whitening = Whitening(sigma, np.hstack(shapes))
         parts.append(model.misfit(g.deflection_mm, whitening))
     names = space.names
     parts += priors

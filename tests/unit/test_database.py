@@ -10,6 +10,7 @@ from skinlab.database.build import build_grid
 from skinlab.database.grid import GridSpec
 from skinlab.database.grid_model import GridModel
 from skinlab.database.lagrange import TensorLagrange, matrix
+from skinlab.database.rows import How
 from skinlab.database.store import read_grid, write_grid
 from skinlab.database.verify import rebuilt_differences
 from skinlab.errors import InputError, NotTrustworthyError
@@ -87,9 +88,9 @@ def small_spec() -> GridSpec:
 
 def test_building_gives_the_same_bits_for_any_number_of_workers(tmp_path):
     calls = []
-    one = build_grid(small_spec(), 1, lambda done, total: calls.append((done, total)))
+    one = build_grid(small_spec(), How(progress=lambda *at: calls.append(at)))
     assert calls[-1] == (64, 64)
-    two = build_grid(small_spec(), 2)
+    two = build_grid(small_spec(), How(workers=2))
     assert one.content_hash == two.content_hash
     path = tmp_path / "grid.h5"
     write_grid(path, one)

@@ -7,6 +7,7 @@ import pytest
 
 from skinlab.database.build import build_table
 from skinlab.database.dimensionless import Axis, DimensionlessSpec
+from skinlab.database.rows import How
 from skinlab.database.splines import basis, coefficients
 from skinlab.database.store import read_database, read_table, write_table
 from skinlab.database.verify import rebuilt_differences
@@ -194,8 +195,8 @@ def small_spec() -> DimensionlessSpec:
 
 
 def test_building_gives_the_same_bits_for_any_number_of_workers(tmp_path):
-    one = build_table(small_spec(), 1)
-    two = build_table(small_spec(), 2)
+    one = build_table(small_spec())
+    two = build_table(small_spec(), How(workers=2))
     assert one.content_hash == two.content_hash
     path = tmp_path / "table.h5"
     write_table(path, one)
