@@ -134,7 +134,8 @@ class DimensionlessModel:
             slack = 1e-9 * (nodes[-1] - nodes[0])
             inside &= (points[:, d] >= nodes[0] - slack) & (points[:, d] <= nodes[-1] + slack)
             place = (points[:, d] - nodes[0]) * ((len(nodes) - 1) / (nodes[-1] - nodes[0]))
-            cells.append(np.clip(np.nan_to_num(place).astype(np.intp), 0, len(nodes) - 2))
+            # `fmax` takes the number where the other is NaN, as outside of the logarithms' range.
+            cells.append(np.fmin(np.fmax(place, 0.0), len(nodes) - 2.0).astype(np.intp))
         thickness = cells[3] if len(cells) > 3 else 0
         holds_to = self._holds_to[thickness, cells[1], cells[2]]
         holds_to_mpa = np.where(inside, holds_to * parameters[:, 0], 0.0)

@@ -160,6 +160,7 @@ class Identifier:
                 self.database,
                 self.kappa,
                 groups,
+                models,
                 problem.space,
                 estimate.minima,
                 self.sensor,

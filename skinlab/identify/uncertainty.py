@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from skinlab.database.base import Database
+from skinlab.database.base import CurveModel, Database
 from skinlab.identify.joint import GaussianPrior, JointMisfit
 from skinlab.identify.noise import (
     MESH_REST,
@@ -61,6 +61,7 @@ def assess(
     database: Database,
     kappa: KappaConvention,
     groups: Sequence[Group],
+    models: Sequence[CurveModel],
     space: ParameterSpace,
     minima: Array,
     sensor: Sensor,
@@ -68,7 +69,10 @@ def assess(
     *,
     priors: Sequence[GaussianPrior] = (),
 ) -> Uncertainty:
-    """Return the posterior about the minima (m, k), points of the space's unit cube, best first."""
+    """Return the posterior about the minima (m, k), points of the space's unit cube, best first.
+
+    `models` are those of the groups at their stated thicknesses.
+    """
     points = sum(len(g.deflection_mm) for g in groups)
     best = space.from_unit(minima[0])
     noises: list[tuple[NoiseEstimate, int]] = []
@@ -76,9 +80,10 @@ def assess(
     # One skin has one thickness: its relative error is common to all its curves.
     relative_sd = max(g.thickness_sd_mm / g.geometry.thickness_mm for g in groups)
     factors: list[tuple[float, float]] = []
-    for g in groups:
-        model = g.model(database, kappa, relative_sd)
+    for g, stated_model in zip(groups, models, strict=True):
+        model = stated_model
         if relative_sd > 0.0:
+            model = g.model(database, kappa, relative_sd)
             factors.append((float(model.space.bounds[0][-1]), float(model.space.bounds[1][-1])))
         at_best = model.deflection_mm((np.append(best, 1.0) if relative_sd > 0.0 else best)[None])[
             0
