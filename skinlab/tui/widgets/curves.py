@@ -7,7 +7,17 @@ from textual.widgets import DataTable
 from skinlab.tui.board import Board
 from skinlab.tui.words import row_texts
 
-_COLUMNS = ("#", "program", "cycle", "X1 MPa", "X2 MPa", "nu", "E µm", "remarks")
+# Columns, and the widths of those whose cells are filled later: a table does not always make room.
+_WIDTHS = {
+    "#": None,
+    "program": None,
+    "cycle": None,
+    "X1 MPa": 7,
+    "X2 MPa": 7,
+    "nu": 6,
+    "E µm": 6,
+    "remarks": 60,
+}
 
 
 class Curves(DataTable[str]):
@@ -21,8 +31,8 @@ class Curves(DataTable[str]):
 
     def on_mount(self) -> None:
         """Make the columns."""
-        for name in _COLUMNS:
-            self.add_column(name, key=name)
+        for name, width in _WIDTHS.items():
+            self.add_column(name, key=name, width=width)
 
     def show(self, board: Board) -> None:
         """Add what is new, update what changed, and stand on the shown curve."""
@@ -35,8 +45,8 @@ class Curves(DataTable[str]):
             if index not in self._rows:
                 self.add_row(*texts, key=str(index))
             elif texts != self._rows[index]:
-                for column, text in zip(_COLUMNS, texts, strict=True):
-                    self.update_cell(str(index), column, text, update_width=True)
+                for column, text in zip(_WIDTHS, texts, strict=True):
+                    self.update_cell(str(index), column, text)
             self._rows[index] = texts
         if board.shown is not None and board.shown != self._cursor_at:
             self._cursor_at = board.shown
