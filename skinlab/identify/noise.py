@@ -15,8 +15,8 @@ from scipy.stats import norm, t
 Array = NDArray[np.float64]
 
 # Root mean squares of the relative deviation of the mesh of record from a fine mesh, by orders of
-# shifted Legendre polynomials of p/p_max, and of the rest: `python benchmarks/model_error.py`, of 64
-# other skins than those of benchmarks/results/model_error.json, whose first two are 4 to 6 % larger.
+# shifted Legendre polynomials of p/p_max, and of the rest: `python benchmarks/model_error.py`, of
+# other 64 skins than benchmarks/results/model_error.json, whose first two are 4 to 6 % larger.
 MESH_ERROR = (9.0e-4, 3.2e-4, 1.3e-4, 1.0e-4, 8.0e-5, 4.5e-5, 3.5e-5, 3.5e-5)
 MESH_REST = 1.0e-5
 
