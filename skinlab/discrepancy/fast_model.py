@@ -46,13 +46,12 @@ class Dome:
 
     spline: PPoly
     scale: float
-    reach_mbar: float  # beyond: a straight line
 
     def __call__(self, pressure_mbar: Array) -> Array:
         """Return the deflection at these suctions."""
         s = self.spline
         low, high = (self.scale * math.sinh(x) for x in (s.x[0], s.x[-1]))
-        within = np.clip(pressure_mbar, low, min(high, self.reach_mbar))
+        within = np.clip(pressure_mbar, low, high)
         at = np.arcsinh(within / self.scale)
         found = s(at)
         beyond = pressure_mbar - within
@@ -71,12 +70,16 @@ class _Tabulated:
     spline_of: Array  # (4, n − 1, n): the spline's coefficients, of values at the nodes
 
     def dome(self, parameters: Array, least_reach_mbar: float) -> Dome | None:
-        """Return the dome of parameters (1, p), None where the table does not hold so far."""
+        """Return the dome of parameters (1, p), None where the table does not hold so far.
+
+        Beyond where the skin creases it goes on as the table was filled, smoothly in the
+        parameters too: a dome that ended there would put stairs into every misfit.
+        """
         values, reach_mbar = self.model.with_reach(parameters)
         if reach_mbar[0] < least_reach_mbar or not np.isfinite(values).all():
             return None
         spline = PPoly.construct_fast(self.spline_of @ values[0], self.nodes)
-        return Dome(spline, self.scale, float(reach_mbar[0]))
+        return Dome(spline, self.scale)
 
 
 def _tabulate(
