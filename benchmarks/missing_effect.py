@@ -453,11 +453,11 @@ def confusion(lines: Sequence[dict[str, Any]]) -> dict[str, dict[str, int]]:
     return {what: dict(sorted(row.items())) for what, row in sorted(rows.items())}
 
 
-def summarise(lines: Sequence[dict[str, Any]], version: str) -> dict[str, Any]:
+def summarise(lines: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Return the saved result."""
     return {
         "command": "python benchmarks/missing_effect.py --part PART --campaigns N --seed S",
-        "version": version,
+        "versions": sorted({x["version"] for x in lines}),
         "campaigns": {"all": len(lines)} | dict(Counter(x["part"] for x in lines)),
         "seeds": sorted({x["seed"] for x in lines}),
         "figures": figures(lines),
@@ -542,7 +542,7 @@ def main() -> None:
                     flush=True,
                 )
     lines = read(arguments.lines, None if arguments.any_version else version)
-    result = summarise(lines, version)
+    result = summarise(lines)
     show(result)
     if lines:
         SUMMARY.write_text(json.dumps(result, indent=1, ensure_ascii=False) + "\n")

@@ -23,15 +23,14 @@ from skinlab.effects.registry import get_effect
 from skinlab.errors import InputError, NotTrustworthyError
 from skinlab.identify.identifier import Identifier
 from skinlab.identify.joint import GaussianPrior
-from skinlab.identify.result import Identification, Provenance, Value
-from skinlab.identify.samples import choose
+from skinlab.identify.result import Identification, Value
+from skinlab.identify.samples import EVERYTHING, choose
 from skinlab.materials.compressibility import kappa_ratio, nu_consistent
 from skinlab.model_file import Model, Normal, Range
 from skinlab.parameters import AxisSpace
 
 Array = NDArray[np.float64]
 
-_EVERYTHING = ("load", "hold", "unload", "rest")
 _HALF = 0.5  # of the range: an interval wider than that fixes nothing
 _DEFAULTS = {"X1_MPa": (0.005, 0.2), "X2_MPa": (0.0025, 200.0), "nu": (0.2, 0.49)}
 
@@ -79,15 +78,6 @@ def _space_of(model: Model) -> tuple[AxisSpace | None, tuple[GaussianPrior, ...]
 class ModelIdentifier(Identifier):
     """Identification by a law with effects: finite elements where the database cannot speak."""
 
-    def provenance(self) -> Provenance:
-        """Return what a reader of the result must know to repeat it."""
-        return replace(
-            super().provenance(),
-            model_name=self.model.model.name,
-            model_hash=self.model.hash,
-            effects=tuple(sorted(self.model.effects)),
-        )
-
     def growing(self, curve: Curve, previous: Identification | None = None) -> Identification:
         """Return a quick answer by the base law: the effects wait for the whole curve."""
         return Identifier(self.database, kappa=self.kappa, phases=("load",)).growing(
@@ -105,7 +95,7 @@ class ModelIdentifier(Identifier):
         del intervals, start
         started = self.clock()
         history = any(get_effect(name).needs_history for name in self.model.effects)
-        phases = _EVERYTHING if history else self.phases
+        phases = EVERYTHING if history else self.phases
         blank = replace(blank, phases=phases)
         try:
             fit, fitter, p_value = self._fit(curves, phases)
@@ -119,23 +109,8 @@ class ModelIdentifier(Identifier):
     def _fit(self, curves: Sequence[Curve], phases: tuple[str, ...]) -> tuple[Fit, Fitter, float]:
         if not isinstance(self.database, DimensionlessTable):
             raise InputError("a model with effects needs the dimensionless database")
-        chosen = []
-        for curve in curves:
-            mask = choose(curve, phases, self.database).mask
-            chosen.append(
-                Curve(
-                    curve.name,
-                    curve.setup,
-                    curve.time_s[mask],
-                    curve.pressure_mbar[mask],
-                    curve.deflection_mm[mask],
-                    None if curve.segment is None else curve.segment[mask],
-                    curve.partial,
-                )
-            )
-        campaign = Campaign(
-            "", self.sensor.noise_um, self.sensor.pressure_noise_mbar, tuple(chosen)
-        )
+        chosen = tuple(choose(curve, phases, self.database).samples for curve in curves)
+        campaign = Campaign("", self.sensor.noise_um, self.sensor.pressure_noise_mbar, chosen)
         records = records_of(campaign)
         fitter = Fitter(records, errors_of(records), TableDomes(self.database))
         base = Search(fitter, model=self.model).base()

@@ -63,12 +63,15 @@ class Identifier:
 
     def provenance(self) -> Provenance:
         """Return what a reader of the result must know to repeat it."""
+        effects = tuple(sorted(self.model.effects))
         model = f"{self.database.law} kappa={self.kappa} mesh={self.database.mesh_name}"
         if self.model is not BASE:
             model += f" model={self.model.hash}"
+        hashed = "sha256:" + hashlib.sha256(model.encode()).hexdigest()
         return Provenance(
             model_name=self.model.model.name,
-            model_hash="sha256:" + hashlib.sha256(model.encode()).hexdigest(),
+            model_hash=self.model.hash if effects else hashed,
+            effects=effects,
             kappa=self.kappa,
             database_hash=self.database.content_hash,
             method=self.method,

@@ -2,29 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import replace
 
 from skinlab.database.model_database import ModelDatabase
 from skinlab.identify.identifier import Identifier
 from skinlab.identify.joint import GaussianPrior
-from skinlab.identify.result import Provenance
+from skinlab.identify.samples import EVERYTHING
 from skinlab.model_file import Model, Normal, PriorName
-
-EVERYTHING = ("load", "hold", "unload", "rest")
-
-
-@dataclass(frozen=True)
-class OwnDatabaseIdentifier(Identifier):
-    """The same identification; only what is said of the model differs."""
-
-    def provenance(self) -> Provenance:
-        """Return what a reader of the result must know to repeat it."""
-        return replace(
-            super().provenance(),
-            model_name=self.model.model.name,
-            model_hash=self.model.hash,
-            effects=tuple(sorted(self.model.effects)),
-        )
 
 
 def with_own_database(
@@ -41,18 +25,15 @@ def with_own_database(
         for i, name in enumerate(space.names)
         if isinstance(prior := _prior(model, name), Normal)
     )
-    given = {f.name: getattr(identifier, f.name) for f in fields(identifier)}
     phases = EVERYTHING if spec.has_history and not phases_said else identifier.phases
-    return OwnDatabaseIdentifier(
-        **given
-        | {
-            "database": database,
-            "kappa": model.model.kappa,
-            "space": space,
-            "priors": priors,
-            "model": model,
-            "phases": phases,
-        }
+    return replace(
+        identifier,
+        database=database,
+        kappa=model.model.kappa,
+        space=space,
+        priors=priors,
+        model=model,
+        phases=phases,
     )
 
 

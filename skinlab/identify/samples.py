@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,8 @@ from skinlab.fem.suction import Geometry
 from skinlab.materials.compressibility import KappaConvention
 
 Array = NDArray[np.float64]
+
+EVERYTHING = ("load", "hold", "unload", "rest")  # what laws with a memory are fitted to
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +30,18 @@ class Fitted:
     def count(self) -> int:
         """Number of samples that are fitted."""
         return int(self.mask.sum())
+
+    @property
+    def samples(self) -> Curve:
+        """Those alone, as a curve."""
+        curve, mask = self.curve, self.mask
+        return replace(
+            curve,
+            time_s=curve.time_s[mask],
+            pressure_mbar=curve.pressure_mbar[mask],
+            deflection_mm=curve.deflection_mm[mask],
+            segment=None if curve.segment is None else curve.segment[mask],
+        )
 
 
 def choose(curve: Curve, phases: tuple[str, ...], database: Database) -> Fitted:

@@ -122,16 +122,7 @@ def _with_effects(chosen: Fitted, result: StoredResult, identifier: Identifier) 
         effect, _, parameter = name.partition(".")
         if effect in effects:
             effects[effect][parameter] = value
-    curve, mask = chosen.curve, chosen.mask
-    fitted = Curve(
-        curve.name,
-        curve.setup,
-        curve.time_s[mask],
-        curve.pressure_mbar[mask],
-        curve.deflection_mm[mask],
-        None if curve.segment is None else curve.segment[mask],
-        curve.partial,
-    )
+    fitted = chosen.samples
     sensor = identifier.sensor
     (record,) = records_of(Campaign("", sensor.noise_um, sensor.pressure_noise_mbar, (fitted,)))
     skin = Skin(values["X1_MPa"], values["X2_MPa"], values["nu"], identifier.kappa)
@@ -142,7 +133,7 @@ def _with_effects(chosen: Fitted, result: StoredResult, identifier: Identifier) 
         record.path,
         fitted.time_s,
         record.pressure_mbar,
-        cycle=curve.setup.cycle,
+        cycle=fitted.setup.cycle,
     ).deflection_mm
     noise_mm = errors_of([record]).sigma_mm
     return _Model(model_mm, noise_mm, record.pressure_mbar, model_mm, _ranges(effects))
