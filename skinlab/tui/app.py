@@ -238,6 +238,8 @@ class SkinlabApp(App[None]):
     def _said(self, message: Said) -> None:
         news = message.news
         self.board.see(news)
+        if not self.is_running:
+            return  # the app ends: there is nothing left to draw on
         match news:
             case Connected():
                 self._connected(news)
@@ -255,8 +257,7 @@ class SkinlabApp(App[None]):
         if self.board.alarm is not None:
             self._raise_alarm(self.board.alarm)
         self._go_on()
-        shown = self.screen_stack  # nothing while the app ends
-        if shown and shown[-1] is self._main and not _only_samples(news):
+        if self.screen is self._main and not _only_samples(news):
             self._main.draw()  # now, not with the next frame: it is waited for
 
     # ---- repeats ------------------------------------------------------------------------------

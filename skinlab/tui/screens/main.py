@@ -83,9 +83,9 @@ class MainScreen(Screen[None]):
         self.set_interval(1 / _FRAMES_PER_S, self.draw)
 
     def draw(self) -> None:
-        """Draw the board where it changed."""
+        """Draw the board where it changed; nothing once the screen is being taken down."""
         board = self._board
-        if board.version == self._drawn or self._answer_is_near():
+        if not self.display or board.version == self._drawn or self._answer_is_near():
             return
         self._drawn = board.version
         self.close_fields(closed=board.moving)
@@ -133,7 +133,7 @@ class MainScreen(Screen[None]):
     @on(DescendantFocus)
     @on(DescendantBlur)
     def _focus_moved(self) -> None:
-        if self.is_mounted and self.query(Fields):
+        if self.is_mounted and self.display and self.query(Fields):
             self.fold()
 
     def action_settings(self) -> None:

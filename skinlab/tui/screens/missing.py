@@ -91,7 +91,9 @@ class MissingScreen(Screen[None]):
         self.set_interval(1 / _FRAMES_PER_S, self.draw)
 
     def draw(self) -> None:
-        """Draw where something changed."""
+        """Draw where something changed; nothing once the screen is being taken down."""
+        if not self.display:
+            return
         board, picture = self._board, self.query_one(MissingPicture)
         drawn = (board.version, picture.size)
         if drawn == self._drawn:

@@ -77,9 +77,9 @@ class SessionScreen(Screen[None]):
         self.set_interval(1 / _FRAMES_PER_S, self.draw)
 
     def draw(self) -> None:
-        """Draw where something changed."""
+        """Draw where something changed; nothing once the screen is being taken down."""
         board = self._board
-        if board.version == self._drawn:
+        if not self.display or board.version == self._drawn:
             return
         self._drawn = board.version
         who = board.order and ", ".join(t for t in (board.order.subject, board.order.site) if t)
