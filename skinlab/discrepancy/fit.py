@@ -31,6 +31,7 @@ _RADIUS = np.array([0.5, 0.9, 0.1])  # how far from an anchor it is trusted: log
 _EFFECT_RADIUS = 1.0
 _NO_MODEL = 1e3  # a whitened residual where there is no model
 _DIFFERENCE = 1e-4
+_AT_BOUND = 1e-4  # of the range
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +57,13 @@ class Fit:
     def information(self) -> Array:
         """JᵀJ with the priors (k, k)."""
         return self.unknowns.information(self.jacobian)
+
+    @property
+    def free(self) -> NDArray[np.bool_]:
+        """Which unknowns (k,) may still give way to either side: those that are at no bound."""
+        low, high = self.unknowns.bounds
+        edge = _AT_BOUND * (high - low)
+        return np.asarray((self.u > low + edge) & (self.u < high - edge))
 
     @property
     def deviations(self) -> Array:

@@ -25,6 +25,7 @@ class HeldOut:
 
     rms_um: float
     noise_um: float  # what a perfect model would leave
+    expected_um: float  # the same of one whose unknowns the other conditions have to tell
     files: tuple[str, ...]  # empty where there is one condition only: then of the fit itself
 
 
@@ -56,12 +57,17 @@ def conditions_of(fitter: Fitter, fits: Sequence[Fit]) -> list[Part]:
 
 def _lost(errors: Errors, fit: Fit, out: Part) -> bool:
     """Return whether an effect's unknown is known hardly better than its prior without these."""
-    kept = errors.only(~out).whiten(errors.colour(fit.jacobian)[~out])
-    prior = fit.information - fit.jacobian.T @ fit.jacobian
-    deviations = np.sqrt(np.diag(np.linalg.inv(kept.T @ kept + prior)))
+    deviations = np.sqrt(np.diag(_covariance(errors, fit, out)))
     most = [_TOLD * axis.prior[1] for axis in fit.unknowns.axes]
     lost = deviations[3:] > most
     return bool((lost & (fit.deviations[3:] <= most)).any())
+
+
+def _covariance(errors: Errors, fit: Fit, out: Part) -> Array:
+    """Return the covariance (k, k) of a fit's unknowns without these samples."""
+    kept = errors.only(~out).whiten(errors.colour(fit.jacobian)[~out])
+    prior = fit.information - fit.jacobian.T @ fit.jacobian
+    return np.asarray(np.linalg.inv(kept.T @ kept + prior))
 
 
 def predict_held_out(fitter: Fitter, fit: Fit, parts: Sequence[Part]) -> HeldOut:
@@ -73,7 +79,7 @@ def predict_held_out(fitter: Fitter, fit: Fit, parts: Sequence[Part]) -> HeldOut
     sigma, measured = fitter.errors.sigma_mm, fitter.measured
     if not parts:
         off = np.concatenate(fit.deflections_mm) - measured
-        return HeldOut(_rms_um(off), _rms_um(sigma), ())
+        return HeldOut(_rms_um(off), _rms_um(sigma), _rms_um(sigma), ())
     model = fitter.model(fit.unknowns)
     fitter.prepare(model, fit.u, slopes=True)
     low, high = fit.unknowns.bounds
@@ -81,13 +87,19 @@ def predict_held_out(fitter: Fitter, fit: Fit, parts: Sequence[Part]) -> HeldOut
     radius[2] = _NU_RADIUS
     low, high = np.maximum(low, fit.u - radius), np.minimum(high, fit.u + radius)
     left = np.full(len(measured), np.nan)
+    expected = sigma.copy()
+    slopes = fitter.errors.colour(fit.jacobian)
     for out in parts:
         at = fitter.minimise(model, fit.u, low, high, fitter.kept(~out))
         left[out] = (np.concatenate(model.predict(at)) - measured)[out]
+        doubt = np.einsum(
+            "nj,jk,nk->n", slopes[out], _covariance(fitter.errors, fit, out), slopes[out]
+        )
+        expected[out] = np.sqrt(sigma[out] ** 2 + doubt)
     held = np.isfinite(left)
     split = fitter.errors.split(held)
     files = tuple(r.name for r, part in zip(fitter.records, split, strict=True) if part.any())
-    return HeldOut(_rms_um(left[held]), _rms_um(sigma[held]), files)
+    return HeldOut(_rms_um(left[held]), _rms_um(sigma[held]), _rms_um(expected[held]), files)
 
 
 def _rms_um(values_mm: Array) -> float:

@@ -28,6 +28,8 @@ Array = NDArray[np.float64]
 _RATIO_NODES = 40
 _STEP = np.array([0.05, 0.1, 0.02])  # of log X1, log X2/X1 and ν, for differences
 _EFFECT_STEP = 0.15  # of an effect's unknown
+_LEAST_HELD = 0.7  # of the suction that is needed: a skin that creases before has no answer
+_TREND = 5  # nodes from which a correction goes on beyond
 
 
 @dataclass(eq=False)
@@ -205,7 +207,7 @@ class MappedModel:
         solved = solve_skin(elastic, path, self.discretisation)
         instant = solved.instant
         needed = max(r.path.top_mbar for r in self.records if r.geometry == stated)
-        if dome is None or instant is None or solved.holds_to_mbar < 0.9 * needed:
+        if dome is None or instant is None or solved.holds_to_mbar < _LEAST_HELD * needed:
             return None
         plain = dome(nodes / problem.stiffness)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -213,7 +215,7 @@ class MappedModel:
         held = nodes <= min(solved.holds_to_mbar, top)
         if not np.isfinite(ratio[held]).all():
             return None
-        return np.asarray(np.interp(nodes, nodes[held], ratio[held]))
+        return _read_on(nodes, ratio, held)
 
     def _ratio_slopes(
         self, u: Array, key: tuple[Geometry, int], nodes: Array, value: Array
@@ -272,6 +274,20 @@ class MappedModel:
                 before.move(correction, off)
                 self._courses[i] = before
         return True
+
+
+def _read_on(nodes: Array, values: Array, held: NDArray[np.bool_]) -> Array:
+    """Return values (m,) that go on straight beyond where they are held.
+
+    Where a skin creases differs between two good meshes by a tenth and more; what the dome does on
+    the way there tells more than where it ends.
+    """
+    beyond = ~held
+    if not beyond.any():
+        return values
+    x, y = nodes[held][-_TREND:], values[held][-_TREND:]
+    slope = np.polyfit(x, y, 1)[0]
+    return np.where(held, values, y[-1] + slope * (nodes - x[-1]))
 
 
 def replace_path_pressure(record: Record) -> Record:

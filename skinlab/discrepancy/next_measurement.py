@@ -21,13 +21,17 @@ from skinlab.program import parse_program
 
 Array = NDArray[np.float64]
 
+# To suctions at which skins dome about alike: beyond, they crease, and two meshes differ by more
+# than is counted with.
+_TOPS_MBAR = {2.0: 400, 4.0: 200, 6.0: 100, 8.0: 100}
+_SLOW_S = 25  # up, and again down: suction without a pause may last 60 s, and samples tell
 MENU = tuple(
     (aperture, program)
-    for aperture in (2.0, 4.0, 6.0, 8.0)
+    for aperture, top in _TOPS_MBAR.items()
     for program in (
-        "ramp:100@20,ramp:0@20",
-        "ramp:100@80,hold:8,ramp:0@80,hold:4",
-        "ramp:300@60,ramp:0@60",
+        f"ramp:{top}@60,ramp:0@60",
+        f"ramp:{top}@80,hold:20,ramp:0@80,hold:8",
+        f"ramp:{top}@{top // _SLOW_S},ramp:0@{top // _SLOW_S}",
     )
 )
 _RATE_HZ = 20.0

@@ -18,7 +18,7 @@ from skinlab.discrepancy.unknowns import Axis
 
 Array = NDArray[np.float64]
 
-_SIZE = 0.3  # of a typical size: small enough to be about linear
+_SIZES = (0.3, 0.1, 0.03)  # of a typical one: about linear; the first that the skin bears
 _INVISIBLE = 1e-2  # standard deviations: a signature so small cannot be seen at all
 
 
@@ -45,20 +45,21 @@ def signature(fitter: Fitter, fit: Fit, effect: str) -> Signature | None:
     unknowns = fit.unknowns.with_effect(effect)
     axes = unknowns.axes[len(fit.unknowns.axes) :]
     own = [0.0 if a.parameter.zero is not None else a.to_u(a.parameter.typical) for a in axes]
-    zero = np.concatenate([fit.u, own])
-    some = zero.copy()
     # The first parameter with a zero is the effect's size.
     which = next(i for i, a in enumerate(axes) if a.parameter.zero is not None)
     axis = axes[which]
-    step = _SIZE * axis.to_u(axis.parameter.typical)
-    some[len(fit.u) + which] += step
-    model = fitter.model(unknowns)
-    if not fitter.prepare(model, some):
-        return None
-    there = np.concatenate(model.predict(some))
-    if not np.isfinite(there).all():
-        return None
     here = np.concatenate(fit.deflections_mm)
+    for size in _SIZES:
+        step = size * axis.to_u(axis.parameter.typical)
+        some = np.concatenate([fit.u, own])
+        some[len(fit.u) + which] += step
+        model = fitter.model(unknowns)
+        if fitter.prepare(model, some):
+            there = np.concatenate(model.predict(some))
+            if np.isfinite(there).all():
+                break
+    else:
+        return None
     raw = fitter.errors.whiten(there - here) / step
     residual = fitter.errors.whiten(fitter.measured - here)
     basis = np.linalg.qr(_with_priors(fit))[0][: len(raw)]
@@ -80,7 +81,7 @@ def _with_priors(fit: Fit) -> Array:
     extra = np.zeros((len(fit.unknowns.axes), len(fit.u)))
     for i, axis in enumerate(fit.unknowns.axes):
         extra[i, 3 + i] = 1.0 / axis.prior[1]
-    return np.vstack([fit.jacobian, extra])
+    return np.vstack([fit.jacobian, extra])[:, fit.free]  # what is at a bound absorbs nothing
 
 
 def alike(signatures: Mapping[str, Signature]) -> list[tuple[str, str]]:

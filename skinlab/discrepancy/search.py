@@ -26,6 +26,7 @@ Progress = Callable[[str], None]
 
 LOG10 = math.log(10.0)
 TIE = 1.3  # log10 evidence: 20 to 1
+LONE_TIE = 4.0  # the same of one condition alone, where no other one bears an explanation out
 
 # Before the data: no effect as likely as one of the library, two together a fifth of that.
 _PAIRS_ODDS = 0.2
@@ -38,6 +39,7 @@ _FAR_SHARE = 0.1  # is out of the race
 _MOST_SINGLES = 8
 _PARTNERS = 5  # of each of the best singles
 _LEADERS = 4
+_MEMBERS = 4  # of pairs that explain, to be tried alone
 _STARTS = tuple(
     np.array(s)
     for s in product((math.log(0.02), math.log(0.04), math.log(0.09)), (3.4, 5.0), (0.28, 0.42))
@@ -89,6 +91,12 @@ class Found:
     signatures: dict[str, Signature]  # of single effects at the base fit
     candidates: list[Candidate] = field(default_factory=list)  # the best first
     records: Sequence[Record] = ()  # what was explained
+
+    @property
+    def tie(self) -> float:
+        """By how much log10 evidence an explanation has to lead."""
+        conditions = {record.condition for record in self.records}
+        return LONE_TIE if len(conditions) == 1 else TIE
 
 
 class Search:
@@ -152,7 +160,10 @@ class Search:
                 # Something weaker may hide behind what explains nearly all.
                 candidates = singles + self._pairs(pool, base, explaining, 1, _BEHIND)
             elif not base.adequate:
-                candidates = singles + self._pairs(pool, base, singles, _LEADERS, _SEEN)
+                pairs = self._pairs(pool, base, singles, _LEADERS, _SEEN)
+                candidates = self._members(pool, base, pairs) + pairs
+                named = {c.effects for c in candidates}
+                candidates += [c for c in singles if c.effects not in named]
         candidates.sort(key=lambda c: -c.log10_evidence)
         return Found(base, signatures, candidates, self._fitter.records)
 
@@ -204,6 +215,27 @@ class Search:
             "fitting pairs: " + ", ".join(f"{f.effects[-1]} and {s.effect}" for f, s in ranked)
         )
         return self._race(pool, base, ranked)
+
+    def _members(
+        self, pool: Executor, base: Candidate, pairs: Sequence[Candidate]
+    ) -> list[Candidate]:
+        """Return fits of the single effects of pairs that explain, begun where the pair ended.
+
+        A strong effect changes the skin as well: from the base model's optimum its fit may not find
+        there, and then needs a partner that it has not.
+        """
+        tasks: dict[tuple[str, ...], tuple[Unknowns, Array]] = {}
+        for pair in sorted(pairs, key=lambda c: c.fit.cost):
+            if pair.adequate:
+                for name in pair.effects[len(self._own) :]:
+                    alone = self._unknowns.with_effect(name)
+                    start = alone.among(pair.fit.unknowns, pair.fit.u)
+                    tasks.setdefault(alone.effects, (alone, start))
+        found = list(tasks.values())[:_MEMBERS]
+        if found:
+            self._progress("fitting the members of pairs alone")
+        fits = [fit for fit in pool.map(_fit_from, found) if fit is not None]
+        return [c for c in (self._candidate(fit, base) for fit in fits) if c.adequate]
 
     def _screen(self, pool: Executor, fit: Fit, names: Iterable[str]) -> dict[str, Signature]:
         found = pool.map(_signature, [(fit, name) for name in names])
@@ -268,6 +300,10 @@ def _pool(fitter: Fitter, workers: int) -> Executor:
 
 def _signature(task: tuple[Fit, str]) -> Signature | None:
     return signature(_mine["fitter"], *task)
+
+
+def _fit_from(task: tuple[Unknowns, Array]) -> Fit | None:
+    return _mine["fitter"].fit(*task)
 
 
 def _fit(task: tuple[Fit, Signature, float]) -> Fit | None:

@@ -167,6 +167,11 @@ class Unknowns:
         low, high = self.bounds
         return np.asarray(np.clip(np.concatenate([base[:3], effects]), low, high))
 
+    def among(self, more: Unknowns, u: Array) -> Array:
+        """Return these unknowns (k,) out of the values of `more`, which has them all."""
+        at = {name: i for i, name in enumerate(more.names)}
+        return u[[at[name] for name in self.names]]
+
     def prior_rows(self, u: Array) -> Array:
         """Return the Gaussian priors' deviations (axes,), to be squared."""
         return np.array(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from skinlab.discrepancy.search import TIE, Candidate, Found
+from skinlab.discrepancy.search import Candidate, Found
 
 Name = Literal["none", "named", "ambiguous", "unknown"]
 
@@ -24,17 +24,18 @@ def decide(found: Found) -> Verdict:
     `none`: the model's residual may be noise, and no effect's evidence is more than 20 : 1 against
     it, the many effects that were tried counted. Else the explanations whose residual may be noise
     are compared: `named` where one is at least 20 : 1 ahead of all others, `ambiguous` where
-    several are not; `unknown` where no explanation's residual may be noise.
+    several are not; `unknown` where no explanation's residual may be noise. Where one condition
+    only was measured, 10,000 : 1 is asked for instead.
     """
-    base = found.base
-    ahead = [c for c in found.candidates if c.log10_evidence >= TIE]
+    base, tie = found.base, found.tie
+    ahead = [c for c in found.candidates if c.log10_evidence >= tie]
     if base.adequate and not any(c.adequate for c in ahead):
         return Verdict("none", [])
     good = [c for c in ahead if c.adequate]
     if not good:
         return Verdict("unknown", [])
     best = max(c.log10_evidence for c in good)
-    tied = [c for c in found.candidates if c.log10_evidence > best - TIE and c.log10_evidence > 0]
+    tied = [c for c in found.candidates if c.log10_evidence > best - tie and c.log10_evidence > 0]
     # More effects where fewer do as well are no other explanation.
     minimal = [
         c

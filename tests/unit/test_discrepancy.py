@@ -11,7 +11,13 @@ from skinlab.discrepancy.adequacy import ADEQUATE, Residual, look
 from skinlab.discrepancy.fast_model import TableDomes, relaxed_pressure
 from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.mapped_model import MappedModel
-from skinlab.discrepancy.misfit import MESH_FACTOR, errors_of
+from skinlab.discrepancy.misfit import (
+    COMMON_FACTOR,
+    MESH_COMMON,
+    MESH_OWN,
+    OWN_FACTOR,
+    errors_of,
+)
 from skinlab.discrepancy.next_measurement import advise
 from skinlab.discrepancy.records import by_geometry, records_of
 from skinlab.discrepancy.screen import alike, signature
@@ -23,7 +29,7 @@ from skinlab.effects.registry import all_effects
 from skinlab.errors import InputError
 from skinlab.fem.skin import Prony, SkinProblem
 from skinlab.fem.suction import Geometry
-from skinlab.identify.noise import MESH_ERROR, MESH_REST, legendre, slope_mm_per_mbar
+from skinlab.identify.noise import MESH_REST, legendre, slope_mm_per_mbar
 from skinlab.pressure_path import PressurePath
 from skinlab.program import parse_program
 
@@ -126,20 +132,23 @@ def test_whitening_is_that_of_the_dense_covariance():
     errors = errors_of(records)
     covariance = np.zeros((errors.count, errors.count))
     starts = [0, *errors.ends]
+    orders = len(MESH_OWN)
+    common = np.zeros((errors.count, orders))
     for members in by_geometry(records):
         top = max(records[i].pressure_mbar.max() for i in members)
-        shapes = np.zeros((errors.count, len(MESH_ERROR)))
+        own = np.zeros((errors.count, orders))
         for i in members:
             r = records[i]
             x = np.clip(r.pressure_mbar / top, 0, 1)
-            w = r.curve.deflection_mm[:, None]
-            part = MESH_FACTOR * legendre(x, len(MESH_ERROR)) * MESH_ERROR * w
-            shapes[starts[i] : starts[i + 1]] = part
-        covariance += shapes @ shapes.T
+            shapes = legendre(x, orders) * r.curve.deflection_mm[:, None]
+            own[starts[i] : starts[i + 1]] = OWN_FACTOR * np.array(MESH_OWN) * shapes
+            common[starts[i] : starts[i + 1]] = COMMON_FACTOR * np.array(MESH_COMMON) * shapes
+        covariance += own @ own.T
+    covariance += common @ common.T
     variances = [
         (1e-3 * r.noise_um) ** 2
         + (slope_mm_per_mbar(r.pressure_mbar, r.curve.deflection_mm) * r.pressure_sd_mbar) ** 2
-        + (MESH_FACTOR * MESH_REST * r.curve.deflection_mm) ** 2
+        + (MESH_REST * r.curve.deflection_mm) ** 2
         for r in records
     ]
     assert records[0].pressure_sd_mbar > 0
