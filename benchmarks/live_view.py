@@ -256,7 +256,7 @@ def main() -> None:
         "cores": os.cpu_count(),
         "sizes": [],
     }
-    with tempfile.TemporaryDirectory() as name:
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as name:
         folder = Path(name)
         skin = folder / "skin.toml"
         skin.write_text(

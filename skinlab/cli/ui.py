@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -56,9 +57,11 @@ def has_screen() -> bool:
 def _on_terminal(port: str | None, folder: Path, model: Model | None) -> int:
     _release_escape()
     from skinlab.tui.app import SkinlabApp
+    from skinlab.tui.bench import Bench
     from skinlab.tui.remembered import default_path
 
-    return show(SkinlabApp(port, folder, settings=default_path(), model=model))
+    bench = partial(Bench, apart=True)
+    return show(SkinlabApp(port, folder, bench, settings=default_path(), model=model))
 
 
 def replay_on_terminal(session: Path, speed: float | None) -> int:

@@ -16,6 +16,7 @@ from skinlab.identify.identifier import Identifier
 from skinlab.identify.result import Identification
 from skinlab.log import log_exception
 from skinlab.stream import CurveCompleted, CurveStarted, Message, Sampled
+from skinlab.tui.own_process import OwnProcess
 
 _EVERY_S = 0.3  # between two estimates of a growing curve
 _END_S = 0.4  # of the program: no estimate is begun so late, the answer would wait for it
@@ -40,7 +41,7 @@ class Analyst:
 
     def __init__(
         self,
-        identifier: Identifier,
+        identifier: Identifier | OwnProcess,
         tell: Callable[[int, Identification], None],
         clock: Callable[[], float] = time.monotonic,
     ) -> None:

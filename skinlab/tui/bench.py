@@ -41,6 +41,7 @@ from skinlab.tui.news import (
     Searching,
 )
 from skinlab.tui.order import Order
+from skinlab.tui.own_process import OwnProcess
 from skinlab.tui.tape import Tape
 
 if TYPE_CHECKING:
@@ -54,7 +55,7 @@ if TYPE_CHECKING:
     from skinlab.recording import Recording as SessionRecording
     from skinlab.sources import LiveSource
 
-_LOOK_S = 0.02  # while an identification is under way: how late its answer may be seen
+_LOOK_S = 0.01  # while an identification is under way: how late its answer may be seen
 _POLL_S = 0.1  # also how long the stream must be quiet before the session is saved
 _BATCH_S = 0.04  # posts are no more frequent than the screen is drawn
 _CLOSE_S = 20.0
@@ -110,6 +111,7 @@ class Bench:
         backoff: Backoff = _BACKOFF,
         explain: Explain | None = None,
         model: Model | None = None,
+        apart: bool = False,
     ) -> None:
         self._folder = folder
         self._post = post
@@ -120,6 +122,8 @@ class Bench:
         self._backoff = backoff
         self._identifier: Identifier | None = None
         self._loading = threading.Lock()
+        self._apart = apart  # curves are identified in another process
+        self._process: OwnProcess | None = None
         self._probe: Probe | None = None
         self._port = ""
         self._tape = Tape()
@@ -177,7 +181,7 @@ class Bench:
 
     def prepare(self) -> None:
         """Load what identification needs."""
-        self._load_identifier()
+        self._worker(self._load_identifier())
 
     def arm(self, order: Order, vents: int) -> None:
         """Make the connected probe ready for this order; the first time, open the session.
@@ -295,6 +299,8 @@ class Bench:
         if self._free.is_set():
             self._end_visit()
         self._explain.cancel()
+        if self._process is not None:
+            self._process.close()
 
     def _let_go(self, *, keep: bool) -> None:
         self._vents += 1
@@ -381,6 +387,17 @@ class Bench:
                 shorten_pauses()
             return self._identifier
 
+    def _worker(self, identifier: Identifier) -> Identifier | OwnProcess:
+        """Return what identifies curves as this identifier does."""
+        if not self._apart:
+            return identifier
+        with self._loading:
+            if self._process is None or self._process.identifier is not identifier:
+                if self._process is not None:
+                    self._process.close()
+                self._process = OwnProcess(identifier)
+            return self._process
+
     def _stay_behind(self, vents: int) -> None:
         if vents != self._vents:
             self.vent("a vent was ordered before")
@@ -397,7 +414,7 @@ class Bench:
             path, identifier, subject=order.subject, site=order.site, url=order.port
         )
         self._tape.into(recording.journal)
-        analyst = Analyst(identifier, self._estimated)
+        analyst = Analyst(self._worker(identifier), self._estimated)
         visit = _Visit(
             recording,
             LiveSource(probe, recording.journal),
@@ -412,7 +429,7 @@ class Bench:
     def _note(self, message: Message) -> None:
         self._messages.append(message)
         self._unsaved = self._unsaved or isinstance(message, Identified)
-        if isinstance(message, CurveCompleted):
+        if isinstance(message, CurveCompleted | Identified):
             self._flush()  # now, not with the batch: it is waited for
 
     def _estimated(self, index: int, result: Identification) -> None:
