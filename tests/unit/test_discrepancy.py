@@ -10,6 +10,7 @@ from skinlab.curve import Curve, Setup
 from skinlab.discrepancy.adequacy import ADEQUATE, Residual, look
 from skinlab.discrepancy.fast_model import TableDomes, relaxed_pressure
 from skinlab.discrepancy.fit import Fit, Fitter
+from skinlab.discrepancy.heldout import conditions_of, predict_held_out
 from skinlab.discrepancy.mapped_model import MappedModel
 from skinlab.discrepancy.misfit import (
     COMMON_FACTOR,
@@ -18,7 +19,7 @@ from skinlab.discrepancy.misfit import (
     OWN_FACTOR,
     errors_of,
 )
-from skinlab.discrepancy.next_measurement import advise
+from skinlab.discrepancy.next_measurement import MENU, advise
 from skinlab.discrepancy.records import by_geometry, records_of
 from skinlab.discrepancy.screen import alike, signature
 from skinlab.discrepancy.search import Candidate, Found
@@ -290,6 +291,18 @@ def test_an_effect_that_no_curve_shows_has_no_detectable_size(plain):
     assert seen.detectable == np.inf
 
 
+def test_an_unknown_at_its_bound_absorbs_nothing(plain):
+    fitter, base = plain
+    highest = base.unknowns.bounds[1][2]
+    inside = replace(base, u=np.array([*base.u[:2], highest - 1e-3]))
+    at_bound = replace(base, u=np.array([*base.u[:2], highest]))
+    assert inside.free.tolist() == [True, True, True]
+    assert at_bound.free.tolist() == [True, True, False]
+    one, other = (signature(fitter, fit, "natural_tension") for fit in (inside, at_bound))
+    assert other.size > 1.1 * one.size
+    assert other.absorbed < one.absorbed
+
+
 # ---- adequacy ------------------------------------------------------------------------------------
 
 
@@ -346,9 +359,10 @@ def candidate(effects, evidence, p_value=0.5):
     return Candidate(fit, Residual(p_value, ()), evidence)
 
 
-def verdict(base_p, *candidates):
+def verdict(base_p, *candidates, plan=RAMPS):
     ranked = sorted(candidates, key=lambda c: -c.log10_evidence)
-    found = decide(Found(candidate((), 0.0, base_p), {}, ranked))
+    records = records_of(measured({}, plan))
+    found = decide(Found(candidate((), 0.0, base_p), {}, ranked, records))
     return found.name, [set(c.effects) for c in found.explanations]
 
 
@@ -392,7 +406,43 @@ def test_more_effects_where_fewer_do_are_no_other_explanation():
     )
 
 
+def test_one_condition_alone_has_to_be_surer():
+    lone = RAMPS[:1]
+    candidates = candidate(LAG, 20.0), candidate(GAIN, 18.0)
+    assert verdict(BAD, *candidates, plan=RAMPS) == ("named", [{*LAG}])
+    assert verdict(BAD, *candidates, plan=lone) == ("ambiguous", [{*LAG}, {*GAIN}])
+    assert verdict(BAD, candidate(LAG, 20.0), candidate(GAIN, 15.0), plan=lone) == (
+        "named",
+        [{*LAG}],
+    )
+    assert verdict(GOOD, candidate(LAG, 3.0), plan=lone) == ("none", [])
+
+
+# ---- held out ------------------------------------------------------------------------------------
+
+
+def test_the_gap_of_a_model_without_fault_is_the_one_that_is_expected(table):
+    squares, expected, noise = [], [], []
+    for seed in range(8):
+        fitter = fitter_of(measured({}, RAMPS, seed=seed), table)
+        fit = fitter.fit(Unknowns(()), TRUE)
+        found = predict_held_out(fitter, fit, conditions_of(fitter, [fit]))
+        squares.append(found.rms_um**2)
+        expected.append(found.expected_um**2)
+        noise.append(found.noise_um**2)
+    assert np.mean(expected) > np.mean(noise)
+    assert np.mean(noise) < np.mean(squares) < 1.1 * np.mean(expected)
+
+
 # ---- what to measure next ------------------------------------------------------------------------
+
+
+def test_what_may_be_advised_is_what_a_driver_allows():
+    for aperture, text in MENU:
+        program = parse_program(text)
+        assert aperture in (2.0, 4.0, 6.0, 8.0)
+        assert program.max_pressure_mbar <= 500
+        assert program.duration_s <= 60
 
 
 def test_the_advice_separates_what_one_ramp_leaves_tied(table):
