@@ -20,7 +20,7 @@ from skinlab.pressure_path import PressurePath
 Array = NDArray[np.float64]
 
 _FEWEST = 20  # samples of a curve that can be looked at
-_WINDOW = 7  # samples over which a measured pressure is smoothed, by parabolas
+_WINDOW = 7  # samples over which the path of a measured pressure is smoothed, by parabolas
 _SMOOTHED = 0.58  # of the noise is left by that: sqrt(1/3)
 _AS_ASKED = 1.25  # a channel within so many times its noise of the program followed it
 _CORNER = 3.5  # robust standard deviations: more is a corner of the program, not noise
@@ -55,7 +55,7 @@ def records_of(campaign: Campaign) -> list[Record]:
     """Return the curves with their noise: stated, else from repeats, else from each curve.
 
     Where the pressure channel follows the program to within its noise, the skin felt the program;
-    else the channel is smoothed.
+    else what the channel says, with its noise.
 
     Raises:
         InputError: a curve is too short; names it.
@@ -90,9 +90,11 @@ def _record(curve: Curve, noise_um: float | None, pressure_noise: float | None) 
         if off <= _AS_ASKED * max(noise, 0.05):
             path, pressure, sd = asked, asked(time), 0.0
     if path is None:
-        pressure = savgol_filter(measured, _WINDOW, 2, mode="interp")
-        sd = _SMOOTHED * noise
-        path = PressurePath.of_samples(time, pressure, max(2.5 * sd, 0.2))
+        # Each sample keeps its own reading: what smoothing leaves of the noise goes up and down
+        # together, and through dw/dp it would look like a missing effect.
+        pressure, sd = measured, noise
+        smooth = savgol_filter(measured, _WINDOW, 2, mode="interp")
+        path = PressurePath.of_samples(time, smooth, max(2.5 * _SMOOTHED * noise, 0.2))
     own = noise_um
     if own is None:
         own = max(1e3 * _rough_um(curve), _ROUNDING_UM)
