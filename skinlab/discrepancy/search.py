@@ -39,6 +39,8 @@ _FAR_SHARE = 0.1  # is out of the race
 _MOST_SINGLES = 8
 _PARTNERS = 5  # of each of the best singles
 _LEADERS = 4
+_AGAIN = 2  # effects that explain nothing, but most, are fitted from elsewhere too
+_ELSEWHERE = ((0.2, 0.0), (0.7, 1.0), (0.2, 1.0))  # share of the expected size; more log X2/X1
 _MEMBERS = 4  # of pairs that explain, to be tried alone
 _STARTS = tuple(
     np.array(s)
@@ -177,7 +179,31 @@ class Search:
         found = self._race(pool, base, [(base.fit, s) for s in likely])
         if not any(c.adequate for c in found):
             found += self._race(pool, base, [(base.fit, s) for s in chosen[len(likely) :]])
-        return found
+        if base.adequate or any(c.adequate for c in found):
+            return found
+        return self._elsewhere(pool, base, chosen, found)
+
+    def _elsewhere(
+        self, pool: Executor, base: Candidate, chosen: list[Signature], found: list[Candidate]
+    ) -> list[Candidate]:
+        """Return the fits, those that came nearest begun elsewhere as well, if that is better.
+
+        A strong effect changes the skin beyond what is linear: a fit from the base model's optimum
+        may end at a wall of skins that crease.
+        """
+        seen = {s.effect: s for s in chosen}
+        nearest = sorted(found, key=lambda c: c.fit.cost)[:_AGAIN]
+        tasks = [(base.fit, seen[c.effects[-1]]) for c in nearest]
+        better = {}
+        for fit in pool.map(_fit_elsewhere, tasks):
+            if fit is not None:
+                better[fit.effects] = self._candidate(fit, base)
+        return [
+            better[c.effects]
+            if c.effects in better and better[c.effects].fit.cost < c.fit.cost
+            else c
+            for c in found
+        ]
 
     def _race(
         self, pool: Executor, base: Candidate, tasks: Sequence[tuple[Fit, Signature]]
@@ -306,25 +332,47 @@ def _fit_from(task: tuple[Unknowns, Array]) -> Fit | None:
     return _mine["fitter"].fit(*task)
 
 
+def _start(
+    fit: Fit, unknowns: Unknowns, seen: Signature, share: float, stiffer: float = 0.0
+) -> Array:
+    """Return a fit's unknowns with one more effect, at a share of the size that is expected."""
+    axes = unknowns.axes[len(fit.unknowns.axes) :]
+    own = [
+        axis.to_u(axis.parameter.typical)
+        if axis.parameter.zero is None
+        else share * seen.amount
+        if axis is next(a for a in axes if a.parameter.zero is not None)
+        else 0.0
+        for axis in axes
+    ]
+    low, high = unknowns.bounds
+    start = np.concatenate([fit.u, own])
+    start[1] += stiffer
+    return np.asarray(np.clip(start, low, high))
+
+
+def _fit_elsewhere(task: tuple[Fit, Signature]) -> Fit | None:
+    fit, seen = task
+    fitter = _mine["fitter"]
+    unknowns = fit.unknowns.with_effect(seen.effect)
+    best: Fit | None = None
+    for share, stiffer in _ELSEWHERE:
+        found = fitter.fit(unknowns, _start(fit, unknowns, seen, share, stiffer))
+        if found is not None and (best is None or found.cost < best.cost):
+            best = found
+        if best is not None and best.chi2 < HOPELESS * fitter.errors.count:
+            break
+    return best
+
+
 def _fit(task: tuple[Fit, Signature, float]) -> Fit | None:
     """Fit with one more effect, from the size that the screen expects, and from half of it."""
     fit, seen, limit = task
     fitter = _mine["fitter"]
     unknowns = fit.unknowns.with_effect(seen.effect)
-    axes = unknowns.axes[len(fit.unknowns.axes) :]
     best: Fit | None = None
     for share in (0.7, 0.2, 1.5):
-        own = [
-            axis.to_u(axis.parameter.typical)
-            if axis.parameter.zero is None
-            else share * seen.amount
-            if axis is next(a for a in axes if a.parameter.zero is not None)
-            else 0.0
-            for axis in axes
-        ]
-        low, high = unknowns.bounds
-        start = np.clip(np.concatenate([fit.u, own]), low, high)
-        found = fitter.fit(unknowns, start, limit)
+        found = fitter.fit(unknowns, _start(fit, unknowns, seen, share), limit)
         if found is not None and (best is None or found.cost < best.cost):
             best = found
         # An effect that does not take away what the screen expected may have been misled.
