@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from itertools import product
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.discrepancy.adequacy import ADEQUATE, Residual, look
-from skinlab.discrepancy.fit import HOPELESS, Fit, Fitter
+from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.records import Record
-from skinlab.discrepancy.screen import Signature, signature
+from skinlab.discrepancy.screen import Signature
+from skinlab.discrepancy.tasks import fit_elsewhere, fit_from, fit_one, pool_of, signature_of
 from skinlab.discrepancy.unknowns import Known, Unknowns
 from skinlab.effects.registry import effect_names
 from skinlab.errors import NotTrustworthyError
@@ -40,7 +40,6 @@ _MOST_SINGLES = 8
 _PARTNERS = 5  # of each of the best singles
 _LEADERS = 4
 _AGAIN = 2  # effects that explain nothing, but most, are fitted from elsewhere too
-_ELSEWHERE = ((0.2, 0.0), (0.7, 1.0), (0.2, 1.0))  # share of the expected size; more log X2/X1
 _MEMBERS = 4  # of pairs that explain, to be tried alone
 _STARTS = tuple(
     np.array(s)
@@ -144,7 +143,7 @@ class Search:
         base = self.base()
         if self._partial is not None:
             self._partial.base = base
-        with _pool(self._fitter, self._workers) as pool:
+        with pool_of(self._fitter, self._workers) as pool:
             self._progress(f"screening {len(self._library)} effects")
             signatures = self._screen(pool, base.fit, self._library)
             chosen = _worth(signatures.values())
@@ -195,7 +194,7 @@ class Search:
         nearest = sorted(found, key=lambda c: c.fit.cost)[:_AGAIN]
         tasks = [(base.fit, seen[c.effects[-1]]) for c in nearest]
         better = {}
-        for fit in pool.map(_fit_elsewhere, tasks):
+        for fit in pool.map(fit_elsewhere, tasks):
             if fit is not None:
                 better[fit.effects] = self._candidate(fit, base)
         return [
@@ -260,11 +259,11 @@ class Search:
         found = list(tasks.values())[:_MEMBERS]
         if found:
             self._progress("fitting the members of pairs alone")
-        fits = [fit for fit in pool.map(_fit_from, found) if fit is not None]
+        fits = [fit for fit in pool.map(fit_from, found) if fit is not None]
         return [c for c in (self._candidate(fit, base) for fit in fits) if c.adequate]
 
     def _screen(self, pool: Executor, fit: Fit, names: Iterable[str]) -> dict[str, Signature]:
-        found = pool.map(_signature, [(fit, name) for name in names])
+        found = pool.map(signature_of, [(fit, name) for name in names])
         return {s.effect: s for s in found if s is not None}
 
     def _fits(
@@ -275,7 +274,7 @@ class Search:
         limit: float = math.inf,
     ) -> list[Candidate]:
         found = []
-        for fit in pool.map(_fit, [(*task, limit) for task in tasks]):
+        for fit in pool.map(fit_one, [(*task, limit) for task in tasks]):
             if fit is not None:
                 found.append(self._candidate(fit, base))
         return found
@@ -297,88 +296,3 @@ def _worth(signatures: Iterable[Signature]) -> list[Signature]:
     ranked = sorted(signatures, key=lambda s: -s.gain)
     largest = ranked[0].gain if ranked else 0.0
     return [s for s in ranked if s.gain > max(_SEEN, _SHARE * largest)][:_MOST_SINGLES]
-
-
-# ---- work of other processes: the fitter is theirs by inheritance, once ----
-
-_mine: dict[str, Fitter] = {}
-
-
-def _take(fitter: Fitter) -> None:
-    _mine["fitter"] = fitter
-
-
-class _Here(Executor):
-    """Does the work in this process."""
-
-    def __init__(self, fitter: Fitter) -> None:
-        _take(fitter)
-
-    def map(self, fn: Callable[..., Any], *iterables: Any, **_: Any) -> Any:
-        return map(fn, *iterables)
-
-
-def _pool(fitter: Fitter, workers: int) -> Executor:
-    if workers == 1:
-        return _Here(fitter)
-    return ProcessPoolExecutor(workers, initializer=_take, initargs=(fitter,))
-
-
-def _signature(task: tuple[Fit, str]) -> Signature | None:
-    return signature(_mine["fitter"], *task)
-
-
-def _fit_from(task: tuple[Unknowns, Array]) -> Fit | None:
-    return _mine["fitter"].fit(*task)
-
-
-def _start(
-    fit: Fit, unknowns: Unknowns, seen: Signature, share: float, stiffer: float = 0.0
-) -> Array:
-    """Return a fit's unknowns with one more effect, at a share of the size that is expected."""
-    axes = unknowns.axes[len(fit.unknowns.axes) :]
-    own = [
-        axis.to_u(axis.parameter.typical)
-        if axis.parameter.zero is None
-        else share * seen.amount
-        if axis is next(a for a in axes if a.parameter.zero is not None)
-        else 0.0
-        for axis in axes
-    ]
-    low, high = unknowns.bounds
-    start = np.concatenate([fit.u, own])
-    start[1] += stiffer
-    return np.asarray(np.clip(start, low, high))
-
-
-def _fit_elsewhere(task: tuple[Fit, Signature]) -> Fit | None:
-    fit, seen = task
-    fitter = _mine["fitter"]
-    unknowns = fit.unknowns.with_effect(seen.effect)
-    best: Fit | None = None
-    for share, stiffer in _ELSEWHERE:
-        found = fitter.fit(unknowns, _start(fit, unknowns, seen, share, stiffer))
-        if found is not None and (best is None or found.cost < best.cost):
-            best = found
-        if best is not None and best.chi2 < HOPELESS * fitter.errors.count:
-            break
-    return best
-
-
-def _fit(task: tuple[Fit, Signature, float]) -> Fit | None:
-    """Fit with one more effect, from the size that the screen expects, and from half of it."""
-    fit, seen, limit = task
-    fitter = _mine["fitter"]
-    unknowns = fit.unknowns.with_effect(seen.effect)
-    best: Fit | None = None
-    for share in (0.7, 0.2, 1.5):
-        found = fitter.fit(unknowns, _start(fit, unknowns, seen, share), limit)
-        if found is not None and (best is None or found.cost < best.cost):
-            best = found
-        # An effect that does not take away what the screen expected may have been misled.
-        if best is not None and (
-            best.chi2 < HOPELESS * fitter.errors.count
-            or (best.settled and best.cost < fit.cost - 0.5 * seen.gain)
-        ):
-            break
-    return best

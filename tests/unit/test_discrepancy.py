@@ -23,6 +23,7 @@ from skinlab.discrepancy.next_measurement import MENU, advise
 from skinlab.discrepancy.records import by_geometry, records_of
 from skinlab.discrepancy.screen import alike, signature
 from skinlab.discrepancy.search import Candidate, Found
+from skinlab.discrepancy.tasks import fit_elsewhere, fit_from, fit_one, pool_of
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.discrepancy.verdict import decide
 from skinlab.effects.model import Skin, response, solve_skin
@@ -304,6 +305,23 @@ def test_an_unknown_at_its_bound_absorbs_nothing(plain):
     one, other = (signature(fitter, fit, "natural_tension") for fit in (inside, at_bound))
     assert other.size > 1.1 * one.size
     assert other.absorbed < one.absorbed
+
+
+@pytest.mark.parametrize("effect", ["thickness_error", "contact_preload"])
+def test_wherever_a_fit_begins_it_comes_to_the_same_optimum(table, effect):
+    values = {"thickness_error": {"ratio": 1.3}, "contact_preload": {"p0_mbar": 12.0}}[effect]
+    fitter = fitter_of(measured({effect: values}, RAMPS), table)
+    base = fitter.fit(Unknowns(()), TRUE)
+    seen = signature(fitter, base, effect)
+    pool = pool_of(fitter, 1)
+    (one,) = pool.map(fit_one, [(base, seen, np.inf)])
+    (other,) = pool.map(fit_elsewhere, [(base, seen)])
+    true = np.append(TRUE, one.unknowns.axes[0].to_u(next(iter(values.values()))))
+    (third,) = pool.map(fit_from, [(one.unknowns, true)])
+    assert base.chi2 > 10 * fitter.errors.count  # a strong effect
+    assert one.cost == pytest.approx(third.cost, abs=0.1)
+    assert other.cost == pytest.approx(third.cost, abs=0.1)
+    np.testing.assert_allclose(other.u, third.u, atol=0.05)
 
 
 # ---- adequacy ------------------------------------------------------------------------------------

@@ -1,0 +1,108 @@
+"""The pieces of a search that can be done side by side, in other processes.
+
+The fitter is theirs by inheritance, once; a task is what is new, and small.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Executor, ProcessPoolExecutor
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinlab.discrepancy.fit import HOPELESS, Fit, Fitter
+from skinlab.discrepancy.screen import Signature, signature
+from skinlab.discrepancy.unknowns import Unknowns
+
+Array = NDArray[np.float64]
+
+_SHARES = (0.7, 0.2, 1.5)  # of the size that is expected
+_ELSEWHERE = ((0.2, 0.0), (0.7, 1.0), (0.2, 1.0))  # share of the expected size; more log X2/X1
+
+_mine: dict[str, Fitter] = {}
+
+
+def _take(fitter: Fitter) -> None:
+    _mine["fitter"] = fitter
+
+
+class _Here(Executor):
+    """Does the work in this process."""
+
+    def __init__(self, fitter: Fitter) -> None:
+        _take(fitter)
+
+    def map(self, fn: Callable[..., Any], *iterables: Any, **_: Any) -> Any:
+        return map(fn, *iterables)
+
+
+def pool_of(fitter: Fitter, workers: int) -> Executor:
+    """Return where tasks are done: here, or in so many processes."""
+    if workers == 1:
+        return _Here(fitter)
+    return ProcessPoolExecutor(workers, initializer=_take, initargs=(fitter,))
+
+
+def signature_of(task: tuple[Fit, str]) -> Signature | None:
+    """Return the signature of an effect at a fit."""
+    return signature(_mine["fitter"], *task)
+
+
+def fit_from(task: tuple[Unknowns, Array]) -> Fit | None:
+    """Return a fit from a start (k,)."""
+    return _mine["fitter"].fit(*task)
+
+
+def _start(
+    fit: Fit, unknowns: Unknowns, seen: Signature, share: float, stiffer: float = 0.0
+) -> Array:
+    """Return a fit's unknowns with one more effect, at a share of the size that is expected."""
+    axes = unknowns.axes[len(fit.unknowns.axes) :]
+    own = [
+        axis.to_u(axis.parameter.typical)
+        if axis.parameter.zero is None
+        else share * seen.amount
+        if axis is next(a for a in axes if a.parameter.zero is not None)
+        else 0.0
+        for axis in axes
+    ]
+    low, high = unknowns.bounds
+    start = np.concatenate([fit.u, own])
+    start[1] += stiffer
+    return np.asarray(np.clip(start, low, high))
+
+
+def fit_elsewhere(task: tuple[Fit, Signature]) -> Fit | None:
+    """Return the best fit with one more effect from the starts that `fit_one` does not take."""
+    fit, seen = task
+    fitter = _mine["fitter"]
+    unknowns = fit.unknowns.with_effect(seen.effect)
+    best: Fit | None = None
+    for share, stiffer in _ELSEWHERE:
+        found = fitter.fit(unknowns, _start(fit, unknowns, seen, share, stiffer))
+        if found is not None and (best is None or found.cost < best.cost):
+            best = found
+        if best is not None and best.chi2 < HOPELESS * fitter.errors.count:
+            break
+    return best
+
+
+def fit_one(task: tuple[Fit, Signature, float]) -> Fit | None:
+    """Return a fit with one more effect, from the size that the screen expects, or others."""
+    fit, seen, limit = task
+    fitter = _mine["fitter"]
+    unknowns = fit.unknowns.with_effect(seen.effect)
+    best: Fit | None = None
+    for share in _SHARES:
+        found = fitter.fit(unknowns, _start(fit, unknowns, seen, share), limit)
+        if found is not None and (best is None or found.cost < best.cost):
+            best = found
+        # An effect that does not take away what the screen expected may have been misled.
+        if best is not None and (
+            best.chi2 < HOPELESS * fitter.errors.count
+            or (best.settled and best.cost < fit.cost - 0.5 * seen.gain)
+        ):
+            break
+    return best
