@@ -386,7 +386,7 @@ def figures(lines: Sequence[dict[str, Any]]) -> dict[str, Any]:
     named = [x for x in full if x["verdict"] == "named"]
     single = [x for x in full if x["part"] == "single"]
     clear = [x for x in single if x["strength"] >= 3.0 and x["closest_leaves"] >= 1.0]
-    tied = [x for x in full if x["verdict"] == "ambiguous" and x["hidden"]]
+    tied = [x for x in lines if x["verdict"] == "ambiguous" and x["hidden"]]
     outside = [x for x in full if x["part"] == "outside"]
     correct = [x for x in named if x["hidden"] and right(x)]
     held = [*correct, *(x for x in none if x["verdict"] == "none")]
