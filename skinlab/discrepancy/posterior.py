@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.space_mapping import MappedModel
 from skinlab.discrepancy.unknowns import BASE_NAMES, Unknowns
-from skinlab.inference.intervals import correlation, interval
+from skinlab.inference.intervals import correlation, summary
 from skinlab.inference.posterior import sample as follow_the_valley
 from skinlab.parameters import AxisSpace
 
@@ -40,17 +40,13 @@ class Posterior:
 
     @property
     def parameters(self) -> dict[str, dict[str, float]]:
-        """Values at the optimum with the shortest 90 % intervals, by name."""
-        best = self.unknowns.named(self.best)
-        drawn = self._named()
+        """Medians with the shortest 90 % intervals, by name."""
         low, high = (self.unknowns.named(u) for u in self.unknowns.bounds)
         found = {}
-        for name, value in best.items():
+        for name, values in self._named().items():
             bounds = (low[name], high[name])
-            ends = interval(
-                drawn[name], self.weight, value, bounds, logarithmic=name in BASE_NAMES[:2]
-            )
-            found[name] = {"value": value, "low": ends[0], "high": ends[1]}
+            middle, *ends = summary(values, self.weight, bounds, logarithmic=name in BASE_NAMES[:2])
+            found[name] = {"value": middle, "low": ends[0], "high": ends[1]}
         return found
 
     @property

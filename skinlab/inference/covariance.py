@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,13 +53,14 @@ class Covariance:
     @property
     def sigma_mm(self) -> Array:
         """Standard deviations (u,) of D."""
-        return np.sqrt(self.variance_mm2)
+        return np.asarray(np.sqrt(self.variance_mm2))
 
     @property
     def total_sd_mm(self) -> Array:
         """Standard deviations (u,) of single samples, all parts together."""
         process = 0.0 if self.ou is None else self.ou.size_mm**2
-        return np.sqrt(self.variance_mm2 + process + np.square(self.columns_mm).sum(axis=1))
+        squares = np.square(self.columns_mm).sum(axis=1)
+        return np.asarray(np.sqrt(self.variance_mm2 + process + squares))
 
     @cached_property
     def _decay(self) -> Array:
@@ -67,7 +69,7 @@ class Covariance:
         assert self.time_s is not None
         decay = np.zeros(self.count)
         decay[1:] = np.exp(-np.maximum(np.diff(self.time_s), 0.0) / self.ou.time_s)
-        decay[list(self.ends[:-1])] = 0.0
+        decay[[end for end in self.ends if end < self.count]] = 0.0
         return decay
 
     @cached_property
@@ -95,6 +97,16 @@ class Covariance:
         found = _solve_bidiagonal(below, rough) / np.sqrt(d)[:, None]
         return np.asarray(found.reshape(values_mm.shape))
 
+    def transposed_without_columns(self, white: Array) -> Array:
+        """Return Wᵀ z (u, m) of the W of `whiten_without_columns`."""
+        if self.ou is None:
+            return white / self.sigma_mm[:, None]
+        d, below = self._factor
+        smooth = _solve_bidiagonal(below, np.asfortranarray(white / np.sqrt(d)[:, None]), trans="T")
+        found = smooth.copy()
+        found[:-1] -= self._decay[1:, None] * smooth[1:]
+        return found
+
     def _colour_without_columns(self, white: Array) -> Array:
         if self.ou is None:
             return white * self.sigma_mm[:, None]
@@ -116,12 +128,12 @@ class Covariance:
         q, s, _ = np.linalg.svd(white, full_matrices=False)
         return q, s
 
-    def whiten(self, values_mm: Array) -> Array:
+    def whiten(self, curves_mm: Array) -> Array:
         """Return W r (u, …) with WᵀW = Σ⁻¹: independent, of variance 1."""
-        flat = self.whiten_without_columns(values_mm).reshape(self.count, -1)
+        flat = self.whiten_without_columns(curves_mm).reshape(self.count, -1)
         q, s = self._columns
         flat = flat + q @ ((1.0 / np.sqrt(1.0 + s**2) - 1.0)[:, None] * (q.T @ flat))
-        return np.asarray(flat.reshape(values_mm.shape))
+        return np.asarray(flat.reshape(curves_mm.shape))
 
     __call__ = whiten
 
@@ -175,18 +187,21 @@ class Covariance:
             time_s=None if self.time_s is None else self.time_s[kept],
         )
 
-    def split(self, values: NDArray[np.generic]) -> list[NDArray[np.generic]]:
+    def split(self, values: NDArray[Any]) -> list[NDArray[Any]]:
         """Return values (u, …) by curve."""
         return np.split(values, self.ends[:-1])
 
 
-def _solve_bidiagonal(below: Array, right: Array) -> Array:
-    """Return x with x₀ = r₀ and xᵢ + belowᵢ₋₁ xᵢ₋₁ = rᵢ, for right sides (u, m)."""
+def _solve_bidiagonal(below: Array, right: Array, trans: str = "N") -> Array:
+    """Return x with x₀ = r₀ and xᵢ + belowᵢ₋₁ xᵢ₋₁ = rᵢ, for right sides (u, m).
+
+    With `trans` "T" that of the transposed matrix.
+    """
     if len(right) < 2 or not right.shape[1]:
         return right  # nothing to do, and LAPACK's wrapper does not bear it
     band = np.ones((2, len(right)))
     band[1, :-1] = below
-    found, _ = dtbtrs(band, right, uplo="L", diag="U")
+    found, _ = dtbtrs(band, right, uplo="L", trans=trans, diag="U")
     return np.asarray(found)
 
 
@@ -194,3 +209,15 @@ def independent(sigma_mm: Array, columns_mm: Array | Sequence[Array] | None = No
     """Return the covariance of independent errors (u,) and a few common columns (u, m)."""
     columns = np.zeros((len(sigma_mm), 0)) if columns_mm is None else np.asarray(columns_mm)
     return Covariance(np.square(sigma_mm), columns, (len(sigma_mm),))
+
+
+@dataclass(frozen=True, eq=False)
+class OnKept:
+    """Whitening of curves (u, …) by the covariance of those samples that are kept."""
+
+    kept: NDArray[np.bool_]
+    covariance: Covariance
+
+    def __call__(self, curves_mm: Array) -> Array:
+        """Return W applied to what is kept."""
+        return self.covariance.whiten(curves_mm[self.kept])

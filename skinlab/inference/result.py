@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.curves.curve import Setup
+from skinlab.inference.error_judgement import ErrorModelSummary
 from skinlab.inference.uncertainty import Uncertainty
 
 Array = NDArray[np.float64]
@@ -48,6 +49,8 @@ class Identification:
     flags: tuple[str, ...] = ()
     fitted: NDArray[np.bool_] | None = None  # (points,) which samples were fitted
     model_mm: Array | None = None  # (points,) the fitted curve; NaN where there is no model
+    outliers: NDArray[np.bool_] | None = None  # (points,) left out, since they do not belong
+    error_model: ErrorModelSummary | None = None  # of the samples' errors, with intervals
     fitted_points: int = 0
     files: tuple[str, ...] | None = None  # of a joint identification
     uncertainty: Uncertainty | None = None  # where the method gives intervals
@@ -77,6 +80,8 @@ class Identification:
             "error_um": self.error_um,
             "rms_um": self.rms_um,
             "noise_um": self.noise_um,
+            "error_model": self.error_model and asdict(self.error_model),
+            "placement": None,
             "iterations": self.iterations,
             "evaluations": self.evaluations,
             "seconds": self.seconds,

@@ -1,4 +1,4 @@
-"""The covariance against dense matrices, for even and uneven times, lost samples, several curves."""
+"""The covariance against dense matrices: even and uneven times, lost samples, several curves."""
 
 from __future__ import annotations
 
@@ -15,9 +15,7 @@ def dense(covariance: Covariance) -> np.ndarray:
     whole = np.diag(covariance.variance_mm2) + covariance.columns_mm @ covariance.columns_mm.T
     if covariance.ou is not None:
         t = covariance.time_s
-        process = covariance.ou.size_mm**2 * np.exp(
-            -np.abs(t[:, None] - t) / covariance.ou.time_s
-        )
+        process = covariance.ou.size_mm**2 * np.exp(-np.abs(t[:, None] - t) / covariance.ou.time_s)
         curve = np.searchsorted(covariance.ends, np.arange(covariance.count), side="right")
         whole += np.where(curve[:, None] == curve, process, 0.0)
     return whole
@@ -83,25 +81,27 @@ def test_the_density_is_scipys():
 
 
 def test_an_even_process_is_the_ar1_of_the_textbooks():
-    """log p = log N(x₁; 0, s²) + Σ log N(xᵢ; ρ xᵢ₋₁, s² (1 − ρ²)), as in pints' AR1LogLikelihood."""
+    """As pints' AR1LogLikelihood: log N(x₁; 0, s²) + Σ log N(xᵢ; ρ xᵢ₋₁, s² (1 − ρ²))."""
     from scipy.stats import norm
 
     rho, s, n = 0.9, 3.0, 60
     x = np.random.default_rng(1).normal(0, s, n)
     process = OrnsteinUhlenbeck(s, -0.05 / np.log(rho))
-    covariance = Covariance(
-        np.full(n, 1e-9), np.zeros((n, 0)), (n,), process, 0.05 * np.arange(n)
+    covariance = Covariance(np.full(n, 1e-9), np.zeros((n, 0)), (n,), process, 0.05 * np.arange(n))
+    expected = (
+        norm.logpdf(x[0], 0, s) + norm.logpdf(x[1:], rho * x[:-1], s * np.sqrt(1 - rho**2)).sum()
     )
-    expected = norm.logpdf(x[0], 0, s) + norm.logpdf(
-        x[1:], rho * x[:-1], s * np.sqrt(1 - rho**2)
-    ).sum()
     assert covariance.log_density(x) == pytest.approx(expected, rel=1e-6)
 
 
 def test_drawn_errors_have_the_covariance():
     rng = np.random.default_rng(2)
     covariance = Covariance(
-        np.full(6, 0.5), np.ones((6, 1)), (3, 6), OrnsteinUhlenbeck(2.0, 0.5), np.tile([0, 0.2, 1.0], 2)
+        np.full(6, 0.5),
+        np.ones((6, 1)),
+        (3, 6),
+        OrnsteinUhlenbeck(2.0, 0.5),
+        np.tile([0, 0.2, 1.0], 2),
     )
     drawn = np.array([covariance.sample(rng) for _ in range(20_000)])
     np.testing.assert_allclose(np.cov(drawn.T), dense(covariance), atol=0.2)

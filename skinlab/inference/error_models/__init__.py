@@ -1,0 +1,1 @@
+"""Error models: one a file, each with its declaration ERROR_MODEL; they add up."""
