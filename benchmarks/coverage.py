@@ -177,9 +177,7 @@ def summary(name: str, found: list[dict[str, Any]], seed: int) -> dict[str, Any]
         "coverage_where_the_table_answers": _percent(held[inside]),
         "refused_by_the_table": int((~inside).sum()),
         "expected_at_90": [round(100 * low / len(good), 1), round(100 * high / len(good), 1)],
-        "median_width": [
-            round(float(np.median(w)), 4) for w in np.array([f["width"] for f in good]).T
-        ],
+        "median_width": np.median(widths, axis=0).round(4).tolist(),
         "flags": {f: round(sum(f in g["flags"] for g in good) / len(good), 3) for f in flags},
         "models": dict(sorted(models.items(), key=lambda item: -item[1])[:6]),
         "noise_um": round(statistics.median(f["noise_um"] for f in good), 2),

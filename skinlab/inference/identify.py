@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from skinlab.curves.curve import Curve
 from skinlab.errors import InputError, NotTrustworthyError
+from skinlab.inference import flags
 from skinlab.inference.advice import advise
 from skinlab.inference.covariance import OnKept, independent
 from skinlab.inference.intervals import correlation, is_logarithmic, most_of_the_range, summary
@@ -37,7 +38,6 @@ from skinlab.tables.base import CurveModel, Database
 
 Array = NDArray[np.float64]
 
-_AT_BOUND = 1e-5  # of the parameter's range
 _PRIOR_DRAWS = 1000
 _OUTLIER_ROUNDS = 4
 _QUICK = Options(samples=200, best=20, most_iterations=30)  # for a curve that still grows
@@ -288,6 +288,7 @@ class Identifier:
         answer = replace(
             blank,
             parameters=values,
+            optimum={name: value.value for name, value in values.items()},
             error_um=estimate.error_um,
             rms_um=estimate.error_um * float(np.sqrt(points)),
             iterations=estimate.iterations,
@@ -305,25 +306,17 @@ class Identifier:
 
     def _flags(
         self, members: Sequence[Fitted], space: ParameterSpace, estimate: Estimate
-    ) -> tuple[str, ...]:
-        unit = space.to_unit(estimate.parameters)
-        flags = [
-            f"at_bound:{name}"
-            for name, at in zip(space.names, unit, strict=True)
-            if min(at, 1 - at) <= _AT_BOUND
-        ]
+    ) -> list[str]:
         curves = [m.curve for m in members]
-        if any(
-            c.in_phases(self.phases).sum() > m.count for c, m in zip(curves, members, strict=True)
-        ):
-            flags.append("outside_database")
-        if not estimate.converged:
-            flags.append("not_converged")
-        if any(c.setup.cycle != 1 for c in curves):
-            flags.append("not_first_cycle")
-        if any(c.partial for c in curves):
-            flags.append("partial_curve")
-        return tuple(flags)
+        left_out = [
+            int(c.in_phases(self.phases).sum()) - m.count
+            for c, m in zip(curves, members, strict=True)
+        ]
+        unit = space.to_unit(estimate.parameters)
+        return [
+            *flags.of_optimum(space.names, unit, converged=estimate.converged),
+            *flags.of_curves(curves, left_out),
+        ]
 
 
 def _with_bulk_modulus(answer: Identification, kappa: KappaConvention) -> Identification:
@@ -346,7 +339,7 @@ def _with_uncertainty(
 ) -> Identification:
     draws, names = left.draws, space.names
     priors = space.from_unit(np.random.default_rng(seed).random((_PRIOR_DRAWS, len(names))))
-    values, flags = {}, []
+    values, loose = {}, []
     for i, name in enumerate(names):
         prior = priors[:, i]
         bounds = (float(space.bounds[0][i]), float(space.bounds[1][i]))
@@ -355,7 +348,7 @@ def _with_uncertainty(
         )
         values[name] = Value(value, low, high)
         if most_of_the_range((low, high), prior):
-            flags.append(f"not_identifiable:{name}")
+            loose.append(f"not_identifiable:{name}")
     found = left.errors
     answer = replace(
         answer,
@@ -364,7 +357,7 @@ def _with_uncertainty(
         noise_um=found.noise_um,
         error_model=found.summary,
         evaluations=answer.evaluations + draws.evaluations,
-        flags=(*answer.flags, *flags, *found.flags),
+        flags=(*answer.flags, *loose, *found.flags),
         uncertainty=left,
     )
     return _with_bulk_modulus(answer, kappa)

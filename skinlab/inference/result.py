@@ -37,6 +37,7 @@ class Identification:
     points: int = 0
     phases: tuple[str, ...] = ("load",)
     parameters: dict[str, Value] | None = None  # by name, with unit; the order is `order`
+    optimum: dict[str, float] | None = None  # the best fit, which E, rms and `model_mm` are of
     nu_consistent: float | None = None
     kappa_MPa: float | None = None
     correlation: tuple[tuple[float, ...], ...] | None = None
@@ -71,6 +72,7 @@ class Identification:
                 name: {"value": v.value, "low": v.low, "high": v.high} for name, v in values.items()
             }
             or None,
+            "optimum": self.optimum,
             "nu_consistent": self.nu_consistent,
             "kappa_MPa": self.kappa_MPa,
             "order": list(values),
@@ -82,6 +84,9 @@ class Identification:
             "noise_um": self.noise_um,
             "error_model": self.error_model and asdict(self.error_model),
             "placement": None,
+            "outliers": []
+            if self.outliers is None
+            else [int(i) for i in self.outliers.nonzero()[0]],
             "iterations": self.iterations,
             "evaluations": self.evaluations,
             "seconds": self.seconds,

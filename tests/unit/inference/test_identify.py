@@ -177,7 +177,7 @@ def test_the_document_has_the_contracts_fields(grid, blind_curve):
         "file", "error", "points", "fitted_points", "phases", "aperture_mm", "thickness_mm",
         "parameters", "nu_consistent", "kappa_MPa", "order", "correlation", "error_um", "rms_um",
         "noise_um", "iterations", "evaluations", "seconds", "flags", "error_model",
-        "placement",
+        "placement", "optimum", "outliers",
     }  # fmt: skip
     assert entry["order"] == ["X1_MPa", "X2_MPa", "nu"]
     assert set(entry["parameters"]["nu"]) == {"value", "low", "high"}
