@@ -19,6 +19,7 @@ MESH_ERROR = (9.0e-4, 3.2e-4, 1.3e-4, 1.0e-4, 8.0e-5, 4.5e-5, 3.5e-5, 3.5e-5)
 MESH_REST = 1.0e-5
 
 _LEAST_PRESSURE_NOISE_MBAR = 0.02  # less is rounding
+_CORNER = 3.5  # robust standard deviations: more is a corner of the program, not noise
 _FEWEST = 12  # samples of a pressure channel whose noise can be told
 
 
@@ -38,20 +39,18 @@ def mesh_error_shapes(pressure_mbar: Array, deflection_mm: Array) -> Array:
 def roughness(values: Array) -> float:
     """Return the standard deviation of what in values (n,) is as rough as white noise.
 
-    From second differences, which a smooth course hardly has; NaN below 3 values.
+    From fourth differences, which a smooth course hardly has, without the largest: corners of a
+    program and single glitches do not count. In the unit of the values; NaN below 5 of them.
     """
-    if len(values) < 3:
+    if len(values) < 5:
         return float("nan")
-    bend = values[1:-1] - 0.5 * (values[:-2] + values[2:])
-    return float(np.sqrt(np.mean(bend**2) / 1.5))
-
-
-def robust_roughness(values: Array) -> float:
-    """Return `roughness` by the median: corners and single values that are off do not count."""
-    if len(values) < 3:
-        return float("nan")
-    bend = np.abs(values[1:-1] - 0.5 * (values[:-2] + values[2:]))
-    return float(np.median(bend) / (norm.ppf(0.75) * np.sqrt(1.5)))
+    bend = np.abs(
+        values[2:-2] - (-values[:-4] + 4 * values[1:-3] + 4 * values[3:-1] - values[4:]) / 6.0
+    )
+    scale = float(np.sqrt(1.0 + (1 + 16 + 16 + 1) / 36.0))
+    usual = float(np.median(bend) / norm.ppf(0.75))
+    kept = bend[bend <= _CORNER * usual]
+    return float(np.sqrt(np.mean(kept**2))) / scale
 
 
 def pressure_noise_mbar(time_s: Array, pressure_mbar: Array) -> float:

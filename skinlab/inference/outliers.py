@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from skinlab.inference.covariance import Covariance, OrnsteinUhlenbeck
 from skinlab.inference.likelihood import LinearModel
-from skinlab.inference.noise import robust_roughness
+from skinlab.inference.noise import roughness
 from skinlab.inference.samples import Samples
 
 Array = NDArray[np.float64]
@@ -74,7 +74,7 @@ def _mixture(off: Array, sigma: Array, already: int) -> Array:
 def _robust(residual: Array, samples: Samples, step_mm: float) -> Covariance:
     """Return white noise as large as the residuals are rough, and a process for the rest."""
     ends = samples.ends
-    rough = [robust_roughness(part) for part in np.split(residual, ends[:-1])]
+    rough = [roughness(part) for part in np.split(residual, ends[:-1])]
     counts = np.diff([0, *ends])
     rough = [r if np.isfinite(r) else 0.0 for r in rough]
     total = float(np.median(np.abs(residual))) / _SPREAD

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -152,21 +152,28 @@ class Group:
         return database.model(self.geometry, self.pressure_mbar, kappa, sd, self.time_s)
 
 
+def alike(keys: Sequence[Hashable]) -> list[list[int]]:
+    """Return indices by equal keys, in the order in which these first occur."""
+    groups: dict[Hashable, list[int]] = {}
+    for i, key in enumerate(keys):
+        groups.setdefault(key, []).append(i)
+    return list(groups.values())
+
+
 def group(fitted: Sequence[Fitted]) -> list[Group]:
     """Return the curves grouped by geometry, in the order in which these first occur."""
-    keys: dict[tuple[float, float, float], list[Fitted]] = {}
-    for one in fitted:
-        setup = one.curve.setup
-        sd = setup.thickness_sd_mm or 0.0
-        keys.setdefault((setup.aperture_mm, setup.thickness_mm, sd), []).append(one)
-    return [
-        Group(
-            tuple(members),
-            Geometry(aperture, thickness),
-            sd,
-            np.concatenate([m.curve.pressure_mbar[m.mask] for m in members]),
-            np.concatenate([m.curve.deflection_mm[m.mask] for m in members]),
-            np.concatenate([m.curve.time_s[m.mask] - m.curve.time_s[0] for m in members]),
-        )
-        for (aperture, thickness, sd), members in keys.items()
-    ]
+    setups = [one.curve.setup for one in fitted]
+    keys = [(s.aperture_mm, s.thickness_mm, s.thickness_sd_mm or 0.0) for s in setups]
+    return [_group([fitted[i] for i in members]) for members in alike(keys)]
+
+
+def _group(members: Sequence[Fitted]) -> Group:
+    setup = members[0].curve.setup
+    return Group(
+        tuple(members),
+        Geometry(setup.aperture_mm, setup.thickness_mm),
+        setup.thickness_sd_mm or 0.0,
+        np.concatenate([m.curve.pressure_mbar[m.mask] for m in members]),
+        np.concatenate([m.curve.deflection_mm[m.mask] for m in members]),
+        np.concatenate([m.curve.time_s[m.mask] - m.curve.time_s[0] for m in members]),
+    )

@@ -25,7 +25,7 @@ from skinlab.inference.noise import (
     MESH_REST,
     mesh_error_shapes,
     pressure_noise_mbar,
-    robust_roughness,
+    roughness,
     slope_mm_per_mbar,
 )
 from skinlab.inference.outliers import outlier_probability
@@ -143,7 +143,7 @@ def _relative_noise(residual: Array, samples: Samples) -> Array:
     if len(parts) == 1:
         return np.ones(len(residual))
     counts = np.diff([0, *ends])
-    rough = np.array([max(r, _LEAST_ROUGH_MM) for r in map(robust_roughness, parts)])
+    rough = np.array([max(r, _LEAST_ROUGH_MM) for r in map(roughness, parts)])
     rough = np.where(np.isfinite(rough), rough, np.nanmedian(rough))
     usual = float(np.median(rough))
     apart = np.abs(np.log(rough / usual)) > _ALIKE * 1.5 / np.sqrt(2.0 * np.maximum(counts, 1))

@@ -9,7 +9,6 @@ from skinlab.inference.noise import (
     legendre,
     mesh_error_shapes,
     pressure_noise_mbar,
-    robust_roughness,
     roughness,
     slope_mm_per_mbar,
 )
@@ -91,7 +90,7 @@ def test_slopes_agree_with_the_models(table):
 
 
 def test_one_glitch_is_not_rough():
-    noise = np.random.default_rng(7).normal(0, 0.003, 2000)
-    noise[700] += 0.3
-    assert robust_roughness(noise) == pytest.approx(0.003, rel=0.1)
-    assert roughness(noise) > 0.006
+    noise = np.random.default_rng(7).normal(0, 0.003, 100)
+    before = roughness(noise)
+    noise[70] += 0.3
+    assert roughness(noise) == pytest.approx(before, rel=0.1)
