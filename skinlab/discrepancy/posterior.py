@@ -32,6 +32,7 @@ class Posterior:
     best: Array  # (k,) the optimum
     u: Array  # (n, k)
     weight: Array
+    log_density: Array  # (n,) up to a constant
 
     @property
     def effective(self) -> float:
@@ -45,7 +46,9 @@ class Posterior:
         found = {}
         for name, values in self._named().items():
             bounds = (low[name], high[name])
-            middle, *ends = summary(values, self.weight, bounds, logarithmic=name in BASE_NAMES[:2])
+            middle, *ends = summary(
+                values, self.weight, self.log_density, bounds, logarithmic=name in BASE_NAMES[:2]
+            )
             found[name] = {"value": middle, "low": ends[0], "high": ends[1]}
         return found
 
@@ -76,7 +79,7 @@ def sample(fitter: Fitter, fit: Fit, rng: np.random.Generator) -> Posterior:
     draws = follow_the_valley(
         space, _Misfit(fitter, model), space.to_unit(fit.u)[None], rng, draws=_DRAWS
     )
-    return Posterior(unknowns, fit.u, draws.parameters, draws.weight)
+    return Posterior(unknowns, fit.u, draws.parameters, draws.weight, draws.log_target)
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +118,9 @@ def gaussian(fit: Fit) -> Posterior:
     u = fit.u + drawn @ _root(fit.information).T
     inside = u[((u >= low) & (u <= high)).all(axis=1)]
     u = inside if len(inside) else fit.u[None]
-    return Posterior(fit.unknowns, fit.u, u, np.full(len(u), 1.0 / len(u)))
+    off = u - fit.u
+    log_density = -0.5 * np.einsum("ni,ij,nj->n", off, fit.information, off)
+    return Posterior(fit.unknowns, fit.u, u, np.full(len(u), 1.0 / len(u)), log_density)
 
 
 def _root(information: Array) -> Array:

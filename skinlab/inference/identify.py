@@ -344,7 +344,11 @@ def _with_uncertainty(
         prior = priors[:, i]
         bounds = (float(space.bounds[0][i]), float(space.bounds[1][i]))
         value, low, high = summary(
-            draws.parameters[:, i], draws.weight, bounds, logarithmic=is_logarithmic(prior)
+            draws.parameters[:, i],
+            draws.weight,
+            draws.log_target,
+            bounds,
+            logarithmic=is_logarithmic(prior),
         )
         values[name] = Value(value, low, high)
         if most_of_the_range((low, high), prior):
