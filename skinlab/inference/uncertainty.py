@@ -42,6 +42,7 @@ _MOST_MODES = 6
 _SLOPE_STEP = 1e-4  # of the unit cube
 _FLAT_PRECISION = 12.0  # of a flat prior on the unit interval
 _LEAST_ROUGH_MM = 1e-5
+_BEYOND = 2.0  # times the squares: what a fit gains outside of the range is no small matter
 _ALIKE = 2.5  # standard deviations: curves whose noises are closer have the same
 
 
@@ -178,8 +179,26 @@ def about(
         slope = moved / (np.diag(up) - np.diag(down))
         precision += np.outer(slope, slope)
     samples = samples_of(groups)
-    linear = LinearModel(samples.deflection_mm - here, slopes.T, precision)
+    residual = samples.deflection_mm - here
+    columns = _within(unit, residual, slopes.T)
+    linear = LinearModel(residual, columns, precision)
     return Fitted(groups, models, space, samples, here, linear, sensor)
+
+
+def _within(unit: Array, residual: Array, slopes: Array) -> Array:
+    """Return the slopes (u, k), zero of unknowns at a bound that would have to go far beyond it.
+
+    The linear model knows no bounds: what only an unknown outside of its range explains is error.
+    """
+    stuck = (unit <= 0.0) | (unit >= 1.0)
+    if not stuck.any():
+        return slopes
+    kept = np.where(stuck, 0.0, slopes)
+    with_all, without = (
+        float(np.square(residual - c @ np.linalg.lstsq(c, residual)[0]).sum())
+        for c in (slopes, kept)
+    )
+    return kept if without > _BEYOND * with_all else slopes
 
 
 def split_by_group(groups: Sequence[Group], values: NDArray[Any]) -> list[NDArray[Any]]:

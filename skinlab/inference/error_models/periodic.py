@@ -72,6 +72,7 @@ class Periodic:
         if share[best] * 0.5 * len(samples) < _STANDS_OUT * samples.curves:
             return None
         frequency = float(grid[best])
+        tried = 1.0 + (self.high_hz - self.low_hz) * lasts  # frequencies that can be told apart
         waves = columns(samples, frequency)
         size = Hyperparameter(f"{self.name}_um", self.median_um, 0.7)
 
@@ -79,6 +80,6 @@ class Periodic:
             return Terms(columns_mm=1e-3 * values[0] * waves)
 
         return Part(
-            self.name, (size,), terms, math.log(_ODDS), stated={f"{self.name}_hz": frequency},
+            self.name, (size,), terms, math.log(_ODDS / tried), stated={f"{self.name}_hz": frequency},
             why=f"{self.meaning} at {frequency:.2g} Hz",
         )  # fmt: skip
