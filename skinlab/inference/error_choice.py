@@ -20,7 +20,7 @@ from scipy.special import gammaln, logsumexp, ndtri
 from scipy.stats import qmc
 
 from skinlab.inference.covariance import Covariance
-from skinlab.inference.error_models.base import Look, Part
+from skinlab.inference.error_models.base import ErrorModel, Look, Part
 from skinlab.inference.error_models.registry import error_models
 from skinlab.inference.likelihood import LinearModel
 
@@ -183,14 +183,20 @@ class ErrorChoice:
 
 
 def choose_errors(
-    look: Look, linear: LinearModel, fixed_mm: Array, fixed_mm2: Array
+    look: Look,
+    linear: LinearModel,
+    fixed_mm: Array,
+    fixed_mm2: Array,
+    models: Sequence[ErrorModel] | None = None,
 ) -> ErrorChoice:
     """Return what errors these samples have.
 
     `linear` is the model about its fit; `fixed_mm` (u, m) and `fixed_mm2` (u,) are columns and
-    variances of errors that are known beforehand: the mesh's.
+    variances of errors that are known beforehand: the mesh's. `models` are those to choose from,
+    all that there are if it is None.
     """
-    offered = [part for model in error_models().values() if (part := model.part(look)) is not None]
+    models = tuple(error_models().values()) if models is None else models
+    offered = [part for model in models if (part := model.part(look)) is not None]
     always = tuple(sorted((p for p in offered if p.always), key=lambda p: p.name != "white"))
     others = [p for p in offered if not p.always]
 
@@ -216,7 +222,7 @@ def choose_errors(
         if leader.log_evidence <= best.log_evidence + _NO_GAIN:
             break
         best = leader
-    mixture = _scale_mixture(look, linear, best, combine)
+    mixture = _scale_mixture(look, linear, best, combine, models)
     if mixture is not None:
         tried.append(mixture)
         if mixture.log_evidence > best.log_evidence:
@@ -393,6 +399,7 @@ def _scale_mixture(
     linear: LinearModel,
     best: _Explored,
     combine: Callable[[tuple[Part, ...]], Combination],
+    models: Sequence[ErrorModel],
 ) -> _Explored | None:
     """Return the best combination with heavy tails; None where none are seen.
 
@@ -400,7 +407,7 @@ def _scale_mixture(
     """
     plain, at = best.combination.parts, best.log_mode
     seen = replace(look, white_square=linear.white_square(best.mode_covariance))
-    mixtures = (model.part(seen) for model in error_models().values())
+    mixtures = (model.part(seen) for model in models)
     part = next((p for p in mixtures if p is not None and p.again is not None), None)
     if part is None or part.again is None:
         return None

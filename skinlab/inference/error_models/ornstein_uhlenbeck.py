@@ -15,7 +15,7 @@ from skinlab.inference.covariance import OrnsteinUhlenbeck
 from skinlab.inference.error_models.base import Hyperparameter, Look, Part, Terms
 
 _SIZE = Hyperparameter("ou_um", 3.0, 0.6)
-_TIME = Hyperparameter("ou_s", 0.5, 1.2)
+_TIME = Hyperparameter("ou_s", 0.7, 1.2)
 _ODDS = 1.0
 _FEWEST = 12
 

@@ -80,6 +80,10 @@ class Periodic:
             return Terms(columns_mm=1e-3 * values[0] * waves)
 
         return Part(
-            self.name, (size,), terms, math.log(_ODDS / tried), stated={f"{self.name}_hz": frequency},
+            self.name,
+            (size,),
+            terms,
+            math.log(_ODDS / tried),
+            stated={f"{self.name}_hz": frequency},
             why=f"{self.meaning} at {frequency:.2g} Hz",
-        )  # fmt: skip
+        )
