@@ -34,7 +34,7 @@ class HeavyTails:
     def part(self, look: Look) -> Part | None:
         """Return its part where the tails are heavier than Gaussian."""
         square = look.white_square
-        if square is None or len(square) < _FEWEST:
+        if square is None or len(square) < _FEWEST or not square.mean() > 0.0:
             return None
         scaled = square / square.mean()
         if np.mean(scaled**2) < 3.0 + _SUSPECT * math.sqrt(96.0 / len(square)):

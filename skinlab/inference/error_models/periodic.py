@@ -2,7 +2,8 @@
 
 The frequency is the one whose sine and cosine, less what the skin's unknowns absorb, take most off
 the residuals' squares (a Lomb-Scargle periodogram with the model's slopes as nuisance: Scargle
-1982, Astrophys. J. 263:835). Both then are columns of the covariance, as large as the amplitude.
+1982, Astrophys. J. 263:835). Both, and those of the frequencies that the record cannot tell from
+it, are columns of the covariance; the model's size is their common standard deviation.
 """
 
 from __future__ import annotations
@@ -73,7 +74,9 @@ class Periodic:
             return None
         frequency = float(grid[best])
         tried = 1.0 + (self.high_hz - self.low_hz) * lasts  # frequencies that can be told apart
-        waves = columns(samples, frequency)
+        # As far beside it as the record cannot tell: the truth may be there.
+        near = np.clip(frequency + 0.5 / lasts * np.arange(-1, 2), self.low_hz, self.high_hz)
+        waves = np.hstack([columns(samples, float(f)) for f in near]) / math.sqrt(len(near))
         size = Hyperparameter(f"{self.name}_um", self.median_um, 0.7)
 
         def terms(values: Sequence[float]) -> Terms:

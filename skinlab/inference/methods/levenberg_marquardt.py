@@ -39,17 +39,19 @@ def identify(
     if not np.isfinite(error):
         return search.end(unit, error, 0, converged=False)
     iterations = 0
+    # MINPACK refuses fewer residuals than unknowns, as a curve without any pressure leaves.
+    lacking = max(0, len(unit) - len(search.residuals(unit)))
 
     def residuals(theta: Array) -> Array:
         r = search.residuals(np.sin(theta) ** 2)
-        return r if np.isfinite(r).all() else np.full(len(r), _NO_MODEL_MM)
+        return np.pad(r if np.isfinite(r).all() else np.full(len(r), _NO_MODEL_MM), (0, lacking))
 
     def jacobian(theta: Array) -> Array:
         nonlocal iterations
         iterations += 1
         # Next to where the model ends a difference may have no value: that way is no way.
         slopes = search.jacobian(np.sin(theta) ** 2) * np.sin(2.0 * theta)
-        return np.nan_to_num(slopes, nan=0.0)
+        return np.pad(np.nan_to_num(slopes, nan=0.0), ((0, lacking), (0, 0)))
 
     fit = least_squares(
         residuals,
