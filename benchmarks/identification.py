@@ -6,11 +6,11 @@
     OPENBLAS_NUM_THREADS=1 python benchmarks/identification.py rivals [--curves 40] [--seed 3]
 
 Each part prints and saves benchmarks/results/identification_PART.json; `coverage` saves each row as
-a line of identification_coverage.jsonl when it is done (coverage.py has the rows, prior_skins.py the
-skins), and goes on where it ended. Curves of the other parts are computed by the finite elements
-directly, for skins drawn from the prior (flat in log X1, log X2/X1 and ν over the
-database's range, where the skin does not crease before 100 mbar), openings of 2, 4, 6 and 8 mm and
-thicknesses of 0.8–1.6 mm: 51 samples, 0–100 mbar. `rivals` needs the package cma (extra "bench").
+a line of identification_coverage.jsonl when it is done, and goes on where it ended (coverage.py has
+the rows, prior_skins.py the skins). Curves of the other parts are computed by the finite elements
+directly, for skins drawn from the prior (flat in log X1, log X2/X1 and ν over the database's range,
+where the skin does not crease before 100 mbar), openings of 2, 4, 6 and 8 mm and thicknesses of
+0.8–1.6 mm: 51 samples, 0–100 mbar. `rivals` needs the package cma (extra "bench").
 """
 
 from __future__ import annotations

@@ -149,6 +149,20 @@ class Covariance:
         """Log determinant of Σ, of mm²."""
         return self.log_determinant_without_columns + float(np.log1p(self._columns[1] ** 2).sum())
 
+    def products(self, values_mm: Array) -> tuple[Array, float]:
+        """Return rᵀ Σ⁻¹ r (m, m) of values (u, m), and the log determinant of Σ.
+
+        For a few values of many covariances: quicker than whitening.
+        """
+        m = values_mm.shape[1]
+        white = self.whiten_without_columns(np.column_stack([values_mm, self.columns_mm]))
+        gram = white.T @ white
+        inner = gram[m:, m:] + np.eye(len(gram) - m)
+        root = np.linalg.cholesky(inner)
+        taken = np.linalg.solve(root, gram[m:, :m])
+        log_inner = 2.0 * float(np.log(np.diag(root)).sum())
+        return gram[:m, :m] - taken.T @ taken, self.log_determinant_without_columns + log_inner
+
     def log_density(self, residuals_mm: Array) -> float:
         """Return the Gaussian log density of residuals (u,), per mm."""
         z = self.whiten(residuals_mm)

@@ -66,9 +66,9 @@ class IntegratedLikelihood:
         self._basis = basis[:rank].T
         forms = []
         for node in self.choice.nodes:
-            white = node.covariance.whiten(np.column_stack([self.residual_mm, self._basis]))
-            gram = white.T @ white
-            constant = gram[0, 0] + node.covariance.log_determinant - 2.0 * node.log_prior
+            both = np.column_stack([self.residual_mm, self._basis])
+            gram, log_determinant = node.covariance.products(both)
+            constant = gram[0, 0] + log_determinant - 2.0 * node.log_prior
             quadratic = gram[1:, 1:][np.tril_indices(rank)]
             forms.append(np.concatenate([[constant], -2.0 * gram[0, 1:], quadratic]))
         self._forms = -0.5 * np.array(forms).T

@@ -42,6 +42,7 @@ _MOST_MODES = 6
 _SLOPE_STEP = 1e-4  # of the unit cube
 _FLAT_PRECISION = 12.0  # of a flat prior on the unit interval
 _LEAST_ROUGH_MM = 1e-5
+_SMALL = 0.07  # of the noise: columns of so little length change nothing
 _BEYOND = 2.0  # times the squares: what a fit gains outside of the range is no small matter
 _ALIKE = 2.5  # standard deviations: curves whose noises are closer have the same
 
@@ -134,7 +135,10 @@ class Fitted:
             self.pressure_sd_mbar()[kept],
         )
         rest = (MESH_REST * self.best_mm[kept]) ** 2
-        return choose_errors(look, linear, self.mesh_columns()[kept], rest)
+        columns = self.mesh_columns()[kept]
+        least = _SMALL * max(roughness(residual), _LEAST_ROUGH_MM)
+        seen = np.sqrt(np.square(columns).sum(axis=0)) > least
+        return choose_errors(look, linear, columns[:, seen], rest)
 
 
 def _relative_noise(residual: Array, samples: Samples) -> Array:

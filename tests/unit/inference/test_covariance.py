@@ -47,6 +47,15 @@ def test_whitening_and_determinant_are_those_of_the_dense_matrix(covariance):
     np.testing.assert_allclose(covariance.total_sd_mm**2, np.diag(whole), rtol=1e-10)
 
 
+@given(covariances())
+def test_products_are_those_of_whitened_values(covariance):
+    values = np.random.default_rng(0).normal(size=(covariance.count, 3))
+    white = covariance.whiten(values)
+    products, log_determinant = covariance.products(values)
+    np.testing.assert_allclose(products, white.T @ white, rtol=1e-6, atol=1e-8)
+    assert log_determinant == pytest.approx(covariance.log_determinant, abs=1e-7)
+
+
 @given(covariances(), st.randoms(use_true_random=False))
 def test_colouring_undoes_whitening(covariance, random):
     values = np.random.default_rng(random.randrange(2**32)).normal(size=(covariance.count, 2))
