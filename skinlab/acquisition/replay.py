@@ -14,6 +14,7 @@ from skinlab.curves.curve import Curve
 from skinlab.discrepancy.model_identifier import with_model
 from skinlab.errors import InputError
 from skinlab.inference.identify import Identifier
+from skinlab.inference.methods import get_method
 from skinlab.inference.problem import Options, check
 from skinlab.inference.result import Identification
 from skinlab.inference.uncertainty import Sensor
@@ -25,14 +26,8 @@ from skinlab.tables.base import Database
 from skinlab.tables.store import shipped_grid, shipped_table
 from skinlab.versions import versions
 
-# Settings that sessions did not record at first, as they were then.
-_BEFORE: dict[str, Any] = {
-    "sampling": "uniform",
-    "slowdown": 0.4,
-    "forgetting": 0.9,
-    "covariance": 1.0,
-    "passes": 500,
-}
+# Settings that sessions did not record at first, where they were others than today's defaults.
+_BEFORE: dict[str, dict[str, int | float | str]] = {"rls": {"passes": 500}}
 
 
 def identifier_of(session: Session) -> tuple[Identifier, str | None]:
@@ -57,9 +52,9 @@ def identifier_of(session: Session) -> tuple[Identifier, str | None]:
             samples=settings["samples"],
             best=settings["best"],
             tolerance_um=settings["tolerance_um"],
-            **{name: settings.get(name, value) for name, value in _BEFORE.items()},
-        )
+        ).having(**_own(settings))
         check(options)
+        get_method(settings["method"]).check(options)
         identifier = Identifier(
             database,
             method=settings["method"],
@@ -81,6 +76,14 @@ def identifier_of(session: Session) -> tuple[Identifier, str | None]:
             f"{database.content_hash}: results may differ"
         )
     return identifier, warning
+
+
+def _own(settings: dict[str, Any]) -> dict[str, int | float | str]:
+    """Return the method's own options: recorded together, once one by one, or not at all."""
+    method = settings["method"]
+    recorded = settings.get("options", settings)
+    read = {option.name for option in get_method(method).options}
+    return _BEFORE.get(method, {}) | {k: v for k, v in recorded.items() if k in read}
 
 
 def replay(
@@ -150,10 +153,15 @@ def reasons(session: Session, identifier: Identifier) -> list[str]:
         found.append(f"another database: it was {settings.get('database_hash')}, is {database}")
     stated = session.meta.get("versions")
     then = stated if isinstance(stated, dict) else {}
-    for name, now in versions().items():
-        if then.get(name) != now:
-            what = "another machine" if name == "machine" else f"another version of {_SAID[name]}"
-            found.append(f"{what}: it was {then.get(name, 'not recorded')}, is {now}")
+    now = versions()
+    plugins = [name for name in then if name.startswith("plugin ")]
+    for name in dict.fromkeys([*now, *plugins]):
+        was, is_ = then.get(name, "not recorded"), now.get(name, "not installed")
+        if was != is_:
+            what = f"another version of {_SAID.get(name, name)}"
+            found.append(
+                f"{'another machine' if name == 'machine' else what}: it was {was}, is {is_}"
+            )
     return found
 
 

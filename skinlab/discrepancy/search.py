@@ -24,7 +24,7 @@ from skinlab.discrepancy.search_workers import (
 )
 from skinlab.discrepancy.unknowns import Known, Unknowns
 from skinlab.errors import NotTrustworthyError
-from skinlab.mechanics.effects.registry import effect_names
+from skinlab.mechanics.effects import effect_names
 from skinlab.mechanics.model_file import BASE, Model, Normal
 
 Array = NDArray[np.float64]

@@ -6,7 +6,7 @@ from skinlab.discrepancy.adequacy import ADEQUATE, Place
 from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.search import Candidate, Partial
 from skinlab.discrepancy.unknowns import BASE_NAMES
-from skinlab.mechanics.effects.registry import get_effect
+from skinlab.mechanics.effects import get_effect
 
 _SHOWN = 5
 _LABEL = {"X1_MPa": "X1 (MPa)", "X2_MPa": "X2 (MPa)", "nu": "nu"}

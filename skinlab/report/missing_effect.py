@@ -16,7 +16,7 @@ from skinlab.discrepancy.text import (
     where_words,
 )
 from skinlab.errors import InputError
-from skinlab.mechanics.effects.registry import get_effect
+from skinlab.mechanics.effects import get_effect
 from skinlab.report.page import Illustration, Section, Table, page
 from skinlab.report.pictures import new_figure, style, to_data_uri
 

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import sys
 
+from skinlab.mechanics.effects import all_effects
 from skinlab.mechanics.effects.base import Effect, Parameter
-from skinlab.mechanics.effects.registry import all_effects
 
 HEADER = "| name | what it is | definition | acts on | parameters: bounds, zero, typical | source |"
 

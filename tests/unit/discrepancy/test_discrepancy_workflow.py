@@ -12,8 +12,8 @@ from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
 from skinlab.discrepancy.posterior import gaussian
 from skinlab.discrepancy.workflow import explain
+from skinlab.mechanics.effects import effect_names
 from skinlab.mechanics.effects.model import Skin, response
-from skinlab.mechanics.effects.registry import effect_names
 from skinlab.mechanics.fem.suction import Geometry
 
 SKIN = Skin(0.041, 1.7, 0.31)
