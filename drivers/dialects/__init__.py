@@ -1,15 +1,15 @@
 """Dialects: one file each is the grammar of one instrument, found by looking.
 
 A module of this folder has a `DIALECT` that meets `Dialect`; an installed package offers one by an
-entry point of the group `skinlab.dialects`, `name = "package.module:DIALECT"`. It holds both sides of the conversation,
-so that the simulated probe and the host share one grammar and every frame can be tested round trip.
+entry point of the group `skinlab.dialects`, `name = "package.module:DIALECT"`. It holds both
+sides of the conversation, so that the simulated probe and the host share one grammar and every
+frame can be tested round trip.
 """
 
 from __future__ import annotations
 
 import contextlib
 import importlib
-import importlib.metadata
 import pkgutil
 import sys
 from functools import cache
@@ -90,6 +90,8 @@ def _installed() -> dict[str, tuple[Dialect, tuple[str, str]]]:
 
     The same rules as for all other kinds of plugins, which this package may not know of.
     """
+    import importlib.metadata  # only where a dialect is asked for
+
     found: dict[str, tuple[Dialect, tuple[str, str]]] = {}
     try:
         entries = sorted(importlib.metadata.entry_points(group=GROUP), key=lambda e: e.name)

@@ -105,6 +105,14 @@ def _which(outcome: Outcome) -> Section:
 
 def _methods(outcome: Outcome) -> Section:
     lowest = [[n, f"{v:.3g}"] for n, v in outcome.detectable.items()]
+    unseen = [
+        [name, f"{what}: {why}"]
+        for what, found in (
+            ("cannot be seen", outcome.cannot_show),
+            ("not looked for", outcome.not_screened),
+        )
+        for name, why in found.items()
+    ]
     records = outcome.found.records
     data = [
         [
@@ -135,6 +143,7 @@ def _methods(outcome: Outcome) -> Section:
                 data,
             ),
             Table(["parameter", "smallest size to be seen"], lowest),
+            Table(["effect", "not among them"], unseen),
         ],
     )
 
