@@ -70,8 +70,9 @@ class Registry(Generic[T]):
         *,
         called: Callable[[str], str] | None = None,
     ) -> None:
-        self.kind, self.group, self.attribute = kind, group, attribute
-        self._package, self._check = package, check
+        self.kind, self.group = kind, group
+        self.package, self.attribute = package, attribute
+        self._check = check
         self._called = called or (lambda name: f"{kind} {name!r}")
         self._lock = threading.RLock()
         self._found: dict[str, T] = {}
@@ -123,7 +124,7 @@ class Registry(Generic[T]):
             return self._found
 
     def _look(self) -> None:
-        for one in _built_in(self._package, self.attribute):
+        for one in _built_in(self.package, self.attribute):
             self._check(one)
             if one.name in self._found:
                 raise TypeError(f"two built-in ones are called {self._called(one.name)}")

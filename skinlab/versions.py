@@ -12,7 +12,7 @@ from skinlab import __version__
 from skinlab.plugins import installed
 
 # Computes nothing: a change here changes no result.
-_SCREENS = frozenset({"tui", "cli", "report"})
+_SCREENS = frozenset({"tui", "cli", "report", "extensions"})
 
 
 def versions() -> dict[str, str]:

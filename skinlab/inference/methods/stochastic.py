@@ -38,12 +38,14 @@ _ASKED = Option(
     "confidence",
     CONFIDENCE,
     "N from eq. (10), in place of --samples: how sure, 0 to 1",
+    "more than 0 and less than 1",
     instead_of="samples",
 )
 _BEST_PART = Option(
     "accuracy",
     ACCURACY,
     "the same: in which best fraction of the box",
+    "more than 0 and less than 1",
     instead_of="samples",
 )
 
