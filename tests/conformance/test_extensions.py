@@ -32,7 +32,25 @@ def test_what_is_built_in_bears_the_name_of_its_file(kind):
 def test_docs_show_what_is_declared(kind):
     """`skinlab plugins --table KIND` prints it."""
     pages = [page.read_text("utf-8") for page in DOCS.glob("*.md")]
-    assert sum(kind.markdown() in page for page in pages) == 1
+    built_in = [one for one in kind.registry.all() if kind.registry.origin(one.name) is None]
+    assert not built_in or sum(kind.markdown() in page for page in pages) == 1
+
+
+def test_recipes_show_what_the_example_has():
+    """The example is installed and run by tests/system/test_plugins.py."""
+    page = (DOCS / "extending.md").read_text("utf-8")
+    example = DOCS.parent / "examples" / "plugin"
+    files = {path: path.read_text("utf-8") for path in example.rglob("*.*") if path.is_file()}
+    shown = re.findall(r"```(?:python|toml)\n(.*?)```", page, re.DOTALL)
+    assert len(shown) >= 8
+    for code in shown:
+        assert any(code.rstrip() in text for text in files.values()), code
+    for kind in KINDS:
+        assert f"`{kind.registry.group}`" in page
+    for path in files:
+        if path.suffix == ".py" and path.stem != "__init__":
+            assert f"`skinlab_example/{path.name}`" in page
+            assert f"`skinlab plugins check {path.stem}`" in page
 
 
 def test_a_broken_rule_is_a_sentence():
