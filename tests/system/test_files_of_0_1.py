@@ -1,4 +1,4 @@
-"""What version 0.1.0 wrote stays readable: tests/data/v0.1, each through the command that reads it."""
+"""What version 0.1.0 wrote stays readable: each kind of file through the command that reads it."""
 
 from __future__ import annotations
 
