@@ -142,7 +142,8 @@ class Recording:
         self._save()
 
     def _save(self) -> None:
-        made = session_from_records(*read_journal(self.journal.path))
+        read = read_journal(self.journal.path)
+        made = session_from_records(read.meta, read.records)
         _write(self.journal.path, self.path, made, replace=self._saved)
         self._saved = True
 
@@ -188,6 +189,9 @@ def new_session_path(folder: Path, now: datetime) -> Path:
     return path
 
 
+_MOST_SENTENCES = 100  # in the audit trail
+
+
 def recover(
     journal: Path,
     session: Path,
@@ -195,15 +199,18 @@ def recover(
     clock: Callable[[], float] = time.monotonic,
     now: Callable[[], float] = time.time,
     who: str | None = None,
-) -> Session:
-    """Write the session that a journal holds, and return it. The journal stays.
+) -> tuple[Session, list[str]]:
+    """Write the session that a journal holds; return it, and what could not be read of it.
+
+    The journal stays. What could not be read is in the audit trail as well, a sentence each.
 
     A session that was saved before the crash is completed: nothing in it is lost.
 
     Raises:
         InputError: no journal, the session cannot be written, or another one is there.
     """
-    meta, records = read_journal(journal)
+    read = read_journal(journal)
+    meta, records, skipped = read.meta, read.records, read.skipped
     before = None
     if session.exists():
         before = read_session(session)
@@ -213,12 +220,14 @@ def recover(
                 "never overwritten"
             )
         if len(before.records) >= len(records):
-            return before
-    deed = note(clock(), now(), operator() if who is None else who, "recovered", {})
+            return before, skipped
+    session_from_records(meta, records, skipped.append)
+    detail = {"skipped": skipped[:_MOST_SENTENCES]} if skipped else {}
+    deed = note(clock(), now(), operator() if who is None else who, "recovered", detail)
     records.append(Chain(records).add(deed))
     made = session_from_records(meta, records)
     _write(journal, session, made, replace=before is not None)
-    return made
+    return made, skipped
 
 
 def _same(saved: tuple[Record, ...], records: list[Record]) -> bool:

@@ -18,9 +18,9 @@ from skinlab.program import parse_program
 
 @dataclass(frozen=True, slots=True)
 class Planned:
-    """The next run of the instrument belongs to this setup."""
+    """The next run of the instrument belongs to this setup; None: nobody can say to which."""
 
-    setup: Setup
+    setup: Setup | None
 
 
 Item = Planned | TimedEvent

@@ -20,8 +20,8 @@ from skinlab.errors import InputError, NotTrustworthyError
 from skinlab.identify.identifier import PAPERS_METHODS, Identifier
 from skinlab.identify.noise import pressure_noise_mbar, slope_mm_per_mbar
 from skinlab.identify.samples import Fitted, choose, group
+from skinlab.identify.stored import StoredResult
 from skinlab.parameters import PAPER_BOX
-from skinlab.report.stored import StoredResult
 
 Array = NDArray[np.float64]
 

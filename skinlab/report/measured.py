@@ -8,9 +8,9 @@ from skinlab.curve import Curve
 from skinlab.errors import InputError
 from skinlab.gates.base import Finding
 from skinlab.identify.identifier import Identifier
+from skinlab.identify.stored import StoredResult, stored_result
 from skinlab.pipeline import Pipeline
 from skinlab.report.fitted import Fit, fit_again
-from skinlab.report.stored import StoredResult, stored_result
 from skinlab.session import Session
 from skinlab.sources import recorded_items
 from skinlab.stream import CurveCompleted, Flagged, Message

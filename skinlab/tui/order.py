@@ -10,7 +10,7 @@ from urllib.parse import parse_qsl, urlencode
 from drivers.events import Hello
 from skinlab.curve import Setup, check_aperture, check_thickness
 from skinlab.errors import InputError
-from skinlab.program import Program, parse_program
+from skinlab.program import Program, check_measurable, parse_program
 from skinlab.subject import check_subject
 
 DEFAULTS = {
@@ -95,9 +95,9 @@ def check_limits(program: Program, hello: Hello) -> None:
             f"program {program}: up to {program.max_pressure_mbar:g} mbar; this instrument goes "
             f"to {hello.max_pressure_mbar:g} mbar"
         )
-    if program.longest_suction_s > hello.max_suction_s:
+    if program.unpaused_suction_s > hello.max_suction_s:
         raise InputError(
-            f"program {program}: {program.longest_suction_s:g} s of suction without a pause; this "
+            f"program {program}: {program.unpaused_suction_s:g} s of suction without a pause; this "
             f"instrument holds at most {hello.max_suction_s:g} s"
         )
 
@@ -114,7 +114,7 @@ def read_order(texts: Mapping[str, str]) -> Order:
     setup = Setup(
         aperture_mm=_number("aperture_mm", text["aperture_mm"]),
         thickness_mm=_number("thickness_mm", text["thickness_mm"]),
-        program=parse_program(text["program"]),
+        program=_program(text["program"]),
         cycle=_cycle(text["cycle"]),
         thickness_sd_mm=_sd(text["thickness_sd_mm"]),
     )
@@ -131,6 +131,10 @@ def read_order(texts: Mapping[str, str]) -> Order:
 def _port(text: str) -> None:
     if not text:
         raise InputError("port: expected a port or a URL, e.g. /dev/ttyUSB0 or sim://?seed=1")
+
+
+def _program(text: str) -> Program:
+    return check_measurable(parse_program(text))
 
 
 def _number(field: str, text: str) -> float:
@@ -180,5 +184,5 @@ _CHECKS: dict[str, Callable[[str], object]] = {
     "cycle": _cycle,
     "repeats": _repeats,
     "rest_s": _rest,
-    "program": parse_program,
+    "program": _program,
 }

@@ -11,13 +11,13 @@ from skinlab.effects.model import Skin, response
 from skinlab.errors import InputError
 from skinlab.fem.suction import Geometry
 from skinlab.identify.identifier import Identifier
+from skinlab.identify.stored import StoredResult, StoredValue
 from skinlab.identify.uncertainty import Sensor
 from skinlab.model_file import EffectRange, Header, Model, Range
 from skinlab.pressure_path import PressurePath
 from skinlab.program import parse_program
 from skinlab.report.fitted import fit_again
 from skinlab.report.methods import assumptions, how
-from skinlab.report.stored import StoredResult, StoredValue
 
 NOISE_UM = 2.0
 PHASES = ("load", "hold", "unload", "rest")

@@ -1,0 +1,1 @@
+"""Files: written whole, for their owner only; HDF5, TOML and JSON that may be damaged."""
