@@ -317,7 +317,8 @@ def _claim(number: int) -> None:
 def _exists(path: Path) -> InputError:
     if is_live(path):
         return InputError(
-            f"{path}: another measurement is recording there now; expected another --out"
+            f"{path}: exists already: another measurement is recording there now; expected another "
+            "--out"
         )
     if path.stat().st_size == 0:
         return InputError(

@@ -27,7 +27,7 @@ from skinlab.stream import (
     Sampled,
     setup_to_json,
 )
-from skinlab.subject import check_subject
+from skinlab.subject import check_site, check_subject
 from skinlab.versions import versions
 
 
@@ -60,8 +60,8 @@ class Recording:
     `clock` is the host's monotonic time, `now` Unix time, both in s; `who` is in the audit trail.
 
     Raises:
-        InputError: the session exists already, nothing can be written there, or the subject is no
-            pseudonym. Said before any suction starts.
+        InputError: the session exists already, nothing can be written there, the subject is no
+            pseudonym, or the site names a person. Said before any suction starts.
     """
 
     def __init__(
@@ -77,6 +77,7 @@ class Recording:
         who: str | None = None,
     ) -> None:
         check_subject(subject)
+        check_site(site)
         if path.exists():
             raise InputError(f"{path}: exists already; a session is never overwritten")
         self.path = path

@@ -17,7 +17,7 @@ from skinlab.identify.result import Identification
 from skinlab.importing.reader import Imported
 from skinlab.recording import identification_settings
 from skinlab.session import Session, write_session
-from skinlab.subject import check_subject
+from skinlab.subject import check_site, check_subject
 from skinlab.versions import versions
 
 
@@ -26,7 +26,7 @@ class Who:
     """Whose curves they are, who imports them, and the two clocks: monotonic and Unix time, in s.
 
     Raises:
-        InputError: the subject is no pseudonym.
+        InputError: the subject is no pseudonym, or the site names a person.
     """
 
     subject: str = ""
@@ -38,6 +38,7 @@ class Who:
     def __post_init__(self) -> None:
         """Refuse what looks like a name."""
         check_subject(self.subject)
+        check_site(self.site)
 
 
 def imported_session(

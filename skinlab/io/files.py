@@ -117,6 +117,6 @@ def cannot_write(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         if isinstance(error, FileExistsError) and os.path.lexists(path):  # not: its folder is one
-            raise InputError(f"{path}: exists already, and is never overwritten") from None
+            raise InputError(f"{path}: exists already and is never overwritten") from None
         why = error.strerror or str(error)
         raise InputError(f"{path}: cannot be written ({why})") from None

@@ -57,7 +57,7 @@ def open_hdf5(path: Path) -> Iterator[Any]:
 def _check_content(path: Path, file: Any) -> None:
     import h5py
 
-    room = max(_ALWAYS_BYTES, _MOST_PER_BYTE * path.stat().st_size)
+    room = max(_ALWAYS_BYTES, _MOST_PER_BYTE * Path(path).stat().st_size)
     claimed = 0
 
     def look(name: str, link: Any) -> None:
@@ -73,7 +73,7 @@ def _check_content(path: Path, file: Any) -> None:
         if claimed > room:
             raise InputError(
                 f"{path}: {name} has {entry.size} elements, more than a file of "
-                f"{path.stat().st_size} bytes holds; it is damaged"
+                f"{Path(path).stat().st_size} bytes holds; it is damaged"
             )
 
     file.visititems_links(look)

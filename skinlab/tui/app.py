@@ -26,6 +26,7 @@ from skinlab.stream import Sampled
 from skinlab.tui.bench import Bench
 from skinlab.tui.board import EXPLAINING, Board, Level, Missing, Playing, Series
 from skinlab.tui.colourless import StyledFirst
+from skinlab.tui.inert import InertText
 from skinlab.tui.ledger import Deed
 from skinlab.tui.lifeline import INTERRUPTED
 from skinlab.tui.news import Adopted, Connected, Disconnected, Done, Failed, Heard, News
@@ -204,8 +205,8 @@ class SkinlabApp(App[None]):
         self._close_messages_no_wait()
 
     def get_line_filters(self) -> Sequence[LineFilter]:
-        """Return Textual's filters, safe for text without a style."""
-        return [StyledFirst(inner) for inner in super().get_line_filters()]
+        """Return Textual's filters, safe for text without a style, behind our own."""
+        return [InertText(), *(StyledFirst(inner) for inner in super().get_line_filters())]
 
     # ---- threads ------------------------------------------------------------------------------
 

@@ -11,7 +11,7 @@ from drivers.events import Hello
 from skinlab.curve import Setup, check_aperture, check_thickness
 from skinlab.errors import InputError
 from skinlab.program import Program, check_measurable, parse_program
-from skinlab.subject import check_subject
+from skinlab.subject import check_site, check_subject
 
 DEFAULTS = {
     "subject": "",
@@ -111,6 +111,7 @@ def read_order(texts: Mapping[str, str]) -> Order:
     text = {name: value.strip() for name, value in texts.items()}
     _port(text["port"])
     check_subject(text["subject"])
+    check_site(text["site"])
     setup = Setup(
         aperture_mm=_number("aperture_mm", text["aperture_mm"]),
         thickness_mm=_number("thickness_mm", text["thickness_mm"]),
@@ -178,6 +179,7 @@ def _cycle(text: str) -> int:
 _CHECKS: dict[str, Callable[[str], object]] = {
     "port": _port,
     "subject": check_subject,
+    "site": check_site,
     "aperture_mm": lambda text: check_aperture(_number("aperture_mm", text)),
     "thickness_mm": lambda text: check_thickness(_number("thickness_mm", text)),
     "thickness_sd_mm": _sd,
