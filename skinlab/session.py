@@ -10,6 +10,7 @@ import io
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from dataclasses import replace as dc_replace
 from pathlib import Path
 from typing import Any
 
@@ -129,7 +130,12 @@ def write_session(path: Path, session: Session, *, replace: bool = False) -> Non
     Raises:
         InputError: it cannot be written, or exists already; the journal keeps everything.
     """
-    write_file(path, _image(session), replace=replace)
+    # A file name may be no UTF-8, and HDF5 keeps nothing else.
+    named = tuple(
+        dc_replace(c, name=c.name.encode("utf-8", "backslashreplace").decode())
+        for c in session.curves
+    )
+    write_file(path, _image(dc_replace(session, curves=named)), replace=replace)
 
 
 def _image(session: Session) -> memoryview:

@@ -43,14 +43,14 @@ def _u(code: int) -> str:
 
 
 class _Escapes(dict[int, str | int]):
-    """The same, as escapes of TOML's and JSON's strings; below U+0020 their writers did it."""
+    """The same, as escapes of TOML's strings; below U+0020 the writer did it, but for the tab."""
 
     def __missing__(self, code: int) -> str | int:
         self[code] = shown = _u(code) if code >= 0x7F and _unseen(code) else code
         return shown
 
 
-_SYMBOLS, _LINES, _ESCAPES = _Symbols(), _Symbols({10: 10}), _Escapes()
+_SYMBOLS, _LINES, _ESCAPES = _Symbols(), _Symbols({10: 10}), _Escapes({9: "\\t"})
 
 
 def inert(text: str) -> str:

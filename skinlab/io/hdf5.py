@@ -28,6 +28,7 @@ def open_hdf5(path: Path) -> Iterator[Any]:
     """
     import h5py
 
+    path = Path(path)
     try:
         with h5py.File(path, "r") as file:
             _check_content(path, file)
@@ -57,26 +58,30 @@ def open_hdf5(path: Path) -> Iterator[Any]:
 def _check_content(path: Path, file: Any) -> None:
     import h5py
 
-    room = max(_ALWAYS_BYTES, _MOST_PER_BYTE * Path(path).stat().st_size)
+    room = max(_ALWAYS_BYTES, _MOST_PER_BYTE * path.stat().st_size)
     claimed = 0
 
-    def look(name: str, link: Any) -> None:
+    # An error may not pass through HDF5's library: it is returned, which ends the visit.
+    def look(name: str, link: Any) -> str | None:
         nonlocal claimed
         if not isinstance(link, h5py.HardLink):
-            raise InputError(f"{path}: {name} is a link to elsewhere; expected the data itself")
+            return f"{name} is a link to elsewhere; expected the data itself"
         entry = file[name]
         if not isinstance(entry, h5py.Dataset):
-            return
+            return None
         if entry.is_virtual or entry.external:
-            raise InputError(f"{path}: {name} is kept in another file; expected the data itself")
+            return f"{name} is kept in another file; expected the data itself"
         claimed += int(entry.size or 0) * entry.dtype.itemsize
         if claimed > room:
-            raise InputError(
-                f"{path}: {name} has {entry.size} elements, more than a file of "
-                f"{Path(path).stat().st_size} bytes holds; it is damaged"
+            return (
+                f"{name} has {entry.size} elements, more than a file of "
+                f"{path.stat().st_size} bytes holds; it is damaged"
             )
+        return None
 
-    file.visititems_links(look)
+    wrong = file.visititems_links(look)
+    if wrong is not None:
+        raise InputError(wrong)
 
 
 def read_array(group: Any, name: str, kind: DTypeLike, dimensions: int = 1) -> NDArray[Any]:
