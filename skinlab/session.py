@@ -272,6 +272,12 @@ def _result(number: int, text: str) -> dict[str, Any]:
     return found
 
 
+def _text(value: object) -> str:
+    text = str(value)
+    text.encode()  # what is no UTF-8 comes as surrogates
+    return text
+
+
 def _read(file: Any) -> Stored:
     raw = file["raw"]
     blob = read_array(raw, "data", np.uint8).tobytes()
@@ -291,7 +297,7 @@ def _read(file: Any) -> Stored:
     for group in file["curves"].values():
         curves.append(
             Curve(
-                name=str(group.attrs["name"]),
+                name=_text(group.attrs["name"]),
                 setup=setup_from_json(read_json_object(group.attrs["setup"])),
                 time_s=read_array(group, "time_s", float),
                 pressure_mbar=read_array(group, "pressure_mbar", float),
