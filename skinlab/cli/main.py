@@ -93,11 +93,16 @@ def run(arguments: Sequence[str] | None = None) -> int:
         return error.exit_code
     except (click.Abort, KeyboardInterrupt):
         return _say("interrupted", INTERRUPTED)
-    except (BrokenPipeError, SystemExit):
-        # The reader went away (`| head`), which click turns into an exit: nothing is wrong, and
-        # nothing may be flushed at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-        return 0
+    except (OSError, SystemExit) as error:
+        if isinstance(error.__context__, KeyboardInterrupt):
+            # click prints an empty line when it is interrupted, and the terminal may be gone.
+            return _say("interrupted", INTERRUPTED)
+        if isinstance(error, BrokenPipeError | SystemExit):
+            # The reader went away (`| head`), which click turns into an exit: nothing is wrong, and
+            # nothing may be flushed at exit.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+            return 0
+        return _explain(error)
     except Exception as error:  # noqa: BLE001 -- the last resort: a sentence, never a traceback
         return _explain(error)
 

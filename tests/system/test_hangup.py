@@ -22,18 +22,11 @@ def start(*arguments, cwd):
     process = subprocess.Popen(
         module_command("skinlab", *arguments),
         stdin=slave, stdout=slave, stderr=slave, start_new_session=True, cwd=cwd,
-        preexec_fn=lambda: os.login_tty(slave) if hasattr(os, "login_tty") else _control(slave),
+        preexec_fn=lambda: os.login_tty(slave),  # noqa: PLW1509 -- no thread runs here
         env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
     )  # fmt: skip
     os.close(slave)
     return master, process
-
-
-def _control(slave):
-    import fcntl
-    import termios
-
-    fcntl.ioctl(slave, termios.TIOCSCTTY, 0)
 
 
 def until(condition):
