@@ -19,8 +19,8 @@ def command(journal: Path, out: Path | None) -> int:
     Example: skinlab recover visit.h5.journal
     """
     from skinlab.errors import InputError
-    from skinlab.journal import is_live
-    from skinlab.recording import recover
+    from skinlab.recording.journal import is_live
+    from skinlab.recording.recorder import recover
 
     if out is None:
         out = journal.with_suffix("") if journal.suffix == ".journal" else Path(f"{journal}.h5")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from skinlab.identify.stored import StoredValue
-from skinlab.program import Program
+from skinlab.curves.program import Program
+from skinlab.inference.stored import StoredValue
 from skinlab.report.flags import NAMES, explanations, signed
 from skinlab.report.measured import Measured
 from skinlab.report.page import Illustration, Section, Table

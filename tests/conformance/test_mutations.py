@@ -24,13 +24,13 @@ from explained import campaign as campaign_of_offset
 
 from sim_device.build import build_device
 from skinlab.cli.main import run
-from skinlab.database.store import shipped_table
 from skinlab.discrepancy import cache
 from skinlab.discrepancy.workflow import explain
-from skinlab.journal import Journal
-from skinlab.records import Kind
-from skinlab.seal import SEAL_BYTES, put_seal
-from skinlab.session import read_session
+from skinlab.recording.journal import Journal
+from skinlab.recording.records import Kind
+from skinlab.recording.seal import SEAL_BYTES, put_seal
+from skinlab.recording.session import read_session
+from skinlab.tables.store import shipped_table
 
 EXAMPLE = Path(str(files("skinlab") / "data" / "example.h5"))
 GEOMETRY = ["--aperture-mm", "6", "--thickness-mm", "1"]

@@ -11,7 +11,7 @@ import time
 import pytest
 from patience import module_command
 
-from skinlab.session import read_session
+from skinlab.recording.session import read_session
 
 PATIENCE_S = 120.0
 

@@ -14,14 +14,14 @@ import numpy as np
 import pytest
 
 from sim_device.files import load_skin_file
-from skinlab.audit import entries
 from skinlab.cli.main import run
+from skinlab.curves.program import check_measurable, parse_program
 from skinlab.errors import InputError
-from skinlab.journal import Journal, read_journal
-from skinlab.program import check_measurable, parse_program
-from skinlab.recording import recover
-from skinlab.records import Kind
-from skinlab.session import read_session, read_stored
+from skinlab.recording.audit import entries
+from skinlab.recording.journal import Journal, read_journal
+from skinlab.recording.recorder import recover
+from skinlab.recording.records import Kind
+from skinlab.recording.session import read_session, read_stored
 
 EXAMPLE = Path(str(files("skinlab") / "data" / "example.h5"))
 GEOMETRY = ["--aperture-mm", "6", "--thickness-mm", "1"]

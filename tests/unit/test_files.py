@@ -10,7 +10,7 @@ import pytest
 
 from skinlab.errors import InputError
 from skinlab.io.files import append_text, whole_file, write_file
-from skinlab.log import log_exception
+from skinlab.io.log import log_exception
 
 
 def mode(path):

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from sim_device import __main__ as sim_device
-from skinlab.audit import Chain, note
 from skinlab.cli.main import run
-from skinlab.session import read_session, write_session
+from skinlab.recording.audit import Chain, note
+from skinlab.recording.session import read_session, write_session
 
 EVIL = "e\x1b]0;evil\x07\x9b2J\u202e\u200b[red]x[/"
 EVIL_FILE = EVIL.replace("/", "") + "\n\udc9f"

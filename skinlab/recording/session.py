@@ -1,0 +1,324 @@
+"""A session: everything of one visit in one HDF5 file; docs/files.md describes it field by field.
+
+The raw bytes are the record; curves and results stand beside them and can be made again from them.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from dataclasses import replace as dc_replace
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.events import Hello, Sample, TimedEvent
+from skinlab.curves.curve import Curve
+from skinlab.errors import InputError
+from skinlab.inference.stored import stored_result
+from skinlab.io.documents import read_json_object
+from skinlab.io.files import write_file
+from skinlab.io.hdf5 import open_hdf5, read_array
+from skinlab.recording.assembler import CurveAssembler
+from skinlab.recording.recorded import numbered_items, recorded_items
+from skinlab.recording.records import Kind, Record
+from skinlab.recording.seal import SEAL_BYTES, Seal, put_seal, read_seal
+from skinlab.recording.stream import (
+    CurveCompleted,
+    Message,
+    Planned,
+    setup_from_json,
+    setup_to_json,
+)
+
+SCHEMA = "skinlab.session/1"
+
+_SAMPLE_COLUMNS = (
+    ("sequence", "1"),
+    ("device_time_s", "s"),
+    ("pressure_mbar", "mbar"),
+    ("deflection_mm", "mm"),
+    ("segment", "1"),
+    ("host_time_s", "s"),
+    ("utc_s", "s"),
+    ("record", "1"),
+)
+_WHOLE = frozenset({"sequence", "segment", "record"})
+
+
+@dataclass(frozen=True, eq=False)
+class Session:
+    """What is in a session file.
+
+    `meta` are the facts stated when it was recorded (subject, site, settings of the
+    identification, ...); `results` the JSON of each curve's identification, None where there is
+    none.
+    """
+
+    meta: dict[str, Any]
+    records: tuple[Record, ...]
+    curves: tuple[Curve, ...]
+    results: tuple[dict[str, Any] | None, ...]
+
+
+def session_from_records(
+    meta: dict[str, Any],
+    records: Sequence[Record],
+    damaged: Callable[[str], None] = lambda _: None,
+) -> Session:
+    """Return the session that these records make: its curves are assembled again from the bytes.
+
+    What cannot be read is left out, and told to `damaged` in a sentence each.
+    """
+    curves: list[Curve] = []
+    numbers: list[int] = []
+
+    def keep(messages: list[Message]) -> None:
+        for message in messages:
+            if isinstance(message, CurveCompleted):
+                numbers.append(message.index)
+                curves.append(message.curve)
+
+    assembler = CurveAssembler()
+    for item in recorded_items(records, damaged=damaged):
+        if isinstance(item, Planned):
+            assembler.plan(item.setup)
+            continue
+        if isinstance(item.event, Hello):
+            meta = {**meta, "instrument": _hello_to_json(item.event)}
+        keep(assembler.feed(item.event))
+    keep(assembler.end("the record ends here"))
+    found: dict[int, dict[str, Any]] = {}
+    for number, record in enumerate(records, start=1):
+        if record.kind is Kind.RESULT:
+            try:
+                entry = read_json_object(record.data)
+                stored_result(entry["curve"], entry["result"])
+                found[int(entry["curve"])] = entry["result"]
+            except (ValueError, TypeError, KeyError) as error:
+                damaged(f"record {number}, a result, cannot be read ({error}): left out")
+    return Session(meta, tuple(records), tuple(curves), tuple(found.get(n) for n in numbers))
+
+
+def _hello_to_json(hello: Hello) -> dict[str, Any]:
+    return {name: getattr(hello, name) for name in Hello.__slots__}
+
+
+def sample_rows(records: Sequence[Record]) -> list[tuple[float, ...]]:
+    """Return one row a sample, in the order of the columns of `samples`."""
+    return [
+        (
+            e.sequence,
+            e.device_time_s,
+            e.pressure_mbar,
+            e.deflection_mm,
+            e.segment,
+            item.host_time_s,
+            records[index].utc_s,
+            index,
+        )
+        for index, item in numbered_items(records)
+        if isinstance(item, TimedEvent) and isinstance(e := item.event, Sample)
+    ]
+
+
+def write_session(path: Path, session: Session, *, replace: bool = False) -> None:
+    """Write the file; it appears whole or not at all, and is on the disk when this returns.
+
+    `replace` only where the file is an earlier state of the same session.
+
+    Raises:
+        InputError: it cannot be written, or exists already; the journal keeps everything.
+    """
+    # A file name may be no UTF-8, and HDF5 keeps nothing else.
+    named = tuple(
+        dc_replace(c, name=c.name.encode("utf-8", "backslashreplace").decode())
+        for c in session.curves
+    )
+    write_file(path, _image(dc_replace(session, curves=named)), replace=replace)
+
+
+def _image(session: Session) -> memoryview:
+    """Return the bytes of the file: HDF5 itself is at a loss where a disk is full."""
+    import h5py
+
+    image = io.BytesIO()
+    with h5py.File(image, "w", track_order=True, userblock_size=SEAL_BYTES) as file:
+        _write(file, session)
+    buffer = image.getbuffer()
+    put_seal(buffer)
+    return buffer
+
+
+def _write(file: Any, session: Session) -> None:
+    file.attrs["schema"] = SCHEMA
+    file.attrs["meta"] = json.dumps(session.meta)
+    raw = file.create_group("raw")
+    blob = b"".join(r.data for r in session.records)
+    raw.create_dataset("data", data=np.frombuffer(blob, dtype=np.uint8), compression="gzip")
+    raw.create_dataset(
+        "kind", data=np.array([int(r.kind) for r in session.records], dtype=np.uint8)
+    )
+    raw["kind"].attrs["values"] = ", ".join(f"{k.value} {k.name.lower()}" for k in Kind)
+    ends = np.cumsum([len(r.data) for r in session.records], dtype=np.uint64)
+    raw.create_dataset("end", data=ends)
+    for name in ("host_time_s", "utc_s"):
+        values = np.array([getattr(r, name) for r in session.records], dtype=np.float64)
+        raw.create_dataset(name, data=values).attrs["unit"] = "s"
+    samples = file.create_group("samples")
+    rows = sample_rows(session.records)
+    for k, (name, unit) in enumerate(_SAMPLE_COLUMNS):
+        kind = np.int64 if name in _WHOLE else np.float64
+        column = samples.create_dataset(name, data=np.array([r[k] for r in rows], dtype=kind))
+        column.attrs["unit"] = unit
+    curves = file.create_group("curves")
+    for number, (curve, result) in enumerate(
+        zip(session.curves, session.results, strict=True), start=1
+    ):
+        group = curves.create_group(f"{number:04d}")
+        group.attrs["name"] = curve.name
+        group.attrs["setup"] = json.dumps(setup_to_json(curve.setup))
+        group.attrs["partial"] = curve.partial
+        for name, unit in (("time_s", "s"), ("pressure_mbar", "mbar"), ("deflection_mm", "mm")):
+            column = group.create_dataset(name, data=getattr(curve, name))
+            column.attrs["unit"] = unit
+        if curve.segment is not None:
+            group.create_dataset("segment", data=curve.segment)
+        if result is not None:
+            group.attrs["result"] = json.dumps(result)
+    file.attrs["content_hash"] = content_hash(session)
+
+
+def content_hash(session: Session) -> str:
+    """Return `sha256:…` over all that a session says, apart from what is made from its bytes."""
+    digest = hashlib.sha256(json.dumps(session.meta, sort_keys=True).encode())
+    for record in session.records:
+        what = (int(record.kind), record.host_time_s, record.utc_s, len(record.data))
+        digest.update(repr(what).encode())
+        digest.update(record.data)
+    for curve, result in zip(session.curves, session.results, strict=True):
+        setup = json.dumps(setup_to_json(curve.setup), sort_keys=True)
+        digest.update(f"{curve.name} {setup} {curve.partial}".encode())
+        for array in (curve.time_s, curve.pressure_mbar, curve.deflection_mm, curve.segment):
+            digest.update(b"-" if array is None else np.ascontiguousarray(array).tobytes())
+        digest.update(json.dumps(result, sort_keys=True).encode())
+    return f"sha256:{digest.hexdigest()}"
+
+
+class _Meta(msgspec.Struct):
+    """Types of what every reader of a session counts on."""
+
+    created_utc: str = ""
+    skinlab_version: str = ""
+    subject: str = ""
+    site: str = ""
+    url: str = ""
+    instrument: dict[str, Any] | None = None
+    imported: list[dict[str, Any]] | None = None
+    identification: dict[str, Any] | None = None
+    versions: dict[str, Any] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Stored:
+    """A session as it stands in its file, whether or not it agrees with itself."""
+
+    session: Session
+    content_hash: str
+    samples: dict[str, NDArray[Any]]  # columns, (samples,) each
+
+    @property
+    def unchanged(self) -> bool:
+        """Whether the content has the hash that it was written with."""
+        return content_hash(self.session) == self.content_hash
+
+
+def read_session(path: Path) -> Session:
+    """Return the session in this file.
+
+    Raises:
+        InputError: no such file, not a session, cut off, or changed since it was written.
+    """
+    seal = read_seal(path)
+    if seal is Seal.BROKEN:
+        raise InputError(
+            f"{path}: its bytes do not agree with their hash; it was changed "
+            f"(`skinlab session verify {path}` says where)"
+        )
+    stored = read_stored(path)
+    if seal is Seal.NONE or not stored.unchanged:
+        raise InputError(
+            f"{path}: it was changed, or not written by skinlab: "
+            + ("its seal is missing" if stored.unchanged else "its content differs from its hash")
+        )
+    return stored.session
+
+
+def read_stored(path: Path) -> Stored:
+    """Return what is in this file, changed or not.
+
+    Raises:
+        InputError: no such file, not a session, or cut off.
+    """
+    with open_hdf5(path) as file:
+        if file.attrs.get("schema") != SCHEMA:
+            raise InputError(f"schema {file.attrs.get('schema')!r}; expected a session, {SCHEMA!r}")
+        return _read(file)
+
+
+def _result(number: int, text: str) -> dict[str, Any]:
+    found = read_json_object(text)
+    stored_result(number, found)
+    return found
+
+
+def _text(value: object) -> str:
+    text = str(value)
+    text.encode()  # what is no UTF-8 comes as surrogates
+    return text
+
+
+def _read(file: Any) -> Stored:
+    raw = file["raw"]
+    blob = read_array(raw, "data", np.uint8).tobytes()
+    ends = read_array(raw, "end", np.uint64).tolist()
+    records = tuple(
+        Record(Kind(kind), host_time_s, utc_s, blob[begin:end])
+        for kind, host_time_s, utc_s, begin, end in zip(
+            read_array(raw, "kind", np.uint8).tolist(),
+            read_array(raw, "host_time_s", float).tolist(),
+            read_array(raw, "utc_s", float).tolist(),
+            [0, *ends][: len(ends)],
+            ends,
+            strict=True,
+        )
+    )
+    curves, results = [], []
+    for group in file["curves"].values():
+        curves.append(
+            Curve(
+                name=_text(group.attrs["name"]),
+                setup=setup_from_json(read_json_object(group.attrs["setup"])),
+                time_s=read_array(group, "time_s", float),
+                pressure_mbar=read_array(group, "pressure_mbar", float),
+                deflection_mm=read_array(group, "deflection_mm", float),
+                segment=read_array(group, "segment", np.int64) if "segment" in group else None,
+                partial=bool(group.attrs["partial"]),
+            )
+        )
+        text = group.attrs.get("result")
+        results.append(None if text is None else _result(len(curves), text))
+    samples = {
+        name: read_array(file["samples"], name, np.int64 if name in _WHOLE else float)
+        for name, _ in _SAMPLE_COLUMNS
+    }
+    meta = read_json_object(file.attrs["meta"])
+    msgspec.convert(meta, _Meta)
+    session = Session(meta, records, tuple(curves), tuple(results))
+    return Stored(session, str(file.attrs["content_hash"]), samples)
