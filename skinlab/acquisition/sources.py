@@ -87,3 +87,7 @@ class LiveSource:
         if self._planned:
             return self._planned.popleft()
         return self.probe.next_event(timeout_s)
+
+
+def _ignore(_: str) -> None:
+    return

@@ -16,8 +16,8 @@ from skinlab.cli.options import (
     json_option,
     make_identifier,
     parse_phases,
-    print_json,
 )
+from skinlab.cli.output import echo, echo_text, print_json
 
 if TYPE_CHECKING:
     from skinlab.curves.program import Program
@@ -125,11 +125,11 @@ def run(
         if isinstance(message, Identified):
             results.append(message.result)
             if not as_json:
-                click.echo(describe(message.result))
+                echo_text(describe(message.result))
         elif isinstance(message, Flagged):
-            click.echo(f"skinlab: curve {message.index}: {message.finding}", err=True)
+            echo(f"skinlab: curve {message.index}: {message.finding}", err=True)
         elif isinstance(message, Happened) and (words := outage_words(message.event)):
-            click.echo(f"skinlab: {words}", err=True)
+            echo(f"skinlab: {words}", err=True)
 
     # A terminated process, or one whose terminal is closed, vents like an interrupted one.
     interrupt_on_signals()
@@ -140,7 +140,7 @@ def run(
         with Probe(port, on_bytes=recording.journal.raw) as probe:
             hello = probe.open()
             if hello.simulated and sys.stderr.isatty():
-                click.echo(f"SIMULATED probe: {hello.model} {hello.firmware}", err=True)
+                echo(f"SIMULATED probe: {hello.model} {hello.firmware}", err=True)
             source = LiveSource(probe, recording.journal)
             measure(source, plan, Pipeline(identifier, [recording, show]))
     except BaseException as error:
@@ -151,7 +151,7 @@ def run(
         if saved and as_json:
             print_json(document(identifier.provenance(), results, session=str(saved)))
         elif saved:
-            click.echo(f"session: {saved}")
+            echo(f"session: {saved}")
     return 0
 
 
@@ -170,7 +170,7 @@ def _finish(recording: Any, failed: BaseException | None) -> Path | None:
         if failed is None:
             raise
         if not isinstance(failed, AcquisitionError):
-            click.echo(f"skinlab: {error}", err=True)
+            echo(f"skinlab: {error}", err=True)
             return None
         # A disk that is full has stopped the measurement: one cause, one sentence.
         before = "recording failed, the probe was told to vent" if trouble else failed

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from skinlab.cli.output import echo
+
 if TYPE_CHECKING:
     from skinlab.mechanics.model_file import Model
     from skinlab.tui.app import SkinlabApp
@@ -86,7 +88,7 @@ def show(app: SkinlabApp) -> int:
     if app.failure is not None:
         raise app.failure
     if app.board.saved is not None:
-        click.echo(f"session: {app.board.saved}", err=True)
+        echo(f"session: {app.board.saved}", err=True)
     return app.return_code or 0
 
 
@@ -110,7 +112,7 @@ def _headless(port: str, folder: Path, model: Model | None) -> int:
     from skinlab.curves.program import parse_program
     from skinlab.recording.recorder import new_session_path
 
-    click.echo(f"no terminal: measuring once at {port}", err=True)
+    echo(f"no terminal: measuring once at {port}", err=True)
     identifier = make_identifier(
         method="auto",
         best=20,

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from skinlab.inference.result import Advice, Identification
+from skinlab.text import inert
 
 _UNITS = {"X1_MPa": ("X1", "MPa"), "X2_MPa": ("X2", "MPa"), "nu": ("nu", "")}
 
 
 def describe(result: Identification) -> str:
     """Return the text."""
-    lines = [result.file]
+    lines = [inert(result.file)]
     if result.setup is not None:
         lines[0] += (
             f"  ({result.setup.aperture_mm:g} mm opening, {result.setup.thickness_mm:g} mm skin; "
@@ -24,7 +25,7 @@ def describe(result: Identification) -> str:
             f"samples fitted: {', '.join(result.phases)})"
         ]
     if result.error is not None:
-        lines.append(f"  not identified: {result.error}")
+        lines.append(f"  not identified: {inert(result.error)}")
     for name, value in (result.parameters or {}).items():
         label, unit = _UNITS.get(name, (name, ""))
         text = f"  {label:<4}{value.value:10.4g} {unit:<4}"

@@ -24,6 +24,7 @@ from skinlab.io.log import log_exception
 from skinlab.recording.session_fit import comparable
 from skinlab.recording.stream import Sampled
 from skinlab.tui.curve_selection import Deed
+from skinlab.tui.inert import InertText
 from skinlab.tui.measurement_request import Order, check_limits, read_order, with_opening
 from skinlab.tui.messages import Adopted, Connected, Disconnected, Done, Failed, Heard, News
 from skinlab.tui.no_color import StyledFirst
@@ -204,8 +205,8 @@ class SkinlabApp(App[None]):
         self._close_messages_no_wait()
 
     def get_line_filters(self) -> Sequence[LineFilter]:
-        """Return Textual's filters, safe for text without a style."""
-        return [StyledFirst(inner) for inner in super().get_line_filters()]
+        """Return Textual's filters, safe for text without a style, behind our own."""
+        return [InertText(), *(StyledFirst(inner) for inner in super().get_line_filters())]
 
     # ---- threads ------------------------------------------------------------------------------
 

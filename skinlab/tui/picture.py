@@ -17,6 +17,7 @@ from pathlib import Path
 
 from textual.pilot import Pilot
 
+from skinlab.io.files import write_file
 from skinlab.tui.app import SkinlabApp
 from skinlab.tui.probe_session import Bench
 from skinlab.tui.screens.main import MainScreen
@@ -79,8 +80,7 @@ def main() -> None:
     size = (options.columns, options.rows)
     with tempfile.TemporaryDirectory() as folder, chdir(folder):
         svg = asyncio.run(draw(options.port, size, programs, options.theme))
-    options.out.parent.mkdir(parents=True, exist_ok=True)
-    options.out.write_text(svg, encoding="utf-8")
+    write_file(options.out, svg, replace=True)
 
 
 if __name__ == "__main__":

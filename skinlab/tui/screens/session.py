@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import ClassVar
 
+from rich.text import Text
 from textual import on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
@@ -13,6 +14,8 @@ from textual.message import Message
 from textual.screen import Screen
 from textual.widgets import DataTable, Footer, Input, Static
 
+from skinlab.errors import InputError
+from skinlab.recording.pseudonym import check_note
 from skinlab.tui.curve_selection import Deed
 from skinlab.tui.summary import repeats, repeats_lines
 from skinlab.tui.text import result_lines, row_texts
@@ -94,7 +97,7 @@ class SessionScreen(Screen[None]):
             reason = board.ledger.excluded.get(index)
             used = "yes" if reason is None else f"no: {reason}"
             opening = f"{entry.curve.setup.aperture_mm:g}"
-            table.add_row(number, opening, program, cycle, *values, used, key=str(index))
+            table.add_row(number, opening, program, cycle, *values, Text(used), key=str(index))
         if board.entries:
             table.move_cursor(row=min(at, len(board.entries) - 1))
         self.query_one("#session-text", Static).update("\n".join(self._lines()))
@@ -135,12 +138,12 @@ class SessionScreen(Screen[None]):
         else:
             self._ask(
                 f"why is curve {index} left out?",
-                lambda text: self._decided(self._board.ledger.exclude(index, text)),
+                lambda text: self._decided(self._board.ledger.exclude(index, check_note(text))),
             )
 
     def action_note(self) -> None:
         """Write something down."""
-        self._ask("note", lambda text: self._decided(self._board.ledger.note(text)))
+        self._ask("note", lambda text: self._decided(self._board.ledger.note(check_note(text))))
 
     def action_compare(self) -> None:
         """Compare with another session."""
@@ -195,4 +198,7 @@ class SessionScreen(Screen[None]):
         text, then = event.value.strip(), self._then
         self.leave_line()
         if text and then is not None:
-            then(text)
+            try:
+                then(text)
+            except InputError as error:
+                self._board.refuse(str(error))
