@@ -87,7 +87,3 @@ class LiveSource:
         if self._planned:
             return self._planned.popleft()
         return self.probe.next_event(timeout_s)
-
-
-def _ignore(_: str) -> None:
-    return

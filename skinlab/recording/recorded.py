@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 from drivers.connection import Connection
 from drivers.dialects import get_dialect
 from drivers.errors import RemoteProtocolError
 from drivers.events import TimedEvent
+from skinlab.io.documents import read_json_object
 from skinlab.recording.records import Kind, Record
 from skinlab.recording.stream import Item, Planned, setup_from_json
+
+
+def _ignore(_: str) -> None:
+    return
 
 
 def recorded_items(
