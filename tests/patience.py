@@ -50,7 +50,9 @@ def be_patient(*, apart: bool = False) -> None:
     options["clock"] = clock
     if apart:
         sim_device.build.KEEP_ALIVE_S = FORGIVING_S
-        options["limits"] = probe.Limits(stale_s=FORGIVING_S, vent_time_s=FORGIVING_S)
+        options["limits"] = probe.Limits(
+            stale_s=FORGIVING_S, clock_s=FORGIVING_S, vent_time_s=FORGIVING_S
+        )
         probe.Probe._call.__kwdefaults__["timeout_s"] = FORGIVING_S
         probe.Probe.open.__defaults__ = (FORGIVING_S,)
 
