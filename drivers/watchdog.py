@@ -6,8 +6,6 @@ what became of it. Host time is any clock in seconds that never goes back.
 
 from __future__ import annotations
 
-from itertools import accumulate
-
 from drivers.dose import Dose, DoseMeter, program_dose
 from drivers.envelope import Envelope, targets
 from drivers.events import (
@@ -39,7 +37,7 @@ _PULLING = frozenset({InstrumentState.ARMED, InstrumentState.RUNNING})
 _AT_REST = frozenset({InstrumentState.IDLE, InstrumentState.LOADED, InstrumentState.ARMED})
 
 
-_UNSEEN_S = 0.1  # a pause of which there is no sample can be there, where none came for so long
+_UNSEEN_S = 0.1  # what is shorter is a dip, and what comes between two samples is not seen
 _ASKED_BY: dict[InstrumentState, type[Command]] = {
     InstrumentState.ARMED: Arm,
     InstrumentState.RUNNING: Start,
@@ -72,7 +70,6 @@ class Watchdog:
         self._pace = 1.0  # s of the instrument in one of the host; never another if it is real
         self._segments: tuple[Segment, ...] = ()
         self._targets: tuple[float, ...] = ()
-        self._pauses: tuple[int, ...] = ()
         self._max_suction_s = self._limits.max_suction_s
         self._stale_s = self._limits.stale_s
         self._begin_run(0.0)
@@ -88,7 +85,7 @@ class Watchdog:
         self._suction_s = 0.0  # since the last pause
         self._pulls = False  # at the last sample
         self._peak_mbar = 0.0  # since the last pause
-        self._lowest_mbar = 0.0  # since the last sample that was in no pause
+        self._low_since: float | None = None  # in a pause, by the instrument's clock
         self._segment_since = 0.0
         self._short_since: float | None = None
         self._frozen: _Frozen | None = None
@@ -257,8 +254,6 @@ class Watchdog:
         self._segments = program.segments
         self._targets = targets(program.segments)
         self._max_suction_s = min(self._limits.max_suction_s, program.max_suction_s)
-        pauses = (_is_pause(segment) for segment in program.segments)
-        self._pauses = (0, *accumulate(int(pause) for pause in pauses))  # before each segment
         intervals_s = self._limits.stale_intervals / program.rate_hz if program.rate_hz > 0 else 0.0
         self._stale_s = max(self._limits.stale_s, intervals_s)
 
@@ -351,21 +346,28 @@ class Watchdog:
     def _pause(self, before: int, sample: Sample) -> None:
         """Count suction anew behind a pause of the program in which the pressure was seen to fall.
 
-        It ends between two samples, so that its lowest pressure is not seen: half will do. One
-        that can have come and gone between two samples is believed. A dip is no pause.
+        To half is enough, since the lowest pressure comes between two samples, but it has to stay
+        there: a dip is no pause. A release ends as soon as it has worked, so that one sample of it
+        will do. A pause that can have come and gone between two samples is believed.
         """
-        pressure, index = sample.pressure_mbar, sample.segment
+        time_s, pressure, index = sample.device_time_s, sample.pressure_mbar, sample.segment
         self._peak_mbar = max(self._peak_mbar, pressure)
-        passed = range(max(before, 0), index)
-        if any(self._pauses[k + 1] > self._pauses[k] for k in passed):
-            seen = self._pauses[before + 1] > self._pauses[before] if before >= 0 else False
-            low = min(self._lowest_mbar, pressure)
-            fell = low < max(self._limits.vent_pressure_mbar, self._peak_mbar / 2)
-            if fell or (not seen and self._step_s >= _UNSEEN_S):
+        if pressure >= max(self._limits.vent_pressure_mbar, self._peak_mbar / 2):
+            low_since = None
+        else:
+            low_since = time_s if self._low_since is None else self._low_since
+        passed = [k for k in range(max(before, 0), index) if _is_pause(self._segments[k])]
+        if passed:
+            since = self._low_since if low_since is None else low_since
+            stayed = since is not None and (
+                time_s - since >= _UNSEEN_S
+                or any(self._segments[k].kind is SegmentKind.RELEASE for k in passed)
+            )
+            unseen = before not in passed and self._step_s >= _UNSEEN_S
+            if stayed or unseen:
                 self._suction_s, self._peak_mbar = 0.0, pressure
-        count = len(self._segments)
-        inside = index < count and self._pauses[index + 1] > self._pauses[index]
-        self._lowest_mbar = min(self._lowest_mbar, pressure) if inside else pressure
+        inside = index < len(self._segments) and _is_pause(self._segments[index])
+        self._low_since = low_since if inside else None
 
     def _too_much(self) -> list[SafetyEvent]:
         limit, had = self._limits.max_dose_mbar_s, self.dose.suction_mbar_s

@@ -254,3 +254,79 @@ def test_five_seconds_of_suction_that_do_not_end(mbar, honestly):
     [vent] = said
     assert isinstance(vent, HostVented)
     assert 5 < now <= (5.95 if honestly and mbar == 20 else 5.5)
+
+
+@pytest.mark.parametrize("clock", [0.2, 0.8, 0.93, 1.1, 1.3, 2.0])
+def test_a_clock_that_is_wrong(clock):
+    """Segment and pressure are right by it; by the host's clock the program is slow or fast."""
+    dog = Watchdog(LIMITS)
+    program = (ramp(100, 10), hold(10))
+    ready(dog, program)
+    [(now, vent), *_] = judge(dog, Honest(clock=clock).run(program))
+    assert "ahead of the host's" in vent.reason if clock > 1 else "stale data" in vent.reason
+    allowed_s = LIMITS.clock_s / (abs(clock - 1) - LIMITS.clock_fraction * clock)
+    assert now <= allowed_s + 0.5
+
+
+@pytest.mark.parametrize("stops", [False, True], ids=["jumps", "stops"])
+def test_a_clock_that_jumps_or_stops(stops):
+    dog = Watchdog(LIMITS)
+    program = (ramp(100, 10), hold(10))
+    ready(dog, program)
+    said = [(0.0, State(InstrumentState.RUNNING, "started", 0.0))]
+    for k in range(1, 200):
+        now = k / 20
+        time_s = now if now < 5 else 5 + 1e-6 * k if stops else now + 5.2
+        said.append((now, Sample(k, time_s, min(100, 10 * time_s), 1e-4 * k, int(time_s > 10))))
+    [(vented, vent), *_] = judge(dog, said)
+    assert isinstance(vent, HostVented)
+    assert 5 <= vented <= 5.5
+
+
+# ---- suction time is a sum ----------------------------------------------------------------------
+
+SHORT = Limits(max_suction_s=3)
+
+
+def pulled(dog, segment_at, pressure_at, lasts_s, rate_hz=20):
+    """Seconds until the driver vented, and why; None if it did not."""
+    dog.on_event(State(InstrumentState.RUNNING, "started", 0.0), 0.0)
+    for k in range(1, round(lasts_s * rate_hz)):
+        now = k / rate_hz
+        sample = Sample(k, now, pressure_at(now), 1e-4 * k, segment_at(now))
+        for event in (*dog.on_event(sample, now), *dog.check(now)):
+            return now, event.reason
+    return None
+
+
+@pytest.mark.parametrize("dips_s", [(), (1.0, 2.0, 3.0), (2.55,), (2.8,)])
+def test_a_dip_is_no_pause(dips_s):
+    """It pulls through the rest of 0.3 s; a sample below 5 mbar changes nothing, wherever."""
+    program = (ramp(60, 1e5), hold(2.5), rest(0.3), ramp(60, 1e5), hold(2.5))
+    dog = Watchdog(SHORT)
+    ready(dog, program)
+    now, reason = pulled(
+        dog,
+        lambda t: 1 if t <= 2.5 else 2 if t <= 2.8 else 4,
+        lambda t: 3.0 if any(abs(t - dip) < 0.01 for dip in dips_s) else 60.0,
+        6,
+    )
+    assert "without a pause" in reason
+    assert 3.5 <= now <= 4.2
+
+
+def test_a_pause_that_was_seen_begins_anew():
+    program = (ramp(60, 1e5), hold(2.5), rest(0.3), ramp(60, 1e5), hold(2.5))
+    dog = Watchdog(SHORT)
+    ready(dog, program)
+    segments = lambda t: 1 if t <= 2.5 else 2 if t <= 2.8 else 4  # noqa: E731
+    pressure = lambda t: 60.0 if t <= 2.55 or t > 2.8 else 1.0  # noqa: E731
+    assert pulled(dog, segments, pressure, 5.2) is None
+
+
+def test_a_program_with_pauses_is_as_long_as_it_likes():
+    program = (ramp(60, 1e5), hold(2.9), RELEASE) * 10
+    dog = Watchdog(SHORT)
+    ready(dog, program)
+    said = judge(dog, sorted(Honest().run(program), key=lambda each: each[0]))
+    assert [each for each in said if isinstance(each[1], HostVented)] == []
