@@ -1,8 +1,8 @@
 """An instrument that lies, as a process of its own: it says what it likes.
 
-`python tests/lying_instrument.py [--pty] LIE` prints its URL and serves one host after the other. It
-speaks the reference dialect on the real clock and does what a good instrument does, but for its lie.
-It has no chamber: the pressure is what it says.
+`python tests/lying_instrument.py [--pty] LIE` prints its URL and serves one host after the other.
+It speaks the reference dialect on the real clock and does what a good instrument does, but for its
+lie. It has no chamber: the pressure is what it says.
 """
 
 from __future__ import annotations

@@ -40,6 +40,7 @@ def command(
     Example: skinlab replay visit.h5 --speed max --verify
     """
     from skinlab.cli.keys import keys, on_terminal
+    from skinlab.dose import dose_of
     from skinlab.errors import InputError
     from skinlab.identify.result import Identification, document
     from skinlab.replay import differences, identifier_of, is_imported, reasons, replay
@@ -85,7 +86,8 @@ def command(
     if control.stopped:
         raise KeyboardInterrupt
     if as_json:
-        print_json(document(identifier.provenance(), results, session=str(session)))
+        dose = None if is_imported(recorded) else dose_of(recorded)
+        print_json(document(identifier.provenance(), results, session=str(session), dose=dose))
     if not verify:
         return 0
     found = differences(recorded, completed, results)

@@ -56,6 +56,8 @@ def info(session: Path) -> int:
     Example: skinlab session info visit.h5
     """
     from skinlab.audit import entries
+    from skinlab.dose import dose_of
+    from skinlab.report.text import describe_dose
     from skinlab.session import read_session
 
     read = read_session(session)
@@ -73,6 +75,8 @@ def info(session: Path) -> int:
     else:
         files = "one file" if len(imported) == 1 else f"{len(imported)} files"
         click.echo(f"  from {files} of other software; no instrument was connected")
+    if imported is None:
+        click.echo(f"  {describe_dose(dose_of(read))}")
     for curve, result in zip(read.curves, read.results, strict=True):
         setup = curve.setup
         state = " partial" if curve.partial else ""

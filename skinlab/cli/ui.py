@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from drivers.limits import DEFAULT_DOSE_MBAR_S
+
 if TYPE_CHECKING:
     from skinlab.model_file import Model
     from skinlab.tui.app import SkinlabApp
@@ -25,8 +27,16 @@ ESCAPE_MS = "40"
 @click.option(
     "--model", "model_path", type=click.Path(path_type=Path), help="MODEL.toml to identify with."
 )
+@click.option(
+    "--dose-limit-mbar-s",
+    type=float,
+    help=f"Most suction times time for a site in a visit [default: {DEFAULT_DOSE_MBAR_S:g}].",
+)
 def command(
-    port: str | None = None, sessions: Path | None = None, model_path: Path | None = None
+    port: str | None = None,
+    sessions: Path | None = None,
+    model_path: Path | None = None,
+    dose_limit_mbar_s: float | None = None,
 ) -> int:
     """Open the bedside terminal UI.
 
@@ -42,8 +52,8 @@ def command(
 
         model = read_model(model_path)
     if has_screen():
-        return _on_terminal(port, folder, model)
-    return _headless(port or SIMULATED, folder, model)
+        return _on_terminal(port, folder, model, dose_limit_mbar_s)
+    return _headless(port or SIMULATED, folder, model, dose_limit_mbar_s)
 
 
 def has_screen() -> bool:
@@ -54,13 +64,18 @@ def has_screen() -> bool:
     return sys.stdin.isatty() and sys.stdout.isatty() and sys.stderr.isatty()
 
 
-def _on_terminal(port: str | None, folder: Path, model: Model | None) -> int:
+def _on_terminal(
+    port: str | None, folder: Path, model: Model | None, dose_limit_mbar_s: float | None
+) -> int:
+    from skinlab.cli.measure import probes
+
+    make_probe = probes(dose_limit_mbar_s)
     _release_escape()
     from skinlab.tui.app import SkinlabApp
     from skinlab.tui.bench import Bench
     from skinlab.tui.remembered import default_path
 
-    bench = partial(Bench, apart=True)
+    bench = partial(Bench, apart=True, make_probe=make_probe)
     return show(SkinlabApp(port, folder, bench, settings=default_path(), model=model))
 
 
@@ -102,7 +117,7 @@ def default_folder() -> Path:
     return user_data_path("skinlab", appauthor=False) / "sessions"
 
 
-def _headless(port: str, folder: Path, model: Model | None) -> int:
+def _headless(port: str, folder: Path, model: Model | None, dose_limit_mbar_s: float | None) -> int:
     from skinlab.cli.measure import run
     from skinlab.cli.options import make_identifier
     from skinlab.curve import Setup
@@ -125,4 +140,4 @@ def _headless(port: str, folder: Path, model: Model | None) -> int:
         identifier = with_model(identifier, model)
     plan = Plan(Setup(6.0, 1.0, parse_program("ramp:100@20")))
     out = new_session_path(folder, datetime.now())
-    return run(port, plan, out, identifier, as_json=False)
+    return run(port, plan, out, identifier, dose_limit_mbar_s=dose_limit_mbar_s, as_json=False)

@@ -355,7 +355,7 @@ def test_power_lost(simulate):
     assert not [p for _, p, _ in again.rows() if p > 0]
 
 
-# ---- instruments that lie, each a process of its own ----------------------------------------------
+# ---- instruments that lie, each a process of its own --------------------------------------------
 
 LIAR = Path(__file__).parents[1] / "lying_instrument.py"
 TWO_S = (ramp(60, 1e5), hold(2))
@@ -472,8 +472,12 @@ def test_too_much_in_one_visit():
     with lying("truth", limits=limits) as probe:
         until(probe, VentConfirmed, [])
         assert probe.dose.suction_mbar_s == pytest.approx(120, abs=2)
-        with pytest.raises(LocalProtocolError, match="needs a dose of 120.* more than the 150"):
+        with pytest.raises(LocalProtocolError, match=r"needs a dose of 120.* more than the 150"):
             probe.load(TWO_S, 50)
+        with pytest.raises(LocalProtocolError, match="load a program first"):
+            probe.arm()
+    with lying("truth", limits=limits) as probe:
+        until(probe, VentConfirmed, [])
         with pytest.raises(LocalProtocolError, match="allowed in one visit"):
             probe.arm()
     allowed = Limits(stale_s=FORGIVING_S, max_dose_mbar_s=50)
