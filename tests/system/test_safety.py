@@ -512,6 +512,9 @@ HAZARDS = (
     "link lost", "host killed", "host hung", "overshoot", "valve stuck", "leak", "no skin contact",
     "frozen sensor", "drifting sensor", "stale data", "wrong aperture", "wrong units",
     "wrong firmware", "clock jump", "disk full", "power lost",
+    "program that does not end", "suction that goes on", "too high for this moment",
+    "segment that cannot be", "the instrument's clock", "started by itself", "another program",
+    "suction without a pause", "too much in one visit",
 )  # fmt: skip
 
 
