@@ -4,14 +4,18 @@ import pytest
 
 from drivers.events import (
     Alarm,
+    Arm,
     Hello,
     HostVented,
     InstrumentFault,
     InstrumentState,
+    Load,
     Loaded,
+    Pace,
     Sample,
     Segment,
     SegmentKind,
+    Start,
     State,
     VentConfirmed,
 )
@@ -315,3 +319,80 @@ def test_an_outage_at_rest_needs_no_vent(dog):
     dog.reconnected(10.0)
     assert dog.on_event(State(S.IDLE, "identify", 0.0), 10.1) == []
     assert dog.check(20) == []
+
+
+# ---- what nobody asked for, and a pace of its own ------------------------------------------------
+
+
+def told(*commands):
+    dog = Watchdog(Limits())
+    dog.commanded(Load(PROGRAM, 20, 100, 20), 0)
+    dog.on_event(State(S.LOADED, "", 0.0), 0)
+    for command in commands:
+        dog.commanded(command, 0)
+    return dog
+
+
+@pytest.mark.parametrize("state", [S.ARMED, S.RUNNING])
+def test_started_and_nobody_asked(state):
+    [vent] = told().on_event(State(state, "", 0.0), 0)
+    assert f"the instrument is {state} and nobody asked for it" in vent.reason
+    assert told(Arm(), Start()).on_event(State(state, "", 0.0), 0) == []
+
+
+def test_asked_once_is_done_once():
+    dog = told(Arm())
+    assert dog.on_event(State(S.ARMED, "", 0.0), 0) == []
+    dog.on_event(State(S.LOADED, "", 0.0), 0)
+    assert dog.on_event(State(S.ARMED, "", 0.0), 0)
+
+
+def test_a_vent_takes_back_what_was_asked():
+    dog = told(Arm(), Start())
+    dog.vent_ordered(0)
+    assert dog.on_event(State(S.VENTING, "host", 0.0), 0) == [VentConfirmed(0.0)]
+    dog.on_event(State(S.LOADED, "vented", 0.0), 0)
+    assert dog.on_event(State(S.ARMED, "", 0.0), 0)
+
+
+def test_what_was_sent_counts_and_not_what_is_read_back():
+    dog = told(Arm(), Start())
+    dog.on_event(Loaded((Segment(K.RAMP, 500, 1e5),), 20, 500, 60), 0)
+    dog.on_event(State(S.RUNNING, "", 0.0), 0)
+    assert dog.on_event(sample(0.5, 60), 0.5)
+
+
+@pytest.mark.parametrize("simulated", [True, False])
+def test_only_a_simulated_instrument_has_a_pace(simulated):
+    dog = told(Arm(), Start())
+    dog.on_event(Hello("reference", 1, "", "", "", 6.0, 500, 60, 1, 1000, simulated), 0)
+    dog.on_event(Pace(10), 0)
+    dog.on_event(State(S.RUNNING, "", 0.0), 0)
+    said = feed(
+        dog, [(k / 200, sample(k / 20, min(k, 100), int(k > 100), k / 100)) for k in range(150)]
+    )
+    assert bool(said) != simulated
+    if not simulated:
+        assert "ahead of the host's" in said[0].reason
+
+
+def test_a_pace_that_changes_in_a_run_is_not_believed():
+    dog = told(Arm(), Start())
+    dog.on_event(Hello("reference", 1, "", "", "", 6.0, 500, 60, 1, 1000, True), 0)
+    dog.on_event(State(S.RUNNING, "", 0.0), 0)
+    dog.on_event(Pace(10), 0)
+    assert feed(
+        dog, [(k / 200, sample(k / 20, min(k, 100), int(k > 100), k / 100)) for k in range(150)]
+    )
+
+
+def test_no_sample_after_the_end():
+    """A rate of 1 Hz: by the host's clock alone."""
+    dog = Watchdog(Limits())
+    program = (Segment(K.RAMP, 100, 1e5), Segment(K.HOLD, duration_s=3))
+    dog.commanded(Load(program, 0.2, 100, 3.001), 0)
+    dog.on_event(State(S.RUNNING, "", 0.0), 0)
+    dog.on_event(sample(0, 0), 0)
+    assert dog.check(3.0) == []
+    [vent] = dog.check(6.0)
+    assert "after the end of the program" in vent.reason
