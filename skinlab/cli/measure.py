@@ -25,8 +25,8 @@ from skinlab.cli.options import (
 
 if TYPE_CHECKING:
     from drivers.probe import Probe
-    from skinlab.measure import Plan
-    from skinlab.program import Program
+    from skinlab.acquisition.measure import Plan
+    from skinlab.curves.program import Program
 
 
 @click.command(cls=MethodCommand)
@@ -70,10 +70,10 @@ def command(
     Example: skinlab measure --port "sim://?seed=1" --aperture-mm 6 --thickness-mm 1.0 \\
              --program ramp:100@20 --repeats 2 --out visit.h5 --json
     """
-    from skinlab.curve import Setup
+    from skinlab.acquisition.measure import Plan
+    from skinlab.curves.curve import Setup
+    from skinlab.curves.program import parse_program
     from skinlab.errors import InputError
-    from skinlab.measure import Plan
-    from skinlab.program import parse_program
 
     if not 1 <= repeats <= 1000:
         raise InputError(f"repeats {repeats}: expected 1–1000")
@@ -131,15 +131,15 @@ def run(
         AcquisitionError, DriverError, KeyboardInterrupt: after the probe was told to vent and the
             session was written.
     """
-    from skinlab.identify.result import Identification, document
-    from skinlab.measure import measure
-    from skinlab.pauses import shorten_pauses
-    from skinlab.pipeline import Pipeline
-    from skinlab.recording import Recording
+    from skinlab.acquisition.gc_tuning import shorten_pauses
+    from skinlab.acquisition.measure import measure
+    from skinlab.acquisition.pipeline import Pipeline
+    from skinlab.acquisition.sources import LiveSource
+    from skinlab.inference.result import Identification, document
+    from skinlab.recording.recorder import Recording
+    from skinlab.recording.stream import Flagged, Happened, Identified, Message
     from skinlab.report.outage import outage_words
     from skinlab.report.text import describe, describe_dose
-    from skinlab.sources import LiveSource
-    from skinlab.stream import Flagged, Happened, Identified, Message
 
     results: list[Identification] = []
 
@@ -207,8 +207,8 @@ def probes(dose_limit_mbar_s: float | None) -> Callable[..., Probe]:
 def _check_dose(plan: Plan, limit_mbar_s: float) -> None:
     """Refuse, before any suction, a plan that the site may not have as a whole."""
     from drivers.dose import program_dose
+    from skinlab.acquisition.sources import wire_segments
     from skinlab.errors import InputError
-    from skinlab.sources import wire_segments
 
     if plan.setup.program is None:
         return

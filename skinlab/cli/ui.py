@@ -14,7 +14,7 @@ import click
 from drivers.limits import DEFAULT_DOSE_MBAR_S
 
 if TYPE_CHECKING:
-    from skinlab.model_file import Model
+    from skinlab.mechanics.model_file import Model
     from skinlab.tui.app import SkinlabApp
 
 SIMULATED = "sim://?seed=1"
@@ -48,7 +48,7 @@ def command(
     folder = sessions or default_folder()
     model = None
     if model_path is not None:
-        from skinlab.model_file import read_model
+        from skinlab.mechanics.model_file import read_model
 
         model = read_model(model_path)
     if has_screen():
@@ -72,8 +72,8 @@ def _on_terminal(
     make_probe = probes(dose_limit_mbar_s)
     _release_escape()
     from skinlab.tui.app import SkinlabApp
-    from skinlab.tui.bench import Bench
-    from skinlab.tui.remembered import default_path
+    from skinlab.tui.probe_session import Bench
+    from skinlab.tui.settings import default_path
 
     bench = partial(Bench, apart=True, make_probe=make_probe)
     return show(SkinlabApp(port, folder, bench, settings=default_path(), model=model))
@@ -89,8 +89,8 @@ def replay_on_terminal(session: Path, speed: float | None) -> int:
 
 def show(app: SkinlabApp) -> int:
     """Run the UI; whatever ends it, the probe vents and the session is saved."""
-    from skinlab.tui.lifeline import Lifeline
     from skinlab.tui.prompt_escape import look_sooner
+    from skinlab.tui.shutdown import Lifeline
 
     look_sooner()
     try:
@@ -118,12 +118,12 @@ def default_folder() -> Path:
 
 
 def _headless(port: str, folder: Path, model: Model | None, dose_limit_mbar_s: float | None) -> int:
+    from skinlab.acquisition.measure import Plan
     from skinlab.cli.measure import run
     from skinlab.cli.options import make_identifier
-    from skinlab.curve import Setup
-    from skinlab.measure import Plan
-    from skinlab.program import parse_program
-    from skinlab.recording import new_session_path
+    from skinlab.curves.curve import Setup
+    from skinlab.curves.program import parse_program
+    from skinlab.recording.recorder import new_session_path
 
     click.echo(f"no terminal: measuring once at {port}", err=True)
     identifier = make_identifier(

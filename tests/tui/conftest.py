@@ -12,9 +12,9 @@ from textual.pilot import Pilot
 from textual.widgets import Input
 
 from drivers.reconnect import Backoff
-from skinlab.identify.identifier import Identifier
+from skinlab.inference.identify import Identifier
 from skinlab.tui.app import SkinlabApp
-from skinlab.tui.bench import Bench, Explain, default_identifier
+from skinlab.tui.probe_session import Bench, Explain, default_identifier
 
 SIMULATED = "sim://?seed=1&speed=20"
 PATIENCE_S = 120.0

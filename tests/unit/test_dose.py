@@ -8,10 +8,10 @@ import pytest
 
 from drivers.dose import Dose
 from skinlab.cli.main import run as skinlab
-from skinlab.dose import dose_of
-from skinlab.session import read_session
-from skinlab.tui.board import Board
-from skinlab.tui.words import where_text
+from skinlab.recording.dose import dose_of
+from skinlab.recording.session import read_session
+from skinlab.tui.text import where_text
+from skinlab.tui.ui_state import Board
 
 PORT = "sim://?seed=1&speed=20"
 SETUP = ["--aperture-mm", "6", "--thickness-mm", "1", "--program", "ramp:50@20,ramp:0@20"]

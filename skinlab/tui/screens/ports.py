@@ -13,7 +13,7 @@ from textual.widgets import OptionList, Static
 from textual.widgets.option_list import Option
 
 from drivers.link import list_ports
-from skinlab.curve import APERTURES_MM
+from skinlab.curves.curve import APERTURES_MM
 
 
 def choices() -> list[tuple[str, str]]:

@@ -13,10 +13,10 @@ from textual.message import Message
 from textual.screen import Screen
 from textual.widgets import DataTable, Footer, Input, Static
 
-from skinlab.tui.board import Board
-from skinlab.tui.ledger import Deed
+from skinlab.tui.curve_selection import Deed
 from skinlab.tui.summary import repeats, repeats_lines
-from skinlab.tui.words import result_lines, row_texts
+from skinlab.tui.text import result_lines, row_texts
+from skinlab.tui.ui_state import Board
 
 _COLUMNS = ("#", "mm", "program", "cycle", "X1 MPa", "X2 MPa", "nu", "E µm", "used")
 _FRAMES_PER_S = 8

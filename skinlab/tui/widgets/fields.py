@@ -10,7 +10,7 @@ from textual.containers import Horizontal, Vertical
 from textual.widgets import Input, Label, Static
 
 from drivers.events import Hello
-from skinlab.tui.order import DEFAULTS, complaint
+from skinlab.tui.measurement_request import DEFAULTS, complaint
 
 # Rows of (field, label, most characters); fields of one row stand side by side.
 _ROWS: tuple[tuple[tuple[str, str, int], ...], ...] = (

@@ -6,8 +6,8 @@ from textual.app import ComposeResult
 from textual.containers import Horizontal, Vertical
 from textual.widgets import Digits, Label, Static
 
-from skinlab.tui.board import Board
-from skinlab.tui.words import deflection_text, link_text, pressure_text, progress_text
+from skinlab.tui.text import deflection_text, link_text, pressure_text, progress_text
+from skinlab.tui.ui_state import Board
 
 
 class Reading(Vertical):
