@@ -44,6 +44,7 @@ def command(
     from skinlab.cli.keys import keys, on_terminal
     from skinlab.errors import InputError
     from skinlab.inference.result import Identification, document
+    from skinlab.recording.dose import dose_of
     from skinlab.recording.session import read_session
     from skinlab.recording.stream import Flagged, Identified, Message
     from skinlab.report.text import describe
@@ -85,7 +86,8 @@ def command(
     if control.stopped:
         raise KeyboardInterrupt
     if as_json:
-        print_json(document(identifier.provenance(), results, session=str(session)))
+        dose = None if is_imported(recorded) else dose_of(recorded)
+        print_json(document(identifier.provenance(), results, session=str(session), dose=dose))
     if not verify:
         return 0
     found = differences(recorded, completed, results)

@@ -58,7 +58,9 @@ def info(session: Path) -> int:
     Example: skinlab session info visit.h5
     """
     from skinlab.recording.audit import entries
+    from skinlab.recording.dose import dose_of
     from skinlab.recording.session import read_session
+    from skinlab.report.text import describe_dose
 
     read = read_session(session)
     meta = read.meta
@@ -73,6 +75,8 @@ def info(session: Path) -> int:
     else:
         files = "one file" if len(imported) == 1 else f"{len(imported)} files"
         echo(f"  from {files} of other software; no instrument was connected")
+    if imported is None:
+        echo(f"  {describe_dose(dose_of(read))}")
     for curve, result in zip(read.curves, read.results, strict=True):
         setup = curve.setup
         state = " partial" if curve.partial else ""

@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from drivers.dose import Dose, DoseMeter
 from drivers.events import Alarm, Event, HostVented, InstrumentFault, LinkLost
 from skinlab import __version__
 from skinlab.errors import InputError
@@ -82,6 +83,7 @@ class Recording:
             raise InputError(f"{path}: exists already; a session is never overwritten")
         self.path = path
         self.ran = False
+        self._dose = DoseMeter()
         self._saved = False
         self._clock = clock
         self._who = operator() if who is None else who
@@ -105,6 +107,7 @@ class Recording:
         the curve is still identified and shown.
         """
         if isinstance(message, Sampled):
+            self._dose.add(message.sample)
             return  # by far the most, and in the bytes already
         self.ran = self.ran or isinstance(message, CurveStarted)
         with contextlib.suppress(InputError):
@@ -132,13 +135,22 @@ class Recording:
         """
         self.journal.audit(self._clock(), self._who, what, **detail)
 
+    @property
+    def dose(self) -> Dose:
+        """What the site has had so far, vents included."""
+        return self._dose.total
+
+    def _dose_detail(self) -> dict[str, float]:
+        dose = self.dose
+        return {"dose_mbar_s": round(dose.suction_mbar_s, 1), "suction_s": round(dose.time_s, 2)}
+
     def save(self) -> None:
         """Write the session as it is by now; the journal goes on.
 
         Raises:
             InputError: it cannot be written; the message names the journal that keeps everything.
         """
-        self.audit("session saved")
+        self.audit("session saved", **self._dose_detail())
         self.journal.flush()
         self._save()
 
@@ -157,7 +169,7 @@ class Recording:
             InputError: it cannot be written; the message names the journal that keeps everything.
         """
         with contextlib.suppress(InputError):  # what close() says is more
-            self.audit("session closed")
+            self.audit("session closed", **self._dose_detail())
         self.journal.close()
         if self.ran:
             self._save()

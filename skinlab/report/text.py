@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from drivers.dose import Dose
 from skinlab.inference.result import Advice, Identification
 from skinlab.text import inert
 
@@ -82,3 +83,8 @@ def describe_advice(advice: Sequence[Advice], most: int = 5) -> str:
         )
         lines.append(f"  {item.aperture_mm:g} mm opening, {item.program:<14} {widths}")
     return "\n".join(lines)
+
+
+def describe_dose(dose: Dose) -> str:
+    """Return in one line what the site has had."""
+    return f"dose of the site: {dose.suction_mbar_s:.0f} mbar·s, {dose.time_s:.1f} s under suction"

@@ -14,6 +14,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
+from drivers.dose import Dose
 from drivers.errors import DriverError, LinkError
 from drivers.probe import Probe
 from drivers.reconnect import Backoff, reconnect
@@ -129,6 +130,7 @@ class Bench:
         self._tape = Tape()
         self._visit: _Visit | None = None
         self._messages: list[Message] = []  # of the serving thread
+        self._dose = Dose()  # what the site of the visit had from probes that are gone
         self._unsaved = False  # a result came since the file was last written
         self._free = threading.Event()
         self._free.set()
@@ -334,6 +336,7 @@ class Bench:
         self._keep = True
         self._tape = Tape()
         probe = self._probe = self._make_probe(port, on_bytes=self._tape)
+        probe.carry_dose(self._dose)
         try:
             hello = probe.open()
             if closes == self._closes:  # else it was closed before it was open
@@ -346,6 +349,7 @@ class Bench:
             probe.close()
             _wait_closed(probe)
             self._probe = None
+            self._dose = probe.dose
             try:
                 self._finish(probe)
             finally:
@@ -361,6 +365,7 @@ class Bench:
         visit = self._visit
         if visit is not None and visit.simulated != hello.simulated:
             self._end_visit()
+            probe.carry_dose(Dose())
             visit = None
         if visit is None:
             return False
@@ -536,6 +541,7 @@ class Bench:
         """Finish the session, if there is one; whoever comes second waits until it is done."""
         with self._ending:
             visit, self._visit = self._visit, None
+            self._dose = Dose()
             if visit is None:
                 return
             visit.analyst.close()

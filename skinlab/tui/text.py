@@ -86,7 +86,9 @@ def where_text(board: Board) -> str:
         return f"replay of {board.port}"
     if hello is None:
         return board.port
-    return f"{hello.model} {hello.firmware}, {hello.aperture_mm:g} mm opening"
+    dose = board.dose.total
+    had = f"; {dose.suction_mbar_s:.0f} mbar·s in {dose.time_s:.0f} s" if dose.time_s else ""
+    return f"{hello.model} {hello.firmware}, {hello.aperture_mm:g} mm opening{had}"
 
 
 def banner_text(hello: Hello | None) -> str:

@@ -7,6 +7,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from drivers.dose import DoseMeter
 from drivers.events import (
     Alarm,
     Damaged,
@@ -170,6 +171,7 @@ class Board:
         self.live: Live | None = None
         self.latest: Sample | None = None  # the final vent included
         self.entries: dict[int, Entry] = {}
+        self.dose = DoseMeter()  # of the site, in this session
         self.ledger = Ledger()
         self.joint: Identification | None = None  # of the curves that are used
         self.compared: list[str] = []  # with another session, in sentences
@@ -341,6 +343,7 @@ class Board:
         if not goes_on:
             self.visit = self.path = self.shown = None
             self.entries.clear()
+            self.dose = DoseMeter()
             self.ledger, self.joint, self.compared = Ledger(), None, []
             self.missing = None
             self.session += 1
@@ -363,6 +366,7 @@ class Board:
                 self.shown = None
             case Sampled(index, sample):
                 self.latest = sample
+                self.dose.add(sample)
                 if self.live is not None and self.live.index == index:
                     self._sample(self.live, sample)
             case CurveCompleted(index, curve, cut, lost):
