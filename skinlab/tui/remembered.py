@@ -12,8 +12,9 @@ from platformdirs import user_config_path
 
 from skinlab.tui.order import DEFAULTS, complaint
 
-# A pseudonym or a site that is left over would label the next person.
-_KEPT = tuple(name for name in DEFAULTS if name not in {"subject", "site", "cycle"})
+# What is left over would label the next person; the thickness is of a person's skin as well.
+_OF_A_PERSON = frozenset({"subject", "site", "cycle", "thickness_mm", "thickness_sd_mm"})
+_KEPT = tuple(name for name in DEFAULTS if name not in _OF_A_PERSON)
 
 
 def default_path() -> Path:
