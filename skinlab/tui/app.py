@@ -441,7 +441,7 @@ class SkinlabApp(App[None]):
         match message.what:
             case "check" if self.board.can_arm:
                 self._check()
-            case "start" if self.board.can_arm:
+            case "start" | "early" if self.board.can_arm:
                 self._confirm()
             case "play" | "step" | "faster" | "slower":
                 self._control(message.what)
@@ -567,6 +567,7 @@ class SkinlabApp(App[None]):
             self.board.begin("resetting", "the fault is acknowledged")
             self._perform("resetting", self.bench.reset)
             return
+        self._fields.follow()  # what was typed last may not have come through
         try:
             texts = self._fields.texts()
             order = read_order(texts)
@@ -583,6 +584,7 @@ class SkinlabApp(App[None]):
             return
         remember(self._settings, texts)
         board = self.board
+        board.name(order.visit)
         if board.visit is not None and board.visit != order.visit:
             self._anew = True  # another person or site: another session
         if board.hello is None or order.port != board.port:
@@ -603,7 +605,7 @@ class SkinlabApp(App[None]):
             return False
         self._unnamed = order.visit
         self._fields.query_one("#subject", Input).focus()
-        self.board.say(
+        self.board.answer(
             Level.WARNING, "whose skin is it? Type a pseudonym, or F8 goes on without one"
         )
         return True
@@ -621,7 +623,7 @@ class SkinlabApp(App[None]):
         """Arm and start what was shown, if it was read and nobody types."""
         board, review = self.board, self.board.review
         if review is None:
-            board.say(Level.WARNING, "F8 first: it shows what F9 would start")
+            board.answer(Level.WARNING, "F8 first: it shows what F9 would start")
             return
         why = self.guard.refusal()
         if not self._main.summary_in_view:
@@ -629,8 +631,7 @@ class SkinlabApp(App[None]):
         elif review.texts != self._fields.texts():
             why = "the settings have changed: F8 shows them"
         if why is not None:
-            board.note, board.level = f"not started: {why}", Level.WARNING
-            board.touch()
+            board.answer(Level.WARNING, f"not started: {why}")
             return
         board.review = None
         self._fields.accept()

@@ -311,7 +311,11 @@ class Board:
 
     def refuse(self, note: str) -> None:
         """Say why what was asked for is not done."""
-        self.note, self.level = note, Level.ERROR
+        self.answer(Level.ERROR, note)
+
+    def answer(self, level: Level, note: str) -> None:
+        """Say what a key came to, whatever was said before."""
+        self.note, self.level = note, level
         self.version += 1
 
     def show(self, index: int) -> None:

@@ -46,13 +46,14 @@ class MainScreen(Screen[None]):
         # No word contains these two, so that nothing that is typed can start anything
         Binding(CHECK_KEY, "want('check')", "Check", key_display="F8", priority=True),
         Binding(CONFIRM_KEY, "want('start')", "Start", key_display="F9", priority=True),
+        Binding(CONFIRM_KEY, "want('early')", show=False, priority=True),
         Binding("space", "play", "Play", key_display="Space", priority=True),
         Binding("enter,space", "nothing", show=False),
         Binding("full_stop", "step", "Step", key_display="."),
         Binding("plus,equals_sign", "speed(1)", "Faster", key_display="+"),
         Binding("minus", "speed(-1)", "Slower", key_display="-"),
         Binding("f3", "settings", "Edit", key_display="F3", priority=True),
-        Binding("tab,shift+tab", "settings", show=False),
+        Binding("tab,shift+tab", "form", show=False),
         Binding("up", "look(-1)", show=False),
         Binding("down", "look(1)", show=False),
         Binding("s", "want('session')", "Session"),
@@ -108,7 +109,7 @@ class MainScreen(Screen[None]):
         self.query_one(Reading).show(board)
         self.query_one(Curves).show(board)
         self._write_note(board.note, str(board.level))
-        keys = (board.can_arm, board.playing is not None, bool(board.entries))
+        keys = (board.can_arm, board.review is None, board.playing is not None, bool(board.entries))
         if keys != self._keys:
             self._keys = keys
             self.refresh_bindings()
@@ -182,6 +183,10 @@ class MainScreen(Screen[None]):
         self.close_fields(closed=False)
         self.query_one("#program", Input).focus()
 
+    def action_form(self) -> None:
+        """Go to the fields."""
+        self.query_one("#port", Input).focus()
+
     def action_look(self, by: int) -> None:
         """Look at the curve before or after."""
         curves = self.query_one(Curves)
@@ -205,6 +210,8 @@ class MainScreen(Screen[None]):
             return self._board.playing is not None
         if action == "want":
             what = parameters[0]
+            if what == "start":
+                return self._board.review is not None
             if what == "session":
                 return not self.typing
             if what == "missing":
@@ -212,6 +219,8 @@ class MainScreen(Screen[None]):
             return self._board.can_arm
         if action == "settings":
             return self._board.can_arm
+        if action == "form":  # Tab is typing: it does not leave what is shown
+            return self._board.can_arm and self._board.review is None
         return super().check_action(action, parameters)
 
     def action_play(self) -> None:

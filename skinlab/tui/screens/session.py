@@ -20,7 +20,19 @@ from skinlab.tui.typing_guard import CHECK_KEY
 from skinlab.tui.widgets.header import Top
 from skinlab.tui.words import clock, result_lines, row_texts, who_text
 
-_COLUMNS = ("#", "whose", "time", "mm", "program", "cycle", "X1 MPa", "X2 MPa", "nu", "E µm", "used")
+_COLUMNS = (
+    "#",
+    "whose",
+    "time",
+    "mm",
+    "program",
+    "cycle",
+    "X1 MPa",
+    "X2 MPa",
+    "nu",
+    "E µm",
+    "used",
+)
 _FRAMES_PER_S = 8
 
 

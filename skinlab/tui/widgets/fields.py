@@ -103,8 +103,10 @@ class Fields(Vertical):
             self._known[self._who] = self._put = self._thickness
             self._by_program = True
 
-    def _follow(self) -> None:
+    def follow(self) -> None:
         """Let the thickness follow where subject or site have changed."""
+        if self._thickness != self._put:
+            self._by_program = False
         who = (
             self.query_one("#subject", Input).value.strip(),
             self.query_one("#site", Input).value.strip(),
@@ -145,9 +147,7 @@ class Fields(Vertical):
     @on(Input.Changed)
     def _check(self, event: Input.Changed) -> None:
         event.stop()
-        if self._thickness != self._put:
-            self._by_program = False
-        self._follow()
+        self.follow()
         for row in _ROWS:
             if event.input.id in [name for name, _, _ in row]:
                 self._judge(row)
