@@ -17,7 +17,7 @@ import pytest
 from patience import patient_command
 
 from skinlab.session import Session, read_session
-from skinlab.tui.typing_guard import LOOK_S, QUIET_S
+from skinlab.tui.typing_guard import QUIET_S
 
 pytestmark = pytest.mark.skipif(shutil.which("tmux") is None, reason="tmux is not installed")
 
@@ -93,7 +93,7 @@ class Terminal:
         self.until(lambda screen: "whose skin" in screen)
         self.press("F8")
         self.until_all("THIS WILL HAPPEN", "up to 100 mbar", "repeats")
-        time.sleep(LOOK_S)
+        time.sleep(QUIET_S)
         self.press("F9")
 
     def start_slow_run(self) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import datetime
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from skinlab.session import read_session
 from skinlab.tui.replayer import Replayer, example_session
 from skinlab.tui.screens.session import SessionScreen
 from skinlab.tui.screens.welcome import WelcomeScreen
+from skinlab.tui.widgets.curves import Curves
 
 SLOW = "sim://?seed=1&speed=5"
 LONG = "ramp:100@2"
@@ -113,7 +115,91 @@ async def test_f3_goes_to_the_settings_and_back(bedside):
         await bed.until(lambda: not bed.app.screen.query_one("#fields").display)
 
 
+# ---- whose result it is ----------------------------------------
+
+
+async def test_a_thickness_belongs_to_a_subject_and_a_site(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        thickness = bed.app.screen.query_one("#thickness_mm", Input)
+        await bed.fill("thickness_mm", "1.3")  # typed before the name: of whoever comes
+        await bed.fill("subject", "P01")
+        await bed.fill("site", "arm")
+        assert thickness.value == "1.3"
+        await bed.run()
+        await bed.fill("subject", "P02")
+        await bed.until(lambda: thickness.value == "1.0")
+        await bed.check()
+        assert "default, not measured" in bed.text("#card-text")
+        await bed.press("v")
+        await bed.until(lambda: bed.board.can_arm and bed.board.review is None)
+        await bed.fill("thickness_mm", "0.8")
+        await bed.check()
+        assert "default" not in bed.text("#card-text")
+        await bed.press("f9")
+        await bed.until(lambda: bed.board.entry and bed.board.entry.result and bed.board.can_arm)
+        await bed.fill("subject", "P01")
+        await bed.until(lambda: thickness.value == "1.3")
+        await bed.fill("site", "leg")
+        await bed.until(lambda: thickness.value == "1.0")
+        await bed.fill("subject", "P02")
+        await bed.fill("site", "arm")
+        await bed.until(lambda: thickness.value == "0.8")
+
+
+async def test_without_a_subject_it_asks_once(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        await bed.press("f8")
+        await bed.until(lambda: "whose skin" in bed.board.note)
+        assert bed.board.review is None
+        await bed.until(lambda: bed.app.screen.query_one("#subject").has_focus)
+        await bed.run()  # F8 again goes on without
+        assert bed.board.entry.visit == ("", "")
+        await bed.press("f8")
+        await bed.until(lambda: bed.board.review)  # not asked again
+        assert "NONE GIVEN" in bed.text("#card-text")
+
+
+async def test_card_rows_and_header_say_whose_and_when(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        await bed.fill("subject", "P07")
+        await bed.fill("site", "forearm")
+        await bed.run()
+        at = f"{bed.board.entry.at:%H:%M}"
+        await bed.until(lambda: "P07, forearm" in bed.text("#card-text"))
+        assert at in bed.text("#card-title")
+        assert bed.app.screen.query_one(Curves).get_row_at(0)[1:3] == ["P07, forearm", at]
+        await bed.until(lambda: "P07, forearm, since" in bed.text("#where"))
+        await session_screen(bed)
+        await bed.until(lambda: "P07, forearm, since" in bed.text("#session-title"))
+
+
+async def test_a_replay_says_whose_and_when_it_was(bedside):
+    async with bedside(None, replay=example_session(), speed=None) as bed:
+        await bed.until(lambda: bed.board.phase == "ENDED")
+        created = datetime.fromisoformat(read_session(example_session()).meta["created_utc"])
+        assert all(e.visit == ("SIM-1", "simulated forearm") for e in bed.board.entries.values())
+        assert all(abs((e.at - created).total_seconds()) < 120 for e in bed.board.entries.values())
+        await bed.until(lambda: "SIM-1, simulated forearm" in bed.text("#where"))
+
+
 # ---- live ----------------------------------------
+
+
+async def test_what_is_not_of_now_says_when_it_was(bedside):
+    async with bedside(SLOW) as bed:
+        await bed.connected()
+        assert "mbar" not in bed.text("#reading-line")  # nothing was read yet
+        await bed.fill("program", LONG)
+        await bed.start()
+        await bed.until(lambda: "mbar" in bed.text("#reading-line"))
+        assert "last" not in bed.text("#reading-line")
+        await bed.press("v")
+        await bed.until(lambda: bed.board.entry and bed.board.can_arm)
+        await bed.until(lambda: bed.text("#reading-line").strip().startswith("last: "))
+        assert f"mm, {bed.board.latest_at:%H:%M}" in bed.text("#reading-line")
 
 
 @pytest.mark.parametrize("size", [(60, 20), (80, 24)])
@@ -258,7 +344,7 @@ async def test_without_a_port_it_offers_what_there_is(bedside):
 
     async with bedside(None, ports=ports, size=(60, 20)) as bed:
         await bed.until(lambda: isinstance(bed.app.screen, WelcomeScreen))
-        for word in ("Simulated probe", "Recorded example", "/dev/ttyX9", "vents", "Space"):
+        for word in ("Simulated probe", "Recorded example", "/dev/ttyX9", "vents", "F9"):
             await bed.until(lambda w=word: w in bed.screenshot().replace("&#160;", " "))
         await bed.press("down", "enter")
         await bed.until(lambda: isinstance(bed.app.bench, Replayer) and bed.board.live)
