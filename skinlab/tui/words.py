@@ -200,7 +200,7 @@ def order_lines(order: Order, *, assumed_thickness: bool = False) -> list[str]:
         f"site     {order.site or 'none given'}",
         f"opening  {setup.aperture_mm:g} mm",
         f"skin     {_thickness(setup)} thick{assumed}",
-        f"program  {program}",
+        f"program  {shortened(str(program), _MOST_PROGRAM)}",
         *([] if program is None else [f"         {program_words(program)}"]),
         *([] if program is None else [f"peak     {program_extent(program)}"]),
         f"loading  {setup.cycle} of this site",
@@ -240,6 +240,7 @@ def suction_s(program: Program) -> float:
     return sum(t1 - t0 for t0, t1, p0, p1 in away if p0 > 0 or p1 > 0)
 
 
+_MOST_PROGRAM = 100  # characters: all that will happen must fit into one window
 _MOST_PARTS = 4  # of a program that are told in words
 
 

@@ -191,6 +191,33 @@ async def test_nothing_starts_where_what_will_happen_does_not_fit(bedside):
         await bed.start()
 
 
+async def test_a_program_of_many_parts_fits_too(bedside):
+    async with bedside(size=(60, 20)) as bed:
+        await bed.connected()
+        await bed.fill("program", "mode1:100,0.1,0.1,100")
+        await bed.check()
+        assert "400 parts in all" in bed.text("#card-text")
+        await bed.press("f9")
+        await bed.until(lambda: bed.board.live)
+
+
+async def test_tab_and_enter_go_round_in_the_fields(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        count = len(bed.app.screen.query(Input))
+        for key, steps in (("tab", count), ("shift+tab", count), ("enter", count)):
+            await bed.press("f3")
+            await bed.until(lambda: bed.app.screen.query_one("#program").has_focus)
+            seen = []
+            for _ in range(steps):
+                await bed.press(key)
+                seen.append(bed.app.focused.id)
+            assert len(set(seen)) == count
+            assert seen[-1] == "program"
+            await bed.press("f3")
+        assert not bed.board.moving
+
+
 async def test_resizing_while_the_curve_is_drawn(bedside):
     async with bedside("sim://?seed=1&speed=10") as bed:
         await bed.connected()
