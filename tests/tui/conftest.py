@@ -19,7 +19,7 @@ from skinlab.tui.bench import Bench, Explain, default_identifier
 from skinlab.tui.screens.over import ConfirmScreen
 
 SIMULATED = "sim://?seed=1&speed=20"
-PATIENCE_S = 8.0
+PATIENCE_S = 120.0
 
 
 class Clock:

@@ -28,10 +28,12 @@ from skinlab.tui.typing_guard import LOOK_S, QUIET_S, TypingGuard, is_typing
 
 TEXT = [*string.ascii_letters, *string.digits, "full_stop", "comma", "minus", "plus"]
 TEXT += ["question_mark", "space", "space", "enter", "enter", "enter", "space", "tab", "backspace"]
+CHARACTERS = {"full_stop": ".", "comma": ",", "minus": "-", "plus": "+", "question_mark": "?"}
+CHARACTERS |= {"space": " ", "enter": "\r", "tab": "\t", "backspace": "\x7f"}
 OTHER = ["f8", "f8", "f9", "f9", "f9", "f1", "f2", "f3", "f7", "escape", "delete", "ctrl+z"]
 OTHER += ["up", "down", "home", "end", "shift+tab", "ctrl+q", "ctrl+c", "f8", "f5", "f10"]
 LONG = "ramp:100@2"
-KEYS_OF_A_STATE, KEYS_OF_A_WALK = 75, 600
+KEYS_OF_A_STATE, KEYS_OF_A_WALK = 96, 260
 SOAK_KEYS = 10_000
 
 
@@ -204,10 +206,15 @@ async def type_in(bed, state, keys, rng, starts):
     await state(bed)
     started, alarmed = starts.count, bed.board.alarm
     excluded = dict(bed.board.ledger.excluded)
-    for _ in range(keys):
+    typed = 0
+    while typed < keys:
+        word = rng.choices(TEXT, k=rng.randint(1, 8))
+        typed += len(word)
         bed.clock.now_s += rng.choice([0.0, 0.05, 0.2, 0.9, 1.5, 5.0])
-        await bed.press(rng.choice(TEXT))
-        assert starts.count == started, state.__name__
+        for key in word:
+            bed.app.post_message(events.Key(key, CHARACTERS.get(key, key)))
+        await bed.pilot.pause()
+        assert starts.count == started, word
     assert not bed.app._exit
     assert bed.board.alarm == alarmed
     assert bed.board.model is None
@@ -260,7 +267,7 @@ async def walk(bed, keys, rng, starts):
     pressed = 0
     while pressed < keys and not bed.app._exit:
         burst = [rng.choice(TEXT + OTHER * 2)]
-        if rng.random() < 0.03 and bed.app.screen is main and bed.board.can_arm:
+        if rng.random() < 0.06 and bed.app.screen is main and bed.board.can_arm:
             bed.app.query_one("#subject", Input).value = f"P{rng.randint(1, 9)}"
             burst = ["f8", "f8", "f9"]
         for key in burst:
@@ -317,6 +324,7 @@ async def test_state_suction_and_simulated_stand_on_every_screen(bedside, state)
     port, options = (None, {"ports": tuple}) if state is welcome else ("sim://?seed=1&speed=20", {})
     async with bedside(port, explain=Searching(), **options) as bed:
         await state(bed)
+        await bed.until(lambda: bed.app.screen.query("#phase"))
         await bed.until(lambda: bed.text("#phase") == bed.board.phase)
         if state is welcome:
             assert "no probe" in bed.text("#suction")

@@ -241,8 +241,10 @@ class MainScreen(Screen[None]):
 
     @on(DataTable.RowHighlighted)
     def _look_at(self, event: DataTable.RowHighlighted) -> None:
-        if event.row_key.value is not None:
-            self._board.show(int(event.row_key.value))
+        # The key is None where the rows are gone by now, whatever its type says
+        index: str | None = getattr(event.row_key, "value", None)
+        if index is not None:
+            self._board.show(int(index))
 
     @property
     def typing(self) -> bool:
