@@ -578,7 +578,7 @@ class SkinlabApp(App[None]):
             self.board.refuse(str(error))
             wrong = self._fields.first_wrong()
             if wrong is not None:
-                wrong.focus()
+                self._main.set_focus(wrong)
             return
         if self._must_be_named(order):
             return
@@ -604,7 +604,7 @@ class SkinlabApp(App[None]):
         if order.subject or order.visit in {self.board.visit, self._unnamed}:
             return False
         self._unnamed = order.visit
-        self._fields.query_one("#subject", Input).focus()
+        self._main.set_focus(self._fields.query_one("#subject", Input))
         self.board.answer(
             Level.WARNING, "whose skin is it? Type a pseudonym, or F8 goes on without one"
         )

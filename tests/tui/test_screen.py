@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import pytest
+from textual import events
 from textual.widgets import Input, OptionList
 
 from drivers.events import Alarm
@@ -216,6 +217,18 @@ async def test_tab_and_enter_go_round_in_the_fields(bedside):
             assert seen[-1] == "program"
             await bed.press("f3")
         assert not bed.board.moving
+
+
+async def test_what_is_typed_at_once_behind_a_tab_goes_to_the_next_field(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        await bed.press("f8")  # asks for a subject
+        await bed.until(lambda: bed.app.screen.query_one("#subject").has_focus)
+        for key in ("P", "7", "tab", "a", "r", "m"):
+            bed.app.post_message(events.Key(key, key if len(key) == 1 else None))
+        site, subject = (bed.app.screen.query_one(f, Input) for f in ("#site", "#subject"))
+        await bed.until(lambda: site.value == "arm")
+        assert subject.value == "P7"
 
 
 async def test_resizing_while_the_curve_is_drawn(bedside):

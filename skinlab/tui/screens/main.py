@@ -181,11 +181,11 @@ class MainScreen(Screen[None]):
             return
         self._board.withdraw()
         self.close_fields(closed=False)
-        self.query_one("#program", Input).focus()
+        self.set_focus(self.query_one("#program", Input))
 
     def action_form(self) -> None:
         """Go to the fields."""
-        self.query_one("#port", Input).focus()
+        self.set_focus(self.query_one("#port", Input))
 
     def action_look(self, by: int) -> None:
         """Look at the curve before or after."""

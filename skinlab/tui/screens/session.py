@@ -202,7 +202,7 @@ class SessionScreen(Screen[None]):
         line = self.query_one(Input)
         line.value, line.placeholder, line.display = "", what, True
         self.query_one(DataTable).disabled = True  # a click there would make letters keys again
-        line.focus()
+        self.set_focus(line)  # at once: what is typed behind the key belongs here
         self.refresh_bindings()
 
     def leave_line(self) -> None:
@@ -211,7 +211,7 @@ class SessionScreen(Screen[None]):
         self.query_one(Input).display = False
         table = self.query_one(DataTable)
         table.disabled = False
-        table.focus()
+        self.set_focus(table)
         self.refresh_bindings()
 
     def action_cancel(self) -> None:

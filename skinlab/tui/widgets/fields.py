@@ -124,7 +124,8 @@ class Fields(Vertical):
         """Go to the next field; after the last one comes the first."""
         fields = list(self.query(Input))
         at = next((i for i, field in enumerate(fields) if field.has_focus), -1 if by > 0 else 0)
-        fields[(at + by) % len(fields)].focus()
+        # Not `focus()`, which comes behind keys that wait already: they would go to the old field
+        self.screen.set_focus(fields[(at + by) % len(fields)])
 
     def first_wrong(self) -> Input | None:
         """Return the first field with a complaint."""
