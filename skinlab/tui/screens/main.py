@@ -53,7 +53,10 @@ class MainScreen(Screen[None]):
         Binding("plus,equals_sign", "speed(1)", "Faster", key_display="+"),
         Binding("minus", "speed(-1)", "Slower", key_display="-"),
         Binding("f3", "settings", "Edit", key_display="F3", priority=True),
-        Binding("tab,shift+tab", "form", show=False),
+        # With priority: keys that wait behind one of these already go to the next field
+        Binding("tab", "form(1)", show=False, priority=True),
+        Binding("shift+tab", "form(-1)", show=False, priority=True),
+        Binding("enter", "next", show=False, priority=True),
         Binding("up", "look(-1)", show=False),
         Binding("down", "look(1)", show=False),
         Binding("s", "want('session')", "Session"),
@@ -183,9 +186,13 @@ class MainScreen(Screen[None]):
         self.close_fields(closed=False)
         self.set_focus(self.query_one("#program", Input))
 
-    def action_form(self) -> None:
-        """Go to the fields."""
-        self.set_focus(self.query_one("#port", Input))
+    def action_form(self, by: int) -> None:
+        """Go to the fields, and round in them."""
+        self.query_one(Fields).go_round(by)
+
+    def action_next(self) -> None:
+        """Go to the next field."""
+        self.action_form(1)
 
     def action_look(self, by: int) -> None:
         """Look at the curve before or after."""
@@ -219,6 +226,8 @@ class MainScreen(Screen[None]):
             return self._board.can_arm
         if action == "settings":
             return self._board.can_arm
+        if action == "next":
+            return self.typing
         if action == "form":  # Tab is typing: it does not leave what is shown
             return self._board.can_arm and self._board.review is None
         return super().check_action(action, parameters)

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import ClassVar
 
 from textual import on
 from textual.app import ComposeResult
-from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
 from textual.message import Message
 from textual.widgets import Input, Label, Static
@@ -36,7 +34,7 @@ _HINTS = {
 class Fields(Vertical):
     """Who, where, which probe, which program, how often; the complaint stands under each row.
 
-    Tab and Enter go round inside. A thickness belongs to a subject and a site: where these change,
+    A thickness belongs to a subject and a site: where these change,
     it becomes the one that they had before, or the default, which is then marked as assumed.
     """
 
@@ -46,11 +44,6 @@ class Fields(Vertical):
         def __init__(self, who: tuple[str, str]) -> None:
             super().__init__()
             self.who = who
-
-    BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("tab", "round(1)", "Next", show=False),
-        Binding("shift+tab", "round(-1)", "Previous", show=False),
-    ]
 
     def __init__(self, port: str, start: Mapping[str, str]) -> None:
         super().__init__(id="fields")
@@ -120,7 +113,7 @@ class Fields(Vertical):
                 self.put(name, text)
         self.post_message(self.Named(who))
 
-    def action_round(self, by: int) -> None:
+    def go_round(self, by: int) -> None:
         """Go to the next field; after the last one comes the first."""
         fields = list(self.query(Input))
         at = next((i for i, field in enumerate(fields) if field.has_focus), -1 if by > 0 else 0)
@@ -139,11 +132,6 @@ class Fields(Vertical):
 
     def _complaint(self, field: Input) -> str | None:
         return complaint(str(field.id), field.value, self._hello)
-
-    @on(Input.Submitted)
-    def _entered(self, event: Input.Submitted) -> None:
-        event.stop()
-        self.action_round(1)
 
     @on(Input.Changed)
     def _check(self, event: Input.Changed) -> None:
