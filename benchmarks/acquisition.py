@@ -34,8 +34,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 
 from drivers.events import Damaged, Gap
-from skinlab.pauses import shorten_pauses
-from skinlab.stream import CurveCompleted, CurveStarted, Happened, Sampled
+from skinlab.acquisition.gc_tuning import shorten_pauses
+from skinlab.recording.stream import CurveCompleted, CurveStarted, Happened, Sampled
 
 FOLDER = Path(__file__).resolve().parent
 CYCLE = "ramp:100@20,hold:45,release,rest:9"  # 59 s and the time to vent
@@ -114,15 +114,15 @@ def clocks() -> tuple[float, float]:
 def acquire(rate_hz: float, cycles: int) -> dict[str, Any]:
     """Measure one run of so many cycles and return its figures."""
     from drivers.probe import Probe
+    from skinlab.acquisition.measure import Plan, measure
+    from skinlab.acquisition.pipeline import Pipeline
+    from skinlab.acquisition.sources import LiveSource
     from skinlab.cli.options import make_identifier
-    from skinlab.curve import Setup
+    from skinlab.curves.curve import Setup
+    from skinlab.curves.program import parse_program
     from skinlab.errors import AcquisitionError
-    from skinlab.measure import Plan, measure
-    from skinlab.pipeline import Pipeline
-    from skinlab.program import parse_program
-    from skinlab.recording import Recording
-    from skinlab.session import read_session
-    from skinlab.sources import LiveSource
+    from skinlab.recording.recorder import Recording
+    from skinlab.recording.session import read_session
 
     identifier = make_identifier(
         method="auto", samples=1000, best=20, tolerance_um=1e-5, seed=0, kappa="paper",

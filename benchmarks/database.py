@@ -22,9 +22,9 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
-from skinlab.database import store
-from skinlab.fem.suction import Geometry, solve
-from skinlab.materials.compressibility import kappa_ratio
+from skinlab.mechanics.fem.suction import Geometry, solve
+from skinlab.mechanics.materials.compressibility import kappa_ratio
+from skinlab.tables import store
 
 RESULT = Path(__file__).parent / "results" / "database.json"
 

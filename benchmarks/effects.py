@@ -23,14 +23,14 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
-from skinlab.campaign import read_campaign
-from skinlab.effects import all_effects, effect_names
-from skinlab.effects import model as effects_model
-from skinlab.effects.model import Skin, response
-from skinlab.fem.element import QUAD9_FULL
-from skinlab.fem.suction import MESH_OF_RECORD, SCREENING_MESH, Discretisation, Geometry
-from skinlab.pressure_path import PressurePath
-from skinlab.program import parse_program
+from skinlab.curves.campaign import read_campaign
+from skinlab.curves.pressure_path import PressurePath
+from skinlab.curves.program import parse_program
+from skinlab.mechanics.effects import all_effects, effect_names
+from skinlab.mechanics.effects import model as effects_model
+from skinlab.mechanics.effects.model import Skin, response
+from skinlab.mechanics.fem.element import QUAD9_FULL
+from skinlab.mechanics.fem.suction import MESH_OF_RECORD, SCREENING_MESH, Discretisation, Geometry
 
 RESULT = Path(__file__).parent / "results" / "effects.json"
 FINE = Discretisation("fine", QUAD9_FULL, 0.005 / 3, 1.35, 0.1, 0.1, 0.2)

@@ -24,13 +24,10 @@ from typing import Any
 import numpy as np
 from scipy.sparse.linalg import spsolve
 
-from skinlab.database.build import build_grid
-from skinlab.database.grid import GridSpec
-from skinlab.database.rows import How
-from skinlab.fem import newton
-from skinlab.fem.element import QUAD8_FULL
-from skinlab.fem.known_answers import ReferenceCurve, reference_curves
-from skinlab.fem.suction import (
+from skinlab.mechanics.fem import newton
+from skinlab.mechanics.fem.element import QUAD8_FULL
+from skinlab.mechanics.fem.known_answers import ReferenceCurve, reference_curves
+from skinlab.mechanics.fem.suction import (
     MBAR,
     MESH_OF_RECORD,
     VERIFICATION_MESH,
@@ -38,6 +35,9 @@ from skinlab.fem.suction import (
     assembly_for,
     solve,
 )
+from skinlab.tables.build import build_grid
+from skinlab.tables.grid import GridSpec
+from skinlab.tables.parallel_build import How
 
 FOLDER = Path(__file__).resolve().parent
 CASES = [

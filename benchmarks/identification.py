@@ -31,14 +31,14 @@ from numpy.typing import NDArray
 from scipy.optimize import differential_evolution, dual_annealing, least_squares
 from scipy.stats import binom
 
-from skinlab.curve import Curve, Setup
-from skinlab.database.store import shipped_table
-from skinlab.fem.suction import Geometry, solve
-from skinlab.identify.identifier import Identifier
-from skinlab.identify.polish import polish
-from skinlab.identify.problem import Options, Problem
-from skinlab.identify.uncertainty import Sensor
-from skinlab.materials.compressibility import kappa_ratio
+from skinlab.curves.curve import Curve, Setup
+from skinlab.inference.identify import Identifier
+from skinlab.inference.optimise import polish
+from skinlab.inference.problem import Options, Problem
+from skinlab.inference.uncertainty import Sensor
+from skinlab.mechanics.fem.suction import Geometry, solve
+from skinlab.mechanics.materials.compressibility import kappa_ratio
+from skinlab.tables.store import shipped_table
 
 RESULTS = Path(__file__).parent / "results"
 PRESSURE = np.linspace(0.0, 100.0, 51)
@@ -250,7 +250,7 @@ def _reference(problem: Problem, seed: int) -> float:
 
 
 def _ours(name: str, problem: Problem, seed: int) -> tuple[float, int]:
-    from skinlab.identify.registry import get_method
+    from skinlab.inference.methods.registry import get_method
 
     found = get_method(name)(problem, Options(), np.random.default_rng(seed))
     return found.error_um, found.evaluations

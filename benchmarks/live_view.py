@@ -45,7 +45,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
-from skinlab.session import read_session, sample_rows
+from skinlab.recording.session import read_session, sample_rows
 
 FOLDER = Path(__file__).resolve().parent
 PATIENCE_S = 60.0

@@ -42,17 +42,17 @@ from scipy.stats import beta
 
 import skinlab
 from sim_device.skin import MESH
-from skinlab.campaign import Campaign
-from skinlab.curve import Curve, Setup
-from skinlab.database.store import shipped_table
+from skinlab.curves.campaign import Campaign
+from skinlab.curves.curve import Curve, Setup
+from skinlab.curves.pressure_path import PressurePath
+from skinlab.curves.program import parse_program
 from skinlab.discrepancy.misfit import errors_of
 from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.records import records_of
 from skinlab.discrepancy.workflow import explain
-from skinlab.effects.model import Effects, Skin, forget, response
-from skinlab.fem.suction import Geometry
-from skinlab.pressure_path import PressurePath
-from skinlab.program import parse_program
+from skinlab.mechanics.effects.model import Effects, Skin, forget, response
+from skinlab.mechanics.fem.suction import Geometry
+from skinlab.tables.store import shipped_table
 
 Array = NDArray[np.float64]
 Distortion = Callable[[Array, Array, Array, np.random.Generator], Array]

@@ -31,9 +31,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from skinlab.fem.suction import MESH_OF_RECORD, VERIFICATION_MESH, Geometry, solve
-from skinlab.identify.noise import legendre
-from skinlab.materials.compressibility import kappa_ratio
+from skinlab.inference.noise import legendre
+from skinlab.mechanics.fem.suction import MESH_OF_RECORD, VERIFICATION_MESH, Geometry, solve
+from skinlab.mechanics.materials.compressibility import kappa_ratio
 
 HERE = Path(__file__).parent
 RESULT = HERE / "results" / "model_error.json"

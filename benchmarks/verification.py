@@ -22,10 +22,15 @@ mpl.use("Agg")
 from matplotlib import pyplot as plt
 from scipy.linalg import lapack
 
-from skinlab.database.grid import GridSpec
-from skinlab.fem.admissibility import NO_LIMITS, Limits, ellipticity, surface
-from skinlab.fem.element import ELEMENTS, QUAD8_FULL, QUAD9_LINEAR_DILATATION, Element, line_shape
-from skinlab.fem.known_answers import (
+from skinlab.mechanics.fem.admissibility import NO_LIMITS, Limits, ellipticity, surface
+from skinlab.mechanics.fem.element import (
+    ELEMENTS,
+    QUAD8_FULL,
+    QUAD9_LINEAR_DILATATION,
+    Element,
+    line_shape,
+)
+from skinlab.mechanics.fem.known_answers import (
     ReferenceCurve,
     clamped_plate,
     compressible_tube,
@@ -38,8 +43,8 @@ from skinlab.fem.known_answers import (
     thick_shell,
     tube_pressure,
 )
-from skinlab.fem.newton import StepSettings
-from skinlab.fem.suction import (
+from skinlab.mechanics.fem.newton import StepSettings
+from skinlab.mechanics.fem.suction import (
     LINEAR_DILATATION_MESH,
     MBAR,
     MESH_OF_RECORD,
@@ -50,8 +55,9 @@ from skinlab.fem.suction import (
     assembly_for,
     solve,
 )
-from skinlab.materials import get_law
-from skinlab.materials.compressibility import kappa_ratio
+from skinlab.mechanics.materials import get_law
+from skinlab.mechanics.materials.compressibility import kappa_ratio
+from skinlab.tables.grid import GridSpec
 
 ROOT = Path(__file__).resolve().parents[1]
 PICTURES = ROOT / "docs" / "pictures"
@@ -504,7 +510,7 @@ cannot follow the edge); it is not offered.
 
 ## What is not admissible
 
-A converged point is kept only if (`skinlab/fem/admissibility.py`)
+A converged point is kept only if (`skinlab/mechanics/fem/admissibility.py`)
 
 1. no chord of the free surface, from node to node, has turned by more than {limits.tilt_deg:.0f}° and none is shorter
    than {limits.surface_stretch} of its length at rest: the surface folds at the tape's edge;

@@ -14,12 +14,12 @@ from pathlib import Path
 import numpy as np
 
 from sim_device.skin import MESH
-from skinlab.curve import Curve, Setup
-from skinlab.curve_csv import write_curve
-from skinlab.effects.model import Skin, response
-from skinlab.fem.suction import Geometry
-from skinlab.pressure_path import PressurePath
-from skinlab.program import parse_program
+from skinlab.curves.csv import write_curve
+from skinlab.curves.curve import Curve, Setup
+from skinlab.curves.pressure_path import PressurePath
+from skinlab.curves.program import parse_program
+from skinlab.mechanics.effects.model import Skin, response
+from skinlab.mechanics.fem.suction import Geometry
 
 FOLDER = Path(__file__).parent / "missing_effect"
 SKIN = Skin(0.04, 1.5, 0.32)

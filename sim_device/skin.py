@@ -19,12 +19,12 @@ from sim_device.device import STEP_US, Skin
 from sim_device.files import SkinSection
 from sim_device.plant import Plant
 from sim_device.program import Run
-from skinlab.effects.model import Effects, Sensors, SkinCurve, problem_of, solve_skin
-from skinlab.effects.model import Skin as Law
-from skinlab.fem.element import QUAD9_FULL
-from skinlab.fem.skin import SkinProblem
-from skinlab.fem.suction import Discretisation, Geometry
-from skinlab.pressure_path import PressurePath
+from skinlab.curves.pressure_path import PressurePath
+from skinlab.mechanics.effects.model import Effects, Sensors, SkinCurve, problem_of, solve_skin
+from skinlab.mechanics.effects.model import Skin as Law
+from skinlab.mechanics.fem.element import QUAD9_FULL
+from skinlab.mechanics.fem.skin import SkinProblem
+from skinlab.mechanics.fem.suction import Discretisation, Geometry
 
 Array = NDArray[np.float64]
 

@@ -1,5 +1,5 @@
 """`python -m skinlab` is `skinlab`."""
 
-from skinlab.start import main
+from skinlab.cli.start import main
 
 main()

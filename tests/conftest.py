@@ -8,9 +8,9 @@ import pytest
 from hypothesis import HealthCheck, settings
 from patience import be_patient
 
-from skinlab.database.dimensionless import DimensionlessTable
-from skinlab.database.grid import GridDatabase
-from skinlab.database.store import shipped_grid, shipped_table
+from skinlab.tables.dimensionless import DimensionlessTable
+from skinlab.tables.grid import GridDatabase
+from skinlab.tables.store import shipped_grid, shipped_table
 
 # No test may depend on how fast the machine is
 be_patient()

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from skinlab.campaign import Campaign
-from skinlab.curve import Curve, Setup
-from skinlab.database.dimensionless import DimensionlessTable
-from skinlab.fem.suction import Geometry
-from skinlab.pressure_path import PressurePath
-from skinlab.program import parse_program
+from skinlab.curves.campaign import Campaign
+from skinlab.curves.curve import Curve, Setup
+from skinlab.curves.pressure_path import PressurePath
+from skinlab.curves.program import parse_program
+from skinlab.mechanics.fem.suction import Geometry
+from skinlab.tables.dimensionless import DimensionlessTable
 
 UP, UP_AND_DOWN = "ramp:100@50", "ramp:100@50,ramp:0@50"
 _NOISE_UM = 2.0

@@ -21,10 +21,10 @@ def command(before: Path, after: Path, as_json: bool) -> int:
     \b
     Example: skinlab compare monday.h5 friday.h5
     """
-    from skinlab.identify.compare import compare, in_words
-    from skinlab.replay import identifier_of
-    from skinlab.session import read_session
-    from skinlab.session_fit import fit_session
+    from skinlab.acquisition.replay import identifier_of
+    from skinlab.inference.compare import compare, in_words
+    from skinlab.recording.session import read_session
+    from skinlab.recording.session_fit import fit_session
 
     sessions = [read_session(path) for path in (before, after)]
     identifier, warning = identifier_of(sessions[0])

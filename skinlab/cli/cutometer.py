@@ -10,8 +10,8 @@ import click
 from skinlab.cli.options import json_option, print_json
 
 if TYPE_CHECKING:
-    from skinlab.curve import Setup
-    from skinlab.cutometer import Number, StepNumbers
+    from skinlab.curves.curve import Setup
+    from skinlab.curves.cutometer import Number, StepNumbers
 
 SCHEMA = "skinlab.cutometer/1"
 
@@ -37,11 +37,11 @@ def command(
     \b
     Example: skinlab cutometer step.csv --program mode1:450,2,2,5 --json
     """
-    from skinlab.curve import Setup
-    from skinlab.cutometer import step_numbers
+    from skinlab.curves.curve import Setup
+    from skinlab.curves.cutometer import step_numbers
+    from skinlab.curves.program import parse_program
     from skinlab.errors import InputError
-    from skinlab.inputs import read_input
-    from skinlab.program import parse_program
+    from skinlab.recording.load_inputs import read_input
 
     asked = None if program is None else parse_program(program)
     # A CSV does not say what it was measured with, and nothing here depends on it.

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Protocol, TypeVar
 import click
 
 if TYPE_CHECKING:
-    from skinlab.database.rows import How
+    from skinlab.tables.parallel_build import How
 
 
 class _Spec(Protocol):
@@ -59,8 +59,8 @@ def build(spec: str, out: Path | None, workers: int | None, dask: str | None, re
     \b
     Example: skinlab database build --spec adopted.toml --out adopted.h5 --workers 2
     """
-    from skinlab.database.rows import How
     from skinlab.errors import InputError
+    from skinlab.tables.parallel_build import How
 
     if dask is not None and workers is not None:
         raise click.UsageError("--dask and --workers exclude each other")
@@ -97,13 +97,13 @@ def build(spec: str, out: Path | None, workers: int | None, dask: str | None, re
 
 def _building(spec: str) -> tuple[int, Callable[[Path, How], str]]:
     """Return the number of curves, and what builds and writes them and returns their hash."""
-    from skinlab.database.build import build_grid, build_table
-    from skinlab.database.dimensionless import DimensionlessSpec
-    from skinlab.database.grid import GridSpec
-    from skinlab.database.model_build import build_model
-    from skinlab.database.model_store import write_model
-    from skinlab.database.spec_file import read_spec
-    from skinlab.database.store import write_grid, write_table
+    from skinlab.tables.build import build_grid, build_table
+    from skinlab.tables.dimensionless import DimensionlessSpec
+    from skinlab.tables.grid import GridSpec
+    from skinlab.tables.model_build import build_model
+    from skinlab.tables.model_store import write_model
+    from skinlab.tables.spec_file import read_spec
+    from skinlab.tables.store import write_grid, write_table
 
     if spec == "paper":
         return _of(GridSpec(), build_grid, write_grid)
@@ -136,8 +136,8 @@ def info(database: Path | None) -> int:
     \b
     Example: skinlab database info
     """
-    from skinlab.database.describe import describe
-    from skinlab.database.store import read_database, shipped_grid, shipped_table
+    from skinlab.tables.describe import describe
+    from skinlab.tables.store import read_database, shipped_grid, shipped_table
 
     found = (read_database(database),) if database else (shipped_table(), shipped_grid())
     click.echo("\n\n".join(describe(each) for each in found))
@@ -156,8 +156,8 @@ def verify(database: Path | None, samples: int, seed: int) -> int:
     \b
     Example: skinlab database verify --samples 10
     """
-    from skinlab.database.store import read_database, shipped_grid, shipped_table
-    from skinlab.database.verify import rebuilt_differences
+    from skinlab.tables.store import read_database, shipped_grid, shipped_table
+    from skinlab.tables.verify import rebuilt_differences
 
     checked = (read_database(database),) if database else (shipped_table(), shipped_grid())
     differ = False

@@ -42,7 +42,7 @@ def command(
     \b
     Example: skinlab discrepancy forearm/campaign.toml --adopt forearm-model.toml --report out
     """
-    from skinlab.discrepancy.words import describe
+    from skinlab.discrepancy.text import describe
 
     if workers is not None and workers < 1:
         raise click.BadParameter("expected 1 or more", param_hint="--workers")
@@ -73,13 +73,13 @@ def command(
 def _outcome(
     path: Path, model_path: Path | None, workers: int, no_cache: bool, report: Path | None
 ) -> tuple[Outcome, list[Path]]:
-    from skinlab.database.store import shipped_table
     from skinlab.discrepancy import cache
     from skinlab.discrepancy.adopt import hashes
     from skinlab.discrepancy.workflow import Partial, explain
-    from skinlab.fem.suction import SOLVER_VERSION
-    from skinlab.inputs import read_campaign_or_session
-    from skinlab.model_file import BASE, read_model
+    from skinlab.mechanics.fem.suction import SOLVER_VERSION
+    from skinlab.mechanics.model_file import BASE, read_model
+    from skinlab.recording.load_inputs import read_campaign_or_session
+    from skinlab.tables.store import shipped_table
 
     model = BASE if model_path is None else read_model(model_path)
     campaign, files = read_campaign_or_session(path)
@@ -106,7 +106,7 @@ def _outcome(
             campaign, table, model=model, workers=workers, progress=progress, partial=partial
         )
     except KeyboardInterrupt:
-        from skinlab.discrepancy.words import partial_words
+        from skinlab.discrepancy.text import partial_words
 
         text = partial_words(partial)
         click.echo(text, err=True)
@@ -122,9 +122,9 @@ def _adopt(outcome: Outcome, to: Path, model_path: Path | None, files: list[Path
     from dataclasses import replace
     from importlib.metadata import version
 
-    from skinlab.database.store import shipped_table
     from skinlab.discrepancy.adopt import adopted, hashes
-    from skinlab.model_file import BASE, read_model
+    from skinlab.mechanics.model_file import BASE, read_model
+    from skinlab.tables.store import shipped_table
 
     if outcome.verdict.name != "named":
         click.echo(

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Literal
 import click
 
 if TYPE_CHECKING:
+    from skinlab.recording.session import Session
     from skinlab.report.session_report import Format
-    from skinlab.session import Session
 
 
 @click.command()
@@ -33,8 +33,8 @@ def command(session: Path, folder: Path, kind: Literal["csv", "json", "html", "p
     \b
     Example: skinlab export visit.h5 --to html visit
     """
-    from skinlab.export import export
-    from skinlab.session import read_session
+    from skinlab.exchange.export import export
+    from skinlab.recording.session import read_session
 
     read = read_session(session)
     match kind:
@@ -48,10 +48,10 @@ def command(session: Path, folder: Path, kind: Literal["csv", "json", "html", "p
 
 
 def _export_report(path: Path, session: Session, kind: Format, folder: Path) -> list[Path]:
+    from skinlab.acquisition.replay import identifier_of
     from skinlab.errors import InputError
-    from skinlab.export import check_free, write_new
-    from skinlab.identify.identifier import Identifier
-    from skinlab.replay import identifier_of
+    from skinlab.exchange.export import check_free, write_new
+    from skinlab.inference.identify import Identifier
     from skinlab.report.session_report import SessionReport
 
     identifier: Identifier | str

@@ -12,7 +12,7 @@ from click.core import ParameterSource
 from skinlab.cli.options import database_option, kappa_option
 
 if TYPE_CHECKING:
-    from skinlab.materials.compressibility import KappaConvention
+    from skinlab.mechanics.materials.compressibility import KappaConvention
 
 
 @click.command()
@@ -62,13 +62,13 @@ def command(
     Example: skinlab forward --direct --x1-mpa 0.03 --x2-mpa 1.0 --nu 0.32 \\
              --aperture-mm 6 --thickness-mm 1 --program ramp:100@20 --csv curve.csv
     """
-    from skinlab.curve import Setup
-    from skinlab.curve_csv import write_curve
-    from skinlab.database.store import read_database
+    from skinlab.curves.csv import write_curve
+    from skinlab.curves.curve import Setup
+    from skinlab.curves.program import parse_program
     from skinlab.errors import InputError
-    from skinlab.forward import simulate, simulate_from
-    from skinlab.model_file import read_model
-    from skinlab.program import parse_program
+    from skinlab.mechanics.model_file import read_model
+    from skinlab.tables.forward import simulate, simulate_from
+    from skinlab.tables.store import read_database
 
     if csv_path is not None and csv_path.is_file() and not force:
         raise InputError(f"{csv_path}: exists already; --force replaces it")

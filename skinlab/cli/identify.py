@@ -18,8 +18,8 @@ from skinlab.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from skinlab.identify.identifier import Identifier
-    from skinlab.inputs import Input
+    from skinlab.inference.identify import Identifier
+    from skinlab.recording.load_inputs import Input
 
 
 @click.command(cls=MethodCommand)
@@ -58,8 +58,8 @@ def command(
              skinlab identify campaign.toml --joint --advise
     """
     from skinlab.errors import InputError
-    from skinlab.identify.result import Identification, document, not_trustworthy
-    from skinlab.inputs import read_input
+    from skinlab.inference.result import Identification, document, not_trustworthy
+    from skinlab.recording.load_inputs import read_input
     from skinlab.report.text import describe, describe_advice
 
     if advise and options["method"] != "auto":
@@ -77,7 +77,7 @@ def command(
             "campaigns state their own"
         )
     if aperture_mm is not None and thickness_mm is not None:
-        from skinlab.curve import Setup
+        from skinlab.curves.curve import Setup
 
         geometry = Setup(aperture_mm, thickness_mm, thickness_sd_mm=thickness_sd_mm)
     elif csv_given:
@@ -119,7 +119,7 @@ def command(
 
 
 def _each(identifier: Identifier, given: Input, workers: int) -> list[Any]:
-    from skinlab.identify.batch import identify_all, with_stated_noise
+    from skinlab.inference.batch import identify_all, with_stated_noise
 
     if given.measured_here:  # the same answers as when they were measured
         return identify_all(identifier, given.curves, workers)
@@ -129,7 +129,7 @@ def _each(identifier: Identifier, given: Input, workers: int) -> list[Any]:
 
 def _together(identifier: Identifier, read: list[Input]) -> Any:
     """Return the joint answer: of first cycles, where there are any, since the law means those."""
-    from skinlab.identify.batch import with_stated_noise
+    from skinlab.inference.batch import with_stated_noise
 
     curves = [curve for given in read for curve in given.curves]
     first = [curve for curve in curves if curve.setup.cycle == 1]

@@ -53,12 +53,12 @@ def command(
     Example: skinlab import a.txt b.txt --aperture-mm 6 --thickness-mm 1 --cycle 1 --cycle 2 \\
              --program ramp:100@20 --out visit.h5
     """
-    from skinlab.curve import Setup
+    from skinlab.curves.curve import Setup
+    from skinlab.curves.program import Program, parse_program
     from skinlab.errors import InputError
-    from skinlab.importing.questions import Answers, Question
-    from skinlab.importing.reader import Imported, import_file
-    from skinlab.importing.session import Who, check_new, imported_session, write_session
-    from skinlab.program import Program, parse_program
+    from skinlab.exchange.importing.questions import Answers, Question
+    from skinlab.exchange.importing.reader import Imported, import_file
+    from skinlab.exchange.importing.session import Who, check_new, imported_session, write_session
 
     programs: list[Program | None] = [parse_program(text) for text in program]
     sds: tuple[float | None, ...] = thickness_sd_mm

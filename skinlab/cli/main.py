@@ -112,7 +112,7 @@ def _explain(error: Exception) -> int:
         return _say(str(error), 4)
     if isinstance(error, OSError):
         return _say(str(error), 3)
-    from skinlab.log import log_exception
+    from skinlab.io.log import log_exception
 
     where = log_exception(error)
     return _say(

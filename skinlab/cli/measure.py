@@ -20,7 +20,7 @@ from skinlab.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from skinlab.program import Program
+    from skinlab.curves.program import Program
 
 
 @click.command(cls=MethodCommand)
@@ -58,10 +58,10 @@ def command(
     Example: skinlab measure --port "sim://?seed=1" --aperture-mm 6 --thickness-mm 1.0 \\
              --program ramp:100@20 --repeats 2 --out visit.h5 --json
     """
-    from skinlab.curve import Setup
+    from skinlab.acquisition.measure import Plan
+    from skinlab.curves.curve import Setup
+    from skinlab.curves.program import parse_program
     from skinlab.errors import InputError
-    from skinlab.measure import Plan
-    from skinlab.program import parse_program
 
     if not 1 <= repeats <= 1000:
         raise InputError(f"repeats {repeats}: expected 1–1000")
@@ -109,15 +109,15 @@ def run(
             session was written.
     """
     from drivers.probe import Probe
-    from skinlab.identify.result import Identification, document
-    from skinlab.measure import measure
-    from skinlab.pauses import shorten_pauses
-    from skinlab.pipeline import Pipeline
-    from skinlab.recording import Recording
+    from skinlab.acquisition.gc_tuning import shorten_pauses
+    from skinlab.acquisition.measure import measure
+    from skinlab.acquisition.pipeline import Pipeline
+    from skinlab.acquisition.sources import LiveSource
+    from skinlab.inference.result import Identification, document
+    from skinlab.recording.recorder import Recording
+    from skinlab.recording.stream import Flagged, Happened, Identified, Message
     from skinlab.report.outage import outage_words
     from skinlab.report.text import describe
-    from skinlab.sources import LiveSource
-    from skinlab.stream import Flagged, Happened, Identified, Message
 
     results: list[Identification] = []
 

@@ -90,7 +90,7 @@ def single_settings(method: str, samples: int | None, given: dict[str, Any]) -> 
         return said
     if samples is not None:
         raise click.UsageError("--confidence and --accuracy give N; leave --samples out")
-    from skinlab.identify.stochastic import ACCURACY, CONFIDENCE, least_samples
+    from skinlab.inference.methods.stochastic import ACCURACY, CONFIDENCE, least_samples
 
     said["samples"] = least_samples(
         CONFIDENCE if confidence is None else confidence,
@@ -100,7 +100,7 @@ def single_settings(method: str, samples: int | None, given: dict[str, Any]) -> 
 
 
 def _warn_of_few(samples: int) -> None:
-    from skinlab.identify.stochastic import ACCURACY, CONFIDENCE, least_samples
+    from skinlab.inference.methods.stochastic import ACCURACY, CONFIDENCE, least_samples
 
     if samples < (least := least_samples()):
         click.echo(

@@ -14,7 +14,7 @@ from click.core import ParameterSource
 from skinlab.cli.method_options import method_options, single_settings
 
 if TYPE_CHECKING:
-    from skinlab.model_file import Model
+    from skinlab.mechanics.model_file import Model
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -159,14 +159,14 @@ def make_identifier(
         click.UsageError: the method does not read one of its options.
         InputError: an option is out of its range.
     """
-    from skinlab.database.model_database import ModelDatabase
-    from skinlab.database.store import read_database, shipped_table
     from skinlab.errors import InputError
-    from skinlab.identify.identifier import Identifier
-    from skinlab.identify.own_database import with_own_database
-    from skinlab.identify.problem import Options, check
-    from skinlab.identify.uncertainty import Sensor
-    from skinlab.model_file import read_model
+    from skinlab.inference.custom_table import with_own_database
+    from skinlab.inference.identify import Identifier
+    from skinlab.inference.problem import Options, check
+    from skinlab.inference.uncertainty import Sensor
+    from skinlab.mechanics.model_file import read_model
+    from skinlab.tables.model_database import ModelDatabase
+    from skinlab.tables.store import read_database, shipped_table
 
     options = Options(
         best=best, tolerance_um=tolerance_um, **single_settings(method, samples, single)

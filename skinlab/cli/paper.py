@@ -45,9 +45,9 @@ def command(out: Path, page_path: Path | None, seed: int, workers: int | None) -
         raise InputError(
             "the pictures need matplotlib, which is not installed: pip install matplotlib"
         ) from None
-    from skinlab.paper.output import Target
-    from skinlab.paper.reproduce import ORDER, reproduce
-    from skinlab.paper.study import Study
+    from skinlab.reproduction.output import Target
+    from skinlab.reproduction.reproduce import ORDER, reproduce
+    from skinlab.reproduction.study import Study
 
     target = Target(out, page_path)
     target.check(ORDER)

@@ -16,7 +16,7 @@ def command(journal: Path, out: Path | None) -> int:
     \b
     Example: skinlab recover visit.h5.journal
     """
-    from skinlab.recording import recover
+    from skinlab.recording.recorder import recover
 
     if out is None:
         out = journal.with_suffix("") if journal.suffix == ".journal" else Path(f"{journal}.h5")

@@ -39,14 +39,14 @@ def command(
     \b
     Example: skinlab replay visit.h5 --speed max --verify
     """
+    from skinlab.acquisition.replay import differences, identifier_of, is_imported, reasons, replay
+    from skinlab.acquisition.replay_control import ReplayControl
     from skinlab.cli.keys import keys, on_terminal
     from skinlab.errors import InputError
-    from skinlab.identify.result import Identification, document
-    from skinlab.replay import differences, identifier_of, is_imported, reasons, replay
-    from skinlab.replay_control import ReplayControl
+    from skinlab.inference.result import Identification, document
+    from skinlab.recording.session import read_session
+    from skinlab.recording.stream import Flagged, Identified, Message
     from skinlab.report.text import describe
-    from skinlab.session import read_session
-    from skinlab.stream import Flagged, Identified, Message
 
     if ui:
         return _in_the_ui(session, speed or "1")
@@ -110,7 +110,7 @@ def command(
 def _in_the_ui(session: Path, speed: str) -> int:
     from skinlab.cli.ui import has_screen, replay_on_terminal
     from skinlab.errors import InputError
-    from skinlab.session import read_session
+    from skinlab.recording.session import read_session
 
     if not has_screen():
         raise InputError("--ui: there is no terminal to draw on")
@@ -131,7 +131,7 @@ def _actions(control: Any) -> dict[str, Callable[[], None]]:
 
 def _line(control: Any) -> Callable[[Any], None]:
     """Return a listener that keeps one line of a terminal up to date."""
-    from skinlab.stream import Sampled
+    from skinlab.recording.stream import Sampled
 
     drawn = 0.0
 

@@ -23,9 +23,9 @@ def verify(session: Path) -> int:
     \b
     Example: skinlab session verify visit.h5
     """
-    from skinlab.audit import entries
-    from skinlab.seal import Seal, read_seal
-    from skinlab.session_check import audit_head, check, complaints_about_changed
+    from skinlab.recording.audit import entries
+    from skinlab.recording.seal import Seal, read_seal
+    from skinlab.recording.session_check import audit_head, check, complaints_about_changed
 
     if read_seal(session) is Seal.BROKEN:
         return _tell(session, complaints_about_changed(session))
@@ -55,8 +55,8 @@ def info(session: Path) -> int:
     \b
     Example: skinlab session info visit.h5
     """
-    from skinlab.audit import entries
-    from skinlab.session import read_session
+    from skinlab.recording.audit import entries
+    from skinlab.recording.session import read_session
 
     read = read_session(session)
     meta = read.meta

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from skinlab.model_file import Model
+    from skinlab.mechanics.model_file import Model
     from skinlab.tui.app import SkinlabApp
 
 SIMULATED = "sim://?seed=1"
@@ -38,7 +38,7 @@ def command(
     folder = sessions or default_folder()
     model = None
     if model_path is not None:
-        from skinlab.model_file import read_model
+        from skinlab.mechanics.model_file import read_model
 
         model = read_model(model_path)
     if has_screen():
@@ -57,8 +57,8 @@ def has_screen() -> bool:
 def _on_terminal(port: str | None, folder: Path, model: Model | None) -> int:
     _release_escape()
     from skinlab.tui.app import SkinlabApp
-    from skinlab.tui.bench import Bench
-    from skinlab.tui.remembered import default_path
+    from skinlab.tui.probe_session import Bench
+    from skinlab.tui.settings import default_path
 
     bench = partial(Bench, apart=True)
     return show(SkinlabApp(port, folder, bench, settings=default_path(), model=model))
@@ -74,8 +74,8 @@ def replay_on_terminal(session: Path, speed: float | None) -> int:
 
 def show(app: SkinlabApp) -> int:
     """Run the UI; whatever ends it, the probe vents and the session is saved."""
-    from skinlab.tui.lifeline import Lifeline
     from skinlab.tui.prompt_escape import look_sooner
+    from skinlab.tui.shutdown import Lifeline
 
     look_sooner()
     try:
@@ -103,12 +103,12 @@ def default_folder() -> Path:
 
 
 def _headless(port: str, folder: Path, model: Model | None) -> int:
+    from skinlab.acquisition.measure import Plan
     from skinlab.cli.measure import run
     from skinlab.cli.options import make_identifier
-    from skinlab.curve import Setup
-    from skinlab.measure import Plan
-    from skinlab.program import parse_program
-    from skinlab.recording import new_session_path
+    from skinlab.curves.curve import Setup
+    from skinlab.curves.program import parse_program
+    from skinlab.recording.recorder import new_session_path
 
     click.echo(f"no terminal: measuring once at {port}", err=True)
     identifier = make_identifier(

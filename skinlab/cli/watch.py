@@ -57,15 +57,15 @@ def command(
     import time
     from datetime import datetime
 
-    from skinlab.curve import Setup
+    from skinlab.curves.curve import Setup
+    from skinlab.curves.program import parse_program
     from skinlab.errors import InputError
-    from skinlab.identify.result import document
-    from skinlab.importing.folder import Folder
-    from skinlab.importing.questions import Answers
-    from skinlab.importing.session import Who, check_new
-    from skinlab.importing.watch import Landed, Watch, watch
-    from skinlab.program import parse_program
-    from skinlab.recording import new_session_path
+    from skinlab.exchange.importing.folder import Folder
+    from skinlab.exchange.importing.questions import Answers
+    from skinlab.exchange.importing.session import Who, check_new
+    from skinlab.exchange.importing.watch import Landed, Watch, watch
+    from skinlab.inference.result import document
+    from skinlab.recording.recorder import new_session_path
     from skinlab.report.text import describe
 
     if not 0.1 <= settle_s <= 3600:

@@ -12,7 +12,7 @@ from scipy.stats import chi2, norm
 
 from skinlab.discrepancy.misfit import Errors
 from skinlab.discrepancy.records import Record
-from skinlab.identify.noise import roughness
+from skinlab.inference.noise import roughness
 
 Array = NDArray[np.float64]
 

@@ -7,8 +7,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from skinlab.discrepancy.posterior import Posterior
-from skinlab.fem.suction import SOLVER_VERSION
-from skinlab.model_file import (
+from skinlab.mechanics.fem.suction import SOLVER_VERSION
+from skinlab.mechanics.model_file import (
     EffectRange,
     Header,
     Model,

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from skinlab.discrepancy.fast_model import TableDomes
-from skinlab.discrepancy.mapped_model import MappedModel
 from skinlab.discrepancy.misfit import Errors
 from skinlab.discrepancy.records import Record
+from skinlab.discrepancy.space_mapping import MappedModel
+from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.discrepancy.unknowns import Unknowns
 
 Array = NDArray[np.float64]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.discrepancy.records import Record, by_geometry
-from skinlab.identify.noise import (
+from skinlab.inference.noise import (
     MESH_REST,
     legendre,
     slope_mm_per_mbar,

@@ -9,25 +9,25 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.campaign import Campaign
-from skinlab.curve import Curve
-from skinlab.database.dimensionless import DimensionlessTable
+from skinlab.curves.campaign import Campaign
+from skinlab.curves.curve import Curve
 from skinlab.discrepancy.adequacy import ADEQUATE
-from skinlab.discrepancy.fast_model import TableDomes
 from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.misfit import errors_of
 from skinlab.discrepancy.posterior import Posterior, sample
 from skinlab.discrepancy.records import records_of
 from skinlab.discrepancy.search import Search
-from skinlab.effects.registry import get_effect
+from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.errors import InputError, NotTrustworthyError
-from skinlab.identify.identifier import Identifier
-from skinlab.identify.joint import GaussianPrior
-from skinlab.identify.result import Identification, Value
-from skinlab.identify.samples import EVERYTHING, choose
-from skinlab.materials.compressibility import kappa_ratio, nu_consistent
-from skinlab.model_file import Model, Normal, Range
+from skinlab.inference.identify import Identifier
+from skinlab.inference.joint import GaussianPrior
+from skinlab.inference.result import Identification, Value
+from skinlab.inference.samples import EVERYTHING, choose
+from skinlab.mechanics.effects.registry import get_effect
+from skinlab.mechanics.materials.compressibility import kappa_ratio, nu_consistent
+from skinlab.mechanics.model_file import Model, Normal, Range
 from skinlab.parameters import AxisSpace
+from skinlab.tables.dimensionless import DimensionlessTable
 
 Array = NDArray[np.float64]
 

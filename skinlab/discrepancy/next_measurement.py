@@ -10,14 +10,14 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.curve import Curve, Setup
+from skinlab.curves.curve import Curve, Setup
+from skinlab.curves.pressure_path import PressurePath
+from skinlab.curves.program import parse_program
 from skinlab.discrepancy.fit import Fit, Fitter
-from skinlab.discrepancy.mapped_model import MappedModel
 from skinlab.discrepancy.misfit import errors_of
 from skinlab.discrepancy.records import Record
-from skinlab.fem.suction import Geometry
-from skinlab.pressure_path import PressurePath
-from skinlab.program import parse_program
+from skinlab.discrepancy.space_mapping import MappedModel
+from skinlab.mechanics.fem.suction import Geometry
 
 Array = NDArray[np.float64]
 

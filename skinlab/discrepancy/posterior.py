@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.discrepancy.fit import Fit, Fitter
-from skinlab.discrepancy.mapped_model import MappedModel
+from skinlab.discrepancy.space_mapping import MappedModel
 from skinlab.discrepancy.unknowns import BASE_NAMES, Unknowns
-from skinlab.identify.intervals import correlation, interval
-from skinlab.identify.posterior import sample as follow_the_valley
+from skinlab.inference.intervals import correlation, interval
+from skinlab.inference.posterior import sample as follow_the_valley
 from skinlab.parameters import AxisSpace
 
 Array = NDArray[np.float64]

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
-from skinlab.campaign import Campaign
-from skinlab.curve import Curve
+from skinlab.curves.campaign import Campaign
+from skinlab.curves.curve import Curve
+from skinlab.curves.pressure_path import PressurePath
 from skinlab.errors import InputError
-from skinlab.fem.suction import Geometry
-from skinlab.identify.batch import noise_from_repeats_um
-from skinlab.identify.noise import pressure_noise_mbar
-from skinlab.pressure_path import PressurePath
+from skinlab.inference.batch import noise_from_repeats_um
+from skinlab.inference.noise import pressure_noise_mbar
+from skinlab.mechanics.fem.suction import Geometry
 
 Array = NDArray[np.float64]
 

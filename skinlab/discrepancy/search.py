@@ -15,11 +15,17 @@ from skinlab.discrepancy.adequacy import ADEQUATE, Residual, look
 from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.records import Record
 from skinlab.discrepancy.screen import Signature
-from skinlab.discrepancy.tasks import fit_elsewhere, fit_from, fit_one, pool_of, signature_of
+from skinlab.discrepancy.search_workers import (
+    fit_elsewhere,
+    fit_from,
+    fit_one,
+    pool_of,
+    signature_of,
+)
 from skinlab.discrepancy.unknowns import Known, Unknowns
-from skinlab.effects.registry import effect_names
 from skinlab.errors import NotTrustworthyError
-from skinlab.model_file import BASE, Model, Normal
+from skinlab.mechanics.effects.registry import effect_names
+from skinlab.mechanics.model_file import BASE, Model, Normal
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]

@@ -10,10 +10,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.effects.base import Parameter
-from skinlab.effects.model import Skin
-from skinlab.effects.registry import get_effect
-from skinlab.materials.compressibility import KappaConvention
+from skinlab.mechanics.effects.base import Parameter
+from skinlab.mechanics.effects.model import Skin
+from skinlab.mechanics.effects.registry import get_effect
+from skinlab.mechanics.materials.compressibility import KappaConvention
 
 Array = NDArray[np.float64]
 Values = dict[str, dict[str, float]]

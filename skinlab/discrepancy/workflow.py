@@ -6,9 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from skinlab.campaign import Campaign
-from skinlab.database.dimensionless import DimensionlessTable
-from skinlab.discrepancy.fast_model import TableDomes
+from skinlab.curves.campaign import Campaign
 from skinlab.discrepancy.fit import Fitter
 from skinlab.discrepancy.heldout import conditions_of, predict_held_out
 from skinlab.discrepancy.misfit import errors_of
@@ -18,8 +16,10 @@ from skinlab.discrepancy.posterior import sample
 from skinlab.discrepancy.records import records_of
 from skinlab.discrepancy.screen import alike
 from skinlab.discrepancy.search import Partial, Search
+from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.discrepancy.verdict import decide
-from skinlab.model_file import BASE, Model
+from skinlab.mechanics.model_file import BASE, Model
+from skinlab.tables.dimensionless import DimensionlessTable
 
 __all__ = ["Partial", "explain"]
 

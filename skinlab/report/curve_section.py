@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from skinlab.program import Program
+from skinlab.curves.program import Program
 from skinlab.report.flags import NAMES, explanations, signed
 from skinlab.report.measured import Measured
 from skinlab.report.page import Illustration, Section, Table

@@ -9,17 +9,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.campaign import Campaign
-from skinlab.curve import Curve
+from skinlab.curves.campaign import Campaign
+from skinlab.curves.curve import Curve
 from skinlab.discrepancy.misfit import errors_of
 from skinlab.discrepancy.records import records_of
 from skinlab.discrepancy.unknowns import BASE_RANGES
-from skinlab.effects.model import Skin, response
-from skinlab.effects.registry import get_effect
 from skinlab.errors import InputError, NotTrustworthyError
-from skinlab.identify.identifier import PAPERS_METHODS, Identifier
-from skinlab.identify.noise import pressure_noise_mbar, slope_mm_per_mbar
-from skinlab.identify.samples import Fitted, choose, group
+from skinlab.inference.identify import PAPERS_METHODS, Identifier
+from skinlab.inference.noise import pressure_noise_mbar, slope_mm_per_mbar
+from skinlab.inference.samples import Fitted, choose, group
+from skinlab.mechanics.effects.model import Skin, response
+from skinlab.mechanics.effects.registry import get_effect
 from skinlab.parameters import PAPER_BOX
 from skinlab.report.stored import StoredResult
 

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from skinlab.curve import Curve
+from skinlab.acquisition.pipeline import Pipeline
+from skinlab.curves.curve import Curve
 from skinlab.errors import InputError
-from skinlab.gates.base import Finding
-from skinlab.identify.identifier import Identifier
-from skinlab.pipeline import Pipeline
+from skinlab.inference.identify import Identifier
+from skinlab.quality.gates.base import Finding
+from skinlab.recording.recorded import recorded_items
+from skinlab.recording.session import Session
+from skinlab.recording.stream import CurveCompleted, Flagged, Message
 from skinlab.report.fitted import Fit, fit_again
 from skinlab.report.stored import StoredResult, stored_result
-from skinlab.session import Session
-from skinlab.sources import recorded_items
-from skinlab.stream import CurveCompleted, Flagged, Message
 
 
 @dataclass(frozen=True)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from skinlab.effects.registry import get_effect
-from skinlab.identify.identifier import Identifier
-from skinlab.model_file import BASE, Model
+from skinlab.inference.identify import Identifier
+from skinlab.mechanics.effects.registry import get_effect
+from skinlab.mechanics.model_file import BASE, Model
 
 _METHODS = {
     "auto": "many random candidates over all that is possible, the best ones of every part of it "

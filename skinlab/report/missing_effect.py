@@ -8,15 +8,15 @@ import numpy as np
 
 from skinlab.discrepancy.fit import Fit
 from skinlab.discrepancy.outcome import Outcome
-from skinlab.discrepancy.words import (
+from skinlab.discrepancy.text import (
     gap_words,
     next_words,
     parameter_rows,
     verdict_words,
     where_words,
 )
-from skinlab.effects.registry import get_effect
 from skinlab.errors import InputError
+from skinlab.mechanics.effects.registry import get_effect
 from skinlab.report.page import Illustration, Section, Table, page
 from skinlab.report.pictures import new_figure, style, to_data_uri
 

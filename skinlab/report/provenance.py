@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 
-from skinlab.identify.identifier import Identifier
+from skinlab.inference.identify import Identifier
+from skinlab.recording.session import Session, content_hash
 from skinlab.report.page import Section, Table
-from skinlab.session import Session, content_hash
 from skinlab.versions import versions
 
 _TOLD = {  # facts of a session that have a place of their own

@@ -8,7 +8,8 @@ from datetime import datetime, timedelta
 from functools import cached_property
 from typing import Literal
 
-from skinlab.identify.identifier import Identifier
+from skinlab.inference.identify import Identifier
+from skinlab.recording.session import Session
 from skinlab.report.curve_section import curve_section, overview_table
 from skinlab.report.drawings import Drawing, curve_drawings, session_drawings
 from skinlab.report.measured import Measured, measured_curves
@@ -16,7 +17,6 @@ from skinlab.report.methods import assumptions, how
 from skinlab.report.page import Illustration, Section, page
 from skinlab.report.pictures import style, to_bytes, to_data_uri
 from skinlab.report.provenance import provenance_section
-from skinlab.session import Session
 
 Format = Literal["html", "png", "svg"]
 FORMATS: tuple[Format, ...] = ("html", "png", "svg")

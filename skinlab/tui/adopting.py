@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from skinlab.errors import InputError
-from skinlab.model_file import Model
+from skinlab.mechanics.model_file import Model
 
 if TYPE_CHECKING:
-    from skinlab.database.base import Database
     from skinlab.discrepancy.outcome import Outcome
+    from skinlab.tables.base import Database
 
 
 def write_adopted(

@@ -21,17 +21,14 @@ from drivers.errors import DriverError
 from drivers.events import InstrumentState
 from drivers.link import PortInfo, list_ports
 from skinlab.errors import InputError, SkinlabError
-from skinlab.log import log_exception
-from skinlab.session_fit import comparable
-from skinlab.stream import Sampled
-from skinlab.tui.bench import Bench
-from skinlab.tui.board import EXPLAINING, Board, Level, Missing, Playing, Review, Series
-from skinlab.tui.colourless import StyledFirst
-from skinlab.tui.ledger import Deed
-from skinlab.tui.lifeline import INTERRUPTED
-from skinlab.tui.news import Adopted, Connected, Disconnected, Done, Failed, Heard, News
-from skinlab.tui.order import Order, check_limits, read_order, with_opening
-from skinlab.tui.remembered import recall, remember
+from skinlab.io.log import log_exception
+from skinlab.recording.session_fit import comparable
+from skinlab.recording.stream import Sampled
+from skinlab.tui.curve_selection import Deed
+from skinlab.tui.measurement_request import Order, check_limits, read_order, with_opening
+from skinlab.tui.messages import Adopted, Connected, Disconnected, Done, Failed, Heard, News
+from skinlab.tui.no_color import StyledFirst
+from skinlab.tui.probe_session import Bench
 from skinlab.tui.replayer import Replayer, example_session, next_speed
 from skinlab.tui.screens.alarm import AlarmScreen
 from skinlab.tui.screens.help import HelpScreen
@@ -41,14 +38,17 @@ from skinlab.tui.screens.over import ConfirmScreen
 from skinlab.tui.screens.ports import PortsScreen
 from skinlab.tui.screens.session import SessionScreen
 from skinlab.tui.screens.welcome import EXAMPLE, SIMULATED, WelcomeScreen
+from skinlab.tui.settings import recall, remember
+from skinlab.tui.shutdown import INTERRUPTED
+from skinlab.tui.text import adoption_lines
 from skinlab.tui.typing_guard import TypingGuard, is_typing
+from skinlab.tui.ui_state import EXPLAINING, Board, Level, Missing, Playing, Review, Series
 from skinlab.tui.widgets.fields import Fields
-from skinlab.tui.words import adoption_lines
 
 if TYPE_CHECKING:
     from skinlab.discrepancy.next_measurement import NextMeasurement
     from skinlab.discrepancy.outcome import Outcome
-    from skinlab.model_file import Model
+    from skinlab.mechanics.model_file import Model
 
 _SHORTEST_S = 0.01  # rest between two repeats
 _DARK, _LIGHT = "textual-dark", "textual-light"

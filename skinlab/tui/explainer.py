@@ -17,12 +17,12 @@ from collections.abc import Callable, Sequence
 from typing import IO, TYPE_CHECKING, Any
 
 from skinlab.errors import SkinlabError
-from skinlab.log import log_exception
+from skinlab.io.log import log_exception
 
 if TYPE_CHECKING:
-    from skinlab.campaign import Campaign
+    from skinlab.curves.campaign import Campaign
     from skinlab.discrepancy.outcome import Outcome
-    from skinlab.model_file import Model
+    from skinlab.mechanics.model_file import Model
 
 _LESS = 5  # by so much the process is less urgent than the one that keeps the probe alive
 _COMMAND = (sys.executable, "-m", "skinlab.tui.explainer")
@@ -125,8 +125,8 @@ def main() -> None:
 
 def _look(campaign: Campaign, model: Model, tell: Callable[[str], None]) -> Outcome:
     tell("loading the database")
-    from skinlab.database.store import shipped_table
     from skinlab.discrepancy.workflow import explain
+    from skinlab.tables.store import shipped_table
 
     return explain(campaign, shipped_table(), model=model, progress=tell)
 

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skinlab.tui.canvas import Bits, dots, level, share
+from skinlab.tui.text import digits, name_of
 from skinlab.tui.trace import round_up
-from skinlab.tui.words import digits, name_of
 
 if TYPE_CHECKING:
     from skinlab.discrepancy.fit import Fit
     from skinlab.discrepancy.outcome import Outcome
     from skinlab.discrepancy.search import Candidate
-    from skinlab.tui.board import Missing
+    from skinlab.tui.ui_state import Missing
 
 _MOST = 5  # places, and candidates, that are told
 _NOISE = 2.0  # standard deviations of the band
@@ -26,7 +26,7 @@ _VALUE = 26  # cells of a value with its interval
 
 def outcome_lines(outcome: Outcome) -> list[str]:
     """Return verdict, gap, where, which, parameters before and after, and what to measure next."""
-    from skinlab.discrepancy.words import gap_words, next_words, verdict_words, where_words
+    from skinlab.discrepancy.text import gap_words, next_words, verdict_words, where_words
 
     lines = [verdict_words(outcome), gap_words(outcome), *next_words(outcome)]
     if outcome.where:

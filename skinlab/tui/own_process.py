@@ -17,12 +17,12 @@ import threading
 from collections.abc import Sequence
 from typing import IO, TYPE_CHECKING, Any
 
-from skinlab.log import log_exception
+from skinlab.io.log import log_exception
 
 if TYPE_CHECKING:
-    from skinlab.curve import Curve
-    from skinlab.identify.identifier import Identifier
-    from skinlab.identify.result import Identification
+    from skinlab.curves.curve import Curve
+    from skinlab.inference.identify import Identifier
+    from skinlab.inference.result import Identification
 
 _COMMAND = (sys.executable, "-m", "skinlab.tui.own_process")
 _GONE = (EOFError, OSError, ValueError, pickle.PickleError)

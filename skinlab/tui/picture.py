@@ -18,9 +18,9 @@ from pathlib import Path
 from textual.pilot import Pilot
 
 from skinlab.tui.app import SkinlabApp
-from skinlab.tui.bench import Bench
-from skinlab.tui.board import Board
+from skinlab.tui.probe_session import Bench
 from skinlab.tui.screens.main import MainScreen
+from skinlab.tui.ui_state import Board
 from skinlab.tui.widgets.fields import Fields
 
 _PATIENCE_S = 120.0

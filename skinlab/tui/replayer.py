@@ -7,12 +7,12 @@ from datetime import datetime, timedelta
 from pathlib import Path
 
 from drivers.events import Hello, TimedEvent
+from skinlab.acquisition.replay_control import ReplayControl
 from skinlab.errors import AcquisitionError
-from skinlab.replay_control import ReplayControl
-from skinlab.stream import CurveCompleted, Identified, Message
-from skinlab.tui.analyst import Analyst
-from skinlab.tui.bench import Bench
-from skinlab.tui.news import Connected, News, Played
+from skinlab.recording.stream import CurveCompleted, Identified, Message
+from skinlab.tui.identification_worker import Analyst
+from skinlab.tui.messages import Connected, News, Played
+from skinlab.tui.probe_session import Bench
 
 _MOST_MESSAGES = 200  # of one post
 _NOBODY = Hello("", 0, "recording", "", "", 0.0, 0.0, 0.0, 0.0, 0.0, simulated=False)
@@ -78,9 +78,9 @@ class Replayer(Bench):
         Raises:
             InputError: it cannot be read.
         """
-        from skinlab.replay import identifier_of, replay
-        from skinlab.session import read_session
-        from skinlab.sources import recorded_items
+        from skinlab.acquisition.replay import identifier_of, replay
+        from skinlab.recording.recorded import recorded_items
+        from skinlab.recording.session import read_session
 
         del anew  # every replay is
         self._free.clear()

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.tui.board import Entry, Live
 from skinlab.tui.canvas import Bits, dots, share
 from skinlab.tui.trace import round_up
+from skinlab.tui.ui_state import Entry, Live
 
 Array = NDArray[np.float64]
 
@@ -111,7 +111,7 @@ def noise_band(entry: Entry) -> tuple[Array, Array]:
     result = entry.result
     if result is None or result.model_mm is None or not result.noise_um:
         return np.zeros(0), np.zeros(0)
-    from skinlab.identify.noise import pressure_noise_mbar, slope_mm_per_mbar  # slow to import
+    from skinlab.inference.noise import pressure_noise_mbar, slope_mm_per_mbar  # slow to import
 
     model_mm = np.asarray(result.model_mm)
     there = np.isfinite(model_mm)

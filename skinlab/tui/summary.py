@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skinlab.tui.words import digits, name_of
+from skinlab.tui.text import digits, name_of
 
 if TYPE_CHECKING:
-    from skinlab.tui.board import Entry
+    from skinlab.tui.ui_state import Entry
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.tui.board import Entry, Live
+from skinlab.tui.ui_state import Entry, Live
 
 Array = NDArray[np.float64]
 

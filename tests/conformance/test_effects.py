@@ -8,21 +8,21 @@ import pytest
 from scipy.optimize import least_squares
 
 from sim_device.skin import MESH as OTHER_MESH
-from skinlab.effects import all_effects, get_effect
-from skinlab.effects.describe import markdown
-from skinlab.effects.model import Skin, problem_of, response
+from skinlab.curves.pressure_path import PressurePath
+from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
-from skinlab.fem.element import QUAD8_FULL
-from skinlab.fem.skin import prepare
-from skinlab.fem.suction import (
+from skinlab.mechanics.effects import all_effects, get_effect
+from skinlab.mechanics.effects.describe import markdown
+from skinlab.mechanics.effects.model import Skin, problem_of, response
+from skinlab.mechanics.fem.element import QUAD8_FULL
+from skinlab.mechanics.fem.skin import prepare
+from skinlab.mechanics.fem.suction import (
     MBAR,
     MESH_OF_RECORD,
     SCREENING_MESH,
     Discretisation,
     Geometry,
 )
-from skinlab.pressure_path import PressurePath
-from skinlab.program import parse_program
 
 EFFECTS = all_effects()
 NAMES = [effect.name for effect in EFFECTS]
@@ -60,7 +60,7 @@ def test_all_thirteen_are_there():
 @pytest.mark.parametrize("effect", EFFECTS, ids=NAMES)
 def test_it_says_what_it_is(effect):
     assert get_effect(effect.name) is effect
-    assert type(effect).__module__ == f"skinlab.effects.{effect.name}"
+    assert type(effect).__module__ == f"skinlab.mechanics.effects.{effect.name}"
     for text in (effect.meaning, effect.formula, effect.source):
         assert text.strip() == text != ""
         assert "\n" not in text

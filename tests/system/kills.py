@@ -39,12 +39,12 @@ from patience import be_patient
 
 from drivers.events import InstrumentState, Sample, State, TimedEvent
 from skinlab.cli.main import run
-from skinlab.database.store import shipped_table
 from skinlab.errors import InputError
-from skinlab.recording import recover
-from skinlab.records import Kind, Record
-from skinlab.session_check import check
-from skinlab.sources import recorded_items
+from skinlab.recording.recorded import recorded_items
+from skinlab.recording.recorder import recover
+from skinlab.recording.records import Kind, Record
+from skinlab.recording.session_check import check
+from skinlab.tables.store import shipped_table
 
 SPEED = 4.0  # of the simulated probe
 TICK_S = 0.005
@@ -144,9 +144,9 @@ def failure(entry: dict[str, Any], most_lost_ms: float) -> str | None:
 
 def preload() -> None:
     """Import and load what a measurement needs, once."""
-    for module in ("h5py", "drivers.probe", "skinlab.cli.measure", "skinlab.measure"):
+    for module in ("h5py", "drivers.probe", "skinlab.cli.measure", "skinlab.acquisition.measure"):
         importlib.import_module(module)
-    for module in ("skinlab.pipeline", "skinlab.report.text"):
+    for module in ("skinlab.acquisition.pipeline", "skinlab.report.text"):
         importlib.import_module(module)
     shipped_table()
 

@@ -17,7 +17,7 @@ from drivers.connection import Connection
 from drivers.dialects import get_dialect
 from drivers.events import Identify, State
 from drivers.link import open_link
-from skinlab.session import read_session
+from skinlab.recording.session import read_session
 
 SKINLAB = [sys.executable, "-m", "skinlab"]
 ENVIRONMENT = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}

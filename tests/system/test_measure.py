@@ -18,8 +18,8 @@ import pytest
 from patience import patient_command
 
 from drivers.events import Sample, State, TimedEvent
-from skinlab.session import read_session
-from skinlab.sources import recorded_items
+from skinlab.recording.recorded import recorded_items
+from skinlab.recording.session import read_session
 
 SKIN = ["--aperture-mm", "6", "--thickness-mm", "1.0"]
 PATIENCE_S = 300.0

@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 from patience import patient_command
 
-from skinlab.session_check import check
+from skinlab.recording.session_check import check
 
 HERE = Path(__file__).parent
 SKINLAB = patient_command("skinlab")

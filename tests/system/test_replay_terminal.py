@@ -14,14 +14,14 @@ from pathlib import Path
 import pytest
 
 from drivers.probe import Probe
-from skinlab.curve import Setup
-from skinlab.identify.identifier import Identifier
-from skinlab.identify.problem import Options
-from skinlab.measure import Plan, measure
-from skinlab.pipeline import Pipeline
-from skinlab.program import parse_program
-from skinlab.recording import Recording
-from skinlab.sources import LiveSource
+from skinlab.acquisition.measure import Plan, measure
+from skinlab.acquisition.pipeline import Pipeline
+from skinlab.acquisition.sources import LiveSource
+from skinlab.curves.curve import Setup
+from skinlab.curves.program import parse_program
+from skinlab.inference.identify import Identifier
+from skinlab.inference.problem import Options
+from skinlab.recording.recorder import Recording
 
 PATIENCE_S = 300.0
 

@@ -28,7 +28,7 @@ from drivers.events import (
 from drivers.probe import Limits, Probe
 from drivers.reconnect import reconnect
 from skinlab.cli.main import run as skinlab
-from skinlab.session import read_session
+from skinlab.recording.session import read_session
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "safety.md"
 SKIN = ["--aperture-mm", "6", "--thickness-mm", "1"]
@@ -95,7 +95,7 @@ class Host:
         command = module_command("skinlab")
         if before:
             begin = "from patience import be_patient\nbe_patient(apart=True)\n"
-            code = f"{begin}{before}\nfrom skinlab.start import main\nmain()"
+            code = f"{begin}{before}\nfrom skinlab.cli.start import main\nmain()"
             command = [sys.executable, "-c", code]
         here = [str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")]
         self.process = subprocess.Popen(

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import pytest
 from patience import patient_command
 
-from skinlab.session import read_session
+from skinlab.recording.session import read_session
 from skinlab.tui.typing_guard import LOOK_S
 
 

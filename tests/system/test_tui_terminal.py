@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 from patience import patient_command
 
-from skinlab.session import Session, read_session
+from skinlab.recording.session import Session, read_session
 from skinlab.tui.typing_guard import QUIET_S
 
 pytestmark = pytest.mark.skipif(shutil.which("tmux") is None, reason="tmux is not installed")

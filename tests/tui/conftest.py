@@ -13,9 +13,9 @@ from textual.widgets import Input
 
 from drivers.probe import Probe
 from drivers.reconnect import Backoff
-from skinlab.identify.identifier import Identifier
+from skinlab.inference.identify import Identifier
 from skinlab.tui.app import SkinlabApp
-from skinlab.tui.bench import Bench, Explain, default_identifier
+from skinlab.tui.probe_session import Bench, Explain, default_identifier
 from skinlab.tui.screens.over import ConfirmScreen
 
 SIMULATED = "sim://?seed=1&speed=20"

@@ -11,15 +11,15 @@ from drivers.events import HostVented, State, VentConfirmed
 from drivers.link import open_link
 from drivers.probe import Probe
 from drivers.reconnect import Backoff
-from skinlab.audit import entries
-from skinlab.curve import Setup
+from skinlab.curves.curve import Setup
+from skinlab.curves.program import parse_program
 from skinlab.errors import AcquisitionError
-from skinlab.program import parse_program
-from skinlab.session import read_session
-from skinlab.session_check import check
-from skinlab.stream import CurveCompleted, Happened, Identified, Sampled
-from skinlab.tui.bench import Bench
-from skinlab.tui.news import (
+from skinlab.recording.audit import entries
+from skinlab.recording.session import read_session
+from skinlab.recording.session_check import check
+from skinlab.recording.stream import CurveCompleted, Happened, Identified, Sampled
+from skinlab.tui.measurement_request import Order
+from skinlab.tui.messages import (
     Connected,
     Disconnected,
     Estimated,
@@ -29,7 +29,7 @@ from skinlab.tui.news import (
     Saved,
     Searching,
 )
-from skinlab.tui.order import Order
+from skinlab.tui.probe_session import Bench
 
 PORT = "sim://?seed=1&speed=20"
 SLOW = "sim://?seed=1&speed=2"  # where a curve of 50 s is interrupted: 25 s, and 0.5 s waited for
@@ -332,8 +332,8 @@ def test_no_probe_at_the_port(room, tmp_path):
 
 
 def test_a_session_that_cannot_be_written_keeps_its_journal(room, tmp_path, monkeypatch):
-    from skinlab import recording
     from skinlab.errors import InputError
+    from skinlab.recording import recorder as recording
 
     def refuse(path, content, *, replace):
         raise InputError(f"{path}: cannot be written (disk full)")

@@ -4,12 +4,12 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skinlab.curve import Curve, Setup
-from skinlab.identify.result import Identification
-from skinlab.program import parse_program
-from skinlab.tui.board import Entry, Live
+from skinlab.curves.curve import Curve, Setup
+from skinlab.curves.program import parse_program
+from skinlab.inference.result import Identification
 from skinlab.tui.canvas import braille, dots, interval_bar, level, runs, share
 from skinlab.tui.strips import against_time, residual
+from skinlab.tui.ui_state import Entry, Live
 
 SETUP = Setup(6.0, 1.0, parse_program("ramp:100@20"))
 ANY = st.floats(-2, 2) | st.just(float("nan"))

@@ -9,7 +9,7 @@ import pytest
 from textual.widgets import Input
 
 from drivers.link import PortInfo
-from skinlab.session import read_session
+from skinlab.recording.session import read_session
 from skinlab.tui.replayer import Replayer, example_session
 from skinlab.tui.screens.session import SessionScreen
 from skinlab.tui.screens.welcome import WelcomeScreen
@@ -254,7 +254,7 @@ async def test_excluding_noting_fitting_and_undoing(bedside, session_files):
         await bed.press("s")
         await bed.until(lambda: bed.app.screen is bed.app.screen_stack[0])
     (path,) = session_files()
-    from skinlab.audit import entries
+    from skinlab.recording.audit import entries
 
     session = read_session(path)
     deeds = [(e.what, e.detail.get("curve")) for e in entries(session.records)]

@@ -3,9 +3,9 @@ from __future__ import annotations
 import numpy as np
 
 from drivers.events import InstrumentState
-from skinlab.replay import differences, identifier_of, replay
-from skinlab.session import read_session
-from skinlab.stream import Identified
+from skinlab.acquisition.replay import differences, identifier_of, replay
+from skinlab.recording.session import read_session
+from skinlab.recording.stream import Identified
 from skinlab.tui.widgets.curve_plot import CurvePlot
 from skinlab.tui.widgets.curves import Curves
 

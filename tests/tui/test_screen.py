@@ -5,8 +5,8 @@ from textual import events
 from textual.widgets import Input, OptionList
 
 from drivers.events import Alarm
-from skinlab.stream import Happened
-from skinlab.tui.news import Heard
+from skinlab.recording.stream import Happened
+from skinlab.tui.messages import Heard
 from skinlab.tui.screens.alarm import AlarmScreen
 from skinlab.tui.screens.help import HelpScreen
 from skinlab.tui.screens.main import MainScreen

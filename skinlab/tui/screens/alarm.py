@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from textual.widgets import Static
 
-from skinlab.tui.board import Board
 from skinlab.tui.screens.over import AskingScreen
 from skinlab.tui.typing_guard import TypingGuard
+from skinlab.tui.ui_state import Board
 
 
 class AlarmScreen(AskingScreen):

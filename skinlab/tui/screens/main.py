@@ -15,8 +15,9 @@ from textual.message import Message
 from textual.screen import Screen
 from textual.widgets import DataTable, Footer, Input, Static
 
-from skinlab.tui.board import Board, Level, Review
+from skinlab.tui.text import settings_line
 from skinlab.tui.typing_guard import CHECK_KEY, CONFIRM_KEY, TypingGuard
+from skinlab.tui.ui_state import Board, Level, Review
 from skinlab.tui.widgets.card import Card
 from skinlab.tui.widgets.curve_plot import CurvePlot
 from skinlab.tui.widgets.curves import Curves
@@ -24,7 +25,6 @@ from skinlab.tui.widgets.fields import Fields
 from skinlab.tui.widgets.header import Top
 from skinlab.tui.widgets.reading import Reading
 from skinlab.tui.widgets.strip import Strip
-from skinlab.tui.words import settings_line
 
 _FRAMES_PER_S = 16
 _ANSWER_S = 0.15

@@ -12,9 +12,9 @@ from textual.message import Message
 from textual.screen import Screen
 from textual.widgets import Footer, Static
 
-from skinlab.tui.board import Board, Missing
 from skinlab.tui.canvas import runs
 from skinlab.tui.missing import hints, missing_lines, residual_picture
+from skinlab.tui.ui_state import Board, Missing
 from skinlab.tui.widgets.header import Top
 
 _FRAMES_PER_S = 8

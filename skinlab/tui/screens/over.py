@@ -10,8 +10,8 @@ from textual.containers import Vertical
 from textual.screen import ModalScreen
 from textual.widgets import Static
 
-from skinlab.tui.board import Board
 from skinlab.tui.typing_guard import CHECK_KEY, CONFIRM_KEY, TypingGuard
+from skinlab.tui.ui_state import Board
 from skinlab.tui.widgets.header import Top
 
 Answer = TypeVar("Answer")

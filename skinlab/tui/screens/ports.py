@@ -12,7 +12,7 @@ from textual.widgets import OptionList, Static
 from textual.widgets.option_list import Option
 
 from drivers.link import list_ports
-from skinlab.curve import APERTURES_MM
+from skinlab.curves.curve import APERTURES_MM
 from skinlab.tui.screens.over import OverScreen
 
 

@@ -13,12 +13,12 @@ from textual.message import Message
 from textual.screen import Screen
 from textual.widgets import DataTable, Footer, Input, Static
 
-from skinlab.tui.board import Board
-from skinlab.tui.ledger import Deed
+from skinlab.tui.curve_selection import Deed
 from skinlab.tui.summary import repeats, repeats_lines
+from skinlab.tui.text import clock, result_lines, row_texts, who_text
 from skinlab.tui.typing_guard import CHECK_KEY
+from skinlab.tui.ui_state import Board
 from skinlab.tui.widgets.header import Top
-from skinlab.tui.words import clock, result_lines, row_texts, who_text
 
 _COLUMNS = (
     "#",

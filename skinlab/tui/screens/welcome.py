@@ -12,8 +12,8 @@ from textual.widgets import OptionList, Static
 from textual.widgets.option_list import Option
 
 from drivers.link import PortInfo
-from skinlab.tui.board import Board
 from skinlab.tui.screens.over import OverScreen
+from skinlab.tui.ui_state import Board
 
 SIMULATED = "sim://?seed=1"
 EXAMPLE = "example"

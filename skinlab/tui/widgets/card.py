@@ -6,8 +6,8 @@ from textual.app import ComposeResult
 from textual.containers import VerticalScroll
 from textual.widgets import Static
 
-from skinlab.tui.board import Board
-from skinlab.tui.words import CardText, card_text
+from skinlab.tui.text import CardText, card_text
+from skinlab.tui.ui_state import Board
 
 _USUAL_COLUMNS = 33  # before the first layout
 

@@ -6,8 +6,8 @@ from typing import ClassVar
 
 from textual_plot import HiResMode, LegendLocation, PlotWidget
 
-from skinlab.tui.board import Board, Entry, Live
 from skinlab.tui.trace import Trace, box_around, fitted, measured, nice_ticks, spaced
+from skinlab.tui.ui_state import Board, Entry, Live
 
 _TICK_ROWS = 3  # of the plot for each label
 _LEGEND_COLUMNS = 36  # in less, the legend would lie on the curve

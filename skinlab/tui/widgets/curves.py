@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from textual.widgets import DataTable
 
-from skinlab.tui.board import Board
-from skinlab.tui.words import row_texts
+from skinlab.tui.text import row_texts
+from skinlab.tui.ui_state import Board
 
 # Columns, and the widths of those whose cells are filled later: a table does not always make room.
 _WIDTHS = {

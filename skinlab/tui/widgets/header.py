@@ -6,8 +6,8 @@ from textual.app import ComposeResult
 from textual.containers import Horizontal, Vertical
 from textual.widgets import Static
 
-from skinlab.tui.board import Board
-from skinlab.tui.words import banner_text, suction_text, where_text
+from skinlab.tui.text import banner_text, suction_text, where_text
+from skinlab.tui.ui_state import Board
 
 _CLASSES = {"ARMED": "-armed", "RUNNING": "-running", "FAULT": "-fault", "NO PROBE": "-fault"}
 _FRAMES_PER_S = 10

@@ -6,14 +6,14 @@ from textual.app import ComposeResult
 from textual.containers import Horizontal, Vertical
 from textual.widgets import Digits, Label, Static
 
-from skinlab.tui.board import Board
-from skinlab.tui.words import (
+from skinlab.tui.text import (
     deflection_text,
     last_text,
     link_text,
     pressure_text,
     progress_text,
 )
+from skinlab.tui.ui_state import Board
 
 
 class Reading(Vertical):

@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skinlab.curve import Curve, Setup
+from skinlab.curves.curve import Curve, Setup
+from skinlab.curves.pressure_path import PressurePath
+from skinlab.curves.program import parse_program
 from skinlab.discrepancy.model_identifier import with_model
-from skinlab.effects.model import Skin, response
 from skinlab.errors import InputError
-from skinlab.fem.suction import Geometry
-from skinlab.identify.identifier import Identifier
-from skinlab.identify.uncertainty import Sensor
-from skinlab.model_file import EffectRange, Header, Model, Range
-from skinlab.pressure_path import PressurePath
-from skinlab.program import parse_program
+from skinlab.inference.identify import Identifier
+from skinlab.inference.uncertainty import Sensor
+from skinlab.mechanics.effects.model import Skin, response
+from skinlab.mechanics.fem.suction import Geometry
+from skinlab.mechanics.model_file import EffectRange, Header, Model, Range
 from skinlab.report.fitted import fit_again
 from skinlab.report.methods import assumptions, how
 from skinlab.report.stored import StoredResult, StoredValue

@@ -14,18 +14,18 @@ import pytest
 from PIL import Image
 
 from skinlab.cli.main import run
-from skinlab.curve import Curve, Setup
+from skinlab.curves.curve import Curve, Setup
+from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
-from skinlab.fem.suction import Geometry
-from skinlab.identify.identifier import Identifier
-from skinlab.identify.uncertainty import Sensor
-from skinlab.program import parse_program
-from skinlab.recording import identification_settings
+from skinlab.inference.identify import Identifier
+from skinlab.inference.uncertainty import Sensor
+from skinlab.mechanics.fem.suction import Geometry
+from skinlab.recording.recorder import identification_settings
+from skinlab.recording.session import Session, content_hash, read_session, write_session
 from skinlab.report.curve_section import curve_section
 from skinlab.report.flags import explanations
 from skinlab.report.measured import measured_curves
 from skinlab.report.session_report import FORMATS, SessionReport
-from skinlab.session import Session, content_hash, read_session, write_session
 from skinlab.versions import versions
 
 HOSTILE = "<img src=x onerror=alert(1)> \"&'; $\\frac$ \x1b[2J"
@@ -296,7 +296,7 @@ def test_the_command_writes_what_it_says_and_nothing_over_anything(few, tmp_path
 
 
 def _identifier(path):
-    from skinlab.replay import identifier_of
+    from skinlab.acquisition.replay import identifier_of
 
     return identifier_of(read_session(path))[0]
 

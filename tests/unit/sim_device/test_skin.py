@@ -9,9 +9,9 @@ import pytest
 from drivers.events import KeepAlive, Load, Sample, Segment, SegmentKind
 from sim_device.files import SensorSection, SkinSection
 from sim_device.skin import MESH, make_skin, planned
-from skinlab.effects.model import Skin, response
-from skinlab.fem.suction import Geometry
-from skinlab.pressure_path import PressurePath
+from skinlab.curves.pressure_path import PressurePath
+from skinlab.mechanics.effects.model import Skin, response
+from skinlab.mechanics.fem.suction import Geometry
 
 LAW = SkinSection()
 RAMP = Segment(SegmentKind.RAMP, target_mbar=60, rate_mbar_per_s=80)

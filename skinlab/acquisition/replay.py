@@ -1,0 +1,166 @@
+"""Replay a session: the recorded bytes through dialect, assembler and identification."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from drivers.events import Sample, TimedEvent
+from skinlab.acquisition.pipeline import Listener, Pipeline
+from skinlab.acquisition.replay_control import ReplayControl
+from skinlab.curves.curve import Curve
+from skinlab.discrepancy.model_identifier import with_model
+from skinlab.errors import InputError
+from skinlab.inference.identify import Identifier
+from skinlab.inference.problem import Options, check
+from skinlab.inference.result import Identification
+from skinlab.inference.uncertainty import Sensor
+from skinlab.mechanics.model_file import decode_model
+from skinlab.recording.recorded import recorded_items
+from skinlab.recording.session import Session
+from skinlab.recording.stream import CurveCompleted, Message
+from skinlab.tables.base import Database
+from skinlab.tables.store import shipped_grid, shipped_table
+from skinlab.versions import versions
+
+# Settings that sessions did not record at first, as they were then.
+_BEFORE: dict[str, Any] = {
+    "sampling": "uniform",
+    "slowdown": 0.4,
+    "forgetting": 0.9,
+    "covariance": 1.0,
+    "passes": 500,
+}
+
+
+def identifier_of(session: Session) -> tuple[Identifier, str | None]:
+    """Return the identifier that the session was recorded with.
+
+    The second value is a sentence where this installation's database is another one, so that
+    results may differ.
+
+    Raises:
+        InputError: the session does not say how it was identified.
+    """
+    settings = session.meta.get("identification")
+    if settings is None and is_imported(session):
+        return Identifier(shipped_table()), None  # nothing was identified, nothing can differ
+    if not isinstance(settings, dict):
+        raise InputError("the session does not say how it was identified")
+    stated = settings.get("database_hash")
+    shipped: tuple[Database, ...] = (shipped_table(), shipped_grid())
+    database = next((d for d in shipped if d.content_hash == stated), shipped[0])
+    try:
+        options = Options(
+            samples=settings["samples"],
+            best=settings["best"],
+            tolerance_um=settings["tolerance_um"],
+            **{name: settings.get(name, value) for name, value in _BEFORE.items()},
+        )
+        check(options)
+        identifier = Identifier(
+            database,
+            method=settings["method"],
+            options=options,
+            seed=settings["seed"],
+            kappa=settings["kappa"],
+            phases=tuple(settings["phases"]),
+            sensor=Sensor(settings.get("noise_um"), settings.get("pressure_noise_mbar")),
+        )
+        if settings.get("model") is not None:
+            model = decode_model(settings["model"], "the session's field identification.model")
+            identifier = with_model(identifier, model)
+    except (KeyError, TypeError) as error:
+        raise InputError(f"the session's field identification is damaged ({error})") from None
+    warning = None
+    if database.content_hash != stated:
+        warning = (
+            f"the session was identified with another database, {stated}; here is "
+            f"{database.content_hash}: results may differ"
+        )
+    return identifier, warning
+
+
+def replay(
+    session: Session,
+    identifier: Identifier,
+    listeners: Iterable[Listener],
+    control: ReplayControl | None = None,
+) -> list[Curve]:
+    """Run the session through the pipeline; return the completed curves.
+
+    Every event keeps the time at which it came. `control` says when it is passed on; None: at once.
+    A replay that is stopped ends like a record that was cut off there.
+    Imported curves have no bytes and no pace: they go through the identification as they are.
+    """
+    curves: list[Curve] = []
+
+    def keep(message: Message) -> None:
+        if isinstance(message, CurveCompleted):
+            curves.append(message.curve)
+
+    pipeline = Pipeline(identifier, [keep, *listeners])
+    for item in recorded_items(session.records):
+        if control is not None and isinstance(item, TimedEvent):
+            sample = isinstance(item.event, Sample)
+            if not control.wait(item.host_time_s, sample=sample):
+                break
+        pipeline.handle(item)
+    pipeline.end("the record ends here")
+    if is_imported(session):
+        for number, curve in enumerate(session.curves, start=1):
+            pipeline.complete(number, curve)
+    return curves
+
+
+def is_imported(session: Session) -> bool:
+    """Return whether the session is made of curves that other software exported."""
+    return "imported" in session.meta
+
+
+def differences(session: Session, curves: list[Curve], results: list[Identification]) -> list[str]:
+    """Return a sentence for each way in which the replay differs from what the session stores."""
+    found: list[str] = []
+    if len(curves) != len(session.curves):
+        found.append(f"{len(session.curves)} curves are stored, the replay gives {len(curves)}")
+    for stored, again in zip(session.curves, curves, strict=False):
+        for column in ("time_s", "pressure_mbar", "deflection_mm"):
+            if not np.array_equal(getattr(stored, column), getattr(again, column)):
+                found.append(f"{stored.name}: {column} differs")
+        if stored.partial != again.partial:
+            found.append(f"{stored.name}: is partial in one and not in the other")
+    for curve, kept, result in zip(session.curves, session.results, results, strict=False):
+        if kept is None:
+            continue  # a recovered session: nothing to compare with
+        now = result.to_json()
+        for key in sorted({*kept, *now} - {"seconds"}):
+            if kept.get(key) != now.get(key):
+                found.append(f"{curve.name}: {key} was {kept.get(key)}, is {now.get(key)}")
+    return found
+
+
+def reasons(session: Session, identifier: Identifier) -> list[str]:
+    """Return what is not as it was when the session was recorded: why results may differ."""
+    found = []
+    settings = session.meta.get("identification") or {}
+    database = identifier.database.content_hash
+    if settings.get("database_hash") != database:
+        found.append(f"another database: it was {settings.get('database_hash')}, is {database}")
+    stated = session.meta.get("versions")
+    then = stated if isinstance(stated, dict) else {}
+    for name, now in versions().items():
+        if then.get(name) != now:
+            what = "another machine" if name == "machine" else f"another version of {_SAID[name]}"
+            found.append(f"{what}: it was {then.get(name, 'not recorded')}, is {now}")
+    return found
+
+
+_SAID = {
+    "skinlab": "skinlab",
+    "code": "skinlab's source files",
+    "python": "Python",
+    "numpy": "numpy",
+    "scipy": "scipy",
+}

@@ -1,0 +1,89 @@
+"""Where items come from when they are live: a probe, and the plans for it."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable
+
+from drivers.events import Segment, SegmentKind
+from drivers.probe import Probe
+from skinlab.curves.curve import Setup
+from skinlab.curves.program import Hold, Program, Ramp, Release
+from skinlab.errors import InputError
+from skinlab.recording.journal import Journal
+from skinlab.recording.stream import Item, Planned, setup_to_json
+
+
+def wire_segments(program: Program) -> tuple[Segment, ...]:
+    """Return the program as the driver speaks it."""
+    segments = []
+    for s in program.segments:
+        if isinstance(s, Ramp):
+            segments.append(
+                Segment(
+                    SegmentKind.RAMP,
+                    target_mbar=s.target_mbar,
+                    rate_mbar_per_s=s.rate_mbar_per_s,
+                )
+            )
+        elif isinstance(s, Release):
+            segments.append(Segment(SegmentKind.RELEASE))
+        else:
+            kind = SegmentKind.HOLD if isinstance(s, Hold) else SegmentKind.REST
+            segments.append(Segment(kind, duration_s=s.duration_s))
+    return tuple(segments)
+
+
+class LiveSource:
+    """A probe, and the plans for it."""
+
+    def __init__(
+        self,
+        probe: Probe,
+        journal: Journal | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.probe = probe
+        self._journal = journal
+        self._clock = clock
+        self._planned: deque[Planned] = deque()
+
+    def arm(self, setup: Setup, rate_hz: float | None = None) -> None:
+        """Plan a run and make the probe ready for it; `rate_hz` None: the instrument's usual one.
+
+        Raises:
+            InputError: the setup has no program, or not this probe's aperture; or the disk has no
+                room for the record.
+            DriverError: the probe refused, or its link failed.
+        """
+        hello = self.probe.hello
+        if setup.program is None:
+            raise InputError("a measurement needs a program")
+        if hello is not None and abs(hello.aperture_mm - setup.aperture_mm) > 1e-6:
+            raise InputError(
+                f"aperture_mm {setup.aperture_mm:g}: the connected probe has "
+                f"{hello.aperture_mm:g} mm"
+            )
+        rate = rate_hz if rate_hz is not None else hello.default_rate_hz if hello else 20.0
+        if self._journal is not None:
+            self._journal.require_room(setup.program.duration_s, rate)
+        self.probe.load(wire_segments(setup.program), rate)
+        if self._journal is not None:
+            self._journal.plan(self._clock(), setup_to_json(setup))
+        self._planned.append(Planned(setup))
+        self.probe.arm()
+
+    def start(self) -> None:
+        """Start the armed run.
+
+        Raises:
+            DriverError: the probe refused, or its link failed.
+        """
+        self.probe.start()
+
+    def next_item(self, timeout_s: float) -> Item | None:
+        """Return the next item, or None where none came in time."""
+        if self._planned:
+            return self._planned.popleft()
+        return self.probe.next_event(timeout_s)

@@ -1,0 +1,1 @@
+"""Curves and what was asked of the pump: programs, pressure paths, CSV, campaigns."""

@@ -1,0 +1,92 @@
+"""A campaign: curves that are explained together, described by a TOML file beside them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+
+from skinlab.curves.csv import read_curve
+from skinlab.curves.curve import Curve, Setup
+from skinlab.curves.program import parse_program
+from skinlab.errors import InputError
+
+
+class _Header(msgspec.Struct, forbid_unknown_fields=True):
+    title: str = ""
+    noise_um: float | None = None
+    pressure_noise_mbar: float | None = None
+
+
+class _CurveEntry(msgspec.Struct, forbid_unknown_fields=True):
+    file: str
+    aperture_mm: float
+    thickness_mm: float
+    thickness_sd_mm: float | None = None
+    program: str | None = None
+    cycle: int = 1
+    repeat: int = 1
+
+
+class _File(msgspec.Struct, forbid_unknown_fields=True):
+    campaign: _Header
+    curve: list[_CurveEntry]
+
+
+@dataclass(frozen=True, eq=False)
+class Campaign:
+    """Curves with their setups, and the stated noise (None: to be estimated)."""
+
+    title: str
+    noise_um: float | None
+    pressure_noise_mbar: float | None
+    curves: tuple[Curve, ...]
+
+
+def read_campaign(path: Path) -> Campaign:
+    """Return the campaign of this TOML file, its curves read.
+
+    Raises:
+        InputError: the file or one of its curves is wrong; names file and field or line. A curve
+            outside the campaign's folder is refused.
+    """
+    try:
+        data = msgspec.toml.decode(path.read_bytes(), type=_File)
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}") from None
+    except (ValueError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: {error}") from None
+    if not data.curve:
+        raise InputError(f"{path}: no [[curve]]; expected at least one")
+    noise, pressure_noise = data.campaign.noise_um, data.campaign.pressure_noise_mbar
+    if noise is not None and not 0 < noise < 1e6:
+        raise InputError(f"{path}: campaign.noise_um is {noise}, expected a positive number")
+    if pressure_noise is not None and not 0 <= pressure_noise < 1e6:
+        raise InputError(
+            f"{path}: campaign.pressure_noise_mbar is {pressure_noise}, expected zero or more"
+        )
+    folder = path.parent.resolve()
+    curves = []
+    for number, entry in enumerate(data.curve, start=1):
+        file = (folder / entry.file).resolve()
+        if not file.is_relative_to(folder):
+            raise InputError(f"{path}: curve {number}: file {entry.file!r} is outside the folder")
+        try:
+            setup = Setup(
+                aperture_mm=entry.aperture_mm,
+                thickness_mm=entry.thickness_mm,
+                program=None if entry.program is None else parse_program(entry.program),
+                cycle=entry.cycle,
+                repeat=entry.repeat,
+                thickness_sd_mm=entry.thickness_sd_mm,
+            )
+        except InputError as error:
+            raise InputError(f"{path}: curve {number}: {error}") from None
+        curves.append(read_curve(path.parent / entry.file, setup))
+    return Campaign(
+        data.campaign.title,
+        data.campaign.noise_um,
+        data.campaign.pressure_noise_mbar,
+        tuple(curves),
+    )

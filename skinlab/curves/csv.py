@@ -1,0 +1,105 @@
+"""Curves as CSV: `time_s,pressure_mbar,deflection_mm`, one row a sample in time order."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TextIO
+
+import numpy as np
+
+from skinlab.curves.curve import FEWEST_POINTS, Curve, Setup
+from skinlab.errors import InputError
+
+COLUMNS = ("time_s", "pressure_mbar", "deflection_mm")
+_LARGEST = {"time_s": 1e9, "pressure_mbar": 1e4, "deflection_mm": 100.0}  # beyond, no reading
+
+
+def read_curve(path: Path, setup: Setup) -> Curve:
+    """Return the curve in this file.
+
+    Raises:
+        InputError: no such file, no UTF-8, a missing column, a value that is no finite number, a
+            time that does not increase, or fewer than 5 samples; names the line.
+    """
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: not UTF-8 text; expected a curve CSV") from None
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}") from None
+    rows = _rows(path, text)
+    if len(rows) < FEWEST_POINTS:
+        raise InputError(f"{path}: {len(rows)} samples; expected at least {FEWEST_POINTS}")
+    data = np.array(rows)
+    return Curve(str(path), setup, data[:, 0], data[:, 1], data[:, 2])
+
+
+def _rows(path: Path, text: str) -> list[tuple[float, ...]]:
+    lines = csv.reader(text.splitlines())
+    header = [name.strip() for name in next(lines, [])]
+    missing = [name for name in COLUMNS if name not in header]
+    if missing:
+        raise InputError(
+            f"{path}: line 1: missing column {', '.join(missing)}; "
+            f"expected the header {','.join(COLUMNS)}{_separator_hint(header)}"
+        )
+    where = [header.index(name) for name in COLUMNS]
+    rows: list[tuple[float, ...]] = []
+    for fields in lines:
+        line = lines.line_num
+        if not any(field.strip() for field in fields):
+            continue
+        if len(fields) != len(header):
+            hint = "; is the decimal sign a comma? Use a point" if len(fields) > len(header) else ""
+            raise InputError(
+                f"{path}: line {line}: {len(fields)} fields, expected {len(header)}{hint}"
+            )
+        values = tuple(
+            _number(path, line, name, fields[k]) for name, k in zip(COLUMNS, where, strict=True)
+        )
+        if rows and values[0] <= rows[-1][0]:
+            raise InputError(
+                f"{path}: line {line}: time_s {values[0]:g} does not increase "
+                f"(before it: {rows[-1][0]:g})"
+            )
+        rows.append(values)
+    return rows
+
+
+def _number(path: Path, line: int, name: str, text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        hint = "; is the decimal sign a comma? Use a point" if "," in text else ""
+        raise InputError(
+            f"{path}: line {line}: {name} is {text.strip()!r}, expected a number{hint}"
+        ) from None
+    if not math.isfinite(value):
+        raise InputError(f"{path}: line {line}: {name} is {text.strip()}, expected a finite number")
+    if abs(value) > _LARGEST[name]:
+        raise InputError(
+            f"{path}: line {line}: {name} is {text.strip()}, expected at most {_LARGEST[name]:g}"
+        )
+    return value
+
+
+def _separator_hint(header: list[str]) -> str:
+    if len(header) == 1 and any(sign in header[0] for sign in ";\t"):
+        return ", separated by commas"
+    return ""
+
+
+def write_curve(stream: TextIO, curve: Curve) -> None:
+    """Write the curve; 9 digits, so that nothing that a sensor can tell is lost."""
+    stream.write(",".join(COLUMNS) + "\n")
+    columns: Iterable[tuple[float, float, float]] = zip(
+        curve.time_s.tolist(),
+        curve.pressure_mbar.tolist(),
+        curve.deflection_mm.tolist(),
+        strict=True,
+    )
+    for t, p, w in columns:
+        stream.write(f"{t:.9g},{p:.9g},{w:.9g}\n")

@@ -1,0 +1,196 @@
+"""One suction curve: read-only arrays of time, pressure and deflection, and what they belong to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinlab.curves.program import Phase, Program
+from skinlab.errors import InputError
+
+Array = NDArray[np.float64]
+
+APERTURES_MM = (2.0, 4.0, 6.0, 8.0)  # the probes that there are
+FEWEST_POINTS = 5
+
+
+def check_aperture(aperture_mm: float) -> float:
+    """Return the aperture where a probe has it.
+
+    Raises:
+        InputError: no probe has it.
+    """
+    if aperture_mm not in APERTURES_MM:
+        known = ", ".join(f"{a:g}" for a in APERTURES_MM)
+        raise InputError(
+            f"aperture_mm {aperture_mm:g}: no probe has this opening; expected one of {known} "
+            "(the diameter)"
+        )
+    return float(aperture_mm)
+
+
+def check_thickness(thickness_mm: float) -> float:
+    """Return the thickness where it can be a skin's (epidermis and dermis together).
+
+    Raises:
+        InputError: it is not within 0.1–10 mm.
+    """
+    if not 0.1 <= thickness_mm <= 10.0:
+        raise InputError(f"thickness_mm {thickness_mm:g}: expected 0.1–10 mm")
+    return float(thickness_mm)
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What a curve was measured with."""
+
+    aperture_mm: float  # diameter of the probe's opening
+    thickness_mm: float  # of the skin, as measured
+    program: Program | None = None
+    cycle: int = 1  # 1 = first loading of this site, or one after full rest
+    repeat: int = 1
+    thickness_sd_mm: float | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be."""
+        check_aperture(self.aperture_mm)
+        check_thickness(self.thickness_mm)
+        if self.thickness_sd_mm is not None and not 0 <= self.thickness_sd_mm < self.thickness_mm:
+            raise InputError(
+                f"thickness_sd_mm {self.thickness_sd_mm:g}: expected 0 to the thickness itself"
+            )
+        if self.cycle < 1 or self.repeat < 1:
+            raise InputError("cycle and repeat count from 1")
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A measured or simulated curve. Arrays (n,) in time order; read-only.
+
+    `segment` (n,) is the index of the program's segment where it is known.
+
+    Raises:
+        InputError: lengths differ, a value is not finite, or time does not increase.
+    """
+
+    name: str
+    setup: Setup
+    time_s: Array
+    pressure_mbar: Array
+    deflection_mm: Array
+    segment: NDArray[np.intp] | None = None
+    partial: bool = False  # cut short: by a vent, a fault, a lost link
+    _phase: NDArray[np.str_] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        """Check once, then freeze."""
+        n = len(self.time_s)
+        for column in ("time_s", "pressure_mbar", "deflection_mm"):
+            array = np.array(getattr(self, column), dtype=float)
+            if array.shape != (n,):
+                raise InputError(f"{self.name}: {column} has {array.shape} values, expected ({n},)")
+            bad = np.flatnonzero(~np.isfinite(array))
+            if bad.size:
+                raise InputError(f"{self.name}: {column} is not finite at sample {bad[0] + 1}")
+            array.flags.writeable = False
+            object.__setattr__(self, column, array)
+        late = np.flatnonzero(np.diff(self.time_s) <= 0)
+        if late.size:
+            raise InputError(f"{self.name}: time_s does not increase at sample {late[0] + 2}")
+        if self.segment is not None:
+            segment = np.array(self.segment, dtype=np.intp)
+            segment.flags.writeable = False
+            object.__setattr__(self, "segment", segment)
+        phase = np.array(self._phases(), dtype="U6")
+        phase.flags.writeable = False
+        object.__setattr__(self, "_phase", phase)
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    @property
+    def phase(self) -> NDArray[np.str_]:
+        """What the skin sees at each sample (n,): load, hold, unload or rest."""
+        return self._phase
+
+    def _phases(self) -> list[Phase] | NDArray[np.str_]:
+        program = self.setup.program
+        if program is not None and len(self):
+            index = self.segment
+            if index is None:
+                index = program.segment_at(self.time_s - self.time_s[0])
+            names = [*program.phases, "rest"]
+            return [names[min(int(i), len(program.segments))] for i in index]
+        return phases_from_pressure(self.pressure_mbar)
+
+    def first_load(self) -> NDArray[np.bool_]:
+        """Return which samples (n,) belong to the first loading: what the elastic law describes.
+
+        A short hold inside a stepped loading is not part of it.
+        """
+        load = self.phase == "load"
+        after = np.flatnonzero((self.phase == "unload") | (self.phase == "rest"))
+        starts = np.flatnonzero(load)
+        if starts.size:
+            over = after[after > starts[0]]
+            if over.size:
+                load[over[0] :] = False
+        return np.asarray(load)
+
+    def in_phases(self, phases: tuple[str, ...]) -> NDArray[np.bool_]:
+        """Return which samples (n,) to fit.
+
+        `load` alone means the first loading; with others, every loading.
+        """
+        chosen = np.isin(self.phase, [p for p in phases if p != "load"])
+        if "load" in phases:
+            chosen |= self.first_load() if phases == ("load",) else self.phase == "load"
+        return chosen
+
+
+def phases_from_pressure(pressure_mbar: Array) -> NDArray[np.str_]:
+    """Return the phases (n,) read from the pressure channel alone, noise and all.
+
+    The channel is cut into visits to the top (within 3 % of the highest pressure, or 4 standard
+    deviations of its noise), visits to zero, and ways between them. A visit to the top is a hold
+    where it lasts longer than passing through that band would; else it is split at its peak.
+    """
+    p = np.asarray(pressure_mbar, dtype=float)
+    n = len(p)
+    phase = np.full(n, "load", dtype="U6")
+    top = float(p.max(initial=0.0))
+    if n < FEWEST_POINTS or top <= 0:
+        return phase
+    noise = float(np.median(np.abs(np.diff(p, n=2)))) / (0.6745 * np.sqrt(6.0))
+    band = min(max(0.03 * top, 4.0 * noise), 0.25 * top)
+    level = np.where(p >= top - band, 2, np.where(p <= band, 0, 1))
+    edges = np.flatnonzero(np.diff(level)) + 1
+    runs = [(int(r[0]), int(r[-1]) + 1) for r in np.split(np.arange(n), edges)]
+    # Samples that a ramp spends in a band as wide as this one, from the ways between.
+    crossing = 2.0 * band / (top - 2.0 * band) * max(1, int((level == 1).sum()))
+    been_up = False
+    for begin, end in runs:
+        here = level[begin]
+        if here == 2:
+            been_up = True
+            falls = bool((level[end:] < 2).any())
+            peak = begin + int(np.argmax(p[begin:end]))
+            held = (end - begin) > 1.5 * crossing + 2
+            if not falls and not held:
+                continue
+            if held:
+                first = begin + int(np.argmax(p[begin:end] >= np.median(p[begin:end]) - band / 3))
+                phase[first:end] = "hold"
+            else:
+                phase[peak + 1 : end] = "unload"
+        elif here == 0:
+            if not been_up:
+                continue  # before the first loading: its foot
+            later = bool((level[end:] == 2).any())
+            phase[begin:end] = "rest" if later or (end - begin) > crossing else "unload"
+            been_up = not later
+        else:
+            phase[begin:end] = "unload" if been_up else "load"
+    return phase

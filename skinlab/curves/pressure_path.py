@@ -1,0 +1,84 @@
+"""The pressure that a skin has felt over time: straight pieces between knots."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from skinlab.curves.program import Program
+from skinlab.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PressurePath:
+    """Knots (k,) in order of time; two at the same time are a jump. Hashable: a key of caches.
+
+    Raises:
+        InputError: fewer than two knots, or time runs backwards, or a value is not finite.
+    """
+
+    time_s: tuple[float, ...]
+    pressure_mbar: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        """Check once."""
+        if len(self.time_s) < 2 or len(self.time_s) != len(self.pressure_mbar):
+            raise InputError("a pressure path needs two knots or more, each a time and a pressure")
+        if not (np.isfinite(self.time_s).all() and np.isfinite(self.pressure_mbar).all()):
+            raise InputError("a pressure path needs finite times and pressures")
+        if np.any(np.diff(self.time_s) < 0):
+            raise InputError("a pressure path needs knots in order of time")
+
+    @property
+    def top_mbar(self) -> float:
+        """Highest pressure, or zero."""
+        return max(0.0, *self.pressure_mbar)
+
+    def __call__(self, time_s: ArrayLike) -> Array:
+        """Return the pressure (mbar) at these times; before and after, that of the ends."""
+        t = np.asarray(time_s, dtype=float)
+        return np.asarray(np.interp(t, self.time_s, self.pressure_mbar))
+
+    @classmethod
+    def of_program(cls, program: Program) -> PressurePath:
+        """Return the path that a program asks for, from time 0."""
+        return cls(*_without_repeats(*(np.array(x) for x in program.knots())))
+
+    @classmethod
+    def of_samples(cls, time_s: Array, pressure_mbar: Array, tolerance_mbar: float) -> PressurePath:
+        """Return a path with few knots that stays within the tolerance of samples (n,).
+
+        Ramer, Douglas and Peucker: the straight line is cut where it is furthest off, until it is
+        nowhere off by more. A path with few corners is quick to step along, and a tolerance of four
+        standard deviations of the noise keeps noise from becoming corners.
+
+        Raises:
+            InputError: fewer than two samples, or time runs backwards, or a value is not finite.
+        """
+        whole = cls(tuple(map(float, time_s)), tuple(map(float, pressure_mbar)))
+        if not tolerance_mbar > 0:
+            raise InputError(f"tolerance_mbar {tolerance_mbar:g}: expected a positive number")
+        t, p = np.array(whole.time_s), np.array(whole.pressure_mbar)
+        kept, open_ = {0, len(t) - 1}, [(0, len(t) - 1)]
+        while open_:
+            a, b = open_.pop()
+            if b - a < 2:
+                continue
+            line = np.interp(t[a + 1 : b], t[[a, b]], p[[a, b]])
+            off = np.abs(p[a + 1 : b] - line)
+            k = a + 1 + int(off.argmax())
+            if off.max() > tolerance_mbar:
+                kept.add(k)
+                open_ += [(a, k), (k, b)]
+        chosen = sorted(kept)
+        return cls(tuple(t[chosen].tolist()), tuple(p[chosen].tolist()))
+
+
+def _without_repeats(t: Array, p: Array) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Drop knots that say nothing: the same twice."""
+    new = np.concatenate([[True], (np.diff(t) != 0) | (np.diff(p) != 0)])
+    return tuple(t[new].tolist()), tuple(p[new].tolist())

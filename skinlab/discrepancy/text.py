@@ -1,0 +1,140 @@
+"""The outcome in sentences, for a terminal and a report."""
+
+from __future__ import annotations
+
+from skinlab.discrepancy.adequacy import ADEQUATE, Place
+from skinlab.discrepancy.outcome import Outcome
+from skinlab.discrepancy.search import Candidate, Partial
+from skinlab.discrepancy.unknowns import BASE_NAMES
+from skinlab.mechanics.effects.registry import get_effect
+
+_SHOWN = 5
+_LABEL = {"X1_MPa": "X1 (MPa)", "X2_MPa": "X2 (MPa)", "nu": "nu"}
+
+
+def verdict_words(outcome: Outcome) -> str:
+    """Return the verdict in one sentence or two."""
+    own = set(outcome.found.base.effects)
+    names = [_name(c, own) for c in outcome.verdict.explanations]
+    match outcome.verdict.name:
+        case "none":
+            return (
+                "Nothing is missing, as far as these data tell: the model explains them to within "
+                "the noise."
+            )
+        case "named":
+            meanings = "; ".join(
+                get_effect(e).meaning
+                for e in outcome.verdict.explanations[0].effects
+                if e not in own
+            )
+            return f"Missing: {names[0]} ({meanings})."
+        case "ambiguous":
+            return (
+                "Something is missing, and these explanations are tied: " + ", ".join(names) + "."
+            )
+        case "unknown":
+            return (
+                "Something is missing, and nothing in the library explains it to within the noise."
+            )
+
+
+def where_words(place: Place) -> str:
+    """Return one place in a line."""
+    low, high = place.pressure_mbar
+    begin, end = place.time_s
+    return (
+        f"{place.file}, {place.phase}, {low:.0f}–{high:.0f} mbar, {begin:.1f}–{end:.1f} s: "
+        f"{place.mean_um:+.1f} µm on average (noise {place.noise_um:.1f} µm a sample, "
+        f"p = {place.p_value:.1g})"
+    )
+
+
+def parameter_rows(outcome: Outcome) -> list[tuple[str, str, str]]:
+    """Return rows (name, before, after) with 90 % intervals."""
+    before, after = outcome.parameters(outcome.found.base), outcome.parameters(outcome.best)
+    rows = []
+    for name in [*BASE_NAMES, *(n for n in after if n not in BASE_NAMES)]:
+        rows.append((_LABEL.get(name, name), _value(before.get(name)), _value(after.get(name))))
+    return rows
+
+
+def gap_words(outcome: Outcome) -> str:
+    """Return the gap before and after in a sentence."""
+    before, after = outcome.gap_before, outcome.gap_after
+    what = (
+        "on conditions held out of the fit"
+        if before.files
+        else "of the fit itself (one condition only: nothing could be held out)"
+    )
+    text = f"Gap {what}: {before.rms_um:.1f} µm ({before.rms_um / before.noise_um:.1f} × noise)"
+    if outcome.verdict.explanations:
+        text += (
+            f" before, {after.rms_um:.1f} µm ({after.rms_um / after.noise_um:.1f} × noise) after"
+        )
+    return text + "."
+
+
+def next_words(outcome: Outcome) -> list[str]:
+    """Return what to measure next in a sentence, none where nothing is to be told apart."""
+    following = outcome.next_measurement
+    if following is None:
+        return []
+    return [
+        f"To tell them apart, measure {following.program} with the {following.aperture_mm:g} mm "
+        f"opening (expected log10 evidence {following.expected_log10_evidence:.1f})."
+    ]
+
+
+def describe(outcome: Outcome) -> str:
+    """Return the whole text."""
+    own = set(outcome.found.base.effects)
+    lines = [verdict_words(outcome), gap_words(outcome)]
+    if outcome.where:
+        lines.append("Where the model as it is disagrees:")
+        lines += [f"  {where_words(p)}" for p in outcome.where[:_SHOWN]]
+    if outcome.verdict.name != "none" and outcome.found.candidates:
+        lines.append("Explanations (log10 evidence relative to the best):")
+        best = outcome.found.candidates[0].log10_evidence
+        for c in outcome.found.candidates[:_SHOWN]:
+            fits = "explains the data" if c.adequate else "does not explain the data"
+            lines.append(f"  {_name(c, own):<40} {c.log10_evidence - best:10.1f}  {fits}")
+    lines.append(f"{'':12}{'before':>30}{'after':>34}")
+    lines += [f"  {n:<28}{b:<32}{a}" for n, b, a in parameter_rows(outcome)]
+    if outcome.verdict.name == "none":
+        lines.append("Smallest sizes that these data could have shown:")
+        lines += [f"  {n} {v:.3g}" for n, v in outcome.detectable.items()]
+        hidden = sorted(
+            set(outcome.found.signatures) - {n.split(".")[0] for n in outcome.detectable}
+        )
+        if hidden:
+            lines.append(f"These data cannot show: {', '.join(hidden)}.")
+    if outcome.alike:
+        pairs = "; ".join(f"{a} and {b}" for a, b in outcome.alike)
+        lines.append(f"With these measurements nobody could tell apart: {pairs}.")
+    lines += next_words(outcome)
+    return "\n".join(lines)
+
+
+def partial_words(partial: Partial) -> str:
+    """Return what was known when somebody interrupted."""
+    if partial.base is None:
+        return "Interrupted before the model as it is was fitted."
+    lines = ["Interrupted; known so far:"]
+    left = partial.base.left
+    lines.append(
+        f"The model as it is leaves {'noise' if left.p_value >= ADEQUATE else 'more than noise'} "
+        f"(p = {left.p_value:.1g})."
+    )
+    lines += [f"  {where_words(p)}" for p in left.places[:_SHOWN] if p.p_value < 0.01]
+    for c in sorted(partial.candidates, key=lambda c: -c.log10_evidence):
+        lines.append(f"  {_name(c, set(partial.base.effects)):<40} {c.log10_evidence:10.1f}")
+    return "\n".join(lines)
+
+
+def _name(candidate: Candidate, own: set[str]) -> str:
+    return " and ".join(e for e in candidate.effects if e not in own)
+
+
+def _value(v: dict[str, float] | None) -> str:
+    return "" if v is None else f"{v['value']:.4g}  ({v['low']:.4g} to {v['high']:.4g})"

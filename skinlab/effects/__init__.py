@@ -1,6 +1,0 @@
-"""Missing effects, one a file, found by looking in this folder."""
-
-from skinlab.effects.base import Effect, Parameter
-from skinlab.effects.registry import all_effects, effect_names, get_effect
-
-__all__ = ["Effect", "Parameter", "all_effects", "effect_names", "get_effect"]

@@ -1,0 +1,1 @@
+"""Files in from other software, and out to it."""

@@ -1,0 +1,157 @@
+"""A session as tidy files, for whoever reads it with other tools."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from skinlab.curves.curve import Curve
+from skinlab.errors import InputError
+from skinlab.recording.session import Session
+from skinlab.recording.stream import setup_to_json
+
+SCHEMA = "skinlab.export/1"
+
+_PARAMETERS = ("X1_MPa", "X2_MPa", "nu")
+
+
+def to_json(session: Session) -> dict[str, str]:
+    """Return the one file: what is known of the session, its curves and their results."""
+    curves = [
+        {
+            "name": curve.name,
+            "partial": curve.partial,
+            "setup": setup_to_json(curve.setup),
+            "time_s": curve.time_s.tolist(),
+            "pressure_mbar": curve.pressure_mbar.tolist(),
+            "deflection_mm": curve.deflection_mm.tolist(),
+            "segment": None if curve.segment is None else curve.segment.tolist(),
+            "phase": curve.phase.tolist(),
+            "result": result,
+        }
+        for curve, result in zip(session.curves, session.results, strict=True)
+    ]
+    whole = {"schema": SCHEMA, "meta": session.meta, "curves": curves}
+    return {"session.json": json.dumps(whole, indent=1, allow_nan=False, ensure_ascii=False) + "\n"}
+
+
+def to_csv(session: Session) -> dict[str, str]:
+    """Return a file for each curve, one with a row for each, and a campaign of them.
+
+    The curves' numbers are written so that they read back as the same bits, and the folder can be
+    given to `identify` or `discrepancy` as a campaign.
+    """
+    files = {_file(k): _curve_csv(curve) for k, curve in enumerate(session.curves, start=1)}
+    files["curves.csv"] = _overview(session)
+    if session.curves:
+        files["campaign.toml"] = _campaign(session)
+    return files
+
+
+FORMATS: dict[str, Callable[[Session], dict[str, str]]] = {"csv": to_csv, "json": to_json}
+
+
+def export(session: Session, kind: str, folder: Path) -> list[Path]:
+    """Write the files of this kind into the folder; return their paths.
+
+    Raises:
+        InputError: one of them exists already, or cannot be written.
+    """
+    return write_new(
+        folder, {name: text.encode("utf-8") for name, text in FORMATS[kind](session).items()}
+    )
+
+
+def check_free(folder: Path, names: Iterable[str]) -> None:
+    """Make sure that nothing would be overwritten.
+
+    Raises:
+        InputError: a file of such a name is in the folder, or the folder is none.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder}: cannot be written (it is no folder)")
+    for name in names:
+        if (folder / name).exists():
+            raise InputError(f"{folder / name}: exists already; expected a folder without it")
+
+
+def write_new(folder: Path, files: Mapping[str, bytes]) -> list[Path]:
+    """Write files into the folder, which is made where it is missing; return their paths.
+
+    Raises:
+        InputError: one of them exists already, or cannot be written.
+    """
+    check_free(folder, files)
+    path = folder
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, content in files.items():
+            path = folder / name
+            path.touch(mode=0o600, exist_ok=False)  # about a person: for its owner only
+            path.write_bytes(content)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
+    return [folder / name for name in files]
+
+
+def _file(number: int) -> str:
+    return f"curve_{number:04d}.csv"
+
+
+def _curve_csv(curve: Curve) -> str:
+    segment = [""] * len(curve) if curve.segment is None else curve.segment.tolist()
+    columns = (
+        curve.time_s.tolist(),
+        curve.pressure_mbar.tolist(),
+        curve.deflection_mm.tolist(),
+        segment,
+        curve.phase.tolist(),
+    )
+    header = ("time_s", "pressure_mbar", "deflection_mm", "segment", "phase")
+    return _csv([header, *zip(*columns, strict=True)])
+
+
+def _overview(session: Session) -> str:
+    setup_columns = ("aperture_mm", "thickness_mm", "thickness_sd_mm", "program", "cycle", "repeat")
+    header = (
+        "file", "name", "samples", "partial", *setup_columns,
+        *(f"{name}{end}" for name in _PARAMETERS for end in ("", "_low", "_high")),
+        "error_um", "rms_um", "flags", "not_identified",
+    )  # fmt: skip
+    rows: list[Any] = [header]
+    for number, (curve, result) in enumerate(
+        zip(session.curves, session.results, strict=True), start=1
+    ):
+        setup = setup_to_json(curve.setup)
+        found = result or {}
+        values = found.get("parameters") or {}
+        row = [_file(number), curve.name, len(curve), str(curve.partial).lower()]
+        row += [setup[name] for name in setup_columns]
+        for name in _PARAMETERS:
+            row += [values.get(name, {}).get(key) for key in ("value", "low", "high")]
+        row += [found.get("error_um"), found.get("rms_um"), " ".join(found.get("flags") or [])]
+        rows.append([*row, found.get("error")])
+    return _csv(rows)
+
+
+def _csv(rows: list[Any]) -> str:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue()
+
+
+def _campaign(session: Session) -> str:
+    lines = [
+        "[campaign]",
+        f"title = {json.dumps(str(session.meta.get('site') or 'exported'), ensure_ascii=False)}",
+    ]
+    for number, curve in enumerate(session.curves, start=1):
+        lines += ["", "[[curve]]", f"file = {json.dumps(_file(number))}"]
+        for name, value in setup_to_json(curve.setup).items():
+            if value is not None:
+                lines.append(f"{name} = {json.dumps(value)}")
+    return "\n".join(lines) + "\n"

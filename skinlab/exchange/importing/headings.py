@@ -1,0 +1,67 @@
+"""What a column's heading says: a channel by its name, and a unit."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from dataclasses import dataclass
+
+from skinlab.exchange.importing.units import ROLES, Role, Unit, find_unit
+
+# Parts of words, without accents, in the languages that such software speaks.
+_WORDS: dict[Role, str] = {
+    "time": "time zeit temps tiempo tempo tijd elapsed",
+    "pressure": "press druck druk presion vacuum vakuum suction unterdruck",
+    "deflection": "deflec displac elevat height deform elongat penetrat extens disten auslenk "
+    "weg verform hohe abheb eindring elevac hauteur deplac altezza spostam altura desplaz dome",
+}
+_BRACKETED = re.compile(r"(.*?)\s*[(\[{<]\s*([^()\[\]{}<>]*?)\s*[)\]}>]\s*\.?")
+_APPENDED = re.compile(r"(.*?)(?:\s*/\s*|\s*,\s*|\s+in\s+|_|\s+|\s*:\s*)([^\s/,:_]+)")
+# As a last word these are too short to be a unit without a bracket or a name that fits.
+_DOUBTFUL = frozenset({"min", "mb", "bar"})
+
+
+@dataclass(frozen=True)
+class Heading:
+    """One heading, taken apart. `role` is None where neither name nor unit tells."""
+
+    text: str
+    role: Role | None = None
+    unit: Unit | None = None
+
+
+def read_heading(text: str, unit_text: str = "") -> Heading:
+    """Return what a heading says; `unit_text` is the cell of a line of units below it.
+
+    >>> read_heading("Druck [mbar]").role
+    'pressure'
+    """
+    text = text.strip(" \t\"'#%")
+    name, unit, bracketed = _take_apart(text)
+    if unit_text.strip():
+        name, unit, bracketed = text, find_unit(unit_text), True
+    named = _named(name)
+    if named is None:
+        doubtful = not bracketed and unit is not None and unit.name in _DOUBTFUL
+        return Heading(text, None if unit is None or doubtful else unit.role, unit)
+    # A name and a unit that contradict each other leave the unit open.
+    return Heading(text, named, unit if unit is not None and unit.role == named else None)
+
+
+def _take_apart(text: str) -> tuple[str, Unit | None, bool]:
+    """Return the name, the unit, and whether the unit is marked as one."""
+    match = _BRACKETED.fullmatch(text)
+    if match:
+        return match[1], find_unit(match[2]), True
+    match = _APPENDED.fullmatch(text)
+    if match and (unit := find_unit(match[2])) is not None:
+        return match[1], unit, False
+    return text, find_unit(text), False
+
+
+def _named(name: str) -> Role | None:
+    """Return the one channel that the name speaks of."""
+    plain = unicodedata.normalize("NFKD", name.lower())
+    plain = "".join(letter for letter in plain if not unicodedata.combining(letter))
+    found = [role for role in ROLES if any(word in plain for word in _WORDS[role].split())]
+    return found[0] if len(found) == 1 else None

@@ -1,0 +1,150 @@
+"""One exported file to one curve, with a sentence on how it was understood."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinlab.curves.curve import FEWEST_POINTS, Curve, Setup
+from skinlab.errors import InputError
+from skinlab.exchange.importing.columns import Channel, find_channels
+from skinlab.exchange.importing.decode import decode
+from skinlab.exchange.importing.pressure import follow_program, suction
+from skinlab.exchange.importing.questions import Answers, Question
+from skinlab.exchange.importing.table import Table
+from skinlab.exchange.importing.text import table_from_text
+from skinlab.exchange.importing.units import Role
+from skinlab.exchange.importing.xlsx import table_from_workbook
+
+Array = NDArray[np.float64]
+
+MOST_BYTES = 64 << 20
+_ZIP, _OLE = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"
+
+
+@dataclass(frozen=True, eq=False)
+class Imported:
+    """A curve, where it came from, and how it was understood, in words."""
+
+    curve: Curve
+    file: str  # its name, without folders
+    sha256: str
+    understood: tuple[str, ...]
+
+
+def import_file(path: Path, setup: Setup, answers: Answers) -> Imported:
+    """Return the curve in a file that other software exported.
+
+    Raises:
+        InputError: it cannot be read or understood; names the file, the line or column, and what
+            was expected.
+    """
+    try:
+        if path.is_file() and path.stat().st_size > MOST_BYTES:
+            raise InputError(f"larger than {MOST_BYTES >> 20} MB; expected one curve")
+        data = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}") from None
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    return import_bytes(path, data, setup, answers)
+
+
+def import_bytes(path: Path, data: bytes, setup: Setup, answers: Answers) -> Imported:
+    """Return the curve in these bytes, which are those of `path`.
+
+    Raises:
+        InputError: as `import_file`.
+    """
+    try:
+        return _import(path, data, setup, answers)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def _import(path: Path, data: bytes, setup: Setup, answers: Answers) -> Imported:
+    if not data.strip():
+        raise InputError("empty; expected a table of time, pressure and deflection")
+    if data.startswith(_OLE):
+        raise InputError("an old Excel file (.xls); expected .xlsx or text")
+    if data.startswith(_ZIP):
+        table, form = table_from_workbook(data, answers)
+    else:
+        text, encoding = decode(data, answers)
+        table, form = table_from_text(text, answers)
+        form = f"{encoding}, {form}"
+    if len(table.lines) < FEWEST_POINTS:
+        raise InputError(f"{len(table.lines)} samples; expected at least {FEWEST_POINTS}")
+    channels = find_channels(table, answers, pressure=setup.program is None)
+    curve, notes = _curve(path.name, setup, table, channels, answers)
+    understood = (form, *_columns(channels), *_lines(table), *notes)
+    return Imported(curve, path.name, hashlib.sha256(data).hexdigest(), understood)
+
+
+def _columns(channels: Mapping[Role, Channel]) -> list[str]:
+    return [f"{role}: column {c.name!r} in {c.unit}" for role, c in channels.items()]
+
+
+def _lines(table: Table) -> list[str]:
+    said = [f"{len(table.lines)} samples, lines {table.lines[0]}-{table.lines[-1]}"]
+    if table.before or table.after:
+        said.append(f"other lines not used: {table.before} before, {table.after} after")
+    return said
+
+
+def _curve(
+    name: str,
+    setup: Setup,
+    table: Table,
+    channels: Mapping[Role, Channel],
+    answers: Answers,
+) -> tuple[Curve, list[str]]:
+    time = channels["time"].values
+    late = np.flatnonzero(np.diff(time) <= 0)
+    if late.size:
+        k = int(late[0])
+        raise InputError(
+            f"line {table.lines[k + 1]}: time {time[k + 1]:g} s does not increase "
+            f"(before it: {time[k]:g} s)"
+        )
+    deflection, notes = _outward(channels["deflection"].values, answers)
+    _check_deflection(deflection, setup, table)
+    curve = Curve(name, setup, time, np.zeros(len(time)), deflection)
+    if "pressure" in channels:
+        pressure, more = suction(channels["pressure"].values, table)
+        if setup.program is not None:
+            more.append("the pressure is the file's, not the program's")
+        return replace(curve, pressure_mbar=pressure), [*notes, *more]
+    curve, more = follow_program(curve, answers)
+    return curve, [*notes, *more]
+
+
+def _outward(deflection: Array, answers: Answers) -> tuple[Array, list[str]]:
+    """Return the deflection with the dome positive."""
+    sign = answers.stated("deflection-sign")
+    if sign is None and -deflection.min() > max(0.02, deflection.max()):
+        sign = answers.choose(
+            Question(
+                "deflection-sign",
+                f"the deflection goes to {deflection.min():g} mm, and a dome is positive here; "
+                "- if the file counts the dome as negative, + if not",
+                ("-", "+"),
+            )
+        )
+    if sign == "-":
+        return 0.0 - deflection, ["the deflection was negated"]
+    return deflection, []
+
+
+def _check_deflection(deflection: Array, setup: Setup, table: Table) -> None:
+    far = np.flatnonzero(np.abs(deflection) > setup.aperture_mm)
+    if far.size:
+        raise InputError(
+            f"line {table.lines[int(far[0])]}: a deflection of {deflection[far[0]]:g} mm under an "
+            f"opening of {setup.aperture_mm:g} mm; expected less (is its unit right?)"
+        )

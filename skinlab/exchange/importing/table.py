@@ -1,0 +1,201 @@
+"""Find the table of numbers among the lines of an export: header lines, names, units, rows."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinlab.errors import InputError
+from skinlab.exchange.importing.headings import Heading, read_heading
+from skinlab.exchange.importing.units import find_unit
+
+Cell = str | float  # a float comes from a spreadsheet
+
+_NUMBERS = {
+    ".": re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?"),
+    ",": re.compile(r"[+-]?([0-9]+(,[0-9]+)?|,[0-9]+)([eE][+-]?[0-9]+)?"),
+}
+_FEWEST_ROWS = 2
+_FEWEST_COLUMNS = 2
+
+
+@dataclass(frozen=True)
+class Line:
+    """One line (or row of a sheet), cut into cells; `loose` is another way to cut it."""
+
+    number: int  # in the file, from 1
+    cells: tuple[Cell, ...]
+    loose: tuple[Cell, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """The table: headings (n,), columns (n,) of values (rows,), None where one is not numeric."""
+
+    headings: tuple[Heading, ...]
+    columns: tuple[NDArray[np.float64] | None, ...]
+    lines: tuple[int, ...]  # (rows,) number of each row's line
+    header_line: int  # that of the headings; of the first row where there are none
+    before: int  # lines before the table that were not used
+    after: int  # and after it
+
+
+@dataclass(frozen=True, eq=False)
+class Draft:
+    """One way to read the lines, and how much speaks for it."""
+
+    decimal: str
+    width: int
+    core: tuple[int, ...]  # indices of the columns that are numbers
+    runs: tuple[tuple[int, int], ...]  # of rows that fit, as indices of lines
+    chosen: int  # which run is the table
+    header: tuple[Cell, ...]
+    units: tuple[Cell, ...]
+    used: int  # lines that the header takes
+    roles: int  # channels that the header names
+    second: int | None  # line of a second table
+
+    @property
+    def score(self) -> tuple[int, int, float]:
+        """The more, the better: channels named, rows, share of the cells that are numbers."""
+        rows = sum(end - begin for begin, end in self.runs)
+        return self.roles, rows, len(self.core) / self.width
+
+
+def number(cell: Cell, decimal: str) -> float | None:
+    """Return the finite number in a cell, or None."""
+    if isinstance(cell, float):
+        return cell if math.isfinite(cell) else None
+    text = cell.strip().replace("\u2212", "-")
+    if not _NUMBERS[decimal].fullmatch(text):
+        return None
+    value = float(text.replace(",", "."))
+    return value if math.isfinite(value) else None
+
+
+def survey(lines: Sequence[Line], decimal: str) -> Draft | None:
+    """Look for a table among lines (none of them empty); None where there is none."""
+    values = [[number(cell, decimal) is not None for cell in line.cells] for line in lines]
+    patterns = Counter((len(mask), tuple(mask)) for mask in values if sum(mask) >= _FEWEST_COLUMNS)
+    if not patterns:
+        return None
+    (width, mask), count = patterns.most_common(1)[0]
+    if count < _FEWEST_ROWS:
+        return None
+    core = tuple(k for k, numeric in enumerate(mask) if numeric)
+    fits = [len(v) > core[-1] and all(v[k] for k in core) for v in values]
+    edges = np.flatnonzero(np.diff([0, *fits, 0]))
+    runs = tuple((int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True))
+    heads = [
+        _header(lines[0 if k == 0 else runs[k - 1][1] : begin], width)
+        for k, (begin, _) in enumerate(runs)
+    ]
+    named = [k for k, head in enumerate(heads) if head[3] >= _FEWEST_COLUMNS]
+    chosen = named[0] if named else 0
+    header, units, used, roles = heads[chosen]
+    return Draft(
+        decimal, width, core, runs, chosen, header, units, used, roles,
+        second=lines[runs[named[1]][0]].number if len(named) > 1 else None,
+    )  # fmt: skip
+
+
+def _header(
+    above: Sequence[Line], width: int
+) -> tuple[tuple[Cell, ...], tuple[Cell, ...], int, int]:
+    """Return names, units, lines used and channels named, of the lines above a run of rows."""
+    units: tuple[Cell, ...] = ()
+    used = 0
+    if len(above) > 1 and _all_units(above[-1].cells):
+        units, above, used = above[-1].cells, above[:-1], 1
+    if not above:
+        return (), (), 0, 0
+    candidates = [above[-1].cells]
+    if above[-1].loose:  # cut at spaces: only the right number of names can be trusted
+        candidates = [c for c in (above[-1].cells, above[-1].loose) if len(c) == width]
+    for names in candidates:
+        if len(names) < _FEWEST_COLUMNS:
+            continue
+        found = {heading.role for heading in _headings(names, units, len(names))} - {None}
+        return names, units, used + 1, len(found)
+    return (), (), 0, 0
+
+
+def _all_units(cells: Sequence[Cell]) -> bool:
+    texts = [str(cell) for cell in cells if str(cell).strip(" -[]()")]
+    return len(texts) >= _FEWEST_COLUMNS and all(find_unit(text) for text in texts)
+
+
+def _headings(names: Sequence[Cell], units: Sequence[Cell], width: int) -> tuple[Heading, ...]:
+    def at(cells: Sequence[Cell], k: int) -> str:
+        return str(cells[k]) if k < len(cells) else ""
+
+    return tuple(read_heading(at(names, k), at(units, k)) for k in range(width))
+
+
+def finish(lines: Sequence[Line], draft: Draft) -> Table:
+    """Return the table of a draft.
+
+    Raises:
+        InputError: a line between the rows is none, or there is a second table; names the line.
+    """
+    if draft.second is not None:
+        raise InputError(
+            f"line {draft.second}: a second table begins; expected one curve in a file"
+        )
+    begin, end = draft.runs[draft.chosen]
+    headed = draft.roles > 0
+    if headed and draft.width > len(draft.header):
+        raise InputError(
+            f"line {lines[begin].number}: {draft.width} fields under a header of "
+            f"{len(draft.header)}; expected as many (is the decimal sign the separator too?)"
+        )
+    names = draft.header if headed or len(draft.header) == draft.width else ()
+    width = max(draft.width, len(names))
+    headings = _headings(names, draft.units if names else (), width)
+    for line in lines[begin:end]:
+        if len(line.cells) > width:
+            raise InputError(f"line {line.number}: {len(line.cells)} fields, expected {width}")
+    for line in lines[end:]:
+        if draft.chosen + 1 < len(draft.runs) or _meant_as_row(line, draft):
+            raise InputError(f"line {line.number}: {_trouble(line, draft, headings)}")
+    rows = [[number(line.cells[k], draft.decimal) for k in draft.core] for line in lines[begin:end]]
+    values = np.array(rows, dtype=float)
+    columns: list[NDArray[np.float64] | None] = [None] * width
+    for position, k in enumerate(draft.core):
+        columns[k] = values[:, position]
+    return Table(
+        headings,
+        tuple(columns),
+        tuple(line.number for line in lines[begin:end]),
+        header_line=lines[begin - draft.used if names else begin].number,
+        before=begin - (draft.used if names else 0),
+        after=len(lines) - end,
+    )
+
+
+def _meant_as_row(line: Line, draft: Draft) -> bool:
+    """Whether a line behind the rows looks like a damaged row rather than a remark."""
+    first = str(line.cells[0]).strip()[:1]
+    numbers = sum(
+        k < len(line.cells) and number(line.cells[k], draft.decimal) is not None for k in draft.core
+    )
+    same = len(line.cells) == draft.width and 2 * numbers >= len(draft.core)
+    return same or (first.isdigit() and first.isascii()) or first in {"-", "+", ".", ","}
+
+
+def _trouble(line: Line, draft: Draft, headings: Sequence[Heading]) -> str:
+    sign = {".": "a point", ",": "a comma"}[draft.decimal]
+    for k in draft.core:
+        name = headings[k].text or f"column {k + 1}"
+        if k >= len(line.cells):
+            return f"{len(line.cells)} fields, expected {draft.width}"
+        if number(line.cells[k], draft.decimal) is None:
+            shown = str(line.cells[k]).strip()[:40]
+            return f"{name} is {shown!r}, expected a number (decimal sign: {sign})"
+    return "numbers where the table had ended"

@@ -1,0 +1,124 @@
+"""Identify each file as it lands in a folder, and keep the session of all of them on disk."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from skinlab.acquisition.pipeline import Pipeline
+from skinlab.curves.curve import Setup
+from skinlab.errors import InputError
+from skinlab.exchange.importing.folder import Arrival, Folder
+from skinlab.exchange.importing.questions import Answers
+from skinlab.exchange.importing.reader import Imported, import_bytes
+from skinlab.exchange.importing.session import Who, imported_session, write_session
+from skinlab.inference.identify import Identifier
+from skinlab.inference.result import Identification
+from skinlab.recording.stream import Identified, Message
+
+
+@dataclass(frozen=True, eq=False)
+class Landed:
+    """What became of one file; `imported` is None where the result says why it was not read."""
+
+    path: Path
+    result: Identification
+    imported: Imported | None
+
+
+class Watch:
+    """Files in, results out; after each file the session at `out` holds all curves so far."""
+
+    def __init__(
+        self,
+        out: Path,
+        setup: Setup,
+        answers: Answers,
+        identifier: Identifier,
+        who: Who,
+    ) -> None:
+        self.out = out
+        self.landed: list[Landed] = []
+        self._setup = setup
+        self._answers = answers
+        self._identifier = identifier
+        self._pipeline = Pipeline(identifier, [self._hear])
+        self._heard: Identification | None = None
+        self._who = who
+        self._saved = self._unsaved = False
+
+    def take(self, arrival: Arrival) -> Landed:
+        """Identify a file; one that cannot be read gives a result with an error."""
+        same = [k for k, one in enumerate(self.landed) if one.path == arrival.path]
+        # What failed, or was only the beginning of this one, is replaced by it.
+        replaced = same and (arrival.continues or self.landed[same[-1]].imported is None)
+        at = same[-1] if replaced else len(self.landed)
+        landed = self._identified(arrival, at)
+        self.landed[at : at + 1] = [landed]
+        self._unsaved = self._unsaved or landed.imported is not None
+        return landed
+
+    def _hear(self, message: Message) -> None:
+        if isinstance(message, Identified):
+            self._heard = message.result
+
+    def _identified(self, arrival: Arrival, at: int) -> Landed:
+        path = arrival.path
+        try:
+            imported = import_bytes(path, arrival.data, self._setup, self._answers)
+            times = sum(one.path == path and one.imported is not None for one in self.landed)
+            if times and not arrival.continues:
+                name = f"{imported.curve.name} ({times + 1})"
+                imported = replace(imported, curve=replace(imported.curve, name=name))
+            number = 1 + sum(one.imported is not None for one in self.landed[:at])
+            self._pipeline.complete(number, imported.curve)
+            assert self._heard is not None  # a pipeline with an identifier always answers
+            return Landed(path, self._heard, imported)
+        except InputError as error:
+            return Landed(path, Identification(path.name, self._setup, str(error)), None)
+
+    def save(self) -> Path | None:
+        """Write the session; None where there is no curve.
+
+        Raises:
+            InputError: it cannot be written.
+        """
+        good = [(one.imported, one.result) for one in self.landed if one.imported is not None]
+        if self._unsaved:
+            session = imported_session(
+                [imported for imported, _ in good],
+                [result for _, result in good],
+                self._identifier,
+                self._who,
+            )
+            write_session(self.out, session, replace=self._saved)
+            self._saved, self._unsaved = True, False
+        return self.out if good else None
+
+
+def watch(
+    folder: Folder,
+    watcher: Watch,
+    tell: Callable[[Landed], None],
+    trouble: Callable[[str], None],
+    clock: Callable[[], float],
+    sleep: Callable[[float], None],
+    poll_s: float = 0.5,
+) -> None:
+    """Take files for ever; an interrupt ends it, and `watcher.save` is then the caller's.
+
+    `tell` gets each file's outcome, `trouble` a sentence where the session could not be written,
+    which the next file tries again.
+
+    Raises:
+        InputError: the folder is gone.
+    """
+    while True:
+        for arrival in folder.poll(clock()):
+            tell(watcher.take(arrival))
+            try:
+                watcher.save()
+            except InputError as error:
+                trouble(str(error))
+        sleep(poll_s)

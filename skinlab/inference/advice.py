@@ -1,0 +1,113 @@
+"""What to measure next: by how much each measurement of a menu would narrow the intervals.
+
+Linearised at draws from the posterior of what is known so far: with H the information (JᵀJ of
+whitened residuals) of the data at hand, of the prior and of a further curve, the width of an
+interval changes by sqrt(diag (H + H')⁻¹ / diag H⁻¹); the median over the draws is reported.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinlab.curves.program import parse_program
+from skinlab.errors import NotTrustworthyError
+from skinlab.inference.noise import MESH_REST, Whitening, mesh_error_shapes, slope_mm_per_mbar
+from skinlab.inference.optimise import unit_slopes
+from skinlab.inference.problem import LeastSquares
+from skinlab.inference.result import Advice
+from skinlab.inference.uncertainty import Uncertainty
+from skinlab.mechanics.fem.suction import Geometry
+from skinlab.mechanics.materials.compressibility import KappaConvention
+from skinlab.tables.base import Database
+
+Array = NDArray[np.float64]
+
+_DRAWS = 24
+_POINTS = 40  # of a curve, standing for all of its samples
+_FLAT_PRECISION = 12.0  # of a flat prior on the unit interval
+_LEAST_NOISE_UM = 0.1
+
+
+@dataclass(frozen=True)
+class Menu:
+    """Measurements to choose from."""
+
+    apertures_mm: tuple[float, ...] = (2.0, 4.0, 6.0, 8.0)
+    pressures_mbar: tuple[float, ...] = (100.0, 200.0, 300.0, 450.0)
+    rates_mbar_per_s: tuple[float, ...] = (10.0, 20.0, 50.0)
+    sampling_hz: float = 20.0
+
+
+def advise(
+    known: Uncertainty,
+    database: Database,
+    kappa: KappaConvention,
+    thickness_mm: float,
+    *,
+    menu: Menu | None = None,
+    pressure_noise_mbar: float = 0.0,
+    rng: np.random.Generator,
+) -> list[Advice]:
+    """Return the menu's measurements, the one that narrows most first.
+
+    `thickness_mm` is that of the skin. A measurement in which the model holds for less than half of
+    the draws (the skin would crease), or that the database does not speak of, is left out.
+    """
+    menu = Menu() if menu is None else menu
+    space, draws = known.space, known.draws
+    chosen = rng.choice(len(draws.weight), _DRAWS, p=draws.weight)
+    unit, parameters = draws.unit[chosen], draws.parameters[chosen]
+    turn = unit_slopes(space, unit)  # (draws, p, k)
+    now = _information(known.parts, parameters, turn) + _FLAT_PRECISION * np.eye(unit.shape[1])
+    found: list[tuple[float, Advice]] = []
+    for aperture, top in product(menu.apertures_mm, menu.pressures_mbar):
+        pressure = np.linspace(0.0, top, _POINTS)
+        sd = known.relative_thickness_sd * thickness_mm
+        try:
+            model = database.model(Geometry(aperture, thickness_mm), pressure, kappa, sd)
+        except NotTrustworthyError:
+            continue
+        curves = model.deflection_mm(parameters)
+        holds = np.asarray(np.isfinite(curves).all(axis=1))
+        held = np.flatnonzero(holds)
+        if 2 * len(held) < _DRAWS:
+            continue
+        middle = curves[held[len(held) // 2]]
+        sigma = np.hypot(1e-3 * max(known.noise_um, _LEAST_NOISE_UM), MESH_REST * middle)
+        sigma = np.hypot(sigma, pressure_noise_mbar * slope_mm_per_mbar(pressure, middle))
+        shapes = mesh_error_shapes(pressure, middle)
+        for rate in menu.rates_mbar_per_s:
+            program = parse_program(f"ramp:{top:g}@{rate:g}")
+            # A slow ramp has more samples: the few that stand for them are as much surer.
+            fewer = np.sqrt(_POINTS / (program.duration_s * menu.sampling_hz + 1.0))
+            misfit = model.misfit(middle, Whitening(fewer * sigma, shapes))
+            more = _information([misfit], parameters[held], turn[held])
+            ratios = np.median(_ratios(now[held], more, turn[held]), axis=0)
+            narrows = dict(zip(known.names, ratios.tolist(), strict=False))
+            score = float(np.mean(np.log(list(narrows.values()))))
+            found.append((score, Advice(aperture, str(program), narrows)))
+    found.sort(key=lambda item: item[0])
+    return [advice for _, advice in found]
+
+
+def _information(parts: Sequence[LeastSquares], parameters: Array, turn: Array) -> Array:
+    """Return JᵀJ (n, k, k) by the cube's coordinates at parameters (n, p); zero without a model."""
+    total = np.zeros((len(parameters), turn.shape[2], turn.shape[2]))
+    for part in parts:
+        slopes = part.slopes(parameters) @ turn
+        total += np.nan_to_num(np.einsum("nmk,nml->nkl", slopes, slopes))
+    return total
+
+
+def _ratios(now: Array, more: Array, turn: Array) -> Array:
+    """Return the ratios (n, p) of standard deviations with and without `more`."""
+    before, after = (
+        np.sqrt(np.einsum("npk,nkl,npl->np", turn, np.linalg.inv(h), turn))
+        for h in (now, now + more)
+    )
+    return np.asarray(after / before)

@@ -1,0 +1,92 @@
+"""Many curves at once: noise from their repeats, and several processes with the same answers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from skinlab.curves.curve import Curve
+from skinlab.inference.identify import Identifier
+from skinlab.inference.noise import roughness
+from skinlab.inference.result import Identification
+from skinlab.inference.uncertainty import Sensor
+
+_FEWEST_SAMPLES = 20
+
+
+def with_stated_noise(
+    identifier: Identifier,
+    curves: Sequence[Curve],
+    noise_um: float | None = None,
+    pressure_mbar: float | None = None,
+) -> Identifier:
+    """Return the identifier with what is known of the sensors' noise.
+
+    The identifier's own statement comes first, then that of the file the curves are from, then what
+    repeats among the curves show; None is left to the residual of each curve.
+    """
+    sensor = identifier.sensor
+    pressure = sensor.pressure_noise_mbar
+    pressure = pressure_mbar if pressure is None else pressure
+    deflection = noise_um if sensor.noise_um is None else sensor.noise_um
+    if deflection is None:
+        deflection = noise_from_repeats_um(curves, identifier.phases)
+    return replace(identifier, sensor=Sensor(deflection, pressure))
+
+
+def noise_from_repeats_um(
+    curves: Sequence[Curve], phases: tuple[str, ...] = ("load",)
+) -> float | None:
+    """Return the noise of one deflection sample, µm, from repeats; None where there are none.
+
+    Repeats have the same aperture, thickness and program, and were sampled at the same times. Only
+    the rough part of their differences counts: skin and placement differ smoothly.
+    """
+    kinds: dict[tuple[float, float, str], list[Curve]] = {}
+    for curve in curves:
+        setup = curve.setup
+        if setup.program is not None and not curve.partial:
+            key = (setup.aperture_mm, setup.thickness_mm, str(setup.program))
+            kinds.setdefault(key, []).append(curve)
+    total, weight = 0.0, 0
+    for repeats in kinds.values():
+        for first, second in pairwise(repeats):
+            found = _rough_variance_mm2(first, second, phases)
+            if found is not None:
+                total += found[0] * found[1]
+                weight += found[1]
+    if not weight:
+        return None
+    return 1e3 * float(np.sqrt(max(total / weight, 1e-10)))
+
+
+def _rough_variance_mm2(
+    first: Curve, second: Curve, phases: tuple[str, ...]
+) -> tuple[float, int] | None:
+    n = min(len(first), len(second))
+    if n < 3:
+        return None
+    interval = float(np.median(np.diff(first.time_s[:n])))
+    at = [c.time_s[:n] - c.time_s[0] for c in (first, second)]
+    if np.abs(at[0] - at[1]).max() > 0.1 * interval:
+        return None
+    both = first.in_phases(phases)[:n] & second.in_phases(phases)[:n]
+    if both.sum() < _FEWEST_SAMPLES:
+        return None
+    # At the same times: the noise of the pressure channel is in neither deflection.
+    difference = (first.deflection_mm[:n] - second.deflection_mm[:n])[both]
+    return 0.5 * roughness(difference) ** 2, int(both.sum())
+
+
+def identify_all(
+    identifier: Identifier, curves: Sequence[Curve], workers: int = 1
+) -> list[Identification]:
+    """Return the answers in the order of the curves, the same bits for any number of workers."""
+    if workers == 1 or len(curves) < 2:
+        return [identifier(curve) for curve in curves]
+    with ProcessPoolExecutor(min(workers, len(curves))) as pool:
+        return list(pool.map(identifier, curves))

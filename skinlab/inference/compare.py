@@ -1,0 +1,206 @@
+"""Is a change real? Two answers, of two sites or two dates, held against each other.
+
+A parameter by itself may stay undecided where the curves differ beyond doubt, because one curve
+leaves a long valley of skins that explain it. So the whole is judged as well: whether one skin
+explains both as well as two skins do.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from skinlab.errors import InputError
+from skinlab.inference.joint import GaussianPrior, JointMisfit
+from skinlab.inference.optimise import polish
+from skinlab.inference.result import Identification, Value
+
+Array = NDArray[np.float64]
+
+_BINS = 60
+_STARTS = 16
+_SURE, _LIKELY = 0.975, 0.9
+_RANDOM = 0.01  # one skin is given up below this
+
+
+@dataclass(frozen=True)
+class Change:
+    """One parameter before and after. `overlap` is the area that both posteriors share (0 to 1)."""
+
+    name: str
+    before: Value
+    after: Value
+    probability_higher: float  # after than before
+    overlap: float
+
+    @property
+    def sign(self) -> int:
+        """+1 or -1 where the change has a sign for sure (97.5 %), else 0."""
+        if self.probability_higher >= _SURE:
+            return 1
+        return -1 if self.probability_higher <= 1 - _SURE else 0
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """All parameters, and how probable so large a difference is if it were one skin."""
+
+    changes: tuple[Change, ...]
+    p_value: float | None  # None: the two were fitted with different unknowns
+
+    @property
+    def real(self) -> bool:
+        """Whether the measurements differ by more than their noise explains."""
+        by_sign = any(change.sign for change in self.changes)
+        return by_sign if self.p_value is None else self.p_value < _RANDOM
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the document `skinlab.comparison/1`."""
+        return {
+            "schema": "skinlab.comparison/1",
+            "real": self.real,
+            "p_value": self.p_value,
+            "parameters": {
+                c.name: {
+                    "before": vars(c.before),
+                    "after": vars(c.after),
+                    "probability_higher": c.probability_higher,
+                    "overlap": c.overlap,
+                }
+                for c in self.changes
+            },
+        }
+
+
+def compare(before: Identification, after: Identification) -> Comparison:
+    """Return how two answers differ.
+
+    Raises:
+        InputError: one of them has no intervals, or they have other parameters.
+    """
+    for answer in (before, after):
+        if answer.uncertainty is None or answer.parameters is None:
+            why = answer.error or "the method gives no intervals"
+            raise InputError(f"{answer.file}: nothing to compare ({why})")
+    first, second = before.parameters or {}, after.parameters or {}
+    if list(first) != list(second):
+        raise InputError(f"{before.file} and {after.file} have different parameters")
+    assert before.uncertainty is not None
+    assert after.uncertainty is not None
+    a, b = before.uncertainty.draws, after.uncertainty.draws
+    changes = tuple(
+        Change(
+            name,
+            first[name],
+            second[name],
+            probability_higher((a.parameters[:, i], a.weight), (b.parameters[:, i], b.weight)),
+            overlap((a.parameters[:, i], a.weight), (b.parameters[:, i], b.weight)),
+        )
+        for i, name in enumerate(first)
+    )
+    return Comparison(changes, _one_skin(before, after))
+
+
+def probability_higher(before: tuple[Array, Array], after: tuple[Array, Array]) -> float:
+    """Return the probability that a value of `after` exceeds one of `before`; ties count half.
+
+    Each is (values (n,), weights (n,) that sum up to 1).
+    """
+    values, weight = before
+    order = np.argsort(values, kind="stable")
+    values, below = values[order], np.concatenate([[0.0], np.cumsum(weight[order])])
+    left = below[np.searchsorted(values, after[0], side="left")]
+    right = below[np.searchsorted(values, after[0], side="right")]
+    return float(np.clip(after[1] @ (0.5 * (left + right)), 0.0, 1.0))
+
+
+def overlap(before: tuple[Array, Array], after: tuple[Array, Array]) -> float:
+    """Return the area under the lesser of both densities, by histograms: 1 same, 0 apart."""
+    low = min(before[0].min(), after[0].min())
+    high = max(before[0].max(), after[0].max())
+    if not high > low:
+        return 1.0
+    shares = [
+        np.histogram(values, bins=_BINS, range=(low, high), weights=weight)[0]
+        for values, weight in (before, after)
+    ]
+    return float(np.minimum(*shares).sum())
+
+
+def _one_skin(before: Identification, after: Identification) -> float | None:
+    """Return the probability of so much more misfit of one skin to both than of two skins.
+
+    Twice the logarithm of a likelihood ratio is distributed as chi-square with as many degrees of
+    freedom as there are unknowns (Wilks 1938). Where the misfits are more than noise explains, they
+    are scaled as the intervals are.
+    """
+    a, b = before.uncertainty, after.uncertainty
+    assert a is not None
+    assert b is not None
+    if a.draws.unit.shape[1] != b.draws.unit.shape[1] or a.names != b.names:
+        return None
+    # The stated thickness' uncertainty counts once for each: one skin may have been restated.
+    parts = (*a.parts, *b.parts)
+    scale = 1.0
+    apart = 0.0
+    starts = []
+    for answer, left in ((before, a), (after, b)):
+        heavy = np.argsort(-left.draws.weight)[:_STARTS]
+        starts.append(left.draws.unit[heavy])
+        least = _least(left.space, JointMisfit(left.parts), starts[-1])
+        apart += least
+        data = sum(not isinstance(part, GaussianPrior) for part in left.parts)
+        freedom = answer.fitted_points - len(left.names)
+        if left.above_noise and data and freedom > 0:
+            scale = max(scale, least / freedom)
+    together = _least(a.space, JointMisfit(parts), np.concatenate(starts))
+    return float(chi2.sf(max(together - apart, 0.0) / scale, a.draws.unit.shape[1]))
+
+
+def _least(space: Any, misfit: JointMisfit, starts: Array) -> float:
+    return float(misfit.rest + polish(space, misfit, starts, least_gain=1e-3).cost.min())
+
+
+_LABELS = {"X1_MPa": "X1", "X2_MPa": "X2", "nu": "nu"}
+
+
+def in_words(comparison: Comparison) -> list[str]:
+    """Return the answer in sentences."""
+    lines = []
+    if comparison.p_value is not None:
+        if comparison.real:
+            lines.append(
+                "The change is real: one skin explains both measurements with a probability of "
+                f"{comparison.p_value:.1g} only."
+            )
+        else:
+            lines.append(
+                "No change is shown: one skin explains both measurements within their noise "
+                f"(p = {comparison.p_value:.2g})."
+            )
+    for change in comparison.changes:
+        p = change.probability_higher
+        likely, word = (p, "higher") if p >= 0.5 else (1 - p, "lower")
+        label = _LABELS.get(change.name, change.name)
+        values = f"{change.before.value:.4g} → {change.after.value:.4g}"
+        if likely >= _SURE:
+            said = f"is {word} now"
+        elif likely >= _LIKELY:
+            said = f"is probably {word} now"
+        else:
+            said = "cannot be told to have changed"
+        lines.append(
+            f"{label} {said}: {values}; {word} with probability {100 * likely:.3g} %, "
+            f"overlap {100 * change.overlap:.0f} %."
+        )
+    if comparison.real and not any(change.sign for change in comparison.changes):
+        lines.append("Which parameter changed cannot be told from these curves.")
+    lines.append(
+        "This counts the sensor's noise only: placing the probe anew adds to it; repeats show how "
+        "much."
+    )
+    return lines

@@ -1,6 +1,0 @@
-"""Constitutive laws, one a file, found by looking in this folder."""
-
-from skinlab.materials.base import Law, Potential
-from skinlab.materials.registry import get_law, law_names
-
-__all__ = ["Law", "Potential", "get_law", "law_names"]

@@ -1,0 +1,1 @@
+"""The mechanics of suction: laws, finite elements, effects, model files."""

@@ -1,0 +1,119 @@
+"""What an effect is: a named, parameterised change of the forward model.
+
+At its zero it is the base model. A physical effect changes the mechanical problem before it is
+solved; a sensor effect changes what is read from the finished curve. Nothing outside an effect's
+own file asks which effect it is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinlab.errors import InputError
+from skinlab.mechanics.fem.skin import SkinProblem
+
+Array = NDArray[np.float64]
+Values = Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number of an effect.
+
+    `zero` is the value at which the effect is not there, whatever its other parameters say; None
+    where this parameter has no such value (a time constant). `typical` is a size that is seen in
+    practice. `default` is taken where a file does not give the parameter; None: it must be given.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    low: float
+    high: float
+    zero: float | None
+    typical: float
+    source: str
+    spacing: Literal["linear", "log"] = "linear"
+    default: float | None = None
+
+    def check(self, value: float, where: str) -> None:
+        """Refuse a value out of bounds.
+
+        Raises:
+            InputError: names the field, and what was expected.
+        """
+        if not (math.isfinite(value) and self.low <= value <= self.high):
+            unit = f" {self.unit}" if self.unit else ""
+            raise InputError(
+                f"{where}.{self.name} is {value:g}: expected {self.low:g} to {self.high:g}{unit}"
+            )
+
+
+class Effect:
+    """One effect; subclasses declare what it is and override what it does.
+
+    `needs_history`: it shows in rate, hold, unloading or later cycles, so that fitting the first
+    loading alone would waste what tells it.
+    """
+
+    name: ClassVar[str]
+    meaning: ClassVar[str]  # one sentence
+    formula: ClassVar[str]
+    parameters: ClassVar[tuple[Parameter, ...]]
+    source: ClassVar[str]
+    physical: ClassVar[bool]
+    needs_history: ClassVar[bool] = False
+
+    def change(self, problem: SkinProblem, values: Values, cycle: int) -> SkinProblem:
+        """Return the mechanical problem with this effect, in this cycle (1 = first loading)."""
+        return problem
+
+    # ---- what sensor effects override ----
+
+    order: ClassVar[int] = 0  # of `read`, from the skin to the record
+
+    def when(self, time_s: Array, values: Values) -> Array:
+        """Return the times (n,) whose deflection is recorded at these times (n,)."""
+        return time_s
+
+    def read(self, since_s: Array, deflection_mm: Array, values: Values) -> Array:
+        """Return what is recorded (n,) for a deflection (n,), `since_s` after the first sample."""
+        return deflection_mm
+
+    # ---- the same for all ----
+
+    def full(self, values: Values) -> dict[str, float]:
+        """Return the values with defaults filled in, checked.
+
+        Raises:
+            InputError: a parameter is not known, is missing, or is out of bounds.
+        """
+        known = {p.name: p for p in self.parameters}
+        where = f"effects.{self.name}"
+        for name in values:
+            if name not in known:
+                raise InputError(f"{where}.{name} is not known; expected of: {', '.join(known)}")
+        full: dict[str, float] = {}
+        for name, parameter in known.items():
+            value = values.get(name, parameter.default)
+            if value is None:
+                raise InputError(f"{where}.{name} is missing; expected a number")
+            parameter.check(value, where)
+            full[name] = float(value)
+        return full
+
+    @property
+    def zero(self) -> dict[str, float]:
+        """Values at which the effect is not there."""
+        return {p.name: p.typical if p.zero is None else p.zero for p in self.parameters}
+
+    @property
+    def typical(self) -> dict[str, float]:
+        """A size that is seen in practice."""
+        return {p.name: p.typical for p in self.parameters}

@@ -1,0 +1,243 @@
+"""Follow the equilibrium path in pressure: Newton's method with steps that adapt.
+
+At each converged point the factorised tangent also gives the path's slope du/dp, so that the next
+step starts from a cubic Hermite extrapolation through the last two points, and w(p) between points
+is a cubic Hermite interpolation. The extrapolation's error, seen when the step converges, bounds
+the interpolation's: for equal steps the remainders h²(2h)² f⁗/4! and (h/2)⁴ f⁗/4! are 64 : 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import lapack
+
+from skinlab.mechanics.fem.admissibility import DEFAULT_LIMITS, Limits, fault
+from skinlab.mechanics.fem.assembly import Assembly, State
+
+Array = NDArray[np.float64]
+
+
+_FIRST_STEP_ALLOWANCE = 10.0
+_QUADRATIC = 0.05  # below this ratio of corrections Newton is taken to converge quadratically
+_SAFETY = 0.1
+
+
+@dataclass(frozen=True)
+class StepSettings:
+    """How the path is followed; the defaults serve the mesh of record."""
+
+    first_step: float = 0.008  # straight-line prediction of the watched unknown, same units
+    smallest_step_mbar: float = 0.01
+    extrapolation_error: float = 1e-4  # aimed at, in units of the opening's radius
+    correction: float = 3e-7  # Newton ends when no displacement would move more, in mm
+    most_iterations: int = 8
+    tries: int = 6
+    limits: Limits = DEFAULT_LIMITS
+    limit_mbar: float = 1.0  # how closely the pressure of an inadmissible state is found
+
+
+@dataclass
+class EquilibriumPath:
+    """Converged points of the path, in order of pressure; the first is the unloaded state."""
+
+    pressure_mpa: list[float] = field(default_factory=list)
+    displacements: list[Array] = field(default_factory=list)  # unknowns, mm
+    slopes: list[Array] = field(default_factory=list)  # d unknowns / d pressure, mm/MPa
+    j_min: list[float] = field(default_factory=list)
+    j_max: list[float] = field(default_factory=list)
+    energy: list[float] = field(default_factory=list)  # stored, N mm
+    volume: list[float] = field(default_factory=list)  # under the dome, mm³
+    iterations: int = 0
+    stopped: str = ""  # why the path ends before its goal; empty where it does not
+
+
+@dataclass(frozen=True)
+class Point:
+    """One converged point."""
+
+    unknowns: Array
+    slope: Array
+    energy: float
+    volume: float
+    state: State  # just before the last, negligible, correction
+    contraction: float | None  # second correction over the first squared, mm⁻¹; None: only one
+
+
+def solve_point(
+    assembly: Assembly,
+    guess: Array,
+    pressure_mpa: float,
+    parameters: Mapping[str, Any],
+    settings: StepSettings,
+    stress_2pk: Array | None = None,
+    contraction: float = np.inf,
+) -> tuple[Point | None, int]:
+    """Return the equilibrium near `guess` and the iterations spent; None where Newton fails.
+
+    `stress_2pk` is a stress besides the law's, see `Assembly.evaluate`. `contraction`, where it is
+    known from a neighbouring point, foretells the second correction from the first.
+
+    Fails: an element turned inside out, a tangent that is not positive definite (the state is not
+    stable), corrections that grow, or too many iterations.
+    """
+    u = guess.copy()
+    last = np.inf
+    seen: float | None = None
+    for iteration in range(1, settings.most_iterations + 1):
+        state = assembly.evaluate(u, pressure_mpa, parameters, stress_2pk)
+        if state is None:
+            return None, iteration
+        factor, info = lapack.dpbtrf(state.tangent.T, lower=1, overwrite_ab=1)
+        if info != 0:
+            return None, iteration
+        step = solve_linear(factor, state, pressure_mpa, -state.residual)
+        correction = float(np.abs(step).max())
+        if not np.isfinite(correction) or correction > 4.0 * last:
+            return None, iteration
+        u += step
+        # Quadratic convergence: the next correction would be about ratio² times this one.
+        ratio = correction / last if iteration > 1 else 1.0
+        foreseen = ratio * ratio * correction if ratio < _QUADRATIC else np.inf
+        if iteration == 1:
+            foreseen = contraction * correction * correction
+        elif iteration == 2:
+            seen = ratio / last
+        if correction <= settings.correction or foreseen <= _SAFETY * settings.correction:
+            slope = solve_linear(factor, state, pressure_mpa, state.load)
+            internal = state.residual + pressure_mpa * state.load
+            point = Point(
+                u,
+                slope,
+                # `state` is that before the last correction: to first order, what it changes
+                state.energy + float(internal @ step),
+                state.volume + float(state.load @ step),
+                state,
+                seen,
+            )
+            return point, iteration
+        last = correction
+    return None, settings.most_iterations
+
+
+def solve_linear(factor: Array, state: State, pressure_mpa: float, right: Array) -> Array:
+    """Return x of K x = right (n,), from the Cholesky factor of the tangent's symmetric part.
+
+    Where the load ends on a surface that moves, K has a skew part of rank two besides.
+    """
+    x, _ = lapack.dpbtrs(factor, right, lower=1)
+    if state.skew is None:
+        return np.asarray(x)
+    e_r, e_z, size = state.skew
+    k = pressure_mpa * size
+    by, _ = lapack.dpbtrs(factor, np.column_stack([e_r, e_z]), lower=1)
+    # K = K_s − k (e_z e_rᵀ − e_r e_zᵀ), by Woodbury: y = (e_r·x, e_z·x) of the solution
+    seen = np.stack([e_r, e_z])
+    coupling = k * (seen @ by) @ np.array([[0.0, -1.0], [1.0, 0.0]])
+    y = np.linalg.solve(np.eye(2) - coupling, seen @ x)
+    return np.asarray(x + k * (by[:, 1] * y[0] - by[:, 0] * y[1]))
+
+
+def follow(
+    assembly: Assembly,
+    goal_mpa: float,
+    parameters: Mapping[str, Any],
+    scale_mm: float,
+    settings: StepSettings | None = None,
+    watch: int | None = None,
+) -> EquilibriumPath:
+    """Return the path from zero to `goal_mpa` (either sign), or as far as it goes.
+
+    `watch` is the unknown whose extrapolation error steers the steps (the apex deflection);
+    `scale_mm` is what that error is measured against.
+    """
+    settings = settings or StepSettings()
+    path = EquilibriumPath()
+    start, spent = solve_point(assembly, np.zeros(assembly.n), 0.0, parameters, settings)
+    path.iterations += spent
+    if start is None:
+        path.stopped = "the tangent of the unloaded skin is not positive definite"
+        return path
+    _append(path, 0.0, start)
+    sign = 1.0 if goal_mpa >= 0 else -1.0
+    compliance = float(abs(start.slope[watch]) if watch is not None else abs(start.slope).max())
+    step = min(settings.first_step * scale_mm / max(compliance, 1e-300), abs(goal_mpa))
+    smallest = settings.smallest_step_mbar * 1e-4
+    ceiling, reason_above = np.inf, ""  # a pressure known to be inadmissible, and why
+    tries = 0
+    while abs(path.pressure_mpa[-1]) < abs(goal_mpa) * (1 - 1e-12):
+        left = abs(goal_mpa) - abs(path.pressure_mpa[-1])
+        step = min(step, 0.5 * (ceiling - abs(path.pressure_mpa[-1])))
+        n = max(1, int(np.ceil(left / step - 1e-9)))
+        # Even out the last steps rather than end with a sliver.
+        step_now = left / n if n <= 2 else step
+        target = goal_mpa if n == 1 else path.pressure_mpa[-1] + sign * step_now
+        guess = extrapolate(path, target)
+        point, spent = solve_point(assembly, guess, target, parameters, settings)
+        path.iterations += spent
+        if point is None:
+            tries += 1
+            step = 0.35 * step_now
+            if tries > settings.tries or step < smallest:
+                path.stopped = _stopped("no convergence", path)
+                break
+            continue
+        reason = fault(assembly, point.unknowns, point.state, settings.limits)
+        if reason:  # close in on it by halves
+            ceiling, reason_above = abs(target), reason
+            if ceiling - abs(path.pressure_mpa[-1]) <= settings.limit_mbar * 1e-4:
+                path.stopped = _stopped(reason, path)
+                break
+            continue
+        miss = guess - point.unknowns
+        error = float(abs(miss[watch])) if watch is not None else float(np.abs(miss).max())
+        wanted = settings.extrapolation_error * scale_mm
+        # The first extrapolation is a straight line: its error is of second order and larger.
+        first = len(path.pressure_mpa) == 1
+        if first:
+            wanted *= _FIRST_STEP_ALLOWANCE
+        order = 2.0 if first else 4.0
+        factor = 0.9 * (wanted / max(error, 1e-3 * wanted)) ** (1.0 / order)
+        step = step_now * min(1.6, max(0.25, factor))
+        if first and error > 2.0 * wanted and step >= smallest:
+            continue  # a first step this curved would spoil the interpolation across it
+        tries = 0
+        _append(path, target, point)
+        if ceiling - abs(target) <= settings.limit_mbar * 1e-4:
+            path.stopped = _stopped(reason_above, path)
+            break
+    return path
+
+
+def extrapolate(path: EquilibriumPath, target: float) -> Array:
+    """Return the unknowns expected at `target` from the last two points and their slopes."""
+    p1, u1, s1 = path.pressure_mpa[-1], path.displacements[-1], path.slopes[-1]
+    if len(path.pressure_mpa) == 1:
+        return u1 + (target - p1) * s1
+    p0, u0, s0 = path.pressure_mpa[-2], path.displacements[-2], path.slopes[-2]
+    h = p1 - p0
+    t = (target - p0) / h
+    return (
+        (1 + 2 * t) * (1 - t) ** 2 * u0
+        + h * t * (1 - t) ** 2 * s0
+        + t**2 * (3 - 2 * t) * u1
+        + h * t**2 * (t - 1) * s1
+    )
+
+
+def _append(path: EquilibriumPath, pressure: float, point: Point) -> None:
+    path.pressure_mpa.append(pressure)
+    path.displacements.append(point.unknowns)
+    path.slopes.append(point.slope)
+    path.j_min.append(point.state.j_min)
+    path.j_max.append(point.state.j_max)
+    path.energy.append(point.energy)
+    path.volume.append(point.volume)
+
+
+def _stopped(reason: str, path: EquilibriumPath) -> str:
+    return f"{reason} beyond {path.pressure_mpa[-1] * 1e4:.2f} mbar"

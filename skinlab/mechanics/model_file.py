@@ -1,0 +1,276 @@
+"""MODEL.toml: a law, bounds on its parameters, the effects added to it, and what they are from.
+
+    [model]
+    name = "forearm with relaxation"
+    law = "extended_neo_hookean"
+    kappa = "paper"
+
+    [parameters.X1_MPa]
+    low = 0.005
+    high = 0.2
+    prior = "log-uniform"
+
+    [effects.viscoelasticity.g]
+    low = 0.0
+    high = 0.9
+    value = 0.27
+    prior = {mean = 0.27, sd = 0.02}
+
+    [provenance]
+    verdict = "named"
+
+Everything but `[model] name` and an effect's `value` may be left out. Decoded strictly.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import re
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, Literal, TypeVar
+
+import msgspec
+from msgspec import field
+
+from skinlab.errors import InputError
+from skinlab.mechanics.effects import get_effect
+from skinlab.mechanics.effects.registry import checked
+from skinlab.mechanics.materials import get_law
+from skinlab.mechanics.materials.compressibility import KappaConvention
+
+T = TypeVar("T")
+
+PriorName = Literal["uniform", "log-uniform"]
+
+# What the base law's parameters may be where a model does not say.
+BASE_BOUNDS = {"X1_MPa": (0.001, 1.0), "X2_MPa": (0.0, 100.0), "nu": (0.0, 0.499)}
+
+
+class Normal(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A normal prior, cut off at the bounds."""
+
+    mean: float
+    sd: float
+
+
+class Range(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Bounds and prior of one of the base law's parameters."""
+
+    low: float
+    high: float
+    prior: PriorName | Normal = "uniform"
+
+
+class EffectRange(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Value, bounds and prior of one of an effect's parameters; bounds None: the effect's own."""
+
+    value: float
+    low: float | None = None
+    high: float | None = None
+    prior: PriorName | Normal = "uniform"
+
+
+class Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """[model]."""
+
+    name: str
+    law: str = "extended_neo_hookean"
+    kappa: KappaConvention = "paper"
+
+
+class Provenance(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """[provenance]: what the effects were found in, by what, and when."""
+
+    data: dict[str, str] = field(default_factory=dict)  # file -> sha256
+    versions: dict[str, str] = field(default_factory=dict)  # program -> version
+    verdict: str = ""
+    date: str = ""  # ISO 8601
+    based_on: str = ""  # hash of the model that the effects were added to
+
+
+class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A whole MODEL.toml. `effects`: name -> parameter -> value and range."""
+
+    model: Header
+    parameters: dict[str, Range] = field(default_factory=dict)
+    effects: dict[str, dict[str, EffectRange]] = field(default_factory=dict)
+    provenance: Provenance = field(default_factory=Provenance)
+
+    @property
+    def values(self) -> dict[str, dict[str, float]]:
+        """Effect -> parameter -> value, defaults filled in."""
+        given = {
+            name: {parameter: at.value for parameter, at in ranges.items()}
+            for name, ranges in self.effects.items()
+        }
+        return checked(given)
+
+    def bounds(self, name: str) -> tuple[float, float]:
+        """Return the bounds of a parameter: `X1_MPa`, or `EFFECT.PARAMETER`.
+
+        Raises:
+            InputError: the model has no such parameter.
+        """
+        effect, _, parameter = name.rpartition(".")
+        if not effect and name in BASE_BOUNDS:
+            own = self.parameters.get(name)
+            return BASE_BOUNDS[name] if own is None else (own.low, own.high)
+        if parameter in self.effects.get(effect, {}):
+            at = self.effects[effect][parameter]
+            declared = {p.name: p for p in get_effect(effect).parameters}[parameter]
+            low = declared.low if at.low is None else at.low
+            return low, declared.high if at.high is None else at.high
+        raise InputError(f"model {self.model.name!r} has no parameter {name}")
+
+    @property
+    def hash(self) -> str:
+        """`sha256:…` of what the model says, whatever its file looks like and its provenance."""
+        said = msgspec.to_builtins(self)
+        del said["provenance"]
+        text = json.dumps(said, sort_keys=True, separators=(",", ":"))
+        return "sha256:" + hashlib.sha256(text.encode()).hexdigest()
+
+    def to_toml(self) -> str:
+        """Return the file's text."""
+        return "\n".join(_tables("", msgspec.to_builtins(self))).lstrip("\n") + "\n"
+
+
+BASE = Model(Header("base"))
+
+
+def read_model(path: str | Path) -> Model:
+    """Return the model of this file.
+
+    Raises:
+        InputError: it cannot be read, or something in it is not known, missing or out of range; the
+            message names the file and the field.
+    """
+    try:
+        raw = Path(path).read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}") from None
+    return decode_model(raw, str(path))
+
+
+def decode_model(raw: bytes | str, path: str) -> Model:
+    """Return the model that a file's text says; `path` is what to call it in messages.
+
+    Raises:
+        InputError: something in it is not known, missing or out of range; names the field.
+    """
+    try:
+        return model_of(msgspec.toml.decode(raw))
+    except (ValueError, UnicodeDecodeError) as error:  # InputError is one
+        raise InputError(f"{path}: {plain(str(error))}") from None
+
+
+def model_of(said: Mapping[str, Any]) -> Model:
+    """Return the model that decoded tables say.
+
+    Raises:
+        ValueError: something in them is not known, missing or out of range; `plain` puts it so that
+            the field comes first.
+    """
+    _check_entries(said)
+    model = msgspec.convert(said, Model)
+    check_model(model)
+    return model
+
+
+def _check_entries(said: Mapping[str, Any]) -> None:
+    """Decode the tables with names of their own one by one: errors then say which."""
+    for name, entry in _items(said.get("parameters")):
+        check_entry(f"parameters.{name}", entry, Range)
+    for name, entries in _items(said.get("effects")):
+        for parameter, entry in _items(entries):
+            check_entry(f"effects.{name}.{parameter}", entry, EffectRange)
+
+
+def _items(table: Any) -> list[tuple[str, Any]]:
+    return list(table.items()) if isinstance(table, dict) else []
+
+
+def check_entry(where: str, entry: Any, kind: type[T]) -> T:
+    """Return the entry of a table with names of its own, decoded.
+
+    Raises:
+        InputError: it is not of that kind; names the field.
+    """
+    try:
+        return msgspec.convert(entry, kind)
+    except msgspec.ValidationError as error:
+        message = plain(str(error))
+        inner = re.match(r"([a-z]+): ", message)  # a field of it
+        raise InputError(f"{where}{'.' if inner else ': '}{message}") from None
+
+
+def check_model(model: Model) -> None:
+    """Refuse a model that says what cannot be.
+
+    Raises:
+        InputError: names the field, and what was expected.
+    """
+    if not model.model.name.strip():
+        raise InputError("model.name is empty; expected a name")
+    if set(get_law(model.model.law).parameter_names) != {"X1_MPa", "X2_MPa", "kappa_MPa"}:
+        raise InputError(f"model.law {model.model.law!r} is not a skin's")
+    for name, own in model.parameters.items():
+        if name not in BASE_BOUNDS:
+            raise InputError(
+                f"parameters.{name} is not known; expected of: {', '.join(BASE_BOUNDS)}"
+            )
+        _check_range(f"parameters.{name}", own, own.low, own.high, BASE_BOUNDS[name])
+    for name, values in model.values.items():
+        declared = {p.name: (p.low, p.high) for p in get_effect(name).parameters}
+        for parameter, at in model.effects[name].items():
+            where = f"effects.{name}.{parameter}"
+            low, high = model.bounds(f"{name}.{parameter}")
+            _check_range(where, at, low, high, declared[parameter])
+            if not low <= values[parameter] <= high:
+                raise InputError(f"{where}.value is {at.value:g}: expected {low:g} to {high:g}")
+
+
+def _check_range(
+    where: str, at: Range | EffectRange, low: float, high: float, outer: tuple[float, float]
+) -> None:
+    for key, value in (("low", low), ("high", high)):
+        if not (math.isfinite(value) and outer[0] <= value <= outer[1]):
+            raise InputError(f"{where}.{key} is {value:g}: expected {outer[0]:g} to {outer[1]:g}")
+    if not low < high:
+        raise InputError(f"{where}: low {low:g} is not below high {high:g}")
+    if isinstance(at.prior, Normal):
+        if not (math.isfinite(at.prior.mean) and 0 < at.prior.sd < math.inf):
+            raise InputError(f"{where}.prior: expected a finite mean and a positive sd")
+    elif at.prior == "log-uniform" and low <= 0:
+        raise InputError(f"{where}.prior: log-uniform needs a positive low, got {low:g}")
+
+
+def _tables(where: str, content: Mapping[str, Any]) -> Iterable[str]:
+    """Yield the lines of a TOML table and of those in it; what is None is left out."""
+    plain = {k: v for k, v in content.items() if not isinstance(v, Mapping) and v is not None}
+    if plain:
+        yield from ("", f"[{where}]")
+        yield from (f"{_key(k)} = {_value(v)}" for k, v in plain.items())
+    for key, value in content.items():
+        if isinstance(value, Mapping):
+            yield from _tables(f"{where}.{_key(key)}" if where else _key(key), value)
+
+
+def _key(key: str) -> str:
+    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else _value(key)
+
+
+def _value(value: str | float) -> str:
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def plain(message: str) -> str:
+    """Put msgspec's `... - at `$.model.law`` in front, where a reader looks for the field."""
+    match = re.fullmatch(r"(.*) - at `(?:key in )?\$\.?(.*)`", message, re.DOTALL)
+    if match is None:
+        return message
+    what, where = match.groups()
+    return f"{where.replace('[...]', '.*')}: {what[:1].lower()}{what[1:]}" if where else what

@@ -1,0 +1,1 @@
+"""Whether a curve is fit to be used."""

@@ -1,0 +1,51 @@
+"""The chamber leaks: the pump pulls, and the pressure stays behind or falls."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from skinlab.quality.gates.base import CurveSoFar, Finding, Gate, longest_run
+from skinlab.quality.gates.expected import (
+    FEWEST_SAMPLES,
+    LEAST_ASKED_MBAR,
+    SHORTEST_S,
+    SOME_SUCTION,
+    tolerance_mbar,
+)
+
+_SLOWER = 0.95  # a pump that is only late rises as steeply as asked for
+
+
+def _check(view: CurveSoFar) -> Finding | None:
+    view = view.tail
+    band = view.asked_mbar
+    if band is None:
+        return None
+    low = band[0]
+    p = view.pressure_mbar
+    short = (low >= LEAST_ASKED_MBAR) & (p < low - tolerance_mbar(low)) & (p > SOME_SUCTION * low)
+    run = longest_run(short, view.time_s)
+    if run is None:
+        return None
+    i, j = run
+    lasts_s = float(view.time_s[j - 1] - view.time_s[i])
+    if j - i < FEWEST_SAMPLES or lasts_s < SHORTEST_S:
+        return None
+    asked_rise = float(low[j - 1] - low[i])
+    if asked_rise > tolerance_mbar(low[i:j]).max() and _rise(view, i, j) > _SLOWER * asked_rise:
+        return None  # as steep as asked, and late: ramp_not_as_asked
+    worst = i + int(np.argmax(low[i:j] - p[i:j]))
+    return Finding(
+        GATE.name,
+        f"at {view.time_s[worst]:.1f} s the pressure is {p[worst]:.0f} mbar where {low[worst]:.0f} "
+        "mbar was asked for",
+        "press the probe evenly onto the skin, look at tape, tube and filter, and repeat",
+    )
+
+
+def _rise(view: CurveSoFar, i: int, j: int) -> float:
+    slope = np.polyfit(view.time_s[i:j] - view.time_s[i], view.pressure_mbar[i:j], 1)[0]
+    return float(slope * (view.time_s[j - 1] - view.time_s[i]))
+
+
+GATE = Gate("leak", _check)

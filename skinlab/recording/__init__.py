@@ -1,0 +1,1 @@
+"""What is kept of a visit: journal, session, seal, audit trail."""

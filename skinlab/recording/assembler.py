@@ -1,0 +1,141 @@
+"""From driver events to curves. No clock, no thread: the same events give the same curves.
+
+Only what the instrument said decides, not what the driver added, so that a replay of the bytes
+cuts a curve where the live run did.
+"""
+
+from __future__ import annotations
+
+from array import array
+
+import numpy as np
+
+from drivers.events import (
+    PROGRAM_DONE,
+    PROGRAM_END,
+    Event,
+    Gap,
+    Hello,
+    InstrumentState,
+    LinkLost,
+    Sample,
+    State,
+)
+from skinlab.curves.curve import FEWEST_POINTS, Curve, Setup
+from skinlab.recording.stream import CurveCompleted, CurveStarted, Happened, Message, Sampled
+
+
+class _Columns:
+    """Samples as plain numbers: ten minutes at 1 kHz are nothing for the garbage collector."""
+
+    def __init__(self) -> None:
+        self.time_s = array("d")
+        self.pressure_mbar = array("d")
+        self.deflection_mm = array("d")
+        self.segment = array("q")
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    def append(self, sample: Sample) -> None:
+        self.time_s.append(sample.device_time_s)
+        self.pressure_mbar.append(sample.pressure_mbar)
+        self.deflection_mm.append(sample.deflection_mm)
+        self.segment.append(sample.segment)
+
+
+class CurveAssembler:
+    """Collects the samples of each run into a curve; the final vent is not part of it."""
+
+    def __init__(self) -> None:
+        self._next: Setup | None = None  # of the next run
+        self._setup: Setup | None = None  # of the present one
+        self._samples = _Columns()
+        self._index = 0
+        self._running = False
+        self._found = False  # the link is new, and what the instrument runs is no run of ours
+        self._cut: str | None = None
+        self._lost = 0
+
+    def plan(self, setup: Setup) -> None:
+        """Say what the next run belongs to."""
+        self._next = setup
+
+    @property
+    def running(self) -> bool:
+        """Whether a curve is being collected."""
+        return self._running
+
+    def feed(self, event: Event) -> list[Message]:
+        """Return what this event means, in order."""
+        messages: list[Message] = []
+        match event:
+            case Hello():
+                # In the midst of a run: the link was lost. The bytes of a record say no more.
+                messages += self.end("the link was lost")
+                self._found = True
+            case State(InstrumentState.RUNNING) if self._found:
+                pass
+            case State(InstrumentState.RUNNING) if not self._running and self._next is not None:
+                messages.append(self._begin())
+            case State(state, reason) if self._running and state is not InstrumentState.RUNNING:
+                if reason not in {PROGRAM_END, PROGRAM_DONE}:
+                    self._cut = self._cut or reason
+                messages += self._finish()
+            case Sample() if self._running and self._setup is not None:
+                if event.segment >= self._segments():
+                    messages += self._finish()
+                elif not self._samples or event.device_time_s > self._samples.time_s[-1]:
+                    self._samples.append(event)
+                # else the instrument's clock went back: no point of a curve; it stays in the record
+            case Gap() if self._running:
+                self._lost += event.received - event.expected
+            case LinkLost(reason) if self._running:
+                self._cut = self._cut or reason
+                messages += self._finish()
+            case _:
+                pass
+        if isinstance(event, State) and event.state is not InstrumentState.RUNNING:
+            self._found = False
+        if isinstance(event, Sample) and self._index:
+            messages.append(Sampled(self._index, event))
+        else:
+            messages.append(Happened(event))
+        return messages
+
+    def end(self, reason: str) -> list[Message]:
+        """Return the cut curve where the stream ends in the middle of one."""
+        if not self._running:
+            return []
+        self._cut = self._cut or reason
+        return self._finish()
+
+    def _segments(self) -> int:
+        program = self._setup.program if self._setup else None
+        return len(program.segments) if program else 0
+
+    def _begin(self) -> CurveStarted:
+        assert self._next is not None
+        self._setup = self._next
+        self._index += 1
+        self._running, self._samples, self._cut, self._lost = True, _Columns(), None, 0
+        return CurveStarted(self._index, self._setup)
+
+    def _finish(self) -> list[Message]:
+        assert self._setup is not None
+        self._running = False
+        samples = self._samples
+        if not len(samples) or samples.segment[-1] < self._segments() - 1:
+            self._cut = self._cut or "the program did not reach its end"
+        if len(samples) < FEWEST_POINTS:
+            return []  # nothing that could be called a curve; the samples stay in the record
+        curve = Curve(
+            name=f"curve {self._index}",
+            setup=self._setup,
+            time_s=np.array(samples.time_s),
+            pressure_mbar=np.array(samples.pressure_mbar),
+            deflection_mm=np.array(samples.deflection_mm),
+            segment=np.array(samples.segment, dtype=np.intp),
+            partial=self._cut is not None,
+        )
+        return [CurveCompleted(self._index, curve, self._cut, self._lost)]

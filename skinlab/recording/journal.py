@@ -1,0 +1,306 @@
+"""What survives a crash: every byte both ways, every plan, result and deed, as it happens.
+
+An SQLite file in WAL mode: a process killed in the middle leaves all that was committed, and
+nothing half-written. The session file is made from it at the end, or by `skinlab recover`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import queue
+import shutil
+import sqlite3
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from skinlab.errors import InputError
+from skinlab.recording import audit
+from skinlab.recording.records import Kind, Record
+
+__all__ = ["Journal", "Kind", "Record", "read_journal"]
+
+SCHEMA = "skinlab.journal/1"
+_COMMIT_S = 0.03  # how long a record may wait for its commit: a killed process loses no more
+_SYNC_S = 1.0  # how long a commit may wait for the disk itself: a power cut loses no more
+_WAL_PAGES = 4000  # 16 MB between checkpoints, which hold up the commits
+_INSERT = "INSERT INTO record (kind, host_time_s, utc_s, data) VALUES (?, ?, ?, ?)"
+
+# Disk space of a run, by measurement (tests/unit/test_journal.py) and rounded up: a commit is a
+# page or two of the WAL, and a sample stands in journal and session.
+_ROOM_BYTES = 8_000_000
+_COMMIT_BYTES = 9_000
+_SAMPLE_BYTES = 400
+
+
+def room_bytes(duration_s: float, rate_hz: float) -> int:
+    """Return the disk space that a run may need, until its session is written."""
+    commits = min(duration_s / _COMMIT_S, duration_s * (rate_hz + 20.0))
+    wal = min(commits * _COMMIT_BYTES, _WAL_PAGES * 4096 * 2)
+    return int(_ROOM_BYTES + wal + duration_s * rate_hz * _SAMPLE_BYTES)
+
+
+class Journal:
+    """Writes records from any thread; a thread of its own commits them.
+
+    `now` is Unix time in s.
+
+    Raises:
+        InputError: the file exists or cannot be created.
+    """
+
+    def __init__(
+        self, path: Path, meta: dict[str, Any], now: Callable[[], float] = time.time
+    ) -> None:
+        self.path = path
+        self._now = now
+        if path.exists():
+            raise InputError(
+                f"{path}: exists already, from a measurement that did not end; "
+                f"`skinlab recover {path}` makes a session of it"
+            )
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            # About a person: for its owner only, as SQLite makes its side files too.
+            os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o600))
+        except OSError as error:
+            raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
+        try:
+            self._db = _create(path, {"schema": SCHEMA, **meta})
+            self._wal = os.open(_side_file(path, "-wal"), os.O_RDWR)
+        except (OSError, sqlite3.Error) as error:
+            _remove(path)
+            raise InputError(f"{path}: cannot be written ({error})") from None
+        self._records: queue.SimpleQueue[Record | threading.Event | None] = queue.SimpleQueue()
+        self._unwritten: list[Record] = []  # of a commit that failed
+        self._chain = audit.Chain()
+        self._error: Exception | None = None
+        self._closing = threading.Event()
+        self._writer = threading.Thread(target=self._write, name="journal", daemon=True)
+        self._syncer = threading.Thread(target=self._sync, name="journal sync", daemon=True)
+        self._writer.start()
+        self._syncer.start()
+
+    @property
+    def trouble(self) -> str | None:
+        """Why nothing more can be written, or None."""
+        return None if self._error is None else f"{self.path}: cannot be written ({self._error})"
+
+    # ---- from any thread ------------------------------------------------------------------------
+
+    def require_room(self, duration_s: float, rate_hz: float) -> None:
+        """Refuse a run that the disk has no room for, before it begins.
+
+        Raises:
+            InputError: too little space is free, or an earlier record could not be written.
+        """
+        if self.trouble is not None:
+            raise InputError(self.trouble)
+        free, need = shutil.disk_usage(self.path.parent).free, room_bytes(duration_s, rate_hz)
+        if free < need:
+            raise InputError(
+                f"{self.path.parent}: {free / 1e6:.1f} MB are free on this disk; expected at least "
+                f"{need / 1e6:.1f} MB for {duration_s:g} s at {rate_hz:g} Hz"
+            )
+
+    def raw(
+        self, direction: str, host_time_s: float, data: bytes, utc_s: float | None = None
+    ) -> None:
+        """Record raw bytes ("rx" or "tx"); the tap that a Probe takes as `on_bytes`.
+
+        `utc_s` is for bytes that came before there was a journal; None: now.
+
+        Raises:
+            InputError: an earlier record could not be written (disk full): the probe vents.
+        """
+        self._put(Kind.RECEIVED if direction == "rx" else Kind.SENT, host_time_s, data, utc_s)
+
+    def plan(self, host_time_s: float, setup: dict[str, Any]) -> None:
+        """Record what the next run belongs to."""
+        self._put(Kind.PLAN, host_time_s, json.dumps(setup).encode())
+
+    def result(self, host_time_s: float, curve: int, result: dict[str, Any]) -> None:
+        """Record the identification of curve number `curve`."""
+        data = json.dumps({"curve": curve, "result": result}).encode()
+        self._put(Kind.RESULT, host_time_s, data)
+
+    def audit(self, host_time_s: float, who: str, what: str, **detail: Any) -> None:
+        """Record who did what; the entry is bound to all that was recorded before it."""
+        utc_s = self._now()
+        entry = audit.note(host_time_s, utc_s, who, what, detail)
+        self._put(entry.kind, host_time_s, entry.data, utc_s)
+
+    def flush(self) -> None:
+        """Return once all that was recorded so far is committed.
+
+        Raises:
+            InputError: it cannot be written.
+        """
+        done = threading.Event()
+        self._records.put(done)
+        while not done.wait(_COMMIT_S):
+            if self.trouble is not None:
+                raise InputError(self.trouble)
+
+    def _put(self, kind: Kind, host_time_s: float, data: bytes, utc_s: float | None = None) -> None:
+        if self.trouble is not None:
+            raise InputError(self.trouble)
+        self._records.put(Record(kind, host_time_s, self._now() if utc_s is None else utc_s, data))
+
+    # ---- the threads ----------------------------------------------------------------------------
+
+    def _write(self) -> None:
+        ended = False
+        while not ended:
+            batch, waiting, ended = self._collect()
+            try:
+                self._commit(batch)
+            except sqlite3.Error as error:
+                self._error = error
+                self._unwritten = batch
+                return
+            for done in waiting:
+                done.set()
+
+    def _collect(self) -> tuple[list[Record], list[threading.Event], bool]:
+        """Return what comes within the time of a commit, who waits for it, and whether all came."""
+        batch: list[Record] = []
+        waiting: list[threading.Event] = []
+        record = self._records.get()
+        if not self._closing.is_set():
+            time.sleep(_COMMIT_S)  # one wake-up for all that comes meanwhile, not one for each
+        while record is not None:
+            if isinstance(record, threading.Event):
+                waiting.append(record)
+            else:
+                batch.append(record)
+            try:
+                record = self._records.get_nowait()
+            except queue.Empty:
+                return batch, waiting, False
+        return batch, waiting, True
+
+    def _commit(self, batch: list[Record]) -> None:
+        chain = self._chain.copy()
+        stored = [chain.add(record) for record in batch]
+        rows = [(int(r.kind), r.host_time_s, r.utc_s, r.data) for r in stored]
+        self._db.execute("BEGIN")
+        try:
+            self._db.executemany(_INSERT, rows)
+            self._db.execute("COMMIT")
+        except sqlite3.Error:
+            with contextlib.suppress(sqlite3.Error):  # where SQLite has rolled back by itself
+                self._db.execute("ROLLBACK")
+            raise
+        self._chain = chain
+
+    def _sync(self) -> None:
+        """Bring commits to the disk, apart from the writer: a slow disk must not hold it up."""
+        try:
+            while not self._closing.wait(_SYNC_S):
+                os.fsync(self._wal)
+        except OSError as error:
+            self._error = error
+        finally:
+            os.close(self._wal)
+
+    # ---- the end --------------------------------------------------------------------------------
+
+    def close(self) -> None:
+        """Commit everything; what failed before is tried once more.
+
+        Raises:
+            InputError: something could not be written; the rest is in the file.
+        """
+        self._records.put(None)
+        self._closing.set()
+        self._writer.join()
+        self._syncer.join()
+        try:
+            left = self._unwritten
+            while not self._records.empty():
+                record = self._records.get()
+                left += [record] if isinstance(record, Record) else []
+            if left:
+                self._commit(left)
+            self._db.close()
+        except sqlite3.Error as error:
+            with contextlib.suppress(sqlite3.Error):
+                self._db.close()
+            raise InputError(
+                f"{self.path}: cannot be written ({error}); all but the last moment is kept there: "
+                f"make room, then `skinlab recover {self.path}`"
+            ) from None
+
+    def remove(self) -> None:
+        """Delete the closed journal: its session is on disk."""
+        _remove(self.path)
+
+
+def _create(path: Path, meta: dict[str, Any]) -> sqlite3.Connection:
+    """Make the tables and facts in one step: a journal is whole, or empty."""
+    db = sqlite3.connect(path, check_same_thread=False, isolation_level=None)
+    try:
+        db.execute("PRAGMA journal_mode=WAL")
+        db.execute("PRAGMA synchronous=NORMAL")
+        db.execute(f"PRAGMA wal_autocheckpoint={_WAL_PAGES}")
+        db.execute("BEGIN")
+        db.execute("CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL)")
+        db.execute(
+            "CREATE TABLE record (number INTEGER PRIMARY KEY, kind INTEGER NOT NULL, "
+            "host_time_s REAL NOT NULL, utc_s REAL NOT NULL, data BLOB NOT NULL)"
+        )
+        rows = [(key, json.dumps(value)) for key, value in meta.items()]
+        db.executemany("INSERT INTO meta VALUES (?, ?)", rows)
+        db.execute("COMMIT")
+    except sqlite3.Error:
+        db.close()
+        raise
+    return db
+
+
+def _side_file(path: Path, suffix: str) -> Path:
+    return path.with_name(path.name + suffix)
+
+
+def _remove(path: Path) -> None:
+    for suffix in ("-wal", "-shm", ""):  # the file itself last: alone it is whole
+        _side_file(path, suffix).unlink(missing_ok=True)
+
+
+def read_journal(path: Path) -> tuple[dict[str, Any], list[Record]]:
+    """Return the facts and records of a journal, one that a crash left included.
+
+    Raises:
+        InputError: no such file, or no journal.
+    """
+    if not path.is_file():
+        raise InputError(f"{path}: no such file")
+    try:
+        with contextlib.closing(sqlite3.connect(path)) as db:
+            if not db.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:
+                raise InputError(
+                    f"{path}: is empty: the measurement was killed before anything was recorded"
+                )
+            facts = db.execute("SELECT key, value FROM meta")
+            meta = {key: json.loads(value) for key, value in facts}
+            if (schema := meta.pop("schema", None)) != SCHEMA:
+                raise InputError(f"{path}: schema {schema!r}; expected {SCHEMA!r}")
+            rows = db.execute("SELECT kind, host_time_s, utc_s, data FROM record ORDER BY number")
+            records = [
+                Record(Kind(kind), host_time_s, utc_s, bytes(data))
+                for kind, host_time_s, utc_s, data in rows
+            ]
+    except InputError:
+        raise
+    except sqlite3.OperationalError as error:
+        if "no such" in str(error):  # table or column
+            raise InputError(f"{path}: not a journal that skinlab wrote ({error})") from None
+        raise InputError(f"{path}: cannot be read ({error})") from None
+    except (sqlite3.Error, ValueError, TypeError) as error:
+        raise InputError(f"{path}: not a journal that skinlab wrote ({error})") from None
+    return meta, records

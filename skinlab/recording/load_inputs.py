@@ -1,0 +1,72 @@
+"""What a user may name as input: a curve CSV, a session, a campaign."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from skinlab.curves.campaign import Campaign, read_campaign
+from skinlab.curves.csv import read_curve
+from skinlab.curves.curve import Curve, Setup
+from skinlab.errors import InputError
+
+
+@dataclass(frozen=True, eq=False)
+class Input:
+    """The curves of one file, and the sensors' noise where it states it."""
+
+    curves: tuple[Curve, ...]
+    noise_um: float | None = None
+    pressure_noise_mbar: float | None = None
+    measured_here: bool = False  # a session: each curve was identified by itself as it came
+
+
+def read_input(path: Path, setup: Setup | None) -> Input:
+    """Return one input; `setup` is what a CSV was measured with.
+
+    Raises:
+        InputError: the file cannot be read, or is none of these.
+    """
+    if path.is_dir():
+        path = path / "campaign.toml"
+    if not path.is_file():
+        raise InputError(f"{path}: no such file")
+    suffix = path.suffix.lower()
+    if suffix == ".csv":
+        if setup is None:
+            raise InputError(f"{path}: a curve CSV needs its aperture and thickness")
+        return Input((read_curve(path, setup),))
+    if suffix == ".toml":
+        campaign = read_campaign(path)
+        return Input(campaign.curves, campaign.noise_um, campaign.pressure_noise_mbar)
+    if suffix in (".h5", ".hdf5"):
+        from skinlab.recording.session import read_session
+
+        curves = read_session(path).curves
+        named = tuple(replace(curve, name=f"{path}:{curve.name}") for curve in curves)
+        return Input(named, measured_here=True)
+    raise InputError(
+        f"{path}: expected a curve (.csv), a session (.h5) or a campaign (.toml); "
+        "`skinlab import` takes what other software exports"
+    )
+
+
+def read_campaign_or_session(path: Path) -> tuple[Campaign, list[Path]]:
+    """Return the curves that are explained together, and the files they are from.
+
+    Raises:
+        InputError: the file cannot be read, or is neither.
+    """
+    if path.is_dir():
+        path = path / "campaign.toml"
+    suffix = path.suffix.lower()
+    if suffix == ".toml":
+        campaign = read_campaign(path)
+        named = tuple(
+            replace(c, name=str(Path(c.name).relative_to(path.parent))) for c in campaign.curves
+        )
+        return replace(campaign, curves=named), [path, *(path.parent / c.name for c in named)]
+    if suffix in (".h5", ".hdf5"):
+        given = read_input(path, None)
+        return Campaign(path.stem, None, None, given.curves), [path]
+    raise InputError(f"{path}: expected a campaign (.toml) or a session (.h5)")

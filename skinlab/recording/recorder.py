@@ -1,0 +1,237 @@
+"""Record a run: the journal while it goes on, the session file at its end."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from drivers.events import Alarm, Event, HostVented, InstrumentFault, LinkLost
+from skinlab import __version__
+from skinlab.errors import InputError
+from skinlab.inference.identify import Identifier
+from skinlab.mechanics.model_file import BASE
+from skinlab.recording.audit import Chain, note, operator
+from skinlab.recording.journal import Journal, read_journal
+from skinlab.recording.pseudonym import check_subject
+from skinlab.recording.records import Kind, Record
+from skinlab.recording.session import Session, read_session, session_from_records, write_session
+from skinlab.recording.stream import (
+    CurveCompleted,
+    CurveStarted,
+    Happened,
+    Identified,
+    Message,
+    Sampled,
+    setup_to_json,
+)
+from skinlab.versions import versions
+
+
+def identification_settings(identifier: Identifier) -> dict[str, Any]:
+    """Return what a replay must know to identify in the same way."""
+    options = identifier.options
+    return {
+        "method": identifier.method,
+        "seed": identifier.seed,
+        "kappa": identifier.kappa,
+        "phases": list(identifier.phases),
+        "samples": options.samples,
+        "best": options.best,
+        "tolerance_um": options.tolerance_um,
+        "sampling": options.sampling,
+        "slowdown": options.slowdown,
+        "forgetting": options.forgetting,
+        "covariance": options.covariance,
+        "passes": options.passes,
+        "model": None if identifier.model is BASE else identifier.model.to_toml(),
+        "noise_um": identifier.sensor.noise_um,
+        "pressure_noise_mbar": identifier.sensor.pressure_noise_mbar,
+        "database_hash": identifier.database.content_hash,
+    }
+
+
+class Recording:
+    """The journal of a session that becomes `path`; also a listener that records what happens.
+
+    `clock` is the host's monotonic time, `now` Unix time, both in s; `who` is in the audit trail.
+
+    Raises:
+        InputError: the session exists already, nothing can be written there, or the subject is no
+            pseudonym. Said before any suction starts.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        identifier: Identifier,
+        *,
+        subject: str = "",
+        site: str = "",
+        url: str = "",
+        clock: Callable[[], float] = time.monotonic,
+        now: Callable[[], float] = time.time,
+        who: str | None = None,
+    ) -> None:
+        check_subject(subject)
+        if path.exists():
+            raise InputError(f"{path}: exists already; a session is never overwritten")
+        self.path = path
+        self.ran = False
+        self._saved = False
+        self._clock = clock
+        self._who = operator() if who is None else who
+        meta = {
+            "created_utc": datetime.fromtimestamp(now(), UTC).isoformat(),
+            "created_host_time_s": clock(),
+            "skinlab_version": __version__,
+            "versions": versions(),
+            "subject": subject,
+            "site": site,
+            "url": url,
+            "identification": identification_settings(identifier),
+        }
+        self.journal = Journal(path.with_name(path.name + ".journal"), meta, now)
+        self.audit("session opened", **meta)
+
+    def __call__(self, message: Message) -> None:
+        """Record a result, and what the trail should tell; notice that there is something to keep.
+
+        Where the journal cannot be written, the probe has been vented for it, and `finish` says so:
+        the curve is still identified and shown.
+        """
+        if isinstance(message, Sampled):
+            return  # by far the most, and in the bytes already
+        self.ran = self.ran or isinstance(message, CurveStarted)
+        with contextlib.suppress(InputError):
+            self._record(message)
+
+    def _record(self, message: Message) -> None:
+        match message:
+            case CurveStarted(index, setup):
+                self.audit("run started", curve=index, setup=setup_to_json(setup))
+            case CurveCompleted(index, curve, cut, lost):
+                self.audit("run ended", curve=index, samples=len(curve), cut=cut, lost=lost)
+            case Identified(index, _, result):
+                self.journal.result(self._clock(), index, result.to_json())
+                self.audit("identified", curve=index, error=result.error)
+            case Happened(event) if (deed := _deed(event)) is not None:
+                self.audit(deed[0], **deed[1])
+            case _:
+                pass
+
+    def audit(self, what: str, **detail: Any) -> None:
+        """Record in the audit trail that the operator, or the program for him, did this.
+
+        Raises:
+            InputError: the journal cannot be written.
+        """
+        self.journal.audit(self._clock(), self._who, what, **detail)
+
+    def save(self) -> None:
+        """Write the session as it is by now; the journal goes on.
+
+        Raises:
+            InputError: it cannot be written; the message names the journal that keeps everything.
+        """
+        self.audit("session saved")
+        self.journal.flush()
+        self._save()
+
+    def _save(self) -> None:
+        made = session_from_records(*read_journal(self.journal.path))
+        _write(self.journal.path, self.path, made, replace=self._saved)
+        self._saved = True
+
+    def finish(self) -> Path | None:
+        """Turn the journal into the session; the journal goes only once the session is there.
+
+        Returns None, and leaves no file, where no run ever began.
+
+        Raises:
+            InputError: it cannot be written; the message names the journal that keeps everything.
+        """
+        with contextlib.suppress(InputError):  # what close() says is more
+            self.audit("session closed")
+        self.journal.close()
+        if self.ran:
+            self._save()
+        self.journal.remove()
+        return self.path if self.ran else None
+
+
+def _deed(event: Event) -> tuple[str, dict[str, Any]] | None:
+    match event:
+        case HostVented(reason):
+            return "vent ordered", {"reason": reason}
+        case InstrumentFault(code, text):
+            return "instrument fault", {"code": code, "text": text}
+        case LinkLost(reason):
+            return "link lost", {"reason": reason}
+        case Alarm(text):
+            return "alarm", {"text": text}
+        case _:
+            return None
+
+
+def new_session_path(folder: Path, now: datetime) -> Path:
+    """Return a name for a session that is not there yet."""
+    stem = now.strftime("session-%Y%m%d-%H%M%S")
+    path = folder / f"{stem}.h5"
+    number = 2
+    while path.exists() or path.with_name(path.name + ".journal").exists():
+        path = folder / f"{stem}-{number}.h5"
+        number += 1
+    return path
+
+
+def recover(
+    journal: Path,
+    session: Path,
+    *,
+    clock: Callable[[], float] = time.monotonic,
+    now: Callable[[], float] = time.time,
+    who: str | None = None,
+) -> Session:
+    """Write the session that a journal holds, and return it. The journal stays.
+
+    A session that was saved before the crash is completed: nothing in it is lost.
+
+    Raises:
+        InputError: no journal, the session cannot be written, or another one is there.
+    """
+    meta, records = read_journal(journal)
+    before = None
+    if session.exists():
+        before = read_session(session)
+        if not _same(before.records, records):
+            raise InputError(
+                f"{session}: exists already and is no earlier state of {journal}; a session is "
+                "never overwritten"
+            )
+        if len(before.records) >= len(records):
+            return before
+    deed = note(clock(), now(), operator() if who is None else who, "recovered", {})
+    records.append(Chain(records).add(deed))
+    made = session_from_records(meta, records)
+    _write(journal, session, made, replace=before is not None)
+    return made
+
+
+def _same(saved: tuple[Record, ...], records: list[Record]) -> bool:
+    """Return whether a saved session is an earlier state of these records, or a recovered one."""
+    if saved and saved[-1].kind is Kind.AUDIT and len(saved) == len(records) + 1:
+        saved = saved[:-1]
+    return list(saved) == records[: len(saved)]
+
+
+def _write(journal: Path, session: Path, made: Session, *, replace: bool) -> None:
+    try:
+        write_session(session, made, replace=replace)
+    except InputError as error:
+        raise InputError(
+            f"{error}; everything is kept in {journal}: `skinlab recover {journal}`"
+        ) from None

@@ -1,0 +1,58 @@
+"""One answer for a whole session: its good curves, fitted together."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from skinlab.curves.curve import Curve
+from skinlab.errors import InputError
+from skinlab.inference.identify import Identifier
+from skinlab.inference.result import Identification
+from skinlab.recording.audit import entries
+from skinlab.recording.session import Session
+
+
+def comparable(curves: Sequence[Curve], excluded: Collection[str] = ()) -> list[Curve]:
+    """Return the curves of one skin in one state: whole, not excluded by name, first loadings.
+
+    Where no curve is of a first loading, all of them are taken.
+    """
+    whole = [c for c in curves if not c.partial and c.name not in excluded]
+    return [c for c in whole if c.setup.cycle == 1] or whole
+
+
+def fit_session(identifier: Identifier, path: Path, session: Session) -> Identification:
+    """Return the answer that all comparable curves of a session give together.
+
+    Those that the operator excluded are left out.
+
+    Raises:
+        InputError: there is none.
+    """
+    return fit_curves(identifier, str(path), comparable(session.curves, excluded_of(session)))
+
+
+def fit_curves(identifier: Identifier, name: str, curves: Sequence[Curve]) -> Identification:
+    """Return the answer that curves give together.
+
+    Raises:
+        InputError: there is none.
+    """
+    if not curves:
+        raise InputError(f"{name}: no whole curve is in it; expected at least one")
+    result = identifier(curves[0]) if len(curves) == 1 else identifier.joint(curves)
+    return replace(result, file=name)
+
+
+def excluded_of(session: Session) -> set[str]:
+    """Return the names of the curves that the operator excluded, by the audit trail."""
+    found: set[str] = set()
+    for entry in entries(session.records):
+        name = f"curve {entry.detail.get('curve')}"
+        if entry.what == "curve excluded":
+            found.add(name)
+        elif entry.what == "curve included":
+            found.discard(name)
+    return found

@@ -1,0 +1,115 @@
+"""Compute the rows of a database: in this process, on several cores, or on a dask cluster.
+
+A row is all numbers (width,) of one entry. Rows are kept in a file as they come, so that a build
+that was killed can go on; whoever computes them, they are the same bits.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import ExitStack
+from dataclasses import dataclass
+from functools import partial
+from multiprocessing import get_context, parent_process
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinlab.mechanics.fem.suction import SOLVER_VERSION
+from skinlab.tables.build_checkpoint import KeptRows
+
+Array = NDArray[np.float64]
+Compute = Callable[[int], Array]
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class How:
+    """How to build; the numbers do not depend on it.
+
+    `dask` is the address of a scheduler. Rows are kept in the file `keep` until the build is done;
+    with `resume` those that are there already are not computed again. `progress` is called with
+    (done, total) after each row.
+    """
+
+    workers: int = 1
+    dask: str | None = None
+    keep: Path | None = None
+    resume: bool = False
+    progress: Progress = lambda done, total: None
+
+
+def compute_rows(compute: Compute, what: str, entries: int, width: int, how: How) -> Array:
+    """Return the rows (entries, width); `what` says in words all that the numbers depend on.
+
+    Raises:
+        InputError: rows are kept there of another build, or without `resume`; or no cluster.
+    """
+    rows = np.full((entries, width), np.nan)
+    done = np.zeros(entries, dtype=bool)
+    with ExitStack() as stack:
+        kept = None
+        if how.keep is not None:
+            kept = stack.enter_context(KeptRows(how.keep, what, width, resume=how.resume))
+            for entry, row in kept.found():
+                if entry < entries:
+                    rows[entry], done[entry] = row, True
+        missing = np.flatnonzero(~done).tolist()
+        count = entries - len(missing)
+        if count:
+            how.progress(count, entries)
+        for entry, row in _computed(partial(_row, compute), missing, how):
+            rows[entry] = row
+            if kept is not None:
+                kept.add(entry, row)
+            count += 1
+            how.progress(count, entries)
+    return rows
+
+
+def _row(compute: Compute, entry: int) -> tuple[int, Array]:
+    return entry, compute(entry)
+
+
+def _computed(
+    compute: Callable[[int], tuple[int, Array]], entries: list[int], how: How
+) -> Iterator[tuple[int, Array]]:
+    if how.dask is not None:
+        from skinlab.tables.dask_cluster import computed_on_cluster
+
+        yield from computed_on_cluster(compute, entries, how.dask, SOLVER_VERSION)
+    elif how.workers <= 1 or len(entries) <= 1:
+        yield from map(compute, entries)
+    else:
+        yield from _on_cores(compute, entries, min(how.workers, len(entries)))
+
+
+def _on_cores(
+    compute: Callable[[int], tuple[int, Array]], entries: Iterable[int], workers: int
+) -> Iterator[tuple[int, Array]]:
+    # One thread of linear algebra a process: the cores are shared out by entries.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    pool = ProcessPoolExecutor(
+        workers, mp_context=get_context("spawn"), initializer=_end_with_parent
+    )
+    try:
+        yield from pool.map(compute, entries)
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _end_with_parent() -> None:
+    """End this process when the one that started it is killed: nothing else would tell it."""
+    parent = parent_process()
+    if parent is None:
+        return
+
+    def wait() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=wait, daemon=True).start()

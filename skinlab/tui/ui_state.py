@@ -1,0 +1,489 @@
+"""What the screen shows, as plain state: made from news, by the thread that draws."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import datetime
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from drivers.events import (
+    Alarm,
+    Damaged,
+    Event,
+    Gap,
+    Hello,
+    InstrumentState,
+    LinkLost,
+    Sample,
+    State,
+)
+from skinlab.curves.curve import Curve, Setup
+from skinlab.inference.result import Identification
+from skinlab.quality.gates.base import Finding
+from skinlab.recording.stream import (
+    CurveCompleted,
+    CurveStarted,
+    Flagged,
+    Happened,
+    Identified,
+    Message,
+    Sampled,
+)
+from skinlab.tui.curve_selection import Ledger
+from skinlab.tui.measurement_request import Order
+from skinlab.tui.messages import (
+    Adopted,
+    Compared,
+    Connected,
+    Disconnected,
+    Done,
+    Estimated,
+    Explained,
+    Explaining,
+    Failed,
+    Fitted,
+    Found,
+    Heard,
+    News,
+    Played,
+    Recording,
+    Saved,
+    Searching,
+)
+from skinlab.tui.text import event_note
+
+if TYPE_CHECKING:
+    from skinlab.discrepancy.outcome import Outcome
+
+_S = InstrumentState
+SEARCHING = "searching"  # for a link that was lost
+EXPLAINING = "explaining"  # what the model misses; everything else goes on beside it
+_RATE_SAMPLES = 41
+_MOVING = frozenset({_S.ARMED, _S.RUNNING, _S.VENTING})
+
+
+class Level(StrEnum):
+    """How much a note matters."""
+
+    INFO = "info"
+    WARNING = "warning"
+    ERROR = "error"
+
+
+_RANK = {Level.INFO: 0, Level.WARNING: 1, Level.ERROR: 2}
+
+
+@dataclass(slots=True)
+class Live:
+    """The curve that is being measured: all of its samples."""
+
+    index: int
+    setup: Setup
+    time_s: list[float] = field(default_factory=list)
+    pressure_mbar: list[float] = field(default_factory=list)
+    deflection_mm: list[float] = field(default_factory=list)
+    last: Sample | None = None
+    lost: int = 0
+    findings: list[Finding] = field(default_factory=list)
+    estimate: Identification | None = None  # of what there is so far
+
+    @property
+    def rate_hz(self) -> float | None:
+        """Samples a second by the instrument's clock, over the last second or so; None: unknown."""
+        late = self.time_s[-_RATE_SAMPLES:]
+        return (len(late) - 1) / (late[-1] - late[0]) if len(late) > 1 else None
+
+
+@dataclass(slots=True)
+class Entry:
+    """A completed curve of this session."""
+
+    index: int
+    curve: Curve
+    cut: str | None
+    lost: int
+    result: Identification | None = None
+    findings: list[Finding] = field(default_factory=list)
+    visit: tuple[str, str] | None = None  # subject and site
+    at: datetime | None = None  # when it was complete, in local time
+
+    @property
+    def setup(self) -> Setup:
+        """What it was measured with."""
+        return self.curve.setup
+
+
+@dataclass(slots=True)
+class Series:
+    """A run that was started, and the repeats that are to follow it by themselves."""
+
+    order: Order  # of the present repeat
+    before: int  # how many curves there were when it began
+    vents: int  # that had been ordered when it was confirmed: a later one ends it
+    starting: bool = False  # to be started once it is armed
+
+    def finished(self, board: Board) -> bool:
+        """Whether the present repeat is over: identified, and nothing moves."""
+        last = board.entry
+        return (
+            not self.starting
+            and board.can_arm
+            and len(board.entries) > self.before
+            and last is not None
+            and last.result is not None
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Review:
+    """What will happen, as it is shown before it is confirmed."""
+
+    order: Order
+    texts: Mapping[str, str]  # of the fields
+    assumed_thickness: bool = False  # nobody typed it for this subject and site
+
+
+@dataclass(slots=True)
+class Playing:
+    """A replay, in the place of a probe."""
+
+    at_s: float = 0.0
+    length_s: float = 0.0
+    speed: float | None = 1.0  # None: as fast as can be
+    paused: bool = False
+    ended: bool = False
+
+
+@dataclass(slots=True)
+class Missing:
+    """The search for what the model misses, and its answer."""
+
+    curves: tuple[str, ...]
+    stages: list[str] = field(default_factory=list)  # the last one is under way
+    running: bool = True
+    outcome: Outcome | None = None
+    failed: str = ""
+    adopted: Path | None = None
+
+
+class Board:
+    """All that is known; `version` changes whenever anything does."""
+
+    def __init__(self, port: str) -> None:
+        self.port = port  # connected, or tried last
+        self.hello: Hello | None = None  # of the connected probe
+        self.instrument: InstrumentState | None = None
+        self.doing: str | None = None  # connecting, arming, starting, resetting, searching, closing
+        self.review: Review | None = None  # in view, and not confirmed yet
+        self.order: Order | None = None  # armed last
+        self.who = ("", "")  # subject and site in the fields
+        self.visit: tuple[str, str] | None = None  # subject and site of the open session
+        self.playing: Playing | None = None
+        self.series: Series | None = None
+        self.live: Live | None = None
+        self.latest: Sample | None = None  # the final vent included
+        self.latest_at: datetime | None = None
+        self.begun_at: datetime | None = None  # the visit, in local time
+        self.entries: dict[int, Entry] = {}
+        self.ledger = Ledger()
+        self.joint: Identification | None = None  # of the curves that are used
+        self.compared: list[str] = []  # with another session, in sentences
+        self.missing: Missing | None = None  # what was looked for in the curves
+        self.model: str | None = None  # that was adopted, by its name
+        self.shown: int | None = None  # which entry is looked at
+        self.session = 0  # counts connections: entries of another one are gone
+        self.path: Path | None = None  # of this connection's session, once there is one
+        self.saved: Path | None = None  # session file written last
+        self.damaged = 0  # frames of this connection that made no sense
+        self.alarm: str | None = None
+        self.note = ""
+        self.level = Level.INFO
+        self.version = 0
+
+    # ---- what may be done ---------------------------------------------------------------------
+
+    @property
+    def moving(self) -> bool:
+        """Armed, running or venting, or about to: fields take no text, v always vents."""
+        return self.doing in {"arming", "starting", "resting"} or self.instrument in _MOVING
+
+    @property
+    def can_arm(self) -> bool:
+        """Whether something new may be asked for."""
+        return (
+            self.playing is None and self.doing is None and not self.moving and self.alarm is None
+        )
+
+    @property
+    def can_start(self) -> bool:
+        """Whether the instrument is armed and waits."""
+        return self.doing is None and self.instrument is _S.ARMED and self.alarm is None
+
+    @property
+    def phase(self) -> str:
+        """One word for the header."""
+        if self.playing is not None and self.doing != "closing":
+            return "ENDED" if self.playing.ended else "PAUSED" if self.playing.paused else "REPLAY"
+        if self.doing is not None:
+            return self.doing.upper()
+        if self.hello is None:
+            return "NO PROBE"
+        if self.instrument in {None, _S.IDLE, _S.LOADED}:
+            return "READY"
+        return str(self.instrument).upper()
+
+    @property
+    def elsewhere(self) -> bool:
+        """Whether the fields name another subject or site than the open visit has.
+
+        Then nothing of that visit is shown on the main screen: it would stand under a wrong name.
+        """
+        return self.playing is None and self.visit is not None and self.who != self.visit
+
+    @property
+    def streaming(self) -> bool:
+        """Whether readings come, so that the last one is what there is now."""
+        if self.playing is not None:
+            return self.live is not None and not self.playing.ended
+        return self.hello is not None and self.instrument in {_S.RUNNING, _S.VENTING}
+
+    @property
+    def suction(self) -> bool:
+        """Whether there is suction, or about to be, or nobody knows that it is gone."""
+        if self.playing is not None:
+            return False
+        return (
+            self.instrument in {_S.RUNNING, _S.VENTING}
+            or self.doing in {"starting", SEARCHING}
+            or self.alarm is not None
+        )
+
+    @property
+    def entry(self) -> Entry | None:
+        """The completed curve that is looked at."""
+        return None if self.shown is None or self.elsewhere else self.entries.get(self.shown)
+
+    @property
+    def used(self) -> list[Curve]:
+        """The curves that the operator did not leave out."""
+        return [e.curve for i, e in self.entries.items() if i not in self.ledger.excluded]
+
+    # ---- what the operator does ---------------------------------------------------------------
+
+    def begin(self, doing: str, note: str) -> None:
+        """Something was asked for; what was said before is answered with that."""
+        self.doing = doing
+        self.note, self.level = note, Level.INFO
+        if doing == "arming":
+            self.shown = None  # the plot is for the next curve
+        self.version += 1
+
+    def propose(self, review: Review) -> None:
+        """Show what will happen, to be confirmed."""
+        self.review = review
+        self.note, self.level = "read it; F9 starts suction, v or Esc leaves it", Level.INFO
+        self.version += 1
+
+    def withdraw(self) -> None:
+        """Do not do what was shown."""
+        if self.review is not None:
+            self.review = None
+            self.version += 1
+
+    def name(self, who: tuple[str, str]) -> None:
+        """Take in the subject and the site that the fields name now."""
+        if who != self.who:
+            self.who = who
+            self.version += 1
+
+    def touch(self) -> None:
+        """Something was changed by hand: draw it."""
+        self.version += 1
+
+    def say(self, level: Level, note: str) -> None:
+        """Say something, unless something worse is being said."""
+        if _RANK[level] >= _RANK[self.level]:
+            self.note, self.level = note, level
+            self.version += 1
+
+    def refuse(self, note: str) -> None:
+        """Say why what was asked for is not done."""
+        self.answer(Level.ERROR, note)
+
+    def answer(self, level: Level, note: str) -> None:
+        """Say what a key came to, whatever was said before."""
+        self.note, self.level = note, level
+        self.version += 1
+
+    def show(self, index: int) -> None:
+        """Look at a completed curve."""
+        if self.live is None and index in self.entries and self.shown != index:
+            self.shown = index
+            self.version += 1
+
+    def rested(self) -> None:
+        """No more is waited for before the next repeat."""
+        self._done("resting")
+        self.version += 1
+
+    def acknowledge(self) -> None:
+        """Take the alarm away."""
+        self.alarm = None
+        self.version += 1
+
+    # ---- news ---------------------------------------------------------------------------------
+
+    def see(self, news: News) -> None:
+        """Take in what the bench said."""
+        self.version += 1
+        self._take_in(news)
+        if not self.can_arm:
+            self.review = None  # what was shown is not what would happen now
+
+    def _take_in(self, news: News) -> None:
+        match news:
+            case Connected(port, hello, goes_on):
+                self._connected(port, hello, goes_on=goes_on)
+                if self.playing is not None:
+                    self.visit = news.visit
+            case Heard(messages, at):
+                for message in messages:
+                    self._hear(message, at)
+            case Recording(path):
+                self.path = path
+            case Estimated(index, result):
+                if self.live is not None and self.live.index == index:
+                    self.live.estimate = result
+            case Played(at_s, length_s, ended):
+                if self.playing is not None:
+                    self.playing.at_s, self.playing.length_s = at_s, length_s
+                    self.playing.ended = ended
+            case Fitted(result):
+                self.joint = result
+            case Compared(lines):
+                self.compared = list(lines)
+            case Explaining(stage):
+                if self.missing is not None:
+                    self.missing.stages.append(stage)
+            case Explained(outcome):
+                if self.missing is not None:
+                    self.missing.outcome, self.missing.running = outcome, False
+                    self.say(Level.INFO, f"the search is over: {outcome.verdict.name} (d shows it)")
+            case Adopted(path, name, anew):
+                self.model, self.review = name, None
+                if self.missing is not None:
+                    self.missing.adopted = path
+                what = f"adopted: {path}" if path else f"undone: identified with {name or 'base'}"
+                then = "; the next curve begins a new session" if anew else ""
+                # More than a note: not to be covered by "saved"
+                self.say(Level.WARNING, what + then)
+            case Saved(path):
+                self.saved = path
+                self.say(Level.INFO, f"saved: {path}")
+            case Searching():
+                self.instrument = self.live = None
+                if self.doing is None:
+                    self.doing = SEARCHING
+            case Found():
+                self._done(SEARCHING)
+                # Plainly better news than what was said before
+                self.note, self.level = (
+                    "the link is back and the session goes on; F8 shows what comes next",
+                    Level.WARNING,
+                )
+            case Disconnected():
+                self._done(SEARCHING)
+                self.hello = self.instrument = self.live = None
+            case Failed(doing, text):
+                self._done(doing)
+                if doing == EXPLAINING and self.missing is not None:
+                    self.missing.running, self.missing.failed = False, text
+                self.refuse(text)
+            case Done(doing):
+                self._done(doing)
+                if doing == EXPLAINING and self.missing is not None:
+                    self.missing.running = False  # given up, where there is no answer
+                if doing == "starting":
+                    self.say(Level.INFO, "suction; v vents")
+
+    def _connected(self, port: str, hello: Hello, *, goes_on: bool) -> None:
+        self.port, self.hello = port, hello
+        self.live = self.latest = self.latest_at = None
+        self.damaged = 0
+        if not goes_on:
+            self.visit = self.path = self.shown = self.begun_at = None
+            self.entries.clear()
+            self.ledger, self.joint, self.compared = Ledger(), None, []
+            self.missing = None
+            self.session += 1
+        self._done("connecting")
+        if goes_on:
+            self.say(Level.INFO, "connected, the session goes on; F8 shows what comes next")
+        elif self.playing is None:
+            self.say(Level.INFO, "connected; F8 shows what will happen")
+        else:
+            self.say(Level.INFO, "a replay: Space pauses, . steps, + and - change the speed")
+
+    def _done(self, doing: str) -> None:
+        if self.doing == doing:
+            self.doing = None
+
+    def _hear(self, message: Message, at: datetime | None) -> None:
+        match message:
+            case CurveStarted(index, setup):
+                self.live = Live(index, setup)
+                self.shown = None
+                self.begun_at = self.begun_at or at
+            case Sampled(index, sample):
+                self.latest, self.latest_at = sample, at
+                if self.live is not None and self.live.index == index:
+                    self._sample(self.live, sample)
+            case CurveCompleted(index, curve, cut, lost):
+                found = [] if self.live is None else self.live.findings
+                self.entries[index] = Entry(
+                    index, curve, cut, lost, findings=found, visit=self.visit, at=at
+                )
+                self.live, self.shown = None, index
+                if cut is not None:
+                    self.say(Level.WARNING, f"curve {index} was cut short: {cut}")
+            case Identified(index, _, result):
+                self.entries[index].result = result
+            case Flagged(index, finding):
+                of = self.live if self.live and self.live.index == index else None
+                whose = of or self.entries.get(index)
+                if whose is not None:
+                    whose.findings.append(finding)
+                self.say(Level.WARNING, f"curve {index}: {finding.sentence}; {finding.advice}")
+            case Happened(event):
+                self._happened(event)
+
+    def _sample(self, live: Live, sample: Sample) -> None:
+        live.last = sample
+        if live.setup.program is None or sample.segment < len(live.setup.program.segments):
+            live.time_s.append(sample.device_time_s)
+            live.pressure_mbar.append(sample.pressure_mbar)
+            live.deflection_mm.append(sample.deflection_mm)
+
+    def _happened(self, event: Event) -> None:
+        match event:
+            case State(state):
+                self.instrument = state
+                if self.live is not None and state is not _S.RUNNING:
+                    self.live = None
+                    self.say(Level.WARNING, "too few samples for a curve; they are recorded")
+            case Alarm(text):
+                self.alarm = text
+            case Damaged():
+                self.damaged += 1
+            case Gap(expected, received) if self.live is not None:
+                self.live.lost += received - expected
+            case LinkLost():
+                self.live = None
+            case _:
+                pass
+        note = event_note(event)
+        if note is not None:
+            self.say(Level(note[0]), note[1])

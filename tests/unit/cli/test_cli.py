@@ -1,0 +1,340 @@
+"""The command line in process: output, exit status, and one sentence for bad input."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from skinlab.cli.main import _COMMANDS, cli, run
+from skinlab.cli.options import METHODS
+from skinlab.inference.methods.registry import method_names
+
+CSV = "time_s,pressure_mbar,deflection_mm\n"
+SKIN = ["--aperture-mm", "6", "--thickness-mm", "1"]
+FORWARD = ["forward", "--x1-mpa", "0.03", "--x2-mpa", "1", "--nu", "0.32", *SKIN]
+RAMP = ["--program", "ramp:100@20"]
+
+
+def call(capsys, *arguments):
+    status = run([str(a) for a in arguments])
+    captured = capsys.readouterr()
+    assert "Traceback" not in captured.err
+    return status, captured.out, captured.err
+
+
+@pytest.fixture
+def curve_csv(tmp_path, capsys) -> Path:
+    path = tmp_path / "c.csv"
+    assert run([*FORWARD, *RAMP, "--csv", str(path)]) == 0
+    capsys.readouterr()
+    return path
+
+
+def test_forward_prints_a_curve_that_identify_reads(capsys, tmp_path):
+    status, out, err = call(capsys, *FORWARD, *RAMP, "--direct")
+    assert (status, err) == (0, "")
+    rows = np.array([line.split(",") for line in out.splitlines()[1:]], dtype=float)
+    assert out.startswith(CSV)
+    assert rows.shape == (101, 3)
+    assert rows[-1, :2].tolist() == [5.0, 100.0]
+    path = tmp_path / "c.csv"
+    path.write_text(out)
+    status, out, err = call(capsys, "identify", path, *SKIN, "--json")
+    assert (status, err) == (0, "")
+    (entry,) = json.loads(out)["curves"]
+    assert entry["parameters"]["X1_MPa"]["value"] == pytest.approx(0.03, rel=0.01)
+
+
+def test_a_simulated_curve_replaces_a_file_only_by_force(capsys, curve_csv):
+    before = curve_csv.read_bytes()
+    other = [*FORWARD, "--program", "ramp:50@20", "--csv", curve_csv]
+    status, _, err = call(capsys, *other)
+    assert status == 3
+    assert "exists already; --force replaces it" in err
+    assert curve_csv.read_bytes() == before
+    assert call(capsys, *other, "--force")[0] == 0
+    assert curve_csv.read_bytes() != before
+
+
+def test_database_and_finite_elements_agree_between_nodes(capsys):
+    arguments = ["forward", "--x1-mpa", "0.0345", "--x2-mpa", "1.234", "--nu", "0.333"]
+    arguments += [*SKIN, *RAMP]
+    curves = []
+    for direct in ([], ["--direct"]):
+        status, out, _ = call(capsys, *arguments, *direct)
+        assert status == 0
+        rows = [line.split(",") for line in out.splitlines()[1:]]
+        curves.append(np.array(rows, dtype=float)[:, 2])
+    assert np.abs(curves[0] - curves[1]).max() < 5e-4  # half a µm
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "says"),
+    [
+        (["forward"], 2, "Missing option"),
+        (["nonsense"], 2, "No such command"),
+        (["identify"], 2, "Missing argument"),
+        (["identify", "x.csv"], 2, "--aperture-mm"),
+        (["identify", "x.csv", *SKIN, "--method", "magic"], 2, "magic"),
+        (["identify", "x.csv", *SKIN, "--phases", "lunch"], 2, "lunch"),
+        (["identify", "x.csv", *SKIN, "--best", "1"], 3, "best 1: expected 2"),
+        (["identify", "absent.csv", *SKIN], 3, "absent.csv: no such file"),
+        (["identify", "absent.h5"], 3, "absent.h5: no such file"),
+        ([*FORWARD, "--program", "ramp:900@20"], 3, "0–500 mbar"),
+        ([*FORWARD[:-1], "0", *RAMP], 3, "expected 0.1–10 mm"),
+        ([*FORWARD, *RAMP, "--nu", "0.6"], 3, "nu must lie in [0, 0.5), got 0.6"),
+        ([*FORWARD, *RAMP, "--nu", "0.5"], 3, "nu must lie in"),
+        ([*FORWARD, *RAMP, "--x1-mpa", "-1"], 3, "X1_MPa must be positive"),
+        ([*FORWARD, *RAMP, "--x1-mpa", "nan"], 3, "X1_MPa must be positive"),
+        ([*FORWARD, *RAMP, "--x1-mpa", "900"], 3, "X1_MPa 900 is outside the database"),
+        ([*FORWARD, *RAMP, "--aperture-mm", "5"], 3, "no probe has this opening"),
+        (["replay", "absent.h5"], 3, "absent.h5: no such file"),
+        (["recover", "absent.journal"], 3, "absent.journal: no such file"),
+        (["database", "info", "absent.h5"], 3, "absent.h5: no such file"),
+        (["database", "verify", "--samples", "0"], 3, "samples 0"),
+        (
+            ["measure", "--port", "/dev/absent", *SKIN, *RAMP, "--out", "s.h5"],
+            4,
+            "/dev/absent",
+        ),
+        (
+            ["measure", "--port", "sim://?skin=absent.toml", *SKIN, *RAMP, "--out", "s.h5"],
+            4,
+            "absent.toml",
+        ),
+        (["measure", "--port", "sim://", *SKIN, "--program", "x", "--out", "s.h5"], 3, "segment"),
+        (["measure", "--port", "sim://?seed=x", *SKIN, *RAMP, "--out", "s.h5"], 2, "whole number"),
+        (["measure", "--port", "socket://", *SKIN, *RAMP, "--out", "s.h5"], 2, "HOST:PORT"),
+        (["measure", "--port", "no://x", *SKIN, *RAMP, "--out", "s.h5"], 2, "not known"),
+        (
+            ["measure", "--port", "/dev/x", *SKIN, *RAMP, "--phases", "rest,hold", "--out", "s.h5"],
+            2,
+            "ramp:100@20 has no rest,hold, so that nothing could be fitted; it has load",
+        ),
+        (["identify", "absent.h5", "--aperture-mm", "6"], 2, "sessions and campaigns state"),
+        (["identify", ".", "--thickness-sd-mm", "0.1"], 2, "sessions and campaigns state"),
+    ],
+)
+def test_bad_input_is_one_sentence_and_the_contracts_status(
+    capsys, tmp_path, monkeypatch, arguments, status, says
+):
+    monkeypatch.chdir(tmp_path)
+    got, out, err = call(capsys, *arguments)
+    assert got == status
+    assert says in err
+    assert out == ""
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("time_s,pressure_mbar\n0,0\n", "missing column deflection_mm"),
+        (CSV + "0,0,nan\n", "line 2: deflection_mm is nan"),
+        (CSV + "0,0,0,0,0,1\n", "is the decimal sign a comma?"),
+        ("", "missing column"),
+    ],
+)
+def test_bad_curves_name_the_line(capsys, tmp_path, text, says):
+    path = tmp_path / "bad.csv"
+    path.write_text(text)
+    status, _, err = call(capsys, "identify", path, *SKIN)
+    assert status == 3
+    assert says in err
+    assert len(err.strip().splitlines()) == 1
+
+
+def test_the_good_inputs_are_done_and_the_bad_ones_named(capsys, tmp_path, curve_csv):
+    bad = tmp_path / "bad.csv"
+    bad.write_text(CSV + "0,0,nan\n")
+    status, out, err = call(capsys, "identify", bad, curve_csv, *SKIN, "--json")
+    assert status == 3
+    first, second = json.loads(out)["curves"]
+    assert "deflection_mm is nan" in first["error"]
+    assert first["parameters"] is None
+    assert second["error"] is None
+    assert second["parameters"]["nu"]["value"] == pytest.approx(0.32, abs=0.01)
+    assert "deflection_mm is nan" in err
+
+
+def test_a_truncated_session_is_bad_input(capsys, tmp_path):
+    path = tmp_path / "cut.h5"
+    path.write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(200))
+    for command in (["identify"], ["replay"], ["session", "verify"], ["database", "info"]):
+        status, out, err = call(capsys, *command, path)
+        assert (status, out) == (3, "")
+        assert str(path) in err
+
+
+def test_sto_takes_the_papers_arguments(capsys, curve_csv):
+    results = []
+    for seed in (1, 1, 2):
+        arguments = ["--method", "sto", "--samples", 500, "--best", 10, "--seed", seed]
+        status, out, _ = call(capsys, "identify", curve_csv, *SKIN, *arguments, "--json")
+        assert status == 0
+        document = json.loads(out)
+        assert (document["method"], document["seed"]) == ("sto", seed)
+        (entry,) = document["curves"]
+        assert entry["evaluations"] == 500 * entry["iterations"]
+        results.append(entry["parameters"])
+    assert results[0] == results[1] != results[2]
+
+
+def test_a_campaign_can_be_given(capsys, tmp_path, curve_csv):
+    (tmp_path / "campaign.toml").write_text(
+        '[campaign]\ntitle = "t"\n[[curve]]\nfile = "c.csv"\naperture_mm = 6.0\n'
+        'thickness_mm = 1.0\nprogram = "ramp:100@20"\n'
+    )
+    for name in (tmp_path, tmp_path / "campaign.toml"):
+        status, out, _ = call(capsys, "identify", name)
+        assert status == 0
+        assert "X1" in out
+
+
+def test_database_commands(capsys):
+    status, out, _ = call(capsys, "database", "info")
+    assert status == 0
+    assert "1360 curves" in out
+    status, out, _ = call(capsys, "database", "verify", "--samples", 1)
+    assert status == 0
+
+
+def test_every_command_has_help_with_an_example():
+    context = cli.make_context("skinlab", ["--help"], resilient_parsing=True)
+    for name in _COMMANDS:
+        command = cli.get_command(context, name)
+        commands = getattr(command, "commands", None) or {name: command}
+        for each in commands.values():
+            assert "Example: skinlab" in (each.help or ""), each.name
+
+
+def test_every_method_can_be_asked_for(capsys, curve_csv):
+    assert sorted(METHODS) == sorted(method_names())
+    for method in METHODS:
+        status, out, _ = call(capsys, "identify", curve_csv, *SKIN, "--method", method, "--json")
+        assert status == 0
+        document = json.loads(out)
+        assert document["method"] == method
+        assert document["curves"][0]["error_um"] < 5
+
+
+class TestOptionsOfSingleMethods:
+    def identify(self, capsys, curve_csv, *arguments):
+        return call(capsys, "identify", curve_csv, *SKIN, "--json", *arguments)
+
+    @pytest.mark.parametrize(
+        ("method", "option", "says"),
+        [
+            ("auto", ["--sampling", "lhs"], "--sampling belongs to --method sto"),
+            ("hka", ["--confidence", "0.9"], "--confidence belongs to --method sto"),
+            ("gn", ["--accuracy", "0.1"], "--accuracy belongs to --method sto"),
+            ("sto", ["--slowdown", "0.5"], "--slowdown belongs to --method hka"),
+            ("lm", ["--forgetting", "0.5"], "--forgetting belongs to --method rls"),
+            ("sto", ["--covariance", "2"], "--covariance belongs to --method rls"),
+            ("gn", ["--passes", "2"], "--passes belongs to --method rls"),
+            ("sto", ["--samples", "500", "--confidence", "0.9"], "leave --samples out"),
+            ("sto", ["--sampling", "sobol"], "sobol"),
+        ],
+    )
+    def test_what_a_method_does_not_read_is_wrong_usage(
+        self, capsys, curve_csv, method, option, says
+    ):
+        status, out, err = self.identify(capsys, curve_csv, "--method", method, *option)
+        assert (status, out) == (2, "")
+        assert says in err
+
+    @pytest.mark.parametrize(
+        ("method", "option", "says"),
+        [
+            ("sto", ["--confidence", "1"], "confidence 1: expected more than 0 and less than 1"),
+            ("sto", ["--accuracy", "1e-12"], "more than 1000000 samples"),
+            ("hka", ["--slowdown", "2"], "slowdown 2.0: expected"),
+            ("rls", ["--forgetting", "0"], "forgetting 0.0: expected"),
+            ("rls", ["--covariance", "nan"], "covariance nan: expected"),
+            ("rls", ["--passes", "0"], "passes 0: expected 1 or more"),
+        ],
+    )
+    def test_out_of_range_is_refused(self, capsys, curve_csv, method, option, says):
+        status, out, err = self.identify(capsys, curve_csv, "--method", method, *option)
+        assert (status, out) == (3, "")
+        assert says in err
+
+    def test_confidence_and_accuracy_give_n(self, capsys, curve_csv):
+        rule = ["--method", "sto", "--confidence", "0.9", "--accuracy", "0.05"]
+        status, out, err = self.identify(capsys, curve_csv, *rule)
+        assert (status, err) == (0, "")
+        (entry,) = json.loads(out)["curves"]
+        assert entry["evaluations"] == 45 * entry["iterations"]  # ln 0.1 / ln 0.95 = 44.9
+
+    def test_a_draw_that_breaks_the_rule_is_told(self, capsys, curve_csv):
+        status, _, err = self.identify(capsys, curve_csv, "--method", "sto", "--samples", "458")
+        assert status == 0
+        assert err == (
+            "skinlab: 458 samples break the paper's rule, eq. (10): 459 or more for a confidence "
+            "of 0.99 and an accuracy of 0.01\n"
+        )
+        for enough in (["--method", "sto", "--samples", "459"], ["--method", "lm"]):
+            assert self.identify(capsys, curve_csv, *enough)[2] == ""
+
+    def test_each_option_reaches_its_method(self, capsys, curve_csv):
+        def found(*arguments):
+            status, out, _ = self.identify(capsys, curve_csv, *arguments)
+            assert status == 0
+            (entry,) = json.loads(out)["curves"]
+            return entry["parameters"], entry["iterations"]
+
+        passes = ("--method", "rls", "--passes", "2")
+        rls = found(*passes)
+        assert rls[1] == 2
+        assert found(*passes, "--forgetting", "0.99") != rls
+        assert found(*passes, "--covariance", "10") != rls
+        assert found("--method", "hka") != found("--method", "hka", "--slowdown", "0.9")
+        assert found("--method", "sto") != found("--method", "sto", "--sampling", "lhs")
+
+    @pytest.mark.parametrize("command", ["identify", "measure"])
+    def test_help_sets_them_apart(self, capsys, command):
+        _, out, _ = call(capsys, command, "--help")
+        general, single = out.split("Options of single methods:")
+        assert "--sampling" in single
+        assert "--passes" in single
+        assert "--slowdown" not in general
+        assert "--samples" in general
+        assert "--help" in general
+
+
+def test_start_up_is_light():
+    """`--help` imports none of the heavy libraries."""
+    code = (
+        "import sys\nfrom skinlab.cli.main import run\nrun(['--help'])\n"
+        "heavy = {'numpy', 'scipy', 'h5py', 'textual', 'serial'} & set(sys.modules)\n"
+        "sys.exit(f'imported: {heavy}' if heavy else 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_reader_that_goes_away_is_no_failure(curve_csv, tmp_path):
+    command = f"{sys.executable} -m skinlab {' '.join(FORWARD)} {' '.join(RAMP)} | head -1"
+    script = f"set -o pipefail; {command} >/dev/null"
+    done = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_strict_refuses_what_ends_at_a_bound(capsys, tmp_path):
+    path = tmp_path / "zero.csv"
+    path.write_text(CSV + "".join(f"{i},{2 * i},0\n" for i in range(50)))
+    assert call(capsys, "identify", path, *SKIN)[0] == 0
+    assert call(capsys, "identify", path, *SKIN, "--strict")[0] == 5
+
+
+def test_readings_that_no_probe_gives_are_refused(capsys, tmp_path):
+    path = tmp_path / "huge.csv"
+    path.write_text(CSV + "".join(f"{i},{2 * i},{i}e300\n" for i in range(1, 50)))
+    status, _, err = call(capsys, "identify", path, *SKIN)
+    assert status == 3
+    assert "line 2: deflection_mm is 1e300, expected at most 100" in err

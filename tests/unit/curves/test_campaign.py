@@ -1,0 +1,59 @@
+from __future__ import annotations
+
+import pytest
+
+from skinlab.curves.campaign import read_campaign
+from skinlab.errors import InputError
+
+CURVE = "time_s,pressure_mbar,deflection_mm\n" + "".join(
+    f"{0.1 * i:.1f},{2 * i},{0.01 * i:.2f}\n" for i in range(6)
+)
+CAMPAIGN = """
+[campaign]
+title = "forearm"
+noise_um = 3.0
+pressure_noise_mbar = 0.2
+
+[[curve]]
+file = "a.csv"
+aperture_mm = 6.0
+thickness_mm = 1.0
+program = "ramp:100@20"
+"""
+
+
+def write(tmp_path, text):
+    (tmp_path / "a.csv").write_text(CURVE)
+    path = tmp_path / "campaign.toml"
+    path.write_text(text)
+    return path
+
+
+def test_reads_curves_with_their_setups(tmp_path):
+    campaign = read_campaign(write(tmp_path, CAMPAIGN))
+    assert (campaign.title, campaign.noise_um, campaign.pressure_noise_mbar) == ("forearm", 3, 0.2)
+    (curve,) = campaign.curves
+    assert curve.setup.aperture_mm == 6
+    assert str(curve.setup.program) == "ramp:100@20"
+    assert (curve.setup.cycle, curve.setup.repeat) == (1, 1)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ("noise_um = 3.0", "noise_um = -1", "campaign.noise_um is -1"),
+        ("noise_um = 3.0", 'noise_um = "x"', "noise_um"),
+        ("title", "titel", "titel"),
+        ("thickness_mm = 1.0", "", "thickness_mm"),
+        ("aperture_mm = 6.0", "aperture_mm = 5.0", "no probe has this opening"),
+        ("ramp:100@20", "ramp:900@20", "curve 1: segment ramp:900@20"),
+        ("a.csv", "../a.csv", "outside the folder"),
+        ("a.csv", "absent.csv", "No such file"),
+        ("[campaign]", "[campaign", "campaign.toml"),
+    ],
+)
+def test_a_wrong_field_is_named(tmp_path, old, new, says):
+    path = write(tmp_path, CAMPAIGN.replace(old, new, 1))
+    with pytest.raises(InputError) as caught:
+        read_campaign(path)
+    assert says in str(caught.value)

@@ -1,0 +1,103 @@
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from skinlab.curves.curve import Curve, Setup, phases_from_pressure
+from skinlab.curves.program import parse_program
+from skinlab.errors import InputError
+
+
+def sampled(text: str, interval_s: float, noise_mbar: float, seed: int = 0):
+    program = parse_program(text)
+    time_s = np.arange(0, program.duration_s + 1e-9, interval_s)
+    noise = np.random.default_rng(seed).normal(0, noise_mbar, len(time_s))
+    return program, time_s, program.pressure_mbar(time_s) + noise
+
+
+@pytest.mark.parametrize("noise_mbar", [0.0, 0.2])
+@pytest.mark.parametrize("interval_s", [0.05, 0.1])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "ramp:100@20",
+        "ramp:100@20,ramp:0@20",
+        "ramp:300@60,ramp:0@60",
+        "ramp:100@80,hold:8,ramp:0@80,hold:4",
+        "mode1:300,2,3,2",
+        "mode3:100,2@20",
+        "mode2:100@20,3",
+    ],
+)
+def test_phases_read_from_the_pressure_are_those_of_the_program(text, interval_s, noise_mbar):
+    program, time_s, pressure = sampled(text, interval_s, noise_mbar)
+    asked = np.array(program.phases)[program.segment_at(time_s)]
+    found = phases_from_pressure(pressure)
+    # A few samples at each change of phase may go either way: near zero and the top it cannot be
+    # told where a noisy ramp begins.
+    changes = len(list(itertools.groupby(asked))) - 1
+    assert (found != asked).sum() <= 8 * changes
+
+
+def test_first_loading_ends_with_the_first_unloading():
+    program, time_s, pressure = sampled("mode2:100@20,3", 0.05, 0.2)
+    curve = Curve("c", Setup(6, 1, program), time_s, pressure, 0.009 * pressure)
+    chosen = np.flatnonzero(curve.first_load())
+    assert chosen[0] == 0
+    assert chosen[-1] == 100
+    assert curve.in_phases(("load",)).sum() == 101
+    assert curve.in_phases(("load", "unload")).all()
+
+
+def test_the_devices_own_segments_win_over_time():
+    program = parse_program("ramp:100@20,ramp:0@20")
+    n = 10
+    segment = np.array([0] * 7 + [1] * 3)
+    curve = Curve(
+        "c", Setup(6, 1, program), np.arange(n) / 2, np.zeros(n), np.zeros(n), segment=segment
+    )
+    assert curve.phase.tolist() == ["load"] * 7 + ["unload"] * 3
+
+
+def test_arrays_are_copies_and_read_only():
+    time_s = np.arange(6.0)
+    curve = Curve("c", Setup(6, 1), time_s, time_s, time_s)
+    time_s[0] = -1
+    assert curve.time_s[0] == 0
+    with pytest.raises(ValueError, match="read-only"):
+        curve.deflection_mm[0] = 1
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"time_s": [0, 1, 1, 2, 3, 4]}, "time_s does not increase at sample 3"),
+        ({"pressure_mbar": [0, 1, np.nan, 3, 4, 5]}, "pressure_mbar is not finite at sample 3"),
+        ({"deflection_mm": [0, 1, 2]}, "deflection_mm has (3,) values"),
+    ],
+)
+def test_refuses_arrays_that_are_no_curve(change, says):
+    arrays = {name: np.arange(6.0) for name in ("time_s", "pressure_mbar", "deflection_mm")}
+    arrays |= {name: np.array(values, dtype=float) for name, values in change.items()}
+    with pytest.raises(InputError) as caught:
+        Curve("c", Setup(6, 1), **arrays)
+    assert says in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("setup", "says"),
+    [
+        ({"aperture_mm": 5}, "no probe has this opening"),
+        ({"aperture_mm": float("nan")}, "no probe has this opening"),
+        ({"thickness_mm": 0}, "expected 0.1–10 mm"),
+        ({"thickness_mm": float("nan")}, "expected 0.1–10 mm"),
+        ({"thickness_sd_mm": 2}, "expected 0 to the thickness"),
+        ({"cycle": 0}, "count from 1"),
+    ],
+)
+def test_refuses_a_setup_that_cannot_be(setup, says):
+    with pytest.raises(InputError) as caught:
+        Setup(**{"aperture_mm": 6.0, "thickness_mm": 1.0, **setup})
+    assert says in str(caught.value)

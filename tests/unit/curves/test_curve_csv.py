@@ -1,0 +1,66 @@
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import pytest
+
+from skinlab.curves.csv import read_curve, write_curve
+from skinlab.curves.curve import Curve, Setup
+from skinlab.errors import InputError
+
+HEADER = "time_s,pressure_mbar,deflection_mm\n"
+ROWS = "".join(f"{0.1 * i:.1f},{2 * i},{0.01 * i:.2f}\n" for i in range(6))
+
+
+def test_reads_what_it_writes(tmp_path):
+    rng = np.random.default_rng(0)
+    curve = Curve("c", Setup(6, 1), np.arange(20) / 7, rng.random(20), rng.random(20))
+    text = io.StringIO()
+    write_curve(text, curve)
+    path = tmp_path / "c.csv"
+    path.write_text(text.getvalue())
+    again = read_curve(path, Setup(6, 1))
+    for name in ("time_s", "pressure_mbar", "deflection_mm"):
+        np.testing.assert_allclose(getattr(again, name), getattr(curve, name), rtol=1e-8)
+
+
+def test_other_columns_order_bom_and_blank_lines_are_fine(tmp_path):
+    path = tmp_path / "c.csv"
+    rows = "\n".join(f"{i},x,{0.1 * i},{0.01 * i}" for i in range(6))
+    path.write_text("\ufeffpressure_mbar, note ,time_s,deflection_mm\n" + rows + "\n\n")
+    assert read_curve(path, Setup(6, 1)).pressure_mbar.tolist() == [0, 1, 2, 3, 4, 5]
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("", "line 1: missing column time_s, pressure_mbar, deflection_mm"),
+        ("time_s,pressure_mbar\n0,0\n", "line 1: missing column deflection_mm"),
+        ("time_s;pressure_mbar;deflection_mm\n0;0;0\n", "separated by commas"),
+        (HEADER + "0,0,nan\n" + ROWS, "line 2: deflection_mm is nan, expected a finite number"),
+        (HEADER + "0,inf,0\n" + ROWS, "line 2: pressure_mbar is inf"),
+        (HEADER + "0,0,abc\n" + ROWS, "line 2: deflection_mm is 'abc', expected a number"),
+        (HEADER + "0,0,0,0,1,5\n", "line 2: 6 fields, expected 3; is the decimal sign a comma?"),
+        (HEADER + '"0,1",0,0\n', "is the decimal sign a comma?"),
+        (HEADER + "0,0\n", "line 2: 2 fields, expected 3"),
+        (HEADER + ROWS + "0.5,1,1\n", "line 8: time_s 0.5 does not increase"),
+        (HEADER + "0,0,0\n1,1,1\n", "2 samples; expected at least 5"),
+    ],
+)
+def test_bad_input_names_the_line_and_what_was_expected(tmp_path, text, says):
+    path = tmp_path / "c.csv"
+    path.write_text(text)
+    with pytest.raises(InputError) as caught:
+        read_curve(path, Setup(6, 1))
+    assert says in str(caught.value)
+    assert str(path) in str(caught.value)
+
+
+def test_files_that_are_no_text(tmp_path):
+    path = tmp_path / "c.csv"
+    path.write_bytes(b"\xff\xfe\x00\x01" * 20)
+    with pytest.raises(InputError, match="not UTF-8"):
+        read_curve(path, Setup(6, 1))
+    with pytest.raises(InputError, match="No such file"):
+        read_curve(tmp_path / "absent.csv", Setup(6, 1))

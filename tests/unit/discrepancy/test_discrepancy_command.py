@@ -1,0 +1,161 @@
+"""`skinlab discrepancy` and what its model is good for, on a campaign that reads 25 µm too much."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from skinlab.cli.main import run
+from skinlab.curves.csv import write_curve
+from skinlab.curves.curve import Curve, Setup
+from skinlab.curves.pressure_path import PressurePath
+from skinlab.curves.program import parse_program
+from skinlab.mechanics.effects.model import Skin, response
+from skinlab.mechanics.fem.suction import Geometry
+from skinlab.mechanics.model_file import read_model
+
+SKIN = Skin(0.04, 1.5, 0.32)
+
+
+@pytest.fixture
+def campaign(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    return write_campaign(tmp_path / "campaign", {"deflection_offset": {"offset_um": 25.0}})
+
+
+def write_campaign(folder, effects, curves=((6.0, "ramp:100@20,ramp:0@20"), (2.0, "ramp:200@40"))):
+    folder.mkdir()
+    rng = np.random.default_rng(3)
+    lines = ["[campaign]", "noise_um = 3.0", "pressure_noise_mbar = 0.0"]
+    for i, (aperture, text) in enumerate(curves):
+        program = parse_program(text)
+        time = np.arange(int(program.duration_s * 20 + 1e-9) + 1) / 20
+        path = PressurePath.of_program(program)
+        w = response(SKIN, effects, Geometry(aperture, 1.0), path, time).deflection_mm
+        curve = Curve(
+            "c", Setup(aperture, 1.0, program), time, path(time), w + rng.normal(0, 3e-3, len(w))
+        )
+        with (folder / f"{i}.csv").open("w") as stream:
+            write_curve(stream, curve)
+        lines += ["[[curve]]", f'file = "{i}.csv"', f"aperture_mm = {aperture}"]
+        lines += ["thickness_mm = 1.0", f'program = "{text}"']
+    (folder / "campaign.toml").write_text("\n".join(lines))
+    return folder
+
+
+def test_the_effect_is_named_adopted_used_and_kept(campaign, tmp_path, capsys, monkeypatch):
+    model, report = tmp_path / "model.toml", tmp_path / "report"
+    arguments = ["discrepancy", str(campaign), "--workers", "1", "--json"]
+    assert run([*arguments, "--adopt", str(model), "--report", str(report)]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["schema"] == "skinlab.discrepancy/1"
+    assert document["verdict"] == "named"
+    assert document["effects"] == [["deflection_offset"]]
+    assert document["adopted_model"] == str(model)
+    gap = document["gap"]
+    assert gap["after_um"] < 1.2 * gap["noise_um"] < 0.5 * gap["before_um"]
+    assert set(gap["held_out"]) == {"0.csv", "1.csv"}
+    found = document["candidates"][0]["parameters"]["deflection_offset.offset_um"]
+    assert found["low"] < 25.0 < found["high"]
+    after = document["parameters"]["after"]["X1_MPa"]
+    assert after["value"] == pytest.approx(0.04, rel=0.15)
+    assert {p["file"] for p in document["where"]} <= {"0.csv", "1.csv"}
+
+    page = (report / "missing-effect.html").read_text()
+    assert "deflection_offset" in page
+    assert "data:image/png;base64," in page
+    assert "http://" not in page.replace("http://www.w3.org", "")
+
+    adopted = read_model(model)
+    assert adopted.provenance.verdict == "named"
+    assert "campaign.toml" in adopted.provenance.data
+    assert adopted.values["deflection_offset"]["offset_um"] == pytest.approx(25.0, abs=3.0)
+
+    toml = str(campaign / "campaign.toml")
+    assert run(["identify", toml, "--model", str(model), "--joint", "--json"]) == 0
+    identified = json.loads(capsys.readouterr().out)
+    assert identified["model"]["effects"] == ["deflection_offset"]
+    assert identified["model"]["hash"] == adopted.hash
+    joint = identified["joint"]
+    assert joint["order"] == ["X1_MPa", "X2_MPa", "nu", "deflection_offset.offset_um"]
+    assert np.array(joint["correlation"]).shape == (4, 4)
+    assert "misfit_above_noise" not in joint["flags"]
+
+    def never(*_, **__):
+        raise AssertionError("computed again")
+
+    monkeypatch.setattr("skinlab.discrepancy.workflow.explain", never)
+    assert run(arguments) == 0
+    again = json.loads(capsys.readouterr().out)
+    assert again == {**document, "adopted_model": None}
+
+
+def test_an_interrupted_run_says_what_it_knows(campaign, tmp_path, capsys, monkeypatch):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("skinlab.discrepancy.search._worth", interrupted)
+    report = tmp_path / "report"
+    assert run(["discrepancy", str(campaign), "--workers", "1", "--report", str(report)]) == 130
+    assert "more than noise" in capsys.readouterr().err
+    assert "more than noise" in (report / "partial.txt").read_text()
+
+
+def test_nothing_is_adopted_where_nothing_is_named(tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    folder = write_campaign(tmp_path / "none", {})
+    model = tmp_path / "model.toml"
+    assert run(["discrepancy", str(folder), "--workers", "1", "--adopt", str(model)]) == 0
+    said = capsys.readouterr()
+    assert "Nothing is missing" in said.out
+    assert "Smallest sizes" in said.out
+    assert "nothing to adopt" in said.err
+    assert not model.exists()
+
+
+def test_bad_input_is_one_sentence(tmp_path, campaign, capsys):
+    assert run(["discrepancy", str(tmp_path / "nowhere.toml")]) == 3
+    assert run(["discrepancy", str(campaign / "0.csv")]) == 3
+    taken = tmp_path / "taken.toml"
+    taken.write_text("x")
+    assert run(["discrepancy", str(campaign), "--adopt", str(taken)]) == 3
+    assert "Traceback" not in capsys.readouterr().err
+    assert taken.read_text() == "x"
+
+
+class TestModelsWithoutEffects:
+    def identify(self, campaign, tmp_path, text, *more):
+        model = tmp_path / "prior.toml"
+        model.write_text(text)
+        return run(["identify", str(campaign / "campaign.toml"), "--model", str(model), *more])
+
+    def test_a_prior_narrows(self, campaign, tmp_path, capsys):
+        toml = str(campaign / "campaign.toml")
+        assert run(["identify", toml, "--json"]) == 0
+        wide = json.loads(capsys.readouterr().out)["curves"][0]["parameters"]["nu"]
+        text = '[model]\nname = "p"\n[parameters.nu]\nlow = 0.2\nhigh = 0.49\n'
+        text += "prior = {mean = 0.32, sd = 0.01}\n"
+        assert self.identify(campaign, tmp_path, text, "--json") == 0
+        document = json.loads(capsys.readouterr().out)
+        narrow = document["curves"][0]["parameters"]["nu"]
+        assert narrow["high"] - narrow["low"] < wide["high"] - wide["low"]
+        assert document["model"]["name"] == "p"
+
+    def test_bounds_hold(self, campaign, tmp_path, capsys):
+        text = '[model]\nname = "p"\n[parameters.nu]\nlow = 0.3\nhigh = 0.34\n'
+        assert self.identify(campaign, tmp_path, text, "--json") == 0
+        for curve in json.loads(capsys.readouterr().out)["curves"]:
+            nu = curve["parameters"]["nu"]
+            assert 0.3 <= nu["low"] <= nu["value"] <= nu["high"] <= 0.34
+
+    def test_kappa_that_contradicts_the_model_is_refused(self, campaign, tmp_path, capsys):
+        text = '[model]\nname = "p"\nkappa = "consistent"\n'
+        assert self.identify(campaign, tmp_path, text, "--kappa", "paper") == 3
+        assert "kappa" in capsys.readouterr().err
+
+    def test_effects_need_auto(self, campaign, tmp_path, capsys):
+        text = '[model]\nname = "p"\n[effects.deflection_offset.offset_um]\nvalue = 5.0\n'
+        assert self.identify(campaign, tmp_path, text, "--method", "sto") == 3
+        assert "auto" in capsys.readouterr().err

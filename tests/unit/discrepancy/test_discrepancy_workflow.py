@@ -1,0 +1,129 @@
+"""The whole missing-effect workflow on curves of the simulated skin, with hidden effects."""
+
+import json
+
+import numpy as np
+import pytest
+
+from sim_device.skin import MESH
+from skinlab.curves.campaign import Campaign
+from skinlab.curves.curve import Curve, Setup
+from skinlab.curves.pressure_path import PressurePath
+from skinlab.curves.program import parse_program
+from skinlab.discrepancy.posterior import gaussian
+from skinlab.discrepancy.workflow import explain
+from skinlab.mechanics.effects.model import Skin, response
+from skinlab.mechanics.effects.registry import effect_names
+from skinlab.mechanics.fem.suction import Geometry
+
+SKIN = Skin(0.041, 1.7, 0.31)
+THICKNESS_MM = 1.13
+PLAN = (
+    (6.0, "ramp:100@20,ramp:0@20"),
+    (6.0, "ramp:100@80,hold:4,ramp:0@80,hold:2"),
+    (2.0, "ramp:300@60,ramp:0@60"),
+    (8.0, "ramp:100@20,ramp:0@20"),
+)
+RAMPS = (PLAN[0], PLAN[2], PLAN[3])
+RAMP = ((6.0, "ramp:100@20"),)
+
+
+def campaign(effects, plan=PLAN, *, seed=11, stated=True, besides=None):
+    """Return what the simulated skin gives: another mesh, noise, rounded readings."""
+    rng = np.random.default_rng(seed)
+    curves = []
+    for i, (aperture, text) in enumerate(plan):
+        program = parse_program(text)
+        t = np.arange(int(program.duration_s * 20 + 1e-9) + 1) / 20
+        path = PressurePath.of_program(program)
+        w = response(
+            SKIN, effects, Geometry(aperture, THICKNESS_MM), path, t, discretisation=MESH
+        ).deflection_mm
+        if besides is not None:
+            w = w + besides(t, rng)
+        w = np.round(w + rng.normal(0, 3e-3, len(t)), 3)
+        p = np.round(path(t) + rng.normal(0, 0.2, len(t)), 1)
+        curves.append(Curve(f"c{i}.csv", Setup(aperture, THICKNESS_MM, program), t, p, w))
+    return Campaign("hidden", 3.0 if stated else None, 0.2 if stated else None, tuple(curves))
+
+
+def document(outcome):
+    """Return the JSON document, as text that any reader reads."""
+    return json.loads(json.dumps(outcome.to_json(), allow_nan=False))
+
+
+@pytest.mark.parametrize(
+    ("effects", "plan", "stated"),
+    [
+        ({"deflection_offset": {"offset_um": 20.0}}, PLAN, False),
+        ({"pressure_lag": {"lag_s": 0.06}}, PLAN, True),
+        ({"contact_preload": {"p0_mbar": 7.0}}, PLAN, True),
+        ({"strain_stiffening": {"X3_MPa": 150.0}}, RAMPS, False),
+    ],
+    ids=["offset", "lag", "preload", "stiffening"],
+)
+def test_a_hidden_effect_is_named_and_the_gap_shrinks_to_the_noise(table, effects, plan, stated):
+    # What the finite elements must solve is quick on ramps; the others do without.
+    hidden = campaign(effects, plan, stated=stated)
+    found = document(explain(hidden, table, finite_elements=plan is RAMPS))
+    (name,) = effects
+    ((parameter, true),) = effects[name].items()
+    assert (found["verdict"], found["effects"]) == ("named", [[name]])
+    gap = found["gap"]
+    assert gap["before_um"] > 1.5 * gap["noise_um"]
+    assert gap["after_um"] < 1.2 * gap["noise_um"]
+    assert gap["held_out"] == [f"c{i}.csv" for i in range(len(plan))]
+    best = found["candidates"][0]
+    assert best["log10_evidence"] == 0.0
+    assert best["held_out_rms_um"] == gap["after_um"]
+    interval = best["parameters"][f"{name}.{parameter}"]
+    width = interval["high"] - interval["low"]
+    assert interval["low"] - width < true < interval["high"] + width
+    # The bias that the missing effect had caused is gone.
+    after = found["parameters"]["after"]["X1_MPa"]
+    assert after["value"] == pytest.approx(SKIN.X1_MPa, rel=0.1)
+    assert found["where"][0]["p_value"] < 1e-3
+
+
+def test_where_nothing_is_hidden_nothing_is_found(table):
+    outcome = explain(campaign({}), table, finite_elements=False)
+    found = document(outcome)
+    assert (found["verdict"], found["effects"]) == ("none", [])
+    assert found["gap"]["after_um"] < 1.2 * found["gap"]["noise_um"]
+    assert found["next_measurement"] is None
+    assert found["parameters"]["before"] == found["parameters"]["after"]
+    for name in ("X1_MPa", "X2_MPa"):
+        value = found["parameters"]["after"][name]
+        assert value["low"] <= value["value"] <= value["high"]
+    # Well-known parameters have a Gaussian posterior: that of the curvature at the optimum.
+    (drawn,) = outcome.posteriors.values()
+    assert drawn.effective > 300
+    np.testing.assert_allclose(drawn.deviations, outcome.best.fit.deviations, rtol=0.2)
+    seen = {name.split(".")[0] for name in found["detectable"]}
+    assert seen <= set(effect_names())
+    assert "preconditioning" not in seen  # no second cycle: it could not have been seen
+    assert 0.2 < found["detectable"]["deflection_offset.offset_um"] < 5.0
+
+
+def test_one_ramp_names_nothing_and_any_number_of_workers_says_the_same(table):
+    hidden = campaign({"natural_tension": {"stretch": 1.04}}, RAMP)
+    one = explain(hidden, table, workers=1)
+    assert one.verdict.name in ("none", "ambiguous")
+    assert document(one)["gap"]["held_out"] == []  # there is one condition only
+    # Of one ramp the valley is long and bent: no Gaussian has its length.
+    (drawn,) = one.posteriors.values()
+    rough = gaussian(one.best.fit).parameters["nu"]
+    nu = drawn.parameters["nu"]
+    assert nu["high"] - nu["low"] > 1.5 * (rough["high"] - rough["low"])
+    assert document(explain(hidden, table, workers=2)) == document(one)
+
+
+def test_what_the_library_does_not_have_is_unknown(table):
+    def heartbeat(t, rng):
+        return 0.012 * np.sin(2 * np.pi * 1.1 * t + rng.uniform(0, 2 * np.pi))
+
+    hidden = campaign({}, besides=heartbeat)
+    found = document(explain(hidden, table, finite_elements=False))
+    assert (found["verdict"], found["effects"]) == ("unknown", [])
+    assert found["where"]
+    assert found["candidates"]

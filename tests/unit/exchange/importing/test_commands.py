@@ -1,0 +1,141 @@
+"""`import`, `export`, `replay` of what was imported, in process."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from skinlab.cli.main import run
+from skinlab.recording.session import read_session
+
+HEADER = "t (s);p (mbar);w (mm)\n"
+ROWS = "".join(f"{0.1 * i:.1f};{2 * i};{0.006 * i:.3f}\n" for i in range(51))
+TWO = "t (s);w (mm)\n" + "".join(f"{0.1 * i:.1f};{0.006 * i:.3f}\n" for i in range(51))
+SKIN = ["--aperture-mm", "6", "--thickness-mm", "1"]
+RAMP = ["--program", "ramp:100@20"]
+
+
+@pytest.fixture
+def call(capsys, tmp_path, monkeypatch):
+    """Run a command in an own folder with three exports; a pipe is no terminal."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a.txt").write_text(HEADER + ROWS)
+    (tmp_path / "b.txt").write_text(TWO.replace(".", ","), encoding="utf-16")
+    (tmp_path / "bad.txt").write_text(HEADER + ROWS.replace("2.5;50;", "2.5;x;"))
+
+    def call(*arguments):
+        status = run([str(a) for a in arguments])
+        captured = capsys.readouterr()
+        assert "Traceback" not in captured.err
+        return status, captured.out, captured.err
+
+    return call
+
+
+def values(entries):
+    """What was identified, without the intervals: those look at all curves of an input together."""
+    return [{n: v["value"] for n, v in entry["parameters"].items()} for entry in entries]
+
+
+def test_several_files_become_one_session(call):
+    status, out, err = call(
+        "import", "a.txt", "b.txt", "--aperture-mm", "6", "--aperture-mm", "2", "--thickness-mm",
+        "1", *RAMP, "--cycle", "1", "--cycle", "2", "--repeat", "3", "--out", "s.h5",
+    )  # fmt: skip
+    assert (status, out) == (0, "session: s.h5\n")
+    assert "a.txt: UTF-8, separator semicolon, decimal point; time: column 't (s)' in s" in err
+    assert "b.txt: UTF-16, separator semicolon, decimal comma" in err
+    first, second = read_session("s.h5").curves
+    assert (first.name, second.name) == ("a.txt", "b.txt")
+    assert (first.setup.aperture_mm, second.setup.aperture_mm) == (6.0, 2.0)
+    assert (first.setup.cycle, second.setup.cycle) == (1, 2)
+    assert (first.setup.repeat, second.setup.repeat) == (3, 3)
+    assert str(second.setup.program) == "ramp:100@20"
+    np.testing.assert_allclose(second.pressure_mbar, 2.0 * np.arange(51), atol=1e-9)
+
+
+def test_an_imported_session_is_one_like_any_other(call):
+    assert call("import", "a.txt", "b.txt", *SKIN, *RAMP, "--out", "s.h5")[0] == 0
+    status, out, _ = call("session", "info", "s.h5")
+    assert status == 0
+    assert "imported" in out
+    assert "from 2 files of other software; no instrument was connected" in out
+    assert "session imported" in out  # the audit trail
+    assert call("session", "verify", "s.h5")[0] == 0
+    status, out, _ = call("identify", "s.h5", "--json")
+    assert status == 0
+    identified = json.loads(out)["curves"]
+    assert [entry["file"] for entry in identified] == ["s.h5:a.txt", "s.h5:b.txt"]
+    for speed in ("1", "max"):
+        status, out, err = call("replay", "s.h5", "--speed", speed, "--verify", "--json")
+        assert status == 0
+        assert "imported curves: there are no bytes to replay" in err
+        replayed = json.loads(out)["curves"]
+        assert values(replayed) == values(identified)
+    assert call("export", "s.h5", "--to", "csv", "tidy")[0] == 0
+    status, out, _ = call("identify", "tidy", "--json")
+    assert values(json.loads(out)["curves"]) == values(identified)
+
+
+def test_the_good_ones_come_first_and_the_json_says_which_failed(call):
+    status, out, err = call("import", "bad.txt", "a.txt", *SKIN, "--out", "s.h5", "--json")
+    assert status == 3
+    document = json.loads(out)
+    assert document["session"] == "s.h5"
+    bad, good = document["files"]
+    assert bad["error"] == (
+        "bad.txt: line 27: p (mbar) is 'x', expected a number (decimal sign: a point)"
+    )
+    assert bad["error"] in err
+    assert (good["error"], good["points"]) == (None, 51)
+    assert len(read_session("s.h5").curves) == 1
+
+
+def test_nothing_good_leaves_no_session(call, tmp_path):
+    status, out, _ = call("import", "bad.txt", "absent.txt", *SKIN, "--out", "s.h5", "--json")
+    assert status == 3
+    assert json.loads(out)["session"] is None
+    assert not (tmp_path / "s.h5").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "says"),
+    [
+        (["import", "a.txt", *SKIN], 2, "--out"),
+        (["import", "a.txt", "--out", "s.h5"], 2, "--aperture-mm"),
+        (
+            ["import", "a.txt", *SKIN, "--cycle", 1, "--cycle", 2, "--out", "s.h5"],
+            2,
+            "2 times for 1",
+        ),
+        (["import", "a.txt", *SKIN, "--time-unit", "h", "--out", "s.h5"], 2, "--time-unit"),
+        (["import", "a.txt", *SKIN, "--subject", "Jane", "--out", "s.h5"], 3, "pseudonym"),
+        (["import", "a.txt", *SKIN, "--cycle", 0, "--out", "s.h5"], 3, "count from 1"),
+        (["import", "a.txt", *SKIN, "--program", "up", "--out", "s.h5"], 3, "is no segment"),
+        (["import", "a.txt", *SKIN, "--out", "a.txt"], 3, "exists already"),
+        (["import", "b.txt", *SKIN, "--out", "s.h5"], 3, "no column of the pressure"),
+        (["watch", "absent", *SKIN], 3, "absent: no such folder"),
+        (["watch", ".", *SKIN, "--settle-s", 0], 3, "expected 0.1-3600"),
+        (["watch", ".", *SKIN, "--out", "a.txt"], 3, "exists already"),
+        (["export", "absent.h5", "--to", "csv", "d"], 3, "absent.h5"),
+        (["export", "absent.h5", "--to", "docx", "d"], 2, "'csv', 'json'"),
+        (["capture", "--port", "sim://", "--out", "a.txt"], 3, "never overwritten"),
+        (["capture", "--port", "/dev/absent", "--out", "c"], 4, "there is no such port"),
+        (["capture", "--port", "sim://", "--through", "tcp:99999", "--out", "c"], 4, "65535"),
+        (["capture", "--port", "sim://", "--framing", "9X9", "--out", "c"], 2, "framing"),
+    ],
+)
+def test_mistakes_give_one_sentence_and_leave_nothing(call, tmp_path, arguments, status, says):
+    before = sorted(tmp_path.iterdir())
+    got, _, err = call(*arguments)
+    assert got == status
+    assert says in err
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_capture_ends_by_itself(call):
+    status, _, err = call("capture", "--port", "sim://", "--seconds", "0", "--out", "c.jsonl")
+    assert status == 0
+    assert "c.jsonl: 0 bytes from the instrument, 0 bytes from the software" in err

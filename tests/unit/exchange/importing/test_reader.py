@@ -1,0 +1,420 @@
+"""Curves that other software wrote: read to the same numbers, or refused in one sentence."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+
+import numpy as np
+import openpyxl
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from skinlab.curves.curve import Setup
+from skinlab.curves.program import parse_program
+from skinlab.errors import InputError
+from skinlab.exchange.importing.questions import Answers, Question
+from skinlab.exchange.importing.reader import import_bytes, import_file
+
+PLAIN = Setup(6.0, 1.0)
+RAMP = Setup(6.0, 1.0, parse_program("ramp:100@20"))
+PATH = Path("curve.txt")
+
+
+def read(data, setup=PLAIN, ask=None, **stated):
+    if isinstance(data, str):
+        data = data.encode()
+    answers = Answers({name.replace("_", "-"): value for name, value in stated.items()}, ask)
+    return import_bytes(PATH, data, setup, answers)
+
+
+def refusal(data, setup=PLAIN, **stated):
+    with pytest.raises(InputError) as caught:
+        read(data, setup, **stated)
+    sentence = str(caught.value)
+    assert sentence.startswith("curve.txt: ")
+    assert "\n" not in sentence
+    return sentence.removeprefix("curve.txt: ")
+
+
+def rows(separator=";", decimal=".", n=101, pick=(0, 1, 2), scale=(1, 1, 1)):
+    """Rows of a ramp: 20 mbar/s, 3 µm for each mbar."""
+    lines = []
+    for i in range(n):
+        values = (0.05 * i, 1.0 * i, 0.003 * i)
+        texts = [f"{values[k] * scale[k]:.4f}".replace(".", decimal) for k in pick]
+        lines.append(separator.join(texts) + "\n")
+    return "".join(lines)
+
+
+def check_ramp(imported, rtol=1e-12):
+    curve = imported.curve
+    i = np.arange(101)
+    np.testing.assert_allclose(curve.time_s, 0.05 * i, rtol=rtol, atol=1e-15)
+    np.testing.assert_allclose(curve.pressure_mbar, i, rtol=rtol, atol=1e-15)
+    np.testing.assert_allclose(curve.deflection_mm, 0.003 * i, rtol=rtol, atol=1e-15)
+
+
+# ---- any combination of forms ---------------------------------------------------------------
+
+TIMES = {"s": 1.0, "ms": 1e-3, "min": 60.0}
+PRESSURES = {"mbar": 1.0, "hPa": 1.0, "kPa": 10.0, "Pa": 0.01, "mmHg": 1.33322387415}
+LENGTHS = {"mm": 1.0, "µm": 1e-3, "um": 1e-3, "cm": 10.0}
+NAMES = {
+    "time": ["Time", "Zeit", "elapsed time", "TEMPS"],
+    "pressure": ["Pressure", "Druck", "suction", "Unterdruck", "Vacuum level"],
+    "deflection": ["Deflection", "Höhe", "skin elevation", "Auslenkung", "Verformung"],
+}
+STYLES = ["{} ({})", "{} [{}]", "{}/{}", "{}_{}", "{}, {}", "{} in {}", "{} {}"]
+PREAMBLE = ["DermaLab Combo", "", "Datum: 12.03.2020 10:15", "Probe;6 mm", "Range;0;100"]
+ENCODINGS = ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "latin-1"]
+
+
+@st.composite
+def exports(draw):
+    """A file's bytes, and the three channels in s, mbar and mm that it holds."""
+    n = draw(st.integers(5, 30))
+    steps = draw(st.lists(st.integers(1, 999), min_size=n, max_size=n))
+    units = [draw(st.sampled_from(sorted(table))) for table in (TIMES, PRESSURES, LENGTHS)]
+    counts = [
+        np.cumsum(steps),
+        np.array(draw(st.lists(st.integers(0, 9999), min_size=n, max_size=n))) + 1,
+        np.array(draw(st.lists(st.integers(-1, 599), min_size=n, max_size=n))),
+    ]
+    places = [draw(st.integers(2, 4)), 3, 3]
+    factors = [TIMES[units[0]], PRESSURES[units[1]], LENGTHS[units[2]]]
+    values = [c / 10.0**p * f for c, p, f in zip(counts, places, factors, strict=True)]
+    separator = draw(st.sampled_from([",", ";", "\t"]))
+    decimal = draw(st.sampled_from([".", ","]))
+    style = draw(st.sampled_from([s for s in STYLES if separator != "," or s != "{}, {}"]))
+    names = [draw(st.sampled_from(NAMES[role])) for role in NAMES]
+    units_below = draw(st.booleans())
+    headings = (
+        names if units_below else [style.format(a, b) for a, b in zip(names, units, strict=True)]
+    )
+    texts = [
+        [f"{c / 10.0**p:.{p}f}".replace(".", decimal) for c in column]
+        for column, p in zip(counts, places, strict=True)
+    ]
+    order = draw(st.permutations(range(3)))
+    words = [*(["Phase", ""] if units_below else ["Phase"]), *["load"] * n]
+    below = [units] if units_below else []
+    table = [headings, *below, *zip(*texts, strict=True)]
+    table = [[row[k] for k in order] for row in table]
+    if draw(st.booleans()):
+        table = [[word, *row] for word, row in zip(words, table, strict=True)]
+    text = io.StringIO()
+    quoting = draw(st.sampled_from([csv.QUOTE_MINIMAL, csv.QUOTE_ALL]))
+    end = draw(st.sampled_from(["\n", "\r\n"]))
+    trailing = draw(st.booleans())
+    writer = csv.writer(text, delimiter=separator, quoting=quoting, lineterminator=end)
+    for line in draw(st.lists(st.sampled_from(PREAMBLE), max_size=4)):
+        text.write(line + end)
+    writer.writerows([*row, *([""] if trailing else [])] for row in table)
+    text.write(draw(st.sampled_from(["", end, f"{end}End of measurement{end}"])))
+    return text.getvalue().encode(draw(st.sampled_from(ENCODINGS))), values
+
+
+@given(exports())
+@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+def test_any_combination_of_forms_reads_back_to_the_same_numbers(export):
+    data, (time_s, pressure_mbar, deflection_mm) = export
+    curve = read(data).curve
+    np.testing.assert_allclose(curve.time_s, time_s, rtol=1e-12)
+    np.testing.assert_allclose(curve.pressure_mbar, pressure_mbar, rtol=1e-12)
+    np.testing.assert_allclose(curve.deflection_mm, deflection_mm, rtol=1e-12)
+
+
+WHOLE = ("Time (s);Pressure (mbar);Deflection (mm)\n" + rows(n=12)).encode()
+
+
+def rubbish_or_curve(data):
+    try:
+        imported = read(data, RAMP)
+    except InputError:
+        return
+    assert np.isfinite(imported.curve.deflection_mm).all()
+
+
+@given(st.one_of(st.binary(max_size=300), st.text(max_size=300).map(lambda t: t.encode("utf-16"))))
+@settings(max_examples=150, deadline=None)
+def test_rubbish_gives_an_input_error_and_nothing_else(data):
+    rubbish_or_curve(data)
+
+
+@given(st.integers(0, len(WHOLE) - 1), st.integers(0, 40), st.binary(max_size=8))
+@settings(max_examples=150, deadline=None)
+def test_a_damaged_file_gives_a_curve_or_an_input_error(at, cut, put):
+    rubbish_or_curve(WHOLE[:at] + put + WHOLE[at + cut :])
+
+
+@given(st.text(alphabet="0123456789.,;\t \n-+eE\"'()sm", max_size=200))
+@settings(max_examples=150, deadline=None)
+def test_nearly_tables_give_a_curve_or_an_input_error(text):
+    rubbish_or_curve(text.encode())
+
+
+# ---- what is understood ------------------------------------------------------------------------
+
+
+def test_what_was_understood_is_said():
+    text = "DermaLab\nZeit [ms];Druck [kPa];Höhe [µm]\n" + rows(";", ",", scale=(1e3, -0.1, 1e3))
+    imported = read(text.encode("latin-1"))
+    check_ramp(imported)
+    said = "; ".join(imported.understood)
+    for words in (
+        "Latin-1, separator semicolon, decimal comma",
+        "time: column 'Zeit [ms]' in ms",
+        "pressure: column 'Druck [kPa]' in kPa",
+        "deflection: column 'Höhe [µm]' in µm",
+        "101 samples, lines 3-103",
+        "other lines not used: 1 before, 0 after",
+        "the pressure was negated",
+    ):
+        assert words in said
+
+
+def test_columns_cut_at_spaces():
+    text = "Time (s)  Skin elevation (mm)\n" + rows("   ", ".", pick=(0, 2))
+    check_ramp(read(text, RAMP))
+    text = "t (s) elevation (mm)\n" + rows(" ", ",", pick=(0, 2))
+    check_ramp(read(text, RAMP))
+
+
+def test_a_long_file_whose_decimals_come_late():
+    rest = "".join(f"{i / 10:.1f};0;0\n".replace(".0;", ";") for i in range(0, 25000, 10))
+    pull = "".join(f"{2500 + i / 10:.1f};{i};0.00{i}\n" for i in range(1, 10))
+    for sign in ".,":
+        text = "t (s);p (mbar);w (mm)\n" + (rest + pull).replace(".", sign)
+        curve = read(text).curve
+        assert len(curve) == 2509
+        assert curve.deflection_mm[-1] == 0.009
+
+
+def test_a_header_that_is_marked_as_a_remark():
+    for separator in (" ", ",", "\t"):
+        check_ramp(read(separator.join(["# time_s", "pressure_mbar", "deflection_mm"]) + "\n"
+            + rows(separator)))  # fmt: skip
+
+
+def test_without_a_column_of_the_pressure_the_program_gives_it():
+    text = "time (s);deflection (mm)\n" + rows(pick=(0, 2))
+    imported = read(text, RAMP)
+    check_ramp(imported)
+    assert imported.curve.phase.tolist() == ["load"] * 101
+    assert not imported.curve.partial
+    assert "computed from the program, which started at 0 s" in imported.understood[-1]
+
+
+def test_samples_behind_the_program_are_left_out_and_a_short_curve_is_partial():
+    imported = read("time (s);deflection (mm)\n" + rows(n=150, pick=(0, 2)), RAMP)
+    check_ramp(imported)
+    assert "49 samples behind the program's end were left out" in imported.understood
+    imported = read("time (s);deflection (mm)\n" + rows(n=50, pick=(0, 2)), RAMP)
+    assert imported.curve.partial
+    assert len(imported.curve) == 50
+
+
+def test_when_the_program_started_must_be_known():
+    text = "time (s);deflection (mm)\n" + "".join(
+        f"{3 + 0.05 * i:.2f};{0.003 * i:.3f}\n" for i in range(101)
+    )
+    assert "--program-start-s 0 or 3.0" in refusal(text, RAMP)
+    curve = read(text, RAMP, program_start_s="3").curve
+    np.testing.assert_allclose(curve.pressure_mbar, np.arange(101.0), atol=1e-9)
+    assert curve.time_s[0] == 3.0
+
+
+def test_the_files_own_pressure_wins_over_the_program():
+    imported = read("t (s);p (mbar);w (mm)\n" + rows(), RAMP)
+    check_ramp(imported)
+    assert "the pressure is the file's, not the program's" in imported.understood
+
+
+def test_remarks_behind_the_table_are_counted_and_not_read():
+    imported = read("t (s);p (mbar);w (mm)\n" + rows() + "\nR0;0.31\nend of file;;\n")
+    assert "other lines not used: 0 before, 2 after" in imported.understood
+
+
+def workbook(*sheets, shift=0):
+    book = openpyxl.Workbook()
+    book.remove(book.active)
+    for name, table in sheets:
+        sheet = book.create_sheet(name)
+        for r, row in enumerate(table, start=1 + shift):
+            for c, value in enumerate(row, start=1 + shift):
+                sheet.cell(r, c, value)
+    data = io.BytesIO()
+    book.save(data)
+    return data.getvalue()
+
+
+CELLS = [[0.05 * i, 1.0 * i, 3.0 * i] for i in range(101)]
+TABLE = [["Subject", "P-1"], [], ["Time [s]", "Pressure [mbar]", "Deflection [µm]"], *CELLS]
+
+
+@pytest.mark.parametrize("shift", [0, 2])
+def test_a_workbook(shift):
+    imported = read(workbook(("notes", [["hello"]]), ("Curve 1", TABLE), shift=shift))
+    check_ramp(imported)
+    assert imported.understood[0] == "sheet 'Curve 1'"
+
+
+def test_a_workbook_whose_numbers_are_texts():
+    texts = [[f"{value:.4f}".replace(".", ",") for value in row] for row in CELLS]
+    check_ramp(read(workbook(("a", [TABLE[2], *texts]))))
+
+
+def test_of_several_sheets_one_must_be_named():
+    data = workbook(("a", TABLE), ("b c", TABLE))
+    assert "several sheets hold a table; say with --sheet a or 'b c'" in refusal(data)
+    check_ramp(read(data, sheet="b c"))
+    assert "--sheet 'd': expected one of a, b c" in refusal(data, sheet="d")
+
+
+def test_a_damaged_workbook_is_refused():
+    data = workbook(("a", TABLE))
+    rng = np.random.default_rng(0)
+    for size in (4, 100, len(data) // 2, len(data) - 10):
+        assert "not a workbook" in refusal(data[:size])
+    for _ in range(40):
+        changed = bytearray(data)
+        for at in rng.integers(4, len(data), 20):
+            changed[at] = rng.integers(256)
+        rubbish_or_curve(bytes(changed))
+
+
+# ---- what stays open -----------------------------------------------------------------------------
+
+OPEN = [
+    ("time;pressure;deflection\n" + rows(), "time-unit"),
+    ("t (s);pressure;w (mm)\n" + rows(), "pressure-unit"),
+    ("t (s);pressure (psi);w (mm)\n" + rows(), "pressure-unit"),
+    ("t (s);Druck (mm);w (mm)\n" + rows(), "pressure-unit"),
+    (rows(), "time-column"),
+    ("t (s);set (mbar);actual (mbar);w (mm)\n" + rows(pick=(0, 1, 1, 2)), "pressure-column"),
+    ("t (s);a;w (mm)\n" + rows(), "pressure-column"),
+    ("t (s),p (mbar),w (mm)\n" + rows(",", ","), "decimal"),
+    ("t (s);p (mbar);w (mm)\n" + rows(scale=(1, 1, -1)), "deflection-sign"),
+]
+
+
+@pytest.mark.parametrize(("text", "option"), OPEN)
+def test_what_stays_open_is_refused_with_the_option_that_says_it(text, option):
+    assert f"; say with --{option} " in refusal(text)
+
+
+@pytest.mark.parametrize(("text", "option"), OPEN)
+def test_what_stays_open_can_be_answered(text, option):
+    asked: list[Question] = []
+    wanted = {
+        "time-unit": "s", "pressure-unit": "mbar", "deflection-unit": "mm", "decimal": "comma",
+        "deflection-sign": "-", "time-column": "1", "deflection-column": "3",
+    }  # fmt: skip
+
+    def answer(question):
+        asked.append(question)
+        if question.option in wanted:
+            return wanted[question.option]
+        if question.choices == ("2", "3"):
+            return "2"
+        return question.choices[-1]
+
+    check_ramp(read(text, ask=answer))
+    assert option in {question.option for question in asked}
+    assert all(wanted.get(q.option, q.choices[0]) in q.choices for q in asked)
+
+
+def test_an_answer_serves_all_files():
+    asked: list[Question] = []
+    answers = Answers({}, lambda question: asked.append(question) or "mbar")
+    text = "t (s);pressure;w (mm)\n" + rows()
+    for _ in range(3):
+        check_ramp(import_bytes(PATH, text.encode(), PLAIN, answers))
+    assert len(asked) == 1
+
+
+def test_options_answer_without_a_question():
+    imported = read(
+        rows(), time_column="1", pressure_column="2", deflection_column="3", time_unit="s",
+        pressure_unit="mbar", deflection_unit="mm",
+    )  # fmt: skip
+    check_ramp(imported)
+    imported = read(
+        "A;B;C\n" + rows(), time_column="a", pressure_column="B", deflection_column="C",
+        time_unit="s", pressure_unit="mbar", deflection_unit="mm",
+    )  # fmt: skip
+    check_ramp(imported)
+    check_ramp(read("t (s),p (mbar),w (mm)\n" + rows(",", ","), decimal="comma"))
+
+
+# ---- what is refused -----------------------------------------------------------------------------
+
+
+def damaged(row, replacement):
+    lines = rows().split("\n")
+    lines[row] = replacement
+    return "t (s);p (mbar);w (mm)\n" + "\n".join(lines)
+
+
+@pytest.mark.parametrize(
+    ("data", "says"),
+    [
+        ("", "empty; expected a table"),
+        (b"\x89PNG\r\n\x1a\n" + bytes(range(256)), "it is no text"),
+        (b"\xd0\xcf\x11\xe0" + bytes(600), "an old Excel file (.xls); expected .xlsx or text"),
+        ("hello\nworld\n", "no table found; expected rows of at least two numbers"),
+        (damaged(50, "bad;50;0.15"), "line 52: t (s) is 'bad', expected a number"),
+        (damaged(50, "2.5;;0.15"), "line 52: p (mbar) is '', expected a number"),
+        (damaged(50, "2.5;nan;0.15"), "line 52: p (mbar) is 'nan', expected a number"),
+        (damaged(50, "2.5;5,0;0.15"), "(decimal sign: a point)"),
+        (damaged(50, "2.5;50"), "line 52: 2 fields, expected 3"),
+        (damaged(50, "2.5;50;0.1;7"), "line 52: 4 fields, expected 3"),
+        (damaged(100, "5.0;10"), "line 102: 2 fields, expected 3"),
+        (damaged(100, "5.0;nan;nan"), "line 102: p (mbar) is 'nan', expected a number"),
+        (damaged(50, "2.45;50;0.15"), "line 52: time 2.45 s does not increase"),
+        ("t (s);p (mbar);w (mm)\n" + rows(n=4), "4 samples; expected at least 5"),
+        ("t (s);w (mm)\n" + rows(pick=(0, 2)), "or give the pressure program with --program"),
+        ("t;p (mbar);w (mm)\n" + "0:01;1;1\n" * 9, "line 1: no column of the time"),
+        ("time;p (mbar);w (mm)\n" + "0:01;1;1\n" * 9, "line 2: the time (column 'time') is no"),
+        ("p (mbar);w (mm)\n" + rows(pick=(1, 2)), "line 1: no column of the time"),
+        ("t (s);p (bar);w (mm)\n" + rows(), "line 3: a pressure of 1000 mbar; expected a suction"),
+        ("t (s);p (mbar);w (cm)\n" + rows(scale=(1, 1, 9)), "expected less (is its unit right?)"),
+        (f"t (s);p (mbar);w (mm)\n{rows()}\nt (s);p (mbar);w (mm)\n{rows()}", "a second table"),
+        ("t (s);p (mbar);w (mm)\n" + rows(scale=(1, 0, 1)), "expected a suction"),
+    ],
+)
+def test_refusals_name_the_line_and_what_was_expected(data, says):
+    assert says in refusal(data)
+
+
+def test_files_that_cannot_be_read(tmp_path):
+    with pytest.raises(InputError, match=r"absent\.txt: No such file"):
+        import_file(tmp_path / "absent.txt", PLAIN, Answers())
+    with pytest.raises(InputError, match="Is a directory"):
+        import_file(tmp_path, PLAIN, Answers())
+    with pytest.raises(InputError, match=r"byte 1 is not UTF-8 text"):
+        read(b"\xb5", encoding="UTF-8")
+    huge = tmp_path / "huge.csv"
+    with huge.open("wb") as file:
+        file.truncate(65 << 20)
+    with pytest.raises(InputError, match="larger than 64 MB"):
+        import_file(huge, PLAIN, Answers())
+
+
+@pytest.mark.parametrize(
+    ("stated", "says"),
+    [
+        ({"time_column": "9"}, "no such column; expected one of t (s), p (mbar), w (mm)"),
+        ({"time_column": "p (mbar)"}, "one column cannot be two channels"),
+        ({"time_unit": "mm"}, "'mm' is no unit of time"),
+        ({"decimal": "comma"}, "no table found"),
+    ],
+)
+def test_options_that_do_not_fit(stated, says):
+    text = "t (s);p (mbar);w (mm)\n" + rows()
+    if "pressure" not in says and stated.get("time_column") == "p (mbar)":
+        stated = {**stated, "pressure_column": "2"}
+    assert says in refusal(text, **stated)

@@ -1,0 +1,100 @@
+"""A session as tidy files, and back."""
+
+from __future__ import annotations
+
+import csv
+import json
+import stat
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from skinlab.curves.campaign import read_campaign
+from skinlab.curves.curve import Curve, Setup
+from skinlab.curves.program import parse_program
+from skinlab.errors import InputError
+from skinlab.exchange.export import FORMATS, export
+from skinlab.inference.identify import Identifier
+from skinlab.recording.load_inputs import read_input
+from skinlab.recording.session import Session
+from skinlab.recording.stream import setup_from_json
+
+NUMBERS = ("time_s", "pressure_mbar", "deflection_mm")
+
+
+@pytest.fixture(scope="module")
+def session(table):
+    rng = np.random.default_rng(0)
+    time_s = np.arange(40) / 7 + 1e-7 * rng.random(40)
+    program = parse_program("ramp:100@20")
+    whole = Curve(
+        'a "quoted", name', Setup(6, 1.1, program, 1, 1, 0.1), time_s, 100 / 6 * time_s,
+        np.cumsum(rng.random(40)) / 100, segment=np.zeros(40, dtype=np.intp),
+    )  # fmt: skip
+    partial = replace(whole, name="µ", setup=Setup(2, 0.9, None, 3, 2), segment=None, partial=True)
+    results = (Identifier(table)(whole).to_json(), None)
+    return Session({"site": 'fore"arm', "subject": "P-1"}, (), (whole, partial), results)
+
+
+def test_csv_reads_back_to_the_same_bits(session, tmp_path):
+    export(session, "csv", tmp_path / "new" / "folder")
+    campaign = read_campaign(tmp_path / "new" / "folder" / "campaign.toml")
+    assert campaign.title == 'fore"arm'
+    for curve, again in zip(session.curves, campaign.curves, strict=True):
+        assert again.setup == curve.setup
+        for name in NUMBERS:
+            np.testing.assert_array_equal(getattr(again, name), getattr(curve, name))
+    assert len(read_input(tmp_path / "new" / "folder", None).curves) == 2
+    with (tmp_path / "new" / "folder" / "curves.csv").open(newline="", encoding="utf-8") as file:
+        first, second = csv.DictReader(file)
+    value = session.results[0]["parameters"]["X1_MPa"]["value"]
+    assert float(first["X1_MPa"]) == value
+    assert (first["name"], first["samples"], first["partial"]) == (
+        'a "quoted", name',
+        "40",
+        "false",
+    )
+    assert (second["X1_MPa"], second["partial"], second["program"]) == ("", "true", "")
+
+
+def test_json_reads_back_to_the_same_bits(session, tmp_path):
+    (path,) = export(session, "json", tmp_path)
+    document = json.loads(path.read_text(encoding="utf-8"))
+    assert document["schema"] == "skinlab.export/1"
+    assert document["meta"] == session.meta
+    for curve, result, entry in zip(
+        session.curves, session.results, document["curves"], strict=True
+    ):
+        again = Curve(
+            entry["name"],
+            setup_from_json(entry["setup"]),
+            *(np.array(entry[name]) for name in NUMBERS),
+            segment=entry["segment"],
+            partial=entry["partial"],
+        )
+        assert (again.name, again.setup, again.partial) == (curve.name, curve.setup, curve.partial)
+        for name in NUMBERS:
+            np.testing.assert_array_equal(getattr(again, name), getattr(curve, name))
+        np.testing.assert_array_equal(again.phase, curve.phase)
+        assert entry["phase"] == curve.phase.tolist()
+        assert entry["result"] == result
+
+
+@pytest.mark.parametrize("kind", FORMATS)
+def test_nothing_is_overwritten_and_the_files_are_their_owners(session, kind, tmp_path):
+    paths = export(session, kind, tmp_path)
+    assert all(stat.S_IMODE(path.stat().st_mode) == 0o600 for path in paths)
+    before = paths[-1].read_bytes()
+    with pytest.raises(InputError, match="exists already"):
+        export(session, kind, tmp_path)
+    assert paths[-1].read_bytes() == before
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="cannot be written"):
+        export(session, kind, tmp_path / "file" / "folder")
+
+
+@pytest.mark.parametrize("kind", FORMATS)
+def test_an_empty_session(kind, tmp_path):
+    paths = export(Session({}, (), (), ()), kind, tmp_path)
+    assert "campaign.toml" not in [path.name for path in paths]

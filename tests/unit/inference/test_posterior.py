@@ -1,0 +1,223 @@
+"""The draws against posteriors that are known, in closed form or by brute force."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from skinlab.inference.intervals import correlation, interval, most_of_the_range
+from skinlab.inference.joint import GaussianPrior, JointMisfit
+from skinlab.inference.optimise import polish
+from skinlab.inference.posterior import sample
+from skinlab.parameters import BoxSpace, RatioSpace, WithFactor
+
+CUBE = BoxSpace(("a", "b", "c"), (0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
+
+
+class Residuals:
+    """A sum of squares from functions of (n, k) points."""
+
+    rest = 0.0
+
+    def __init__(self, differences, slopes):
+        self.differences, self.slopes = differences, slopes
+
+    def __call__(self, parameters):
+        return (self.differences(parameters) ** 2).sum(axis=1)
+
+    def residuals(self, parameters):
+        return self.differences(parameters[None])[0]
+
+
+def linear(J, centre):
+    return Residuals(lambda p: (p - centre) @ J.T, lambda p: np.tile(J, (len(p), 1, 1)))
+
+
+def banana(width=0.01):
+    """A valley b = 0.2 + 2 (a − 0.5)², `width` wide and all of a long; c is not fixed at all."""
+
+    def differences(p):
+        return np.stack(
+            [(p[:, 1] - 0.2 - 2 * (p[:, 0] - 0.5) ** 2) / width, (p[:, 0] - 0.5) / 0.15], axis=1
+        )
+
+    def slopes(p):
+        s = np.zeros((len(p), 2, 3))
+        s[:, 0, 0] = -4 * (p[:, 0] - 0.5) / width
+        s[:, 0, 1] = 1 / width
+        s[:, 1, 0] = 1 / 0.15
+        return s
+
+    return Residuals(differences, slopes)
+
+
+def quantile(values, weight, q):
+    order = np.argsort(values)
+    return np.interp(q, np.cumsum(weight[order]), values[order])
+
+
+def test_a_gaussian_comes_out_with_its_mean_and_covariance():
+    J = np.linalg.inv(
+        np.linalg.cholesky(np.array([[4, 3.8, 0], [3.8, 4, 0.3], [0, 0.3, 1.0]]) * 1e-4)
+    )
+    centre = np.array([0.5, 0.45, 0.55])
+    draws = sample(CUBE, linear(J, centre), centre[None], np.random.default_rng(0))
+    mean = draws.weight @ draws.unit
+    covariance = (draws.unit - mean).T @ ((draws.unit - mean) * draws.weight[:, None])
+    expected = np.linalg.inv(J.T @ J)
+    np.testing.assert_allclose(mean, centre, atol=2e-3)
+    np.testing.assert_allclose(covariance, expected, atol=0.1 * expected.max())
+    assert draws.effective > 500
+    assert draws.weight.sum() == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("width", [0.1, 0.01, 0.001])
+def test_a_curved_valley_is_followed(width):
+    """Given a, b is Gaussian and c is even: the marginals are those of a alone, in closed form."""
+    problem = banana(width)
+    found = polish(CUBE, problem, np.array([[0.2, 0.8, 0.5], [0.9, 0.1, 0.5]]))
+    draws = sample(CUBE, problem, found.unit, np.random.default_rng(1))
+    assert draws.effective > 300
+    a = np.linspace(0, 1, 4001)
+    density = np.exp(-0.5 * ((a - 0.5) / 0.15) ** 2)
+    expected = np.interp([0.05, 0.5, 0.95], np.cumsum(density) / density.sum(), a)
+    got = [quantile(draws.unit[:, 0], draws.weight, q) for q in (0.05, 0.5, 0.95)]
+    np.testing.assert_allclose(got, expected, atol=0.02)
+    free = [quantile(draws.unit[:, 2], draws.weight, q) for q in (0.05, 0.5, 0.95)]
+    np.testing.assert_allclose(free, [0.05, 0.5, 0.95], atol=0.03)
+
+
+def test_an_optimum_on_the_boundary_keeps_its_half():
+    J = np.diag([1 / 0.1, 1 / 0.1, 1 / 0.1])
+    centre = np.array([0.0, 0.5, 1.0])
+    draws = sample(CUBE, linear(J, centre), centre[None], np.random.default_rng(2))
+    half = 0.1 * 1.645  # 90 % of a half Gaussian
+    assert quantile(draws.unit[:, 0], draws.weight, 0.9) == pytest.approx(half, rel=0.05)
+    assert quantile(draws.unit[:, 2], draws.weight, 0.1) == pytest.approx(1 - half, rel=0.05)
+
+
+def test_a_larger_error_widens_by_its_root():
+    J = np.diag([1 / 0.02] * 3)
+    centre = np.full(3, 0.5)
+
+    def width(factor):
+        draws = sample(
+            CUBE, linear(J, centre), centre[None], np.random.default_rng(3), factor=factor
+        )
+        mean = draws.weight @ draws.unit
+        return np.sqrt(draws.weight @ (draws.unit - mean) ** 2)
+
+    np.testing.assert_allclose(width(4.0) / width(1.0), 2.0, rtol=0.08)
+
+
+def test_same_seed_same_bits():
+    one, two = (
+        sample(CUBE, banana(), np.array([[0.5, 0.2, 0.5]]), np.random.default_rng(7))
+        for _ in range(2)
+    )
+    np.testing.assert_array_equal(one.unit, two.unit)
+    np.testing.assert_array_equal(one.weight, two.weight)
+
+
+def test_no_model_at_the_minimum_is_an_error():
+    nothing = Residuals(
+        lambda p: np.full((len(p), 2), np.nan), lambda p: np.full((len(p), 2, 3), 0)
+    )
+    with pytest.raises(ValueError, match="no model"):
+        sample(CUBE, nothing, np.full((1, 3), 0.5), np.random.default_rng(0))
+
+
+class TestPolish:
+    def test_finds_the_minimum_of_a_narrow_valley_from_everywhere(self):
+        starts = np.random.default_rng(0).random((50, 3))
+        found = polish(CUBE, banana(1e-3), starts)
+        np.testing.assert_allclose(found.unit[:, 0], 0.5, atol=1e-4)
+        np.testing.assert_allclose(found.unit[:, 1], 0.2, atol=1e-4)
+        assert found.converged.all()
+
+    def test_stays_inside_and_ends_on_the_boundary(self):
+        J, centre = np.array([[1.0, 0.9, 0], [0, 1, 0.5], [0, 0, 1]]), np.array([1.4, 0.3, -0.2])
+        found = polish(CUBE, linear(J, centre), np.full((1, 3), 0.5))
+        from scipy.optimize import lsq_linear
+
+        expected = lsq_linear(J, J @ centre, bounds=(0, 1)).x
+        np.testing.assert_allclose(found.unit[0], expected, atol=1e-6)
+
+    def test_held_unknowns_keep_their_value(self):
+        held = np.array([[True, False, False]])
+        found = polish(CUBE, banana(), np.array([[0.3, 0.9, 0.4]]), held=held)
+        np.testing.assert_allclose(found.unit[0], [0.3, 0.2 + 2 * 0.04, 0.4], atol=1e-6)
+
+    def test_where_the_model_ends_no_step_is_taken(self):
+        def differences(p):
+            return np.where(p[:, :1] > 0.4, np.nan, p - 0.6)
+
+        problem = Residuals(differences, lambda p: np.tile(np.eye(3), (len(p), 1, 1)))
+        found = polish(CUBE, problem, np.array([[0.1, 0.5, 0.5], [0.9, 0.5, 0.5]]))
+        assert 0.1 < found.unit[0, 0] <= 0.4
+        assert np.isinf(found.cost[1])
+
+
+class TestInterval:
+    def test_is_the_shortest_of_an_uneven_distribution(self):
+        values = np.random.default_rng(0).exponential(1.0, 200_000)
+        low, high = interval(values, np.full(len(values), 1 / len(values)), 0.1, (0.0, 50.0))
+        assert low == 0.0
+        assert high == pytest.approx(np.log(10), rel=0.02)
+
+    def test_always_holds_the_best_fit(self):
+        values = np.random.default_rng(1).normal(0, 1, 10_000)
+        weight = np.full(len(values), 1e-4)
+        for best in (-5.0, 0.0, 5.0):
+            low, high = interval(values, weight, best)
+            assert low <= best <= high
+
+    def test_weights_count(self):
+        values, weight = np.linspace(0, 1, 10_001), np.ones(10_001)
+        weight[values > 0.5] = 0
+        low, high = interval(values, weight / weight.sum(), 0.25)
+        assert high - low == pytest.approx(0.45, abs=0.01)
+        assert high <= 0.5
+
+    def test_most_of_the_range(self):
+        prior = np.random.default_rng(2).random(2000)
+        assert most_of_the_range((0.2, 0.8), prior)
+        assert not most_of_the_range((0.4, 0.6), prior)
+        factor_of_100 = 100.0**prior
+        assert most_of_the_range((2.0, 40.0), factor_of_100)
+        assert not most_of_the_range((40.0, 60.0), factor_of_100)
+
+
+def test_correlations_are_those_of_the_draws():
+    rng = np.random.default_rng(3)
+    draws = rng.multivariate_normal([0, 0], [[1, -0.8], [-0.8, 1]], 50_000)
+    matrix = correlation(draws, np.full(len(draws), 1 / len(draws)))
+    assert matrix[0][1] == pytest.approx(-0.8, abs=0.01)
+    assert matrix[0][0] == 1.0
+
+
+def test_joint_misfits_add_up():
+    J = np.diag([3.0, 2.0, 1.0])
+    parts = [linear(J, np.full(3, 0.4)), banana(), GaussianPrior(1, 0.5, 0.1)]
+    joint = JointMisfit(parts)
+    points = np.random.default_rng(4).random((5, 3))
+    np.testing.assert_allclose(joint(points), sum(p(points) for p in parts))
+    np.testing.assert_allclose((joint.differences(points) ** 2).sum(axis=1), joint(points))
+    step = 1e-6
+    for i in range(3):
+        rise = joint.differences(points + step * np.eye(3)[i]) - joint.differences(
+            points - step * np.eye(3)[i]
+        )
+        np.testing.assert_allclose(joint.slopes(points)[:, :, i], rise / (2 * step), atol=1e-5)
+    assert joint.residuals(points[0]) @ joint.residuals(points[0]) == pytest.approx(
+        joint(points[:1])[0]
+    )
+
+
+def test_a_space_with_a_factor_goes_there_and_back():
+    space = WithFactor(RatioSpace((0.01, 0.1), (1.0, 100.0), (0.2, 0.48)), "ratio", 0.5, 2.0)
+    unit = np.random.default_rng(5).random((6, 4))
+    np.testing.assert_allclose(space.to_unit(space.from_unit(unit)), unit, atol=1e-12)
+    assert space.names[-1] == "ratio"
+    assert space.bounds[1][-1] == 2.0
+    assert space.from_unit(np.array([0.5, 0.5, 0.5, 0.5]))[-1] == pytest.approx(1.0)

@@ -1,0 +1,340 @@
+"""Intervals, flags, joint identification and advice, on curves whose truth is known."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import binom
+
+from skinlab.cli.main import run
+from skinlab.curves.csv import write_curve
+from skinlab.curves.curve import Curve, Setup
+from skinlab.curves.program import parse_program
+from skinlab.inference.batch import identify_all, noise_from_repeats_um, with_stated_noise
+from skinlab.inference.identify import Identifier
+from skinlab.inference.optimise import polish
+from skinlab.inference.problem import Problem
+from skinlab.inference.uncertainty import Sensor
+from skinlab.mechanics.fem.suction import Geometry
+
+PRESSURE = np.linspace(0.0, 100.0, 51)
+STANDARD = Setup(6.0, 1.0, parse_program("ramp:100@20"))
+SKIN = np.array([0.03, 1.0, 0.32])
+
+
+def curve_of(table, truth, setup=STANDARD, noise_um=0.0, seed=0, pressure=PRESSURE, extra_mm=0.0):
+    model = table.model(Geometry(setup.aperture_mm, setup.thickness_mm), pressure)
+    w = model.deflection_mm(np.asarray(truth)[None])[0]
+    noise = np.random.default_rng(seed).normal(0.0, 1e-3 * noise_um, len(w)) if noise_um else 0.0
+    return Curve(f"c{seed}", setup, np.arange(len(w)) / 20.0, pressure, w + noise + extra_mm)
+
+
+def drawn(table, n, seed):
+    """Skins from the prior that hold to 100 mbar."""
+    model = table.model(Geometry(6.0, 1.0), PRESSURE)
+    x = model.space.from_unit(np.random.default_rng(seed).random((3 * n, 3)))
+    return x[np.isfinite(model.deflection_mm(x)).all(axis=1)][:n]
+
+
+def width(result, name):
+    value = result.parameters[name]
+    return value.high - value.low
+
+
+def test_auto_finds_the_optimum_of_every_curve(table):
+    """Against 100 polished starts; benchmarks/identification.py does it for 1,000 from the FE."""
+    model = table.model(Geometry(6.0, 1.0), PRESSURE)
+    rng = np.random.default_rng(0)
+    for truth in drawn(table, 15, 11):
+        curve = curve_of(table, truth, noise_um=3.0, seed=1)
+        found = Identifier(table).growing(curve)  # the quick one: few starts
+        full = replace(Identifier(table), sensor=Sensor(3.0, 0.0))(curve)
+        problem = Problem(model.space, model.misfit(curve.deflection_mm), 51)
+        many = polish(model.space, problem.misfit, rng.random((100, 3)))
+        best_um = 1e3 * np.sqrt(many.cost.min() + problem.misfit.rest) / 51
+        assert full.error_um <= best_um + 1e-3
+        assert found.error_um <= best_um + 1e-2
+
+
+def test_intervals_hold_the_truth_as_often_as_they_say(table):
+    """A subset of the benchmark, within binomial bounds of 99.8 %; skins drawn from the prior."""
+    n = 80
+    low, high = binom.interval(0.998, n, 0.9)
+    held = np.zeros(3)
+    for i, truth in enumerate(drawn(table, n, 12)):
+        sensor = Sensor(3.0 if i % 2 else None, 0.0)
+        result = Identifier(table, sensor=sensor, seed=i)(
+            curve_of(table, truth, noise_um=3.0, seed=i)
+        )
+        values = list(result.parameters.values())
+        assert all(v.low <= v.value <= v.high for v in values)
+        held += [v.low <= t <= v.high for v, t in zip(values, truth, strict=True)]
+    assert (held >= low).all()
+    assert (held <= high).all()
+
+
+def test_more_noise_gives_wider_intervals(table):
+    widths = [
+        width(
+            Identifier(table, sensor=Sensor(noise, 0.0))(curve_of(table, SKIN, noise_um=0.5)),
+            "X1_MPa",
+        )
+        for noise in (1.0, 3.0, 10.0)
+    ]
+    assert widths[0] < widths[1] < widths[2]
+
+
+def test_an_uncertain_thickness_widens(table):
+    at = [
+        Identifier(table)(
+            curve_of(table, SKIN, replace(STANDARD, thickness_sd_mm=sd), noise_um=3.0, seed=1)
+        )
+        for sd in (None, 0.05, 0.15)
+    ]
+    widths = [width(r, "X1_MPa") for r in at]
+    assert widths[0] < 1.05 * widths[1] < 1.1 * widths[2]
+    assert widths[2] > 1.3 * widths[0]
+    assert at[0].parameters["X1_MPa"].value == at[2].parameters["X1_MPa"].value
+
+
+def test_the_noise_is_estimated_where_it_is_not_stated(table):
+    found = [
+        Identifier(table)(curve_of(table, SKIN, noise_um=3.0, seed=s)).noise_um for s in range(12)
+    ]
+    assert np.mean(found) == pytest.approx(3.0, rel=0.1)
+
+
+def test_pressure_noise_is_told_from_deflection_noise(table):
+    rng = np.random.default_rng(5)
+    found = []
+    for _ in range(10):
+        true_mbar = PRESSURE
+        curve = curve_of(table, SKIN, noise_um=3.0, seed=int(rng.integers(1e6)))
+        noisy = true_mbar + rng.normal(0, 0.3, 51)
+        found.append(Identifier(table)(replace_pressure(curve, noisy)))
+    assert np.mean([r.noise_um for r in found]) == pytest.approx(3.0, rel=0.25)
+    assert np.mean([r.rms_um for r in found]) > 3.2
+    assert sum("misfit_above_noise" in r.flags for r in found) <= 1
+
+
+def replace_pressure(curve, pressure):
+    return Curve(curve.name, curve.setup, curve.time_s, pressure, curve.deflection_mm)
+
+
+def test_what_the_model_cannot_do_is_flagged_and_widens(table):
+    wave = 0.015 * np.sin(np.linspace(0, 12, 51))
+    for sensor in (Sensor(3.0, 0.0), Sensor()):
+        clean, wavy = (
+            Identifier(table, sensor=sensor)(
+                curve_of(table, SKIN, noise_um=3.0, seed=2, extra_mm=extra)
+            )
+            for extra in (0.0, wave)
+        )
+        assert "misfit_above_noise" not in clean.flags
+        assert "misfit_above_noise" in wavy.flags
+        assert wavy.rms_um > 2 * wavy.noise_um
+        assert width(wavy, "X1_MPa") > width(clean, "X1_MPa")
+
+
+def test_what_the_data_do_not_fix_is_flagged(table):
+    loose = Identifier(table, sensor=Sensor(10.0, 0.0))(curve_of(table, SKIN, noise_um=10.0))
+    tight = Identifier(table, sensor=Sensor(0.1, 0.0))(curve_of(table, SKIN, noise_um=0.1))
+    assert "not_identifiable:nu" in loose.flags
+    assert not any(f.startswith("not_identifiable") for f in tight.flags)
+
+
+def test_correlations_come_with_the_intervals(table):
+    result = Identifier(table)(curve_of(table, SKIN, noise_um=3.0))
+    matrix = np.array(result.correlation)
+    np.testing.assert_allclose(np.diag(matrix), 1.0)
+    np.testing.assert_allclose(matrix, matrix.T)
+    assert matrix[0, 2] < -0.5  # stiffer, or less compressible: one moves the dome like the other
+
+
+@pytest.mark.parametrize("method", ["sto", "gn", "lm"])
+def test_the_papers_methods_give_no_intervals(table, method):
+    result = Identifier(table, method=method)(curve_of(table, SKIN, noise_um=3.0))
+    assert all(v.low is None and v.high is None for v in result.parameters.values())
+
+
+class TestJoint:
+    def curves(self, table, apertures=(2.0, 6.0, 8.0), noise_um=3.0):
+        return [
+            curve_of(table, SKIN, replace(STANDARD, aperture_mm=a), noise_um=noise_um, seed=i)
+            for i, a in enumerate(apertures)
+        ]
+
+    def test_several_apertures_know_more(self, table):
+        identifier, curves = Identifier(table), self.curves(table)
+        alone, together = identifier(curves[1]), identifier.joint(curves)
+        for name, truth in zip(("X1_MPa", "X2_MPa", "nu"), SKIN, strict=True):
+            assert width(together, name) < 0.6 * width(alone, name)
+            assert together.parameters[name].value == pytest.approx(truth, rel=0.15)
+        assert together.files == ("c0", "c1", "c2")
+        assert together.fitted_points == 153
+
+    def test_of_one_curve_is_its_own_answer(self, table):
+        identifier, (curve,) = Identifier(table), self.curves(table, (6.0,))
+        alone, together = identifier(curve).to_json(), identifier.joint([curve]).to_json()
+        assert together.pop("files") == [alone.pop("file")]
+        for entry in (alone, together):
+            entry.pop("seconds"), entry.pop("aperture_mm"), entry.pop("thickness_mm")
+        assert alone == together
+
+    def test_a_noisy_curve_counts_less(self, table):
+        """Ten repeats with a wrong, very noisy one: the answer is that of the good ones."""
+        good = [curve_of(table, SKIN, noise_um=1.0, seed=s) for s in range(3)]
+        stiff = curve_of(table, SKIN * [1.1, 1, 1], noise_um=200.0, seed=9)
+        identifier = Identifier(table)
+        with_bad, without = identifier.joint([*good, stiff]), identifier.joint(good)
+        for name in ("X1_MPa", "nu"):
+            v = without.parameters[name]
+            assert with_bad.parameters[name].value == pytest.approx(v.value, abs=v.high - v.low)
+
+    def test_intervals_hold_the_truth(self, table):
+        held = np.zeros(3)
+        n = 20
+        skins = drawn(table, n, 15)
+        for i, truth in enumerate(skins):
+            curves = [
+                curve_of(table, truth, replace(STANDARD, aperture_mm=a), noise_um=3.0, seed=10 * i)
+                for a in (4.0, 6.0)
+            ]
+            result = Identifier(table, sensor=Sensor(3.0, 0.0)).joint(curves)
+            held += [
+                v.low <= t <= v.high for v, t in zip(result.parameters.values(), truth, strict=True)
+            ]
+        assert (held >= binom.ppf(0.001, n, 0.9)).all()
+
+
+class TestAdvice:
+    def test_the_expected_narrowing_comes_true(self, table):
+        identifier = Identifier(table, sensor=Sensor(3.0, 0.0))
+        first = curve_of(table, SKIN, noise_um=3.0, seed=3)
+        known = identifier(first)
+        advice = {(a.aperture_mm, a.program): a for a in identifier.advise(known, 1.0)}
+        for aperture, program in ((8.0, "ramp:100@20"), (2.0, "ramp:300@20"), (6.0, "ramp:100@20")):
+            expected = advice[aperture, program].narrows
+            setup = replace(STANDARD, aperture_mm=aperture, program=parse_program(program))
+            top = setup.program.max_pressure_mbar
+            pressure = np.arange(0, top + 0.5, 1.0)
+            ratios = []
+            for seed in range(4):
+                more = curve_of(table, SKIN, setup, 3.0, 20 + seed, pressure)
+                both = identifier.joint([first, more])
+                ratios.append([width(both, n) / width(known, n) for n in expected])
+            got = dict(zip(expected, np.mean(ratios, axis=0), strict=True))
+            for name, ratio in expected.items():
+                assert got[name] == pytest.approx(ratio, rel=0.6, abs=0.1)
+
+    def test_is_ranked_and_never_widens(self, table):
+        identifier = Identifier(table)
+        advice = identifier.advise(identifier(curve_of(table, SKIN, noise_um=3.0)), 1.0)
+        mean = [np.mean(np.log(list(a.narrows.values()))) for a in advice]
+        assert mean == sorted(mean)
+        assert all(0 < r <= 1 + 1e-9 for a in advice for r in a.narrows.values())
+        assert len(advice) > 10
+
+    def test_none_without_intervals(self, table):
+        identifier = Identifier(table, method="sto")
+        assert identifier.advise(identifier(curve_of(table, SKIN)), 1.0) == []
+
+
+class TestNoiseFromRepeats:
+    def repeats(self, table, noise_um=3.0, n=4, extra=0.0):
+        return [
+            curve_of(
+                table, SKIN * [1 + 0.02 * s, 1, 1], noise_um=noise_um, seed=s, extra_mm=extra * s
+            )
+            for s in range(n)
+        ]
+
+    def test_smooth_differences_do_not_count(self, table):
+        found = noise_from_repeats_um(self.repeats(table, extra=0.01))
+        assert found == pytest.approx(3.0, rel=0.25)
+
+    def test_one_curve_or_another_program_says_nothing(self, table):
+        one, two, *_ = self.repeats(table)
+        other = replace(two.setup, program=parse_program("ramp:100@10"))
+        moved = Curve("x", other, two.time_s, two.pressure_mbar, two.deflection_mm)
+        assert noise_from_repeats_um([one]) is None
+        assert noise_from_repeats_um([one, moved]) is None
+
+    def test_what_is_stated_comes_first(self, table):
+        curves = self.repeats(table)
+        stated = with_stated_noise(Identifier(table, sensor=Sensor(7.0)), curves, 5.0)
+        assert stated.sensor.noise_um == 7.0
+        assert with_stated_noise(Identifier(table), curves, 5.0).sensor.noise_um == 5.0
+        assert with_stated_noise(Identifier(table), curves).sensor.noise_um == pytest.approx(
+            3, rel=1
+        )
+
+
+def test_same_bits_for_any_number_of_workers(table):
+    curves = [
+        curve_of(table, truth, noise_um=3.0, seed=i) for i, truth in enumerate(drawn(table, 4, 3))
+    ]
+    alone, parallel = (identify_all(Identifier(table), curves, workers) for workers in (1, 2))
+    for a, b in zip(alone, parallel, strict=True):
+        assert {**a.to_json(), "seconds": 0} == {**b.to_json(), "seconds": 0}
+
+
+def test_a_long_curve_is_the_same_skin(table):
+    """1 kHz: tabulated at fewer pressures, between which it is a spline."""
+    pressure = np.linspace(0, 100, 5001)
+    setup = replace(STANDARD, program=None)
+    few, many = (
+        table.model(Geometry(6.0, 1.0), p).deflection_mm(SKIN[None])[0]
+        for p in (pressure[::50], pressure)
+    )
+    np.testing.assert_allclose(many[::50], few, atol=1e-4)
+    curve = Curve("long", setup, np.arange(5001) / 1000, pressure, many)
+    result = Identifier(table)(curve)
+    assert result.parameters["X1_MPa"].value == pytest.approx(0.03, rel=1e-2)
+
+
+class TestCommand:
+    def campaign(self, table, tmp_path):
+        lines = ["[campaign]", "noise_um = 3.0", "pressure_noise_mbar = 0.0"]
+        for i, aperture in enumerate((2.0, 6.0, 8.0)):
+            setup = replace(STANDARD, aperture_mm=aperture)
+            with (tmp_path / f"{i}.csv").open("w") as stream:
+                write_curve(stream, curve_of(table, SKIN, setup, 3.0, i))
+            lines += ["[[curve]]", f'file = "{i}.csv"', f"aperture_mm = {aperture}"]
+            lines += ["thickness_mm = 1.0", 'program = "ramp:100@20"']
+        path = tmp_path / "campaign.toml"
+        path.write_text("\n".join(lines))
+        return str(path)
+
+    def test_joint_and_advice_are_in_the_json(self, table, tmp_path, capsys):
+        path = self.campaign(table, tmp_path)
+        assert run(["identify", path, "--joint", "--advise", "--json"]) == 0
+        document = json.loads(capsys.readouterr().out)
+        assert len(document["curves"]) == 3
+        joint = document["joint"]
+        assert [f.rsplit("/")[-1] for f in joint["files"]] == ["0.csv", "1.csv", "2.csv"]
+        assert joint["noise_um"] == 3.0
+        assert joint["parameters"]["X1_MPa"]["low"] < 0.03 < joint["parameters"]["X1_MPa"]["high"]
+        assert set(document["advice"][0]) == {"aperture_mm", "program", "narrows"}
+        assert set(document["advice"][0]["narrows"]) == {"X1_MPa", "X2_MPa", "nu"}
+
+    def test_says_it_in_words(self, table, tmp_path, capsys):
+        assert run(["identify", self.campaign(table, tmp_path), "--joint", "--advise"]) == 0
+        out = capsys.readouterr().out
+        assert "3 curves together" in out
+        assert "measure next" in out
+        assert "hardly fix" in out
+
+    def test_advice_without_intervals_is_wrong_usage(self, table, tmp_path, capsys):
+        path = self.campaign(table, tmp_path)
+        assert run(["identify", path, "--method", "sto", "--advise"]) == 2
+
+    @pytest.mark.parametrize(
+        "option", [["--noise-um", "-1"], ["--noise-um", "nan"], ["--pressure-noise-mbar", "-2"]]
+    )
+    def test_a_noise_that_cannot_be_is_refused(self, table, tmp_path, capsys, option):
+        assert run(["identify", self.campaign(table, tmp_path), *option]) == 3
+        assert "expected" in capsys.readouterr().err

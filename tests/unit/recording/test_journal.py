@@ -1,0 +1,154 @@
+"""The journal: what is committed when, what it costs, and what happens where it cannot write."""
+
+from __future__ import annotations
+
+import os
+import sqlite3
+import stat
+
+import pytest
+
+from skinlab.errors import InputError
+from skinlab.recording import journal as module
+from skinlab.recording.audit import entries
+from skinlab.recording.journal import Journal, read_journal, room_bytes
+from skinlab.recording.records import Kind
+
+
+def test_records_keep_their_order_times_and_kind(tmp_path):
+    now = iter(range(1000, 2000))
+    journal = Journal(tmp_path / "j", {"subject": "P-7"}, now=lambda: float(next(now)))
+    journal.raw("rx", 1.0, b"ab")
+    journal.raw("tx", 2.0, b"\x00")
+    journal.plan(3.0, {"x": 1})
+    journal.raw("rx", 0.5, b"before", utc_s=900.0)
+    journal.result(4.0, 1, {"error": None})
+    journal.close()
+    meta, records = read_journal(tmp_path / "j")
+    assert meta == {"subject": "P-7"}
+    assert [(r.kind, r.host_time_s, r.utc_s) for r in records] == [
+        (Kind.RECEIVED, 1.0, 1000.0),
+        (Kind.SENT, 2.0, 1001.0),
+        (Kind.PLAN, 3.0, 1002.0),
+        (Kind.RECEIVED, 0.5, 900.0),
+        (Kind.RESULT, 4.0, 1003.0),
+    ]
+    assert records[0].data == b"ab"
+
+
+def test_it_and_its_side_files_are_for_their_owner_only(tmp_path):
+    before = os.umask(0)
+    try:
+        journal = Journal(tmp_path / "j", {})
+        journal.raw("rx", 1.0, b"x")
+        journal.flush()
+        modes = {path.name: stat.S_IMODE(path.stat().st_mode) for path in tmp_path.iterdir()}
+        journal.close()
+    finally:
+        os.umask(before)
+    assert modes == {"j": 0o600, "j-wal": 0o600, "j-shm": 0o600}
+
+
+def test_a_steady_stream_does_not_put_off_its_commit(monkeypatch):
+    """It waits once, from the first record on, and takes what came meanwhile."""
+    waits: list[float] = []
+    journal = Journal.__new__(Journal)
+    journal._records = module.queue.SimpleQueue()
+    journal._closing = module.threading.Event()
+    records = [module.Record(Kind.RECEIVED, float(k), 0.0, b"") for k in range(1000)]
+
+    def sleep(seconds):
+        waits.append(seconds)
+        for record in records[1:]:
+            journal._records.put(record)
+
+    monkeypatch.setattr(module.time, "sleep", sleep)
+    journal._records.put(records[0])
+    assert journal._collect() == (records, [], False)
+    assert waits == [module._COMMIT_S]
+
+
+def test_flush_returns_once_it_is_committed(tmp_path):
+    journal = Journal(tmp_path / "j", {})
+    for k in range(100):
+        journal.raw("rx", float(k), b"x")
+    journal.flush()
+    with sqlite3.connect(f"file:{tmp_path / 'j'}?mode=ro", uri=True) as other:
+        assert other.execute("SELECT count(*) FROM record").fetchone() == (100,)
+    other.close()
+    journal.close()
+
+
+def test_what_could_not_be_committed_is_tried_again_at_the_end(tmp_path, monkeypatch):
+    journal = Journal(tmp_path / "j", {})
+    journal.raw("rx", 0.0, b"first")
+    journal.flush()
+    commit = journal._commit
+
+    def fail(batch):
+        raise sqlite3.OperationalError("database or disk is full")
+
+    monkeypatch.setattr(journal, "_commit", fail)
+    journal.raw("rx", 1.0, b"second")
+    with pytest.raises(InputError, match="disk is full"):
+        journal.flush()
+    for attempt in (
+        lambda: journal.raw("rx", 2.0, b""),
+        lambda: journal.audit(2.0, "me", "x"),
+        lambda: journal.require_room(1.0, 1.0),
+    ):
+        with pytest.raises(InputError, match="disk is full"):
+            attempt()
+    monkeypatch.setattr(journal, "_commit", commit)
+    journal.close()
+    assert [r.data for r in read_journal(tmp_path / "j")[1]] == [b"first", b"second"]
+
+
+def test_the_space_that_a_run_needs_is_not_underestimated(tmp_path):
+    """A second of 1000 Hz, a commit for each reading of the port, measured on the disk."""
+    journal = Journal(tmp_path / "j", {})
+    for k in range(50):
+        journal.raw("rx", k / 50, bytes(20 * 60))  # 20 samples of up to 60 bytes
+        journal.flush()
+    used = sum(path.stat().st_size for path in tmp_path.iterdir())
+    journal.close()
+    assert used < room_bytes(1.0, 1000.0)
+    assert room_bytes(60.0, 20.0) < 50e6
+
+
+def test_a_disk_without_room_is_told_before_the_run(tmp_path, monkeypatch):
+    journal = Journal(tmp_path / "j", {})
+    journal.require_room(10.0, 20.0)
+    usage = module.shutil.disk_usage(tmp_path)
+    monkeypatch.setattr(module.shutil, "disk_usage", lambda _: usage._replace(free=1_000_000))
+    with pytest.raises(InputError, match=r"1\.0 MB are free .* expected at least"):
+        journal.require_room(10.0, 20.0)
+    journal.close()
+
+
+def test_a_journal_that_was_killed_while_it_was_made_says_so(tmp_path):
+    (tmp_path / "j").touch()
+    with pytest.raises(InputError, match="before anything was recorded"):
+        read_journal(tmp_path / "j")
+
+
+def test_another_database_is_no_journal(tmp_path):
+    with sqlite3.connect(tmp_path / "j") as db:
+        db.execute("CREATE TABLE t (x)")
+    db.close()
+    with pytest.raises(InputError, match="not a journal"):
+        read_journal(tmp_path / "j")
+
+
+def test_audit_entries_are_chained_in_the_order_of_the_file(tmp_path):
+    journal = Journal(tmp_path / "j", {}, now=lambda: 0.0)
+    journal.audit(1.0, "me", "opened", file="x")
+    journal.raw("rx", 2.0, b"x")
+    journal.audit(3.0, "me", "closed")
+    journal.close()
+    found = entries(read_journal(tmp_path / "j")[1])
+    assert [(e.number, e.who, e.what, e.detail) for e in found] == [
+        (1, "me", "opened", {"file": "x"}),
+        (2, "me", "closed", {}),
+    ]
+    assert found[0].utc == "1970-01-01T00:00:00+00:00"

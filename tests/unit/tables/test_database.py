@@ -1,0 +1,161 @@
+from __future__ import annotations
+
+import dataclasses
+
+import h5py
+import numpy as np
+import pytest
+
+from skinlab.errors import InputError, NotTrustworthyError
+from skinlab.mechanics.fem.suction import Geometry
+from skinlab.mechanics.materials.compressibility import kappa_ratio, nu_from_ratio
+from skinlab.tables.build import build_grid
+from skinlab.tables.grid import GridSpec
+from skinlab.tables.grid_model import GridModel
+from skinlab.tables.lagrange import TensorLagrange, matrix
+from skinlab.tables.parallel_build import How
+from skinlab.tables.store import read_grid, write_grid
+from skinlab.tables.verify import rebuilt_differences
+
+GEOMETRY = Geometry(6.0, 1.0)
+
+
+def test_lagrange_is_exact_for_cubics_and_of_fourth_order():
+    nodes = np.array([0.0, 0.7, 1.1, 2.0, 2.6, 3.0])
+    at = np.linspace(-0.2, 3.2, 41)  # a little beyond both ends too
+    for power in range(4):
+        np.testing.assert_allclose(matrix(nodes, at) @ nodes**power, at**power, atol=1e-12)
+    errors = []
+    for n in (11, 21, 41):
+        nodes = np.linspace(0, 3, n)
+        errors.append(np.abs(matrix(nodes, at[5:-5]) @ np.sin(nodes) - np.sin(at[5:-5])).max())
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert (orders > 3.5).all()
+
+
+def test_tensor_interpolation_is_exact_for_products_of_cubics():
+    axes = (np.linspace(0, 1, 5), np.linspace(1, 3, 7), np.array([0.2, 0.3, 0.35, 0.5]))
+    a, b, c = np.meshgrid(*axes, indexing="ij")
+
+    def f(x, y, z):
+        return np.stack([x**3 * y**2 * z, (1 - x) * y**3 * z**3], axis=-1)
+
+    points = np.random.default_rng(0).random((50, 3)) * [1, 2, 0.3] + [0, 1, 0.2]
+    np.testing.assert_allclose(TensorLagrange(axes, f(a, b, c))(points), f(*points.T), atol=1e-12)
+
+
+def test_the_shipped_grid_is_the_papers(grid):
+    spec = grid.spec
+    assert spec.shape == (10, 17, 8, 51)
+    assert (spec.X1_MPa[0], spec.X1_MPa[-1]) == (0.01, 0.1)
+    assert (spec.X2_MPa[0], spec.X2_MPa[-1]) == (0.1, 4.9)
+    assert (spec.nu[0], spec.nu[-1]) == (0.2, 0.48)
+    assert spec.pressure_mbar == tuple(2.0 * i for i in range(51))
+    assert (grid.iterations > 0).all()
+    assert (np.diff(grid.deflection_mm, axis=-1) > 0).all()
+
+
+def test_no_answer_comes_from_a_cell_with_a_creased_corner(grid):
+    creased = np.argwhere(grid.holds_to_mbar < 100)
+    assert len(creased) > 0
+    axes = (grid.spec.X1_MPa, grid.spec.X2_MPa, grid.spec.nu)
+    at = np.array([[axis[k] for axis, k in zip(axes, node, strict=True)] for node in creased])
+    to_the_top = GridModel(grid, GEOMETRY, np.linspace(0, 100, 11)).deflection_mm(at)
+    assert np.isnan(to_the_top).all()
+    lowest = float(grid.holds_to_mbar.min())
+    low = GridModel(grid, GEOMETRY, np.linspace(0, lowest, 11)).deflection_mm(at)
+    assert np.isfinite(low).all()
+
+
+def test_random_entries_rebuild_to_the_same_numbers(grid):
+    assert rebuilt_differences(grid, samples=4, seed=20261121) == []
+
+
+def test_a_changed_number_is_found(grid):
+    spoiled = grid.deflection_mm.copy()
+    spoiled += 1e-5
+    assert rebuilt_differences(dataclasses.replace(grid, deflection_mm=spoiled), 1, 0)
+
+
+def small_spec() -> GridSpec:
+    return GridSpec(
+        X1_MPa=(0.03, 0.04, 0.05, 0.06),
+        X2_MPa=(0.7, 1.0, 1.3, 1.6),
+        nu=(0.28, 0.32, 0.36, 0.4),
+        pressure_mbar=(0.0, 5.0, 10.0, 15.0, 20.0),
+    )
+
+
+def test_building_gives_the_same_bits_for_any_number_of_workers(tmp_path):
+    calls = []
+    one = build_grid(small_spec(), How(progress=lambda *at: calls.append(at)))
+    assert calls[-1] == (64, 64)
+    two = build_grid(small_spec(), How(workers=2))
+    assert one.content_hash == two.content_hash
+    path = tmp_path / "grid.h5"
+    write_grid(path, one)
+    assert read_grid(path).content_hash == one.content_hash
+
+
+def test_a_damaged_file_is_told(tmp_path, grid):
+    path = tmp_path / "grid.h5"
+    write_grid(path, grid)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(InputError, match=r"truncated|damaged|not readable"):
+        read_grid(path)
+    path.write_bytes(b"")
+    with pytest.raises(InputError, match="HDF5"):
+        read_grid(path)
+    path.write_bytes(whole)
+    with h5py.File(path, "r+") as file:
+        file["deflection_mm"][3, 3, 3, 3] += 1e-9
+    with pytest.raises(InputError, match="does not agree with its hash"):
+        read_grid(path)
+
+
+def test_the_misfit_equals_the_sum_over_all_points(grid):
+    rng = np.random.default_rng(1)
+    pressure = np.sort(rng.uniform(-1.5, 101.5, 77))
+    model = GridModel(grid, GEOMETRY, pressure)
+    low, high = model.space.bounds
+    candidates = low + (high - low) * rng.random((200, 3))
+    measured = model.deflection_mm(candidates[:1])[0] + rng.normal(0, 0.003, 77)
+    direct = ((model.deflection_mm(candidates) - measured) ** 2).sum(axis=1)
+    direct = np.where(np.isfinite(direct), direct, np.inf)  # where an entry does not hold
+    assert np.isfinite(direct).mean() > 0.8
+    misfit = model.misfit(measured)
+    np.testing.assert_allclose(misfit(candidates), direct, rtol=1e-10)
+    residuals = misfit.residuals(candidates[3])
+    assert residuals @ residuals == pytest.approx(direct[3], rel=1e-10)
+
+
+def test_a_similar_geometry_scales(grid):
+    pressure = np.linspace(0, 100, 11)
+    at = np.array([[0.03, 1.0, 0.32]])
+    six = GridModel(grid, GEOMETRY, pressure).deflection_mm(at)
+    two = GridModel(grid, Geometry(2.0, 1.0 / 3.0), pressure).deflection_mm(at)
+    np.testing.assert_allclose(two, six / 3, rtol=1e-12, atol=1e-15)
+
+
+def test_another_geometry_is_refused(grid):
+    with pytest.raises(NotTrustworthyError, match="thickness/radius"):
+        GridModel(grid, Geometry(6.0, 1.1), np.linspace(0, 100, 11))
+
+
+def test_both_conventions_give_the_same_curve_at_the_same_kappa(grid):
+    pressure = np.linspace(0, 100, 11)
+    paper = GridModel(grid, GEOMETRY, pressure, "paper")
+    consistent = GridModel(grid, GEOMETRY, pressure, "consistent")
+    nu = nu_from_ratio(kappa_ratio(0.32, "paper"), "consistent")
+    np.testing.assert_allclose(
+        consistent.deflection_mm(np.array([[0.033, 1.1, nu]])),
+        paper.deflection_mm(np.array([[0.033, 1.1, 0.32]])),
+        rtol=1e-12,
+    )
+    assert consistent.space.low[2] == pytest.approx(nu_from_ratio(4.0, "consistent"))
+
+
+def test_readings_a_little_out_of_range_are_still_modelled(grid):
+    at = np.array([-2.1, -2.0, 0.0, 100.0, 102.0, 102.1])
+    assert grid.covered(at).tolist() == [False, True, True, True, True, False]

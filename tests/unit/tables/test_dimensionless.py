@@ -1,0 +1,210 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from skinlab.errors import InputError, NotTrustworthyError
+from skinlab.mechanics.fem.suction import Geometry, solve
+from skinlab.mechanics.materials.compressibility import kappa_ratio, nu_from_ratio
+from skinlab.tables.build import build_table
+from skinlab.tables.dimensionless import Axis, DimensionlessSpec
+from skinlab.tables.parallel_build import How
+from skinlab.tables.splines import basis, coefficients
+from skinlab.tables.store import read_database, read_table, write_table
+from skinlab.tables.verify import rebuilt_differences
+
+STANDARD = Geometry(6.0, 1.0)
+TRUE = np.array([[0.03, 1.0, 0.32]])
+
+
+def test_splines_are_exact_for_cubics_and_of_fourth_order():
+    at = np.linspace(0, 3, 41)
+    nodes = np.linspace(0, 3, 9)
+    for power in range(4):
+        found = basis(nodes, at) @ coefficients(nodes**power, 0)
+        np.testing.assert_allclose(found, at**power, atol=1e-12)
+    errors = []
+    for n in (11, 21, 41):
+        nodes = np.linspace(0, 3, n)
+        found = basis(nodes, at) @ coefficients(np.sin(nodes), 0)
+        errors.append(np.abs(found - np.sin(at)).max())
+    assert (np.log2(np.array(errors[:-1]) / errors[1:]) > 3.5).all()
+
+
+def test_random_entries_rebuild_to_the_same_numbers(table):
+    assert rebuilt_differences(table, samples=3, seed=20261121) == []
+
+
+def test_the_table_covers_what_is_promised(table):
+    spec = table.spec
+    assert spec.X1_MPa == (0.005, 0.2)
+    assert (spec.X2_over_X1.low, spec.X2_over_X1.high) == (0.5, 1000)
+    assert spec.thickness_over_radius.low <= 0.5 / 4
+    assert spec.thickness_over_radius.high >= 3 / 1
+    for convention in ("paper", "consistent"):
+        ends = kappa_ratio(np.array([0.2, 0.49]), convention)
+        assert spec.kappa_over_X1.low <= ends[0]
+        assert ends[1] <= spec.kappa_over_X1.high
+    assert spec.pressure_mbar == 500
+
+
+def test_against_the_finite_elements_at_random_points(table):
+    """The issue's bound, on a sample of its 500 points; all of them: benchmarks/database.py."""
+    rng = np.random.default_rng(5)
+    error_um, relative = [], []
+    while len(error_um) < 25:
+        x1 = np.exp(rng.uniform(*np.log(table.spec.X1_MPa)))
+        x2 = x1 * np.exp(rng.uniform(np.log(0.5), np.log(1000)))
+        nu = rng.uniform(0.2, 0.49)
+        thickness = np.exp(rng.uniform(np.log(0.125), np.log(3.0)))
+        pressure = rng.uniform(5, 500)
+        geometry = Geometry(6.0, 3.0 * thickness)
+        model = table.model(geometry, np.array([pressure]))
+        found = model.deflection_mm(np.array([[x1, x2, nu]]))[0, 0]
+        if np.isnan(found):
+            continue
+        kappa = x1 * kappa_ratio(nu, "paper")
+        curve = solve(geometry, {"X1_MPa": x1, "X2_MPa": x2, "kappa_MPa": kappa}, pressure)
+        assert not curve.stopped  # what the table holds, the finite elements hold
+        direct = float(curve(pressure))
+        error_um.append(1e3 * abs(found - direct))
+        relative.append(abs(found / direct - 1))
+    assert np.median(error_um) <= 0.1
+    outside = (np.array(error_um) > 1.0) & (np.array(relative) > 5e-4)
+    assert outside.sum() <= 1
+
+
+def test_the_papers_grid_and_the_table_agree_at_the_grids_nodes(table, grid):
+    pressure = np.array(grid.spec.pressure_mbar)
+    model = table.model(STANDARD, pressure)
+    rng = np.random.default_rng(0)
+    compared = 0
+    for entry in rng.choice(grid.spec.entries, 60, replace=False):
+        at = np.unravel_index(entry, grid.spec.shape[:3])
+        found = model.deflection_mm(np.array([grid.spec.parameters(int(entry))]))[0]
+        if np.isfinite(found).all():
+            compared += 1
+            assert np.abs(found - grid.deflection_mm[at]).max() < 1e-3
+    assert compared >= 50
+
+
+def test_exact_along_X1_and_in_length(table):
+    """The same p/X1, X2/X1, ν and h/R: the same w/R."""
+    pressure = np.linspace(0, 100, 11)
+    base = table.model(STANDARD, pressure).deflection_mm(TRUE)
+    twice = TRUE * [2, 2, 1]
+    again = table.model(STANDARD, 2 * pressure).deflection_mm(twice)
+    np.testing.assert_allclose(again, base, atol=2e-5)  # what the components leave out
+    small = table.model(Geometry(2.0, 1.0 / 3.0), pressure).deflection_mm(TRUE)
+    np.testing.assert_allclose(3 * small, base, atol=2e-5)
+
+
+def test_both_conventions_are_one_table(table):
+    pressure = np.linspace(0, 100, 11)
+    nu = nu_from_ratio(kappa_ratio(0.32, "paper"), "consistent")
+    np.testing.assert_allclose(
+        table.model(STANDARD, pressure, "consistent").deflection_mm(np.array([[0.03, 1.0, nu]])),
+        table.model(STANDARD, pressure, "paper").deflection_mm(TRUE),
+        rtol=1e-9,
+    )
+
+
+def test_the_misfit_equals_the_sum_over_all_points(table):
+    rng = np.random.default_rng(1)
+    pressure = np.sort(rng.uniform(-1.5, 101.5, 77))
+    model = table.model(STANDARD, pressure)
+    candidates = model.space.from_unit(rng.random((300, 3)))
+    measured = model.deflection_mm(TRUE)[0] + rng.normal(0, 0.003, 77)
+    direct = ((model.deflection_mm(candidates) - measured) ** 2).sum(axis=1)
+    direct = np.where(np.isfinite(direct), direct, np.inf)
+    assert 0.4 < np.isfinite(direct).mean() < 1.0
+    misfit = model.misfit(measured)
+    np.testing.assert_allclose(misfit(candidates), direct, rtol=1e-9)
+    residuals = misfit.residuals(TRUE[0])
+    assert residuals @ residuals == pytest.approx(misfit(TRUE)[0], rel=1e-9)
+
+
+def test_gradients_are_those_of_the_misfit(table):
+    rng = np.random.default_rng(2)
+    pressure = np.linspace(0, 100, 51)
+    model = table.model(STANDARD, pressure)
+    misfit = model.misfit(model.deflection_mm(TRUE)[0])
+    at = TRUE * (1 + 0.2 * rng.uniform(-1, 1, (20, 3)))
+    gradient = misfit.gradient(at)
+    jacobian = misfit.jacobian(at[0])
+    np.testing.assert_allclose(2 * misfit.residuals(at[0]) @ jacobian, gradient[0], rtol=1e-9)
+    for d in range(3):
+        step = 1e-5 * at[:, d]
+        shift = np.zeros_like(at)
+        shift[:, d] = step
+        rise = (misfit(at + shift) - misfit(at - shift)) / (2 * step)
+        np.testing.assert_allclose(gradient[:, d], rise, rtol=1e-4, atol=1e-6 * np.abs(rise).max())
+
+
+@pytest.mark.parametrize(
+    ("aperture_mm", "thickness_mm"), [(8.0, 0.45), (2.0, 3.2)], ids=["thin", "thick"]
+)
+def test_a_thickness_outside_is_refused_by_name(table, aperture_mm, thickness_mm):
+    with pytest.raises(NotTrustworthyError, match=r"thickness/radius .* outside the database"):
+        table.model(Geometry(aperture_mm, thickness_mm), np.linspace(0, 100, 11))
+
+
+@pytest.mark.parametrize(
+    ("parameters", "axis"),
+    [((0.3, 1.0, 0.3), "X1_MPa"), ((0.1, 0.01, 0.3), "X2/X1"), ((0.03, 1.0, 0.495), "nu")],
+)
+def test_parameters_outside_have_no_value_and_a_name(table, parameters, axis):
+    at = np.array(parameters)
+    model = table.model(STANDARD, np.linspace(0, 100, 11))
+    assert model.space.outside(at).startswith(axis)
+    assert np.isnan(model.deflection_mm(at[None])).all() or axis == "nu"
+
+
+def test_a_creased_skin_has_no_value_beyond_its_pressure(table):
+    soft = np.array([[0.01, 0.1, 0.2]])
+    model = table.model(STANDARD, np.linspace(0, 100, 11))
+    holds_to = float(model.holds_to_mbar(soft)[0])
+    assert 5 < holds_to < 30  # the finite elements say 23 mbar
+    assert np.isnan(model.deflection_mm(soft)).all()
+    low = table.model(STANDARD, np.linspace(0, 0.99 * holds_to, 11))
+    assert np.isfinite(low.deflection_mm(soft)).all()
+
+
+def test_readings_a_little_out_of_range_are_still_modelled(table):
+    at = np.array([-2.1, -2.0, 0.0, 500.0, 510.0, 510.1])
+    assert table.covered(at).tolist() == [False, True, True, True, True, False]
+    model = table.model(STANDARD, np.array([-2.0, 0.0, 510.0]))
+    stiff = np.array([[0.2, 8.0, 0.4]])
+    below, zero, above = model.deflection_mm(stiff)[0]
+    assert below < 0 == pytest.approx(zero, abs=1e-9)
+    assert np.isfinite(above)
+
+
+def small_spec() -> DimensionlessSpec:
+    return DimensionlessSpec(
+        X1_MPa=(0.05, 0.1),
+        pressure_mbar=20.0,
+        thickness_over_radius=Axis(0.3, 0.4, 4),
+        X2_over_X1=Axis(10.0, 100.0, 4),
+        kappa_over_X1=Axis(4.0, 10.0, 4),
+        load_nodes=13,
+        least_load=-0.004,
+    )
+
+
+def test_building_gives_the_same_bits_for_any_number_of_workers(tmp_path):
+    one = build_table(small_spec())
+    two = build_table(small_spec(), How(workers=2))
+    assert one.content_hash == two.content_hash
+    path = tmp_path / "table.h5"
+    write_table(path, one)
+    again = read_database(path)
+    assert again.content_hash == one.content_hash
+    assert again.spec == one.spec
+    changed = dataclasses.replace(one, holds_to_load=one.holds_to_load * 2)
+    assert changed.content_hash != one.content_hash
+    path.write_bytes(path.read_bytes()[:-2000])
+    with pytest.raises(InputError):
+        read_table(path)
