@@ -91,6 +91,7 @@ class _Visit:
     source: LiveSource
     pipeline: Pipeline
     analyst: Analyst
+    identifier: Identifier
     simulated: bool
 
 
@@ -138,6 +139,8 @@ class Bench:
         self._closes = 0
         self._closing = threading.Event()  # wakes who waits for a lost link
         self._explain = Explainer() if explain is None else explain
+        self._model_name = None if model is None else model.model.name
+        self._replaced: list[tuple[Identifier, str | None]] = []  # by adopted models, with names
         self._keep = False  # the session, once this connection is over
         self._ending = threading.Lock()
 
@@ -292,8 +295,28 @@ class Bench:
         )
         if self._visit is not None:
             self.audit("model adopted", file=path.name, hash=model.hash)
+        self._replaced.append((identifier, self._model_name))
+        self._model_name = model.model.name
         self._identifier = with_model(identifier, model)
-        self._post(Adopted(path, model.model.name))
+        self._post(Adopted(path, model.model.name, anew=self._another_model))
+
+    def undo_adoption(self) -> None:
+        """Identify with the model that was replaced last; the written file stays.
+
+        Raises:
+            SkinlabError: no model was adopted, or it cannot be recorded.
+        """
+        if not self._replaced:
+            raise AcquisitionError("no model was adopted: there is nothing to undo")
+        if self._visit is not None:
+            self.audit("model adoption undone")
+        self._identifier, self._model_name = self._replaced.pop()
+        self._post(Adopted(None, self._model_name, anew=self._another_model))
+
+    @property
+    def _another_model(self) -> bool:
+        """Whether the open session was identified with another model than is used now."""
+        return self._visit is not None and self._visit.identifier is not self._identifier
 
     def close(self) -> None:
         """Vent, let go of the probe and finish the session. Raises nothing."""
@@ -425,6 +448,7 @@ class Bench:
             LiveSource(probe, recording.journal),
             Pipeline(identifier, [recording, self._note, analyst.listen], analyst.hand_over),
             analyst,
+            identifier,
             simulated=probe.hello is not None and probe.hello.simulated,
         )
         self._visit, self._unsaved = visit, False
@@ -508,7 +532,11 @@ class Bench:
     def _flush(self) -> None:
         if self._messages:
             messages, self._messages = tuple(self._messages), []
-            self._post(Heard(messages))
+            self._post(Heard(messages, self._moment()))
+
+    def _moment(self) -> datetime | None:
+        """Return when what is posted now happened, in local time."""
+        return self._now()
 
     # ---- the session --------------------------------------------------------------------------
 

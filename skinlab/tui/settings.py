@@ -14,8 +14,9 @@ from skinlab.io.files import write_file
 from skinlab.text import json_text
 from skinlab.tui.measurement_request import DEFAULTS, complaint
 
-# A pseudonym or a site that is left over would label the next person.
-_KEPT = tuple(name for name in DEFAULTS if name not in {"subject", "site", "cycle"})
+# What is left over would label the next person; the thickness is of a person's skin as well.
+_OF_A_PERSON = frozenset({"subject", "site", "cycle", "thickness_mm", "thickness_sd_mm"})
+_KEPT = tuple(name for name in DEFAULTS if name not in _OF_A_PERSON)
 
 
 def default_path() -> Path:
