@@ -28,6 +28,7 @@ from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
 from skinlab.errors import InputError
+from skinlab.text import inert
 
 GROUPS = "skinlab."  # what the names of all groups begin with
 
@@ -272,5 +273,5 @@ def warn(sentence: str) -> None:
         return
     if sys.stderr is not None:
         with contextlib.suppress(OSError, ValueError):
-            sys.stderr.write(f"skinlab: {sentence}\n")
+            sys.stderr.write(f"skinlab: {inert(sentence)}\n")
             sys.stderr.flush()

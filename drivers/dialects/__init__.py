@@ -117,6 +117,7 @@ def _installed() -> dict[str, tuple[Dialect, tuple[str, str]]]:
 
 
 def _warn(sentence: str) -> None:
+    sentence = "".join(sign if sign.isprintable() else "?" for sign in sentence)
     if sys.stderr is not None:
         with contextlib.suppress(OSError, ValueError):
             sys.stderr.write(f"drivers: {sentence}\n")

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from typing import Annotated, Any, Literal
 
+import msgspec
 import numpy as np
+from msgspec import Meta
 
 from drivers.events import Sample, TimedEvent
 from skinlab.acquisition.pipeline import Listener, Pipeline
@@ -30,6 +32,22 @@ from skinlab.versions import versions
 _BEFORE: dict[str, dict[str, int | float | str]] = {"rls": {"passes": 500}}
 
 
+class _Settings(msgspec.Struct):
+    """What a session says of its identification; defaults: what it did not record at first."""
+
+    method: str
+    seed: Annotated[int, Meta(ge=0)]
+    kappa: Literal["paper", "consistent"]
+    phases: tuple[Literal["load", "hold", "unload", "rest"], ...]
+    samples: int
+    best: int
+    tolerance_um: float
+    options: dict[str, int | float | str] | None = None  # once beside the others, of all methods
+    model: str | None = None
+    noise_um: Annotated[float, Meta(gt=0, lt=1e6)] | None = None
+    pressure_noise_mbar: Annotated[float, Meta(ge=0, lt=1e3)] | None = None
+
+
 def identifier_of(session: Session) -> tuple[Identifier, str | None]:
     """Return the identifier that the session was recorded with.
 
@@ -48,27 +66,29 @@ def identifier_of(session: Session) -> tuple[Identifier, str | None]:
     shipped: tuple[Database, ...] = (shipped_table(), shipped_grid())
     database = next((d for d in shipped if d.content_hash == stated), shipped[0])
     try:
+        said = msgspec.convert(settings, _Settings)
+        method = get_method(said.method)
         options = Options(
-            samples=settings["samples"],
-            best=settings["best"],
-            tolerance_um=settings["tolerance_um"],
-        ).having(**_own(settings))
+            samples=said.samples,
+            best=said.best,
+            tolerance_um=said.tolerance_um,
+        ).having(**_own(said, settings))
         check(options)
-        get_method(settings["method"]).check(options)
-        identifier = Identifier(
-            database,
-            method=settings["method"],
-            options=options,
-            seed=settings["seed"],
-            kappa=settings["kappa"],
-            phases=tuple(settings["phases"]),
-            sensor=Sensor(settings.get("noise_um"), settings.get("pressure_noise_mbar")),
-        )
-        if settings.get("model") is not None:
-            model = decode_model(settings["model"], "the session's field identification.model")
-            identifier = with_model(identifier, model)
-    except (KeyError, TypeError) as error:
+        method.check(options)
+    except ValueError as error:  # InputError is one
         raise InputError(f"the session's field identification is damaged ({error})") from None
+    identifier = Identifier(
+        database,
+        method=said.method,
+        options=options,
+        seed=said.seed,
+        kappa=said.kappa,
+        phases=said.phases,
+        sensor=Sensor(said.noise_um, said.pressure_noise_mbar),
+    )
+    if said.model is not None:
+        model = decode_model(said.model, "the session's field identification.model")
+        identifier = with_model(identifier, model)
     warning = None
     if database.content_hash != stated:
         warning = (
@@ -78,12 +98,12 @@ def identifier_of(session: Session) -> tuple[Identifier, str | None]:
     return identifier, warning
 
 
-def _own(settings: dict[str, Any]) -> dict[str, int | float | str]:
+def _own(said: _Settings, settings: dict[str, Any]) -> dict[str, Any]:
     """Return the method's own options: recorded together, once one by one, or not at all."""
-    method = settings["method"]
-    recorded = settings.get("options", settings)
-    read = {option.name for option in get_method(method).options}
-    return _BEFORE.get(method, {}) | {k: v for k, v in recorded.items() if k in read}
+    if said.options is not None:
+        return said.options
+    read = {option.name for option in get_method(said.method).options}
+    return _BEFORE.get(said.method, {}) | {k: v for k, v in settings.items() if k in read}
 
 
 def replay(

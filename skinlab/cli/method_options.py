@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from skinlab.cli.output import echo
+
 if TYPE_CHECKING:
     from skinlab.inference.methods import Method, Option
     from skinlab.inference.problem import Options
@@ -93,5 +95,5 @@ def settled(method: str, samples: int | None, options: Options, given: dict[str,
     chosen.check(options)
     if samples is not None:
         for remark in chosen.remarks(options):
-            click.echo(f"skinlab: {remark}", err=True)
+            echo(f"skinlab: {remark}", err=True)
     return chosen.settle(options)

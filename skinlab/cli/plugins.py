@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from skinlab.cli.options import json_option, print_json
+from skinlab.cli.options import json_option
+from skinlab.cli.output import echo, echo_text, print_json
 
 if TYPE_CHECKING:
     from skinlab.extensions.rules import Kind
@@ -37,7 +38,7 @@ def command(ctx: click.Context, table: str | None, as_json: bool) -> int | None:
 
     if table is not None:
         (kind,) = (k for k in KINDS if k.name == table)
-        click.echo(kind.markdown(), nl=False)
+        echo_text(kind.markdown().removesuffix("\n"))
         return 0
     entries = [entry for kind in KINDS for entry in _entries(kind)]
     if as_json:
@@ -46,7 +47,7 @@ def command(ctx: click.Context, table: str | None, as_json: bool) -> int | None:
     for entry in entries:
         where = "built in" if entry["distribution"] is None else _origin(entry)
         what = where if entry["error"] is None else entry["error"]
-        click.echo(f"{entry['kind']:<13}{entry['name']:<26}{what}")
+        echo(f"{entry['kind']:<13}{entry['name']:<26}{what}")
     return 0
 
 
@@ -109,11 +110,9 @@ def check(names: tuple[str, ...], everything: bool, as_json: bool) -> int:
             rows.append({"kind": kind.name, "name": name, "rule": rule, "broken": why})
             if not as_json:
                 end = "" if why is None else f": {why}"
-                click.echo(
-                    f"{'ok    ' if why is None else 'BROKEN'} {kind.name} {name}: {rule}{end}"
-                )
+                echo(f"{'ok    ' if why is None else 'BROKEN'} {kind.name} {name}: {rule}{end}")
     if as_json:
         print_json({"schema": SCHEMA, "rules": rows})
     elif not rows:
-        click.echo("no plugins are installed; --all tries what is built in")
+        echo("no plugins are installed; --all tries what is built in")
     return DIFFERS if any(row["broken"] for row in rows) else 0

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, get_origin
@@ -25,6 +24,8 @@ from skinlab.discrepancy.records import Record
 from skinlab.discrepancy.screen import Signature
 from skinlab.discrepancy.search import Candidate, Found
 from skinlab.discrepancy.verdict import Name, Verdict
+from skinlab.errors import InputError
+from skinlab.io.files import write_file
 from skinlab.mechanics.effects import EFFECTS
 from skinlab.mechanics.materials import LAWS
 from skinlab.versions import versions
@@ -105,12 +106,10 @@ def save(name: str, outcome: Outcome, folder: Path | None = None) -> None:
         outcome.posteriors,
     )
     raw = msgspec.msgpack.encode(kept, enc_hook=_plain)
-    with contextlib.suppress(OSError):
+    with contextlib.suppress(OSError, InputError):
         to = _folder(folder)
         to.mkdir(mode=0o700, parents=True, exist_ok=True)
-        part = to / f"{name}.{os.getpid()}"
-        part.write_bytes(raw)
-        part.replace(to / f"{name}{_SUFFIX}")
+        write_file(to / f"{name}{_SUFFIX}", raw, replace=True)
 
 
 def _plain(value: Any) -> Any:

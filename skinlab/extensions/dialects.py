@@ -24,6 +24,7 @@ from drivers.events import (
     KeepAlive,
     Load,
     Loaded,
+    Pace,
     Refused,
     Reset,
     Sample,
@@ -58,6 +59,7 @@ _COMMANDS: tuple[Command, ...] = (
 _TEXTS = ("", "plain", "a, b * c $ d % e", "µ ☹ \n\x00", " ")
 _EVENTS: tuple[InstrumentEvent, ...] = (
     Loaded(_PROGRAM, 33.333, 123.456, 59.999999),
+    Pace(2.5),
     *(State(state, "why", p) for state in InstrumentState for p in (None, -0.3, 5.0)),
     *(State(InstrumentState.IDLE, text, 0.0) for text in _TEXTS),
     *(InstrumentFault(text, text) for text in _TEXTS),

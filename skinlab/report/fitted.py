@@ -19,10 +19,10 @@ from skinlab.inference.identify import Identifier
 from skinlab.inference.methods import get_method
 from skinlab.inference.noise import pressure_noise_mbar, slope_mm_per_mbar
 from skinlab.inference.samples import Fitted, choose, group
+from skinlab.inference.stored import StoredResult
 from skinlab.mechanics.effects import get_effect
 from skinlab.mechanics.effects.model import Skin, response
 from skinlab.parameters import PAPER_BOX
-from skinlab.report.stored import StoredResult
 
 Array = NDArray[np.float64]
 

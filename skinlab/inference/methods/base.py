@@ -51,21 +51,24 @@ class Option(Generic[V]):
         Raises:
             InputError: it cannot work.
         """
-        value: V = dict(options.own).get(self.name, self.default)  # type: ignore[assignment]
-        return self.checked(value)
+        return self.checked(dict(options.own).get(self.name, self.default))
 
-    def checked(self, value: V) -> V:
+    def checked(self, value: Any) -> V:
         """Return a value that can work.
 
         Raises:
             InputError: names the option and what was expected.
         """
         expected = self.expected or " or ".join(map(str, self.choices))
+        if not _is_a(type(self.default), value):
+            kind = _KINDS[type(self.default)].lower()
+            raise InputError(f"{self.name} {value!r}: expected a value of the kind {kind}")
         if self.choices and value not in self.choices:
             raise InputError(f"{self.name} {value!r}: expected {expected}")
         if not self.accepts(value):
             raise InputError(f"{self.name} {value}: expected {expected}")
-        return value
+        found: V = value
+        return found
 
     def parse(self, text: str) -> V:
         """Return the value that a text says.
@@ -81,6 +84,13 @@ class Option(Generic[V]):
         if self.choices and value not in self.choices:
             raise ValueError(f"{text!r} is none of {', '.join(map(str, self.choices))}")
         return value
+
+
+def _is_a(kind: type, value: object) -> bool:
+    """Whether it is of this kind; every whole number is a number."""
+    return not isinstance(value, bool) and isinstance(
+        value, (int, float) if kind is float else kind
+    )
 
 
 class Search(Protocol):
