@@ -6,6 +6,16 @@ from typing import Any
 
 from skinlab.plugins import Registry, needs
 
+
+def check_error_model(one: object) -> None:
+    """Check that an extension is an error model.
+
+    Raises:
+        TypeError: it is not.
+    """
+    needs(one, "part")
+
+
 ERROR_MODELS: Registry[Any] = Registry(
-    "error model", __name__, "ERROR_MODEL", "skinlab.error_models", needs
+    "error model", __name__, "ERROR_MODEL", "skinlab.error_models", check_error_model
 )
