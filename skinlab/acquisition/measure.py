@@ -22,6 +22,7 @@ from drivers.reconnect import reconnect
 from skinlab.acquisition.pipeline import Pipeline
 from skinlab.acquisition.sources import LiveSource
 from skinlab.curves.curve import Setup
+from skinlab.curves.program import check_measurable
 from skinlab.errors import AcquisitionError
 
 _SETTLED = frozenset({InstrumentState.IDLE, InstrumentState.LOADED, InstrumentState.FAULT})
@@ -32,12 +33,21 @@ MOST_OUTAGES = 3  # lost links that one measurement gets over
 
 @dataclass(frozen=True)
 class Plan:
-    """What to measure: the same setup, several times."""
+    """What to measure: the same setup, several times.
+
+    Raises:
+        InputError: no probe can be asked for its program.
+    """
 
     setup: Setup  # of the first repeat
     repeats: int = 1
     rest_s: float = 5.0  # between repeats
     rate_hz: float | None = None  # None: the instrument's usual one
+
+    def __post_init__(self) -> None:
+        """Refuse before anything is connected."""
+        if self.setup.program is not None:
+            check_measurable(self.setup.program)
 
 
 def measure(

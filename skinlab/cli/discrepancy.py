@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from skinlab.cli.options import json_option, print_json
+from skinlab.cli.options import json_option
+from skinlab.cli.output import echo, echo_text, print_json
 
 if TYPE_CHECKING:
     from skinlab.discrepancy.outcome import Outcome
@@ -58,15 +59,13 @@ def command(
     if report is not None:
         from skinlab.report.missing_effect import write_report
 
-        click.echo(f"report: {write_report(outcome, report)}", err=True)
+        echo(f"report: {write_report(outcome, report)}", err=True)
     if as_json:
         print_json(outcome.to_json())
     else:
-        click.echo(describe(outcome))
+        echo_text(describe(outcome))
     if outcome.verdict.name == "ambiguous" and outcome.next_measurement is None:
-        click.echo(
-            "skinlab: no measurement of the menu would tell the tied explanations apart", err=True
-        )
+        echo("skinlab: no measurement of the menu would tell the tied explanations apart", err=True)
     return 0
 
 
@@ -75,8 +74,8 @@ def _outcome(
 ) -> tuple[Outcome, list[Path]]:
     from skinlab.discrepancy import cache
     from skinlab.discrepancy.adopt import hashes
+    from skinlab.discrepancy.records import records_of
     from skinlab.discrepancy.workflow import Partial, explain
-    from skinlab.mechanics.fem.suction import SOLVER_VERSION
     from skinlab.mechanics.model_file import BASE, read_model
     from skinlab.recording.load_inputs import read_campaign_or_session
     from skinlab.tables.store import shipped_table
@@ -84,21 +83,15 @@ def _outcome(
     model = BASE if model_path is None else read_model(model_path)
     campaign, files = read_campaign_or_session(path)
     table = shipped_table()
-    name = cache.key(
-        [
-            model.hash,
-            table.content_hash,
-            SOLVER_VERSION,
-            *(f"{k} {v}" for k, v in hashes(files).items()),
-        ]
-    )
-    known = None if no_cache else cache.load(name)
+    data = (f"{file} {content}" for file, content in hashes(files).items())
+    name = cache.key([model.hash, table.content_hash, *data])
+    known = None if no_cache else cache.load(name, records_of(campaign))
     if known is not None:
         return known, files
 
     def progress(text: str) -> None:
         if sys.stderr.isatty():
-            click.echo(f"{text} …", err=True)
+            echo(f"{text} …", err=True)
 
     partial = Partial()
     try:
@@ -107,12 +100,13 @@ def _outcome(
         )
     except KeyboardInterrupt:
         from skinlab.discrepancy.text import partial_words
+        from skinlab.io.files import write_file
+        from skinlab.text import inert_lines
 
         text = partial_words(partial)
-        click.echo(text, err=True)
+        echo_text(text, err=True)
         if report is not None:
-            report.mkdir(parents=True, exist_ok=True)
-            (report / "partial.txt").write_text(text + "\n", encoding="utf-8")
+            write_file(report / "partial.txt", inert_lines(text) + "\n", replace=True)
         raise
     cache.save(name, outcome)
     return outcome, files
@@ -123,13 +117,12 @@ def _adopt(outcome: Outcome, to: Path, model_path: Path | None, files: list[Path
     from importlib.metadata import version
 
     from skinlab.discrepancy.adopt import adopted, hashes
+    from skinlab.io.files import write_file
     from skinlab.mechanics.model_file import BASE, read_model
     from skinlab.tables.store import shipped_table
 
     if outcome.verdict.name != "named":
-        click.echo(
-            f"skinlab: the verdict is {outcome.verdict.name}: there is nothing to adopt", err=True
-        )
+        echo(f"skinlab: the verdict is {outcome.verdict.name}: there is nothing to adopt", err=True)
         return outcome
     model = adopted(
         BASE if model_path is None else read_model(model_path),
@@ -140,5 +133,5 @@ def _adopt(outcome: Outcome, to: Path, model_path: Path | None, files: list[Path
         version=version("skinlab"),
         date=datetime.datetime.now(datetime.UTC).date().isoformat(),
     )
-    to.write_text(model.to_toml(), encoding="utf-8")
+    write_file(to, model.to_toml())
     return replace(outcome, adopted_model=str(to))

@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.discrepancy.fit import HOPELESS, Fit, Fitter
-from skinlab.discrepancy.screen import Signature, signature
+from skinlab.discrepancy.screen import NO_MODEL, Signature, signature
 from skinlab.discrepancy.unknowns import Unknowns
+from skinlab.mechanics.effects import EFFECTS
 
 Array = NDArray[np.float64]
 
@@ -45,9 +46,20 @@ def pool_of(fitter: Fitter, workers: int) -> Executor:
     return ProcessPoolExecutor(workers, initializer=_take, initargs=(fitter,))
 
 
-def signature_of(task: tuple[Fit, str]) -> Signature | None:
-    """Return the signature of an effect at a fit."""
-    return signature(_mine["fitter"], *task)
+def signature_of(task: tuple[Fit, str]) -> Signature | str:
+    """Return the signature of an effect at a fit, or why there is none.
+
+    An installed effect that breaks down has none; the others are still looked at.
+    """
+    fit, effect = task
+    try:
+        found = signature(_mine["fitter"], fit, effect)
+    except Exception as error:
+        origin = EFFECTS.origin(effect)
+        if origin is None:
+            raise
+        return f"plugin {origin.distribution} broke down: {type(error).__name__}: {error}"
+    return NO_MODEL if found is None else found
 
 
 def fit_from(task: tuple[Unknowns, Array]) -> Fit | None:

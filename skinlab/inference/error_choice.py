@@ -20,8 +20,8 @@ from scipy.special import gammaln, logsumexp, ndtri
 from scipy.stats import qmc
 
 from skinlab.inference.covariance import Covariance
+from skinlab.inference.error_models import ERROR_MODELS
 from skinlab.inference.error_models.base import ErrorModel, Look, Part
-from skinlab.inference.error_models.registry import error_models
 from skinlab.inference.likelihood import LinearModel
 
 Array = NDArray[np.float64]
@@ -195,7 +195,7 @@ def choose_errors(
     variances of errors that are known beforehand: the mesh's. `models` are those to choose from,
     all that there are if it is None.
     """
-    models = tuple(error_models().values()) if models is None else models
+    models = ERROR_MODELS.all() if models is None else models
     offered = [part for model in models if (part := model.part(look)) is not None]
     always = tuple(sorted((p for p in offered if p.always), key=lambda p: p.name != "white"))
     others = [p for p in offered if not p.always]

@@ -57,8 +57,8 @@ class CurveAssembler:
         self._cut: str | None = None
         self._lost = 0
 
-    def plan(self, setup: Setup) -> None:
-        """Say what the next run belongs to."""
+    def plan(self, setup: Setup | None) -> None:
+        """Say what the next run belongs to; None: no curve can be made of it."""
         self._next = setup
 
     @property

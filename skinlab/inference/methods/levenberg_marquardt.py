@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
+from skinlab.inference.methods.base import Method
 from skinlab.inference.methods.gauss_newton import Search
 from skinlab.inference.problem import Estimate, Options, Problem, check
 
@@ -29,6 +29,8 @@ def identify(
     Raises:
         InputError: an option is out of its range.
     """
+    from scipy.optimize import least_squares  # slow to import, and seldom asked for
+
     check(options)
     search = Search(problem)
     if start is None:
@@ -39,19 +41,17 @@ def identify(
     if not np.isfinite(error):
         return search.end(unit, error, 0, converged=False)
     iterations = 0
-    # MINPACK refuses fewer residuals than unknowns, as a curve without any pressure leaves.
-    lacking = max(0, len(unit) - len(search.residuals(unit)))
 
     def residuals(theta: Array) -> Array:
-        r = search.residuals(np.sin(theta) ** 2)
-        return np.pad(r if np.isfinite(r).all() else np.full(len(r), _NO_MODEL_MM), (0, lacking))
+        r = _as_many(search.residuals(np.sin(theta) ** 2), len(theta))
+        return r if np.isfinite(r).all() else np.full(len(r), _NO_MODEL_MM)
 
     def jacobian(theta: Array) -> Array:
         nonlocal iterations
         iterations += 1
         # Next to where the model ends a difference may have no value: that way is no way.
         slopes = search.jacobian(np.sin(theta) ** 2) * np.sin(2.0 * theta)
-        return np.pad(np.nan_to_num(slopes, nan=0.0), ((0, lacking), (0, 0)))
+        return _as_many(np.nan_to_num(slopes, nan=0.0), len(theta))
 
     fit = least_squares(
         residuals,
@@ -71,4 +71,13 @@ def identify(
     return search.end(found, at_found, iterations, converged=converged)
 
 
-METHOD = ("lm", identify)
+def _as_many(rows: Array, least: int) -> Array:
+    """Return rows with zeros behind them: MINPACK wants as many residuals as parameters.
+
+    A curve without suction has fewer: one number says all of it.
+    """
+    missing = max(0, least - len(rows))
+    return np.concatenate([rows, np.zeros((missing, *rows.shape[1:]))])
+
+
+METHOD = Method("lm", identify, "Levenberg-Marquardt from the best of random candidates")

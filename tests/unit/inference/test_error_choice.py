@@ -9,10 +9,10 @@ from scipy.stats import kstest, norm
 
 from skinlab.inference.error_choice import choose_errors
 from skinlab.inference.error_judgement import judge_errors
+from skinlab.inference.error_models import ERROR_MODELS
 from skinlab.inference.error_models.base import Look
 from skinlab.inference.error_models.ornstein_uhlenbeck import ERROR_MODEL as OU
 from skinlab.inference.error_models.quantised import step_um
-from skinlab.inference.error_models.registry import error_models
 from skinlab.inference.error_models.white import ERROR_MODEL as WHITE
 from skinlab.inference.likelihood import LinearModel
 from skinlab.inference.outliers import outlier_probability
@@ -172,11 +172,10 @@ def test_ranks_are_uniform_where_the_errors_are_drawn_from_their_priors():
 
 
 def test_every_model_is_declared_in_a_file_of_its_own():
-    names = set(error_models())
+    names = set(ERROR_MODELS.names())
     assert {"white", "ou", "proportional", "pressure", "quantised", "heavy_tails"} <= names
     look = Look(samples_of(COURSE), COURSE, COURSE, COURSE, SLOPES, None, np.ones(N))
-    for name, model in error_models().items():
-        assert model.name == name
+    for model in ERROR_MODELS.all():
         part = model.part(look)
         if part is None:
             continue
