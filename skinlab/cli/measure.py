@@ -58,7 +58,7 @@ def command(
     Example: skinlab measure --port "sim://?seed=1" --aperture-mm 6 --thickness-mm 1.0 \\
              --program ramp:100@20 --repeats 2 --out visit.h5 --json
     """
-    from skinlab.acquisition.measure import Plan
+    from skinlab.acquisition.measurement import Plan
     from skinlab.curves.curve import Setup
     from skinlab.curves.program import parse_program
     from skinlab.errors import InputError

@@ -103,7 +103,7 @@ def default_folder() -> Path:
 
 
 def _headless(port: str, folder: Path, model: Model | None) -> int:
-    from skinlab.acquisition.measure import Plan
+    from skinlab.acquisition.measurement import Plan
     from skinlab.cli.measure import run
     from skinlab.cli.options import make_identifier
     from skinlab.curves.curve import Setup
