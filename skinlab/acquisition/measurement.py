@@ -491,6 +491,7 @@ class Measurement:
                 self._await(Reconnect())
             case Phase.CHECKING:
                 self._fault(f"{self._lost}; it is back, and no vent was seen", now)
+                self._pass_time(now)  # of the vent that is waited for now
             case _:
                 self.wake_at = None
 
