@@ -6,12 +6,11 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
-
-import numpy as np
+from dataclasses import dataclass
 
 from drivers.events import Sample
-from skinlab.curves.curve import FEWEST_POINTS, Curve, Setup
+from skinlab.curves.curve import FEWEST_POINTS, Curve
+from skinlab.curves.growing import GrowingCurve
 from skinlab.inference.identify import Identifier
 from skinlab.inference.result import Identification
 from skinlab.io.log import log_exception
@@ -27,8 +26,7 @@ Answer = tuple[int, Curve, Identification]
 @dataclass(slots=True)
 class _Growing:
     index: int
-    setup: Setup
-    samples: list[Sample] = field(default_factory=list)
+    curve: GrowingCurve
     estimate: Identification | None = None
 
 
@@ -69,8 +67,8 @@ class Analyst:
     def listen(self, message: Message) -> None:
         """Follow the running curve."""
         match message:
-            case CurveStarted(index, setup):
-                self._growing = _Growing(index, setup)
+            case CurveStarted(index, curve):
+                self._growing = _Growing(index, curve)
             case Sampled(index, sample) if self._growing and self._growing.index == index:
                 self._grow(self._growing, sample)
             case CurveCompleted():
@@ -111,25 +109,16 @@ class Analyst:
         self._thread.join()
 
     def _grow(self, growing: _Growing, sample: Sample) -> None:
-        program, samples = growing.setup.program, growing.samples
-        if samples and sample.device_time_s <= samples[-1].device_time_s:
-            return
+        program = growing.curve.setup.program
         if program is not None:
             if self._identifier.phases == ("load",) and sample.segment not in program.first_load:
                 return  # nothing that is fitted comes any more
             if sample.device_time_s > program.duration_s - _END_S:
                 return
-        samples.append(sample)
         due = self._clock() >= self._sketched_s + _EVERY_S
-        if due and not self._sketching and self._sketch is None and len(samples) >= FEWEST_POINTS:
-            curve = Curve(
-                name=f"curve {growing.index}",
-                setup=growing.setup,
-                time_s=np.array([s.device_time_s for s in samples]),
-                pressure_mbar=np.array([s.pressure_mbar for s in samples]),
-                deflection_mm=np.array([s.deflection_mm for s in samples]),
-                segment=np.array([s.segment for s in samples], dtype=np.intp),
-            )
+        enough = len(growing.curve) >= FEWEST_POINTS
+        if due and enough and not self._sketching and self._sketch is None:
+            curve = growing.curve.curve(f"curve {growing.index}")
             with self._wake:
                 self._sketch = (growing, curve)
                 self._wake.notify_all()

@@ -38,21 +38,19 @@ class Drawing:
 def against_time(live: Live, columns: int, rows: int) -> Drawing:
     """Return deflection (main) and pressure (second, dotted) against time."""
     program = live.setup.program
-    time_s = np.asarray(live.time_s)
+    time_s, pressure_mbar, deflection_mm, _ = live.curve.columns
     last_s = float(time_s[-1]) if len(time_s) else 0.0
     whole_s = max(program.duration_s if program else 0.0, last_s)
     most_mbar = max(
-        program.max_pressure_mbar if program else 0.0, max(live.pressure_mbar, default=0)
+        program.max_pressure_mbar if program else 0.0, float(pressure_mbar.max(initial=0.0))
     )
-    deepest_mm = round_up(max(live.deflection_mm, default=0.0), least=0.1)
+    deepest_mm = round_up(float(deflection_mm.max(initial=0.0)), least=0.1)
     at = share(time_s, 0.0, whole_s)
     return Drawing(
         f"against {whole_s:.3g} s: to {deepest_mm:g} mm; dotted to {most_mbar:g} mbar",
-        main=dots(
-            *_line(at, share(live.deflection_mm, 0.0, deepest_mm), 4 * columns), columns, rows
-        ),
+        main=dots(*_line(at, share(deflection_mm, 0.0, deepest_mm), 4 * columns), columns, rows),
         second=dots(
-            *_line(at, share(live.pressure_mbar, 0.0, 1.05 * most_mbar), columns // 2),
+            *_line(at, share(pressure_mbar, 0.0, 1.05 * most_mbar), columns // 2),
             columns,
             rows,
         ),

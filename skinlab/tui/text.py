@@ -130,13 +130,13 @@ def link_text(board: Board) -> str:
 def progress_text(board: Board) -> str:
     """Return how far the program is: points, segment, time."""
     if board.playing is not None:
-        n = 0 if board.live is None else len(board.live.pressure_mbar)
+        n = 0 if board.live is None else len(board.live.curve)
         return f"{n} points  {timeline_text(board.playing)}"
     live, entry = board.live, board.entry
     if live is not None:
         rate = "" if live.rate_hz is None else f" {live.rate_hz:.0f} Hz"
-        lost = f", {live.lost} lost" if live.lost else ""
-        return f"{len(live.pressure_mbar)} points{rate}{lost}  {_progress(live)}"
+        lost = f", {live.curve.lost} lost" if live.curve.lost else ""
+        return f"{len(live.curve)} points{rate}{lost}  {_progress(live)}"
     if entry is not None:
         lost = f", {entry.lost} lost" if entry.lost else ""
         return f"curve {entry.index}: {len(entry.curve)} points{lost}"

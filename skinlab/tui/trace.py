@@ -29,13 +29,10 @@ class Trace:
 
 def measured(curve: Live | Entry) -> Trace:
     """Return the measured points of a running or completed curve."""
-    source = curve if isinstance(curve, Live) else curve.curve
-    return thin(
-        Trace(
-            np.asarray(source.pressure_mbar, dtype=float),
-            np.asarray(source.deflection_mm, dtype=float),
-        )
-    )
+    if isinstance(curve, Live):
+        _, pressure_mbar, deflection_mm, _ = curve.curve.columns  # of one moment
+        return thin(Trace(pressure_mbar, deflection_mm))
+    return thin(Trace(curve.curve.pressure_mbar, curve.curve.deflection_mm))
 
 
 def fitted(entry: Entry) -> Trace | None:

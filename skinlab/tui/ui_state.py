@@ -11,7 +11,6 @@ from drivers.events import (
     Alarm,
     Damaged,
     Event,
-    Gap,
     Hello,
     InstrumentState,
     LinkLost,
@@ -19,6 +18,7 @@ from drivers.events import (
     State,
 )
 from skinlab.curves.curve import Curve, Setup
+from skinlab.curves.growing import GrowingCurve
 from skinlab.inference.result import Identification
 from skinlab.quality.gates.base import Finding
 from skinlab.recording.stream import (
@@ -76,23 +76,24 @@ _RANK = {Level.INFO: 0, Level.WARNING: 1, Level.ERROR: 2}
 
 @dataclass(slots=True)
 class Live:
-    """The curve that is being measured: all of its samples."""
+    """The curve that is being measured; it grows while it is drawn."""
 
     index: int
-    setup: Setup
-    time_s: list[float] = field(default_factory=list)
-    pressure_mbar: list[float] = field(default_factory=list)
-    deflection_mm: list[float] = field(default_factory=list)
+    curve: GrowingCurve
     last: Sample | None = None
-    lost: int = 0
     findings: list[Finding] = field(default_factory=list)
     estimate: Identification | None = None  # of what there is so far
 
     @property
+    def setup(self) -> Setup:
+        """What it is measured with."""
+        return self.curve.setup
+
+    @property
     def rate_hz(self) -> float | None:
         """Samples a second by the instrument's clock, over the last second or so; None: unknown."""
-        late = self.time_s[-_RATE_SAMPLES:]
-        return (len(late) - 1) / (late[-1] - late[0]) if len(late) > 1 else None
+        late = self.curve.time_s[-_RATE_SAMPLES:]
+        return float((len(late) - 1) / (late[-1] - late[0])) if len(late) > 1 else None
 
 
 @dataclass(slots=True)
@@ -358,13 +359,13 @@ class Board:
 
     def _hear(self, message: Message) -> None:
         match message:
-            case CurveStarted(index, setup):
-                self.live = Live(index, setup)
+            case CurveStarted(index, curve):
+                self.live = Live(index, curve)
                 self.shown = None
             case Sampled(index, sample):
                 self.latest = sample
                 if self.live is not None and self.live.index == index:
-                    self._sample(self.live, sample)
+                    self.live.last = sample
             case CurveCompleted(index, curve, cut, lost):
                 found = [] if self.live is None else self.live.findings
                 self.entries[index] = Entry(index, curve, cut, lost, findings=found)
@@ -382,13 +383,6 @@ class Board:
             case Happened(event):
                 self._happened(event)
 
-    def _sample(self, live: Live, sample: Sample) -> None:
-        live.last = sample
-        if live.setup.program is None or sample.segment < len(live.setup.program.segments):
-            live.time_s.append(sample.device_time_s)
-            live.pressure_mbar.append(sample.pressure_mbar)
-            live.deflection_mm.append(sample.deflection_mm)
-
     def _happened(self, event: Event) -> None:
         match event:
             case State(state):
@@ -400,8 +394,6 @@ class Board:
                 self.alarm = text
             case Damaged():
                 self.damaged += 1
-            case Gap(expected, received) if self.live is not None:
-                self.live.lost += received - expected
             case LinkLost():
                 self.live = None
             case _:

@@ -108,7 +108,7 @@ class CurvePlot(PlotWidget, can_focus=False):
 
 def _identity(shown: Live | Entry | None) -> tuple[object, ...]:
     if isinstance(shown, Live):
-        return ("live", shown.index, len(shown.pressure_mbar))
+        return ("live", shown.index, len(shown.curve))
     if isinstance(shown, Entry):
         return ("entry", shown.index, shown.result is not None)
     return ("nothing",)
