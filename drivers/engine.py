@@ -110,8 +110,8 @@ class Engine:
         limits: Limits,
         clock: Callable[[], float],
         post: Callable[[TimedEvent], None],
-        on_bytes: OnBytes | None = None,
-        watchdog: Watchdog | None = None,
+        on_bytes: OnBytes | None,
+        watchdog: Watchdog,
     ) -> None:
         self._link = link
         self._connection = connection
@@ -119,7 +119,7 @@ class Engine:
         self._clock = clock
         self._post_timed = post
         self._on_bytes = on_bytes
-        self._watchdog = Watchdog(limits) if watchdog is None else watchdog
+        self._watchdog = watchdog
         self._lock = threading.Lock()
         self._stopping = threading.Event()
         # shared between threads, under the lock
@@ -143,11 +143,6 @@ class Engine:
     def alarm(self) -> str | None:
         """Text of the latched alarm, or None."""
         return self._watchdog.alarm
-
-    @property
-    def watchdog(self) -> Watchdog:
-        """To be passed on to the next engine, once this one has ended."""
-        return self._watchdog
 
     @property
     def lost_at(self) -> float | None:
@@ -252,8 +247,9 @@ class Engine:
         if request.command is not None:
             try:
                 if isinstance(request.command, _MOVES):
-                    self._check_move()
+                    self._check_move(request.command)
                 request._frame = self._connection.send(request.command)
+                self._watchdog.commanded(request.command, now)
             except LocalProtocolError as error:
                 request.fail(error)
                 return
@@ -262,11 +258,14 @@ class Engine:
         else:
             self._pending.append(request)
 
-    def _check_move(self) -> None:
+    def _check_move(self, command: Command) -> None:
         if self._watchdog.alarm is not None:
             raise LocalProtocolError(f"acknowledge the alarm first ({self._watchdog.alarm})")
         if self._tap_error is not None:
             raise LocalProtocolError(f"{self._tap_error}; close the probe and open it again")
+        refusal = self._watchdog.refusal(command)
+        if refusal is not None:
+            raise LocalProtocolError(refusal)
 
     def _feed(self, data: bytes) -> None:
         now = self._clock()

@@ -162,6 +162,16 @@ class Refused:
     reason: str
 
 
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """A simulated instrument's time runs `speed` times as fast as the host's; said after Hello.
+
+    No real instrument says it, and from one that does not call itself simulated it means nothing.
+    """
+
+    speed: float
+
+
 # ---- events that the driver adds -------------------------------------------------------------
 
 
@@ -216,7 +226,7 @@ class LinkRestored:
     outage_s: float  # since LinkLost
 
 
-InstrumentEvent = Hello | Loaded | State | Sample | InstrumentFault | Refused
+InstrumentEvent = Hello | Loaded | State | Sample | InstrumentFault | Refused | Pace
 DriverEvent = Damaged | Gap | HostVented | VentConfirmed | Alarm | LinkLost | LinkRestored
 Event = InstrumentEvent | DriverEvent
 

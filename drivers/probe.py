@@ -12,6 +12,7 @@ from typing import Self
 
 from drivers.connection import Connection
 from drivers.dialects import get_dialect
+from drivers.dose import Dose
 from drivers.engine import Engine, OnBytes, Request
 from drivers.errors import DriverError, LinkError, LocalProtocolError, RemoteProtocolError
 from drivers.events import (
@@ -33,6 +34,7 @@ from drivers.events import (
 )
 from drivers.limits import DEFAULT_LIMITS, Limits, program_bounds
 from drivers.link import Link, open_link
+from drivers.watchdog import Watchdog
 
 __all__ = ["DEFAULT_LIMITS", "Limits", "Probe"]
 
@@ -69,6 +71,7 @@ class Probe:
         self._clock = clock
         self._open_link = open_link
         self._on_bytes = on_bytes
+        self._watchdog = Watchdog(limits)  # of all connections, one after the other
         self._events: queue.SimpleQueue[TimedEvent] = queue.SimpleQueue()
         self._calls = threading.RLock()  # one command at a time; vent and close go past it
         self._engine: Engine | None = None
@@ -100,6 +103,20 @@ class Probe:
         return None if engine is None else engine.alarm
 
     @property
+    def limits(self) -> Limits:
+        """What is allowed, and when it vents."""
+        return self._limits
+
+    @property
+    def dose(self) -> Dose:
+        """Suction that the site has had: of all samples so far, and of what was carried over."""
+        return self._watchdog.dose
+
+    def carry_dose(self, dose: Dose) -> None:
+        """Say, before `open`, what the same site had from another probe in the same visit."""
+        self._watchdog.carry_dose(dose)
+
+    @property
     def is_open(self) -> bool:
         """Whether the I/O thread runs; False again once the link is lost."""
         engine = self._seen
@@ -129,9 +146,8 @@ class Probe:
             if self._engine is not None:
                 raise LocalProtocolError(f"{self.url} is open already")
             self._link = self._open_link(self.url)
-            watchdog = None if self._seen is None else self._seen.watchdog
-            if watchdog is not None:
-                watchdog.reconnected(self._clock())
+            if self._seen is not None:
+                self._watchdog.reconnected(self._clock())
             self._engine = Engine(
                 self._link,
                 Connection(self._dialect, self._limits),
@@ -139,7 +155,7 @@ class Probe:
                 self._clock,
                 self._events.put,
                 self._on_bytes,
-                watchdog,
+                self._watchdog,
             )
             self._seen = self._engine
             self._verified = False
@@ -193,10 +209,11 @@ class Probe:
             self._verified = False
             bounds = program_bounds(segments)
             load = Load(tuple(segments), rate_hz, bounds.max_pressure_mbar, bounds.max_suction_s)
-            # Encoding refuses what the wire cannot carry, in the caller's thread
+            # As the wire carries it, which refuses here what it cannot carry: that is what is
+            # read back, and what the watchdog follows
             asked, _ = self._dialect.decode_command(self._dialect.encode_command(load, 0))
             answer = self._call(
-                load,
+                asked,
                 lambda event: isinstance(event, Loaded),
                 _is_state(InstrumentState.LOADED),
                 timeout_s=_LOAD_TIMEOUT_S,

@@ -26,6 +26,7 @@ from drivers.events import (
     KeepAlive,
     Load,
     Loaded,
+    Pace,
     Refused,
     Reset,
     Sample,
@@ -41,6 +42,7 @@ MAX_FRAME_BYTES = 4096  # `$` and line end included; only LOAD and LOADED come n
 MAX_SEGMENTS = 128
 MAX_TEXT_BYTES = 240  # of one text field, escaped
 MAX_NUMBER = 65_535  # of a command
+MAX_PACE = 1000.0  # of a simulated instrument
 
 _MILLI = 1_000  # mbar -> µbar, Hz -> mHz, mm -> µm
 _MICRO = 1_000_000  # s -> µs, mm -> nm
@@ -169,6 +171,8 @@ class Reference:
                     _int(event.default_rate_hz, _MILLI, "usual rate"),
                     "1" if event.simulated else "0",
                 )
+            case Pace():
+                return _frame("PACE", _int(event.speed, _MILLI, "pace"))
             case _:
                 assert_never(event)
 
@@ -204,6 +208,12 @@ class Reference:
                 return InstrumentFault(_untext(fields[0]), _untext(fields[1])), None
             case "HELLO":
                 return _hello(fields), None
+            case "PACE":
+                _count(word, fields, 1)
+                speed = _unint(fields[0]) / _MILLI
+                if not 0 < speed <= MAX_PACE:
+                    raise RemoteProtocolError(f"a pace of {speed:g} is outside 0 to {MAX_PACE:g}")
+                return Pace(speed), None
             case _:
                 raise RemoteProtocolError(f"unknown frame {word!r}")
 

@@ -24,6 +24,7 @@ from drivers.events import (
 )
 from drivers.reconnect import Backoff
 from skinlab.curves.curve import Setup
+from skinlab.curves.program import check_measurable
 
 _S = InstrumentState
 _SETTLED = frozenset({_S.IDLE, _S.LOADED, _S.FAULT})
@@ -53,12 +54,21 @@ class Policy:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """What to measure: the same setup, several times."""
+    """What to measure: the same setup, several times.
+
+    Raises:
+        InputError: no probe can be asked for its program.
+    """
 
     setup: Setup  # of the first repeat
     repeats: int = 1
     rest_s: float = 5.0  # between repeats, from when the pressure is gone
     rate_hz: float | None = None  # None: the instrument's usual one
+
+    def __post_init__(self) -> None:
+        """Refuse before anything is connected."""
+        if self.setup.program is not None:
+            check_measurable(self.setup.program)
 
 
 class Phase(StrEnum):

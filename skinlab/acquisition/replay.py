@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from typing import Annotated, Literal
 
+import msgspec
 import numpy as np
+from msgspec import Meta
 
 from drivers.events import Sample, TimedEvent
 from skinlab.acquisition.pipeline import Listener, Pipeline
@@ -14,6 +16,7 @@ from skinlab.curves.curve import Curve
 from skinlab.discrepancy.model_identifier import with_model
 from skinlab.errors import InputError
 from skinlab.inference.identify import Identifier
+from skinlab.inference.methods.registry import get_method
 from skinlab.inference.problem import Options, check
 from skinlab.inference.result import Identification
 from skinlab.inference.uncertainty import Sensor
@@ -25,14 +28,25 @@ from skinlab.tables.base import Database
 from skinlab.tables.store import shipped_grid, shipped_table
 from skinlab.versions import versions
 
-# Settings that sessions did not record at first, as they were then.
-_BEFORE: dict[str, Any] = {
-    "sampling": "uniform",
-    "slowdown": 0.4,
-    "forgetting": 0.9,
-    "covariance": 1.0,
-    "passes": 500,
-}
+
+class _Settings(msgspec.Struct):
+    """What a session says of its identification; defaults: what it did not record at first."""
+
+    method: str
+    seed: Annotated[int, Meta(ge=0)]
+    kappa: Literal["paper", "consistent"]
+    phases: tuple[Literal["load", "hold", "unload", "rest"], ...]
+    samples: int
+    best: int
+    tolerance_um: float
+    sampling: Literal["uniform", "lhs"] = "uniform"
+    slowdown: float = 0.4
+    forgetting: float = 0.9
+    covariance: float = 1.0
+    passes: int = 500
+    model: str | None = None
+    noise_um: Annotated[float, Meta(gt=0, lt=1e6)] | None = None
+    pressure_noise_mbar: Annotated[float, Meta(ge=0, lt=1e3)] | None = None
 
 
 def identifier_of(session: Session) -> tuple[Identifier, str | None]:
@@ -53,27 +67,33 @@ def identifier_of(session: Session) -> tuple[Identifier, str | None]:
     shipped: tuple[Database, ...] = (shipped_table(), shipped_grid())
     database = next((d for d in shipped if d.content_hash == stated), shipped[0])
     try:
+        said = msgspec.convert(settings, _Settings)
+        get_method(said.method)
         options = Options(
-            samples=settings["samples"],
-            best=settings["best"],
-            tolerance_um=settings["tolerance_um"],
-            **{name: settings.get(name, value) for name, value in _BEFORE.items()},
+            samples=said.samples,
+            best=said.best,
+            tolerance_um=said.tolerance_um,
+            sampling=said.sampling,
+            slowdown=said.slowdown,
+            forgetting=said.forgetting,
+            covariance=said.covariance,
+            passes=said.passes,
         )
         check(options)
-        identifier = Identifier(
-            database,
-            method=settings["method"],
-            options=options,
-            seed=settings["seed"],
-            kappa=settings["kappa"],
-            phases=tuple(settings["phases"]),
-            sensor=Sensor(settings.get("noise_um"), settings.get("pressure_noise_mbar")),
-        )
-        if settings.get("model") is not None:
-            model = decode_model(settings["model"], "the session's field identification.model")
-            identifier = with_model(identifier, model)
-    except (KeyError, TypeError) as error:
+    except ValueError as error:  # InputError is one
         raise InputError(f"the session's field identification is damaged ({error})") from None
+    identifier = Identifier(
+        database,
+        method=said.method,
+        options=options,
+        seed=said.seed,
+        kappa=said.kappa,
+        phases=said.phases,
+        sensor=Sensor(said.noise_um, said.pressure_noise_mbar),
+    )
+    if said.model is not None:
+        model = decode_model(said.model, "the session's field identification.model")
+        identifier = with_model(identifier, model)
     warning = None
     if database.content_hash != stated:
         warning = (

@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from skinlab.cli.interrupts import interrupt_on_signals
+from skinlab.cli.output import echo
 
 
 @click.command()
@@ -59,12 +60,12 @@ def command(port: str, through: str | None, framing: str, seconds: float | None,
             stack.callback(software.close)
         writer = stack.enter_context(CaptureWriter(out, facts))
         if through is not None:
-            click.echo(url)
+            echo(url)
             sys.stdout.flush()
-        click.echo(f"capturing to {out}; Ctrl-C ends", err=True)
+        echo(f"capturing to {out}; Ctrl-C ends", err=True)
         try:
             listen(instrument, software, writer.write, time.monotonic, seconds)
         finally:
             counts = ", ".join(f"{writer.bytes_of[side]} bytes from the {side}" for side in Side)
-            click.echo(f"{out}: {counts}", err=True)
+            echo(f"{out}: {counts}", err=True)
     return 0

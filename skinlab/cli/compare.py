@@ -6,7 +6,8 @@ from pathlib import Path
 
 import click
 
-from skinlab.cli.options import json_option, print_json
+from skinlab.cli.options import json_option
+from skinlab.cli.output import echo, print_json
 
 
 @click.command()
@@ -29,7 +30,7 @@ def command(before: Path, after: Path, as_json: bool) -> int:
     sessions = [read_session(path) for path in (before, after)]
     identifier, warning = identifier_of(sessions[0])
     if warning:
-        click.echo(f"skinlab: {warning}", err=True)
+        echo(f"skinlab: {warning}", err=True)
     results = [
         fit_session(identifier, path, session)
         for path, session in zip((before, after), sessions, strict=True)
@@ -39,5 +40,5 @@ def command(before: Path, after: Path, as_json: bool) -> int:
         print_json(found.to_json() | {"files": [str(before), str(after)]})
         return 0
     for line in in_words(found):
-        click.echo(line)
+        echo(line)
     return 0

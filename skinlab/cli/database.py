@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Protocol, TypeVar
 
 import click
 
+from skinlab.cli.output import echo, echo_text
+
 if TYPE_CHECKING:
     from skinlab.tables.parallel_build import How
 
@@ -88,10 +90,10 @@ def build(spec: str, out: Path | None, workers: int | None, dask: str | None, re
             content_hash = run(out, how)
     except KeyboardInterrupt:
         if kept.exists():
-            click.echo(f"skinlab: what is done is kept in {kept}; --resume goes on", err=True)
+            echo(f"skinlab: what is done is kept in {kept}; --resume goes on", err=True)
         raise
     kept.unlink(missing_ok=True)
-    click.echo(f"{out}: {entries} curves, {content_hash}")
+    echo(f"{out}: {entries} curves, {content_hash}")
     return 0
 
 
@@ -113,7 +115,7 @@ def _building(spec: str) -> tuple[int, Callable[[Path, How], str]]:
     names = ", ".join(f"{name} {a.low:g}–{a.high:g} × {a.nodes}" for name, a in own.axis.items())
     at = f"{own.geometry.aperture_mm:g} mm opening on {own.geometry.thickness_mm:g} mm of skin"
     along = f", along {own.program} only" if own.has_history else ""
-    click.echo(f"skinlab: {own.entries} curves, {at}{along}: {names}", err=True)
+    echo(f"skinlab: {own.entries} curves, {at}{along}: {names}", err=True)
     return _of(own, build_model, write_model)
 
 
@@ -140,7 +142,7 @@ def info(database: Path | None) -> int:
     from skinlab.tables.store import read_database, shipped_grid, shipped_table
 
     found = (read_database(database),) if database else (shipped_table(), shipped_grid())
-    click.echo("\n\n".join(describe(each) for each in found))
+    echo_text("\n\n".join(describe(each) for each in found))
     return 0
 
 
@@ -165,7 +167,7 @@ def verify(database: Path | None, samples: int, seed: int) -> int:
         found = rebuilt_differences(each, samples, seed)
         differ = differ or bool(found)
         for sentence in found:
-            click.echo(f"skinlab: {sentence}", err=True)
+            echo(f"skinlab: {sentence}", err=True)
         if not found:
-            click.echo(f"{each.content_hash[:19]}…: {samples} entries computed again agree")
+            echo(f"{each.content_hash[:19]}…: {samples} entries computed again agree")
     return 1 if differ else 0

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from skinlab.cli.options import json_option, print_json
+from skinlab.cli.options import json_option
+from skinlab.cli.output import echo, echo_text, print_json
 
 if TYPE_CHECKING:
     from skinlab.discrepancy.outcome import Outcome
@@ -58,15 +59,13 @@ def command(
     if report is not None:
         from skinlab.report.missing_effect import write_report
 
-        click.echo(f"report: {write_report(outcome, report)}", err=True)
+        echo(f"report: {write_report(outcome, report)}", err=True)
     if as_json:
         print_json(outcome.to_json())
     else:
-        click.echo(describe(outcome))
+        echo_text(describe(outcome))
     if outcome.verdict.name == "ambiguous" and outcome.next_measurement is None:
-        click.echo(
-            "skinlab: no measurement of the menu would tell the tied explanations apart", err=True
-        )
+        echo("skinlab: no measurement of the menu would tell the tied explanations apart", err=True)
     return 0
 
 
@@ -98,7 +97,7 @@ def _outcome(
 
     def progress(text: str) -> None:
         if sys.stderr.isatty():
-            click.echo(f"{text} …", err=True)
+            echo(f"{text} …", err=True)
 
     partial = Partial()
     try:
@@ -107,12 +106,13 @@ def _outcome(
         )
     except KeyboardInterrupt:
         from skinlab.discrepancy.text import partial_words
+        from skinlab.io.files import write_file
+        from skinlab.text import inert_lines
 
         text = partial_words(partial)
-        click.echo(text, err=True)
+        echo_text(text, err=True)
         if report is not None:
-            report.mkdir(parents=True, exist_ok=True)
-            (report / "partial.txt").write_text(text + "\n", encoding="utf-8")
+            write_file(report / "partial.txt", inert_lines(text) + "\n", replace=True)
         raise
     cache.save(name, outcome)
     return outcome, files
@@ -123,13 +123,12 @@ def _adopt(outcome: Outcome, to: Path, model_path: Path | None, files: list[Path
     from importlib.metadata import version
 
     from skinlab.discrepancy.adopt import adopted, hashes
+    from skinlab.io.files import write_file
     from skinlab.mechanics.model_file import BASE, read_model
     from skinlab.tables.store import shipped_table
 
     if outcome.verdict.name != "named":
-        click.echo(
-            f"skinlab: the verdict is {outcome.verdict.name}: there is nothing to adopt", err=True
-        )
+        echo(f"skinlab: the verdict is {outcome.verdict.name}: there is nothing to adopt", err=True)
         return outcome
     model = adopted(
         BASE if model_path is None else read_model(model_path),
@@ -140,5 +139,5 @@ def _adopt(outcome: Outcome, to: Path, model_path: Path | None, files: list[Path
         version=version("skinlab"),
         date=datetime.datetime.now(datetime.UTC).date().isoformat(),
     )
-    to.write_text(model.to_toml(), encoding="utf-8")
+    write_file(to, model.to_toml())
     return replace(outcome, adopted_model=str(to))

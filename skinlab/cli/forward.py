@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import sys
+import io
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,6 +10,7 @@ import click
 from click.core import ParameterSource
 
 from skinlab.cli.options import database_option, kappa_option
+from skinlab.cli.output import echo, echo_text
 
 if TYPE_CHECKING:
     from skinlab.mechanics.materials.compressibility import KappaConvention
@@ -66,6 +67,7 @@ def command(
     from skinlab.curves.curve import Setup
     from skinlab.curves.program import parse_program
     from skinlab.errors import InputError
+    from skinlab.io.files import write_file
     from skinlab.mechanics.model_file import read_model
     from skinlab.tables.forward import simulate, simulate_from
     from skinlab.tables.store import read_database
@@ -93,12 +95,13 @@ def command(
         curve, warning = simulate(
             x1_mpa, x2_mpa, nu, setup, kappa, rate_hz, direct=direct, effects=effects
         )
+    text = io.StringIO()
+    write_curve(text, curve)
     if csv_path is None:
-        write_curve(sys.stdout, curve)
+        echo_text(text.getvalue().rstrip("\n"))
     else:
-        with csv_path.open("w", encoding="utf-8", newline="") as file:
-            write_curve(file, curve)
+        write_file(csv_path, text.getvalue(), replace=True)
     if warning:
-        click.echo(f"skinlab: {warning}", err=True)
+        echo(f"skinlab: {warning}", err=True)
         return 5
     return 0

@@ -14,8 +14,8 @@ from skinlab.cli.options import (
     identification_options,
     json_option,
     make_identifier,
-    print_json,
 )
+from skinlab.cli.output import echo, echo_text, print_json
 
 if TYPE_CHECKING:
     from skinlab.inference.identify import Identifier
@@ -100,20 +100,20 @@ def command(
     else:
         for result in [*results, *([together] if together else [])]:
             if result.error is None:
-                click.echo(describe(result))
+                echo_text(describe(result))
         if advice is not None:
-            click.echo(describe_advice(advice))
+            echo_text(describe_advice(advice))
     failed = [r for r in results if r.error is not None]
     if together is not None and together.error is not None:
         failed.append(together)
     for result in failed:
-        click.echo(f"skinlab: {result.error}", err=True)
+        echo(f"skinlab: {result.error}", err=True)
     if any("outside_database" not in r.flags for r in failed):
         return 3
     if failed:
         return 5
     if strict and any(not_trustworthy(r) for r in [*results, *([together] if together else [])]):
-        click.echo("skinlab: a result is not trustworthy (its flags say why)", err=True)
+        echo("skinlab: a result is not trustworthy (its flags say why)", err=True)
         return 5
     return 0
 
@@ -134,7 +134,7 @@ def _together(identifier: Identifier, read: list[Input]) -> Any:
     curves = [curve for given in read for curve in given.curves]
     first = [curve for curve in curves if curve.setup.cycle == 1]
     if first and len(first) < len(curves):
-        click.echo(
+        echo(
             f"skinlab: {len(curves) - len(first)} curves of later cycles are left out of the "
             "joint identification",
             err=True,

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from drivers.limits import DEFAULT_DOSE_MBAR_S
 from skinlab.cli.interrupts import interrupt_on_signals
 from skinlab.cli.method_options import MethodCommand
 from skinlab.cli.options import (
@@ -16,10 +20,12 @@ from skinlab.cli.options import (
     json_option,
     make_identifier,
     parse_phases,
-    print_json,
 )
+from skinlab.cli.output import echo, echo_text, print_json
 
 if TYPE_CHECKING:
+    from drivers.probe import Probe
+    from skinlab.acquisition.measurement import Plan
     from skinlab.curves.program import Program
 
 
@@ -33,6 +39,11 @@ if TYPE_CHECKING:
 @click.option("--subject", default="", help="Pseudonym; never a name.")
 @click.option("--site", default="", help="Where on the body.")
 @click.option("--first-cycle", default=1, show_default=True, help="Cycle of the first repeat.")
+@click.option(
+    "--dose-limit-mbar-s",
+    type=float,
+    help=f"Most suction times time for the site in this visit [default: {DEFAULT_DOSE_MBAR_S:g}].",
+)
 @click.option("--out", required=True, type=click.Path(path_type=Path), help="The session to write.")
 @identification_options()
 @json_option()
@@ -48,6 +59,7 @@ def command(
     subject: str,
     site: str,
     first_cycle: int,
+    dose_limit_mbar_s: float | None,
     out: Path,
     as_json: bool,
     **options: Any,
@@ -79,7 +91,16 @@ def command(
         thickness_sd_mm=thickness_sd_mm,
     )
     plan = Plan(setup, repeats=repeats, rest_s=rest_s, rate_hz=rate_hz)
-    return run(port, plan, out, make_identifier(**options), subject, site, as_json=as_json)
+    return run(
+        port,
+        plan,
+        out,
+        make_identifier(**options),
+        subject,
+        site,
+        dose_limit_mbar_s=dose_limit_mbar_s,
+        as_json=as_json,
+    )
 
 
 def _check_phases(program: Program, phases: str) -> None:
@@ -94,21 +115,22 @@ def _check_phases(program: Program, phases: str) -> None:
 
 def run(
     port: str,
-    plan: Any,
+    plan: Plan,
     out: Path,
     identifier: Any,
     subject: str = "",
     site: str = "",
     *,
+    dose_limit_mbar_s: float | None = None,
     as_json: bool,
 ) -> int:
     """Measure by the plan, print results as they come (or one JSON document at the end).
 
     Raises:
+        InputError: the plan needs more than the dose limit; nothing was begun.
         AcquisitionError, DriverError, KeyboardInterrupt: after the probe was told to vent and the
             session was written.
     """
-    from drivers.probe import Probe
     from skinlab.acquisition.gc_tuning import shorten_pauses
     from skinlab.acquisition.measure import measure
     from skinlab.acquisition.pipeline import Pipeline
@@ -117,7 +139,7 @@ def run(
     from skinlab.recording.recorder import Recording
     from skinlab.recording.stream import Flagged, Happened, Identified, Message
     from skinlab.report.outage import outage_words
-    from skinlab.report.text import describe
+    from skinlab.report.text import describe, describe_dose
 
     results: list[Identification] = []
 
@@ -125,22 +147,25 @@ def run(
         if isinstance(message, Identified):
             results.append(message.result)
             if not as_json:
-                click.echo(describe(message.result))
+                echo_text(describe(message.result))
         elif isinstance(message, Flagged):
-            click.echo(f"skinlab: curve {message.index}: {message.finding}", err=True)
+            echo(f"skinlab: curve {message.index}: {message.finding}", err=True)
         elif isinstance(message, Happened) and (words := outage_words(message.event)):
-            click.echo(f"skinlab: {words}", err=True)
+            echo(f"skinlab: {words}", err=True)
 
+    make_probe = probes(dose_limit_mbar_s)
+    limit_mbar_s = DEFAULT_DOSE_MBAR_S if dose_limit_mbar_s is None else dose_limit_mbar_s
+    _check_dose(plan, limit_mbar_s)
     # A terminated process, or one whose terminal is closed, vents like an interrupted one.
     interrupt_on_signals()
     recording = Recording(out, identifier, subject=subject, site=site, url=port)
     shorten_pauses()
     failed: BaseException | None = None
     try:
-        with Probe(port, on_bytes=recording.journal.raw) as probe:
+        with make_probe(port, on_bytes=recording.journal.raw) as probe:
             hello = probe.open()
             if hello.simulated and sys.stderr.isatty():
-                click.echo(f"SIMULATED probe: {hello.model} {hello.firmware}", err=True)
+                echo(f"SIMULATED probe: {hello.model} {hello.firmware}", err=True)
             source = LiveSource(probe, recording.journal)
             measure(source, plan, Pipeline(identifier, [recording, show]))
     except BaseException as error:
@@ -149,10 +174,51 @@ def run(
     finally:
         saved = _finish(recording, failed)
         if saved and as_json:
-            print_json(document(identifier.provenance(), results, session=str(saved)))
+            whole = document(
+                identifier.provenance(), results, session=str(saved), dose=recording.dose
+            )
+            print_json(whole)
         elif saved:
-            click.echo(f"session: {saved}")
+            echo(f"{describe_dose(recording.dose)}; limit {limit_mbar_s:g} mbar·s")
+            echo(f"session: {saved}")
     return 0
+
+
+def probes(dose_limit_mbar_s: float | None) -> Callable[..., Probe]:
+    """Return what makes a Probe with the dose limit that the user asked for; None: the usual one.
+
+    Raises:
+        InputError: it is no limit.
+    """
+    from drivers.probe import DEFAULT_LIMITS, Probe
+    from skinlab.errors import InputError
+
+    if dose_limit_mbar_s is None:
+        return Probe
+    try:
+        limits = replace(DEFAULT_LIMITS, max_dose_mbar_s=dose_limit_mbar_s)
+    except ValueError:
+        raise InputError(
+            f"dose_limit_mbar_s {dose_limit_mbar_s:g}: expected a positive number of mbar·s"
+        ) from None
+    return partial(Probe, limits=limits)
+
+
+def _check_dose(plan: Plan, limit_mbar_s: float) -> None:
+    """Refuse, before any suction, a plan that the site may not have as a whole."""
+    from drivers.dose import program_dose
+    from skinlab.acquisition.sources import wire_segments
+    from skinlab.errors import InputError
+
+    if plan.setup.program is None:
+        return
+    once = program_dose(wire_segments(plan.setup.program)).suction_mbar_s
+    if plan.repeats * once > limit_mbar_s:
+        raise InputError(
+            f"{plan.repeats} times {plan.setup.program} needs a dose of {plan.repeats * once:.6g} "
+            f"mbar·s, more than the {limit_mbar_s:.6g} mbar·s allowed in one visit "
+            "(--dose-limit-mbar-s)"
+        )
 
 
 def _finish(recording: Any, failed: BaseException | None) -> Path | None:
@@ -170,7 +236,7 @@ def _finish(recording: Any, failed: BaseException | None) -> Path | None:
         if failed is None:
             raise
         if not isinstance(failed, AcquisitionError):
-            click.echo(f"skinlab: {error}", err=True)
+            echo(f"skinlab: {error}", err=True)
             return None
         # A disk that is full has stopped the measurement: one cause, one sentence.
         before = "recording failed, the probe was told to vent" if trouble else failed

@@ -7,6 +7,8 @@ from typing import Any
 
 import click
 
+from skinlab.cli.output import echo
+
 # Name of the parameter → the method that reads it.
 _READ_BY = {
     "sampling": "sto",
@@ -103,7 +105,7 @@ def _warn_of_few(samples: int) -> None:
     from skinlab.inference.methods.stochastic import ACCURACY, CONFIDENCE, least_samples
 
     if samples < (least := least_samples()):
-        click.echo(
+        echo(
             f"skinlab: {samples} samples break the paper's rule, eq. (10): {least} or more for a "
             f"confidence of {CONFIDENCE:g} and an accuracy of {ACCURACY:g}",
             err=True,

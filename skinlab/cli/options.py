@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -219,9 +217,3 @@ def was_said(option: str) -> bool:
     if context is None:
         return False
     return context.get_parameter_source(option) not in (None, ParameterSource.DEFAULT)
-
-
-def print_json(document: dict[str, Any]) -> None:
-    """Print one JSON document; nothing in it may be NaN or infinite."""
-    json.dump(document, sys.stdout, indent=1, allow_nan=False)
-    sys.stdout.write("\n")

@@ -11,6 +11,9 @@ from typing import TYPE_CHECKING
 
 import click
 
+from drivers.limits import DEFAULT_DOSE_MBAR_S
+from skinlab.cli.output import echo
+
 if TYPE_CHECKING:
     from skinlab.mechanics.model_file import Model
     from skinlab.tui.app import SkinlabApp
@@ -25,8 +28,16 @@ ESCAPE_MS = "40"
 @click.option(
     "--model", "model_path", type=click.Path(path_type=Path), help="MODEL.toml to identify with."
 )
+@click.option(
+    "--dose-limit-mbar-s",
+    type=float,
+    help=f"Most suction times time for a site in a visit [default: {DEFAULT_DOSE_MBAR_S:g}].",
+)
 def command(
-    port: str | None = None, sessions: Path | None = None, model_path: Path | None = None
+    port: str | None = None,
+    sessions: Path | None = None,
+    model_path: Path | None = None,
+    dose_limit_mbar_s: float | None = None,
 ) -> int:
     """Open the bedside terminal UI.
 
@@ -42,8 +53,8 @@ def command(
 
         model = read_model(model_path)
     if has_screen():
-        return _on_terminal(port, folder, model)
-    return _headless(port or SIMULATED, folder, model)
+        return _on_terminal(port, folder, model, dose_limit_mbar_s)
+    return _headless(port or SIMULATED, folder, model, dose_limit_mbar_s)
 
 
 def has_screen() -> bool:
@@ -54,13 +65,18 @@ def has_screen() -> bool:
     return sys.stdin.isatty() and sys.stdout.isatty() and sys.stderr.isatty()
 
 
-def _on_terminal(port: str | None, folder: Path, model: Model | None) -> int:
+def _on_terminal(
+    port: str | None, folder: Path, model: Model | None, dose_limit_mbar_s: float | None
+) -> int:
+    from skinlab.cli.measure import probes
+
+    make_probe = probes(dose_limit_mbar_s)
     _release_escape()
     from skinlab.tui.app import SkinlabApp
     from skinlab.tui.probe_session import Bench
     from skinlab.tui.settings import default_path
 
-    bench = partial(Bench, apart=True)
+    bench = partial(Bench, apart=True, make_probe=make_probe)
     return show(SkinlabApp(port, folder, bench, settings=default_path(), model=model))
 
 
@@ -86,7 +102,7 @@ def show(app: SkinlabApp) -> int:
     if app.failure is not None:
         raise app.failure
     if app.board.saved is not None:
-        click.echo(f"session: {app.board.saved}", err=True)
+        echo(f"session: {app.board.saved}", err=True)
     return app.return_code or 0
 
 
@@ -102,7 +118,7 @@ def default_folder() -> Path:
     return user_data_path("skinlab", appauthor=False) / "sessions"
 
 
-def _headless(port: str, folder: Path, model: Model | None) -> int:
+def _headless(port: str, folder: Path, model: Model | None, dose_limit_mbar_s: float | None) -> int:
     from skinlab.acquisition.measurement import Plan
     from skinlab.cli.measure import run
     from skinlab.cli.options import make_identifier
@@ -110,7 +126,7 @@ def _headless(port: str, folder: Path, model: Model | None) -> int:
     from skinlab.curves.program import parse_program
     from skinlab.recording.recorder import new_session_path
 
-    click.echo(f"no terminal: measuring once at {port}", err=True)
+    echo(f"no terminal: measuring once at {port}", err=True)
     identifier = make_identifier(
         method="auto",
         best=20,
@@ -125,4 +141,4 @@ def _headless(port: str, folder: Path, model: Model | None) -> int:
         identifier = with_model(identifier, model)
     plan = Plan(Setup(6.0, 1.0, parse_program("ramp:100@20")))
     out = new_session_path(folder, datetime.now())
-    return run(port, plan, out, identifier, as_json=False)
+    return run(port, plan, out, identifier, dose_limit_mbar_s=dose_limit_mbar_s, as_json=False)

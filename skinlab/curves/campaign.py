@@ -11,6 +11,7 @@ from skinlab.curves.csv import read_curve
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
+from skinlab.io.documents import read_toml
 
 
 class _Header(msgspec.Struct, forbid_unknown_fields=True):
@@ -52,7 +53,7 @@ def read_campaign(path: Path) -> Campaign:
             outside the campaign's folder is refused.
     """
     try:
-        data = msgspec.toml.decode(path.read_bytes(), type=_File)
+        data = msgspec.convert(read_toml(path.read_bytes()), _File)
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from None
     except (ValueError, UnicodeDecodeError) as error:
@@ -69,6 +70,8 @@ def read_campaign(path: Path) -> Campaign:
     folder = path.parent.resolve()
     curves = []
     for number, entry in enumerate(data.curve, start=1):
+        if "\0" in entry.file:
+            raise InputError(f"{path}: curve {number}: file {entry.file!r} is no name of a file")
         file = (folder / entry.file).resolve()
         if not file.is_relative_to(folder):
             raise InputError(f"{path}: curve {number}: file {entry.file!r} is outside the folder")

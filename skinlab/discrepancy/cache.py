@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import os
 import pickle
 from collections.abc import Iterable
 from pathlib import Path
@@ -12,7 +11,10 @@ from pathlib import Path
 import platformdirs
 
 from skinlab.discrepancy.outcome import Outcome
+from skinlab.errors import InputError
+from skinlab.io.files import write_file
 
+_DIGEST = hashlib.sha256().digest_size
 VERSION = "2"  # raise it whenever the workflow may answer differently
 
 
@@ -22,9 +24,16 @@ def key(parts: Iterable[str]) -> str:
 
 
 def load(name: str, folder: Path | None = None) -> Outcome | None:
-    """Return the outcome of this name, None where there is none that can be read."""
+    """Return the outcome of this name, None where there is none that can be read.
+
+    A pickle is a program: one that was changed since it was kept is never run.
+    """
     try:
-        found = pickle.loads((_folder(folder) / name).read_bytes())
+        raw = (_folder(folder) / name).read_bytes()
+        digest, kept = raw[:_DIGEST], raw[_DIGEST:]
+        if hashlib.sha256(kept).digest() != digest:
+            return None
+        found = pickle.loads(kept)
     except Exception:  # noqa: BLE001 -- whatever is wrong with a cache: compute again
         return None
     return found if isinstance(found, Outcome) else None
@@ -32,12 +41,11 @@ def load(name: str, folder: Path | None = None) -> Outcome | None:
 
 def save(name: str, outcome: Outcome, folder: Path | None = None) -> None:
     """Keep the outcome; where that fails, nothing is lost but time."""
-    with contextlib.suppress(OSError, pickle.PicklingError):
+    with contextlib.suppress(OSError, InputError, pickle.PicklingError):
         to = _folder(folder)
         to.mkdir(mode=0o700, parents=True, exist_ok=True)
-        part = to / f"{name}.{os.getpid()}"
-        part.write_bytes(pickle.dumps(outcome))
-        part.replace(to / name)
+        kept = pickle.dumps(outcome)
+        write_file(to / name, hashlib.sha256(kept).digest() + kept, replace=True)
 
 
 def _folder(folder: Path | None) -> Path:

@@ -77,9 +77,12 @@ def sample(fitter: Fitter, fit: Fit, rng: np.random.Generator) -> Posterior:
         return gaussian(fit)
     low, high = unknowns.bounds
     space = AxisSpace(unknowns.names, tuple(low), tuple(high), (False,) * len(unknowns))
-    draws = follow_the_valley(
-        space, _Misfit(fitter, model), space.to_unit(fit.u)[None], rng, draws=_DRAWS
-    )
+    try:
+        draws = follow_the_valley(
+            space, _Misfit(fitter, model), space.to_unit(fit.u)[None], rng, draws=_DRAWS
+        )
+    except ValueError:  # nothing can be drawn about this minimum
+        return gaussian(fit)
     return Posterior(unknowns, fit.u, draws.parameters, draws.weight)
 
 

@@ -7,6 +7,7 @@ from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.search import Candidate, Partial
 from skinlab.discrepancy.unknowns import BASE_NAMES
 from skinlab.mechanics.effects.registry import get_effect
+from skinlab.text import inert
 
 _SHOWN = 5
 _LABEL = {"X1_MPa": "X1 (MPa)", "X2_MPa": "X2 (MPa)", "nu": "nu"}
@@ -44,7 +45,7 @@ def where_words(place: Place) -> str:
     low, high = place.pressure_mbar
     begin, end = place.time_s
     return (
-        f"{place.file}, {place.phase}, {low:.0f}–{high:.0f} mbar, {begin:.1f}–{end:.1f} s: "
+        f"{inert(place.file)}, {place.phase}, {low:.0f}–{high:.0f} mbar, {begin:.1f}–{end:.1f} s: "
         f"{place.mean_um:+.1f} µm on average (noise {place.noise_um:.1f} µm a sample, "
         f"p = {place.p_value:.1g})"
     )

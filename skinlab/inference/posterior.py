@@ -65,7 +65,7 @@ def sample(
     are points of the cube near its minima.
 
     Raises:
-        ValueError: the model has no value at any of them.
+        ValueError: the model has no value at any of them, or no draw is within the bounds.
     """
     at_modes = polish(space, misfit, modes, least_gain=1e-4 * factor)
     best = int(np.argmin(at_modes.cost))
@@ -80,6 +80,8 @@ def sample(
     while True:
         drawn = mixtures[-1].draw(draws, rng)
         drawn = drawn[((drawn >= 0.0) & (drawn <= 1.0)).all(axis=1)]
+        if not len(drawn) and not units:  # a narrow valley against a bound
+            raise ValueError("no draw about the minimum lies within the bounds")
         units.append(drawn)
         densities.append(0.5 * (least - misfit(space.from_unit(drawn))) / factor)
         evaluations += len(drawn)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.dose import Dose
 from skinlab.curves.curve import Setup
 from skinlab.inference.uncertainty import Uncertainty
 
@@ -130,8 +131,9 @@ def document(
     *,
     joint: Identification | None = None,
     advice: Sequence[Advice] | None = None,
+    dose: Dose | None = None,
 ) -> dict[str, Any]:
-    """Return the whole identification document."""
+    """Return the whole identification document; `dose` is what the site of a session has had."""
     whole: dict[str, Any] = {
         "schema": SCHEMA,
         "model": {
@@ -150,4 +152,9 @@ def document(
     }
     if session is not None:
         whole["session"] = session
+    if dose is not None:
+        whole["dose"] = {
+            "suction_mbar_s": round(dose.suction_mbar_s, 1),
+            "time_s": round(dose.time_s, 2),
+        }
     return whole

@@ -28,7 +28,7 @@ import hashlib
 import json
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
@@ -36,6 +36,7 @@ import msgspec
 from msgspec import field
 
 from skinlab.errors import InputError
+from skinlab.io.documents import read_toml, toml_text
 from skinlab.mechanics.effects import get_effect
 from skinlab.mechanics.effects.registry import checked
 from skinlab.mechanics.materials import get_law
@@ -135,7 +136,7 @@ class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     def to_toml(self) -> str:
         """Return the file's text."""
-        return "\n".join(_tables("", msgspec.to_builtins(self))).lstrip("\n") + "\n"
+        return toml_text(msgspec.to_builtins(self))
 
 
 BASE = Model(Header("base"))
@@ -162,7 +163,7 @@ def decode_model(raw: bytes | str, path: str) -> Model:
         InputError: something in it is not known, missing or out of range; names the field.
     """
     try:
-        return model_of(msgspec.toml.decode(raw))
+        return model_of(read_toml(raw))
     except (ValueError, UnicodeDecodeError) as error:  # InputError is one
         raise InputError(f"{path}: {plain(str(error))}") from None
 
@@ -246,25 +247,6 @@ def _check_range(
             raise InputError(f"{where}.prior: expected a finite mean and a positive sd")
     elif at.prior == "log-uniform" and low <= 0:
         raise InputError(f"{where}.prior: log-uniform needs a positive low, got {low:g}")
-
-
-def _tables(where: str, content: Mapping[str, Any]) -> Iterable[str]:
-    """Yield the lines of a TOML table and of those in it; what is None is left out."""
-    plain = {k: v for k, v in content.items() if not isinstance(v, Mapping) and v is not None}
-    if plain:
-        yield from ("", f"[{where}]")
-        yield from (f"{_key(k)} = {_value(v)}" for k, v in plain.items())
-    for key, value in content.items():
-        if isinstance(value, Mapping):
-            yield from _tables(f"{where}.{_key(key)}" if where else _key(key), value)
-
-
-def _key(key: str) -> str:
-    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else _value(key)
-
-
-def _value(value: str | float) -> str:
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def plain(message: str) -> str:

@@ -33,8 +33,8 @@ class CurveAssembler:
         self._found = False  # the link is new, and what the instrument runs is no run of ours
         self._cut: str | None = None
 
-    def plan(self, setup: Setup) -> None:
-        """Say what the next run belongs to."""
+    def plan(self, setup: Setup | None) -> None:
+        """Say what the next run belongs to; None: no curve can be made of it."""
         self._next = setup
 
     @property

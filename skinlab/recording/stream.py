@@ -19,9 +19,9 @@ from skinlab.quality.gates.base import Finding
 
 @dataclass(frozen=True, slots=True)
 class Planned:
-    """The next run of the instrument belongs to this setup."""
+    """The next run of the instrument belongs to this setup; None: nobody can say to which."""
 
-    setup: Setup
+    setup: Setup | None
 
 
 Item = Planned | TimedEvent

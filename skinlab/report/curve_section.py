@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from skinlab.curves.program import Program
+from skinlab.inference.stored import StoredValue
 from skinlab.report.flags import NAMES, explanations, signed
 from skinlab.report.measured import Measured
 from skinlab.report.page import Illustration, Section, Table
-from skinlab.report.stored import StoredValue
 
 _OVERVIEW = ("curve", "name", "opening on skin, program, cycle", "X1 (MPa)", "X2 (MPa)", "ν",
              "rms (µm)", "flags")  # fmt: skip

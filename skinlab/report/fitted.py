@@ -18,10 +18,10 @@ from skinlab.errors import InputError, NotTrustworthyError
 from skinlab.inference.identify import PAPERS_METHODS, Identifier
 from skinlab.inference.noise import pressure_noise_mbar, slope_mm_per_mbar
 from skinlab.inference.samples import Fitted, choose, group
+from skinlab.inference.stored import StoredResult
 from skinlab.mechanics.effects.model import Skin, response
 from skinlab.mechanics.effects.registry import get_effect
 from skinlab.parameters import PAPER_BOX
-from skinlab.report.stored import StoredResult
 
 Array = NDArray[np.float64]
 

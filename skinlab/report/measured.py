@@ -8,12 +8,12 @@ from skinlab.acquisition.pipeline import Pipeline
 from skinlab.curves.curve import Curve
 from skinlab.errors import InputError
 from skinlab.inference.identify import Identifier
+from skinlab.inference.stored import StoredResult, stored_result
 from skinlab.quality.gates.base import Finding
 from skinlab.recording.recorded import recorded_items
 from skinlab.recording.session import Session
 from skinlab.recording.stream import CurveCompleted, Flagged, Message
 from skinlab.report.fitted import Fit, fit_again
-from skinlab.report.stored import StoredResult, stored_result
 
 
 @dataclass(frozen=True)

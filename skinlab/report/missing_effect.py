@@ -16,9 +16,11 @@ from skinlab.discrepancy.text import (
     where_words,
 )
 from skinlab.errors import InputError
+from skinlab.io.files import cannot_write, write_file
 from skinlab.mechanics.effects.registry import get_effect
 from skinlab.report.page import Illustration, Section, Table, page
 from skinlab.report.pictures import new_figure, style, to_data_uri
+from skinlab.text import inert
 
 _NAME = "missing-effect.html"
 _MARK = "skinlab missing-effect report"
@@ -31,13 +33,10 @@ def write_report(outcome: Outcome, folder: Path) -> Path:
         InputError: the folder cannot be written, or holds a file of this name that is not ours.
     """
     to = folder / _NAME
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
+    with cannot_write(to):
         if to.exists() and _MARK not in to.read_text(encoding="utf-8", errors="replace"):
             raise InputError(f"{to}: exists and is no report of ours; expected another folder")
-        to.write_text(render(outcome), encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{to}: {error.strerror or error}") from None
+    write_file(to, render(outcome), replace=True)
     return to
 
 
@@ -157,7 +156,7 @@ def _residuals(outcome: Outcome) -> list[Illustration]:
             for name, fit in fits:
                 left = 1e3 * (record.curve.deflection_mm - fit.deflections_mm[i])
                 ax.plot(time, left, ".", markersize=2.5, label=name)
-            ax.set_title(record.name, parse_math=False)
+            ax.set_title(inert(record.name), parse_math=False)
             ax.set_xlabel("time (s)")
             ax.set_ylabel("residual (µm)")
         for ax in axes[len(records) :]:

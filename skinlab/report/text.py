@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from drivers.dose import Dose
 from skinlab.inference.result import Advice, Identification
+from skinlab.text import inert
 
 _UNITS = {"X1_MPa": ("X1", "MPa"), "X2_MPa": ("X2", "MPa"), "nu": ("nu", "")}
 
 
 def describe(result: Identification) -> str:
     """Return the text."""
-    lines = [result.file]
+    lines = [inert(result.file)]
     if result.setup is not None:
         lines[0] += (
             f"  ({result.setup.aperture_mm:g} mm opening, {result.setup.thickness_mm:g} mm skin; "
@@ -24,7 +26,7 @@ def describe(result: Identification) -> str:
             f"samples fitted: {', '.join(result.phases)})"
         ]
     if result.error is not None:
-        lines.append(f"  not identified: {result.error}")
+        lines.append(f"  not identified: {inert(result.error)}")
     for name, value in (result.parameters or {}).items():
         label, unit = _UNITS.get(name, (name, ""))
         text = f"  {label:<4}{value.value:10.4g} {unit:<4}"
@@ -81,3 +83,8 @@ def describe_advice(advice: Sequence[Advice], most: int = 5) -> str:
         )
         lines.append(f"  {item.aperture_mm:g} mm opening, {item.program:<14} {widths}")
     return "\n".join(lines)
+
+
+def describe_dose(dose: Dose) -> str:
+    """Return in one line what the site has had."""
+    return f"dose of the site: {dose.suction_mbar_s:.0f} mbar·s, {dose.time_s:.1f} s under suction"

@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from skinlab.errors import InputError
+from skinlab.io.documents import read_json_object
+from skinlab.io.hdf5 import open_hdf5, read_array, written_whole
 from skinlab.tables.abscissa import course_of
-from skinlab.tables.hdf5 import SCHEMA, check_hash, check_kind, open_hdf5, written_whole
+from skinlab.tables.header import SCHEMA, check_hash, check_kind
 from skinlab.tables.model_database import ModelDatabase
 from skinlab.tables.model_spec import spec_from_json, unit_of
 
@@ -53,13 +55,14 @@ def read_model_database(path: Path) -> ModelDatabase:
         check_kind(path, file, "model")
         try:
             spec = spec_from_json(str(file.attrs["spec"]))
-            versions = {str(k): str(v) for k, v in json.loads(file.attrs["versions"]).items()}
+            versions = {str(k): str(v) for k, v in read_json_object(file.attrs["versions"]).items()}
         except (ValueError, AttributeError) as error:
             raise InputError(f"{path}: its spec is damaged ({error})") from None
         course = course_of(spec)
-        curves = [file[name][:] for name, _ in _CURVES if name in file]
-        holds_to = file[f"holds_to_{course.unit}"][:]
-        errors = file["interpolation_error"][:]
+        wide = len(spec.shape) + 1
+        curves = [read_array(file, name, float, wide) for name, _ in _CURVES if name in file]
+        holds_to = read_array(file, f"holds_to_{course.unit}", float, len(spec.shape))
+        errors = read_array(file, "interpolation_error", float, 2)
         shapes = [(*spec.shape, len(course.nodes))] * (course.width // len(course.nodes))
         if [c.shape for c in curves] != shapes or (holds_to.shape, errors.shape[1:]) != (
             spec.shape,

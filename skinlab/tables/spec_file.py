@@ -37,6 +37,7 @@ from typing import Any
 import msgspec
 
 from skinlab.errors import InputError
+from skinlab.io.documents import read_toml
 from skinlab.mechanics.effects import get_effect
 from skinlab.mechanics.model_file import (
     BASE_BOUNDS,
@@ -83,7 +84,7 @@ def read_spec(path: str | Path) -> ModelSpec:
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from None
     try:
-        said = msgspec.toml.decode(raw)
+        said = read_toml(raw)
     except (ValueError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: {plain(str(error))}") from None
     named = _named_model(said, path)

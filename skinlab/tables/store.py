@@ -8,10 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
+from skinlab.io.hdf5 import open_hdf5, read_array, written_whole
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.tables.dimensionless import Axis, DimensionlessSpec, DimensionlessTable
 from skinlab.tables.grid import GridDatabase, GridSpec
-from skinlab.tables.hdf5 import SCHEMA, check_hash, check_kind, open_hdf5, written_whole
+from skinlab.tables.header import SCHEMA, check_hash, check_kind
 from skinlab.tables.model_database import ModelDatabase
 from skinlab.tables.model_store import read_model_database
 
@@ -55,7 +56,7 @@ def read_grid(path: Path) -> GridDatabase:
     """
     with open_hdf5(path) as file:
         check_kind(path, file, "grid")
-        axes = {name: tuple(map(float, file[f"axes/{name}"][:])) for name in _AXES}
+        axes = {name: tuple(map(float, read_array(file, f"axes/{name}", float))) for name in _AXES}
         spec = GridSpec(
             law=str(file.attrs["law"]),
             kappa="consistent" if file.attrs["kappa"] == "consistent" else "paper",
@@ -64,9 +65,9 @@ def read_grid(path: Path) -> GridDatabase:
         )
         database = GridDatabase(
             spec,
-            file["deflection_mm"][:],
-            file["holds_to_mbar"][:],
-            file["newton_iterations"][:],
+            read_array(file, "deflection_mm", float, 4),
+            read_array(file, "holds_to_mbar", float, 3),
+            read_array(file, "newton_iterations", int, 3),
             str(file.attrs["mesh"]),
             str(file.attrs["solver_version"]),
             int(file.attrs["degrees_of_freedom"]),
@@ -132,8 +133,8 @@ def read_table(path: Path) -> DimensionlessTable:
         )
         table = DimensionlessTable(
             spec,
-            file["log_compliance"][:],
-            file["holds_to_load"][:],
+            read_array(file, "log_compliance", float, 4),
+            read_array(file, "holds_to_load", float, 3),
             str(attrs["mesh"]),
             str(attrs["solver_version"]),
         )

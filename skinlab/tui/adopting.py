@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from skinlab.errors import InputError
+from skinlab.io.files import write_file
 from skinlab.mechanics.model_file import Model
 
 if TYPE_CHECKING:
@@ -51,19 +52,10 @@ def write_adopted(
 
 def _write_new(folder: Path, stem: str, text: str) -> Path:
     """Write a file whose name is free; nothing is overwritten."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise _unwritable(folder, error) from None
     for path in _names(folder, stem):
-        try:
-            with path.open("x", encoding="utf-8") as file:
-                file.write(text)
-        except FileExistsError:
-            continue
-        except OSError as error:
-            raise _unwritable(path, error) from None
-        return path
+        if not path.exists():
+            write_file(path, text)
+            return path
     raise AssertionError  # names do not end
 
 
@@ -71,7 +63,3 @@ def _names(folder: Path, stem: str) -> Iterator[Path]:
     yield folder / f"{stem}.toml"
     for number in count(2):
         yield folder / f"{stem}-{number}.toml"
-
-
-def _unwritable(path: Path, error: OSError) -> InputError:
-    return InputError(f"{path}: cannot be written ({error.strerror or error})")

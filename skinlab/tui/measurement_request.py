@@ -9,9 +9,9 @@ from urllib.parse import parse_qsl, urlencode
 
 from drivers.events import Hello
 from skinlab.curves.curve import Setup, check_aperture, check_thickness
-from skinlab.curves.program import Program, parse_program
+from skinlab.curves.program import Program, check_measurable, parse_program
 from skinlab.errors import InputError
-from skinlab.recording.pseudonym import check_subject
+from skinlab.recording.pseudonym import check_site, check_subject
 
 DEFAULTS = {
     "subject": "",
@@ -95,9 +95,9 @@ def check_limits(program: Program, hello: Hello) -> None:
             f"program {program}: up to {program.max_pressure_mbar:g} mbar; this instrument goes "
             f"to {hello.max_pressure_mbar:g} mbar"
         )
-    if program.longest_suction_s > hello.max_suction_s:
+    if program.unpaused_suction_s > hello.max_suction_s:
         raise InputError(
-            f"program {program}: {program.longest_suction_s:g} s of suction without a pause; this "
+            f"program {program}: {program.unpaused_suction_s:g} s of suction without a pause; this "
             f"instrument holds at most {hello.max_suction_s:g} s"
         )
 
@@ -111,10 +111,11 @@ def read_order(texts: Mapping[str, str]) -> Order:
     text = {name: value.strip() for name, value in texts.items()}
     _port(text["port"])
     check_subject(text["subject"])
+    check_site(text["site"])
     setup = Setup(
         aperture_mm=_number("aperture_mm", text["aperture_mm"]),
         thickness_mm=_number("thickness_mm", text["thickness_mm"]),
-        program=parse_program(text["program"]),
+        program=_program(text["program"]),
         cycle=_cycle(text["cycle"]),
         thickness_sd_mm=_sd(text["thickness_sd_mm"]),
     )
@@ -131,6 +132,10 @@ def read_order(texts: Mapping[str, str]) -> Order:
 def _port(text: str) -> None:
     if not text:
         raise InputError("port: expected a port or a URL, e.g. /dev/ttyUSB0 or sim://?seed=1")
+
+
+def _program(text: str) -> Program:
+    return check_measurable(parse_program(text))
 
 
 def _number(field: str, text: str) -> float:
@@ -174,11 +179,12 @@ def _cycle(text: str) -> int:
 _CHECKS: dict[str, Callable[[str], object]] = {
     "port": _port,
     "subject": check_subject,
+    "site": check_site,
     "aperture_mm": lambda text: check_aperture(_number("aperture_mm", text)),
     "thickness_mm": lambda text: check_thickness(_number("thickness_mm", text)),
     "thickness_sd_mm": _sd,
     "cycle": _cycle,
     "repeats": _repeats,
     "rest_s": _rest,
-    "program": parse_program,
+    "program": _program,
 }

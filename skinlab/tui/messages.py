@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,6 +22,7 @@ class Connected:
     port: str
     hello: Hello
     goes_on: bool = False  # the session that was open before
+    visit: tuple[str, str] | None = None  # subject and site, where a record says so
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +37,7 @@ class Heard:
     """Messages of the pipeline, in order; several at once, so that a fast probe costs no more."""
 
     messages: tuple[Message, ...]
+    at: datetime | None = None  # when, in local time; None: unknown
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,10 +78,14 @@ class Explained:
 
 @dataclass(frozen=True, slots=True)
 class Adopted:
-    """A model with the missing effect was written, and is what curves are identified with."""
+    """A model with the missing effect was written, and is what curves are identified with.
 
-    path: Path
-    name: str
+    `path` is None where that was undone, `name` where it is the base law again.
+    """
+
+    path: Path | None
+    name: str | None
+    anew: bool = True  # the session that is open was identified with another model
 
 
 @dataclass(frozen=True, slots=True)

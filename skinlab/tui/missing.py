@@ -86,13 +86,13 @@ def missing_lines(missing: Missing | None) -> list[str]:
     if missing.outcome is not None:
         lines += ["", *outcome_lines(missing.outcome)]
         if missing.adopted is not None:
-            lines += ["", f"Adopted: {missing.adopted}"]
+            lines += ["", f"Adopted: {missing.adopted} (Ctrl+Z goes back to the model before)"]
         return lines
     done, last = missing.stages[:-1], missing.stages[-1:]
     lines += [f"  done: {stage}" for stage in done]
     if missing.running:
         lines += [f"  now:  {stage} …" for stage in last or ["beginning"]]
-        lines += ["", "This can take minutes. The probe can be used meanwhile; x gives up."]
+        lines += ["", "This can take minutes. The probe can be used meanwhile; Del gives up."]
     else:
         lines += ["", missing.failed or "Given up; d begins anew."]
     return lines

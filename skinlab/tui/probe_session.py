@@ -14,6 +14,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
+from drivers.dose import Dose
 from drivers.errors import DriverError, LinkError
 from drivers.probe import Probe
 from drivers.reconnect import Backoff, reconnect
@@ -90,6 +91,7 @@ class _Visit:
     source: LiveSource
     pipeline: Pipeline
     analyst: Analyst
+    identifier: Identifier
     simulated: bool
 
 
@@ -129,6 +131,7 @@ class Bench:
         self._tape = Tape()
         self._visit: _Visit | None = None
         self._messages: list[Message] = []  # of the serving thread
+        self._dose = Dose()  # what the site of the visit had from probes that are gone
         self._unsaved = False  # a result came since the file was last written
         self._free = threading.Event()
         self._free.set()
@@ -136,6 +139,8 @@ class Bench:
         self._closes = 0
         self._closing = threading.Event()  # wakes who waits for a lost link
         self._explain = Explainer() if explain is None else explain
+        self._model_name = None if model is None else model.model.name
+        self._replaced: list[tuple[Identifier, str | None]] = []  # by adopted models, with names
         self._keep = False  # the session, once this connection is over
         self._ending = threading.Lock()
 
@@ -290,8 +295,28 @@ class Bench:
         )
         if self._visit is not None:
             self.audit("model adopted", file=path.name, hash=model.hash)
+        self._replaced.append((identifier, self._model_name))
+        self._model_name = model.model.name
         self._identifier = with_model(identifier, model)
-        self._post(Adopted(path, model.model.name))
+        self._post(Adopted(path, model.model.name, anew=self._another_model))
+
+    def undo_adoption(self) -> None:
+        """Identify with the model that was replaced last; the written file stays.
+
+        Raises:
+            SkinlabError: no model was adopted, or it cannot be recorded.
+        """
+        if not self._replaced:
+            raise AcquisitionError("no model was adopted: there is nothing to undo")
+        if self._visit is not None:
+            self.audit("model adoption undone")
+        self._identifier, self._model_name = self._replaced.pop()
+        self._post(Adopted(None, self._model_name, anew=self._another_model))
+
+    @property
+    def _another_model(self) -> bool:
+        """Whether the open session was identified with another model than is used now."""
+        return self._visit is not None and self._visit.identifier is not self._identifier
 
     def close(self) -> None:
         """Vent, let go of the probe and finish the session. Raises nothing."""
@@ -334,6 +359,7 @@ class Bench:
         self._keep = True
         self._tape = Tape()
         probe = self._probe = self._make_probe(port, on_bytes=self._tape)
+        probe.carry_dose(self._dose)
         try:
             hello = probe.open()
             if closes == self._closes:  # else it was closed before it was open
@@ -346,6 +372,7 @@ class Bench:
             probe.close()
             _wait_closed(probe)
             self._probe = None
+            self._dose = probe.dose
             try:
                 self._finish(probe)
             finally:
@@ -361,6 +388,7 @@ class Bench:
         visit = self._visit
         if visit is not None and visit.simulated != hello.simulated:
             self._end_visit()
+            probe.carry_dose(Dose())
             visit = None
         if visit is None:
             return False
@@ -420,6 +448,7 @@ class Bench:
             LiveSource(probe, recording.journal),
             Pipeline(identifier, [recording, self._note, analyst.listen], analyst.hand_over),
             analyst,
+            identifier,
             simulated=probe.hello is not None and probe.hello.simulated,
         )
         self._visit, self._unsaved = visit, False
@@ -503,7 +532,11 @@ class Bench:
     def _flush(self) -> None:
         if self._messages:
             messages, self._messages = tuple(self._messages), []
-            self._post(Heard(messages))
+            self._post(Heard(messages, self._moment()))
+
+    def _moment(self) -> datetime | None:
+        """Return when what is posted now happened, in local time."""
+        return self._now()
 
     # ---- the session --------------------------------------------------------------------------
 
@@ -536,6 +569,7 @@ class Bench:
         """Finish the session, if there is one; whoever comes second waits until it is done."""
         with self._ending:
             visit, self._visit = self._visit, None
+            self._dose = Dose()
             if visit is None:
                 return
             visit.analyst.close()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from datetime import datetime, timedelta
 from pathlib import Path
 
 from drivers.events import Hello, TimedEvent
@@ -44,6 +45,8 @@ class Replayer(Bench):
         self.control = ReplayControl(speed, sleep=self._nap)
         self._speed = speed
         self._begin_s = self._length_s = 0.0
+        self._created: datetime | None = None  # in local time
+        self._created_s = 0.0  # the same by the clock of the record
 
     def again(self) -> None:
         """Be ready to play from the beginning."""
@@ -86,6 +89,9 @@ class Replayer(Bench):
         analyst: Analyst | None = None
         try:
             session = read_session(Path(port))
+            meta = session.meta
+            self._created = _local(meta.get("created_utc"))
+            self._created_s = float(meta.get("created_host_time_s") or 0.0)
             self._identifier, _ = identifier_of(session)
             analyst = Analyst(self._identifier, self._estimated)
             events = [i for i in recorded_items(session.records) if isinstance(i, TimedEvent)]
@@ -93,7 +99,8 @@ class Replayer(Bench):
             self._begin_s = min(times, default=0.0)
             self._length_s = max(times, default=0.0) - self._begin_s
             hello = next((e.event for e in events if isinstance(e.event, Hello)), _NOBODY)
-            self._post(Connected(port, hello))
+            whose = (str(meta.get("subject") or ""), str(meta.get("site") or ""))
+            self._post(Connected(port, hello, visit=whose))
             if events:
                 replay(session, self._identifier, [self._note, analyst.listen], self.control)
             else:  # imported: there are curves, and nothing that came before them
@@ -112,6 +119,12 @@ class Replayer(Bench):
         if isinstance(message, CurveCompleted) or len(self._messages) >= _MOST_MESSAGES:
             self._flush()
 
+    def _moment(self) -> datetime | None:
+        at_s = self.control.at_s
+        if self._created is None or at_s is None:
+            return self._created
+        return self._created + timedelta(seconds=at_s - self._created_s)
+
     def _nap(self, seconds: float) -> None:
         self._flush()
         self._closing.wait(seconds)
@@ -125,3 +138,11 @@ class Replayer(Bench):
         at_s = self.control.at_s
         done_s = 0.0 if at_s is None else at_s - self._begin_s
         self._post(Played(min(max(done_s, 0.0), self._length_s), self._length_s, ended))
+
+
+def _local(text: object) -> datetime | None:
+    """Return a time of a record in local time; None: it says none."""
+    try:
+        return datetime.fromisoformat(str(text)).astimezone()
+    except ValueError:
+        return None

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import contextlib
-import json
-import os
 from collections.abc import Mapping
 from pathlib import Path
 
 from platformdirs import user_config_path
 
+from skinlab.errors import InputError
+from skinlab.io.documents import read_json
+from skinlab.io.files import write_file
+from skinlab.text import json_text
 from skinlab.tui.measurement_request import DEFAULTS, complaint
 
-# A pseudonym or a site that is left over would label the next person.
-_KEPT = tuple(name for name in DEFAULTS if name not in {"subject", "site", "cycle"})
+# What is left over would label the next person; the thickness is of a person's skin as well.
+_OF_A_PERSON = frozenset({"subject", "site", "cycle", "thickness_mm", "thickness_sd_mm"})
+_KEPT = tuple(name for name in DEFAULTS if name not in _OF_A_PERSON)
 
 
 def default_path() -> Path:
@@ -26,7 +29,7 @@ def recall(path: Path | None) -> dict[str, str]:
     if path is None:
         return {}
     try:
-        said = json.loads(path.read_text(encoding="utf-8"))
+        said = read_json(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
     if not isinstance(said, dict):
@@ -40,8 +43,5 @@ def remember(path: Path | None, texts: Mapping[str, str]) -> None:
     if path is None:
         return
     kept = {name: texts[name] for name in _KEPT}
-    partial = path.with_name(f".{path.name}.partial")
-    with contextlib.suppress(OSError):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        partial.write_text(json.dumps(kept, indent=1), encoding="utf-8")
-        os.replace(partial, path)
+    with contextlib.suppress(InputError):
+        write_file(path, json_text(kept), replace=True)

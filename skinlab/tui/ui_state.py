@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from datetime import datetime
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from drivers.dose import DoseMeter
 from drivers.events import (
     Alarm,
     Damaged,
@@ -106,6 +109,8 @@ class Entry:
     lost: int
     result: Identification | None = None
     findings: list[Finding] = field(default_factory=list)
+    visit: tuple[str, str] | None = None  # subject and site
+    at: datetime | None = None  # when it was complete, in local time
 
     @property
     def setup(self) -> Setup:
@@ -119,6 +124,7 @@ class Series:
 
     order: Order  # of the present repeat
     before: int  # how many curves there were when it began
+    vents: int  # that had been ordered when it was confirmed: a later one ends it
     starting: bool = False  # to be started once it is armed
 
     def finished(self, board: Board) -> bool:
@@ -131,6 +137,15 @@ class Series:
             and last is not None
             and last.result is not None
         )
+
+
+@dataclass(frozen=True, slots=True)
+class Review:
+    """What will happen, as it is shown before it is confirmed."""
+
+    order: Order
+    texts: Mapping[str, str]  # of the fields
+    assumed_thickness: bool = False  # nobody typed it for this subject and site
 
 
 @dataclass(slots=True)
@@ -164,13 +179,18 @@ class Board:
         self.hello: Hello | None = None  # of the connected probe
         self.instrument: InstrumentState | None = None
         self.doing: str | None = None  # connecting, arming, starting, resetting, searching, closing
+        self.review: Review | None = None  # in view, and not confirmed yet
         self.order: Order | None = None  # armed last
+        self.who = ("", "")  # subject and site in the fields
         self.visit: tuple[str, str] | None = None  # subject and site of the open session
         self.playing: Playing | None = None
         self.series: Series | None = None
         self.live: Live | None = None
         self.latest: Sample | None = None  # the final vent included
+        self.latest_at: datetime | None = None
+        self.begun_at: datetime | None = None  # the visit, in local time
         self.entries: dict[int, Entry] = {}
+        self.dose = DoseMeter()  # of the site, in this session
         self.ledger = Ledger()
         self.joint: Identification | None = None  # of the curves that are used
         self.compared: list[str] = []  # with another session, in sentences
@@ -195,14 +215,14 @@ class Board:
 
     @property
     def can_arm(self) -> bool:
-        """Whether Enter means anything."""
+        """Whether something new may be asked for."""
         return (
             self.playing is None and self.doing is None and not self.moving and self.alarm is None
         )
 
     @property
     def can_start(self) -> bool:
-        """Whether Space starts."""
+        """Whether the instrument is armed and waits."""
         return self.doing is None and self.instrument is _S.ARMED and self.alarm is None
 
     @property
@@ -219,9 +239,35 @@ class Board:
         return str(self.instrument).upper()
 
     @property
+    def elsewhere(self) -> bool:
+        """Whether the fields name another subject or site than the open visit has.
+
+        Then nothing of that visit is shown on the main screen: it would stand under a wrong name.
+        """
+        return self.playing is None and self.visit is not None and self.who != self.visit
+
+    @property
+    def streaming(self) -> bool:
+        """Whether readings come, so that the last one is what there is now."""
+        if self.playing is not None:
+            return self.live is not None and not self.playing.ended
+        return self.hello is not None and self.instrument in {_S.RUNNING, _S.VENTING}
+
+    @property
+    def suction(self) -> bool:
+        """Whether there is suction, or about to be, or nobody knows that it is gone."""
+        if self.playing is not None:
+            return False
+        return (
+            self.instrument in {_S.RUNNING, _S.VENTING}
+            or self.doing in {"starting", SEARCHING}
+            or self.alarm is not None
+        )
+
+    @property
     def entry(self) -> Entry | None:
         """The completed curve that is looked at."""
-        return None if self.shown is None else self.entries.get(self.shown)
+        return None if self.shown is None or self.elsewhere else self.entries.get(self.shown)
 
     @property
     def used(self) -> list[Curve]:
@@ -238,6 +284,24 @@ class Board:
             self.shown = None  # the plot is for the next curve
         self.version += 1
 
+    def propose(self, review: Review) -> None:
+        """Show what will happen, to be confirmed."""
+        self.review = review
+        self.note, self.level = "read it; F9 starts suction, v or Esc leaves it", Level.INFO
+        self.version += 1
+
+    def withdraw(self) -> None:
+        """Do not do what was shown."""
+        if self.review is not None:
+            self.review = None
+            self.version += 1
+
+    def name(self, who: tuple[str, str]) -> None:
+        """Take in the subject and the site that the fields name now."""
+        if who != self.who:
+            self.who = who
+            self.version += 1
+
     def touch(self) -> None:
         """Something was changed by hand: draw it."""
         self.version += 1
@@ -250,7 +314,11 @@ class Board:
 
     def refuse(self, note: str) -> None:
         """Say why what was asked for is not done."""
-        self.note, self.level = note, Level.ERROR
+        self.answer(Level.ERROR, note)
+
+    def answer(self, level: Level, note: str) -> None:
+        """Say what a key came to, whatever was said before."""
+        self.note, self.level = note, level
         self.version += 1
 
     def show(self, index: int) -> None:
@@ -274,12 +342,19 @@ class Board:
     def see(self, news: News) -> None:
         """Take in what the bench said."""
         self.version += 1
+        self._take_in(news)
+        if not self.can_arm:
+            self.review = None  # what was shown is not what would happen now
+
+    def _take_in(self, news: News) -> None:
         match news:
             case Connected(port, hello, goes_on):
                 self._connected(port, hello, goes_on=goes_on)
-            case Heard(messages):
+                if self.playing is not None:
+                    self.visit = news.visit
+            case Heard(messages, at):
                 for message in messages:
-                    self._hear(message)
+                    self._hear(message, at)
             case Recording(path):
                 self.path = path
             case Estimated(index, result):
@@ -300,12 +375,14 @@ class Board:
                 if self.missing is not None:
                     self.missing.outcome, self.missing.running = outcome, False
                     self.say(Level.INFO, f"the search is over: {outcome.verdict.name} (d shows it)")
-            case Adopted(path, name):
-                self.model = name
+            case Adopted(path, name, anew):
+                self.model, self.review = name, None
                 if self.missing is not None:
                     self.missing.adopted = path
+                what = f"adopted: {path}" if path else f"undone: identified with {name or 'base'}"
+                then = "; the next curve begins a new session" if anew else ""
                 # More than a note: not to be covered by "saved"
-                self.say(Level.WARNING, f"adopted: {path}; the next curve begins a new session")
+                self.say(Level.WARNING, what + then)
             case Saved(path):
                 self.saved = path
                 self.say(Level.INFO, f"saved: {path}")
@@ -317,7 +394,7 @@ class Board:
                 self._done(SEARCHING)
                 # Plainly better news than what was said before
                 self.note, self.level = (
-                    "the link is back and the session goes on; Enter arms",
+                    "the link is back and the session goes on; F8 shows what comes next",
                     Level.WARNING,
                 )
             case Disconnected():
@@ -332,24 +409,25 @@ class Board:
                 self._done(doing)
                 if doing == EXPLAINING and self.missing is not None:
                     self.missing.running = False  # given up, where there is no answer
-                if doing == "arming":
-                    self.say(Level.INFO, "armed: Space starts, v vents")
+                if doing == "starting":
+                    self.say(Level.INFO, "suction; v vents")
 
     def _connected(self, port: str, hello: Hello, *, goes_on: bool) -> None:
         self.port, self.hello = port, hello
-        self.live = self.latest = None
+        self.live = self.latest = self.latest_at = None
         self.damaged = 0
         if not goes_on:
-            self.visit = self.path = self.shown = None
+            self.visit = self.path = self.shown = self.begun_at = None
             self.entries.clear()
+            self.dose = DoseMeter()
             self.ledger, self.joint, self.compared = Ledger(), None, []
             self.missing = None
             self.session += 1
         self._done("connecting")
         if goes_on:
-            self.say(Level.INFO, "connected, the session goes on; Enter arms")
+            self.say(Level.INFO, "connected, the session goes on; F8 shows what comes next")
         elif self.playing is None:
-            self.say(Level.INFO, "connected; Enter arms")
+            self.say(Level.INFO, "connected; F8 shows what will happen")
         else:
             self.say(Level.INFO, "a replay: Space pauses, . steps, + and - change the speed")
 
@@ -357,18 +435,22 @@ class Board:
         if self.doing == doing:
             self.doing = None
 
-    def _hear(self, message: Message) -> None:
+    def _hear(self, message: Message, at: datetime | None) -> None:
         match message:
             case CurveStarted(index, curve):
                 self.live = Live(index, curve)
                 self.shown = None
+                self.begun_at = self.begun_at or at
             case Sampled(index, sample):
-                self.latest = sample
+                self.latest, self.latest_at = sample, at
+                self.dose.add(sample)
                 if self.live is not None and self.live.index == index:
                     self.live.last = sample
             case CurveCompleted(index, curve, cut, lost):
                 found = [] if self.live is None else self.live.findings
-                self.entries[index] = Entry(index, curve, cut, lost, findings=found)
+                self.entries[index] = Entry(
+                    index, curve, cut, lost, findings=found, visit=self.visit, at=at
+                )
                 self.live, self.shown = None, index
                 if cut is not None:
                     self.say(Level.WARNING, f"curve {index} was cut short: {cut}")

@@ -22,6 +22,7 @@ from drivers.events import (
     KeepAlive,
     Load,
     Loaded,
+    Pace,
     Refused,
     Reset,
     Sample,
@@ -57,6 +58,7 @@ COMMANDS = [
 TEXTS = ["", "plain", "a, b * c $ d % e", "µ ☹ \n\x00", " "]
 EVENTS = [
     Loaded(PROGRAM, 33.333, 123.456, 59.999999),
+    Pace(2.5),
     *[State(state, "why", pressure) for state in InstrumentState for pressure in (None, -0.3, 5.0)],
     *[State(InstrumentState.IDLE, text, 0.0) for text in TEXTS],
     *[InstrumentFault(text, text) for text in TEXTS],

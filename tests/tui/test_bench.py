@@ -215,10 +215,19 @@ def measure(room, order_):
     room.until(lambda: len(room.messages(Identified)) > n)
 
 
-def test_a_session_goes_on_with_another_head(room, tmp_path):
+def test_a_session_goes_on_with_another_head(tmp_path, identifier):
+    probes = []
+
+    def make_probe(url, **options):
+        probes.append(Probe(url, **options))
+        return probes[-1]
+
+    room = Room(tmp_path, identifier, make_probe)
     room.connect()
     measure(room, order())
     room.bench.leave()
+    once = probes[-1].dose.suction_mbar_s
+    assert once > 250
     room.thread.join(PATIENCE_S)
     assert isinstance(room.news[-1], Disconnected)
     with pytest.raises(LinkError, match="no such port"):  # which harms nothing
@@ -230,6 +239,7 @@ def test_a_session_goes_on_with_another_head(room, tmp_path):
     setup = Setup(2.0, 1.0, parse_program("ramp:100@20"))
     measure(room, Order(other, "P07", "forearm", setup))
     room.close()
+    assert probes[-1].dose.suction_mbar_s > 1.9 * once  # one site, one dose
     assert room.error is None
     (path,) = tmp_path.iterdir()
     deeds, openings = heads_of(path)

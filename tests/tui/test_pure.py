@@ -109,9 +109,11 @@ def test_no_result_says_why():
 
 def test_rows_of_the_list():
     entry = Entry(1, curve(), None, 0)
-    assert row_texts(entry) == ("1", "ramp:100@20", "1", "", "", "", "", "")
+    assert row_texts(entry) == ("1", "no subject", "", "ramp:100@20", "1", "", "", "", "", "")
+    entry.visit, entry.at = ("P07", "forearm"), datetime(2026, 1, 2, 14, 32)
+    assert row_texts(entry)[1:3] == ("P07, forearm", "14:32")
     entry.result = result()
-    assert row_texts(entry)[3:7] == ("0.02500", "2.900", "0.2800", "0.420")
+    assert row_texts(entry)[5:9] == ("0.02500", "2.900", "0.2800", "0.420")
 
 
 def test_unknown_flags_are_readable():

@@ -41,7 +41,7 @@ def identify(
     iterations = 0
 
     def residuals(theta: Array) -> Array:
-        r = search.residuals(np.sin(theta) ** 2)
+        r = _as_many(search.residuals(np.sin(theta) ** 2), len(theta))
         return r if np.isfinite(r).all() else np.full(len(r), _NO_MODEL_MM)
 
     def jacobian(theta: Array) -> Array:
@@ -49,7 +49,7 @@ def identify(
         iterations += 1
         # Next to where the model ends a difference may have no value: that way is no way.
         slopes = search.jacobian(np.sin(theta) ** 2) * np.sin(2.0 * theta)
-        return np.nan_to_num(slopes, nan=0.0)
+        return _as_many(np.nan_to_num(slopes, nan=0.0), len(theta))
 
     fit = least_squares(
         residuals,
@@ -67,6 +67,15 @@ def identify(
     if not at_found <= error:  # `_EDGE` moved a start away from its place, or off the model
         return search.end(unit, error, iterations, converged=converged)
     return search.end(found, at_found, iterations, converged=converged)
+
+
+def _as_many(rows: Array, least: int) -> Array:
+    """Return rows with zeros behind them: MINPACK wants as many residuals as parameters.
+
+    A curve without suction has fewer: one number says all of it.
+    """
+    missing = max(0, least - len(rows))
+    return np.concatenate([rows, np.zeros((missing, *rows.shape[1:]))])
 
 
 METHOD = ("lm", identify)

@@ -10,6 +10,8 @@ from skinlab.tui.ui_state import Board
 # Columns, and the widths of those whose cells are filled later: a table does not always make room.
 _WIDTHS = {
     "#": None,
+    "whose": 14,
+    "time": 5,
     "program": None,
     "cycle": None,
     "X1 MPa": 7,
@@ -25,7 +27,7 @@ class Curves(DataTable[str]):
 
     def __init__(self) -> None:
         super().__init__(id="curves", cursor_type="row", zebra_stripes=True)
-        self._session = 0
+        self._shown = (0, False)
         self._rows: dict[int, tuple[str, ...]] = {}
         self._cursor_at: int | None = None
 
@@ -36,11 +38,13 @@ class Curves(DataTable[str]):
 
     def show(self, board: Board) -> None:
         """Add what is new, update what changed, and stand on the shown curve."""
-        if board.session != self._session:
-            self._session, self._cursor_at = board.session, None
+        # Under the name of somebody else nothing stands
+        shown = (board.session, board.elsewhere)
+        if shown != self._shown:
+            self._shown, self._cursor_at = shown, None
             self._rows.clear()
             self.clear()
-        for index, entry in board.entries.items():
+        for index, entry in () if board.elsewhere else board.entries.items():
             texts = row_texts(entry)
             if index not in self._rows:
                 self.add_row(*texts, key=str(index))
@@ -48,6 +52,6 @@ class Curves(DataTable[str]):
                 for column, text in zip(_WIDTHS, texts, strict=True):
                     self.update_cell(str(index), column, text)
             self._rows[index] = texts
-        if board.shown is not None and board.shown != self._cursor_at:
+        if board.entry is not None and board.shown != self._cursor_at:
             self._cursor_at = board.shown
             self.move_cursor(row=self.get_row_index(str(board.shown)))

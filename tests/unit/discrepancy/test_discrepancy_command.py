@@ -54,6 +54,8 @@ def test_the_effect_is_named_adopted_used_and_kept(campaign, tmp_path, capsys, m
     assert document["verdict"] == "named"
     assert document["effects"] == [["deflection_offset"]]
     assert document["adopted_model"] == str(model)
+    for path in (model, *report.iterdir(), *(tmp_path / "cache").rglob("discrepancy/*")):
+        assert path.stat().st_mode & 0o077 == 0, path
     gap = document["gap"]
     assert gap["after_um"] < 1.2 * gap["noise_um"] < 0.5 * gap["before_um"]
     assert set(gap["held_out"]) == {"0.csv", "1.csv"}

@@ -166,8 +166,8 @@ def test_what_a_crash_leaves_is_recovered(tmp_path, recorded):
     for record in half:
         journal._put(record.kind, record.host_time_s, record.data, record.utc_s)
     journal.close()
-    assert read_journal(journal.path)[1] == list(half)
-    assert len(recover(journal.path, tmp_path / "s.h5").curves) == 2
+    assert read_journal(journal.path).records == list(half)
+    assert len(recover(journal.path, tmp_path / "s.h5")[0].curves) == 2
     again = read_session(tmp_path / "s.h5")
     assert [c.partial for c in again.curves] == [False, True]
     assert again.results[0] == session.results[0]

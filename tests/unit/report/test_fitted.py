@@ -11,13 +11,13 @@ from skinlab.curves.program import parse_program
 from skinlab.discrepancy.model_identifier import with_model
 from skinlab.errors import InputError
 from skinlab.inference.identify import Identifier
+from skinlab.inference.stored import StoredResult, StoredValue
 from skinlab.inference.uncertainty import Sensor
 from skinlab.mechanics.effects.model import Skin, response
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.mechanics.model_file import EffectRange, Header, Model, Range
 from skinlab.report.fitted import fit_again
 from skinlab.report.methods import assumptions, how
-from skinlab.report.stored import StoredResult, StoredValue
 
 NOISE_UM = 2.0
 PHASES = ("load", "hold", "unload", "rest")

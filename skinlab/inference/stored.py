@@ -46,7 +46,7 @@ def stored_result(number: int, result: object) -> StoredResult | None:
     damaged = f"the stored result of curve {number} is damaged"
     try:
         json.dumps(result, allow_nan=False)
-    except ValueError:
+    except (ValueError, RecursionError):
         raise InputError(f"{damaged}: a number is not finite") from None
     try:
         decoded = msgspec.convert(result, StoredResult | None)
