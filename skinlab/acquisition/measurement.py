@@ -213,6 +213,7 @@ class Over:
 
     failed: str | None = None
     error: Exception | None = None
+    left: int = 0  # repeats that are given up
 
 
 @dataclass(frozen=True, slots=True)
@@ -580,7 +581,7 @@ class Measurement:
     def _report(self, why: str) -> None:
         """Say that the plan is over, if there is one."""
         if self._plan is not None:
-            self._out.append(Over(why or None, self._error))
+            self._out.append(Over(why or None, self._error, self._left))
         self._plan = self._setup = self._error = None
         self._started = False
 

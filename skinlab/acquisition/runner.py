@@ -41,6 +41,7 @@ from skinlab.recording.stream import Item
 
 _LOOK_S = 0.01  # how late the outcome of a command may be seen
 _WAKE_S = 0.1  # and a request
+_JOIN_S = 10.0
 _NO_LINK = frozenset({Phase.SEARCHING, Phase.CLOSED})
 
 
@@ -138,9 +139,15 @@ class Runner:
             self._take_requests()
             while self.phase is not Phase.CLOSED:
                 self.step()
-        self._commands.put(None)
+        self.stop()
         while (item := self.source.next_item(0.0)) is not None:
             self._deliver(item)
+
+    def stop(self) -> None:
+        """Wait until no command is under way; none is begun any more."""
+        self._commands.put(None)
+        if self._thread is not None:
+            self._thread.join(_JOIN_S)
 
     # ---- inside -----------------------------------------------------------------------------
 

@@ -11,15 +11,8 @@ from drivers.events import HostVented, State, VentConfirmed
 from drivers.link import open_link
 from drivers.probe import Probe
 from drivers.reconnect import Backoff
-from skinlab.curves.curve import Setup
-from skinlab.curves.program import parse_program
-from skinlab.errors import AcquisitionError
-from skinlab.recording.audit import entries
-from skinlab.recording.session import read_session
-from skinlab.recording.session_check import check
-from skinlab.recording.stream import CurveCompleted, Happened, Identified, Sampled
-from skinlab.tui.measurement_request import Order
-from skinlab.tui.messages import (
+from skinlab.acquisition.measurement_request import Order
+from skinlab.acquisition.messages import (
     Connected,
     Disconnected,
     Estimated,
@@ -29,7 +22,14 @@ from skinlab.tui.messages import (
     Saved,
     Searching,
 )
-from skinlab.tui.probe_session import Bench
+from skinlab.acquisition.probe_session import Bench
+from skinlab.curves.curve import Setup
+from skinlab.curves.program import parse_program
+from skinlab.errors import AcquisitionError
+from skinlab.recording.audit import entries
+from skinlab.recording.session import read_session
+from skinlab.recording.session_check import check
+from skinlab.recording.stream import CurveCompleted, Happened, Identified, Sampled
 
 PORT = "sim://?seed=1&speed=20"
 SLOW = "sim://?seed=1&speed=2"  # where a curve of 50 s is interrupted: 25 s, and 0.5 s waited for

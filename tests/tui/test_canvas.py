@@ -8,7 +8,7 @@ from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.program import parse_program
 from skinlab.inference.result import Identification
 from skinlab.tui.canvas import braille, dots, interval_bar, level, runs, share
-from skinlab.tui.strips import against_time, residual
+from skinlab.tui.plot_data import against_time, residual
 from skinlab.tui.ui_state import Entry, Live
 
 SETUP = Setup(6.0, 1.0, parse_program("ramp:100@20"))

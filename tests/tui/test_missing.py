@@ -11,16 +11,16 @@ import pytest
 from explained import UP, UP_AND_DOWN, campaign
 from textual.widgets import Input
 
+from skinlab.acquisition.adopting import write_adopted
+from skinlab.acquisition.explainer import Explainer
+from skinlab.acquisition.probe_session import Bench
 from skinlab.discrepancy.next_measurement import NextMeasurement
 from skinlab.discrepancy.verdict import Verdict
 from skinlab.errors import InputError, SkinlabError
 from skinlab.mechanics.model_file import BASE, read_model
 from skinlab.recording.audit import entries
 from skinlab.recording.session import read_session
-from skinlab.tui.adopting import write_adopted
-from skinlab.tui.explainer import Explainer
 from skinlab.tui.missing import hints, missing_lines, outcome_lines, residual_picture
-from skinlab.tui.probe_session import Bench
 from skinlab.tui.screens.main import MainScreen
 from skinlab.tui.screens.missing import MissingScreen
 from skinlab.tui.screens.over import ConfirmScreen

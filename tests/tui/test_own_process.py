@@ -10,11 +10,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from skinlab.tui.own_process import OwnProcess
 
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.program import parse_program
 from skinlab.mechanics.fem.suction import Geometry
-from skinlab.tui.own_process import OwnProcess
 
 PATIENCE_S = 60.0
 
@@ -100,7 +100,7 @@ def test_closing_ends_the_process(process):
 def test_the_process_ends_with_the_one_that_asked():
     program = (
         "import time\n"
-        "from skinlab.tui.probe_session import default_identifier\n"
+        "from skinlab.acquisition.probe_session import default_identifier\n"
         "from skinlab.tui.own_process import OwnProcess\n"
         "process = OwnProcess(default_identifier())\n"
         "print(process._process.pid, flush=True)\n"

@@ -8,16 +8,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.events import Hello, HostVented, InstrumentState, Sample, State
+from skinlab.acquisition.measurement_request import DEFAULTS, complaint, read_order, with_opening
+from skinlab.acquisition.messages import Connected, Disconnected, Failed, Heard
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
 from skinlab.inference.result import Identification, Value
 from skinlab.recording.recorder import new_session_path
 from skinlab.recording.stream import CurveCompleted, CurveStarted, Happened, Identified, Sampled
-from skinlab.tui.measurement_request import DEFAULTS, complaint, read_order, with_opening
-from skinlab.tui.messages import Connected, Disconnected, Failed, Heard
-from skinlab.tui.text import digits, flag_words, interval_text, result_lines, row_texts
-from skinlab.tui.trace import (
+from skinlab.tui.plot_data import (
     Trace,
     box_around,
     fitted,
@@ -27,6 +26,7 @@ from skinlab.tui.trace import (
     spaced,
     thin,
 )
+from skinlab.tui.text import digits, flag_words, interval_text, result_lines, row_texts
 from skinlab.tui.ui_state import Board, Entry, Level
 
 HELLO = Hello("reference", 1, "rig", "1.0", "7", 6.0, 500.0, 60.0, 1.0, 1000.0, simulated=False)
