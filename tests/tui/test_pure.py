@@ -11,6 +11,7 @@ from drivers.events import Hello, HostVented, InstrumentState, Sample, State
 from skinlab.acquisition.measurement_request import DEFAULTS, complaint, read_order, with_opening
 from skinlab.acquisition.messages import Connected, Disconnected, Failed, Heard
 from skinlab.curves.curve import Curve, Setup
+from skinlab.curves.growing import GrowingCurve
 from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
 from skinlab.inference.result import Identification, Value
@@ -179,7 +180,8 @@ def running_board():
     board = Board("p")
     board.begin("connecting", "")
     board.see(Connected("p", HELLO))
-    board.see(Heard((CurveStarted(1, SETUP), Happened(State(InstrumentState.RUNNING, "")))))
+    growing = GrowingCurve(SETUP)
+    board.see(Heard((CurveStarted(1, growing), Happened(State(InstrumentState.RUNNING, "")))))
     return board
 
 
@@ -187,9 +189,11 @@ def test_the_board_follows_a_run():
     board = running_board()
     assert board.phase == "RUNNING"
     assert board.moving
-    board.see(Heard((Sampled(1, Sample(0, 0.0, 1.0, 0.1, 0)),)))
+    sample = Sample(0, 0.0, 1.0, 0.1, 0)
+    board.live.curve.append(sample)
+    board.see(Heard((Sampled(1, sample),)))
     board.see(Heard((Sampled(1, Sample(1, 5.0, 9.0, 0.2, 1)),)))  # of the vent: not the curve's
-    assert board.live.pressure_mbar == [1.0]
+    assert board.live.curve.pressure_mbar.tolist() == [1.0]
     assert board.latest.pressure_mbar == 9.0
     done = curve()
     board.see(Heard((CurveCompleted(1, done, None, 0), Identified(1, done, result()))))

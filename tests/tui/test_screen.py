@@ -240,9 +240,7 @@ async def test_resizing_while_the_curve_is_drawn(bedside):
         for size in [(60, 20), (20, 5), (120, 40)]:
             before = len(bed.board.live.curve) if bed.board.live else 0
             await bed.pilot.resize_terminal(*size)
-            await bed.until(
-                lambda n=before: not bed.board.live or len(bed.board.live.curve) > n
-            )
+            await bed.until(lambda n=before: not bed.board.live or len(bed.board.live.curve) > n)
         await bed.until(lambda: bed.board.entry and bed.board.entry.result)
         assert bed.board.entry.cut is None
 
