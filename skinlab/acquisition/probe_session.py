@@ -277,16 +277,12 @@ class ProbeSession:
 
     def _run(self, runner: Runner) -> None:
         """Pass on what comes, and save when nothing does."""
-        phase = runner.phase
         while runner.phase is not Phase.CLOSED:
             took = self._step(runner, _POLL_S)
             end = time.monotonic() + _BATCH_S
             while took and (left := end - time.monotonic()) > 0 and self._step(runner, left):
                 pass
             self._outbox.flush()
-            if runner.phase is not phase:
-                phase = runner.phase
-                self._post(Went(phase, runner.measurement.left))
             visit = self._visit
             if not took and visit is not None and visit.unsaved and not visit.busy:
                 self._save(visit)
@@ -306,12 +302,17 @@ class ProbeSession:
         elif isinstance(item, TimedEvent):
             self._outbox.add(Happened(item.event))
 
-    def _report(self, report: Report) -> None:
+    def _report(self, report: Report | Phase) -> None:
         runner = self._runner
+        self._outbox.flush()
         match report:
+            case Phase() if runner is not None:
+                self._post(Went(report, runner.measurement.left))
             case measurement.Over(failed, error, left):
                 if error is not None and not isinstance(error, SkinlabError | DriverError):
                     raise error
+                if error is not None:
+                    self._post(Failed("measuring", str(error)))
                 if runner is None or runner.phase is not Phase.ARMING:  # else it was replaced
                     self._post(Over(failed, left))
             case Gone(why):

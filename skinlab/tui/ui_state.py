@@ -427,9 +427,7 @@ class Board:
     def _over(self, failed: str | None, given_up: int) -> None:
         self.series = self.left = None
         if failed is not None and given_up > 1:
-            self.say(Level.WARNING, f"{failed}: the repeats that were left are given up")
-        elif failed is not None:
-            self.say(Level.WARNING, failed)
+            self.say(Level.WARNING, "vented: the repeats that were left are given up")
 
     def _connected(self, port: str, hello: Hello, *, goes_on: bool) -> None:
         self.port, self.hello = port, hello
