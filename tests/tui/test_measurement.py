@@ -206,7 +206,11 @@ async def test_a_link_that_is_lost_and_comes_back(bedside, tmp_path):
         assert bed.board.entries[1].cut is not None
         await bed.confirm()  # the alarm is acknowledged ...
         await bed.until(lambda: bed.board.can_arm)
-        await bed.run()  # ... and the same session goes on
+        await bed.check()
+        await bed.until(lambda: "loading  2 of this site" in bed.text("#card-text"))
+        await bed.run()  # ... and the cut repeat is taken again, in the same session
         assert [bed.board.entries[n].cut is None for n in (1, 2)] == [False, True]
     (path,) = tmp_path.glob("*.h5")
-    assert [curve.partial for curve in read_session(path).curves] == [True, False]
+    curves = read_session(path).curves
+    assert [curve.partial for curve in curves] == [True, False]
+    assert [(c.setup.cycle, c.setup.repeat) for c in curves] == [(1, 1), (2, 1)]
