@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from drivers.events import Loaded
 from skinlab.curves.curve import Curve
 from skinlab.curves.growing import GrowingCurve
+from skinlab.quality.gates import all_gates, judge
 from skinlab.quality.gates.base import CurveSoFar, Finding, Gate, beginnings
-from skinlab.quality.gates.registry import all_gates
 from skinlab.recording.stream import (
     CurveCompleted,
     CurveStarted,
@@ -49,7 +49,7 @@ class Monitor:
                 self._found[index] = ()
             case Happened(Loaded(rate_hz=rate_hz)):
                 self._rate_hz = rate_hz
-            case Sampled(index, sample) if self._growing is not None and index == self._index:
+            case Sampled(index, sample) if self._growing and index == self._index:
                 if self._is_due(self._growing, sample.device_time_s):
                     return self._judge(index, self._so_far(self._growing))
             case CurveCompleted(index, curve, _, lost):
@@ -108,7 +108,7 @@ class Monitor:
         new = [
             finding
             for gate in self._gates
-            if gate.name not in known and (finding := gate.check(view)) is not None
+            if gate.name not in known and (finding := judge(gate, view)) is not None
         ]
         self._found[index] = (*before, *new)
         return [Flagged(index, finding) for finding in new]
