@@ -21,6 +21,7 @@ import numpy as np
 mpl.use("Agg")
 from matplotlib import pyplot as plt
 from scipy.linalg import lapack
+from skinlab.tables.grid import GridSpec
 
 from skinlab.mechanics.fem.admissibility import NO_LIMITS, Limits, ellipticity, surface
 from skinlab.mechanics.fem.element import (
@@ -57,7 +58,6 @@ from skinlab.mechanics.fem.suction import (
 )
 from skinlab.mechanics.materials import get_law
 from skinlab.mechanics.materials.compressibility import kappa_ratio
-from skinlab.tables.grid import GridSpec
 
 ROOT = Path(__file__).resolve().parents[1]
 PICTURES = ROOT / "docs" / "pictures"

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.space_mapping import MappedModel
-from skinlab.discrepancy.unknowns import BASE_NAMES, Unknowns
+from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.inference.intervals import correlation, interval
 from skinlab.inference.posterior import sample as follow_the_valley
-from skinlab.parameters import AxisSpace
+from skinlab.parameters import Space
 
 Array = NDArray[np.float64]
 
@@ -44,11 +44,14 @@ class Posterior:
         best = self.unknowns.named(self.best)
         drawn = self._named()
         low, high = (self.unknowns.named(u) for u in self.unknowns.bounds)
-        found = {}
+        space, found = self.unknowns.space, {}
+        logarithmic = {
+            n for n, t in zip(space.names, space.transforms, strict=True) if t != "linear"
+        }
         for name, value in best.items():
             bounds = (low[name], high[name])
             ends = interval(
-                drawn[name], self.weight, value, bounds, logarithmic=name in BASE_NAMES[:2]
+                drawn[name], self.weight, value, bounds, logarithmic=name in logarithmic
             )
             found[name] = {"value": value, "low": ends[0], "high": ends[1]}
         return found
@@ -76,7 +79,7 @@ def sample(fitter: Fitter, fit: Fit, rng: np.random.Generator) -> Posterior:
     if not fitter.prepare(model, fit.u, slopes=True):
         return gaussian(fit)
     low, high = unknowns.bounds
-    space = AxisSpace(unknowns.names, tuple(low), tuple(high), (False,) * len(unknowns))
+    space = Space.box(unknowns.names, low.tolist(), high.tolist())
     draws = follow_the_valley(
         space, _Misfit(fitter, model), space.to_unit(fit.u)[None], rng, draws=_DRAWS
     )

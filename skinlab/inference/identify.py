@@ -23,9 +23,10 @@ from skinlab.inference.problem import Estimate, Options, Problem
 from skinlab.inference.result import Advice, Identification, Provenance, Value
 from skinlab.inference.samples import Fitted, Group, choose, group
 from skinlab.inference.uncertainty import Sensor, Uncertainty, assess, noise_of_curves
-from skinlab.mechanics.materials.compressibility import KappaConvention, kappa_ratio, nu_consistent
+from skinlab.mechanics.materials import get_law
+from skinlab.mechanics.materials.compressibility import KappaConvention
 from skinlab.mechanics.model_file import BASE, Model
-from skinlab.parameters import PAPER_BOX, ParameterSpace
+from skinlab.parameters import Space
 from skinlab.tables.base import CurveModel, Database
 
 Array = NDArray[np.float64]
@@ -56,7 +57,7 @@ class Identifier:
     kappa: KappaConvention = "paper"
     phases: tuple[str, ...] = ("load",)
     sensor: Sensor = field(default_factory=Sensor)
-    space: ParameterSpace | None = None
+    space: Space | None = None
     priors: tuple[GaussianPrior, ...] = ()
     model: Model = BASE
     clock: Callable[[], float] = time.perf_counter
@@ -164,20 +165,23 @@ class Identifier:
                 self.kappa,
                 groups,
                 models,
-                problem.space,
+                self._space(models),
                 estimate.minima,
                 self.sensor,
                 rng,
                 priors=self.priors,
             )
-            answer = _with_uncertainty(answer, problem.space, left, self.seed)
+            answer = _with_uncertainty(answer, self._space(models), left, self.seed)
         return replace(answer, seconds=self.clock() - started)
+
+    def _space(self, models: Sequence[CurveModel]) -> Space:
+        if self.space is not None:
+            return self.space
+        return search_space(self.method, self.database.law, models[0].space)
 
     def _problem(self, groups: Sequence[Group], models: Sequence[CurveModel]) -> Problem:
         misfits = [m.misfit(g.deflection_mm) for g, m in zip(groups, models, strict=True)]
-        space = self.space
-        if space is None:
-            space = PAPER_BOX if self.method in PAPERS_METHODS else models[0].space
+        space = self._space(models)
         points = sum(len(g.deflection_mm) for g in groups)
         if len(misfits) == 1:
             return Problem(space, misfits[0], points)
@@ -229,7 +233,6 @@ class Identifier:
     ) -> Identification:
         x = estimate.parameters
         members = [member for g in groups for member in g.members]
-        ratio = float(kappa_ratio(x[2], self.kappa))
         fitted, model_mm = None, None
         if len(members) == 1:
             fitted = members[0].mask
@@ -238,20 +241,20 @@ class Identifier:
         return replace(
             blank,
             parameters={n: Value(float(v)) for n, v in zip(problem.space.names, x, strict=True)},
-            nu_consistent=float(nu_consistent(ratio)),
-            kappa_MPa=ratio * float(x[0]),
+            derived=derived_of(self.database.law, problem.space.names, x, self.kappa),
+            own_bounds=tuple(self.model.parameters) if self.space is not None else (),
             error_um=estimate.error_um,
             rms_um=estimate.error_um * float(np.sqrt(problem.points)),
             iterations=estimate.iterations,
             evaluations=estimate.evaluations,
-            flags=self._flags(members, problem.space, estimate),
+            flags=self._flags(members, self._space(models), estimate),
             fitted=fitted,
             fitted_points=problem.points,
             model_mm=model_mm,
         )
 
     def _flags(
-        self, members: Sequence[Fitted], space: ParameterSpace, estimate: Estimate
+        self, members: Sequence[Fitted], space: Space, estimate: Estimate
     ) -> tuple[str, ...]:
         unit = space.to_unit(estimate.parameters)
         flags = [
@@ -273,8 +276,23 @@ class Identifier:
         return tuple(flags)
 
 
+def search_space(method: str, law: str, whole: Space) -> Space:
+    """Return where a method searches: the paper's where its source does, if the law has a source."""
+    published = get_law(law).published_space if method in PAPERS_METHODS else None
+    return whole if published is None else published
+
+
+def derived_of(
+    law: str, names: Sequence[str], values: Array, kappa: KappaConvention
+) -> dict[str, float | None]:
+    """Return what a law's reports show besides its parameters (p,), the first of `names`."""
+    one = get_law(law)
+    at = {n: float(v) for n, v in zip(names, values, strict=True) if n in one.names}
+    return dict(one.derived(at, kappa))
+
+
 def _with_uncertainty(
-    answer: Identification, space: ParameterSpace, left: Uncertainty, seed: int
+    answer: Identification, space: Space, left: Uncertainty, seed: int
 ) -> Identification:
     draws, names = left.draws, space.names
     priors = space.from_unit(np.random.default_rng(seed).random((_PRIOR_DRAWS, len(names))))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from skinlab.curves.curve import Setup
 from skinlab.inference.uncertainty import Uncertainty
+from skinlab.mechanics.materials import get_law
 
 Array = NDArray[np.float64]
 
@@ -36,8 +37,10 @@ class Identification:
     points: int = 0
     phases: tuple[str, ...] = ("load",)
     parameters: dict[str, Value] | None = None  # by name, with unit; the order is `order`
-    nu_consistent: float | None = None
-    kappa_MPa: float | None = None
+    # What the law's reports show besides: κ, and the ν of linear elasticity.
+    derived: dict[str, float | None] = field(
+        default_factory=lambda: dict.fromkeys(get_law().derived_names)
+    )
     correlation: tuple[tuple[float, ...], ...] | None = None
     error_um: float | None = None  # the paper's E
     rms_um: float | None = None  # root mean square residual
@@ -51,6 +54,7 @@ class Identification:
     fitted_points: int = 0
     files: tuple[str, ...] | None = None  # of a joint identification
     uncertainty: Uncertainty | None = None  # where the method gives intervals
+    own_bounds: tuple[str, ...] = ()  # parameters whose bounds are a model's, not the database's
 
     def to_json(self) -> dict[str, Any]:
         """Return the entry of `curves` in the identification document."""
@@ -68,8 +72,7 @@ class Identification:
                 name: {"value": v.value, "low": v.low, "high": v.high} for name, v in values.items()
             }
             or None,
-            "nu_consistent": self.nu_consistent,
-            "kappa_MPa": self.kappa_MPa,
+            **self.derived,
             "order": list(values),
             "correlation": None
             if self.correlation is None

@@ -27,7 +27,7 @@ from skinlab.inference.posterior import Draws, sample
 from skinlab.inference.problem import SquaredMisfit
 from skinlab.inference.samples import Fitted, Group
 from skinlab.mechanics.materials.compressibility import KappaConvention
-from skinlab.parameters import ParameterSpace, WithFactor
+from skinlab.parameters import Space
 from skinlab.tables.base import CurveModel, Database
 
 Array = NDArray[np.float64]
@@ -49,7 +49,7 @@ class Uncertainty:
     """What is left open."""
 
     names: tuple[str, ...]  # of the parameters asked for; the thickness' ratio may follow them
-    space: ParameterSpace  # of the draws
+    space: Space  # of the draws
     draws: Draws
     noise_um: float  # root mean square over samples, of one deflection sample's noise
     above_noise: bool  # the misfit is clearly more than the noise explains
@@ -62,7 +62,7 @@ def assess(
     kappa: KappaConvention,
     groups: Sequence[Group],
     models: Sequence[CurveModel],
-    space: ParameterSpace,
+    space: Space,
     minima: Array,
     sensor: Sensor,
     rng: np.random.Generator,
@@ -102,7 +102,7 @@ def assess(
     modes = minima[:_MOST_MODES]
     if relative_sd > 0.0:
         low, high = max(f[0] for f in factors), min(f[1] for f in factors)
-        space = WithFactor(space, "thickness_ratio", low, high)
+        space = space.extended("thickness_ratio", low, high)
         parts.append(GaussianPrior(len(best), 1.0, relative_sd))
         stated = space.to_unit(np.append(best, 1.0))[-1]
         modes = np.column_stack([modes, np.full(len(modes), stated)])

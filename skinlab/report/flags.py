@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from skinlab.mechanics.names import label
 from skinlab.quality.gates.registry import all_gates
 from skinlab.report.measured import Measured
-
-NAMES = {"X1_MPa": "X1", "X2_MPa": "X2", "nu": "ν"}
 
 _WORDS = {
     "at_bound": "The best fit has {} at the end of what was searched: the truth may lie beyond. "
@@ -49,7 +48,7 @@ def _words(flag: str, measured: Measured) -> str:
     if kind == "misfit_above_noise":
         return _misfit(measured)
     if kind in _WORDS:
-        return _WORDS[kind].replace("{}", NAMES.get(parameter, parameter))
+        return _WORDS[kind].replace("{}", label(parameter))
     if kind in {gate.name for gate in all_gates()}:
         return (
             "A quality gate that failed when the curve was measured; it is not found again here, "

@@ -20,8 +20,8 @@ from skinlab.inference.methods.registry import get_method
 from skinlab.inference.problem import Estimate, Options, Problem
 from skinlab.mechanics.fem.suction import solve
 from skinlab.mechanics.materials.compressibility import kappa_ratio
-from skinlab.parameters import PAPER_BOX
 from skinlab.reproduction.cases import BLIND_TRUTH, PRESSURE_MBAR, SKIN, Blind, Case, problem
+from skinlab.reproduction.published_values import PAPER_BOX
 
 Array = NDArray[np.float64]
 

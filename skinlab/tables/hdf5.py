@@ -56,17 +56,6 @@ def written_whole(path: Path) -> Iterator[Any]:
         raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
 
 
-def check_kind(path: Path, file: Any, kind: str) -> None:
-    """Refuse a file that is no database of this kind.
-
-    Raises:
-        InputError: it is not.
-    """
-    schema = file.attrs.get("schema")
-    if schema != SCHEMA or file.attrs.get("kind") != kind:
-        raise InputError(f"{path}: schema {schema!r}; expected a {kind} database, {SCHEMA!r}")
-
-
 def check_hash(path: Path, computed: str, stated: str) -> None:
     """Refuse a file whose content is not what it was.
 

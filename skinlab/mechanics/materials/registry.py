@@ -6,13 +6,18 @@ from functools import cache
 
 import skinlab.mechanics.materials as package
 from skinlab.errors import InputError
-from skinlab.mechanics.materials.base import Law
+from skinlab.mechanics.materials.base import Law, check_law
 from skinlab.plugins import find
+
+DEFAULT_LAW = "extended_neo_hookean"  # where a model says no more
 
 
 @cache
 def _laws() -> dict[str, Law]:
-    return {law.name: law for law in find(package, "LAW")}
+    laws = {law.name: law for law in find(package, "LAW")}
+    for law in laws.values():
+        check_law(law)
+    return laws
 
 
 def law_names() -> tuple[str, ...]:
@@ -20,7 +25,7 @@ def law_names() -> tuple[str, ...]:
     return tuple(sorted(_laws()))
 
 
-def get_law(name: str) -> Law:
+def get_law(name: str = DEFAULT_LAW) -> Law:
     """Return the law of that name.
 
     Raises:
@@ -31,3 +36,13 @@ def get_law(name: str) -> Law:
     except KeyError:
         known = ", ".join(law_names())
         raise InputError(f"law {name!r} is not known; expected one of: {known}") from None
+
+
+def add_law(law: Law) -> None:
+    """Put a law on the registry of this process: one that is in no file of this folder.
+
+    Raises:
+        ValueError: its declaration cannot work; says what is wrong.
+    """
+    check_law(law)
+    _laws()[law.name] = law

@@ -15,10 +15,10 @@ from textual.widgets import DataTable, Footer, Input, Static
 
 from skinlab.tui.curve_selection import Deed
 from skinlab.tui.summary import repeats, repeats_lines
-from skinlab.tui.text import result_lines, row_texts
+from skinlab.tui.text import column_title, result_lines, row_texts, value_columns
 from skinlab.tui.ui_state import Board
 
-_COLUMNS = ("#", "mm", "program", "cycle", "X1 MPa", "X2 MPa", "nu", "E µm", "used")
+_BEFORE, _AFTER = ("#", "mm", "program", "cycle"), ("E µm", "used")
 _FRAMES_PER_S = 8
 
 
@@ -71,7 +71,7 @@ class SessionScreen(Screen[None]):
 
     def on_mount(self) -> None:
         """Begin to draw."""
-        self.query_one(DataTable).add_columns(*_COLUMNS)
+        self._names: tuple[str, ...] = ()
         self.query_one(Input).display = False
         self.draw()
         self.set_interval(1 / _FRAMES_PER_S, self.draw)
@@ -88,9 +88,13 @@ class SessionScreen(Screen[None]):
         )
         table = self.query_one(DataTable)
         at = table.cursor_row
-        table.clear()
+        names = value_columns(board.entries.values())
+        table.clear(columns=names != self._names)
+        if names != self._names:
+            table.add_columns(*_BEFORE, *map(column_title, names), *_AFTER)
+            self._names = names
         for index, entry in board.entries.items():
-            number, program, cycle, *values, _ = row_texts(entry)
+            number, program, cycle, *values, _ = row_texts(entry, names)
             reason = board.ledger.excluded.get(index)
             used = "yes" if reason is None else f"no: {reason}"
             opening = f"{entry.curve.setup.aperture_mm:g}"

@@ -16,7 +16,7 @@ from skinlab.mechanics.effects.model import Skin, response
 from skinlab.mechanics.effects.registry import effect_names
 from skinlab.mechanics.fem.suction import Geometry
 
-SKIN = Skin(0.041, 1.7, 0.31)
+SKIN = Skin((0.041, 1.7, 0.31))
 THICKNESS_MM = 1.13
 PLAN = (
     (6.0, "ramp:100@20,ramp:0@20"),
