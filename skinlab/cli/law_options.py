@@ -1,4 +1,4 @@
-"""Options for the parameters of laws, made from what the laws declare: --x1-mpa, --nu, …"""
+"""Options for the parameters of laws, made from what the laws declare: such as --x1-mpa."""
 
 from __future__ import annotations
 

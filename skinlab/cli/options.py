@@ -196,7 +196,7 @@ def make_identifier(
                 "another; build a database of that, or leave --database out"
             )
         _check_kappa(database_path, own, kappa)
-        return with_custom_table(identifier, database, own, phases_said=was_said("phases"))
+        return with_custom_table(identifier, database, phases_said=was_said("phases"))
     if model is None:
         return identifier
     from skinlab.discrepancy.model_identifier import with_model

@@ -1,8 +1,8 @@
 """A first look at every effect: how well its signature fits what is left.
 
 The signature of an effect is what a typical size of it changes in the curves, after projecting out
-what the law's parameters (and the effects already there) can absorb: the score test. It costs a handful of
-finite-element solutions an effect, and no fit.
+what the law's parameters (and the effects already there) can absorb: the score test. It costs a
+handful of finite-element solutions an effect, and no fit.
 """
 
 from __future__ import annotations

@@ -49,8 +49,9 @@ _AGAIN = 2  # effects that explain nothing, but most, are fitted from elsewhere 
 _MEMBERS = 4  # of pairs that explain, to be tried alone
 # Shares of the law's ranges from which the base model is fitted: of the scale, of other logarithms,
 # of what is none; and the middle, from which it is fitted with effects.
-_SCALES, _RATIOS, _VALUES = (0.3758, 0.5637, 0.7835), (0.5385, 0.749), (0.2759, 0.7586)
-_MIDDLE = (0.5637, 0.6174, 0.4483)
+_SCALES = (0.375803649418, 0.563705474127, 0.783536516671)
+_RATIOS, _VALUES = (0.538508052478, 0.749009372356), (0.275862068966, 0.758620689655)
+_MIDDLE = (0.563705474127, 0.617446047432, 0.448275862069)
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,17 +8,17 @@ from skinlab.inference.identify import Identifier
 from skinlab.inference.joint import GaussianPrior
 from skinlab.inference.samples import EVERYTHING
 from skinlab.mechanics.effects import get_effect
-from skinlab.mechanics.model_file import Model, Normal
+from skinlab.mechanics.model_file import Normal
 from skinlab.tables.table import Table
 
 
-def with_custom_table(
-    identifier: Identifier, database: Table, model: Model, *, phases_said: bool
-) -> Identifier:
-    """Return the identifier with this table of a model, and the model's priors.
+def with_custom_table(identifier: Identifier, database: Table, *, phases_said: bool) -> Identifier:
+    """Return the identifier with this table of a model (`Spec.model`), and the model's priors.
 
     Where the model has effects of rate or cycle everything is fitted, unless the phases were said.
     """
+    model = database.spec.model
+    assert model is not None
     space = database.spec.space(database, model.model.kappa)
     history = any(get_effect(name).needs_history for name in model.effects)
     priors = tuple(

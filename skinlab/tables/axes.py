@@ -99,15 +99,19 @@ class Coordinate:
         found = np.log(ratio) if self.kind == "dilatation" else nu_from_ratio(ratio, self.stored)
         return np.where(possible, found, np.nan)
 
-    def slope(self, values: Array) -> Array:
-        """Return its derivative (n,) by the parameter, the scale being what it is."""
+    def by_parameter(self, slopes: Array, values: Array) -> Array:
+        """Return derivatives (n, k) by the parameter at values (n,), from those by the coordinate.
+
+        Of a ratio: with the scale as it is.
+        """
         if self.kind in ("log", "ratio"):
-            return 1.0 / values
+            return slopes / values[:, None]
         if self.kind == "linear" or (self.kind == "poisson" and self.kappa == self.stored):
-            return np.ones_like(values)
-        # κ(ν) is a rational function: differences are good to round-off
-        below, above = np.maximum(values - _STEP, 0.0), values + _STEP
-        return np.asarray((self(above, above) - self(below, below)) / (above - below))
+            return slopes
+        # κ(ν) is a rational function: central differences are good to round-off
+        at = np.maximum(values, _STEP)
+        rise = self(at + _STEP, at) - self(at - _STEP, at)
+        return np.asarray(slopes * (rise / (2 * _STEP))[:, None])
 
 
 class TableAxis:

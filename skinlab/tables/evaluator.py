@@ -118,13 +118,12 @@ class Evaluator:
         slopes = np.full((len(points), self._q.shape[1], len(self._axes)), np.nan)
         points, values = points[inside], parameters[inside]
         # A ratio's coordinate falls as the scale, the first parameter, rises.
-        by_scale = np.zeros((len(points), self._q.shape[1]))
-        for d, axis in reversed(list(enumerate(self._axes))):
-            by = self._tensor.slope(points, d)
-            if axis.coordinate.kind == "ratio":
-                by_scale -= by
-            found = by * axis.coordinate.slope(values[:, d])[:, None]
-            slopes[inside, :, d] = found if d else found + by_scale / values[:, :1]
+        by = [self._tensor.slope(points, d) for d in range(len(self._axes))]
+        by[0] = by[0] - sum(
+            (b for b, a in zip(by, self._axes, strict=True) if a.coordinate.kind == "ratio"), 0.0
+        )
+        for d, axis in enumerate(self._axes):
+            slopes[inside, :, d] = axis.coordinate.by_parameter(by[d], values[:, d])
         return slopes
 
     @property

@@ -54,6 +54,8 @@ class TensorLagrange:
     def __call__(self, points: Array) -> Array:
         """Return the values (n, k) at points (n, d)."""
         count = len(points)
+        if not count:
+            return np.empty((0, self._values.shape[1]))
         rows, weights = np.zeros((count, 1), dtype=np.intp), np.ones((count, 1))
         for d, (axis, size) in enumerate(zip(self._axes, self._shape, strict=True)):
             first, weight = stencil(axis, points[:, d])

@@ -226,7 +226,7 @@ def _flat(tables: dict[str, Any], model: Model) -> list[tuple[str, Any]]:
     """Return the axes' tables by name: [axis.effect.parameter] is [axis."effect.parameter"]."""
     found = []
     for name, table in tables.items():
-        inner = isinstance(table, dict) and table and name in model.effects
+        inner = isinstance(table, dict) and table and name not in model.law.names
         if inner and all(isinstance(t, dict) for t in table.values()):
             found += [(f"{name}.{parameter}", t) for parameter, t in table.items()]
         else:

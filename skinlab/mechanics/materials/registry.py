@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 
 import skinlab.mechanics.materials as package
@@ -38,11 +40,20 @@ def get_law(name: str = DEFAULT_LAW) -> Law:
         raise InputError(f"law {name!r} is not known; expected one of: {known}") from None
 
 
-def add_law(law: Law) -> None:
-    """Put a law on the registry of this process: one that is in no file of this folder.
+@contextmanager
+def with_law(law: Law) -> Iterator[Law]:
+    """Put a law on this process's registry for a while: one that is in no file of this folder.
 
     Raises:
         ValueError: its declaration cannot work; says what is wrong.
     """
     check_law(law)
-    _laws()[law.name] = law
+    laws = _laws()
+    before = laws.get(law.name)
+    laws[law.name] = law
+    try:
+        yield law
+    finally:
+        del laws[law.name]
+        if before is not None:
+            laws[law.name] = before

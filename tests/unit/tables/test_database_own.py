@@ -276,12 +276,12 @@ def test_a_killed_build_goes_on_to_the_same_bits(corners, tmp_path, capsys):
     assert not out.exists()
     # What the kill might have cut: the last row.
     kept.write_bytes(kept.read_bytes()[:-5])
-    build = ["database", "build", "--spec", str(spec_file), "--out", str(out), "--workers", "1"]
-    assert run(build) == 3
+    told = ["database", "build", "--spec", str(spec_file), "--out", str(out), "--workers", "1"]
+    assert run(told) == 3
     assert "--resume goes on" in capsys.readouterr().err
     other = tmp_path / "other.toml"
     other.write_text(CORNERS.replace("high_mbar = 30", "high_mbar = 31"))
-    assert run([*build[:3], str(other), *build[4:], "--resume"]) == 3
+    assert run([*told[:3], str(other), *told[4:], "--resume"]) == 3
     assert "rows of another build" in capsys.readouterr().err
     seen = []
     how = How(keep=kept, resume=True, progress=lambda done, total: seen.append(done))
@@ -289,7 +289,7 @@ def test_a_killed_build_goes_on_to_the_same_bits(corners, tmp_path, capsys):
     assert seen[0] == 6  # rows that were there, less the torn one
     assert resumed.content_hash == whole
     # All rows are kept until the file is written: now nothing is left to compute.
-    assert run([*build, "--resume"]) == 0
+    assert run([*told, "--resume"]) == 0
     shown = capsys.readouterr()
     assert whole in shown.out
     assert "%" not in shown.err  # no progress bar in a pipe
