@@ -277,7 +277,7 @@ class Identifier:
 
 
 def search_space(method: str, law: str, whole: Space) -> Space:
-    """Return where a method searches: the paper's where its source does, if the law has a source."""
+    """Return where a method searches: the paper's ones in the law's published box, if any."""
     published = get_law(law).published_space if method in PAPERS_METHODS else None
     return whole if published is None else published
 

@@ -1,8 +1,8 @@
 """The axes of tables: nodes, and a spline through them in a fitting coordinate.
 
-In a custom table, between evenly spaced nodes (in the parameter, or in its logarithm) runs a cubic spline; between
-Chebyshev's, the polynomial through all of them. ν runs in log κ/(μ/2), in which curves are smooth
-towards incompressibility.
+In a custom table, between evenly spaced nodes (in the parameter, or in its logarithm) runs a cubic
+spline; between Chebyshev's, the polynomial through all of them. ν runs in log κ/(μ/2), in which
+curves are smooth towards incompressibility.
 """
 
 from __future__ import annotations
@@ -96,7 +96,11 @@ class Coordinate:
             return values
         possible = (values >= 0.0) & (values < 0.5)
         ratio = kappa_ratio(np.where(possible, values, 0.3), self.kappa)
-        found = np.log(ratio) if self.kind == "dilatation" else nu_from_ratio(ratio, self.stored)
+        if self.kind == "dilatation":
+            found = np.log(ratio)
+        else:
+            with np.errstate(invalid="ignore"):  # softer than the other convention knows
+                found = nu_from_ratio(ratio, self.stored)
         return np.where(possible, found, np.nan)
 
     def by_parameter(self, slopes: Array, values: Array) -> Array:

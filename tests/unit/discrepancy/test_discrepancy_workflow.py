@@ -81,7 +81,7 @@ def test_a_hidden_effect_is_named_and_the_gap_shrinks_to_the_noise(table, effect
     assert interval["low"] - width < true < interval["high"] + width
     # The bias that the missing effect had caused is gone.
     after = found["parameters"]["after"]["X1_MPa"]
-    assert after["value"] == pytest.approx(SKIN.X1_MPa, rel=0.1)
+    assert after["value"] == pytest.approx(SKIN.values[0], rel=0.1)
     assert found["where"][0]["p_value"] < 1e-3
 
 
