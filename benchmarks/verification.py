@@ -21,7 +21,7 @@ import numpy as np
 mpl.use("Agg")
 from matplotlib import pyplot as plt
 from scipy.linalg import lapack
-from skinlab.tables.grid import GridSpec
+from skinlab.tables.grid_spec import GridSpec
 
 from skinlab.mechanics.fem.admissibility import NO_LIMITS, Limits, ellipticity, surface
 from skinlab.mechanics.fem.element import (

@@ -511,9 +511,8 @@ def checked_spec(spec: CustomSpec) -> CustomSpec:
             bounds = spec.model.bounds(name)
         except InputError:
             of_model = [f"{e}.{p}" for e, ranges in spec.model.effects.items() for p in ranges]
-            raise InputError(
-                f"axis.{name} is not known; expected of: {', '.join([*spec.model.law.names, *of_model])}"
-            ) from None
+            known = ", ".join([*spec.model.law.names, *of_model])
+            raise InputError(f"axis.{name} is not known; expected of: {known}") from None
         axis.check(f"axis.{name}", *bounds)
     if spec.entries > MOST_ENTRIES:
         raise InputError(f"axis: {spec.entries} curves; expected at most {MOST_ENTRIES}")
