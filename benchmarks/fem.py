@@ -23,7 +23,6 @@ from typing import Any
 
 import numpy as np
 from scipy.sparse.linalg import spsolve
-from skinlab.tables.grid_spec import GridSpec
 
 from skinlab.mechanics.fem import newton
 from skinlab.mechanics.fem.element import QUAD8_FULL
@@ -37,6 +36,7 @@ from skinlab.mechanics.fem.suction import (
     solve,
 )
 from skinlab.tables.build import build
+from skinlab.tables.grid_spec import GridSpec
 from skinlab.tables.parallel_build import How
 
 FOLDER = Path(__file__).resolve().parent

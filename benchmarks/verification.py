@@ -21,7 +21,6 @@ import numpy as np
 mpl.use("Agg")
 from matplotlib import pyplot as plt
 from scipy.linalg import lapack
-from skinlab.tables.grid_spec import GridSpec
 
 from skinlab.mechanics.fem.admissibility import NO_LIMITS, Limits, ellipticity, surface
 from skinlab.mechanics.fem.element import (
@@ -58,6 +57,7 @@ from skinlab.mechanics.fem.suction import (
 )
 from skinlab.mechanics.materials import get_law
 from skinlab.mechanics.materials.compressibility import kappa_ratio
+from skinlab.tables.grid_spec import GridSpec
 
 ROOT = Path(__file__).resolve().parents[1]
 PICTURES = ROOT / "docs" / "pictures"

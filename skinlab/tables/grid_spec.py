@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any, ClassVar
 
@@ -59,8 +59,8 @@ class GridSpec:
 
     law: str = DEFAULT_LAW
     kappa: KappaConvention = "paper"
-    geometry: Geometry = Geometry(6.0, 1.0)
-    axis: Axes = published_axes()
+    geometry: Geometry = field(default_factory=lambda: Geometry(6.0, 1.0))
+    axis: Axes = field(default_factory=published_axes)
     pressure_mbar: tuple[float, ...] = tuple(2.0 * i for i in range(51))
 
     kind: ClassVar[str] = "grid"

@@ -14,7 +14,7 @@ from skinlab.inference.identify import Identifier
 from skinlab.inference.uncertainty import Sensor
 from skinlab.mechanics.fem.skin import Skin
 from skinlab.mechanics.materials import get_law
-from skinlab.mechanics.model_file import EffectRange, Header, Model, Normal, Range
+from skinlab.mechanics.model_file import EffectRange, Header, Model, Normal, Range, check_model
 from skinlab.report.text import explain
 from skinlab.tables.forward import simulate
 
@@ -82,10 +82,9 @@ def test_bounds_are_stated_once():
             values = {p.name: p.typical for p in law.parameters} | {one.name: bad}
             with pytest.raises(InputError, match=one.name):
                 Skin(tuple(values.values()))
+        wide = Model(Header("m"), {one.name: Range(one.low, one.high * 1.01)})
         with pytest.raises(InputError, match=rf"parameters\.{one.name}\.high"):
-            from skinlab.mechanics.model_file import check_model
-
-            check_model(Model(Header("m"), {one.name: Range(one.low, one.high * 1.01)}))
+            check_model(wide)
     low, high = Model(Header("m")).space.bounds
     for one, a, b in zip(law.parameters, low, high, strict=True):
         assert one.low <= a < b <= one.high

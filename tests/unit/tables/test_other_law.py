@@ -248,6 +248,6 @@ def test_a_law_that_the_database_is_not_of_is_refused_everywhere(dimensionless):
             with_model(Identifier(table), model)
         with pytest.raises(InputError, match=f"law {law_name}: this database is of the law"):
             explain(Campaign("", 3.0, 0.0, (curve,)), table, model=model)
+        skin = Skin(tuple(p.typical for p in model.law.parameters), "paper", law_name)
         with pytest.raises(InputError, match=f"law {law_name}: this database is of the law"):
-            values = tuple(p.typical for p in model.law.parameters)
-            simulate_from(table, Skin(values, "paper", law_name), {}, curve.setup)
+            simulate_from(table, skin, {}, curve.setup)
