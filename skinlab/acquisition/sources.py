@@ -45,7 +45,7 @@ class LiveSource:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.probe = probe
-        self._journal = journal
+        self.journal = journal  # there may be none yet
         self._clock = clock
         self._planned: deque[Planned] = deque()
 
@@ -66,11 +66,11 @@ class LiveSource:
                 f"{hello.aperture_mm:g} mm"
             )
         rate = rate_hz if rate_hz is not None else hello.default_rate_hz if hello else 20.0
-        if self._journal is not None:
-            self._journal.require_room(setup.program.duration_s, rate)
+        if self.journal is not None:
+            self.journal.require_room(setup.program.duration_s, rate)
         self.probe.load(wire_segments(setup.program), rate)
-        if self._journal is not None:
-            self._journal.plan(self._clock(), setup_to_json(setup))
+        if self.journal is not None:
+            self.journal.plan(self._clock(), setup_to_json(setup))
         self._planned.append(Planned(setup))
         self.probe.arm()
 

@@ -25,7 +25,7 @@ from skinlab.cli.output import echo, echo_text, print_json
 
 if TYPE_CHECKING:
     from drivers.probe import Probe
-    from skinlab.acquisition.measure import Plan
+    from skinlab.acquisition.measurement import Plan
     from skinlab.curves.program import Program
 
 
@@ -70,7 +70,7 @@ def command(
     Example: skinlab measure --port "sim://?seed=1" --aperture-mm 6 --thickness-mm 1.0 \\
              --program ramp:100@20 --repeats 2 --out visit.h5 --json
     """
-    from skinlab.acquisition.measure import Plan
+    from skinlab.acquisition.measurement import Plan
     from skinlab.curves.curve import Setup
     from skinlab.curves.program import parse_program
     from skinlab.errors import InputError

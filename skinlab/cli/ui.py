@@ -72,11 +72,11 @@ def _on_terminal(
 
     make_probe = probes(dose_limit_mbar_s)
     _release_escape()
+    from skinlab.acquisition.probe_session import ProbeSession
+    from skinlab.acquisition.settings import default_path
     from skinlab.tui.app import SkinlabApp
-    from skinlab.tui.probe_session import Bench
-    from skinlab.tui.settings import default_path
 
-    bench = partial(Bench, apart=True, make_probe=make_probe)
+    bench = partial(ProbeSession, apart=True, make_probe=make_probe)
     return show(SkinlabApp(port, folder, bench, settings=default_path(), model=model))
 
 
@@ -90,9 +90,9 @@ def replay_on_terminal(session: Path, speed: float | None) -> int:
 
 def show(app: SkinlabApp) -> int:
     """Run the UI; whatever ends it, the probe vents and the session is saved."""
+    from skinlab.acquisition.shutdown import Lifeline
     from skinlab.quality.gates import all_gates
     from skinlab.tui.prompt_escape import look_sooner
-    from skinlab.tui.shutdown import Lifeline
 
     look_sooner()
     all_gates()  # what is wrong with a plugin is said while there still is a standard error
@@ -121,7 +121,7 @@ def default_folder() -> Path:
 
 
 def _headless(port: str, folder: Path, model: Model | None, dose_limit_mbar_s: float | None) -> int:
-    from skinlab.acquisition.measure import Plan
+    from skinlab.acquisition.measurement import Plan
     from skinlab.cli.measure import run
     from skinlab.cli.options import make_identifier
     from skinlab.curves.curve import Setup

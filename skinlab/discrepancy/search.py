@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from itertools import product
 
@@ -19,13 +18,13 @@ from skinlab.discrepancy.search_workers import (
     fit_elsewhere,
     fit_from,
     fit_one,
-    pool_of,
     signature_of,
 )
 from skinlab.discrepancy.unknowns import Known, Unknowns
 from skinlab.errors import NotTrustworthyError
 from skinlab.mechanics.effects import effect_names
 from skinlab.mechanics.model_file import BASE, Model, Normal
+from skinlab.workers import Pool
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -146,11 +145,12 @@ class Search:
 
     def run(self) -> Found:
         """Return the base fit, the screen and the candidates."""
-        self._progress("fitting the model as it is")
-        base = self.base()
-        if self._partial is not None:
-            self._partial.base = base
-        with pool_of(self._fitter, self._workers) as pool:
+        # The processes start while the base model is fitted here
+        with Pool(self._workers, self._fitter) as pool:
+            self._progress("fitting the model as it is")
+            base = self.base()
+            if self._partial is not None:
+                self._partial.base = base
             self._progress(f"screening {len(self._library)} effects")
             signatures, not_screened = self._screen(pool, base.fit, self._library)
             chosen = _worth(signatures.values())
@@ -176,7 +176,7 @@ class Search:
         not_screened |= dict.fromkeys(self._own, "the model has it already")
         return Found(base, signatures, candidates, self._fitter.records, not_screened)
 
-    def _singles(self, pool: Executor, base: Candidate, chosen: list[Signature]) -> list[Candidate]:
+    def _singles(self, pool: Pool, base: Candidate, chosen: list[Signature]) -> list[Candidate]:
         """Return fits of single effects: of the lesser ones only where the likely explain nothing.
 
         An effect of which the screen expects less than half of what another one, that explains the
@@ -191,7 +191,7 @@ class Search:
         return self._elsewhere(pool, base, chosen, found)
 
     def _elsewhere(
-        self, pool: Executor, base: Candidate, chosen: list[Signature], found: list[Candidate]
+        self, pool: Pool, base: Candidate, chosen: list[Signature], found: list[Candidate]
     ) -> list[Candidate]:
         """Return the fits, those that came nearest begun elsewhere as well, if that is better.
 
@@ -213,7 +213,7 @@ class Search:
         ]
 
     def _race(
-        self, pool: Executor, base: Candidate, tasks: Sequence[tuple[Fit, Signature]]
+        self, pool: Pool, base: Candidate, tasks: Sequence[tuple[Fit, Signature]]
     ) -> list[Candidate]:
         """Return fits: the two likeliest, then the others, which end early where those explain."""
         found = self._fits(pool, base, tasks[:2])
@@ -224,7 +224,7 @@ class Search:
         return found + self._fits(pool, base, tasks[2:], limit)
 
     def _pairs(
-        self, pool: Executor, base: Candidate, singles: list[Candidate], most: int, least: float
+        self, pool: Pool, base: Candidate, singles: list[Candidate], most: int, least: float
     ) -> list[Candidate]:
         """Return pairs of the best singles, at most so many, with partners that gain so much."""
         leaders = sorted(singles, key=lambda c: -c.log10_evidence)[:most]
@@ -249,9 +249,7 @@ class Search:
         )
         return self._race(pool, base, ranked)
 
-    def _members(
-        self, pool: Executor, base: Candidate, pairs: Sequence[Candidate]
-    ) -> list[Candidate]:
+    def _members(self, pool: Pool, base: Candidate, pairs: Sequence[Candidate]) -> list[Candidate]:
         """Return fits of the single effects of pairs that explain, begun where the pair ended.
 
         A strong effect changes the skin as well: from the base model's optimum its fit may not find
@@ -271,7 +269,7 @@ class Search:
         return [c for c in (self._candidate(fit, base) for fit in fits) if c.adequate]
 
     def _screen(
-        self, pool: Executor, fit: Fit, names: Sequence[str]
+        self, pool: Pool, fit: Fit, names: Sequence[str]
     ) -> tuple[dict[str, Signature], dict[str, str]]:
         """Return the effects' signatures, and why others have none."""
         found = list(
@@ -284,7 +282,7 @@ class Search:
 
     def _fits(
         self,
-        pool: Executor,
+        pool: Pool,
         base: Candidate,
         tasks: Sequence[tuple[Fit, Signature]],
         limit: float = math.inf,

@@ -112,8 +112,8 @@ class Recording:
 
     def _record(self, message: Message) -> None:
         match message:
-            case CurveStarted(index, setup):
-                self.audit("run started", curve=index, setup=setup_to_json(setup))
+            case CurveStarted(index, curve):
+                self.audit("run started", curve=index, setup=setup_to_json(curve.setup))
             case CurveCompleted(index, curve, cut, lost):
                 self.audit("run ended", curve=index, samples=len(curve), cut=cut, lost=lost)
             case Identified(index, _, result):

@@ -10,14 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from drivers.events import (
-    Alarm,
-    Event,
     Hello,
-    HostVented,
-    InstrumentFault,
-    LinkLost,
     Sample,
-    VentConfirmed,
 )
 from skinlab.curves.curve import Setup
 from skinlab.curves.program import Hold, Program, Ramp, Release, Segment
@@ -26,11 +20,12 @@ from skinlab.inference.result import Identification, Value
 from skinlab.quality.gates.base import Finding
 from skinlab.report.text import explain
 from skinlab.tui.canvas import interval_bar, share
+from skinlab.tui.plot_data import noise_band
+from skinlab.tui.ui_state import Board, Entry, Live, Playing
 
 if TYPE_CHECKING:
+    from skinlab.acquisition.measurement_request import Order
     from skinlab.discrepancy.outcome import Outcome
-    from skinlab.tui.measurement_request import Order
-    from skinlab.tui.ui_state import Board, Entry, Live, Playing
 
 _UNITS = {"X1_MPa": ("X1", "MPa"), "X2_MPa": ("X2", "MPa"), "nu": ("nu", "")}
 
@@ -50,27 +45,6 @@ def flag_words(flag: str) -> str:
     kind, _, parameter = flag.partition(":")
     words = CATALOGUE[kind].label if kind in CATALOGUE else kind.replace("_", " ")
     return words.format(name_of(parameter)) if "{}" in words else words
-
-
-def event_note(event: Event) -> tuple[str, str] | None:
-    """Return (level, sentence) for an event that the operator must know of, else None."""
-    match event:
-        case HostVented(reason) if reason == "operator":
-            return "warning", "vented"
-        case HostVented(reason) if reason in {"close", "quit"}:
-            return None
-        case HostVented(reason):
-            return "error", f"vented: {reason}"
-        case VentConfirmed():
-            return None
-        case InstrumentFault(code, text):
-            return "error", f"instrument fault {code}: {text}; F8 clears it"
-        case LinkLost(reason):
-            return "error", f"{reason}; plug it in again, it is being looked for"
-        case Alarm(text):
-            return "error", text
-        case _:
-            return None
 
 
 def where_text(board: Board) -> str:
@@ -162,13 +136,13 @@ def link_text(board: Board) -> str:
 def progress_text(board: Board) -> str:
     """Return how far the program is: points, segment, time."""
     if board.playing is not None:
-        n = 0 if board.live is None else len(board.live.pressure_mbar)
+        n = 0 if board.live is None else len(board.live.curve)
         return f"{n} points  {timeline_text(board.playing)}"
     live, entry = board.live, board.entry
     if live is not None:
         rate = "" if live.rate_hz is None else f" {live.rate_hz:.0f} Hz"
-        lost = f", {live.lost} lost" if live.lost else ""
-        return f"{len(live.pressure_mbar)} points{rate}{lost}  {_progress(live)}"
+        lost = f", {live.curve.lost} lost" if live.curve.lost else ""
+        return f"{len(live.curve)} points{rate}{lost}  {_progress(live)}"
     if entry is not None:
         lost = f", {entry.lost} lost" if entry.lost else ""
         return f"curve {entry.index}: {len(entry.curve)} points{lost}"
@@ -366,8 +340,6 @@ _WHAT_TO_DO = {  # with the screen's own keys; the rest is the catalogue's advic
 
 def sample_noise_um(entry: Entry) -> float | None:
     """Return the noise of one sample, root mean square over the fitted ones; None: unknown."""
-    from skinlab.tui.strips import noise_band
-
     _, sd_um = noise_band(entry)
     return float(np.sqrt(np.mean(sd_um**2))) if len(sd_um) else None
 

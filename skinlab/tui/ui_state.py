@@ -14,28 +14,15 @@ from drivers.events import (
     Alarm,
     Damaged,
     Event,
-    Gap,
     Hello,
     InstrumentState,
     LinkLost,
     Sample,
     State,
 )
-from skinlab.curves.curve import Curve, Setup
-from skinlab.inference.result import Identification
-from skinlab.quality.gates.base import Finding
-from skinlab.recording.stream import (
-    CurveCompleted,
-    CurveStarted,
-    Flagged,
-    Happened,
-    Identified,
-    Message,
-    Sampled,
-)
-from skinlab.tui.curve_selection import Ledger
-from skinlab.tui.measurement_request import Order
-from skinlab.tui.messages import (
+from skinlab.acquisition.measurement import Phase, Plan
+from skinlab.acquisition.measurement_request import Order
+from skinlab.acquisition.messages import (
     Adopted,
     Compared,
     Connected,
@@ -46,21 +33,45 @@ from skinlab.tui.messages import (
     Explaining,
     Failed,
     Fitted,
-    Found,
     Heard,
     News,
+    Over,
     Played,
     Recording,
     Saved,
-    Searching,
+    Went,
 )
-from skinlab.tui.text import event_note
+from skinlab.curves.curve import Curve, Setup
+from skinlab.curves.growing import GrowingCurve
+from skinlab.inference.result import Identification
+from skinlab.quality.gates.base import Finding
+from skinlab.recording.curve_selection import Ledger
+from skinlab.recording.stream import (
+    CurveCompleted,
+    CurveStarted,
+    Flagged,
+    Happened,
+    Identified,
+    Message,
+    Sampled,
+)
+from skinlab.report.outage import event_note
 
 if TYPE_CHECKING:
     from skinlab.discrepancy.outcome import Outcome
 
 _S = InstrumentState
 SEARCHING = "searching"  # for a link that was lost
+MEASURING = "measuring"  # asked for; the phases of the measurement tell what becomes of it
+_DOING = {
+    Phase.ARMING: "arming",
+    Phase.STARTING: "starting",
+    Phase.SETTLING: "venting",
+    Phase.RESTING: "resting",
+    Phase.VENTING: "venting",
+    Phase.SEARCHING: SEARCHING,
+    Phase.CHECKING: SEARCHING,
+}
 EXPLAINING = "explaining"  # what the model misses; everything else goes on beside it
 _RATE_SAMPLES = 41
 _MOVING = frozenset({_S.ARMED, _S.RUNNING, _S.VENTING})
@@ -79,23 +90,24 @@ _RANK = {Level.INFO: 0, Level.WARNING: 1, Level.ERROR: 2}
 
 @dataclass(slots=True)
 class Live:
-    """The curve that is being measured: all of its samples."""
+    """The curve that is being measured; it grows while it is drawn."""
 
     index: int
-    setup: Setup
-    time_s: list[float] = field(default_factory=list)
-    pressure_mbar: list[float] = field(default_factory=list)
-    deflection_mm: list[float] = field(default_factory=list)
+    curve: GrowingCurve
     last: Sample | None = None
-    lost: int = 0
     findings: list[Finding] = field(default_factory=list)
     estimate: Identification | None = None  # of what there is so far
 
     @property
+    def setup(self) -> Setup:
+        """What it is measured with."""
+        return self.curve.setup
+
+    @property
     def rate_hz(self) -> float | None:
         """Samples a second by the instrument's clock, over the last second or so; None: unknown."""
-        late = self.time_s[-_RATE_SAMPLES:]
-        return (len(late) - 1) / (late[-1] - late[0]) if len(late) > 1 else None
+        late = self.curve.time_s[-_RATE_SAMPLES:]
+        return float((len(late) - 1) / (late[-1] - late[0])) if len(late) > 1 else None
 
 
 @dataclass(slots=True)
@@ -117,33 +129,13 @@ class Entry:
         return self.curve.setup
 
 
-@dataclass(slots=True)
-class Series:
-    """A run that was started, and the repeats that are to follow it by themselves."""
-
-    order: Order  # of the present repeat
-    before: int  # how many curves there were when it began
-    vents: int  # that had been ordered when it was confirmed: a later one ends it
-    starting: bool = False  # to be started once it is armed
-
-    def finished(self, board: Board) -> bool:
-        """Whether the present repeat is over: identified, and nothing moves."""
-        last = board.entry
-        return (
-            not self.starting
-            and board.can_arm
-            and len(board.entries) > self.before
-            and last is not None
-            and last.result is not None
-        )
-
-
 @dataclass(frozen=True, slots=True)
 class Review:
     """What will happen, as it is shown before it is confirmed."""
 
     order: Order
     texts: Mapping[str, str]  # of the fields
+    goes_on: bool = False  # with what a lost link has cut
     assumed_thickness: bool = False  # nobody typed it for this subject and site
 
 
@@ -179,11 +171,13 @@ class Board:
         self.instrument: InstrumentState | None = None
         self.doing: str | None = None  # connecting, arming, starting, resetting, searching, closing
         self.review: Review | None = None  # in view, and not confirmed yet
+        self.asked: Order | None = None  # confirmed last, as the fields had it
         self.order: Order | None = None  # armed last
         self.who = ("", "")  # subject and site in the fields
         self.visit: tuple[str, str] | None = None  # subject and site of the open session
         self.playing: Playing | None = None
-        self.series: Series | None = None
+        self.series: Order | None = None  # confirmed, and not over
+        self.left: Plan | None = None  # of it, where a lost link has cut it
         self.live: Live | None = None
         self.latest: Sample | None = None  # the final vent included
         self.latest_at: datetime | None = None
@@ -210,7 +204,9 @@ class Board:
     @property
     def moving(self) -> bool:
         """Armed, running or venting, or about to: fields take no text, v always vents."""
-        return self.doing in {"arming", "starting", "resting"} or self.instrument in _MOVING
+        return (
+            self.doing in {"arming", "starting", "resting", "venting"} or self.instrument in _MOVING
+        )
 
     @property
     def can_arm(self) -> bool:
@@ -326,11 +322,6 @@ class Board:
             self.shown = index
             self.version += 1
 
-    def rested(self) -> None:
-        """No more is waited for before the next repeat."""
-        self._done("resting")
-        self.version += 1
-
     def acknowledge(self) -> None:
         """Take the alarm away."""
         self.alarm = None
@@ -339,7 +330,7 @@ class Board:
     # ---- news ---------------------------------------------------------------------------------
 
     def see(self, news: News) -> None:
-        """Take in what the bench said."""
+        """Take in what the probe session said."""
         self.version += 1
         self._take_in(news)
         if not self.can_arm:
@@ -385,22 +376,18 @@ class Board:
             case Saved(path):
                 self.saved = path
                 self.say(Level.INFO, f"saved: {path}")
-            case Searching():
-                self.instrument = self.live = None
-                if self.doing is None:
-                    self.doing = SEARCHING
-            case Found():
-                self._done(SEARCHING)
-                # Plainly better news than what was said before
-                self.note, self.level = (
-                    "the link is back and the session goes on; F8 shows what comes next",
-                    Level.WARNING,
-                )
+            case Went(phase, left):
+                self._went(phase, left)
+            case Over(failed, given_up):
+                self._over(failed, given_up)
             case Disconnected():
                 self._done(SEARCHING)
-                self.hello = self.instrument = self.live = None
+                self.hello = self.instrument = self.live = self.series = self.left = None
             case Failed(doing, text):
                 self._done(doing)
+                if doing == MEASURING:
+                    self._done(_DOING[Phase.ARMING])
+                    self.series = self.left = None
                 if doing == EXPLAINING and self.missing is not None:
                     self.missing.running, self.missing.failed = False, text
                 self.refuse(text)
@@ -408,8 +395,39 @@ class Board:
                 self._done(doing)
                 if doing == EXPLAINING and self.missing is not None:
                     self.missing.running = False  # given up, where there is no answer
-                if doing == "starting":
-                    self.say(Level.INFO, "suction; v vents")
+
+    def _went(self, phase: Phase, left: Plan | None) -> None:
+        """Take in the phase of the measurement; what the operator has asked for beside stays."""
+        searched = self.doing == SEARCHING
+        if self.doing is None or self.doing in _DOING.values():
+            self.doing = _DOING.get(phase)
+        self.left = left if phase is Phase.INTERRUPTED else None
+        if left is not None and self.order is not None:
+            self.order = self.order.with_left(left)
+        match phase:
+            case Phase.ARMING:
+                self.shown = None  # the plot is for the next curve
+            case Phase.RUNNING:
+                self.say(Level.INFO, "suction; v vents")
+            case Phase.RESTING if left is not None:
+                what = f"{left.repeats} more, the next after {left.rest_s:g} s of rest; v ends it"
+                self.say(Level.INFO, what)
+            case Phase.SEARCHING:
+                self.instrument = self.live = None
+            case Phase.INTERRUPTED:
+                # Plainly better news than what was said before
+                again = "the link is back; F8 shows the repeat that was cut, F9 takes it again"
+                self.note, self.level = again, Level.WARNING
+            case Phase.READY if searched:
+                again = "the link is back and the session goes on; F8 shows what comes next"
+                self.note, self.level = again, Level.WARNING
+            case _:
+                pass
+
+    def _over(self, failed: str | None, given_up: int) -> None:
+        self.series = self.left = None
+        if failed is not None and given_up > 1:
+            self.say(Level.WARNING, "vented: the repeats that were left are given up")
 
     def _connected(self, port: str, hello: Hello, *, goes_on: bool) -> None:
         self.port, self.hello = port, hello
@@ -436,15 +454,15 @@ class Board:
 
     def _hear(self, message: Message, at: datetime | None) -> None:
         match message:
-            case CurveStarted(index, setup):
-                self.live = Live(index, setup)
+            case CurveStarted(index, curve):
+                self.live = Live(index, curve)
                 self.shown = None
                 self.begun_at = self.begun_at or at
             case Sampled(index, sample):
                 self.latest, self.latest_at = sample, at
                 self.dose.add(sample)
                 if self.live is not None and self.live.index == index:
-                    self._sample(self.live, sample)
+                    self.live.last = sample
             case CurveCompleted(index, curve, cut, lost):
                 found = [] if self.live is None else self.live.findings
                 self.entries[index] = Entry(
@@ -464,13 +482,6 @@ class Board:
             case Happened(event):
                 self._happened(event)
 
-    def _sample(self, live: Live, sample: Sample) -> None:
-        live.last = sample
-        if live.setup.program is None or sample.segment < len(live.setup.program.segments):
-            live.time_s.append(sample.device_time_s)
-            live.pressure_mbar.append(sample.pressure_mbar)
-            live.deflection_mm.append(sample.deflection_mm)
-
     def _happened(self, event: Event) -> None:
         match event:
             case State(state):
@@ -482,8 +493,6 @@ class Board:
                 self.alarm = text
             case Damaged():
                 self.damaged += 1
-            case Gap(expected, received) if self.live is not None:
-                self.live.lost += received - expected
             case LinkLost():
                 self.live = None
             case _:

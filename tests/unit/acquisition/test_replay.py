@@ -10,7 +10,8 @@ import pytest
 
 from drivers.events import Sample, TimedEvent
 from drivers.probe import Probe
-from skinlab.acquisition.measure import Plan, measure
+from skinlab.acquisition.measure import measure
+from skinlab.acquisition.measurement import Plan
 from skinlab.acquisition.pipeline import Pipeline
 from skinlab.acquisition.replay import identifier_of, reasons, replay
 from skinlab.acquisition.replay_control import ReplayControl

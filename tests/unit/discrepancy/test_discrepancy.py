@@ -23,7 +23,7 @@ from skinlab.discrepancy.next_measurement import MENU, advise
 from skinlab.discrepancy.records import by_geometry, records_of
 from skinlab.discrepancy.screen import alike, signature
 from skinlab.discrepancy.search import Candidate, Found
-from skinlab.discrepancy.search_workers import fit_elsewhere, fit_from, fit_one, pool_of
+from skinlab.discrepancy.search_workers import fit_elsewhere, fit_from, fit_one
 from skinlab.discrepancy.space_mapping import MappedModel
 from skinlab.discrepancy.table_domes import TableDomes, relaxed_pressure
 from skinlab.discrepancy.unknowns import Unknowns
@@ -34,6 +34,7 @@ from skinlab.mechanics.effects import all_effects
 from skinlab.mechanics.effects.model import Skin, response, solve_skin
 from skinlab.mechanics.fem.skin import Prony, SkinProblem
 from skinlab.mechanics.fem.suction import Geometry
+from skinlab.workers import Pool
 
 SKIN = Skin(0.035, 1.2, 0.32)
 TRUE = np.array([np.log(SKIN.X1_MPa), np.log(SKIN.X2_MPa / SKIN.X1_MPa), SKIN.nu])
@@ -313,7 +314,7 @@ def test_wherever_a_fit_begins_it_comes_to_the_same_optimum(table, effect):
     fitter = fitter_of(measured({effect: values}, RAMPS), table)
     base = fitter.fit(Unknowns(()), TRUE)
     seen = signature(fitter, base, effect)
-    pool = pool_of(fitter, 1)
+    pool = Pool(1, fitter)
     (one,) = pool.map(fit_one, [(base, seen, np.inf)])
     (other,) = pool.map(fit_elsewhere, [(base, seen)])
     true = np.append(TRUE, one.unknowns.axes[0].to_u(next(iter(values.values()))))

@@ -21,7 +21,8 @@ from drivers.events import (
     TimedEvent,
 )
 from drivers.probe import Probe
-from skinlab.acquisition.measure import Plan, measure
+from skinlab.acquisition.measure import measure
+from skinlab.acquisition.measurement import Plan
 from skinlab.acquisition.pipeline import Pipeline
 from skinlab.acquisition.replay import differences, identifier_of, replay
 from skinlab.acquisition.sources import LiveSource

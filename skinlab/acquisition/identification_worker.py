@@ -1,4 +1,9 @@
-"""Identifies in a thread of its own, so that nothing that comes from the probe waits for it."""
+"""Identifies in a thread of its own, so that nothing that comes from the probe waits for it.
+
+The computing may be done in a process of its own as well (`IdentifierApart`): in a thread it holds
+the interpreter that draws, reads keys and keeps the probe alive. At 160x50 every frame took twice
+as long.
+"""
 
 from __future__ import annotations
 
@@ -6,17 +11,16 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
-
-import numpy as np
+from dataclasses import dataclass
 
 from drivers.events import Sample
-from skinlab.curves.curve import FEWEST_POINTS, Curve, Setup
+from skinlab.curves.curve import FEWEST_POINTS, Curve
+from skinlab.curves.growing import GrowingCurve
 from skinlab.inference.identify import Identifier
 from skinlab.inference.result import Identification
 from skinlab.io.log import log_exception
 from skinlab.recording.stream import CurveCompleted, CurveStarted, Message, Sampled
-from skinlab.tui.own_process import OwnProcess
+from skinlab.workers import Worker
 
 _EVERY_S = 0.3  # between two estimates of a growing curve
 _END_S = 0.4  # of the program: no estimate is begun so late, the answer would wait for it
@@ -24,15 +28,54 @@ _END_S = 0.4  # of the program: no estimate is begun so late, the answer would w
 Answer = tuple[int, Curve, Identification]
 
 
+class IdentifierApart:
+    """Answers as an identifier does, in a process of its own while that lives."""
+
+    def __init__(self, identifier: Identifier) -> None:
+        self.identifier = identifier
+        self._worker = Worker(identifier)
+
+    @property
+    def phases(self) -> tuple[str, ...]:
+        """What of a curve is fitted."""
+        return self.identifier.phases
+
+    @property
+    def pid(self) -> int | None:
+        """The number of the process; None: this one does the work."""
+        return self._worker.pid
+
+    def __call__(self, curve: Curve) -> Identification:
+        """Return the answer for a curve."""
+        return self._worker.call(_identify, curve)  # type: ignore[no-any-return]
+
+    def growing(self, curve: Curve, before: Identification | None = None) -> Identification:
+        """Return an estimate of a curve that is not complete."""
+        return self._worker.call(_estimate, curve, before)  # type: ignore[no-any-return]
+
+    def close(self) -> None:
+        """Let the process end."""
+        self._worker.close()
+
+
+def _identify(identifier: Identifier, curve: Curve) -> Identification:
+    return identifier(curve)
+
+
+def _estimate(
+    identifier: Identifier, curve: Curve, before: Identification | None
+) -> Identification:
+    return identifier.growing(curve, before)
+
+
 @dataclass(slots=True)
 class _Growing:
     index: int
-    setup: Setup
-    samples: list[Sample] = field(default_factory=list)
+    curve: GrowingCurve
     estimate: Identification | None = None
 
 
-class Analyst:
+class IdentificationWorker:
     """Takes completed curves (`hand_over`) and gives answers (`take`), in order.
 
     As a listener it follows the running curve and tells an estimate of it now and then, from its
@@ -41,7 +84,7 @@ class Analyst:
 
     def __init__(
         self,
-        identifier: Identifier | OwnProcess,
+        identifier: Identifier | IdentifierApart,
         tell: Callable[[int, Identification], None],
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
@@ -58,7 +101,7 @@ class Analyst:
         self._error: Exception | None = None
         self._closed = False
         self._growing: _Growing | None = None
-        self._thread = threading.Thread(target=self._work, name="analyst", daemon=True)
+        self._thread = threading.Thread(target=self._work, name="identification", daemon=True)
         self._thread.start()
 
     @property
@@ -69,8 +112,8 @@ class Analyst:
     def listen(self, message: Message) -> None:
         """Follow the running curve."""
         match message:
-            case CurveStarted(index, setup):
-                self._growing = _Growing(index, setup)
+            case CurveStarted(index, curve):
+                self._growing = _Growing(index, curve)
             case Sampled(index, sample) if self._growing and self._growing.index == index:
                 self._grow(self._growing, sample)
             case CurveCompleted():
@@ -111,25 +154,16 @@ class Analyst:
         self._thread.join()
 
     def _grow(self, growing: _Growing, sample: Sample) -> None:
-        program, samples = growing.setup.program, growing.samples
-        if samples and sample.device_time_s <= samples[-1].device_time_s:
-            return
+        program = growing.curve.setup.program
         if program is not None:
             if self._identifier.phases == ("load",) and sample.segment not in program.first_load:
                 return  # nothing that is fitted comes any more
             if sample.device_time_s > program.duration_s - _END_S:
                 return
-        samples.append(sample)
         due = self._clock() >= self._sketched_s + _EVERY_S
-        if due and not self._sketching and self._sketch is None and len(samples) >= FEWEST_POINTS:
-            curve = Curve(
-                name=f"curve {growing.index}",
-                setup=growing.setup,
-                time_s=np.array([s.device_time_s for s in samples]),
-                pressure_mbar=np.array([s.pressure_mbar for s in samples]),
-                deflection_mm=np.array([s.deflection_mm for s in samples]),
-                segment=np.array([s.segment for s in samples], dtype=np.intp),
-            )
+        enough = len(growing.curve) >= FEWEST_POINTS
+        if due and enough and not self._sketching and self._sketch is None:
+            curve = growing.curve.curve(f"curve {growing.index}")
             with self._wake:
                 self._sketch = (growing, curve)
                 self._wake.notify_all()
