@@ -250,7 +250,7 @@ def _reference(problem: Problem, seed: int) -> float:
 
 
 def _ours(name: str, problem: Problem, seed: int) -> tuple[float, int]:
-    from skinlab.inference.methods.registry import get_method
+    from skinlab.inference.methods import get_method
 
     found = get_method(name)(problem, Options(), np.random.default_rng(seed))
     return found.error_um, found.evaluations

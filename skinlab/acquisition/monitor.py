@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from drivers.events import Loaded
 from skinlab.curves.curve import Curve
 from skinlab.curves.growing import GrowingCurve
+from skinlab.quality.gates import all_gates, judge
 from skinlab.quality.gates.base import CurveSoFar, Finding, Gate, beginnings
-from skinlab.quality.gates.registry import all_gates
 from skinlab.recording.stream import (
     CurveCompleted,
     CurveStarted,
@@ -108,7 +108,7 @@ class Monitor:
         new = [
             finding
             for gate in self._gates
-            if gate.name not in known and (finding := gate.check(view)) is not None
+            if gate.name not in known and (finding := judge(gate, view)) is not None
         ]
         self._found[index] = (*before, *new)
         return [Flagged(index, finding) for finding in new]

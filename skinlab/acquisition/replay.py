@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
 import numpy as np
@@ -16,7 +16,7 @@ from skinlab.curves.curve import Curve
 from skinlab.discrepancy.model_identifier import with_model
 from skinlab.errors import InputError
 from skinlab.inference.identify import Identifier
-from skinlab.inference.methods.registry import get_method
+from skinlab.inference.methods import get_method
 from skinlab.inference.problem import Options, check
 from skinlab.inference.result import Identification
 from skinlab.inference.uncertainty import Sensor
@@ -27,6 +27,9 @@ from skinlab.recording.stream import CurveCompleted, Message
 from skinlab.tables.base import Database
 from skinlab.tables.store import shipped_grid, shipped_table
 from skinlab.versions import versions
+
+# Settings that sessions did not record at first, where they were others than today's defaults.
+_BEFORE: dict[str, dict[str, int | float | str]] = {"rls": {"passes": 500}}
 
 
 class _Settings(msgspec.Struct):
@@ -39,11 +42,7 @@ class _Settings(msgspec.Struct):
     samples: int
     best: int
     tolerance_um: float
-    sampling: Literal["uniform", "lhs"] = "uniform"
-    slowdown: float = 0.4
-    forgetting: float = 0.9
-    covariance: float = 1.0
-    passes: int = 500
+    options: dict[str, int | float | str] | None = None  # once beside the others, of all methods
     model: str | None = None
     noise_um: Annotated[float, Meta(gt=0, lt=1e6)] | None = None
     pressure_noise_mbar: Annotated[float, Meta(ge=0, lt=1e3)] | None = None
@@ -68,18 +67,14 @@ def identifier_of(session: Session) -> tuple[Identifier, str | None]:
     database = next((d for d in shipped if d.content_hash == stated), shipped[0])
     try:
         said = msgspec.convert(settings, _Settings)
-        get_method(said.method)
+        method = get_method(said.method)
         options = Options(
             samples=said.samples,
             best=said.best,
             tolerance_um=said.tolerance_um,
-            sampling=said.sampling,
-            slowdown=said.slowdown,
-            forgetting=said.forgetting,
-            covariance=said.covariance,
-            passes=said.passes,
-        )
+        ).having(**_own(said, settings))
         check(options)
+        method.check(options)
     except ValueError as error:  # InputError is one
         raise InputError(f"the session's field identification is damaged ({error})") from None
     identifier = Identifier(
@@ -101,6 +96,14 @@ def identifier_of(session: Session) -> tuple[Identifier, str | None]:
             f"{database.content_hash}: results may differ"
         )
     return identifier, warning
+
+
+def _own(said: _Settings, settings: dict[str, Any]) -> dict[str, Any]:
+    """Return the method's own options: recorded together, once one by one, or not at all."""
+    if said.options is not None:
+        return said.options
+    read = {option.name for option in get_method(said.method).options}
+    return _BEFORE.get(said.method, {}) | {k: v for k, v in settings.items() if k in read}
 
 
 def replay(
@@ -170,10 +173,15 @@ def reasons(session: Session, identifier: Identifier) -> list[str]:
         found.append(f"another database: it was {settings.get('database_hash')}, is {database}")
     stated = session.meta.get("versions")
     then = stated if isinstance(stated, dict) else {}
-    for name, now in versions().items():
-        if then.get(name) != now:
-            what = "another machine" if name == "machine" else f"another version of {_SAID[name]}"
-            found.append(f"{what}: it was {then.get(name, 'not recorded')}, is {now}")
+    now = versions()
+    plugins = [name for name in then if name.startswith("plugin ")]
+    for name in dict.fromkeys([*now, *plugins]):
+        was, is_ = then.get(name, "not recorded"), now.get(name, "not installed")
+        if was != is_:
+            what = f"another version of {_SAID.get(name, name)}"
+            found.append(
+                f"{'another machine' if name == 'machine' else what}: it was {was}, is {is_}"
+            )
     return found
 
 

@@ -74,8 +74,8 @@ def _outcome(
 ) -> tuple[Outcome, list[Path]]:
     from skinlab.discrepancy import cache
     from skinlab.discrepancy.adopt import hashes
+    from skinlab.discrepancy.records import records_of
     from skinlab.discrepancy.workflow import Partial, explain
-    from skinlab.mechanics.fem.suction import SOLVER_VERSION
     from skinlab.mechanics.model_file import BASE, read_model
     from skinlab.recording.load_inputs import read_campaign_or_session
     from skinlab.tables.store import shipped_table
@@ -83,15 +83,9 @@ def _outcome(
     model = BASE if model_path is None else read_model(model_path)
     campaign, files = read_campaign_or_session(path)
     table = shipped_table()
-    name = cache.key(
-        [
-            model.hash,
-            table.content_hash,
-            SOLVER_VERSION,
-            *(f"{k} {v}" for k, v in hashes(files).items()),
-        ]
-    )
-    known = None if no_cache else cache.load(name)
+    data = (f"{file} {content}" for file, content in hashes(files).items())
+    name = cache.key([model.hash, table.content_hash, *data])
+    known = None if no_cache else cache.load(name, records_of(campaign))
     if known is not None:
         return known, files
 

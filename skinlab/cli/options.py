@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 from click.core import ParameterSource
 
-from skinlab.cli.method_options import method_options, single_settings
+from skinlab.cli.method_options import settled
 
 if TYPE_CHECKING:
     from skinlab.mechanics.model_file import Model
 
 F = TypeVar("F", bound=Callable[..., Any])
-
-METHODS = ("auto", "sto", "hka", "gn", "gn-linesearch", "rls", "lm")
 
 
 def _stack(*options: Callable[[F], F]) -> Callable[[F], F]:
@@ -47,14 +46,16 @@ def geometry_options(required: bool) -> Callable[[F], F]:
 
 
 def identification_options() -> Callable[[F], F]:
-    """`--method`, `--samples`, `--best`, … and what only one method reads.
+    """`--method`, `--samples` and what else all methods have in common.
 
-    The command's class must be `MethodCommand`.
+    The command's class must be `MethodCommand`, which adds what only some methods read.
     """
+    from skinlab.inference.methods import METHODS
+
     return _stack(
         click.option(
             "--method",
-            type=click.Choice(METHODS),
+            type=click.Choice(METHODS.names()),
             default="auto",
             show_default=True,
             help="Inverse method; sto is the paper's.",
@@ -88,7 +89,6 @@ def identification_options() -> Callable[[F], F]:
             type=float,
             help="The same of one pressure sample  [default: estimated].",
         ),
-        *method_options(),
     )
 
 
@@ -166,9 +166,10 @@ def make_identifier(
     from skinlab.tables.model_database import ModelDatabase
     from skinlab.tables.store import read_database, shipped_table
 
-    options = Options(
-        best=best, tolerance_um=tolerance_um, **single_settings(method, samples, single)
-    )
+    options = Options(best=best, tolerance_um=tolerance_um)
+    if samples is not None:
+        options = replace(options, samples=samples)
+    options = settled(method, samples, options, single)
     check(options)
     if seed < 0:
         raise InputError(f"seed {seed}: expected zero or more")

@@ -90,10 +90,12 @@ def replay_on_terminal(session: Path, speed: float | None) -> int:
 
 def show(app: SkinlabApp) -> int:
     """Run the UI; whatever ends it, the probe vents and the session is saved."""
+    from skinlab.quality.gates import all_gates
     from skinlab.tui.prompt_escape import look_sooner
     from skinlab.tui.shutdown import Lifeline
 
     look_sooner()
+    all_gates()  # what is wrong with a plugin is said while there still is a standard error
     try:
         with Lifeline(app.vent, app.interrupt, app.close_bench):
             app.run()

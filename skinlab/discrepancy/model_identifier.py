@@ -23,7 +23,7 @@ from skinlab.inference.identify import Identifier
 from skinlab.inference.joint import GaussianPrior
 from skinlab.inference.result import Identification, Value
 from skinlab.inference.samples import EVERYTHING, choose
-from skinlab.mechanics.effects.registry import get_effect
+from skinlab.mechanics.effects import get_effect
 from skinlab.mechanics.materials.compressibility import kappa_ratio, nu_consistent
 from skinlab.mechanics.model_file import Model, Normal, Range
 from skinlab.parameters import AxisSpace

@@ -19,6 +19,7 @@ from skinlab.discrepancy.unknowns import Axis
 Array = NDArray[np.float64]
 
 _SIZES = (0.3, 0.1, 0.03)  # of a typical one: about linear; the first that the skin bears
+NO_MODEL = "its model does not hold for these skins, even at 3 % of a typical size"
 _INVISIBLE = 1e-2  # standard deviations: a signature so small cannot be seen at all
 
 
@@ -67,7 +68,8 @@ def signature(fitter: Fitter, fit: Fit, effect: str) -> Signature | None:
     length = float(np.linalg.norm(direction))
     whole = float(np.linalg.norm(raw))
     if length < _INVISIBLE:
-        return Signature(effect, axes, direction, length, 0.0, 0.0, 1.0)
+        absorbed = 1.0 if whole > _INVISIBLE else 0.0
+        return Signature(effect, axes, direction, length, 0.0, 0.0, absorbed)
     amount = float(direction @ residual) / length**2
     low, high = axis.bounds
     amount = float(np.clip(amount, low, high))

@@ -22,7 +22,7 @@ from skinlab.discrepancy.search_workers import (
 )
 from skinlab.discrepancy.unknowns import Known, Unknowns
 from skinlab.errors import NotTrustworthyError
-from skinlab.mechanics.effects.registry import effect_names
+from skinlab.mechanics.effects import effect_names
 from skinlab.mechanics.model_file import BASE, Model, Normal
 from skinlab.workers import Pool
 
@@ -97,6 +97,7 @@ class Found:
     signatures: dict[str, Signature]  # of single effects at the base fit
     candidates: list[Candidate] = field(default_factory=list)  # the best first
     records: Sequence[Record] = ()  # what was explained
+    not_screened: dict[str, str] = field(default_factory=dict)  # effect -> why it was not
 
     @property
     def tie(self) -> float:
@@ -151,7 +152,7 @@ class Search:
             if self._partial is not None:
                 self._partial.base = base
             self._progress(f"screening {len(self._library)} effects")
-            signatures = self._screen(pool, base.fit, self._library)
+            signatures, not_screened = self._screen(pool, base.fit, self._library)
             chosen = _worth(signatures.values())
             if not chosen and not base.adequate:  # how close the best comes is told all the same
                 chosen = sorted(signatures.values(), key=lambda s: -s.gain)[:2]
@@ -172,7 +173,8 @@ class Search:
                 named = {c.effects for c in candidates}
                 candidates += [c for c in singles if c.effects not in named]
         candidates.sort(key=lambda c: -c.log10_evidence)
-        return Found(base, signatures, candidates, self._fitter.records)
+        not_screened |= dict.fromkeys(self._own, "the model has it already")
+        return Found(base, signatures, candidates, self._fitter.records, not_screened)
 
     def _singles(self, pool: Pool, base: Candidate, chosen: list[Signature]) -> list[Candidate]:
         """Return fits of single effects: of the lesser ones only where the likely explain nothing.
@@ -231,7 +233,7 @@ class Search:
             mine = leader.effects[-1]
             self._progress(f"looking for a partner of {mine}")
             others = [n for n in self._library if n != mine]
-            found = self._screen(pool, leader.fit, others)
+            found, _ = self._screen(pool, leader.fit, others)
             for s in sorted(found.values(), key=lambda s: -s.gain)[:_PARTNERS]:
                 expected = leader.fit.cost - s.gain
                 names = frozenset((mine, s.effect))
@@ -266,9 +268,17 @@ class Search:
         fits = [fit for fit in pool.map(fit_from, found) if fit is not None]
         return [c for c in (self._candidate(fit, base) for fit in fits) if c.adequate]
 
-    def _screen(self, pool: Pool, fit: Fit, names: Iterable[str]) -> dict[str, Signature]:
-        found = pool.map(signature_of, [(fit, name) for name in names])
-        return {s.effect: s for s in found if s is not None}
+    def _screen(
+        self, pool: Pool, fit: Fit, names: Sequence[str]
+    ) -> tuple[dict[str, Signature], dict[str, str]]:
+        """Return the effects' signatures, and why others have none."""
+        found = list(
+            zip(names, pool.map(signature_of, [(fit, name) for name in names]), strict=True)
+        )
+        return (
+            {name: s for name, s in found if isinstance(s, Signature)},
+            {name: why for name, why in found if isinstance(why, str)},
+        )
 
     def _fits(
         self,

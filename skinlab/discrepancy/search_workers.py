@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.discrepancy.fit import HOPELESS, Fit, Fitter
-from skinlab.discrepancy.screen import Signature, signature
+from skinlab.discrepancy.screen import NO_MODEL, Signature, signature
 from skinlab.discrepancy.unknowns import Unknowns
+from skinlab.mechanics.effects import EFFECTS
 
 Array = NDArray[np.float64]
 
@@ -18,9 +19,20 @@ _SHARES = (0.7, 0.2, 1.5)  # of the size that is expected
 _ELSEWHERE = ((0.2, 0.0), (0.7, 1.0), (0.2, 1.0))  # share of the expected size; more log X2/X1
 
 
-def signature_of(fitter: Fitter, task: tuple[Fit, str]) -> Signature | None:
-    """Return the signature of an effect at a fit."""
-    return signature(fitter, *task)
+def signature_of(fitter: Fitter, task: tuple[Fit, str]) -> Signature | str:
+    """Return the signature of an effect at a fit, or why there is none.
+
+    An installed effect that breaks down has none; the others are still looked at.
+    """
+    fit, effect = task
+    try:
+        found = signature(fitter, fit, effect)
+    except Exception as error:
+        origin = EFFECTS.origin(effect)
+        if origin is None:
+            raise
+        return f"plugin {origin.distribution} broke down: {type(error).__name__}: {error}"
+    return NO_MODEL if found is None else found
 
 
 def fit_from(fitter: Fitter, task: tuple[Unknowns, Array]) -> Fit | None:

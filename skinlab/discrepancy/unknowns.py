@@ -10,9 +10,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from skinlab.mechanics.effects import get_effect
 from skinlab.mechanics.effects.base import Parameter
 from skinlab.mechanics.effects.model import Skin
-from skinlab.mechanics.effects.registry import get_effect
 from skinlab.mechanics.materials.compressibility import KappaConvention
 
 Array = NDArray[np.float64]

@@ -15,8 +15,7 @@ from skinlab.errors import InputError, NotTrustworthyError
 from skinlab.inference.advice import advise
 from skinlab.inference.intervals import correlation, interval, is_logarithmic, most_of_the_range
 from skinlab.inference.joint import GaussianPrior, JointMisfit
-from skinlab.inference.methods import auto
-from skinlab.inference.methods.registry import get_method
+from skinlab.inference.methods import auto, get_method
 from skinlab.inference.noise import Whitening
 from skinlab.inference.optimise import polish
 from skinlab.inference.problem import Estimate, Options, Problem
@@ -34,18 +33,14 @@ _AT_BOUND = 1e-5  # of the parameter's range
 _PRIOR_DRAWS = 1000
 _QUICK = Options(samples=200, best=20, most_iterations=30)  # for a curve that still grows
 
-PAPERS_METHODS = frozenset(
-    {"sto", "hka", "gn", "gn-linesearch", "rls"}
-)  # they search where the paper does, whatever the database
-
 
 @dataclass(frozen=True)
 class Identifier:
     """How to identify curves; the same for all curves of a run.
 
     `space` is where to search, and with its flat prior what is known beforehand; None: the
-    database's whole range (the paper's box for the paper's methods). `priors` come on top of that.
-    `model` is what all this is from, where it is from a file; `clock` only fills the field
+    database's whole range (the paper's box for methods that search there). `priors` come on top of
+    that. `model` is what all this is from, where it is from a file; `clock` only fills the field
     `seconds`.
     """
 
@@ -177,7 +172,7 @@ class Identifier:
         misfits = [m.misfit(g.deflection_mm) for g, m in zip(groups, models, strict=True)]
         space = self.space
         if space is None:
-            space = PAPER_BOX if self.method in PAPERS_METHODS else models[0].space
+            space = PAPER_BOX if get_method(self.method).in_papers_box else models[0].space
         points = sum(len(g.deflection_mm) for g in groups)
         if len(misfits) == 1:
             return Problem(space, misfits[0], points)

@@ -37,8 +37,7 @@ from msgspec import field
 
 from skinlab.errors import InputError
 from skinlab.io.documents import read_toml, toml_text
-from skinlab.mechanics.effects import get_effect
-from skinlab.mechanics.effects.registry import checked
+from skinlab.mechanics.effects import checked, get_effect
 from skinlab.mechanics.materials import get_law
 from skinlab.mechanics.materials.compressibility import KappaConvention
 

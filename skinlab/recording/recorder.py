@@ -14,6 +14,7 @@ from drivers.events import Alarm, Event, HostVented, InstrumentFault, LinkLost
 from skinlab import __version__
 from skinlab.errors import InputError
 from skinlab.inference.identify import Identifier
+from skinlab.inference.methods import get_method
 from skinlab.mechanics.model_file import BASE
 from skinlab.recording.audit import Chain, note, operator
 from skinlab.recording.journal import Journal, read_journal
@@ -43,11 +44,7 @@ def identification_settings(identifier: Identifier) -> dict[str, Any]:
         "samples": options.samples,
         "best": options.best,
         "tolerance_um": options.tolerance_um,
-        "sampling": options.sampling,
-        "slowdown": options.slowdown,
-        "forgetting": options.forgetting,
-        "covariance": options.covariance,
-        "passes": options.passes,
+        "options": get_method(identifier.method).own(options),
         "model": None if identifier.model is BASE else identifier.model.to_toml(),
         "noise_um": identifier.sensor.noise_um,
         "pressure_noise_mbar": identifier.sensor.pressure_noise_mbar,

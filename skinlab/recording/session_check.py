@@ -21,7 +21,7 @@ from skinlab.recording.session import (
     sample_rows,
     session_from_records,
 )
-from skinlab.versions import code_hash
+from skinlab.versions import software
 
 
 def check(path: Path) -> tuple[Session, list[str]]:
@@ -76,9 +76,14 @@ def complaints_about_changed(path: Path) -> list[str]:
 def _other_software(session: Session) -> str:
     """Return a remark where curves may be made from the same bytes in another way today."""
     stated = session.meta.get("versions")
-    if not isinstance(stated, dict) or stated.get("code") == code_hash():
+    if not isinstance(stated, dict) or _same(stated):
         return ""
     return f" (or was made by other software: skinlab {stated.get('skinlab')} {stated.get('code')})"
+
+
+def _same(stated: dict[str, object]) -> bool:
+    then = {k: v for k, v in stated.items() if k == "code" or k.startswith("plugin ")}
+    return then == software()
 
 
 def audit_head(session: Session) -> str | None:

@@ -15,12 +15,13 @@ from skinlab.discrepancy.misfit import errors_of
 from skinlab.discrepancy.records import records_of
 from skinlab.discrepancy.unknowns import BASE_RANGES
 from skinlab.errors import InputError, NotTrustworthyError
-from skinlab.inference.identify import PAPERS_METHODS, Identifier
+from skinlab.inference.identify import Identifier
+from skinlab.inference.methods import get_method
 from skinlab.inference.noise import pressure_noise_mbar, slope_mm_per_mbar
 from skinlab.inference.samples import Fitted, choose, group
 from skinlab.inference.stored import StoredResult
+from skinlab.mechanics.effects import get_effect
 from skinlab.mechanics.effects.model import Skin, response
-from skinlab.mechanics.effects.registry import get_effect
 from skinlab.parameters import PAPER_BOX
 
 Array = NDArray[np.float64]
@@ -98,7 +99,7 @@ def _from_database(chosen: Fitted, result: StoredResult, identifier: Identifier)
     line_mbar = np.linspace(members.pressure_mbar.min(), members.pressure_mbar.max(), _LINE_POINTS)
     space = identifier.space
     if space is None:
-        space = PAPER_BOX if identifier.method in PAPERS_METHODS else model.space
+        space = PAPER_BOX if get_method(identifier.method).in_papers_box else model.space
     lows, highs = (bound.tolist() for bound in space.bounds)
     model_mm = model.deflection_mm(x)[0]
     return _Model(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from skinlab.quality.gates.registry import all_gates
+from skinlab.quality.gates import all_gates
 from skinlab.report.measured import Measured
 
 NAMES = {"X1_MPa": "X1", "X2_MPa": "X2", "nu": "ν"}

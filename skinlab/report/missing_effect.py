@@ -17,7 +17,7 @@ from skinlab.discrepancy.text import (
 )
 from skinlab.errors import InputError
 from skinlab.io.files import cannot_write, write_file
-from skinlab.mechanics.effects.registry import get_effect
+from skinlab.mechanics.effects import get_effect
 from skinlab.report.page import Illustration, Section, Table, page
 from skinlab.report.pictures import new_figure, style, to_data_uri
 from skinlab.text import inert
@@ -104,6 +104,14 @@ def _which(outcome: Outcome) -> Section:
 
 def _methods(outcome: Outcome) -> Section:
     lowest = [[n, f"{v:.3g}"] for n, v in outcome.detectable.items()]
+    unseen = [
+        [name, f"{what}: {why}"]
+        for what, found in (
+            ("cannot be seen", outcome.cannot_show),
+            ("not looked for", outcome.not_screened),
+        )
+        for name, why in found.items()
+    ]
     records = outcome.found.records
     data = [
         [
@@ -134,6 +142,7 @@ def _methods(outcome: Outcome) -> Section:
                 data,
             ),
             Table(["parameter", "smallest size to be seen"], lowest),
+            Table(["effect", "not among them"], unseen),
         ],
     )
 

@@ -10,8 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.inference.methods import recursive_least_squares, stochastic
-from skinlab.inference.methods.registry import get_method
+from skinlab.inference.methods import get_method, recursive_least_squares, stochastic
 from skinlab.inference.problem import Estimate, Options, Problem
 from skinlab.mechanics.fem.suction import solve
 from skinlab.mechanics.materials.compressibility import kappa_ratio
@@ -77,7 +76,7 @@ class Identify:
     def cost(self) -> float:
         """In evaluations, roughly; recursive least squares takes each sample by itself."""
         if self.method == "rls":
-            return 12_000.0 * self.options.passes
+            return 12_000.0 * recursive_least_squares.PASSES.of(self.options)
         return 20.0 * self.options.samples if self.method == "sto" else 2_000.0
 
     def __call__(self) -> Found:

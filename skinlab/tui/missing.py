@@ -26,7 +26,13 @@ _VALUE = 26  # cells of a value with its interval
 
 def outcome_lines(outcome: Outcome) -> list[str]:
     """Return verdict, gap, where, which, parameters before and after, and what to measure next."""
-    from skinlab.discrepancy.text import gap_words, next_words, verdict_words, where_words
+    from skinlab.discrepancy.text import (
+        gap_words,
+        limits_words,
+        next_words,
+        verdict_words,
+        where_words,
+    )
 
     lines = [verdict_words(outcome), gap_words(outcome), *next_words(outcome)]
     if outcome.where:
@@ -40,9 +46,7 @@ def outcome_lines(outcome: Outcome) -> list[str]:
             fits = "explains the data" if c.adequate else "does not explain the data"
             lines.append(f"  {_effects(c, outcome):<30}{c.log10_evidence - best:9.1f}  {fits}")
     lines += ["", *_parameter_lines(outcome)]
-    if outcome.verdict.name == "none" and outcome.detectable:
-        seen = ", ".join(f"{name} {size:.3g}" for name, size in outcome.detectable.items())
-        lines += ["", f"Smallest sizes that these data could have shown: {seen}"]
+    lines += ["", *limits_words(outcome)]
     if outcome.alike:
         pairs = "; ".join(f"{a} and {b}" for a, b in outcome.alike)
         lines += ["", f"With these measurements nobody could tell apart: {pairs}."]

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
+from skinlab.inference.methods.base import Method
 from skinlab.inference.methods.gauss_newton import Search
 from skinlab.inference.problem import Estimate, Options, Problem, check
 
@@ -29,6 +29,8 @@ def identify(
     Raises:
         InputError: an option is out of its range.
     """
+    from scipy.optimize import least_squares  # slow to import, and seldom asked for
+
     check(options)
     search = Search(problem)
     if start is None:
@@ -78,4 +80,4 @@ def _as_many(rows: Array, least: int) -> Array:
     return np.concatenate([rows, np.zeros((missing, *rows.shape[1:]))])
 
 
-METHOD = ("lm", identify)
+METHOD = Method("lm", identify, "Levenberg-Marquardt from the best of random candidates")

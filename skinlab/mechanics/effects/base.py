@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from skinlab.errors import InputError
 from skinlab.mechanics.fem.skin import SkinProblem
+from skinlab.plugins import needs
 
 Array = NDArray[np.float64]
 Values = Mapping[str, float]
@@ -117,3 +118,18 @@ class Effect:
     def typical(self) -> dict[str, float]:
         """A size that is seen in practice."""
         return {p.name: p.typical for p in self.parameters}
+
+
+def check_effect(one: object) -> None:
+    """Check that an extension is an effect.
+
+    Raises:
+        TypeError: it is not.
+    """
+    needs(one, "meaning", "formula", "parameters", "source", "physical")
+    if not isinstance(one, Effect):
+        raise TypeError(
+            f"it is a {type(one).__name__}; expected a skinlab.mechanics.effects.base.Effect"
+        )
+    if not any(p.zero is not None for p in one.parameters):
+        raise TypeError("none of its parameters has a zero; expected one, the effect's size")

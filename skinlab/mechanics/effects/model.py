@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicHermiteSpline
 
 from skinlab.curves.pressure_path import PressurePath
+from skinlab.mechanics.effects import checked, get_effect
 from skinlab.mechanics.effects.base import Effect
-from skinlab.mechanics.effects.registry import checked, get_effect
 from skinlab.mechanics.fem.relaxation import RelaxingCurve, relax
 from skinlab.mechanics.fem.skin import SkinProblem, prepare
 from skinlab.mechanics.fem.suction import (

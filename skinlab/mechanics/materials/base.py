@@ -9,6 +9,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from skinlab.plugins import needs
+
 Array = NDArray[np.float64]
 
 
@@ -59,3 +61,12 @@ class Law(Protocol):
         Parameters are floats, or arrays that broadcast against the invariants (layers).
         """
         ...
+
+
+def check_law(one: object) -> None:
+    """Check that an extension is a law.
+
+    Raises:
+        TypeError: it is not.
+    """
+    needs(one, "parameter_names", "source", "potential")

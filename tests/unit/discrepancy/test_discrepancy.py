@@ -30,8 +30,8 @@ from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.discrepancy.verdict import decide
 from skinlab.errors import InputError
 from skinlab.inference.noise import MESH_REST, legendre, slope_mm_per_mbar
+from skinlab.mechanics.effects import all_effects
 from skinlab.mechanics.effects.model import Skin, response, solve_skin
-from skinlab.mechanics.effects.registry import all_effects
 from skinlab.mechanics.fem.skin import Prony, SkinProblem
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.workers import Pool

@@ -9,8 +9,7 @@ from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
 from skinlab.inference.identify import Identifier
-from skinlab.inference.methods import stochastic
-from skinlab.inference.methods.registry import get_method, method_names
+from skinlab.inference.methods import get_method, method_names, stochastic
 from skinlab.inference.problem import Options, Problem, check
 from skinlab.inference.result import document
 from skinlab.parameters import BoxSpace, contains

@@ -111,7 +111,7 @@ class TestStochastic:
 
     @pytest.mark.parametrize("sampling", ["uniform", "lhs"])
     def test_either_sampling_finds_the_minimum_and_repeats_its_bits(self, sampling):
-        options = Options(samples=200, best=10, sampling=sampling)
+        options = Options(samples=200, best=10).having(sampling=sampling)
         found = run(stochastic, saturation(), options, seed=3)
         np.testing.assert_allclose(found.parameters, TRUE, atol=0.02)
         again = run(stochastic, saturation(), options, seed=3)
@@ -119,7 +119,7 @@ class TestStochastic:
 
     def test_another_sampling_is_refused(self):
         with pytest.raises(InputError, match="expected uniform or lhs"):
-            run(stochastic, saturation(), Options(sampling="sobol"))
+            run(stochastic, saturation(), Options().having(sampling="sobol"))
 
 
 class TestGaussNewton:
@@ -223,7 +223,7 @@ class TestRecursiveLeastSquares:
         found = run(
             recursive_least_squares,
             problem,
-            Options(passes=1, forgetting=1.0, covariance=1e8),
+            Options().having(passes=1, forgetting=1.0, covariance=1e8),
             start=np.zeros(2),
         )
         np.testing.assert_allclose(found.parameters, expected, rtol=1e-6)
@@ -234,7 +234,7 @@ class TestRecursiveLeastSquares:
         problem, design, measured = line(np.random.default_rng(3), space)
         x0 = np.array([1.0, -1.0])
         expected = np.linalg.solve(design.T @ design + np.eye(2), design.T @ measured + x0)
-        options = Options(passes=1, forgetting=1.0)
+        options = Options().having(passes=1, forgetting=1.0)
         found = run(recursive_least_squares, problem, options, start=x0)
         np.testing.assert_allclose(found.parameters, expected, rtol=1e-8)
 
@@ -250,7 +250,7 @@ class TestRecursiveLeastSquares:
         found = run(
             recursive_least_squares,
             problem,
-            Options(passes=1, covariance=1e8),
+            Options().having(passes=1, covariance=1e8),
             start=np.zeros(2),
         )
         np.testing.assert_allclose(found.parameters, expected, rtol=1e-6)
@@ -271,7 +271,7 @@ class TestRecursiveLeastSquares:
         # The first samples, which are too high, throw the estimate out of the model.
         measured = saturating(TRUE) + 0.3 * (TIME < 0.1)
         problem = Problem(UNIT, Sampled(model, slopes, measured), len(TIME))
-        found = run(recursive_least_squares, problem, Options(passes=1, covariance=1e3))
+        found = run(recursive_least_squares, problem, Options().having(passes=1, covariance=1e3))
         assert np.isfinite(found.error_um)
         assert found.parameters[0] < 0.7
 
@@ -286,12 +286,12 @@ class TestRecursiveLeastSquares:
         design = np.column_stack([np.ones(40), np.zeros(40)])
         measured = 0.4 + 0.01 * np.sin(np.arange(40))
         problem = Problem(UNIT, Sampled(lambda x: design @ x, lambda x: design, measured), 40)
-        options = Options(tolerance_um=0.0, passes=2000)
+        options = Options(tolerance_um=0.0).having(passes=2000)
         found = run(recursive_least_squares, problem, options, start=np.array([0.2, 0.7]))
         assert found.parameters[1] == pytest.approx(0.7)
 
     def test_the_passes_are_bounded(self):
-        options = Options(passes=3, tolerance_um=0.0)
+        options = Options(tolerance_um=0.0).having(passes=3)
         found = run(recursive_least_squares, saturation(), options)
         assert (found.iterations, found.converged) == (3, False)
 
@@ -300,7 +300,7 @@ class TestRecursiveLeastSquares:
     )
     def test_arguments_that_cannot_work_are_refused(self, arguments):
         with pytest.raises(InputError, match="expected"):
-            run(recursive_least_squares, saturation(), Options(**arguments))
+            run(recursive_least_squares, saturation(), Options().having(**arguments))
 
 
 class TestLevenbergMarquardt:
@@ -366,7 +366,7 @@ class TestHeuristicKalman:
 
     def test_a_slowdown_that_cannot_work_is_refused(self):
         with pytest.raises(InputError, match="expected"):
-            run(heuristic_kalman, saturation(), Options(slowdown=0.0))
+            run(heuristic_kalman, saturation(), Options().having(slowdown=0.0))
 
 
 EVERY = [
@@ -378,7 +378,7 @@ EVERY = [
 ]
 
 
-@pytest.mark.parametrize("method", EVERY, ids=lambda method: method.METHOD[0])
+@pytest.mark.parametrize("method", EVERY, ids=lambda method: method.METHOD.name)
 def test_without_any_model_there_is_no_answer(method):
     nothing = np.full(len(TIME), np.nan)
     problem = Problem(UNIT, Sampled(lambda x: nothing, saturating_slopes, TIME), len(TIME))
