@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Sequence
 
 from drivers.capabilities import READ_ONLY, Stream
-from drivers.connection import MAX_BACKLOG_BYTES
+from drivers.connection import MAX_BACKLOG_BYTES, Connection
 from drivers.dialects import Dialect, stream_of
 from drivers.errors import LocalProtocolError, RemoteProtocolError
 from drivers.events import (
@@ -73,15 +73,13 @@ def lost_mark(reason: str) -> bytes:
 class StreamConnection:
     """The host's side of an instrument that only streams; used as `Connection` is."""
 
-    read_only = True
-
     def __init__(self, dialect: Dialect, limits: Limits = DEFAULT_LIMITS) -> None:
         self._dialect = dialect
         self._rule: Stream = stream_of(dialect)
         self._hello = _hello(dialect, self._rule, limits)
         self._buffer = bytearray()
         self._state = InstrumentState.IDLE
-        self._ready: deque[Event] = deque([self._hello, State(self._state, "connected")])
+        self._ready: deque[Event] = deque()
         self._vented = False  # a vent was asked for, so that nothing is kept alive
         self._following = False
         self._ends: tuple[float, ...] = ()  # of the program's segments, s; empty: not known
@@ -157,7 +155,8 @@ class StreamConnection:
         Raises LocalProtocolError for what could begin suction, and for what it cannot do.
         """
         match command:
-            case Identify():
+            case Identify():  # nobody is asked
+                self._ready += [self._hello, State(self._state, "connected")]
                 return b""
             case Vent() if self.can_vent:
                 self._vented = True
@@ -324,6 +323,12 @@ class StreamConnection:
                 segment,
             )
         )
+
+
+def connect(dialect: Dialect, limits: Limits = DEFAULT_LIMITS) -> Connection | StreamConnection:
+    """Begin the conversation that the dialect's instrument allows."""
+    kind = Connection if dialect.capabilities.controllable else StreamConnection
+    return kind(dialect, limits)
 
 
 def _hello(dialect: Dialect, rule: Stream, limits: Limits) -> Hello:

@@ -79,7 +79,7 @@ class Replayer(Bench):
             InputError: it cannot be read.
         """
         from skinlab.acquisition.replay import identifier_of, replay
-        from skinlab.recording.recorded import recorded_items
+        from skinlab.recording.recorded import dialect_of, recorded_items
         from skinlab.recording.session import read_session
 
         del anew  # every replay is
@@ -94,7 +94,11 @@ class Replayer(Bench):
             self._created_s = float(meta.get("created_host_time_s") or 0.0)
             self._identifier, _ = identifier_of(session)
             analyst = Analyst(self._identifier, self._estimated)
-            events = [i for i in recorded_items(session.records) if isinstance(i, TimedEvent)]
+            events = [
+                i
+                for i in recorded_items(session.records, dialect_of(session.meta))
+                if isinstance(i, TimedEvent)
+            ]
             times = [event.host_time_s for event in events]
             self._begin_s = min(times, default=0.0)
             self._length_s = max(times, default=0.0) - self._begin_s
