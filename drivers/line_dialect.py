@@ -189,12 +189,17 @@ class LineDialect:
 def read_line_dialect(path: Path) -> Dialect:
     """Read a dialect from its file.
 
-    Raises DialectFileError (one sentence that names file and field), OSError.
+    Raises DialectFileError: one sentence that names file and field.
     """
-    if path.stat().st_size > _MAX_FILE_BYTES:
+    try:
+        with path.open("rb") as file:
+            data = file.read(_MAX_FILE_BYTES + 1)
+    except OSError as error:
+        raise DialectFileError(f"{path}: cannot be read ({error.strerror or error})") from None
+    if len(data) > _MAX_FILE_BYTES:
         raise DialectFileError(f"{path}: more than {_MAX_FILE_BYTES} bytes; expected a dialect")
     try:
-        text = path.read_bytes().decode("utf-8")
+        text = data.decode("utf-8")
     except UnicodeDecodeError as error:
         raise DialectFileError(f"{path}: not UTF-8 (byte {error.start})") from None
     return line_dialect(text, str(path))

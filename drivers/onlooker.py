@@ -41,6 +41,7 @@ class Onlooker:
         self._step_s = 0.0
         self._suction_s = 0.0  # without a pause
         self._vent_since: float | None = None
+        self._unseen = False  # the link was lost under suction, and nobody saw it fall since
 
     @property
     def alarm(self) -> str | None:
@@ -88,7 +89,7 @@ class Onlooker:
         """Judge the loss of the link: where vacuum is on, nobody can see it go."""
         if not self._pulls:
             return []
-        self._vent_since = None
+        self._vent_since, self._unseen = None, True
         return self._raise("link", "the link is lost under suction, and the vacuum cannot be seen")
 
     def reconnected(self, now: float) -> None:
@@ -123,8 +124,8 @@ class Onlooker:
         if not pulls:
             self._suction_s = 0.0
             self._said.clear()
-            if self._vent_since is not None:
-                self._vent_since = None
+            if self._vent_since is not None or self._unseen:
+                self._vent_since, self._unseen = None, False
                 return [VentConfirmed(pressure)]
             return []
         if pressure > limits.overshoot_above(limits.max_pressure_mbar):

@@ -63,8 +63,7 @@ class Probe:
     Of an instrument that only streams it also sees a "mark" where the host decides what is a run.
 
     dialect: one, or its name, or a file (`.toml`); None: what the URL says (`?dialect=NAME`), else
-    `reference`. Raises UnknownDialectError for one that does not exist, or two, DialectFileError,
-    OSError.
+    `reference`. Raises UnknownDialectError for one that does not exist, or two, DialectFileError.
     """
 
     def __init__(
@@ -385,7 +384,7 @@ class Probe:
 def choose_dialect(url: str, dialect: str | Dialect | None = None) -> tuple[str, Dialect]:
     """Give a port without its `dialect=NAME`, and the dialect that is meant.
 
-    Raises UnknownDialectError (none, or two different ones), DialectFileError, OSError.
+    Raises UnknownDialectError (none, or two different ones), DialectFileError.
     """
     port, named = split_dialect(url)
     if dialect is not None and not isinstance(dialect, str):

@@ -179,6 +179,7 @@ class StreamConnection:
                 raise RemoteProtocolError(f"{data[:40]!r} is no mark") from None
             self._stop("another curve is waited for")
             self._following, self._vented, self._seen_zero = True, False, False
+            self._say(InstrumentState.ARMED, "waits for the pressure to leave zero")
             self._ends = tuple(ends)
             self._zero_s = self._rule.zero_s + zero_s
         elif word in {_STOP, _LOST}:
@@ -219,7 +220,8 @@ class StreamConnection:
                 self._ready.append(Damaged("reading at the same time as the one before", frame))
                 return
             if time_s < self._last[0]:
-                self._stop("the instrument's clock went back", following=self._following)
+                waits = self._state is InstrumentState.ARMED
+                self._stop("the instrument's clock went back", following=waits)
                 self._begin_anew()
                 count = count if reading.sequence is not None else 0
             else:
@@ -251,8 +253,7 @@ class StreamConnection:
     def _begin(self) -> None:
         held, self._held = self._held, []
         self._origin, self._due = (held[0][0], held[0][1]), held[0][1]
-        self._state = InstrumentState.RUNNING
-        self._ready.append(State(self._state, "the pressure left zero"))
+        self._say(InstrumentState.RUNNING, "the pressure left zero")
         for one in held:
             self._give(*one)
 
@@ -277,8 +278,8 @@ class StreamConnection:
         inside = len(held) if self._ends and reason == PROGRAM_DONE else 1
         for one in held[:inside]:
             self._give(*one)
-        self._state, self._following = InstrumentState.IDLE, False
-        self._ready.append(State(self._state, reason))
+        self._following = False
+        self._say(InstrumentState.IDLE, reason)
         for one in held[inside:]:
             self._give(*one)
 
@@ -287,6 +288,13 @@ class StreamConnection:
             self._end(PROGRAM_DONE if self._complete() else reason)
         self._let_go()
         self._following = following
+        waits = InstrumentState.ARMED if following else InstrumentState.IDLE
+        if self._state is not waits:
+            self._say(waits, reason)
+
+    def _say(self, state: InstrumentState, reason: str) -> None:
+        self._state = state
+        self._ready.append(State(state, reason))
 
     def _complete(self) -> bool:
         """Whether the run has come to its end, as far as anybody can tell."""

@@ -88,7 +88,7 @@ def get_dialect(name: str) -> Dialect:
     """Get the dialect called `name`, or the one in the file `name`, which ends with `.toml`.
 
     An error while importing one of ours comes through. Raises UnknownDialectError if there is
-    none, DialectFileError for a file that is none, OSError for one that cannot be read.
+    none, DialectFileError for a file that is none or cannot be read.
     """
     if name.lower().endswith(".toml"):
         from drivers.line_dialect import read_line_dialect

@@ -239,10 +239,15 @@ _LINKLESS = frozenset({Phase.SEARCHING, Phase.CHECKING})
 
 
 class Measurement:
-    """One series after the other, at one instrument, until it is closed."""
+    """One series after the other, at one instrument, until it is closed.
 
-    def __init__(self, policy: Policy = Policy()) -> None:
+    controls: the instrument does what it is told. One that only streams is started by somebody
+    there: Start waits for it; nothing vents it, and its readings never fall silent.
+    """
+
+    def __init__(self, policy: Policy = Policy(), *, controls: bool = True) -> None:
         self.policy = policy
+        self.controls = controls
         self.phase = Phase.READY
         self.wake_at: float | None = None  # when `handle(None)` is due
         self._out: list[Output] = []
@@ -424,7 +429,8 @@ class Measurement:
                 self._end_repeat(None)
                 self.phase = Phase.SETTLING
             case Phase.RUNNING:
-                self._fault(f"the instrument vented by itself ({reason})", now)
+                what = "the instrument vented by itself" if self.controls else "the curve was cut"
+                self._fault(f"{what} ({reason})", now)
             case Phase.ARMED | Phase.STARTING if state is not _S.ARMED:
                 self._fault(f"the instrument is {state} ({reason})", now)
             case Phase.CHECKING | Phase.SEARCHING | Phase.CLOSED:
@@ -446,7 +452,8 @@ class Measurement:
                 self._why = f"{self._why}; {why}" if self._why else why
             return
         self._error = error
-        told = why if error is not None else f"{why}; the probe was told to vent"
+        silent = error is not None or not self.controls
+        told = why if silent else f"{why}; the probe was told to vent"
         self._give_up(told, now, keep_error=True)
 
     def _lose(self, reason: str, now: float) -> None:
@@ -517,7 +524,7 @@ class Measurement:
 
     def _when_quiet(self, now: float, why: str, phase: Phase) -> None:
         quiet_at = self._last_event_s + self.policy.quiet_s
-        if now >= quiet_at:
+        if now >= quiet_at or not self.controls:
             self._end_series(why, phase)
         else:
             self.wake_at = quiet_at

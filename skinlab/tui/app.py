@@ -289,12 +289,14 @@ class SkinlabApp(App[None]):
             if order.repeats == 1 or cut:
                 self._give_up("the curve was cut short: the repeats that were left are given up")
                 return
+            # Whoever starts the instrument there decides about the rest
+            rest_s = 0.0 if board.hello.read_only else order.rest_s
             board.begin(
                 "resting",
-                f"{order.repeats - 1} more, the next after {order.rest_s:g} s of rest; v ends it",
+                f"{order.repeats - 1} more, the next after {rest_s:g} s of rest; v ends it",
             )
             # A timer of 0 s would never fire
-            self._rest = self.set_timer(max(order.rest_s, _SHORTEST_S), self._repeat)
+            self._rest = self.set_timer(max(rest_s, _SHORTEST_S), self._repeat)
 
     def _repeat(self) -> None:
         self._rest = None
@@ -319,6 +321,10 @@ class SkinlabApp(App[None]):
             return
         if order is not None and order.setup.aperture_mm == aperture_mm:
             self._show(order)
+            return
+        if aperture_mm is None:  # it does not say; the field holds
+            if order is not None:
+                self._show(order)
             return
         self._fields.put("aperture_mm", f"{aperture_mm:g}")
         if order is not None:
@@ -590,7 +596,7 @@ class SkinlabApp(App[None]):
             self._anew = True  # another person or site: another session
         if board.hello is None or order.port != board.port:
             self._reconnect(order.port, order)
-        elif order.setup.aperture_mm != board.hello.aperture_mm:
+        elif board.hello.aperture_mm not in {None, order.setup.aperture_mm}:
             # Another head was put on, so the instrument must be asked again
             port = with_opening(order.port, order.setup.aperture_mm)
             self._fields.put("port", port)

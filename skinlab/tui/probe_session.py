@@ -386,7 +386,10 @@ class Bench:
         from skinlab.acquisition.sources import LiveSource
 
         visit = self._visit
-        if visit is not None and visit.simulated != hello.simulated:
+        if visit is not None and (
+            visit.simulated != hello.simulated
+            or visit.source.probe.dialect.name != probe.dialect.name
+        ):
             self._end_visit()
             probe.carry_dose(Dose())
             visit = None
@@ -439,7 +442,12 @@ class Bench:
 
         path = new_session_path(self._folder, self._now())
         recording = SessionRecording(
-            path, identifier, subject=order.subject, site=order.site, url=order.port
+            path,
+            identifier,
+            subject=order.subject,
+            site=order.site,
+            url=order.port,
+            dialect=probe.dialect,
         )
         self._tape.into(recording.journal)
         analyst = Analyst(self._worker(identifier), self._estimated)

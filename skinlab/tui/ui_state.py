@@ -223,7 +223,13 @@ class Board:
     @property
     def can_start(self) -> bool:
         """Whether the instrument is armed and waits."""
-        return self.doing is None and self.instrument is _S.ARMED and self.alarm is None
+        ready = {_S.IDLE} if self.read_only else {_S.ARMED}
+        return self.doing is None and self.instrument in ready and self.alarm is None
+
+    @property
+    def read_only(self) -> bool:
+        """Whether the instrument is started, and vented, by somebody there."""
+        return self.hello is not None and self.hello.read_only
 
     @property
     def phase(self) -> str:
@@ -236,6 +242,8 @@ class Board:
             return "NO PROBE"
         if self.instrument in {None, _S.IDLE, _S.LOADED}:
             return "READY"
+        if self.read_only and self.instrument is _S.ARMED:
+            return "WAITING"
         return str(self.instrument).upper()
 
     @property
@@ -251,7 +259,8 @@ class Board:
         """Whether readings come, so that the last one is what there is now."""
         if self.playing is not None:
             return self.live is not None and not self.playing.ended
-        return self.hello is not None and self.instrument in {_S.RUNNING, _S.VENTING}
+        running = self.instrument in {_S.RUNNING, _S.VENTING}
+        return self.hello is not None and (running or self.read_only)
 
     @property
     def suction(self) -> bool:
@@ -287,7 +296,8 @@ class Board:
     def propose(self, review: Review) -> None:
         """Show what will happen, to be confirmed."""
         self.review = review
-        self.note, self.level = "read it; F9 starts suction, v or Esc leaves it", Level.INFO
+        what = "waits for you to start the instrument" if self.read_only else "starts suction"
+        self.note, self.level = f"read it; F9 {what}, v or Esc leaves it", Level.INFO
         self.version += 1
 
     def withdraw(self) -> None:
@@ -409,7 +419,9 @@ class Board:
                 self._done(doing)
                 if doing == EXPLAINING and self.missing is not None:
                     self.missing.running = False  # given up, where there is no answer
-                if doing == "starting":
+                if doing == "starting" and self.read_only:
+                    self.say(Level.INFO, "start the instrument; v gives the curve up")
+                elif doing == "starting":
                     self.say(Level.INFO, "suction; v vents")
 
     def _connected(self, port: str, hello: Hello, *, goes_on: bool) -> None:
