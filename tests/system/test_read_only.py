@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import queue
@@ -59,7 +60,8 @@ def instrument(*arguments: str) -> Iterator[tuple[str, Person]]:
         yield process.stdout.readline().strip(), Person(process)
     finally:
         process.kill()
-        process.communicate()
+        with contextlib.suppress(BrokenPipeError):
+            process.communicate()
 
 
 class Command:
@@ -70,7 +72,7 @@ class Command:
             module_command("skinlab", *arguments), cwd=cwd, env=ENVIRONMENT, text=True,
             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
         )  # fmt: skip
-        self._lines: queue.Queue[str] = queue.Queue()
+        self._lines: queue.Queue[str | None] = queue.Queue()
         self.said: list[str] = []
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
@@ -79,10 +81,13 @@ class Command:
         assert self.process.stderr is not None
         for line in self.process.stderr:
             self._lines.put(line)
+        self._lines.put(None)
 
     def until(self, words: str) -> None:
         while not any(words in line for line in self.said):
-            self.said.append(self._lines.get(timeout=PATIENCE_S))
+            line = self._lines.get(timeout=PATIENCE_S)
+            assert line is not None, self.said
+            self.said.append(line)
 
     def end(self) -> tuple[int, str]:
         assert self.process.stdout is not None
@@ -90,7 +95,7 @@ class Command:
         status = self.process.wait(PATIENCE_S)
         self._reader.join(PATIENCE_S)
         while not self._lines.empty():
-            self.said.append(self._lines.get())
+            self.said.append(self._lines.get() or "")
         return status, out
 
     def __enter__(self) -> Command:
@@ -99,6 +104,10 @@ class Command:
     def __exit__(self, *_: object) -> None:
         self.process.kill()
         self.process.wait(PATIENCE_S)
+        self._reader.join(PATIENCE_S)
+        for stream in (self.process.stdout, self.process.stderr):
+            assert stream is not None
+            stream.close()
 
 
 def skinlab(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
