@@ -104,12 +104,12 @@ def _cut(data: bytes, size: int) -> list[bytes]:
     return [data[k : k + size] for k in range(0, len(data), size)]
 
 
-def _commands(dialect: Dialect) -> list[Command]:
+def _commands(dialect: Dialect) -> Sequence[Command]:
     """Return what the instrument can be told."""
     if _controls(dialect):
-        return list(_COMMANDS)
+        return _COMMANDS
     can = dialect.capabilities
-    return [Vent()] * can.vent + [KeepAlive()] * can.keep_alive
+    return (*([Vent()] if can.vent else ()), *([KeepAlive()] if can.keep_alive else ()))
 
 
 def nothing_begins_suction_unless_declared(dialect: Dialect) -> None:

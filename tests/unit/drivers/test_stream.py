@@ -32,19 +32,20 @@ from drivers.onlooker import Onlooker
 from drivers.stream import StreamConnection, follow_mark, lost_mark, stop_mark
 
 S = InstrumentState
-TIMED = line_dialect(
-    r"""
+TEXT = r"""
 [dialect]
 name = "timed"
-pattern = '(?P<time>\d+) (?P<pressure>\S+) (?P<deflection>\S+)( (?P<sequence>\d+))?'
+pattern = '(?P<time>\d+) (?P<pressure>\S+) (?P<deflection>\S+)'
 [columns.time]
 unit = "ms"
 [columns.pressure]
 unit = "mbar"
 [columns.deflection]
 unit = "mm"
-""",
-    "timed.toml",
+"""
+TIMED = line_dialect(TEXT, "timed.toml")
+NUMBERED = line_dialect(
+    TEXT.replace(r"\S+)'", r"\S+) (?P<sequence>\d+)'") + "[columns.sequence]\n", "numbered.toml"
 )
 COUNTED = line_dialect(
     r"""
@@ -164,7 +165,7 @@ def test_the_program_ends_a_run_and_names_the_segments():
 def test_rests_of_the_program_do_not_end_it():
     bench = Bench(TWO_PULSES)
     pulse = [1.0 * k for k in range(2, 11)]
-    bench.read(0, 0.9, *pulse, *[0] * 20, *pulse, 10, 10)
+    bench.read(0, 0.9, *pulse, *[0] * 20, *pulse, 10, 10, 10)
     assert bench.states[-1] == (S.IDLE, PROGRAM_DONE)
     assert [s.segment for s in bench.run][-1] == 3
     assert bench.run[-1].device_time_s == pytest.approx(4.0, abs=0.11)
@@ -214,7 +215,7 @@ def test_without_a_clock_readings_are_counted_and_damaged_ones_leave_a_gap():
 
 
 def test_a_count_of_its_own_shows_what_was_lost():
-    bench = Bench()
+    bench = Bench(dialect=NUMBERED)
     bench.feed(b"0 0 0.1 7\n20 5 0.1 8\n60 9 0.1 10\n")
     assert [e for e in bench.events if isinstance(e, Gap)] == [Gap(2, 3)]
     assert [s.sequence for s in bench.run] == [0, 1, 3]
