@@ -44,7 +44,7 @@ def measure(
     """
     ends: list[Over] = []
 
-    def report(said: Report) -> None:
+    def report(said: Report | Phase) -> None:
         match said:
             case Over():
                 ends.append(said)

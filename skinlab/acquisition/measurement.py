@@ -213,6 +213,7 @@ class Over:
 
     failed: str | None = None
     error: Exception | None = None
+    left: int = 0  # repeats that are given up
 
 
 @dataclass(frozen=True, slots=True)
@@ -550,7 +551,9 @@ class Measurement:
         """Rest from when the pressure was gone: an outage counts."""
         assert self._plan is not None
         self.phase = Phase.RESTING
-        self.wake_at = max(now, self._vented_s + self._plan.rest_s)
+        # Whoever starts the instrument there decides about the rest
+        rest_s = self._plan.rest_s if self.controls else 0.0
+        self.wake_at = max(now, self._vented_s + rest_s)
 
     def _end_repeat(self, cut: str | None) -> None:
         """Report the end of what was armed, once; each loading makes the next one another cycle."""
@@ -587,7 +590,7 @@ class Measurement:
     def _report(self, why: str) -> None:
         """Say that the plan is over, if there is one."""
         if self._plan is not None:
-            self._out.append(Over(why or None, self._error))
+            self._out.append(Over(why or None, self._error, self._left))
         self._plan = self._setup = self._error = None
         self._started = False
 

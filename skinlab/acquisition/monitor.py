@@ -49,7 +49,7 @@ class Monitor:
                 self._found[index] = ()
             case Happened(Loaded(rate_hz=rate_hz)):
                 self._rate_hz = rate_hz
-            case Sampled(index, sample) if self._growing is not None and index == self._index:
+            case Sampled(index, sample) if self._growing and index == self._index:
                 if self._is_due(self._growing, sample.device_time_s):
                     return self._judge(index, self._so_far(self._growing))
             case CurveCompleted(index, curve, _, lost):

@@ -41,21 +41,23 @@ from skinlab.recording.stream import Item
 
 _LOOK_S = 0.01  # how late the outcome of a command may be seen
 _WAKE_S = 0.1  # and a request
+_JOIN_S = 10.0
 _NO_LINK = frozenset({Phase.SEARCHING, Phase.CLOSED})
 
 
 class Runner:
     """A measurement and the probe that it runs at.
 
-    `deliver` takes each item of the source, before the rules do; `report` what the rules report.
-    Both are called by `step`. `clock` gives seconds and never goes back.
+    `deliver` takes each item of the source, before the rules do; `report` what the rules report,
+    and each phase that they enter. Both are called by `step`. `clock` gives seconds and never goes
+    back.
     """
 
     def __init__(
         self,
         source: LiveSource,
         deliver: Callable[[Item], None],
-        report: Callable[[Report], None],
+        report: Callable[[Report | Phase], None],
         policy: Policy | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
@@ -140,9 +142,15 @@ class Runner:
             self._take_requests()
             while self.phase is not Phase.CLOSED:
                 self.step()
-        self._commands.put(None)
+        self.stop()
         while (item := self.source.next_item(0.0)) is not None:
             self._deliver(item)
+
+    def stop(self) -> None:
+        """Wait until no command is under way; none is begun any more."""
+        self._commands.put(None)
+        if self._thread is not None:
+            self._thread.join(_JOIN_S)
 
     # ---- inside -----------------------------------------------------------------------------
 
@@ -167,12 +175,15 @@ class Runner:
         self._handle(item.event if isinstance(item, TimedEvent) else None)
 
     def _handle(self, given: Request | Event | Outcome | None) -> None:
+        before = self.phase
         if isinstance(given, Vent):
             self._vents_taken += 1
         for output in self._measurement.handle(given, self._clock()):
             # `vent` has sent it, and what was given to the probe since then stays behind it
             if not (isinstance(given, Vent) and isinstance(output, VentProbe)):
                 self._do(output)
+        if self.phase is not before:
+            self._report(self.phase)
 
     def _do(self, output: Output) -> None:
         match output:

@@ -45,7 +45,7 @@ class LiveSource:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.probe = probe
-        self._journal = journal
+        self.journal = journal  # there may be none yet
         self._clock = clock
         self._planned: deque[Planned] = deque()
         self._program: Program | None = None  # of what was planned last
@@ -74,13 +74,13 @@ class LiveSource:
                 f"aperture_mm {setup.aperture_mm:g}: the connected probe has {opening_mm:g} mm"
             )
         rate = rate_hz if rate_hz is not None else hello.default_rate_hz if hello else 20.0
-        if self._journal is not None:
+        if self.journal is not None:
             duration_s = MOST_SUCTION_S if setup.program is None else setup.program.duration_s
-            self._journal.require_room(duration_s, rate)
+            self.journal.require_room(duration_s, rate)
         if setup.program is not None and not self.read_only:
             self.probe.load(wire_segments(setup.program), rate)
-        if self._journal is not None:
-            self._journal.plan(self._clock(), setup_to_json(setup))
+        if self.journal is not None:
+            self.journal.plan(self._clock(), setup_to_json(setup))
         self._planned.append(Planned(setup))
         self._program = setup.program
         if not self.read_only:

@@ -113,8 +113,7 @@ def command(
         cycle=first_cycle,
         thickness_sd_mm=thickness_sd_mm,
     )
-    # Who starts the instrument decides about the rests
-    plan = Plan(setup, repeats=repeats, rest_s=rest_s if controls else 0.0, rate_hz=rate_hz)
+    plan = Plan(setup, repeats=repeats, rest_s=rest_s, rate_hz=rate_hz)
     return run(
         port,
         plan,

@@ -82,11 +82,11 @@ def _on_terminal(
 
     make_probe = probes(dose_limit_mbar_s, dialect)
     _release_escape()
+    from skinlab.acquisition.probe_session import ProbeSession
+    from skinlab.acquisition.settings import default_path
     from skinlab.tui.app import SkinlabApp
-    from skinlab.tui.probe_session import Bench
-    from skinlab.tui.settings import default_path
 
-    bench = partial(Bench, apart=True, make_probe=make_probe)
+    bench = partial(ProbeSession, apart=True, make_probe=make_probe)
     return show(SkinlabApp(port, folder, bench, settings=default_path(), model=model))
 
 
@@ -100,9 +100,9 @@ def replay_on_terminal(session: Path, speed: float | None) -> int:
 
 def show(app: SkinlabApp) -> int:
     """Run the UI; whatever ends it, the probe vents and the session is saved."""
+    from skinlab.acquisition.shutdown import Lifeline
     from skinlab.quality.gates import all_gates
     from skinlab.tui.prompt_escape import look_sooner
-    from skinlab.tui.shutdown import Lifeline
 
     look_sooner()
     all_gates()  # what is wrong with a plugin is said while there still is a standard error

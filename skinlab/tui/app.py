@@ -1,4 +1,4 @@
-"""The application: keys and news in, orders to the bench out. It owns the board."""
+"""The application: keys and news in, orders to the probe session out. It owns the board."""
 
 from __future__ import annotations
 
@@ -14,23 +14,24 @@ from textual.binding import Binding, BindingType
 from textual.filter import LineFilter
 from textual.message import Message
 from textual.screen import ModalScreen
-from textual.timer import Timer
 from textual.widgets import Input
 
 from drivers.errors import DriverError
 from drivers.events import InstrumentState
 from drivers.link import PortInfo, list_ports
+from skinlab.acquisition.measurement_request import Order, check_limits, read_order, with_opening
+from skinlab.acquisition.messages import Adopted, Connected, Disconnected, Done, Failed, Heard, News
+from skinlab.acquisition.probe_session import ProbeSession
+from skinlab.acquisition.replayer import Replayer, example_session, next_speed
+from skinlab.acquisition.settings import recall, remember
+from skinlab.acquisition.shutdown import INTERRUPTED
 from skinlab.errors import InputError, SkinlabError
 from skinlab.io.log import log_exception
+from skinlab.recording.curve_selection import Deed
 from skinlab.recording.session_fit import comparable
 from skinlab.recording.stream import Sampled
-from skinlab.tui.curve_selection import Deed
 from skinlab.tui.inert import InertText
-from skinlab.tui.measurement_request import Order, check_limits, read_order, with_opening
-from skinlab.tui.messages import Adopted, Connected, Disconnected, Done, Failed, Heard, News
 from skinlab.tui.no_color import StyledFirst
-from skinlab.tui.probe_session import Bench
-from skinlab.tui.replayer import Replayer, example_session, next_speed
 from skinlab.tui.screens.alarm import AlarmScreen
 from skinlab.tui.screens.help import HelpScreen
 from skinlab.tui.screens.main import MainScreen
@@ -39,11 +40,9 @@ from skinlab.tui.screens.over import ConfirmScreen
 from skinlab.tui.screens.ports import PortsScreen
 from skinlab.tui.screens.session import SessionScreen
 from skinlab.tui.screens.welcome import EXAMPLE, SIMULATED, WelcomeScreen
-from skinlab.tui.settings import recall, remember
-from skinlab.tui.shutdown import INTERRUPTED
 from skinlab.tui.text import adoption_lines
 from skinlab.tui.typing_guard import TypingGuard, is_typing
-from skinlab.tui.ui_state import EXPLAINING, Board, Level, Missing, Playing, Review, Series
+from skinlab.tui.ui_state import EXPLAINING, MEASURING, Board, Level, Missing, Playing, Review
 from skinlab.tui.widgets.fields import Fields
 
 if TYPE_CHECKING:
@@ -51,7 +50,6 @@ if TYPE_CHECKING:
     from skinlab.discrepancy.outcome import Outcome
     from skinlab.mechanics.model_file import Model
 
-_SHORTEST_S = 0.01  # rest between two repeats
 _DARK, _LIGHT = "textual-dark", "textual-light"
 
 
@@ -59,7 +57,7 @@ class SkinlabApp(App[None]):
     """The bedside terminal UI on the probe at `port`; sessions go to `folder`."""
 
     class Said(Message):
-        """News of the bench, on their way from a thread to the screen."""
+        """News of the probe session, on their way from a thread to the screen."""
 
         def __init__(self, news: News) -> None:
             super().__init__()
@@ -91,7 +89,7 @@ class SkinlabApp(App[None]):
         self,
         port: str | None,
         folder: Path,
-        make_bench: Callable[..., Bench] = Bench,
+        make_bench: Callable[..., ProbeSession] = ProbeSession,
         settings: Path | None = None,
         replay: Path | None = None,
         speed: float | None = 1.0,
@@ -113,8 +111,7 @@ class SkinlabApp(App[None]):
         self._speed = speed
         self._ports = ports
         self._settings = settings
-        self._rest: Timer | None = None  # until the next repeat
-        self.bench = make_bench(folder, self._post, model=model)
+        self.bench: ProbeSession | Replayer = make_bench(folder, self._post, model=model)
         if model is not None:
             self.board.model = model.model.name
         self.failure: Exception | None = None  # a bug that ended the app
@@ -139,7 +136,7 @@ class SkinlabApp(App[None]):
             self._play(self._replay)
         else:
             self._connect(self.board.port)
-        self._perform("preparing", self.bench.prepare)
+        self._perform("preparing", self.bench.analysis.prepare)
 
     def _welcomed(self, choice: str | None) -> None:
         if choice is None:
@@ -266,53 +263,8 @@ class SkinlabApp(App[None]):
                 pass
         if self.board.alarm is not None:
             self._raise_alarm(self.board.alarm)
-        self._go_on()
         if self.screen is self._main and not _only_samples(news):
             self._main.draw()  # now, not with the next frame: it is waited for
-
-    # ---- repeats ------------------------------------------------------------------------------
-
-    def _go_on(self) -> None:
-        """Begin the rest before the next repeat, start it once it is armed, or give it up."""
-        board = self.board
-        series = board.series
-        if series is None:
-            return
-        if board.alarm is not None or board.level is Level.ERROR or board.hello is None:
-            self._give_up("the repeats that were left are given up")
-        elif series.starting and board.can_start:
-            series.starting = False
-            self._start(series.vents)
-        elif series.finished(board):
-            order = series.order
-            cut = board.entry is not None and board.entry.cut is not None
-            if order.repeats == 1 or cut:
-                self._give_up("the curve was cut short: the repeats that were left are given up")
-                return
-            # Whoever starts the instrument there decides about the rest
-            rest_s = 0.0 if board.hello.read_only else order.rest_s
-            board.begin(
-                "resting",
-                f"{order.repeats - 1} more, the next after {rest_s:g} s of rest; v ends it",
-            )
-            # A timer of 0 s would never fire
-            self._rest = self.set_timer(max(rest_s, _SHORTEST_S), self._repeat)
-
-    def _repeat(self) -> None:
-        self._rest = None
-        series = self.board.series
-        if series is not None and self.board.doing == "resting":
-            self._run(series.order.again(), series.vents)
-
-    def _give_up(self, why: str) -> None:
-        """Let no further repeat follow."""
-        series, self.board.series = self.board.series, None
-        if self._rest is not None:
-            self._rest.stop()
-            self._rest = None
-            self.board.rested()
-        if series is not None and series.order.repeats > 1 and why:
-            self.board.say(Level.WARNING, why)
 
     def _connected(self, news: Connected) -> None:
         order, self._queued = self._queued, None
@@ -386,7 +338,6 @@ class SkinlabApp(App[None]):
         self.bench.vent("operator")
         if self.board.moving:
             self.board.say(Level.WARNING, "vent ordered")
-        self._give_up("vented: the repeats that were left are given up")
         self._queued = None
         self.board.withdraw()
         if isinstance(self.screen, SessionScreen):
@@ -427,7 +378,6 @@ class SkinlabApp(App[None]):
     def action_stop(self) -> None:
         """Vent at once, and ask whether to quit."""
         self.bench.vent("operator")
-        self._give_up("vented: the repeats that were left are given up")
         self.board.withdraw()
         self.action_leave()
 
@@ -489,10 +439,10 @@ class SkinlabApp(App[None]):
         if not curves:
             board.refuse("no whole curve is there to be fitted")
         elif message.what == "joint":
-            self._perform("fitting", lambda: self.bench.fit_together(curves))
+            self._perform("fitting", lambda: self.bench.analysis.fit_together(curves))
         else:
             path = Path(message.path).expanduser()
-            self._perform("comparing", lambda: self.bench.compare(path, curves))
+            self._perform("comparing", lambda: self.bench.analysis.compare(path, curves))
 
     # ---- the missing effect -------------------------------------------------------------------
 
@@ -509,7 +459,7 @@ class SkinlabApp(App[None]):
             return
         board.missing = Missing(tuple(curve.name for curve in curves))
         board.touch()
-        self._perform(EXPLAINING, lambda: self.bench.explain(curves))
+        self._perform(EXPLAINING, lambda: self.bench.analysis.explain(curves))
 
     @on(MissingScreen.Wanted)
     def _missing_wanted(self, message: MissingScreen.Wanted) -> None:
@@ -519,11 +469,11 @@ class SkinlabApp(App[None]):
             case "begin":
                 self._look_again()
             case "cancel":
-                self.bench.stop_explaining()
+                self.bench.analysis.stop_explaining()
             case "adopt" if outcome is not None:
                 self._ask_to_adopt(outcome)
             case "undo":
-                self._perform("undoing", self.bench.undo_adoption)
+                self._perform("undoing", self.bench.analysis.undo_adoption)
             case "load" if outcome is not None and outcome.next_measurement is not None:
                 self._load_next(outcome.next_measurement)
             case _:
@@ -543,7 +493,7 @@ class SkinlabApp(App[None]):
 
         def answered(yes: bool | None) -> None:
             if yes:
-                self._perform("adopting", lambda: self.bench.adopt(outcome, session))
+                self._perform("adopting", lambda: self.bench.analysis.adopt(outcome, session))
 
         lines = adoption_lines(outcome, "model" if session is None else session.stem)
         title = "Identify with this model from now on?"
@@ -562,13 +512,8 @@ class SkinlabApp(App[None]):
             Level.INFO, f"loaded: {following.program}, {aperture} mm opening; F8 goes on"
         )
 
-    def _start(self, vents: int) -> None:
-        self.board.begin("starting", "")
-        self._perform("starting", lambda: self.bench.start(vents))
-
     def _check(self) -> None:
         """Show what will happen; connect first where that must be. Nothing moves yet."""
-        self._give_up("")
         self.board.withdraw()
         if self.board.instrument is InstrumentState.FAULT:
             self.board.begin("resetting", "the fault is acknowledged")
@@ -619,8 +564,12 @@ class SkinlabApp(App[None]):
 
     def _show(self, order: Order) -> None:
         """Show what will happen; `_confirm` does it."""
-        fields = self._fields
-        review = Review(order, fields.texts(), assumed_thickness=fields.assumed_thickness)
+        fields, board = self._fields, self.board
+        # The same once more after a lost link is what was left, not all from the beginning
+        goes_on = board.left is not None and order == board.asked
+        if goes_on and board.left is not None:
+            order = order.with_left(board.left)
+        review = Review(order, fields.texts(), goes_on, fields.assumed_thickness)
         self._main.set_focus(None)
         self.guard.hidden()
         self.board.propose(review)
@@ -642,16 +591,19 @@ class SkinlabApp(App[None]):
             return
         board.review = None
         self._fields.accept()
-        self._run(review.order, self.bench.vents)
+        self._run(review)
 
-    def _run(self, order: Order, vents: int) -> None:
-        """Arm; `_go_on` starts it once it is armed. A vent that is ordered later ends it."""
-        board = self.board
-        board.series = Series(order, len(board.entries), vents, starting=True)
-        board.order, board.visit = order, order.visit
+    def _run(self, review: Review) -> None:
+        """Measure; repeats follow by themselves. A vent that is ordered later ends it."""
+        board, order, vents = self.board, review.order, self.bench.vents
+        board.series, board.order, board.visit = order, order, order.visit
         board.begin("arming", "")
         self._main.close_fields(closed=True)
-        self._perform("arming", lambda: self.bench.arm(order, vents))
+        if review.goes_on:  # `asked` stays
+            self._perform(MEASURING, lambda: self.bench.go_on(vents))
+        else:
+            board.asked = order
+            self._perform(MEASURING, lambda: self.bench.measure(order, vents))
 
     def _port_chosen(self, port: str | None) -> None:
         if port is not None:

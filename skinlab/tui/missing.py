@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skinlab.tui.canvas import Bits, dots, level, share
+from skinlab.tui.plot_data import round_up
 from skinlab.tui.text import digits, name_of
-from skinlab.tui.trace import round_up
 
 if TYPE_CHECKING:
     from skinlab.discrepancy.fit import Fit

@@ -17,9 +17,9 @@ from pathlib import Path
 
 from textual.pilot import Pilot
 
+from skinlab.acquisition.probe_session import ProbeSession
 from skinlab.io.files import write_file
 from skinlab.tui.app import SkinlabApp
-from skinlab.tui.probe_session import Bench
 from skinlab.tui.screens.main import MainScreen
 from skinlab.tui.ui_state import Board
 from skinlab.tui.widgets.fields import Fields
@@ -45,7 +45,7 @@ def _found(board: Board, curves: int) -> bool:
 async def draw(port: str, size: tuple[int, int], programs: list[str], theme: str) -> str:
     """Return the SVG of the screen after one measurement with each program."""
     # A name that is the same every time, in the working directory (see `main`)
-    bench = partial(Bench, now=lambda: datetime(2026, 1, 2, 10, 15))
+    bench = partial(ProbeSession, now=lambda: datetime(2026, 1, 2, 10, 15))
     app = SkinlabApp(port, Path("sessions"), bench)
     async with app.run_test(size=size) as pilot:
         app.theme = theme

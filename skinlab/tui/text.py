@@ -11,38 +11,24 @@ import numpy as np
 
 from drivers.capabilities import READ_ONLY
 from drivers.events import (
-    Alarm,
-    Event,
     Hello,
-    HostVented,
-    InstrumentFault,
-    LinkLost,
     Sample,
-    VentConfirmed,
 )
 from skinlab.curves.curve import Setup
 from skinlab.curves.program import Hold, Program, Ramp, Release, Segment
+from skinlab.inference.flags import CATALOGUE
 from skinlab.inference.result import Identification, Value
 from skinlab.quality.gates.base import Finding
 from skinlab.report.text import explain
 from skinlab.tui.canvas import interval_bar, share
+from skinlab.tui.plot_data import noise_band
+from skinlab.tui.ui_state import Board, Entry, Live, Playing
 
 if TYPE_CHECKING:
+    from skinlab.acquisition.measurement_request import Order
     from skinlab.discrepancy.outcome import Outcome
-    from skinlab.tui.measurement_request import Order
-    from skinlab.tui.ui_state import Board, Entry, Live, Playing
 
 _UNITS = {"X1_MPa": ("X1", "MPa"), "X2_MPa": ("X2", "MPa"), "nu": ("nu", "")}
-
-_FLAGS = {
-    "at_bound": "{} at the edge of its range",
-    "not_identifiable": "{} is not fixed by this curve",
-    "misfit_above_noise": "misfit above the noise",
-    "outside_database": "partly outside the database",
-    "not_converged": "not converged",
-    "partial_curve": "cut short",
-    "not_first_cycle": "not the first loading",
-}
 
 _LABEL = 5  # cells of a parameter's name
 _BAR = 12  # cells of the progress bar
@@ -58,29 +44,8 @@ def name_of(parameter: str) -> str:
 def flag_words(flag: str) -> str:
     """Return a flag of an identification in words."""
     kind, _, parameter = flag.partition(":")
-    words = _FLAGS.get(kind, kind.replace("_", " "))
+    words = CATALOGUE[kind].label if kind in CATALOGUE else kind.replace("_", " ")
     return words.format(name_of(parameter)) if "{}" in words else words
-
-
-def event_note(event: Event) -> tuple[str, str] | None:
-    """Return (level, sentence) for an event that the operator must know of, else None."""
-    match event:
-        case HostVented(reason) if reason == "operator":
-            return "warning", "vented"
-        case HostVented(reason) if reason in {"close", "quit"}:
-            return None
-        case HostVented(reason):
-            return "error", f"vented: {reason}"
-        case VentConfirmed():
-            return None
-        case InstrumentFault(code, text):
-            return "error", f"instrument fault {code}: {text}; F8 clears it"
-        case LinkLost(reason):
-            return "error", f"{reason}; plug it in again, it is being looked for"
-        case Alarm(text):
-            return "error", text
-        case _:
-            return None
 
 
 def where_text(board: Board) -> str:
@@ -373,7 +338,7 @@ def value_bar(name: str, value: Value, columns: int) -> str:
     return interval_bar(low, best, high, columns)
 
 
-_WHAT_TO_DO = {
+_WHAT_TO_DO = {  # with the screen's own keys; the rest is the catalogue's advice
     "not_identifiable": "Measure with another opening too and fit together (s, j), or go higher.",
     "misfit_above_noise": "What it misses: press d.",
     "at_bound": "Do not use the number as it is.",
@@ -386,8 +351,6 @@ _WHAT_TO_DO = {
 
 def sample_noise_um(entry: Entry) -> float | None:
     """Return the noise of one sample, root mean square over the fitted ones; None: unknown."""
-    from skinlab.tui.strips import noise_band
-
     _, sd_um = noise_band(entry)
     return float(np.sqrt(np.mean(sd_um**2))) if len(sd_um) else None
 

@@ -20,22 +20,9 @@ from drivers.events import (
     Sample,
     State,
 )
-from skinlab.curves.curve import Curve, Setup
-from skinlab.curves.growing import GrowingCurve
-from skinlab.inference.result import Identification
-from skinlab.quality.gates.base import Finding
-from skinlab.recording.stream import (
-    CurveCompleted,
-    CurveStarted,
-    Flagged,
-    Happened,
-    Identified,
-    Message,
-    Sampled,
-)
-from skinlab.tui.curve_selection import Ledger
-from skinlab.tui.measurement_request import Order
-from skinlab.tui.messages import (
+from skinlab.acquisition.measurement import Phase, Plan
+from skinlab.acquisition.measurement_request import Order
+from skinlab.acquisition.messages import (
     Adopted,
     Compared,
     Connected,
@@ -46,21 +33,45 @@ from skinlab.tui.messages import (
     Explaining,
     Failed,
     Fitted,
-    Found,
     Heard,
     News,
+    Over,
     Played,
     Recording,
     Saved,
-    Searching,
+    Went,
 )
-from skinlab.tui.text import event_note
+from skinlab.curves.curve import Curve, Setup
+from skinlab.curves.growing import GrowingCurve
+from skinlab.inference.result import Identification
+from skinlab.quality.gates.base import Finding
+from skinlab.recording.curve_selection import Ledger
+from skinlab.recording.stream import (
+    CurveCompleted,
+    CurveStarted,
+    Flagged,
+    Happened,
+    Identified,
+    Message,
+    Sampled,
+)
+from skinlab.report.outage import event_note
 
 if TYPE_CHECKING:
     from skinlab.discrepancy.outcome import Outcome
 
 _S = InstrumentState
 SEARCHING = "searching"  # for a link that was lost
+MEASURING = "measuring"  # asked for; the phases of the measurement tell what becomes of it
+_DOING = {
+    Phase.ARMING: "arming",
+    Phase.STARTING: "starting",
+    Phase.SETTLING: "venting",
+    Phase.RESTING: "resting",
+    Phase.VENTING: "venting",
+    Phase.SEARCHING: SEARCHING,
+    Phase.CHECKING: SEARCHING,
+}
 EXPLAINING = "explaining"  # what the model misses; everything else goes on beside it
 _RATE_SAMPLES = 41
 _MOVING = frozenset({_S.ARMED, _S.RUNNING, _S.VENTING})
@@ -118,33 +129,13 @@ class Entry:
         return self.curve.setup
 
 
-@dataclass(slots=True)
-class Series:
-    """A run that was started, and the repeats that are to follow it by themselves."""
-
-    order: Order  # of the present repeat
-    before: int  # how many curves there were when it began
-    vents: int  # that had been ordered when it was confirmed: a later one ends it
-    starting: bool = False  # to be started once it is armed
-
-    def finished(self, board: Board) -> bool:
-        """Whether the present repeat is over: identified, and nothing moves."""
-        last = board.entry
-        return (
-            not self.starting
-            and board.can_arm
-            and len(board.entries) > self.before
-            and last is not None
-            and last.result is not None
-        )
-
-
 @dataclass(frozen=True, slots=True)
 class Review:
     """What will happen, as it is shown before it is confirmed."""
 
     order: Order
     texts: Mapping[str, str]  # of the fields
+    goes_on: bool = False  # with what a lost link has cut
     assumed_thickness: bool = False  # nobody typed it for this subject and site
 
 
@@ -180,11 +171,13 @@ class Board:
         self.instrument: InstrumentState | None = None
         self.doing: str | None = None  # connecting, arming, starting, resetting, searching, closing
         self.review: Review | None = None  # in view, and not confirmed yet
+        self.asked: Order | None = None  # confirmed last, as the fields had it
         self.order: Order | None = None  # armed last
         self.who = ("", "")  # subject and site in the fields
         self.visit: tuple[str, str] | None = None  # subject and site of the open session
         self.playing: Playing | None = None
-        self.series: Series | None = None
+        self.series: Order | None = None  # confirmed, and not over
+        self.left: Plan | None = None  # of it, where a lost link has cut it
         self.live: Live | None = None
         self.latest: Sample | None = None  # the final vent included
         self.latest_at: datetime | None = None
@@ -211,7 +204,9 @@ class Board:
     @property
     def moving(self) -> bool:
         """Armed, running or venting, or about to: fields take no text, v always vents."""
-        return self.doing in {"arming", "starting", "resting"} or self.instrument in _MOVING
+        return (
+            self.doing in {"arming", "starting", "resting", "venting"} or self.instrument in _MOVING
+        )
 
     @property
     def can_arm(self) -> bool:
@@ -223,8 +218,7 @@ class Board:
     @property
     def can_start(self) -> bool:
         """Whether the instrument is armed and waits."""
-        ready = {_S.IDLE} if self.read_only else {_S.ARMED}
-        return self.doing is None and self.instrument in ready and self.alarm is None
+        return self.doing is None and self.instrument is _S.ARMED and self.alarm is None
 
     @property
     def read_only(self) -> bool:
@@ -236,14 +230,14 @@ class Board:
         """One word for the header."""
         if self.playing is not None and self.doing != "closing":
             return "ENDED" if self.playing.ended else "PAUSED" if self.playing.paused else "REPLAY"
+        if self.read_only and self.doing == "starting":
+            return "WAITING"
         if self.doing is not None:
             return self.doing.upper()
         if self.hello is None:
             return "NO PROBE"
         if self.instrument in {None, _S.IDLE, _S.LOADED}:
             return "READY"
-        if self.read_only and self.instrument is _S.ARMED:
-            return "WAITING"
         return str(self.instrument).upper()
 
     @property
@@ -269,7 +263,8 @@ class Board:
             return False
         return (
             self.instrument in {_S.RUNNING, _S.VENTING}
-            or self.doing in {"starting", SEARCHING}
+            or (self.doing == "starting" and not self.read_only)
+            or self.doing == SEARCHING
             or self.alarm is not None
         )
 
@@ -337,11 +332,6 @@ class Board:
             self.shown = index
             self.version += 1
 
-    def rested(self) -> None:
-        """No more is waited for before the next repeat."""
-        self._done("resting")
-        self.version += 1
-
     def acknowledge(self) -> None:
         """Take the alarm away."""
         self.alarm = None
@@ -350,7 +340,7 @@ class Board:
     # ---- news ---------------------------------------------------------------------------------
 
     def see(self, news: News) -> None:
-        """Take in what the bench said."""
+        """Take in what the probe session said."""
         self.version += 1
         self._take_in(news)
         if not self.can_arm:
@@ -396,22 +386,18 @@ class Board:
             case Saved(path):
                 self.saved = path
                 self.say(Level.INFO, f"saved: {path}")
-            case Searching():
-                self.instrument = self.live = None
-                if self.doing is None:
-                    self.doing = SEARCHING
-            case Found():
-                self._done(SEARCHING)
-                # Plainly better news than what was said before
-                self.note, self.level = (
-                    "the link is back and the session goes on; F8 shows what comes next",
-                    Level.WARNING,
-                )
+            case Went(phase, left):
+                self._went(phase, left)
+            case Over(failed, given_up):
+                self._over(failed, given_up)
             case Disconnected():
                 self._done(SEARCHING)
-                self.hello = self.instrument = self.live = None
+                self.hello = self.instrument = self.live = self.series = self.left = None
             case Failed(doing, text):
                 self._done(doing)
+                if doing == MEASURING:
+                    self._done(_DOING[Phase.ARMING])
+                    self.series = self.left = None
                 if doing == EXPLAINING and self.missing is not None:
                     self.missing.running, self.missing.failed = False, text
                 self.refuse(text)
@@ -419,10 +405,42 @@ class Board:
                 self._done(doing)
                 if doing == EXPLAINING and self.missing is not None:
                     self.missing.running = False  # given up, where there is no answer
-                if doing == "starting" and self.read_only:
-                    self.say(Level.INFO, "start the instrument; v gives the curve up")
-                elif doing == "starting":
-                    self.say(Level.INFO, "suction; v vents")
+
+    def _went(self, phase: Phase, left: Plan | None) -> None:
+        """Take in the phase of the measurement; what the operator has asked for beside stays."""
+        searched = self.doing == SEARCHING
+        if self.doing is None or self.doing in _DOING.values():
+            self.doing = _DOING.get(phase)
+        self.left = left if phase is Phase.INTERRUPTED else None
+        if left is not None and self.order is not None:
+            self.order = self.order.with_left(left)
+        match phase:
+            case Phase.ARMING:
+                self.shown = None  # the plot is for the next curve
+            case Phase.STARTING if self.read_only:
+                self.say(Level.INFO, "start the instrument; v gives the curve up")
+            case Phase.RUNNING:
+                how = "end it at the instrument" if self.read_only else "v vents"
+                self.say(Level.INFO, f"suction; {how}")
+            case Phase.RESTING if left is not None and not self.read_only:
+                what = f"{left.repeats} more, the next after {left.rest_s:g} s of rest; v ends it"
+                self.say(Level.INFO, what)
+            case Phase.SEARCHING:
+                self.instrument = self.live = None
+            case Phase.INTERRUPTED:
+                # Plainly better news than what was said before
+                again = "the link is back; F8 shows the repeat that was cut, F9 takes it again"
+                self.note, self.level = again, Level.WARNING
+            case Phase.READY if searched:
+                again = "the link is back and the session goes on; F8 shows what comes next"
+                self.note, self.level = again, Level.WARNING
+            case _:
+                pass
+
+    def _over(self, failed: str | None, given_up: int) -> None:
+        self.series = self.left = None
+        if failed is not None and given_up > 1:
+            self.say(Level.WARNING, "vented: the repeats that were left are given up")
 
     def _connected(self, port: str, hello: Hello, *, goes_on: bool) -> None:
         self.port, self.hello = port, hello

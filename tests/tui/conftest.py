@@ -13,9 +13,11 @@ from textual.widgets import Input
 
 from drivers.probe import Probe
 from drivers.reconnect import Backoff
+from skinlab.acquisition.analysis import Explain, default_identifier
+from skinlab.acquisition.measurement import Policy
+from skinlab.acquisition.probe_session import ProbeSession
 from skinlab.inference.identify import Identifier
 from skinlab.tui.app import SkinlabApp
-from skinlab.tui.probe_session import Bench, Explain, default_identifier
 from skinlab.tui.screens.over import ConfirmScreen
 
 SIMULATED = "sim://?seed=1&speed=20"
@@ -134,10 +136,10 @@ def bedside(tmp_path: Path, identifier: Identifier):
         # Often, because the time of a simulated probe passes only where somebody looks
         backoff = Backoff(first_s=0.02, most_s=0.02, give_up_s=PATIENCE_S)
         make_bench = partial(
-            Bench,
+            ProbeSession,
             make_identifier=lambda: identifier,
             make_probe=make_probe,
-            backoff=backoff,
+            policy=Policy(backoff),
             explain=explain,
         )
         clock = Clock()

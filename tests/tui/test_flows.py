@@ -9,8 +9,8 @@ import pytest
 from textual.widgets import Input
 
 from drivers.link import PortInfo
+from skinlab.acquisition.replayer import Replayer, example_session
 from skinlab.recording.session import read_session
-from skinlab.tui.replayer import Replayer, example_session
 from skinlab.tui.screens.session import SessionScreen
 from skinlab.tui.screens.welcome import WelcomeScreen
 from skinlab.tui.widgets.curves import Curves
@@ -69,7 +69,7 @@ async def test_a_vent_in_a_repeat_ends_the_repeats(bedside):
         await bed.fill("repeats", "2")
         await bed.fill("rest_s", "0")
         await bed.start()
-        await bed.until(lambda: bed.board.live and len(bed.board.live.pressure_mbar) > 20)
+        await bed.until(lambda: bed.board.live and len(bed.board.live.curve) > 20)
         await bed.press("escape")
         await bed.until(lambda: bed.board.entry and bed.board.entry.result and bed.board.can_arm)
         assert bed.board.series is None
@@ -293,9 +293,9 @@ async def test_a_replay_plays_pauses_steps_and_ends(bedside):
         await bed.until(lambda: board.phase == "PAUSED")
         await bed.until(lambda: "x1" in bed.text("#reading-line"))
         control = bed.app.bench.control
-        before = len(board.live.pressure_mbar)
+        before = len(board.live.curve)
         await bed.press("full_stop")
-        await bed.until(lambda: len(board.live.pressure_mbar) > before)
+        await bed.until(lambda: len(board.live.curve) > before)
         await bed.press("enter", "f2", "f8", "f9")  # nothing can be started
         assert board.order is None
         assert board.review is None

@@ -11,9 +11,9 @@ from rich.segment import Segment
 from textual.color import Color
 
 from drivers.events import Alarm, HostVented, InstrumentFault
+from skinlab.acquisition.messages import Connected, Heard
 from skinlab.recording.stream import Happened
 from skinlab.tui.inert import InertText
-from skinlab.tui.messages import Connected, Heard
 
 EVIL = "\x1b]0;evil\x07\x9b2J\u202e[red]x[/]"
 

@@ -84,7 +84,7 @@ async def test_no_sample_is_lost_on_its_way_to_the_screen(bedside):
         def spy(news):
             see(news)
             if bed.board.live is not None:
-                seen[:] = bed.board.live.pressure_mbar
+                seen[:] = bed.board.live.curve.pressure_mbar
 
         bed.board.see = spy
         await bed.run()
@@ -99,7 +99,7 @@ async def test_vent_in_the_middle_keeps_the_partial_curve(bedside):
         await bed.connected()
         await bed.fill("program", LONG)
         await bed.start()
-        await bed.until(lambda: bed.board.live and len(bed.board.live.pressure_mbar) > 20)
+        await bed.until(lambda: bed.board.live and len(bed.board.live.curve) > 20)
         await bed.press("v")
         await bed.until(lambda: bed.board.entries and bed.board.can_arm)
         entry = bed.board.entries[1]
@@ -129,7 +129,7 @@ async def test_quit_while_running_vents_and_saves_what_there_is(bedside, session
         await bed.connected()
         await bed.fill("program", LONG)
         await bed.start()
-        await bed.until(lambda: bed.board.live and len(bed.board.live.pressure_mbar) > 20)
+        await bed.until(lambda: bed.board.live and len(bed.board.live.curve) > 20)
         await bed.quit()
     (path,) = session_files()
     session = read_session(path)
@@ -143,7 +143,7 @@ async def test_an_app_that_just_ends_vents_and_saves_too(bedside, session_files)
         await bed.connected()
         await bed.fill("program", LONG)
         await bed.start()
-        await bed.until(lambda: bed.board.live and len(bed.board.live.pressure_mbar) > 20)
+        await bed.until(lambda: bed.board.live and len(bed.board.live.curve) > 20)
         bed.app.interrupt()
         await bed.until(lambda: bed.app._exit)
     assert bed.app.return_code == 130
@@ -206,7 +206,11 @@ async def test_a_link_that_is_lost_and_comes_back(bedside, tmp_path):
         assert bed.board.entries[1].cut is not None
         await bed.confirm()  # the alarm is acknowledged ...
         await bed.until(lambda: bed.board.can_arm)
-        await bed.run()  # ... and the same session goes on
+        await bed.check()
+        await bed.until(lambda: "loading  2 of this site" in bed.text("#card-text"))
+        await bed.run()  # ... and the cut repeat is taken again, in the same session
         assert [bed.board.entries[n].cut is None for n in (1, 2)] == [False, True]
     (path,) = tmp_path.glob("*.h5")
-    assert [curve.partial for curve in read_session(path).curves] == [True, False]
+    curves = read_session(path).curves
+    assert [curve.partial for curve in curves] == [True, False]
+    assert [(c.setup.cycle, c.setup.repeat) for c in curves] == [(1, 1), (2, 1)]

@@ -11,16 +11,16 @@ import pytest
 from explained import UP, UP_AND_DOWN, campaign
 from textual.widgets import Input
 
+from skinlab.acquisition.adopting import write_adopted
+from skinlab.acquisition.explainer import Explainer
+from skinlab.acquisition.probe_session import ProbeSession
 from skinlab.discrepancy.next_measurement import NextMeasurement
 from skinlab.discrepancy.verdict import Verdict
 from skinlab.errors import InputError, SkinlabError
 from skinlab.mechanics.model_file import BASE, read_model
 from skinlab.recording.audit import entries
 from skinlab.recording.session import read_session
-from skinlab.tui.adopting import write_adopted
-from skinlab.tui.explainer import Explainer
 from skinlab.tui.missing import hints, missing_lines, outcome_lines, residual_picture
-from skinlab.tui.probe_session import Bench
 from skinlab.tui.screens.main import MainScreen
 from skinlab.tui.screens.missing import MissingScreen
 from skinlab.tui.screens.over import ConfirmScreen
@@ -197,13 +197,11 @@ async def test_without_a_curve_there_is_nothing_to_look_at(bedside):
 
 
 async def test_a_search_that_fails_is_a_sentence(bedside):
-    def fail(*_):
-        raise InputError("curve 1: 3 samples; expected 20 or more")
+    class Fails(Search):
+        def __call__(self, *_):
+            raise InputError("curve 1: 3 samples; expected 20 or more")
 
-    search = Search()
-    async with bedside(explain=search) as bed:
-        bed.app.bench._explain = fail
-        fail.cancel = lambda: None
+    async with bedside(explain=Fails()) as bed:
         await bed.connected()
         await bed.run()
         await bed.press("d")
@@ -301,6 +299,7 @@ def test_what_the_search_refuses_is_said(table):
 
 def test_closing_ends_the_search(tmp_path, identifier):
     search = Search()
-    bench = Bench(tmp_path, lambda _: None, make_identifier=lambda: identifier, explain=search)
-    bench.close()
+    ProbeSession(
+        tmp_path, lambda _: None, make_identifier=lambda: identifier, explain=search
+    ).close()
     assert search.go.is_set()

@@ -8,16 +8,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.events import Hello, HostVented, InstrumentState, Sample, State
+from skinlab.acquisition.measurement_request import DEFAULTS, complaint, read_order, with_opening
+from skinlab.acquisition.messages import Connected, Disconnected, Failed, Heard
 from skinlab.curves.curve import Curve, Setup
+from skinlab.curves.growing import GrowingCurve
 from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
 from skinlab.inference.result import Identification, Value
 from skinlab.recording.recorder import new_session_path
 from skinlab.recording.stream import CurveCompleted, CurveStarted, Happened, Identified, Sampled
-from skinlab.tui.measurement_request import DEFAULTS, complaint, read_order, with_opening
-from skinlab.tui.messages import Connected, Disconnected, Failed, Heard
-from skinlab.tui.text import digits, flag_words, interval_text, result_lines, row_texts
-from skinlab.tui.trace import (
+from skinlab.tui.plot_data import (
     Trace,
     box_around,
     fitted,
@@ -27,6 +27,7 @@ from skinlab.tui.trace import (
     spaced,
     thin,
 )
+from skinlab.tui.text import digits, flag_words, interval_text, result_lines, row_texts
 from skinlab.tui.ui_state import Board, Entry, Level
 
 HELLO = Hello("reference", 1, "rig", "1.0", "7", 6.0, 500.0, 60.0, 1.0, 1000.0, simulated=False)
@@ -179,7 +180,8 @@ def running_board():
     board = Board("p")
     board.begin("connecting", "")
     board.see(Connected("p", HELLO))
-    board.see(Heard((CurveStarted(1, SETUP), Happened(State(InstrumentState.RUNNING, "")))))
+    growing = GrowingCurve(SETUP)
+    board.see(Heard((CurveStarted(1, growing), Happened(State(InstrumentState.RUNNING, "")))))
     return board
 
 
@@ -187,9 +189,11 @@ def test_the_board_follows_a_run():
     board = running_board()
     assert board.phase == "RUNNING"
     assert board.moving
-    board.see(Heard((Sampled(1, Sample(0, 0.0, 1.0, 0.1, 0)),)))
+    sample = Sample(0, 0.0, 1.0, 0.1, 0)
+    board.live.curve.append(sample)
+    board.see(Heard((Sampled(1, sample),)))
     board.see(Heard((Sampled(1, Sample(1, 5.0, 9.0, 0.2, 1)),)))  # of the vent: not the curve's
-    assert board.live.pressure_mbar == [1.0]
+    assert board.live.curve.pressure_mbar.tolist() == [1.0]
     assert board.latest.pressure_mbar == 9.0
     done = curve()
     board.see(Heard((CurveCompleted(1, done, None, 0), Identified(1, done, result()))))

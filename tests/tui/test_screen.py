@@ -5,8 +5,8 @@ from textual import events
 from textual.widgets import Input, OptionList
 
 from drivers.events import Alarm
+from skinlab.acquisition.messages import Heard
 from skinlab.recording.stream import Happened
-from skinlab.tui.messages import Heard
 from skinlab.tui.screens.alarm import AlarmScreen
 from skinlab.tui.screens.help import HelpScreen
 from skinlab.tui.screens.main import MainScreen
@@ -238,11 +238,9 @@ async def test_resizing_while_the_curve_is_drawn(bedside):
         await bed.start()
         await bed.until(lambda: bed.board.live or bed.board.entries)
         for size in [(60, 20), (20, 5), (120, 40)]:
-            before = len(bed.board.live.pressure_mbar) if bed.board.live else 0
+            before = len(bed.board.live.curve) if bed.board.live else 0
             await bed.pilot.resize_terminal(*size)
-            await bed.until(
-                lambda n=before: not bed.board.live or len(bed.board.live.pressure_mbar) > n
-            )
+            await bed.until(lambda n=before: not bed.board.live or len(bed.board.live.curve) > n)
         await bed.until(lambda: bed.board.entry and bed.board.entry.result)
         assert bed.board.entry.cut is None
 

@@ -14,8 +14,8 @@ from textual.widgets import Input
 
 from drivers.events import Alarm
 from drivers.probe import Probe
+from skinlab.acquisition.messages import Heard
 from skinlab.recording.stream import Happened
-from skinlab.tui.messages import Heard
 from skinlab.tui.screens.alarm import AlarmScreen
 from skinlab.tui.screens.help import HelpScreen
 from skinlab.tui.screens.main import MainScreen

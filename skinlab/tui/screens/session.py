@@ -15,8 +15,8 @@ from textual.screen import Screen
 from textual.widgets import DataTable, Footer, Input, Static
 
 from skinlab.errors import InputError
+from skinlab.recording.curve_selection import Deed
 from skinlab.recording.pseudonym import check_note
-from skinlab.tui.curve_selection import Deed
 from skinlab.tui.summary import repeats, repeats_lines
 from skinlab.tui.text import clock, result_lines, row_texts, who_text
 from skinlab.tui.typing_guard import CHECK_KEY

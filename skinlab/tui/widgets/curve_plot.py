@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from textual_plot import HiResMode, LegendLocation, PlotWidget
 
-from skinlab.tui.trace import Trace, box_around, fitted, measured, nice_ticks, spaced
+from skinlab.tui.plot_data import Trace, box_around, fitted, measured, nice_ticks, spaced
 from skinlab.tui.ui_state import Board, Entry, Live
 
 _TICK_ROWS = 3  # of the plot for each label

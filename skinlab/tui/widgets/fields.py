@@ -11,7 +11,7 @@ from textual.message import Message
 from textual.widgets import Input, Label, Static
 
 from drivers.events import Hello
-from skinlab.tui.measurement_request import DEFAULTS, complaint
+from skinlab.acquisition.measurement_request import DEFAULTS, complaint
 
 # Rows of (field, label, most characters); fields of one row stand side by side.
 _ROWS: tuple[tuple[tuple[str, str, int], ...], ...] = (

@@ -8,7 +8,7 @@ from rich.text import Text
 from textual.widgets import Static
 
 from skinlab.tui.canvas import runs
-from skinlab.tui.strips import Drawing, against_time, residual
+from skinlab.tui.plot_data import Drawing, against_time, residual
 from skinlab.tui.ui_state import Board, Entry, Live
 
 _LEFT = 7  # as the plot above

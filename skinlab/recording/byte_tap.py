@@ -9,7 +9,7 @@ from collections.abc import Callable
 from skinlab.recording.journal import Journal
 
 
-class Tape:
+class ByteTap:
     """What a Probe takes as `on_bytes`. Keeps the bytes until there is a journal for them."""
 
     def __init__(self, now: Callable[[], float] = time.time) -> None:

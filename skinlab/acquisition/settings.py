@@ -8,11 +8,11 @@ from pathlib import Path
 
 from platformdirs import user_config_path
 
+from skinlab.acquisition.measurement_request import DEFAULTS, complaint
 from skinlab.errors import InputError
 from skinlab.io.documents import read_json
 from skinlab.io.files import write_file
 from skinlab.text import json_text
-from skinlab.tui.measurement_request import DEFAULTS, complaint
 
 # What is left over would label the next person; the thickness is of a person's skin as well.
 _OF_A_PERSON = frozenset({"subject", "site", "cycle", "thickness_mm", "thickness_sd_mm"})

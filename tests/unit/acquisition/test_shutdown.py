@@ -5,7 +5,7 @@ import threading
 
 import pytest
 
-from skinlab.tui.shutdown import INTERRUPTED, Lifeline
+from skinlab.acquisition.shutdown import INTERRUPTED, Lifeline
 
 PATIENCE_S = 120.0
 
@@ -55,7 +55,7 @@ def test_a_screen_that_hangs_is_ended_after_all_is_saved():
 
 def test_a_thread_that_dies_pulls_it_and_prints_no_traceback(capsys, monkeypatch):
     logged = []
-    monkeypatch.setattr("skinlab.tui.shutdown.log_exception", logged.append)
+    monkeypatch.setattr("skinlab.acquisition.shutdown.log_exception", logged.append)
     program = Program()
 
     def write():

@@ -11,12 +11,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from skinlab.acquisition.analysis import default_identifier
+from skinlab.acquisition.identification_worker import IdentifierApart
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.program import parse_program
 from skinlab.mechanics.fem.suction import Geometry
-from skinlab.tui.own_process import OwnProcess
 
 PATIENCE_S = 60.0
+
+
+@pytest.fixture(scope="module")
+def identifier():
+    return default_identifier()
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +38,7 @@ def curve(identifier):
 
 @pytest.fixture
 def process(identifier):
-    found = OwnProcess(identifier)
+    found = IdentifierApart(identifier)
     yield found
     found.close()
 
@@ -42,10 +48,6 @@ def same(one, other):
     return pickle.dumps(replace(one, seconds=0.0).parameters) == pickle.dumps(
         replace(other, seconds=0.0).parameters
     )
-
-
-def pid(process):
-    return process._process.pid
 
 
 def is_gone(number):
@@ -69,30 +71,24 @@ def test_the_answers_are_those_of_the_identifier(process, identifier, curve):
     assert same(first, identifier.growing(curve))
     assert same(process.growing(curve, first), identifier.growing(curve, first))
     assert process.phases == identifier.phases
-    assert pid(process) != os.getpid()
+    assert process.pid != os.getpid()
 
 
 def test_what_is_wrong_is_raised_here(process):
     with pytest.raises(AttributeError):
         process("no curve")
-    assert pid(process)  # and the process goes on
+    assert process.pid  # and the process goes on
 
 
 def test_where_the_process_is_killed_this_one_answers(process, identifier, curve):
     assert same(process(curve), identifier(curve))
-    os.kill(pid(process), signal.SIGKILL)
+    os.kill(process.pid, signal.SIGKILL)
     assert same(process(curve), identifier(curve))
-    assert process._process is None
-
-
-def test_where_there_is_no_process_this_one_answers(identifier, curve):
-    process = OwnProcess(identifier, ["/no/such/program"])
-    assert same(process(curve), identifier(curve))
-    process.close()
+    assert process.pid is None
 
 
 def test_closing_ends_the_process(process):
-    number = pid(process)
+    number = process.pid
     process.close()
     assert is_gone(number)
 
@@ -100,10 +96,10 @@ def test_closing_ends_the_process(process):
 def test_the_process_ends_with_the_one_that_asked():
     program = (
         "import time\n"
-        "from skinlab.tui.probe_session import default_identifier\n"
-        "from skinlab.tui.own_process import OwnProcess\n"
-        "process = OwnProcess(default_identifier())\n"
-        "print(process._process.pid, flush=True)\n"
+        "from skinlab.acquisition.analysis import default_identifier\n"
+        "from skinlab.acquisition.identification_worker import IdentifierApart\n"
+        "process = IdentifierApart(default_identifier())\n"
+        "print(process.pid, flush=True)\n"
         "time.sleep(600)\n"
     )
     parent = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE)

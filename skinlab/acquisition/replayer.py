@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from datetime import datetime, timedelta
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from drivers.events import Hello, TimedEvent
+from skinlab.acquisition.analysis import Analysis
+from skinlab.acquisition.identification_worker import IdentificationWorker
+from skinlab.acquisition.messages import Connected, Estimated, News, Played
+from skinlab.acquisition.outbox import Outbox
 from skinlab.acquisition.replay_control import ReplayControl
 from skinlab.errors import AcquisitionError
-from skinlab.recording.stream import CurveCompleted, Identified, Message
-from skinlab.tui.identification_worker import Analyst
-from skinlab.tui.messages import Connected, News, Played
-from skinlab.tui.probe_session import Bench
+from skinlab.recording.stream import CurveCompleted, Identified
 
-_MOST_MESSAGES = 200  # of one post
+if TYPE_CHECKING:
+    from skinlab.acquisition.measurement_request import Order
+    from skinlab.inference.identify import Identifier
+    from skinlab.inference.result import Identification
+
 _NOBODY = Hello("", 0, "recording", "", "", 0.0, 0.0, 0.0, 0.0, 0.0, simulated=False)
 
 
@@ -35,18 +42,31 @@ def example_session() -> Path:
     return Path(__file__).parents[1] / "data" / "example.h5"
 
 
-class Replayer(Bench):
-    """Plays a session; nothing moves, and nothing is written."""
+class Replayer:
+    """Plays a session, in the place of a `ProbeSession`; nothing moves, and nothing is written."""
+
+    recorded_with: Identifier | None = None  # no session is open
 
     def __init__(
         self, folder: Path, post: Callable[[News], None], speed: float | None = 1.0
     ) -> None:
-        super().__init__(folder, post)
+        self.analysis = Analysis(folder, post, self)
         self.control = ReplayControl(speed, sleep=self._nap)
+        self._post = post
         self._speed = speed
+        self._outbox = Outbox(self._heard, self._moment)
+        self._free = threading.Event()
+        self._free.set()
+        self._closing = threading.Event()
+        self._vents = 0
         self._begin_s = self._length_s = 0.0
         self._created: datetime | None = None  # in local time
         self._created_s = 0.0  # the same by the clock of the record
+
+    @property
+    def vents(self) -> int:
+        """How often a vent was asked for."""
+        return self._vents
 
     def again(self) -> None:
         """Be ready to play from the beginning."""
@@ -56,7 +76,10 @@ class Replayer(Bench):
         """Count it: there is nothing to vent."""
         self._vents += 1
 
-    def audit(self, what: str, **detail: object) -> None:
+    def acknowledge(self, text: str) -> None:
+        """Do nothing: the alarm is one of then."""
+
+    def audit(self, what: str, **detail: Any) -> None:
         """Refuse: a record is never changed.
 
         Raises:
@@ -64,13 +87,41 @@ class Replayer(Bench):
         """
         raise AcquisitionError("this is a replay: what you decide here is not recorded")
 
+    def measure(self, order: Order, vents: int) -> None:
+        """Refuse.
+
+        Raises:
+            AcquisitionError: always.
+        """
+        raise AcquisitionError("this is a replay: no probe is connected")
+
+    def go_on(self, vents: int) -> None:
+        """Refuse.
+
+        Raises:
+            AcquisitionError: always.
+        """
+        raise AcquisitionError("this is a replay: no probe is connected")
+
+    def reset(self) -> None:
+        """Refuse.
+
+        Raises:
+            AcquisitionError: always.
+        """
+        raise AcquisitionError("this is a replay: no probe is connected")
+
+    def leave(self) -> None:
+        """Stop."""
+        self.close()
+
     def close(self) -> None:
         """Stop."""
         self._vents += 1
         self.control.stop()
         self._closing.set()
         self._free.wait()
-        self._explain.cancel()
+        self.analysis.close()
 
     def serve(self, port: str, *, anew: bool = False) -> None:
         """Play the session in the file `port` until its end, or until it is closed.
@@ -85,20 +136,17 @@ class Replayer(Bench):
         del anew  # every replay is
         self._free.clear()
         self._closing.clear()
-        self._messages = []
-        analyst: Analyst | None = None
+        worker: IdentificationWorker | None = None
         try:
             session = read_session(Path(port))
             meta = session.meta
             self._created = _local(meta.get("created_utc"))
             self._created_s = float(meta.get("created_host_time_s") or 0.0)
-            self._identifier, _ = identifier_of(session)
-            analyst = Analyst(self._identifier, self._estimated)
-            events = [
-                i
-                for i in recorded_items(session.records, dialect_of(session.meta))
-                if isinstance(i, TimedEvent)
-            ]
+            identifier, _ = identifier_of(session)
+            self.analysis.use(identifier)
+            worker = IdentificationWorker(identifier, self._estimated)
+            items = recorded_items(session.records, dialect_of(session.meta))
+            events = [item for item in items if isinstance(item, TimedEvent)]
             times = [event.host_time_s for event in events]
             self._begin_s = min(times, default=0.0)
             self._length_s = max(times, default=0.0) - self._begin_s
@@ -106,22 +154,20 @@ class Replayer(Bench):
             whose = (str(meta.get("subject") or ""), str(meta.get("site") or ""))
             self._post(Connected(port, hello, visit=whose))
             if events:
-                replay(session, self._identifier, [self._note, analyst.listen], self.control)
+                replay(session, identifier, [self._outbox.add, worker.listen], self.control)
             else:  # imported: there are curves, and nothing that came before them
                 for index, curve in enumerate(session.curves, start=1):
-                    self._note(CurveCompleted(index, curve, None, 0))
-                    self._note(Identified(index, curve, self._identifier(curve)))
-            self._flush()
+                    self._outbox.add(CurveCompleted(index, curve, None, 0))
+                    self._outbox.add(Identified(index, curve, identifier(curve)))
+            self._outbox.flush()
             self._tell(ended=not self.control.stopped)
         finally:
-            if analyst is not None:
-                analyst.close()
+            if worker is not None:
+                worker.close()
             self._free.set()
 
-    def _note(self, message: Message) -> None:
-        self._messages.append(message)
-        if isinstance(message, CurveCompleted) or len(self._messages) >= _MOST_MESSAGES:
-            self._flush()
+    def _estimated(self, index: int, result: Identification) -> None:
+        self._post(Estimated(index, result))
 
     def _moment(self) -> datetime | None:
         at_s = self.control.at_s
@@ -130,13 +176,12 @@ class Replayer(Bench):
         return self._created + timedelta(seconds=at_s - self._created_s)
 
     def _nap(self, seconds: float) -> None:
-        self._flush()
+        self._outbox.flush()
         self._closing.wait(seconds)
 
-    def _flush(self) -> None:
-        if self._messages:
-            super()._flush()
-            self._tell(ended=False)
+    def _heard(self, news: News) -> None:
+        self._post(news)
+        self._tell(ended=False)
 
     def _tell(self, *, ended: bool) -> None:
         at_s = self.control.at_s

@@ -1,4 +1,4 @@
-"""What the bench says to the screen: plain frozen data, posted from worker threads."""
+"""What a probe session says to the screen: plain frozen data, posted from worker threads."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from drivers.events import Hello
+from skinlab.acquisition.measurement import Phase, Plan
 from skinlab.inference.result import Identification
 from skinlab.recording.stream import Message
 
@@ -105,17 +106,19 @@ class Saved:
 
 
 @dataclass(frozen=True, slots=True)
-class Searching:
-    """The link is lost, and is being looked for; the session goes on."""
+class Went:
+    """The measurement is in another phase."""
 
-    port: str
+    phase: Phase
+    left: Plan | None  # what is still to be measured, the present repeat included
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
-    """The link is back, with the same instrument."""
+class Over:
+    """The measurement that was asked for last is over; `failed` says why it was cut short."""
 
-    port: str
+    failed: str | None
+    left: int  # repeats that are given up
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,8 +155,8 @@ News = (
     | Adopted
     | Played
     | Saved
-    | Searching
-    | Found
+    | Went
+    | Over
     | Disconnected
     | Failed
     | Done

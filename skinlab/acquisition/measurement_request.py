@@ -1,4 +1,4 @@
-"""What the operator asks for: the texts of the fields, checked, as an order for the bench."""
+"""What the operator asks for: the texts of the fields, checked, as an order."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from urllib.parse import parse_qsl, urlencode
 
 from drivers.events import Hello
+from skinlab.acquisition.measurement import Plan
 from skinlab.curves.curve import Setup, check_aperture, check_thickness
 from skinlab.curves.program import Program, check_measurable, parse_program
 from skinlab.errors import InputError
@@ -37,13 +38,14 @@ class Order:
     repeats: int = 1
     rest_s: float = 5.0  # between two repeats
 
-    def again(self) -> Order:
-        """Return the order for the next repeat: one more loading of the site, and one less to do.
+    @property
+    def plan(self) -> Plan:
+        """What is to be measured."""
+        return Plan(self.setup, self.repeats, self.rest_s)
 
-        Only where there is one.
-        """
-        setup = replace(self.setup, cycle=self.setup.cycle + 1, repeat=self.setup.repeat + 1)
-        return replace(self, setup=setup, repeats=self.repeats - 1)
+    def with_left(self, plan: Plan) -> Order:
+        """Return the order for what is left of it."""
+        return replace(self, setup=plan.setup, repeats=plan.repeats)
 
     @property
     def visit(self) -> tuple[str, str]:

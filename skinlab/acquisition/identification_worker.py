@@ -1,4 +1,9 @@
-"""Identifies in a thread of its own, so that nothing that comes from the probe waits for it."""
+"""Identifies in a thread of its own, so that nothing that comes from the probe waits for it.
+
+The computing may be done in a process of its own as well (`IdentifierApart`): in a thread it holds
+the interpreter that draws, reads keys and keeps the probe alive. At 160x50 every frame took twice
+as long.
+"""
 
 from __future__ import annotations
 
@@ -15,12 +20,52 @@ from skinlab.inference.identify import Identifier
 from skinlab.inference.result import Identification
 from skinlab.io.log import log_exception
 from skinlab.recording.stream import CurveCompleted, CurveStarted, Message, Sampled
-from skinlab.tui.own_process import OwnProcess
+from skinlab.workers import Worker
 
 _EVERY_S = 0.3  # between two estimates of a growing curve
 _END_S = 0.4  # of the program: no estimate is begun so late, the answer would wait for it
 
 Answer = tuple[int, Curve, Identification]
+
+
+class IdentifierApart:
+    """Answers as an identifier does, in a process of its own while that lives."""
+
+    def __init__(self, identifier: Identifier) -> None:
+        self.identifier = identifier
+        self._worker = Worker(identifier)
+
+    @property
+    def phases(self) -> tuple[str, ...]:
+        """What of a curve is fitted."""
+        return self.identifier.phases
+
+    @property
+    def pid(self) -> int | None:
+        """The number of the process; None: this one does the work."""
+        return self._worker.pid
+
+    def __call__(self, curve: Curve) -> Identification:
+        """Return the answer for a curve."""
+        return self._worker.call(_identify, curve)  # type: ignore[no-any-return]
+
+    def growing(self, curve: Curve, before: Identification | None = None) -> Identification:
+        """Return an estimate of a curve that is not complete."""
+        return self._worker.call(_estimate, curve, before)  # type: ignore[no-any-return]
+
+    def close(self) -> None:
+        """Let the process end."""
+        self._worker.close()
+
+
+def _identify(identifier: Identifier, curve: Curve) -> Identification:
+    return identifier(curve)
+
+
+def _estimate(
+    identifier: Identifier, curve: Curve, before: Identification | None
+) -> Identification:
+    return identifier.growing(curve, before)
 
 
 @dataclass(slots=True)
@@ -30,7 +75,7 @@ class _Growing:
     estimate: Identification | None = None
 
 
-class Analyst:
+class IdentificationWorker:
     """Takes completed curves (`hand_over`) and gives answers (`take`), in order.
 
     As a listener it follows the running curve and tells an estimate of it now and then, from its
@@ -39,7 +84,7 @@ class Analyst:
 
     def __init__(
         self,
-        identifier: Identifier | OwnProcess,
+        identifier: Identifier | IdentifierApart,
         tell: Callable[[int, Identification], None],
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
@@ -56,7 +101,7 @@ class Analyst:
         self._error: Exception | None = None
         self._closed = False
         self._growing: _Growing | None = None
-        self._thread = threading.Thread(target=self._work, name="analyst", daemon=True)
+        self._thread = threading.Thread(target=self._work, name="identification", daemon=True)
         self._thread.start()
 
     @property
