@@ -11,10 +11,13 @@ from __future__ import annotations
 
 import socket
 import sys
+import threading
 from pathlib import Path
 from typing import Protocol
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from drivers.errors import LinkError
 
 STEP_MS = 20
 RATE_MBAR_PER_S = 20.0
@@ -71,6 +74,60 @@ class Instrument:
             case _:
                 return False
         return True
+
+
+# Its lines, without the checksum, and without a limit of silence
+TEXT = r"""
+[dialect]
+name = "plain"
+pattern = 'P (?P<pressure>\S+) D (?P<deflection>\S+) T (?P<time>\d+)\*..'
+[columns.pressure]
+unit = "kPa"
+scale = 0.1
+[columns.deflection]
+unit = "mm"
+[columns.time]
+unit = "ms"
+[stream]
+silent_s = 600
+"""
+
+
+class Wire:
+    """The same instrument as a link inside a test; what the host writes is kept."""
+
+    def __init__(self) -> None:
+        self.sent: list[bytes] = []
+        self.unplugged = False
+        self._lines = bytearray()
+        self._count = 0
+        self._lock = threading.Lock()
+
+    def put(self, pressures: list[float]) -> None:
+        with self._lock:
+            for mbar in pressures:
+                self._lines += line(self._count, mbar, deflection_mm(mbar))
+                self._count += 1
+
+    def read(self, max_bytes: int, timeout_s: float) -> bytes:
+        threading.Event().wait(0.001)
+        with self._lock:
+            if self.unplugged:
+                raise LinkError("unplugged")
+            data = bytes(self._lines[:200])
+            del self._lines[:200]
+        return data
+
+    def open(self, _: str) -> Wire:
+        if self.unplugged:
+            raise LinkError("still unplugged")
+        return self
+
+    def write(self, data: bytes) -> None:
+        self.sent.append(data)
+
+    def close(self) -> None:
+        pass
 
 
 class PtyWay:

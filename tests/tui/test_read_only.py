@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import threading
-
-from streaming_instrument import AT_REST, deflection_mm, line, ramp
+from streaming_instrument import AT_REST, TEXT, Wire, ramp
 
 from drivers.line_dialect import line_dialect
 from drivers.probe import Probe
@@ -12,57 +10,13 @@ from skinlab.acquisition.replay import differences, identifier_of, replay
 from skinlab.recording.session import read_session
 from skinlab.recording.stream import Identified
 
-TEXT = r"""
-[dialect]
-name = "plain"
-pattern = 'P (?P<pressure>\S+) D (?P<deflection>\S+) T (?P<time>\d+)\*..'
-[columns.pressure]
-unit = "kPa"
-scale = 0.1
-[columns.deflection]
-unit = "mm"
-[columns.time]
-unit = "ms"
-[stream]
-silent_s = 600
-"""
-
-
-class Wire:
-    """A link on which somebody else puts lines; what is written to it is kept."""
-
-    def __init__(self):
-        self.lines = bytearray()
-        self.sent = []
-        self._count = 0
-        self._lock = threading.Lock()
-
-    def put(self, pressures):
-        with self._lock:
-            for mbar in pressures:
-                self.lines += line(self._count, mbar, deflection_mm(mbar))
-                self._count += 1
-
-    def read(self, max_bytes, timeout_s):
-        threading.Event().wait(0.001)
-        with self._lock:
-            data = bytes(self.lines[:200])
-            del self.lines[:200]
-        return data
-
-    def write(self, data):
-        self.sent.append(data)
-
-    def close(self):
-        pass
-
 
 async def test_a_curve_that_somebody_starts(bedside, session_files):
     wire = Wire()
 
     def make_probe(port, **arguments):
         dialect = line_dialect(TEXT, "plain.toml")
-        return Probe(port, dialect=dialect, open_link=lambda _: wire, **arguments)
+        return Probe(port, dialect=dialect, open_link=wire.open, **arguments)
 
     async with bedside("COM99", make_probe=make_probe) as bed:
         await bed.connected()
