@@ -424,6 +424,7 @@ def _verify(kind: str, match: re.Match[str]) -> None:
 
 _QUANTIFIER = re.compile(r"[*+]|\{\d*,?\d*\}")
 _MOST_ANY = 2  # how often `.` may be repeated
+_MOST_OPTIONAL = 12  # each may double the ways in which a line can be tried
 
 
 def _pattern(text: str, where: str) -> re.Pattern[str]:
@@ -452,6 +453,9 @@ def _pattern(text: str, where: str) -> re.Pattern[str]:
         repeats += atom == "."
         if k and atoms[k - 1][0] == atom and _QUANTIFIER.match(text, atoms[k - 1][1] + len(atom)):
             raise _BadFieldError(f"{where}: {atom} is repeated twice running")
+    optional = sum(text[begin + len(atom) :][:1] == "?" for atom, begin in atoms if atom != "(")
+    if optional > _MOST_OPTIONAL:
+        raise _BadFieldError(f"{where}: `?` stands {optional} times; expected {_MOST_OPTIONAL}")
     if repeats > _MOST_ANY:
         raise _BadFieldError(f"{where}: `.` is repeated {repeats} times; expected {_MOST_ANY}")
     return pattern

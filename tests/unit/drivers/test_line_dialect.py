@@ -147,6 +147,7 @@ def test_commands_are_known_and_start_is_never_sent():
         (plain(r"(?P<pressure>\S+)", r"(?P<pressure>(a|a)*)"), "a group is repeated"),
         (plain(r"(?P<pressure>\S+)", r"(?P<pressure>\d*\d*)"), "repeated twice running"),
         (plain(r"\S+) ", r"\S+).*,.*,.*,"), "`.` is repeated 3 times"),
+        (plain(r"(?P<pressure>\S+)", r"(?P<pressure>%s)" % ("1?" * 30)), "`?` stands 30 times"),
         (plain("rate_hz = 50"), "stream.rate_hz is missing"),
         (plain("rate_hz = 50", "rate_hz = -1"), "stream.rate_hz must be positive"),
         (plain("rate_hz = 50", "rate_hz = 50\nzero_mbar = 9"), "must be below begin_mbar"),
