@@ -26,12 +26,22 @@ class ErrorModelSummary:
 
 
 @dataclass(frozen=True)
+class PlacementSummary:
+    """How placements differ: medians with 90 % intervals; `count` of them."""
+
+    scatter: dict[str, float]
+    offset_um: dict[str, float]
+    count: int
+
+
+@dataclass(frozen=True)
 class Judged:
     """`noise_um` is the standard deviation of one deflection sample's errors."""
 
     summary: ErrorModelSummary
     noise_um: float
     flags: tuple[str, ...]
+    placement: PlacementSummary | None = None
 
 
 def judge_errors(errors: ErrorChoice, stated_um: float | None) -> Judged:
@@ -60,7 +70,32 @@ def judge_errors(errors: ErrorChoice, stated_um: float | None) -> Judged:
         flags.append("misfit_above_noise")
     sentence = "; ".join(why) or "residuals are as white noise's"
     best = errors.best
-    return Judged(ErrorModelSummary(best.name, errors.parameters(), sentence), noise, tuple(flags))
+    name = "+".join(part.name for part in best.parts if part.name != "placement")
+    numbers = {k: v for k, v in errors.parameters().items() if not k.startswith("placement_")}
+    summary = ErrorModelSummary(name, numbers, sentence)
+    return Judged(summary, noise, tuple(flags), _placement(errors))
+
+
+def _placement(errors: ErrorChoice) -> PlacementSummary | None:
+    part = next((p for p in errors.best.parts if p.name == "placement"), None)
+    if part is None:
+        return None
+    columns = part.terms([1.0] * len(part.parameters)).columns_mm
+    assert columns is not None
+
+    def interval(name: str) -> dict[str, float]:
+        def value(node: Node) -> float:
+            at = node.combination.parameters.index(name)
+            return float(np.exp(node.log_values[at]))
+
+        if name in part.stated:
+            return dict.fromkeys(("value", "low", "high"), part.stated[name])
+        shares = {"value": 0.5, "low": 0.05, "high": 0.95}
+        return {key: errors.quantile(value, share) for key, share in shares.items()}
+
+    return PlacementSummary(
+        interval("placement_scatter"), interval("placement_offset_um"), columns.shape[1] // 2
+    )
 
 
 def _lasting_um(node: Node) -> float:
@@ -74,4 +109,5 @@ def noise_um(node: Node, without: frozenset[str] = frozenset()) -> float:
     """
     left = {name: size for name, size in node.sizes_um.items() if name not in without}
     left.pop("pressure", None)
+    left.pop("placement", None)
     return float(np.sqrt(sum(size**2 for size in left.values())))

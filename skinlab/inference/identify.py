@@ -355,6 +355,7 @@ def _with_uncertainty(
         correlation=correlation(draws.parameters[:, : len(names)], draws.weight),
         noise_um=found.noise_um,
         error_model=found.summary,
+        placement=found.placement,
         evaluations=answer.evaluations + draws.evaluations,
         flags=(*answer.flags, *loose, *found.flags),
         uncertainty=left,

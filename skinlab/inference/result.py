@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from drivers.dose import Dose
 from skinlab.curves.curve import Setup
-from skinlab.inference.error_judgement import ErrorModelSummary
+from skinlab.inference.error_judgement import ErrorModelSummary, PlacementSummary
 from skinlab.inference.uncertainty import Uncertainty
 
 Array = NDArray[np.float64]
@@ -53,6 +53,7 @@ class Identification:
     model_mm: Array | None = None  # (points,) the fitted curve; NaN where there is no model
     outliers: NDArray[np.bool_] | None = None  # (points,) left out, since they do not belong
     error_model: ErrorModelSummary | None = None  # of the samples' errors, with intervals
+    placement: PlacementSummary | None = None  # of several curves, where placements may differ
     fitted_points: int = 0
     files: tuple[str, ...] | None = None  # of a joint identification
     uncertainty: Uncertainty | None = None  # where the method gives intervals
@@ -84,7 +85,7 @@ class Identification:
             "rms_um": self.rms_um,
             "noise_um": self.noise_um,
             "error_model": self.error_model and asdict(self.error_model),
-            "placement": None,
+            "placement": self.placement and asdict(self.placement),
             "outliers": []
             if self.outliers is None
             else [int(i) for i in self.outliers.nonzero()[0]],

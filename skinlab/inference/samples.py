@@ -91,16 +91,22 @@ class Samples:
 def samples_of(groups: Sequence[Group]) -> Samples:
     """Return the samples of groups, in their order.
 
-    A curve of cycle 1 begins a placement; later cycles belong to the one before.
+    A curve says which placement it belongs to; else one of cycle 1 begins one, and later cycles
+    belong to the one before.
     """
     rows: list[tuple[NDArray[np.generic], ...]] = []
-    placements = -1
+    placements: dict[str, int] = {}
+    begun = ""
     members = [(k, m) for k, g in enumerate(groups) for m in g.members]
     for number, (condition, member) in enumerate(members):
         c, mask, n = member.curve, member.mask, member.count
-        if c.setup.cycle == 1 or placements < 0:
-            placements += 1
-        numbers = (np.full(n, i) for i in (number, placements, condition))
+        label = c.setup.placement
+        if label is not None:
+            begun = f"stated {label}"
+        elif c.setup.cycle == 1 or not begun:
+            begun = f"curve {number}"
+        placement = placements.setdefault(begun, len(placements))
+        numbers = (np.full(n, i) for i in (number, placement, condition))
         time = c.time_s[mask] - c.time_s[0]
         measured = c.pressure_mbar[mask], c.deflection_mm[mask], c.phase[mask]
         rows.append((time, *measured, *numbers, np.ones(n)))

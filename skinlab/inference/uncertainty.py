@@ -53,6 +53,7 @@ class Sensor:
 
     noise_um: float | None = None
     pressure_noise_mbar: float | None = None
+    placement_scatter: float | None = 0.0  # of log stiffness, of curves together; 0: there is none
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,6 +134,7 @@ class Fitted:
             linear.slopes_mm,
             self.sensor.noise_um,
             self.pressure_sd_mbar()[kept],
+            self.sensor.placement_scatter,
         )
         rest = (MESH_REST * self.best_mm[kept]) ** 2
         columns = self.mesh_columns()[kept]

@@ -87,6 +87,8 @@ class Look:
     slopes: Array  # (u, k) of the model by unknowns, which absorb a part of any error
     noise_um: float | None  # as stated
     pressure_sd_mbar: Array  # (u,) of the readings
+    placement_scatter: float | None = 0.0
+    """Standard deviation of log stiffness between placements; None: to be learned, 0: none."""
     white_square: Array | None = None
     """(u,) expected squares of the white parts of the errors, in their own variances, by the best
     combination so far: what models of heavy tails look at."""

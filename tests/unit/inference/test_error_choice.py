@@ -181,4 +181,4 @@ def test_every_model_is_declared_in_a_file_of_its_own():
             continue
         for p in part.parameters:
             assert p.median > 0
-            assert p.name.rpartition("_")[2] in {"um", "s", "mbar", "share"}
+            assert p.name.rpartition("_")[2] in {"um", "s", "mbar", "share", "scatter"}

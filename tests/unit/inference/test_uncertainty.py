@@ -17,6 +17,7 @@ from skinlab.inference.batch import identify_all, noise_from_repeats_um, with_st
 from skinlab.inference.identify import Identifier
 from skinlab.inference.optimise import polish
 from skinlab.inference.problem import Problem
+from skinlab.inference.samples import Fitted, group, samples_of
 from skinlab.inference.uncertainty import Sensor
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.report.text import describe
@@ -287,6 +288,67 @@ class TestJoint:
                 v.low <= t <= v.high for v, t in zip(result.parameters.values(), truth, strict=True)
             ]
         assert (held >= binom.ppf(0.001, n, 0.9)).all()
+
+
+class TestPlacement:
+    """Every putting-on of the probe has a stiffness and a zero of its own."""
+
+    skin = np.array([0.06, 2.0, 0.32])
+
+    def curves(self, table, scatter, n=4, seed=0):
+        rng = np.random.default_rng(seed)
+        found = []
+        for i in range(n):
+            setup = replace(STANDARD, aperture_mm=(2.0, 6.0)[i % 2])
+            truth = self.skin.copy()
+            truth[:2] *= np.exp(scatter * rng.standard_normal())
+            found.append(curve_of(table, truth, setup, 3.0, 10 * seed + i))
+        return found
+
+    def test_its_scale_is_learned(self, table):
+        auto = Identifier(table, sensor=Sensor(3.0, 0.0, None))
+        none, much = (auto.joint(self.curves(table, s, 8)) for s in (0.0, 0.12))
+        assert none.placement.scatter["value"] < 0.02
+        assert 0.05 < much.placement.scatter["value"] < 0.3
+        assert much.placement.count == 8
+        assert width(much, "X1_MPa") > 1.2 * width(none, "X1_MPa")
+        entry = much.to_json()["placement"]
+        assert set(entry) == {"scatter", "offset_um", "count"}
+        assert entry["scatter"]["low"] < entry["scatter"]["value"] < entry["scatter"]["high"]
+
+    def test_intervals_count_with_it(self, table):
+        """Without it placements that differ by 12 % leave a narrow interval, and a wrong one."""
+        held = {0.0: 0, None: 0}
+        for seed in range(6):
+            curves = self.curves(table, 0.12, seed=seed + 1)
+            for stated in held:
+                result = Identifier(table, sensor=Sensor(3.0, 0.0, stated)).joint(curves)
+                value = result.parameters["X1_MPa"]
+                held[stated] += value.low <= self.skin[0] <= value.high
+        assert held[None] >= 5
+        assert held[0.0] < held[None]
+
+    def test_later_cycles_belong_to_the_placement_before(self, table):
+        one = curve_of(table, SKIN)
+        setups = [
+            STANDARD,
+            replace(STANDARD, cycle=2),
+            replace(STANDARD, repeat=2),
+            replace(STANDARD, placement="a"),
+            replace(STANDARD, cycle=2),
+        ]
+        mask = np.ones(51, dtype=bool)
+        groups = group([Fitted(replace(one, setup=s), mask) for s in setups])
+        found = samples_of(groups)
+        assert found.placement[::51].tolist() == [0, 0, 1, 2, 2]
+        assert found.curves == 5
+
+    def test_is_asked_for_on_the_command_line(self, table, tmp_path, capsys):
+        path = TestCommand().campaign(table, tmp_path)
+        assert run(["identify", path, "--joint", "--placement-scatter", "0.03", "--json"]) == 0
+        stated = json.loads(capsys.readouterr().out)["joint"]["placement"]
+        assert stated["scatter"] == {"value": 0.03, "low": 0.03, "high": 0.03}
+        assert run(["identify", path, "--joint", "--placement-scatter", "much"]) == 2
 
 
 class TestAdvice:
