@@ -25,7 +25,7 @@ ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "examples" / "dialects" / "plain_line.toml"
 INSTRUMENT = ROOT / "tests" / "streaming_instrument.py"
 SKIN = ["--aperture-mm", "6", "--thickness-mm", "1.0"]
-PATIENCE_S = 40.0
+PATIENCE_S = 120.0
 ENVIRONMENT = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
 
 
@@ -278,25 +278,3 @@ def test_a_capture_keeps_its_dialect_and_says_what_it_understands(tmp_path, dial
     assert "understands 5 frames, and not 1, the last one b'nonsense" in "".join(capturing.said)
     facts = json.loads((tmp_path / "c.jsonl").read_text().splitlines()[0])
     assert facts["dialect"]["name"] == "plain_line"
-
-
-@pytest.mark.parametrize(
-    ("options", "status", "words"),
-    [
-        (["--port", "sim://", "--dialect", "klingon"], 2, "expected one of: reference"),
-        (["--port", "sim://?dialect=klingon"], 2, "dialect 'klingon' is not known"),
-        (["--port", "sim://?dialect=reference", "--dialect", "mine.toml"], 2, "was asked for"),
-        (["--port", "sim://", "--dialect", "none.toml"], 3, "none.toml: cannot be read"),
-        (["--port", "sim://", "--dialect", "bad.toml"], 3, "bad.toml: dialect.nmae is not known"),
-        (["--port", "sim://", "--dialect", "mine.toml", "--rate-hz", "20"], 2, "own limits hold"),
-        (["--port", "sim://"], 2, "Missing option '--program'"),
-    ],
-)
-def test_dialects_that_do_not_fit_are_refused(tmp_path, dialect, options, status, words):
-    bad = (tmp_path / dialect).read_text().replace('model = "', 'nmae = "')
-    (tmp_path / "bad.toml").write_text(bad)
-    done = skinlab("measure", *options, *SKIN, "--out", "s.h5", cwd=tmp_path)
-    assert done.returncode == status, done.stderr
-    assert words in done.stderr.replace("\n", " ")
-    assert "Traceback" not in done.stderr
-    assert not list(tmp_path.glob("s.h5*"))
