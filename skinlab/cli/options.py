@@ -217,3 +217,12 @@ def was_said(option: str) -> bool:
     if context is None:
         return False
     return context.get_parameter_source(option) not in (None, ParameterSource.DEFAULT)
+
+
+def dialect_option() -> Callable[[F], F]:
+    """`--dialect`: what the instrument speaks."""
+    return click.option(
+        "--dialect",
+        metavar="NAME|FILE.toml",
+        help="What the instrument speaks [default: as the port's ?dialect= says, or reference].",
+    )

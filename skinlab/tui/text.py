@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from drivers.capabilities import READ_ONLY
 from drivers.events import (
     Hello,
     Sample,
@@ -57,7 +58,10 @@ def where_text(board: Board) -> str:
         return f"{who_text(board.visit)}  replay of {board.port}"
     who = board.who if board.elsewhere or board.visit is None else board.visit
     since = "" if board.elsewhere or board.begun_at is None else f", since {clock(board.begun_at)}"
-    probe = board.port if hello is None else f"{hello.aperture_mm:g} mm, {hello.model}"
+    probe = board.port
+    if hello is not None:
+        opening = "" if hello.aperture_mm is None else f"{hello.aperture_mm:g} mm, "
+        probe = f"{opening}{hello.model}"
     return f"{who_text(who)}{since}  {probe}{dose_text(board)}"
 
 
@@ -82,6 +86,8 @@ def suction_text(board: Board) -> str:
     """Return whether there is suction, and how it is ended, for the top of every screen."""
     if board.playing is not None:
         return "no suction"
+    if board.suction and board.read_only:
+        return "SUCTION: end it at the instrument"
     if board.suction:
         return "SUCTION: v vents" if board.streaming else "SUCTION? v vents"
     return "suction off" if board.hello is not None else "no probe"
@@ -89,6 +95,8 @@ def suction_text(board: Board) -> str:
 
 def banner_text(hello: Hello | None) -> str:
     """Return the warning above everything, or nothing."""
+    if hello is not None and hello.read_only:
+        return f"READ-ONLY: {READ_ONLY}"
     if hello is None or not hello.simulated:
         return ""
     return "SIMULATED: this is no patient; the numbers come from a model"
@@ -262,7 +270,10 @@ def card_text(board: Board, columns: int) -> CardText:
         lines = [whose, *result_lines(live.estimate, columns), *advice_lines(None, live.findings)]
         return CardText(f"curve {live.index}: so far, not final", tuple(lines), final=False)
     if entry is None and board.order is not None and board.moving:
-        return CardText(f"{board.phase}: v vents", (*order_lines(board.order), *model))
+        return CardText(
+            f"{board.phase}: v {'gives up' if board.read_only else 'vents'}",
+            (*order_lines(board.order), *model),
+        )
     if entry is None and board.elsewhere:
         whose = who_text(board.who)
         return CardText("a new visit", (whose, "F8 begins it and shows what will happen"))
