@@ -28,6 +28,13 @@ if TYPE_CHECKING:
 @identification_options()
 @database_option()
 @click.option("--joint", is_flag=True, help="One answer for all curves: one skin.")
+@click.option(
+    "--placement-scatter",
+    default="auto",
+    show_default=True,
+    help="With --joint: deviation of log stiffness between placements of the probe; auto learns "
+    "it, 0 is none.",
+)
 @click.option("--advise", is_flag=True, help="Say which measurement would narrow it most.")
 @click.option("--workers", default=1, show_default=True, help="Processes; same answers.")
 @click.option("--strict", is_flag=True, help="Exit with 5 where a result is not trustworthy.")
@@ -38,6 +45,7 @@ def command(
     thickness_mm: float | None,
     thickness_sd_mm: float | None,
     joint: bool,
+    placement_scatter: str,
     advise: bool,
     workers: int,
     strict: bool,
@@ -91,7 +99,8 @@ def command(
             results.append(Identification(str(path), geometry, str(error)))
             continue
         results += _each(identifier, read[-1], workers)
-    together = _together(identifier, read) if joint and read else None
+    scatter = _scatter(placement_scatter)
+    together = _together(identifier, read, scatter) if joint and read else None
     advice = None
     if advise and (source := together or next((r for r in results if r.uncertainty), None)):
         advice = identifier.advise(source, _thickness_mm(read))
@@ -127,8 +136,24 @@ def _each(identifier: Identifier, given: Input, workers: int) -> list[Any]:
     return identify_all(knowing, given.curves, workers)
 
 
-def _together(identifier: Identifier, read: list[Input]) -> Any:
+def _scatter(text: str) -> float | None:
+    if text == "auto":
+        return None
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0.0 <= value < 1.0:
+        raise click.BadParameter(
+            f"{text}: expected auto, or 0 to below 1", param_hint="--placement-scatter"
+        )
+    return value
+
+
+def _together(identifier: Identifier, read: list[Input], scatter: float | None) -> Any:
     """Return the joint answer: of first cycles, where there are any, since the law means those."""
+    from dataclasses import replace
+
     from skinlab.inference.batch import with_stated_noise
 
     curves = [curve for given in read for curve in given.curves]
@@ -145,7 +170,9 @@ def _together(identifier: Identifier, read: list[Input]) -> Any:
         knowing = with_stated_noise(
             identifier, curves, read[0].noise_um, read[0].pressure_noise_mbar
         )
-    return knowing.joint(curves)
+    stated = read[0].placement_scatter if len(read) == 1 and scatter is None else scatter
+    sensor = replace(knowing.sensor, placement_scatter=stated)
+    return replace(knowing, sensor=sensor).joint(curves)
 
 
 def _thickness_mm(read: list[Input]) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import msgspec
 
@@ -18,6 +19,7 @@ class _Header(msgspec.Struct, forbid_unknown_fields=True):
     title: str = ""
     noise_um: float | None = None
     pressure_noise_mbar: float | None = None
+    placement_scatter: Literal["auto"] | float = "auto"
 
 
 class _CurveEntry(msgspec.Struct, forbid_unknown_fields=True):
@@ -28,6 +30,7 @@ class _CurveEntry(msgspec.Struct, forbid_unknown_fields=True):
     program: str | None = None
     cycle: int = 1
     repeat: int = 1
+    placement: str | None = None
 
 
 class _File(msgspec.Struct, forbid_unknown_fields=True):
@@ -43,6 +46,7 @@ class Campaign:
     noise_um: float | None
     pressure_noise_mbar: float | None
     curves: tuple[Curve, ...]
+    placement_scatter: float | None = None  # None: to be learned
 
 
 def read_campaign(path: Path) -> Campaign:
@@ -67,6 +71,12 @@ def read_campaign(path: Path) -> Campaign:
         raise InputError(
             f"{path}: campaign.pressure_noise_mbar is {pressure_noise}, expected zero or more"
         )
+    stated = data.campaign.placement_scatter
+    scatter = None if stated == "auto" else float(stated)
+    if scatter is not None and not 0 <= scatter < 1:
+        raise InputError(
+            f"{path}: campaign.placement_scatter is {scatter}, expected auto or 0 to below 1"
+        )
     folder = path.parent.resolve()
     curves = []
     for number, entry in enumerate(data.curve, start=1):
@@ -83,6 +93,7 @@ def read_campaign(path: Path) -> Campaign:
                 cycle=entry.cycle,
                 repeat=entry.repeat,
                 thickness_sd_mm=entry.thickness_sd_mm,
+                placement=entry.placement,
             )
         except InputError as error:
             raise InputError(f"{path}: curve {number}: {error}") from None
@@ -92,4 +103,5 @@ def read_campaign(path: Path) -> Campaign:
         data.campaign.noise_um,
         data.campaign.pressure_noise_mbar,
         tuple(curves),
+        scatter,
     )

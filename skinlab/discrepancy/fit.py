@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from skinlab.discrepancy.misfit import Errors
 from skinlab.discrepancy.records import Record
 from skinlab.discrepancy.space_mapping import MappedModel
 from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.discrepancy.unknowns import Unknowns
+from skinlab.inference.covariance import Covariance
 
 Array = NDArray[np.float64]
 
@@ -76,7 +76,7 @@ class Kept:
     """Some of a campaign's samples, and their errors."""
 
     samples: NDArray[np.bool_]
-    errors: Errors
+    errors: Covariance
 
 
 class Fitter:
@@ -85,7 +85,7 @@ class Fitter:
     def __init__(
         self,
         records: Sequence[Record],
-        errors: Errors,
+        errors: Covariance,
         domes: TableDomes,
         *,
         finite_elements: bool = True,

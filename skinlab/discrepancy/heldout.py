@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.discrepancy.fit import Fit, Fitter
-from skinlab.discrepancy.misfit import Errors
+from skinlab.inference.covariance import Covariance
 
 Array = NDArray[np.float64]
 Part = NDArray[np.bool_]
@@ -55,7 +55,7 @@ def conditions_of(fitter: Fitter, fits: Sequence[Fit]) -> list[Part]:
     return found
 
 
-def _lost(errors: Errors, fit: Fit, out: Part) -> bool:
+def _lost(errors: Covariance, fit: Fit, out: Part) -> bool:
     """Return whether an effect's unknown is known hardly better than its prior without these."""
     deviations = np.sqrt(np.diag(_covariance(errors, fit, out)))
     most = [_TOLD * axis.prior[1] for axis in fit.unknowns.axes]
@@ -63,7 +63,7 @@ def _lost(errors: Errors, fit: Fit, out: Part) -> bool:
     return bool((lost & (fit.deviations[3:] <= most)).any())
 
 
-def _covariance(errors: Errors, fit: Fit, out: Part) -> Array:
+def _covariance(errors: Covariance, fit: Fit, out: Part) -> Array:
     """Return the covariance (k, k) of a fit's unknowns without these samples."""
     kept = errors.only(~out).whiten(errors.colour(fit.jacobian)[~out])
     prior = fit.information - fit.jacobian.T @ fit.jacobian

@@ -19,6 +19,7 @@ from skinlab.discrepancy.records import records_of
 from skinlab.discrepancy.search import Search
 from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.errors import InputError, NotTrustworthyError
+from skinlab.inference import flags
 from skinlab.inference.identify import Identifier
 from skinlab.inference.joint import GaussianPrior
 from skinlab.inference.result import Identification, Value
@@ -140,6 +141,7 @@ class ModelIdentifier(Identifier):
         return replace(
             blank,
             parameters=values,
+            optimum=fit.unknowns.named(fit.u),
             correlation=left.correlation,
             nu_consistent=float(nu_consistent(ratio)),
             kappa_MPa=ratio * values["X1_MPa"].value,
@@ -155,18 +157,13 @@ class ModelIdentifier(Identifier):
 
 def _flags(curves: Sequence[Curve], fit: Fit, left: Posterior, p_value: float) -> tuple[str, ...]:
     low, high = fit.unknowns.bounds
-    flags = [
-        f"at_bound:{name}"
-        for name, u, a, b in zip(fit.unknowns.names, fit.u, low, high, strict=True)
-        if min(u - a, b - u) <= 1e-5 * (b - a)
-    ]
+    found = flags.of_optimum(
+        fit.unknowns.names, (fit.u - low) / (high - low), converged=fit.settled
+    )
+    found += flags.of_curves(curves, [0])
     for j, name in enumerate(fit.unknowns.names[:3]):
         if 2 * 1.645 * left.deviations[j] > _HALF * (high[j] - low[j]):
-            flags.append(f"not_identifiable:{name}")
+            found.append(f"not_identifiable:{name}")
     if p_value < ADEQUATE:
-        flags.append("misfit_above_noise")
-    if not fit.settled:
-        flags.append("not_converged")
-    if any(c.partial for c in curves):
-        flags.append("partial_curve")
-    return tuple(flags)
+        found.append("misfit_above_noise")
+    return tuple(found)

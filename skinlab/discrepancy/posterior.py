@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.space_mapping import MappedModel
 from skinlab.discrepancy.unknowns import BASE_NAMES, Unknowns
-from skinlab.inference.intervals import correlation, interval
+from skinlab.inference.intervals import correlation, summary
 from skinlab.inference.posterior import sample as follow_the_valley
 from skinlab.parameters import AxisSpace
 
@@ -32,6 +32,7 @@ class Posterior:
     best: Array  # (k,) the optimum
     u: Array  # (n, k)
     weight: Array
+    log_density: Array  # (n,) up to a constant
 
     @property
     def effective(self) -> float:
@@ -40,17 +41,15 @@ class Posterior:
 
     @property
     def parameters(self) -> dict[str, dict[str, float]]:
-        """Values at the optimum with the shortest 90 % intervals, by name."""
-        best = self.unknowns.named(self.best)
-        drawn = self._named()
+        """Medians with the shortest 90 % intervals, by name."""
         low, high = (self.unknowns.named(u) for u in self.unknowns.bounds)
         found = {}
-        for name, value in best.items():
+        for name, values in self._named().items():
             bounds = (low[name], high[name])
-            ends = interval(
-                drawn[name], self.weight, value, bounds, logarithmic=name in BASE_NAMES[:2]
+            middle, *ends = summary(
+                values, self.weight, self.log_density, bounds, logarithmic=name in BASE_NAMES[:2]
             )
-            found[name] = {"value": value, "low": ends[0], "high": ends[1]}
+            found[name] = {"value": middle, "low": ends[0], "high": ends[1]}
         return found
 
     @property
@@ -83,7 +82,7 @@ def sample(fitter: Fitter, fit: Fit, rng: np.random.Generator) -> Posterior:
         )
     except ValueError:  # nothing can be drawn about this minimum
         return gaussian(fit)
-    return Posterior(unknowns, fit.u, draws.parameters, draws.weight)
+    return Posterior(unknowns, fit.u, draws.parameters, draws.weight, draws.log_target)
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +121,9 @@ def gaussian(fit: Fit) -> Posterior:
     u = fit.u + drawn @ _root(fit.information).T
     inside = u[((u >= low) & (u <= high)).all(axis=1)]
     u = inside if len(inside) else fit.u[None]
-    return Posterior(fit.unknowns, fit.u, u, np.full(len(u), 1.0 / len(u)))
+    off = u - fit.u
+    log_density = -0.5 * np.einsum("ni,ij,nj->n", off, fit.information, off)
+    return Posterior(fit.unknowns, fit.u, u, np.full(len(u), 1.0 / len(u)), log_density)
 
 
 def _root(information: Array) -> Array:

@@ -12,8 +12,11 @@ from skinlab.curves.curve import Curve
 from skinlab.inference.identify import Identifier
 from skinlab.inference.noise import roughness
 from skinlab.inference.result import Identification
+<<<<<<< HEAD
+=======
 from skinlab.inference.uncertainty import Sensor
 from skinlab.workers import Pool
+>>>>>>> main
 
 _FEWEST_SAMPLES = 20
 
@@ -35,7 +38,8 @@ def with_stated_noise(
     deflection = noise_um if sensor.noise_um is None else sensor.noise_um
     if deflection is None:
         deflection = noise_from_repeats_um(curves, identifier.phases)
-    return replace(identifier, sensor=Sensor(deflection, pressure))
+    known = replace(sensor, noise_um=deflection, pressure_noise_mbar=pressure)
+    return replace(identifier, sensor=known)
 
 
 def noise_from_repeats_um(

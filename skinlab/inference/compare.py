@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from skinlab.errors import InputError
-from skinlab.inference.joint import GaussianPrior, JointMisfit
+from skinlab.inference.joint import JointMisfit
 from skinlab.inference.optimise import polish
 from skinlab.inference.result import Identification, Value
 
@@ -135,8 +135,7 @@ def _one_skin(before: Identification, after: Identification) -> float | None:
     """Return the probability of so much more misfit of one skin to both than of two skins.
 
     Twice the logarithm of a likelihood ratio is distributed as chi-square with as many degrees of
-    freedom as there are unknowns (Wilks 1938). Where the misfits are more than noise explains, they
-    are scaled as the intervals are.
+    freedom as there are unknowns (Wilks 1938).
     """
     a, b = before.uncertainty, after.uncertainty
     assert a is not None
@@ -145,20 +144,15 @@ def _one_skin(before: Identification, after: Identification) -> float | None:
         return None
     # The stated thickness' uncertainty counts once for each: one skin may have been restated.
     parts = (*a.parts, *b.parts)
-    scale = 1.0
     apart = 0.0
     starts = []
-    for answer, left in ((before, a), (after, b)):
+    for left in (a, b):
         heavy = np.argsort(-left.draws.weight)[:_STARTS]
         starts.append(left.draws.unit[heavy])
         least = _least(left.space, JointMisfit(left.parts), starts[-1])
         apart += least
-        data = sum(not isinstance(part, GaussianPrior) for part in left.parts)
-        freedom = answer.fitted_points - len(left.names)
-        if left.above_noise and data and freedom > 0:
-            scale = max(scale, least / freedom)
     together = _least(a.space, JointMisfit(parts), np.concatenate(starts))
-    return float(chi2.sf(max(together - apart, 0.0) / scale, a.draws.unit.shape[1]))
+    return float(chi2.sf(max(together - apart, 0.0), a.draws.unit.shape[1]))
 
 
 def _least(space: Any, misfit: JointMisfit, starts: Array) -> float:

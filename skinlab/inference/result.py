@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from drivers.dose import Dose
 from skinlab.curves.curve import Setup
+from skinlab.inference.error_judgement import ErrorModelSummary, PlacementSummary
 from skinlab.inference.uncertainty import Uncertainty
 
 Array = NDArray[np.float64]
@@ -37,6 +38,7 @@ class Identification:
     points: int = 0
     phases: tuple[str, ...] = ("load",)
     parameters: dict[str, Value] | None = None  # by name, with unit; the order is `order`
+    optimum: dict[str, float] | None = None  # the best fit, which E, rms and `model_mm` are of
     nu_consistent: float | None = None
     kappa_MPa: float | None = None
     correlation: tuple[tuple[float, ...], ...] | None = None
@@ -49,6 +51,9 @@ class Identification:
     flags: tuple[str, ...] = ()
     fitted: NDArray[np.bool_] | None = None  # (points,) which samples were fitted
     model_mm: Array | None = None  # (points,) the fitted curve; NaN where there is no model
+    outliers: NDArray[np.bool_] | None = None  # (points,) left out, since they do not belong
+    error_model: ErrorModelSummary | None = None  # of the samples' errors, with intervals
+    placement: PlacementSummary | None = None  # of several curves, where placements may differ
     fitted_points: int = 0
     files: tuple[str, ...] | None = None  # of a joint identification
     uncertainty: Uncertainty | None = None  # where the method gives intervals
@@ -69,6 +74,7 @@ class Identification:
                 name: {"value": v.value, "low": v.low, "high": v.high} for name, v in values.items()
             }
             or None,
+            "optimum": self.optimum,
             "nu_consistent": self.nu_consistent,
             "kappa_MPa": self.kappa_MPa,
             "order": list(values),
@@ -78,6 +84,11 @@ class Identification:
             "error_um": self.error_um,
             "rms_um": self.rms_um,
             "noise_um": self.noise_um,
+            "error_model": self.error_model and asdict(self.error_model),
+            "placement": self.placement and asdict(self.placement),
+            "outliers": []
+            if self.outliers is None
+            else [int(i) for i in self.outliers.nonzero()[0]],
             "iterations": self.iterations,
             "evaluations": self.evaluations,
             "seconds": self.seconds,

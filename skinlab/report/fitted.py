@@ -60,6 +60,7 @@ def fit_again(curve: Curve, result: StoredResult, identifier: Identifier) -> Fit
     """
     try:
         chosen = choose(curve, result.phases or identifier.phases, identifier.database)
+        chosen.mask[[i for i in result.outliers if 0 <= i < len(curve)]] = False
         make = _with_effects if identifier.model.effects else _from_database
         at = make(chosen, result, identifier)
     except NotTrustworthyError as error:
@@ -92,7 +93,8 @@ def _from_database(chosen: Fitted, result: StoredResult, identifier: Identifier)
     values = result.parameters or {}
     if set(values) != set(_BASE):
         raise InputError("its parameters are not those of the base law")
-    x = np.array([[values[name].value for name in _BASE]])
+    best = result.optimum or {name: value.value for name, value in values.items()}
+    x = np.array([[best[name] for name in _BASE]])
     database, kappa = identifier.database, identifier.kappa
     (members,) = group([chosen])
     model = members.model(database, kappa)
@@ -112,7 +114,7 @@ def _from_database(chosen: Fitted, result: StoredResult, identifier: Identifier)
 
 
 def _with_effects(chosen: Fitted, result: StoredResult, identifier: Identifier) -> _Model:
-    values = {name: value.value for name, value in (result.parameters or {}).items()}
+    values = result.optimum or {n: value.value for n, value in (result.parameters or {}).items()}
     if not set(_BASE) <= set(values):
         raise InputError("its parameters are not those of its model")
     effects = {

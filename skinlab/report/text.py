@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from drivers.dose import Dose
+from skinlab.inference.error_judgement import ErrorModelSummary
+from skinlab.inference.flags import CATALOGUE
 from skinlab.inference.result import Advice, Identification
 from skinlab.text import inert
 
@@ -40,10 +42,36 @@ def describe(result: Identification) -> str:
         if result.noise_um:
             text += f", noise {result.noise_um:.3g} µm"
         lines.append(text)
+    if result.error_model is not None:
+        lines.append(f"  errors: {errors_in_words(result.error_model)}")
     lines += [f"  {sentence}" for sentence in explain(result)]
     if result.flags:
         lines.append(f"  flags: {', '.join(result.flags)}")
     return "\n".join(lines)
+
+
+_ERRORS = {
+    "white_um": "white {} µm",
+    "ou_um": "lasting {} µm",
+    "ou_s": "for {} s",
+    "proportional_share": "{} of the deflection",
+    "pressure_mbar": "pressure {} mbar",
+    "step_um": "steps of {} µm",
+    "breathing_um": "breathing {} µm",
+    "breathing_hz": "at {} Hz",
+    "pulse_um": "pulse {} µm",
+    "pulse_hz": "at {} Hz",
+    "freedom": "heavy tails (Student's t, {} degrees)",
+}
+
+
+def errors_in_words(model: ErrorModelSummary) -> str:
+    """Return an error model in a few words, with its numbers."""
+    parts = [
+        _ERRORS.get(name, name + " {}").replace("{}", f"{value:.2g}")
+        for name, value in model.parameters.items()
+    ]
+    return f"{', '.join(parts)} ({model.why})"
 
 
 def explain(result: Identification, noise_um: float | None = None) -> list[str]:
@@ -64,6 +92,13 @@ def explain(result: Identification, noise_um: float | None = None) -> list[str]:
             f"The residual is {much} the noise: the model misses something here, and the "
             "intervals mean less."
         )
+    for flag in result.flags:
+        kind, _, what = flag.partition(":")
+        if kind in ("outliers", "correlated_noise", "stated_noise_contradicted"):
+            meaning = CATALOGUE[kind].meaning.replace("{}", what)
+            if kind == "stated_noise_contradicted" and result.error_model is not None:
+                meaning += f" ({result.error_model.why.rpartition('; ')[2]})"
+            found.append(meaning)
     bounds = [f.split(":")[1] for f in result.flags if f.startswith("at_bound:")]
     if bounds:
         names = " and ".join(_UNITS.get(name, (name, ""))[0] for name in bounds)

@@ -15,6 +15,7 @@ from drivers.events import (
 )
 from skinlab.curves.curve import Setup
 from skinlab.curves.program import Hold, Program, Ramp, Release, Segment
+from skinlab.inference.flags import CATALOGUE
 from skinlab.inference.result import Identification, Value
 from skinlab.quality.gates.base import Finding
 from skinlab.report.text import explain
@@ -27,16 +28,6 @@ if TYPE_CHECKING:
     from skinlab.discrepancy.outcome import Outcome
 
 _UNITS = {"X1_MPa": ("X1", "MPa"), "X2_MPa": ("X2", "MPa"), "nu": ("nu", "")}
-
-_FLAGS = {
-    "at_bound": "{} at the edge of its range",
-    "not_identifiable": "{} is not fixed by this curve",
-    "misfit_above_noise": "misfit above the noise",
-    "outside_database": "partly outside the database",
-    "not_converged": "not converged",
-    "partial_curve": "cut short",
-    "not_first_cycle": "not the first loading",
-}
 
 _LABEL = 5  # cells of a parameter's name
 _BAR = 12  # cells of the progress bar
@@ -52,7 +43,7 @@ def name_of(parameter: str) -> str:
 def flag_words(flag: str) -> str:
     """Return a flag of an identification in words."""
     kind, _, parameter = flag.partition(":")
-    words = _FLAGS.get(kind, kind.replace("_", " "))
+    words = CATALOGUE[kind].label if kind in CATALOGUE else kind.replace("_", " ")
     return words.format(name_of(parameter)) if "{}" in words else words
 
 
@@ -336,7 +327,7 @@ def value_bar(name: str, value: Value, columns: int) -> str:
     return interval_bar(low, best, high, columns)
 
 
-_WHAT_TO_DO = {
+_WHAT_TO_DO = {  # with the screen's own keys; the rest is the catalogue's advice
     "not_identifiable": "Measure with another opening too and fit together (s, j), or go higher.",
     "misfit_above_noise": "What it misses: press d.",
     "at_bound": "Do not use the number as it is.",

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 from skinlab.plugins import Registry, needs
+
+if TYPE_CHECKING:
+    from skinlab.inference.error_models.base import ErrorModel
 
 
 def check_error_model(one: object) -> None:
@@ -16,6 +19,6 @@ def check_error_model(one: object) -> None:
     needs(one, "part")
 
 
-ERROR_MODELS: Registry[Any] = Registry(
+ERROR_MODELS: Registry[ErrorModel] = Registry(
     "error model", __name__, "ERROR_MODEL", "skinlab.error_models", check_error_model
 )

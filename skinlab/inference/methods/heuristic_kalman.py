@@ -10,6 +10,10 @@ the Gaussian starts in the middle of the box with one sixth of its width for S.
 
 Two things differ. Unknowns are points of the space's unit cube, because the slowdown mixes their
 variances, which X1 in MPa and ν do not share. What is drawn outside of the cube is no candidate.
+
+Unverified: whether the slowdown's max W is of variances, as here, or of standard deviations, as
+W = √P in the source would have it, as far as remembered. The papers could not be read again. With
+S at most 1/6 variances are the smaller, and the Gaussian shrinks sooner.
 """
 
 from __future__ import annotations

@@ -76,32 +76,34 @@ def identify(
     check(options)
     sampling = SAMPLING.of(options)
     low, high = np.zeros(len(problem.space.names)), np.ones(len(problem.space.names))
-    previous = np.inf
+    previous = least = np.inf
+    last = 0.5 * (low + high)
     for iteration in range(1, options.most_iterations + 1):
         candidates = low + (high - low) * draw(rng, options.samples, len(low), sampling)
         error = problem.error_um(problem.space.from_unit(candidates))
         order = np.argpartition(error, options.best - 1)[: options.best]
         order = order[np.isfinite(error[order])]
         watch(Draw(low, high, candidates, error, order))
-        if order.size:
-            elite = candidates[order]
-            best = int(order[np.argmin(error[order])])
-            low, high = elite.min(axis=0), elite.max(axis=0)
-            if abs(previous - error[best]) <= options.tolerance_um:
-                return Estimate(
-                    problem.space.from_unit(candidates[best]),
-                    float(error[best]),
-                    iteration,
-                    iteration * options.samples,
-                    converged=True,
-                )
-            previous = float(error[best])
-            last = candidates[best]
-    if not np.isfinite(previous):
-        last = 0.5 * (low + high)
+        if order.size and float(error[order].min()) < least:
+            last, least = candidates[order[np.argmin(error[order])]], float(error[order].min())
+        if order.size < 2:
+            continue  # no box is spanned by less: draw again
+        elite = candidates[order]
+        best = int(order[np.argmin(error[order])])
+        low, high = elite.min(axis=0), elite.max(axis=0)
+        if abs(previous - error[best]) <= options.tolerance_um:
+            return Estimate(
+                problem.space.from_unit(candidates[best]),
+                float(error[best]),
+                iteration,
+                iteration * options.samples,
+                converged=True,
+            )
+        previous = float(error[best])
+        last, least = candidates[best], previous
     return Estimate(
         problem.space.from_unit(last),
-        previous,
+        least,
         options.most_iterations,
         options.most_iterations * options.samples,
         converged=False,

@@ -175,7 +175,7 @@ def test_whitening_is_that_of_the_dense_covariance():
     assert [len(part) for part in errors.split(r)] == [len(x.curve) for x in records]
     # What is left of r when the mesh's most probable share is taken off: σ² Σ⁻¹ r.
     left = errors.sigma_mm * np.linalg.solve(covariance, r[:, 0])
-    np.testing.assert_allclose(errors.without_mesh(r[:, 0]), left, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(errors.without_columns(r[:, 0]), left, rtol=1e-6, atol=1e-9)
 
 
 # ---- the fast model ------------------------------------------------------------------------------

@@ -115,8 +115,10 @@ def test_the_papers_blind_test_twenty_seeds(grid, blind_curve):
 
 def test_auto_finds_the_truth_of_a_noise_free_curve(grid, blind_curve):
     result = Identifier(grid)(blind_curve)
-    values = [v.value for v in result.parameters.values()]
-    np.testing.assert_allclose(values, TRUE, rtol=2e-3)
+    # Medians, since the mesh may err: in this direction a sensor without noise does not help.
+    values = list(result.parameters.values())
+    np.testing.assert_allclose([v.value for v in values], TRUE, rtol=0.015)
+    assert all(v.low < t < v.high for v, t in zip(values, TRUE, strict=True))
     assert result.error_um < 0.002
     assert result.rms_um == pytest.approx(result.error_um * np.sqrt(len(blind_curve)))
     assert result.flags == ()
@@ -173,7 +175,8 @@ def test_the_document_has_the_contracts_fields(grid, blind_curve):
     assert set(entry) == {
         "file", "error", "points", "fitted_points", "phases", "aperture_mm", "thickness_mm",
         "parameters", "nu_consistent", "kappa_MPa", "order", "correlation", "error_um", "rms_um",
-        "noise_um", "iterations", "evaluations", "seconds", "flags",
+        "noise_um", "iterations", "evaluations", "seconds", "flags", "error_model",
+        "placement", "optimum", "outliers",
     }  # fmt: skip
     assert entry["order"] == ["X1_MPa", "X2_MPa", "nu"]
     assert set(entry["parameters"]["nu"]) == {"value", "low", "high"}

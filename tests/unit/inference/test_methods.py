@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 
+from skinlab.curves.curve import Curve, Setup
 from skinlab.errors import InputError
+from skinlab.inference.identify import Identifier
 from skinlab.inference.methods import (
     gauss_newton,
     gauss_newton_linesearch,
@@ -396,3 +400,38 @@ def test_the_papers_blind_test(method, grid):
     found = run(method, problem)
     np.testing.assert_allclose(found.parameters, true, rtol=1e-3)
     assert found.error_um < 1e-3
+
+
+class Speckled:
+    """A bowl with a model at one candidate of a draw only, now and then at more."""
+
+    def __init__(self, finite):
+        self.finite, self.calls = finite, 0
+
+    def __call__(self, parameters):
+        self.calls += 1
+        cost = ((parameters - TRUE) ** 2).sum(axis=1)
+        cost[self.finite(self.calls) :] = np.inf
+        return cost
+
+
+def test_sto_does_not_converge_on_a_box_of_one_candidate():
+    """One finite candidate collapsed the box onto itself, and was called converged."""
+    problem = Problem(UNIT, Speckled(lambda call: 1), 10)
+    found = stochastic.identify(problem, Options(most_iterations=30), np.random.default_rng(0))
+    assert not found.converged
+    assert np.isfinite(found.error_um)
+    problem = Problem(UNIT, Speckled(lambda call: 1 if call < 4 else 1000), 10)
+    found = stochastic.identify(problem, Options(), np.random.default_rng(0))
+    assert found.converged
+    np.testing.assert_allclose(found.parameters, TRUE, atol=2e-3)
+
+
+@pytest.mark.parametrize("method", ["lm", "auto", "gn", "sto"])
+def test_a_curve_without_any_pressure_has_an_answer(table, method):
+    """MINPACK refuses fewer residuals than unknowns, which ended in a traceback."""
+    zero = np.zeros(51)
+    curve = Curve("zero", Setup(6.0, 1.0), np.arange(51) / 10, zero, zero)
+    result = Identifier(table, method=method)(curve)
+    assert result.error is None
+    json.dumps(result.to_json(), allow_nan=False)

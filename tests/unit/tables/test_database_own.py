@@ -184,10 +184,17 @@ def test_identify_finds_the_skin_and_the_effect(tiny, off_the_nodes, tmp_path, c
     assert said["model"]["hash"] == database.spec.model.hash
     (answer,) = said["curves"]
     assert answer["order"] == list(truth)
-    for name, value in truth.items():
-        found = answer["parameters"][name]
-        assert found["low"] <= value <= found["high"]
     assert answer["rms_um"] < 2.0
+    identifier = with_own_database(Identifier(database), database, phases_said=False)
+    held = dict.fromkeys(truth, 0)
+    for seed in range(6):
+        noise = np.random.default_rng(seed).normal(0.0, 0.002, len(off_the_nodes))
+        noisy = dataclasses.replace(
+            off_the_nodes, deflection_mm=off_the_nodes.deflection_mm + noise
+        )
+        for name, found in identifier(noisy).parameters.items():
+            held[name] += found.low <= truth[name] <= found.high
+    assert min(held.values()) >= 4, held
 
 
 def test_a_models_prior_counts(tiny, off_the_nodes):
