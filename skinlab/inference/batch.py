@@ -12,11 +12,7 @@ from skinlab.curves.curve import Curve
 from skinlab.inference.identify import Identifier
 from skinlab.inference.noise import roughness
 from skinlab.inference.result import Identification
-<<<<<<< HEAD
-=======
-from skinlab.inference.uncertainty import Sensor
 from skinlab.workers import Pool
->>>>>>> main
 
 _FEWEST_SAMPLES = 20
 
