@@ -218,7 +218,7 @@ def vent_keys_in_tmux(port: str, curves: int, folder: Path) -> dict[str, Any]:
 
 
 def _of_session(session: Any, terminal: Terminal, runs: list[tuple[float, float]]) -> Any:
-    rows = np.array(sample_rows(session.records))
+    rows = np.array(sample_rows(session))
     sequence, host_s = rows[:, 0], rows[:, 5]
     jumps = np.diff(sequence)
     frames_per_s, gaps, completion, points = [], [], [], []

@@ -21,8 +21,8 @@ from sim_device.plant import Plant
 from sim_device.program import Run
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.mechanics.effects.model import Effects, Sensors, SkinCurve, problem_of, solve_skin
-from skinlab.mechanics.effects.model import Skin as Law
 from skinlab.mechanics.fem.element import QUAD9_FULL
+from skinlab.mechanics.fem.skin import Skin as Law
 from skinlab.mechanics.fem.skin import SkinProblem
 from skinlab.mechanics.fem.suction import Discretisation, Geometry
 
@@ -79,7 +79,7 @@ class SolvedSkin:
     """A skin of the paper's law with any effects: its dome depends on pressure, time and cycle."""
 
     def __init__(self, skin: SkinSection, effects: Effects) -> None:
-        self._law = Law(skin.X1_MPa, skin.X2_MPa, skin.nu, skin.kappa)
+        self._law = Law((skin.X1_MPa, skin.X2_MPa, skin.nu), skin.kappa)
         self._thickness_mm = skin.thickness_mm
         self._effects = effects
         self._sensors = Sensors.of(effects)

@@ -117,6 +117,24 @@ class Registry(Generic[T]):
         self._all()
         return dict(self._refused)
 
+    @contextlib.contextmanager
+    def lent(self, one: T) -> Iterator[T]:
+        """Have one more in this process for a while: one that is in no file and not installed.
+
+        Raises:
+            TypeError, ValueError: it is none of this kind.
+        """
+        self._check(one)
+        found = self._all()
+        before = found.get(one.name)
+        found[one.name] = one
+        try:
+            yield one
+        finally:
+            del found[one.name]
+            if before is not None:
+                found[one.name] = before
+
     def _all(self) -> dict[str, T]:
         with self._lock:
             if not self._looked:

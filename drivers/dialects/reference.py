@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from typing import assert_never
 from urllib.parse import unquote_to_bytes
 
+from drivers.capabilities import CONTROLLABLE
 from drivers.errors import LocalProtocolError, RemoteProtocolError
 from drivers.events import (
     Arm,
@@ -27,6 +28,7 @@ from drivers.events import (
     Load,
     Loaded,
     Pace,
+    Reading,
     Refused,
     Reset,
     Sample,
@@ -78,6 +80,7 @@ class Reference:
 
     name = "reference"
     protocol_version = PROTOCOL_VERSION
+    capabilities = CONTROLLABLE
 
     def take(self, buffer: bytearray) -> bytes | Damaged | None:
         """See `Dialect.take`: a frame runs from `$` to the line feed, and reading restarts at `$`.
@@ -157,6 +160,8 @@ class Reference:
             case InstrumentFault():
                 return _frame("FAULT", _text(event.code), _text(event.text))
             case Hello():
+                if event.aperture_mm is None:
+                    raise LocalProtocolError("HELLO needs an aperture")
                 return _frame(
                     "HELLO",
                     _int(event.protocol_version, 1, "protocol version"),
@@ -173,6 +178,8 @@ class Reference:
                 )
             case Pace():
                 return _frame("PACE", _int(event.speed, _MILLI, "pace"))
+            case Reading():
+                raise LocalProtocolError("a reading outside of a run cannot be sent")
             case _:
                 assert_never(event)
 

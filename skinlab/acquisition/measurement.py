@@ -240,10 +240,15 @@ _LINKLESS = frozenset({Phase.SEARCHING, Phase.CHECKING})
 
 
 class Measurement:
-    """One series after the other, at one instrument, until it is closed."""
+    """One series after the other, at one instrument, until it is closed.
 
-    def __init__(self, policy: Policy = Policy()) -> None:
+    controls: the instrument does what it is told. One that only streams is started by somebody
+    there: Start waits for it; nothing vents it, and its readings never fall silent.
+    """
+
+    def __init__(self, policy: Policy = Policy(), *, controls: bool = True) -> None:
         self.policy = policy
+        self.controls = controls
         self.phase = Phase.READY
         self.wake_at: float | None = None  # when `handle(None)` is due
         self._out: list[Output] = []
@@ -425,7 +430,8 @@ class Measurement:
                 self._end_repeat(None)
                 self.phase = Phase.SETTLING
             case Phase.RUNNING:
-                self._fault(f"the instrument vented by itself ({reason})", now)
+                what = "the instrument vented by itself" if self.controls else "the curve was cut"
+                self._fault(f"{what} ({reason})", now)
             case Phase.ARMED | Phase.STARTING if state is not _S.ARMED:
                 self._fault(f"the instrument is {state} ({reason})", now)
             case Phase.CHECKING | Phase.SEARCHING | Phase.CLOSED:
@@ -447,7 +453,8 @@ class Measurement:
                 self._why = f"{self._why}; {why}" if self._why else why
             return
         self._error = error
-        told = why if error is not None else f"{why}; the probe was told to vent"
+        silent = error is not None or not self.controls
+        told = why if silent else f"{why}; the probe was told to vent"
         self._give_up(told, now, keep_error=True)
 
     def _lose(self, reason: str, now: float) -> None:
@@ -518,7 +525,7 @@ class Measurement:
 
     def _when_quiet(self, now: float, why: str, phase: Phase) -> None:
         quiet_at = self._last_event_s + self.policy.quiet_s
-        if now >= quiet_at:
+        if now >= quiet_at or not self.controls:
             self._end_series(why, phase)
         else:
             self.wake_at = quiet_at
@@ -544,7 +551,9 @@ class Measurement:
         """Rest from when the pressure was gone: an outage counts."""
         assert self._plan is not None
         self.phase = Phase.RESTING
-        self.wake_at = max(now, self._vented_s + self._plan.rest_s)
+        # Whoever starts the instrument there decides about the rest
+        rest_s = self._plan.rest_s if self.controls else 0.0
+        self.wake_at = max(now, self._vented_s + rest_s)
 
     def _end_repeat(self, cut: str | None) -> None:
         """Report the end of what was armed, once; each loading makes the next one another cycle."""

@@ -13,6 +13,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from drivers.dialects import describe_dialect
 from drivers.dose import Dose
 from drivers.errors import DriverError, LinkError
 from drivers.events import TimedEvent
@@ -327,7 +328,10 @@ class ProbeSession:
     def _take_up(self, port: str, probe: Probe, source: LiveSource, hello: Hello) -> bool:
         """Go on with the session that was left open; False: there is none, or not of this kind."""
         visit = self._visit
-        if visit is not None and visit.simulated != hello.simulated:
+        if visit is not None and (visit.simulated, visit.dialect) != (
+            hello.simulated,
+            describe_dialect(probe.dialect),
+        ):
             self._end_visit()
             probe.carry_dose(Dose())
             visit = None
@@ -355,7 +359,12 @@ class ProbeSession:
             raise LinkError("no probe is connected")
         path = new_session_path(self._folder, self._now())
         recording = SessionRecording(
-            path, identifier, subject=order.subject, site=order.site, url=order.port
+            path,
+            identifier,
+            subject=order.subject,
+            site=order.site,
+            url=order.port,
+            dialect=probe.dialect,
         )
         self._tap.into(recording.journal)
         runner.source.journal = recording.journal
@@ -366,6 +375,7 @@ class ProbeSession:
             self._outbox.add,
             lambda index, result: self._post(Estimated(index, result)),
             simulated=probe.hello is not None and probe.hello.simulated,
+            dialect=describe_dialect(probe.dialect),
         )
         self._post(Recording(path))
 

@@ -21,7 +21,7 @@ from skinlab.inference.problem import Options, check
 from skinlab.inference.result import Identification
 from skinlab.inference.uncertainty import Sensor
 from skinlab.mechanics.model_file import decode_model
-from skinlab.recording.recorded import recorded_items
+from skinlab.recording.recorded import dialect_of, recorded_items
 from skinlab.recording.session import Session
 from skinlab.recording.stream import CurveCompleted, Message
 from skinlab.tables.base import Database
@@ -125,7 +125,7 @@ def replay(
             curves.append(message.curve)
 
     pipeline = Pipeline(identifier, [keep, *listeners])
-    for item in recorded_items(session.records):
+    for item in recorded_items(session.records, dialect_of(session.meta)):
         if control is not None and isinstance(item, TimedEvent):
             sample = isinstance(item.event, Sample)
             if not control.wait(item.host_time_s, sample=sample):

@@ -130,7 +130,7 @@ class Replayer:
             InputError: it cannot be read.
         """
         from skinlab.acquisition.replay import identifier_of, replay
-        from skinlab.recording.recorded import recorded_items
+        from skinlab.recording.recorded import dialect_of, recorded_items
         from skinlab.recording.session import read_session
 
         del anew  # every replay is
@@ -145,7 +145,8 @@ class Replayer:
             identifier, _ = identifier_of(session)
             self.analysis.use(identifier)
             worker = IdentificationWorker(identifier, self._estimated)
-            events = [i for i in recorded_items(session.records) if isinstance(i, TimedEvent)]
+            items = recorded_items(session.records, dialect_of(session.meta))
+            events = [item for item in items if isinstance(item, TimedEvent)]
             times = [event.host_time_s for event in events]
             self._begin_s = min(times, default=0.0)
             self._length_s = max(times, default=0.0) - self._begin_s

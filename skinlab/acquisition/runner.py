@@ -65,7 +65,9 @@ class Runner:
         self._deliver = deliver
         self._report = report
         self._clock = clock
-        self._measurement = Measurement(Policy() if policy is None else policy)
+        self._measurement = Measurement(
+            Policy() if policy is None else policy, controls=not source.read_only
+        )
         self._requests: queue.SimpleQueue[tuple[Request, int | None]] = queue.SimpleQueue()
         self._commands: queue.SimpleQueue[tuple[Awaited, int] | None] = queue.SimpleQueue()
         self._outcomes: deque[Outcome] = deque()

@@ -28,11 +28,13 @@ class Visit:
         estimated: Callable[[int, Identification], None],
         *,
         simulated: bool,
+        dialect: dict[str, Any],
     ) -> None:
         """`worker` does what `identifier` would; `estimated` hears of growing curves."""
         self.recording = recording
         self.identifier = identifier
         self.simulated = simulated
+        self.dialect = dialect  # as the session has it: bytes of another one have no place in it
         self.unsaved = False  # something came since the file was last written
         self._worker = IdentificationWorker(worker, estimated)
         listeners: list[Listener] = [recording, self._note, listener, self._worker.listen]

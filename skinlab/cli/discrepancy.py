@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING
 
 import click
 
-from skinlab.cli.options import json_option
+from skinlab.cli.options import database_option, json_option
 from skinlab.cli.output import echo, echo_text, print_json
 
 if TYPE_CHECKING:
     from skinlab.discrepancy.outcome import Outcome
+    from skinlab.mechanics.model_file import Model
+    from skinlab.tables.table import Table
 
 
 @click.command()
@@ -22,6 +24,7 @@ if TYPE_CHECKING:
 @click.option(
     "--model", "model_path", type=click.Path(path_type=Path), help="Model to start from [base]."
 )
+@database_option()
 @click.option("--adopt", type=click.Path(path_type=Path), help="Write the model with the effect.")
 @click.option("--report", type=click.Path(path_type=Path), help="Folder for an HTML report.")
 @click.option("--workers", type=int, help="Processes; same answers [default: all cores].")
@@ -30,6 +33,7 @@ if TYPE_CHECKING:
 def command(
     campaign: Path,
     model_path: Path | None,
+    database_path: Path | None,
     adopt: Path | None,
     report: Path | None,
     workers: int | None,
@@ -52,10 +56,10 @@ def command(
 
         raise InputError(f"{adopt}: exists already; expected a new file")
     outcome, files = _outcome(
-        campaign, model_path, workers or os.cpu_count() or 1, no_cache, report
+        campaign, model_path, database_path, workers or os.cpu_count() or 1, no_cache, report
     )
     if adopt is not None:
-        outcome = _adopt(outcome, adopt, model_path, files)
+        outcome = _adopt(outcome, adopt, model_path, database_path, files)
     if report is not None:
         from skinlab.report.missing_effect import write_report
 
@@ -70,19 +74,23 @@ def command(
 
 
 def _outcome(
-    path: Path, model_path: Path | None, workers: int, no_cache: bool, report: Path | None
+    path: Path,
+    model_path: Path | None,
+    database_path: Path | None,
+    workers: int,
+    no_cache: bool,
+    report: Path | None,
 ) -> tuple[Outcome, list[Path]]:
     from skinlab.discrepancy import cache
     from skinlab.discrepancy.adopt import hashes
     from skinlab.discrepancy.records import records_of
     from skinlab.discrepancy.workflow import Partial, explain
-    from skinlab.mechanics.model_file import BASE, read_model
     from skinlab.recording.load_inputs import read_campaign_or_session
-    from skinlab.tables.store import shipped_table
+    from skinlab.tables.store import read, shipped_table
 
-    model = BASE if model_path is None else read_model(model_path)
     campaign, files = read_campaign_or_session(path)
-    table = shipped_table()
+    table = shipped_table() if database_path is None else read(database_path)
+    model = _base(model_path, table)
     data = (f"{file} {content}" for file, content in hashes(files).items())
     name = cache.key([model.hash, table.content_hash, *data])
     known = None if no_cache else cache.load(name, records_of(campaign))
@@ -112,24 +120,39 @@ def _outcome(
     return outcome, files
 
 
-def _adopt(outcome: Outcome, to: Path, model_path: Path | None, files: list[Path]) -> Outcome:
+def _base(model_path: Path | None, table: Table) -> Model:
+    """Return the model to start from: that of the file, else the table's law as it is."""
+    from skinlab.mechanics.model_file import BASE, Header, Model, read_model
+
+    if model_path is not None:
+        return read_model(model_path)
+    return BASE if table.law == BASE.model.law else Model(Header(table.law, table.law))
+
+
+def _adopt(
+    outcome: Outcome,
+    to: Path,
+    model_path: Path | None,
+    database_path: Path | None,
+    files: list[Path],
+) -> Outcome:
     from dataclasses import replace
     from importlib.metadata import version
 
     from skinlab.discrepancy.adopt import adopted, hashes
     from skinlab.io.files import write_file
-    from skinlab.mechanics.model_file import BASE, read_model
-    from skinlab.tables.store import shipped_table
+    from skinlab.tables.store import read, shipped_table
 
     if outcome.verdict.name != "named":
         echo(f"skinlab: the verdict is {outcome.verdict.name}: there is nothing to adopt", err=True)
         return outcome
+    table = shipped_table() if database_path is None else read(database_path)
     model = adopted(
-        BASE if model_path is None else read_model(model_path),
+        _base(model_path, table),
         outcome.posteriors[outcome.best.effects],
         verdict=outcome.verdict.name,
         data=hashes(files),
-        database_hash=shipped_table().content_hash,
+        database_hash=table.content_hash,
         version=version("skinlab"),
         date=datetime.datetime.now(datetime.UTC).date().isoformat(),
     )

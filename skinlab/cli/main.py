@@ -109,13 +109,20 @@ def run(arguments: Sequence[str] | None = None) -> int:
 
 
 def _explain(error: Exception) -> int:
-    from drivers.errors import DriverError, PortUrlError
+    from drivers.errors import (
+        DialectFileError,
+        DriverError,
+        PortUrlError,
+        UnknownDialectError,
+    )
     from skinlab.errors import SkinlabError
 
     if isinstance(error, SkinlabError):
         return _say(str(error), error.exit_status)
-    if isinstance(error, PortUrlError):
+    if isinstance(error, PortUrlError | UnknownDialectError):
         return _say(str(error), 2)
+    if isinstance(error, DialectFileError):
+        return _say(str(error), 3)
     if isinstance(error, DriverError):
         return _say(str(error), 4)
     if isinstance(error, OSError):

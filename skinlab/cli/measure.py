@@ -5,16 +5,19 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from drivers.capabilities import CANNOT_VENT, READ_ONLY
+from drivers.events import Damaged, InstrumentState, Sample, State
 from drivers.limits import DEFAULT_DOSE_MBAR_S
+from drivers.line_dialect import IGNORED
 from skinlab.cli.interrupts import interrupt_on_signals
 from skinlab.cli.method_options import MethodCommand
 from skinlab.cli.options import (
+    dialect_option,
     geometry_options,
     identification_options,
     json_option,
@@ -24,15 +27,23 @@ from skinlab.cli.options import (
 from skinlab.cli.output import echo, echo_text, print_json
 
 if TYPE_CHECKING:
+    from drivers.dialects import Dialect
     from drivers.probe import Probe
     from skinlab.acquisition.measurement import Plan
     from skinlab.curves.program import Program
+    from skinlab.recording.stream import Message
+
+_NOT_UNDERSTOOD = 10  # lines, after which it is said
 
 
 @click.command(cls=MethodCommand)
 @click.option("--port", required=True, help="pyserial URL: /dev/ttyUSB0, COM3, socket://…, sim://")
+@dialect_option()
 @geometry_options(required=True)
-@click.option("--program", required=True, help="What the pump does, e.g. ramp:100@20.")
+@click.option(
+    "--program",
+    help="What the pump does, e.g. ramp:100@20; of a read-only instrument, if known.",
+)
 @click.option("--repeats", default=1, show_default=True, help="How many curves.")
 @click.option("--rest-s", default=5.0, show_default=True, help="Rest between repeats.")
 @click.option("--rate-hz", type=float, help="Samples a second [default: the instrument's].")
@@ -49,10 +60,11 @@ if TYPE_CHECKING:
 @json_option()
 def command(
     port: str,
+    dialect: str | None,
     aperture_mm: float,
     thickness_mm: float,
     thickness_sd_mm: float | None,
-    program: str,
+    program: str | None,
     repeats: int,
     rest_s: float,
     rate_hz: float | None,
@@ -69,7 +81,11 @@ def command(
     \b
     Example: skinlab measure --port "sim://?seed=1" --aperture-mm 6 --thickness-mm 1.0 \\
              --program ramp:100@20 --repeats 2 --out visit.h5 --json
+
+    An instrument whose dialect says that it only streams is measured read-only: you start it, and
+    a curve begins when the pressure leaves zero. --repeats counts curves; Ctrl-C saves what came.
     """
+    from drivers.probe import choose_dialect
     from skinlab.acquisition.measurement import Plan
     from skinlab.curves.curve import Setup
     from skinlab.curves.program import parse_program
@@ -81,8 +97,15 @@ def command(
         raise InputError(f"rate_hz {rate_hz:g}: expected a positive number of samples a second")
     if not 0 <= rest_s <= 3600:
         raise InputError(f"rest_s {rest_s:g}: expected 0–3600 s")
-    asked = parse_program(program)
-    _check_phases(asked, options["phases"])
+    _, speaks = choose_dialect(port, dialect)
+    controls = speaks.capabilities.controllable
+    if program is None and controls:
+        raise click.UsageError("Missing option '--program'.")
+    if rate_hz is not None and not controls:
+        raise click.BadParameter(READ_ONLY, param_hint="--rate-hz")
+    asked = None if program is None else parse_program(program)
+    if asked is not None:
+        _check_phases(asked, options["phases"])
     setup = Setup(
         aperture_mm,
         thickness_mm,
@@ -98,6 +121,7 @@ def command(
         make_identifier(**options),
         subject,
         site,
+        dialect=speaks,
         dose_limit_mbar_s=dose_limit_mbar_s,
         as_json=as_json,
     )
@@ -121,6 +145,7 @@ def run(
     subject: str = "",
     site: str = "",
     *,
+    dialect: Dialect,
     dose_limit_mbar_s: float | None = None,
     as_json: bool,
 ) -> int:
@@ -137,13 +162,16 @@ def run(
     from skinlab.acquisition.sources import LiveSource
     from skinlab.inference.result import Identification, document
     from skinlab.recording.recorder import Recording
-    from skinlab.recording.stream import Flagged, Happened, Identified, Message
+    from skinlab.recording.stream import Flagged, Happened, Identified
     from skinlab.report.outage import outage_words
     from skinlab.report.text import describe, describe_dose
 
     results: list[Identification] = []
+    onlooker = None if dialect.capabilities.controllable else _Onlooker(plan.repeats, dialect.name)
 
     def show(message: Message) -> None:
+        if onlooker is not None:
+            onlooker(message)
         if isinstance(message, Identified):
             results.append(message.result)
             if not as_json:
@@ -158,12 +186,14 @@ def run(
     _check_dose(plan, limit_mbar_s)
     # A terminated process, or one whose terminal is closed, vents like an interrupted one.
     interrupt_on_signals()
-    recording = Recording(out, identifier, subject=subject, site=site, url=port)
+    recording = Recording(out, identifier, subject=subject, site=site, url=port, dialect=dialect)
     shorten_pauses()
     failed: BaseException | None = None
     try:
-        with make_probe(port, on_bytes=recording.journal.raw) as probe:
+        with make_probe(port, dialect=dialect, on_bytes=recording.journal.raw) as probe:
             hello = probe.open()
+            if onlooker is not None:
+                onlooker.begin()
             if hello.simulated and sys.stderr.isatty():
                 echo(f"SIMULATED probe: {hello.model} {hello.firmware}", err=True)
             source = LiveSource(probe, recording.journal)
@@ -184,24 +214,70 @@ def run(
     return 0
 
 
-def probes(dose_limit_mbar_s: float | None) -> Callable[..., Probe]:
+class _Onlooker:
+    """Says on standard error what is waited for, where somebody else starts the instrument."""
+
+    def __init__(self, repeats: int, dialect: str) -> None:
+        self._repeats = repeats
+        self._dialect = dialect
+        self._curves = 0
+        self._readings = self._damaged = 0
+
+    def begin(self) -> None:
+        """Say what this is."""
+        echo(f"skinlab: read-only: {READ_ONLY}; {CANNOT_VENT}", err=True)
+
+    def __call__(self, message: Message) -> None:
+        from skinlab.recording.stream import CurveCompleted, CurveStarted, Happened, Sampled
+
+        match message:
+            case Sampled() | Happened(Sample()):
+                self._readings += 1
+            case Happened(Damaged(reason, data)) if reason != IGNORED:
+                self._damaged += 1
+                if self._damaged == _NOT_UNDERSTOOD and not self._readings:
+                    what = (
+                        f"{_NOT_UNDERSTOOD} lines came, and dialect {self._dialect!r} understands"
+                    )
+                    echo(f"skinlab: {what} none ({reason}), the last one {data[:60]!r}", err=True)
+            case CurveStarted(index):
+                echo(f"skinlab: curve {index}: the pressure left zero", err=True)
+            case CurveCompleted(_, _, None):
+                self._curves += 1
+            case Happened(State(InstrumentState.ARMED)):
+                of = f"curve {self._curves + 1} of {self._repeats}"
+                echo(f"skinlab: {of}: start the instrument; Ctrl-C ends and saves", err=True)
+            case _:
+                pass
+
+
+def probes(dose_limit_mbar_s: float | None, dialect: str | None = None) -> Callable[..., Probe]:
     """Return what makes a Probe with the dose limit that the user asked for; None: the usual one.
+
+    dialect: of ports that do not name their own; the simulated probe always does.
 
     Raises:
         InputError: it is no limit.
     """
+    from drivers.dialects import split_dialect
     from drivers.probe import DEFAULT_LIMITS, Probe
     from skinlab.errors import InputError
 
-    if dose_limit_mbar_s is None:
-        return Probe
-    try:
-        limits = replace(DEFAULT_LIMITS, max_dose_mbar_s=dose_limit_mbar_s)
-    except ValueError:
-        raise InputError(
-            f"dose_limit_mbar_s {dose_limit_mbar_s:g}: expected a positive number of mbar·s"
-        ) from None
-    return partial(Probe, limits=limits)
+    common: dict[str, Any] = {}
+    if dose_limit_mbar_s is not None:
+        try:
+            common["limits"] = replace(DEFAULT_LIMITS, max_dose_mbar_s=dose_limit_mbar_s)
+        except ValueError:
+            raise InputError(
+                f"dose_limit_mbar_s {dose_limit_mbar_s:g}: expected a positive number of mbar·s"
+            ) from None
+
+    def make(port: str, **arguments: Any) -> Probe:
+        if dialect is not None and not port.startswith("sim:") and split_dialect(port)[1] is None:
+            arguments = {"dialect": dialect, **arguments}
+        return Probe(port, **common, **arguments)
+
+    return make
 
 
 def _check_dose(plan: Plan, limit_mbar_s: float) -> None:

@@ -158,13 +158,12 @@ def make_identifier(
         InputError: an option is out of its range.
     """
     from skinlab.errors import InputError
-    from skinlab.inference.custom_table import with_own_database
+    from skinlab.inference.custom_table import with_custom_table
     from skinlab.inference.identify import Identifier
     from skinlab.inference.problem import Options, check
     from skinlab.inference.uncertainty import Sensor
     from skinlab.mechanics.model_file import read_model
-    from skinlab.tables.model_database import ModelDatabase
-    from skinlab.tables.store import read_database, shipped_table
+    from skinlab.tables.store import read, shipped_table
 
     options = Options(best=best, tolerance_um=tolerance_um)
     if samples is not None:
@@ -177,8 +176,9 @@ def make_identifier(
         raise InputError(f"noise_um {noise_um:g}: expected a positive number")
     if pressure_noise_mbar is not None and not 0 <= pressure_noise_mbar < 1e3:
         raise InputError(f"pressure_noise_mbar {pressure_noise_mbar:g}: expected zero or more")
+    database = shipped_table() if database_path is None else read(database_path)
     identifier = Identifier(
-        shipped_table() if database_path is None else read_database(database_path),
+        database,
         method=method,
         options=options,
         seed=seed,
@@ -187,16 +187,15 @@ def make_identifier(
         sensor=Sensor(noise_um, pressure_noise_mbar),
     )
     model = None if model_path is None else read_model(model_path)
-    database = identifier.database
-    if isinstance(database, ModelDatabase):
-        own = database.spec.model
+    own = database.spec.model
+    if own is not None:
         if model is not None and model.hash != own.hash:
             raise InputError(
                 f"{database_path}: built for the model {own.model.name!r}, and {model_path} is "
                 "another; build a database of that, or leave --database out"
             )
         _check_kappa(database_path, own, kappa)
-        return with_own_database(identifier, database, phases_said=was_said("phases"))
+        return with_custom_table(identifier, database, phases_said=was_said("phases"))
     if model is None:
         return identifier
     from skinlab.discrepancy.model_identifier import with_model
@@ -218,3 +217,12 @@ def was_said(option: str) -> bool:
     if context is None:
         return False
     return context.get_parameter_source(option) not in (None, ParameterSource.DEFAULT)
+
+
+def dialect_option() -> Callable[[F], F]:
+    """`--dialect`: what the instrument speaks."""
+    return click.option(
+        "--dialect",
+        metavar="NAME|FILE.toml",
+        help="What the instrument speaks [default: as the port's ?dialect= says, or reference].",
+    )

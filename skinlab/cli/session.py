@@ -72,6 +72,12 @@ def info(session: Path) -> int:
     if imported is None:
         simulated = " (SIMULATED)" if instrument.get("simulated") else ""
         echo(f"  instrument {instrument.get('model', '-')}{simulated} at {meta.get('url')}")
+        dialect = meta.get("dialect") or {}
+        if dialect:
+            file = f", a file, sha256:{dialect['sha256']}" if "sha256" in dialect else ""
+            echo(f"  dialect {dialect.get('name')}, version {dialect.get('version')}{file}")
+        if meta.get("control"):
+            echo(f"  read-only: {meta['control']}")
     else:
         files = "one file" if len(imported) == 1 else f"{len(imported)} files"
         echo(f"  from {files} of other software; no instrument was connected")

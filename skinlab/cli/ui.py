@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 from drivers.limits import DEFAULT_DOSE_MBAR_S
+from skinlab.cli.options import dialect_option
 from skinlab.cli.output import echo
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ ESCAPE_MS = "40"
 
 @click.command()
 @click.option("--port", help="pyserial URL [default: asks; the simulated probe headless].")
+@dialect_option()
 @click.option("--sessions", type=click.Path(path_type=Path), help="Folder for the sessions.")
 @click.option(
     "--model", "model_path", type=click.Path(path_type=Path), help="MODEL.toml to identify with."
@@ -35,6 +37,7 @@ ESCAPE_MS = "40"
 )
 def command(
     port: str | None = None,
+    dialect: str | None = None,
     sessions: Path | None = None,
     model_path: Path | None = None,
     dose_limit_mbar_s: float | None = None,
@@ -52,9 +55,12 @@ def command(
         from skinlab.mechanics.model_file import read_model
 
         model = read_model(model_path)
+    from drivers.dialects import DEFAULT, get_dialect
+
+    get_dialect(dialect or DEFAULT)  # what is wrong with it is said without a screen
     if has_screen():
-        return _on_terminal(port, folder, model, dose_limit_mbar_s)
-    return _headless(port or SIMULATED, folder, model, dose_limit_mbar_s)
+        return _on_terminal(port, dialect, folder, model, dose_limit_mbar_s)
+    return _headless(port or SIMULATED, dialect, folder, model, dose_limit_mbar_s)
 
 
 def has_screen() -> bool:
@@ -66,11 +72,15 @@ def has_screen() -> bool:
 
 
 def _on_terminal(
-    port: str | None, folder: Path, model: Model | None, dose_limit_mbar_s: float | None
+    port: str | None,
+    dialect: str | None,
+    folder: Path,
+    model: Model | None,
+    dose_limit_mbar_s: float | None,
 ) -> int:
     from skinlab.cli.measure import probes
 
-    make_probe = probes(dose_limit_mbar_s)
+    make_probe = probes(dose_limit_mbar_s, dialect)
     _release_escape()
     from skinlab.acquisition.probe_session import ProbeSession
     from skinlab.acquisition.settings import default_path
@@ -120,7 +130,14 @@ def default_folder() -> Path:
     return user_data_path("skinlab", appauthor=False) / "sessions"
 
 
-def _headless(port: str, folder: Path, model: Model | None, dose_limit_mbar_s: float | None) -> int:
+def _headless(
+    port: str,
+    dialect: str | None,
+    folder: Path,
+    model: Model | None,
+    dose_limit_mbar_s: float | None,
+) -> int:
+    from drivers.probe import choose_dialect
     from skinlab.acquisition.measurement import Plan
     from skinlab.cli.measure import run
     from skinlab.cli.options import make_identifier
@@ -143,4 +160,12 @@ def _headless(port: str, folder: Path, model: Model | None, dose_limit_mbar_s: f
         identifier = with_model(identifier, model)
     plan = Plan(Setup(6.0, 1.0, parse_program("ramp:100@20")))
     out = new_session_path(folder, datetime.now())
-    return run(port, plan, out, identifier, dose_limit_mbar_s=dose_limit_mbar_s, as_json=False)
+    return run(
+        port,
+        plan,
+        out,
+        identifier,
+        dialect=choose_dialect(port, dialect)[1],
+        dose_limit_mbar_s=dose_limit_mbar_s,
+        as_json=False,
+    )

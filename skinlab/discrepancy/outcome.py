@@ -12,9 +12,9 @@ from skinlab.discrepancy.next_measurement import NextMeasurement
 from skinlab.discrepancy.posterior import Posterior, gaussian
 from skinlab.discrepancy.screen import Signature
 from skinlab.discrepancy.search import Candidate, Found
-from skinlab.discrepancy.unknowns import BASE_NAMES
 from skinlab.discrepancy.verdict import Verdict
 from skinlab.mechanics.effects import Parameter
+from skinlab.mechanics.names import is_effects
 
 SCHEMA = "skinlab.discrepancy/1"
 
@@ -68,9 +68,7 @@ class Outcome:
             "candidates": [
                 {
                     "effects": [e for e in c.effects if e not in own],
-                    "parameters": {
-                        n: v for n, v in self.parameters(c).items() if n not in BASE_NAMES
-                    },
+                    "parameters": {n: v for n, v in self.parameters(c).items() if is_effects(n)},
                     "held_out_rms_um": self.held_out.get(c.effects),
                     "log10_evidence": c.log10_evidence - reference,
                 }
@@ -174,4 +172,4 @@ def place_json(place: Place) -> dict[str, Any]:
 
 
 def _base_only(values: dict[str, dict[str, float]]) -> dict[str, dict[str, float]]:
-    return {n: v for n, v in values.items() if n in BASE_NAMES}
+    return {n: v for n, v in values.items() if not is_effects(n)}

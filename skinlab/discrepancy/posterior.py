@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.space_mapping import MappedModel
-from skinlab.discrepancy.unknowns import BASE_NAMES, Unknowns
+from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.inference.intervals import correlation, summary
 from skinlab.inference.posterior import sample as follow_the_valley
-from skinlab.parameters import AxisSpace
+from skinlab.parameters import Space
 
 Array = NDArray[np.float64]
 
@@ -43,11 +43,14 @@ class Posterior:
     def parameters(self) -> dict[str, dict[str, float]]:
         """Medians with the shortest 90 % intervals, by name."""
         low, high = (self.unknowns.named(u) for u in self.unknowns.bounds)
-        found = {}
+        space, found = self.unknowns.space, {}
+        logarithmic = {
+            n for n, t in zip(space.names, space.transforms, strict=True) if t != "linear"
+        }
         for name, values in self._named().items():
             bounds = (low[name], high[name])
             middle, *ends = summary(
-                values, self.weight, self.log_density, bounds, logarithmic=name in BASE_NAMES[:2]
+                values, self.weight, self.log_density, bounds, logarithmic=name in logarithmic
             )
             found[name] = {"value": middle, "low": ends[0], "high": ends[1]}
         return found
@@ -75,7 +78,7 @@ def sample(fitter: Fitter, fit: Fit, rng: np.random.Generator) -> Posterior:
     if not fitter.prepare(model, fit.u, slopes=True):
         return gaussian(fit)
     low, high = unknowns.bounds
-    space = AxisSpace(unknowns.names, tuple(low), tuple(high), (False,) * len(unknowns))
+    space = Space.box(unknowns.names, low.tolist(), high.tolist())
     try:
         draws = follow_the_valley(
             space, _Misfit(fitter, model), space.to_unit(fit.u)[None], rng, draws=_DRAWS

@@ -1,8 +1,8 @@
 """A first look at every effect: how well its signature fits what is left.
 
 The signature of an effect is what a typical size of it changes in the curves, after projecting out
-what X1, X2 and ν (and the effects already there) can absorb: the score test. It costs a handful of
-finite-element solutions an effect, and no fit.
+what the law's parameters (and the effects already there) can absorb: the score test. It costs a
+handful of finite-element solutions an effect, and no fit.
 """
 
 from __future__ import annotations
@@ -80,10 +80,8 @@ def signature(fitter: Fitter, fit: Fit, effect: str) -> Signature | None:
 
 
 def _with_priors(fit: Fit) -> Array:
-    extra = np.zeros((len(fit.unknowns.axes), len(fit.u)))
-    for i, axis in enumerate(fit.unknowns.axes):
-        extra[i, 3 + i] = 1.0 / axis.prior[1]
-    return np.vstack([fit.jacobian, extra])[:, fit.free]  # what is at a bound absorbs nothing
+    priors = fit.unknowns.prior_slopes(fit.u)
+    return np.vstack([fit.jacobian, priors])[:, fit.free]  # what is at a bound absorbs nothing
 
 
 def alike(signatures: Mapping[str, Signature]) -> list[tuple[str, str]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import product
 
 import numpy as np
@@ -20,7 +20,7 @@ from skinlab.discrepancy.search_workers import (
     fit_one,
     signature_of,
 )
-from skinlab.discrepancy.unknowns import Known, Unknowns
+from skinlab.discrepancy.unknowns import BasePrior, Known, Unknowns
 from skinlab.errors import NotTrustworthyError
 from skinlab.mechanics.effects import effect_names
 from skinlab.mechanics.model_file import BASE, Model, Normal
@@ -46,10 +46,11 @@ _PARTNERS = 5  # of each of the best singles
 _LEADERS = 4
 _AGAIN = 2  # effects that explain nothing, but most, are fitted from elsewhere too
 _MEMBERS = 4  # of pairs that explain, to be tried alone
-_STARTS = tuple(
-    np.array(s)
-    for s in product((math.log(0.02), math.log(0.04), math.log(0.09)), (3.4, 5.0), (0.28, 0.42))
-)
+# Shares of the law's ranges from which the base model is fitted: of the scale, of other logarithms,
+# of what is none; and the middle, from which it is fitted with effects.
+_SCALES = (0.375803649418, 0.563705474127, 0.783536516671)
+_RATIOS, _VALUES = (0.538508052478, 0.749009372356), (0.275862068966, 0.758620689655)
+_MIDDLE = (0.563705474127, 0.617446047432, 0.448275862069)
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,12 +82,32 @@ class Partial:
 
 def unknowns_of(model: Model) -> Unknowns:
     """Return the unknowns of a model, with what it says of its effects as their priors."""
-    known = []
+    known, space = [], model.space
     for name, ranges in model.effects.items():
         for parameter, at in ranges.items():
             sd = at.prior.sd if isinstance(at.prior, Normal) else 0.0
             known.append(Known(name, parameter, at.value, sd))
-    return Unknowns(tuple(sorted(model.effects)), model.model.kappa, tuple(known))
+    priors = tuple(
+        BasePrior(i, prior.mean, prior.sd)
+        for i, name in enumerate(space.names)
+        if isinstance(prior := model.prior(name), Normal)
+    )
+    return Unknowns(
+        tuple(sorted(model.effects)), model.model.kappa, tuple(known), model.model.law,
+        space if model.parameters else None, priors,
+    )  # fmt: skip
+
+
+def _starts(unknowns: Unknowns) -> tuple[list[Array], Array]:
+    """Return coordinates of the law's parameters to begin from, and their middle."""
+    space = unknowns.space
+    kinds = [
+        0 if i == space.scale else 1 if transform != "linear" else 2
+        for i, transform in enumerate(space.transforms)
+    ]
+    shares = [(_SCALES, _RATIOS, _VALUES)[kind] for kind in kinds]
+    middle = unknowns.at_share(np.array([_MIDDLE[kind] for kind in kinds]))
+    return [unknowns.at_share(np.array(share)) for share in product(*shares)], middle
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,12 +152,13 @@ class Search:
             NotTrustworthyError: it has no answer at all for these curves.
         """
         unknowns = self._unknowns
-        plain = replace(unknowns, effects=(), known=())
-        fits = [f for f in (self._fitter.fit(plain, start) for start in _STARTS) if f is not None]
+        plain = unknowns.plain
+        begin, middle = _starts(unknowns)
+        fits = [f for f in (self._fitter.fit(plain, start) for start in begin) if f is not None]
         if self._own:
             # Finite elements cost more: from the best of the plain fits, and from the middle.
             fits.sort(key=lambda f: f.cost)
-            starts = [*(f.u for f in fits[:1]), np.array([math.log(0.04), 4.0, 0.33])]
+            starts = [*(f.u for f in fits[:1]), middle]
             found = (self._fitter.fit(unknowns, unknowns.start(start)) for start in starts)
             fits = [f for f in found if f is not None]
         if not fits:

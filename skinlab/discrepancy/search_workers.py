@@ -16,7 +16,7 @@ from skinlab.mechanics.effects import EFFECTS
 Array = NDArray[np.float64]
 
 _SHARES = (0.7, 0.2, 1.5)  # of the size that is expected
-_ELSEWHERE = ((0.2, 0.0), (0.7, 1.0), (0.2, 1.0))  # share of the expected size; more log X2/X1
+_ELSEWHERE = ((0.2, 0.0), (0.7, 1.0), (0.2, 1.0))  # share of the expected size; more log ratios
 
 
 def signature_of(fitter: Fitter, task: tuple[Fit, str]) -> Signature | str:
@@ -55,7 +55,10 @@ def _start(
     ]
     low, high = unknowns.bounds
     start = np.concatenate([fit.u, own])
-    start[1] += stiffer
+    space = unknowns.space
+    for i, transform in enumerate(space.transforms):
+        if i != space.scale and transform != "linear":  # of how it stiffens, not how stiff it is
+            start[i] += stiffer
     return np.asarray(np.clip(start, low, high))
 
 

@@ -5,12 +5,11 @@ from __future__ import annotations
 from skinlab.discrepancy.adequacy import ADEQUATE, Place
 from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.search import Candidate, Partial
-from skinlab.discrepancy.unknowns import BASE_NAMES
 from skinlab.mechanics.effects import get_effect
+from skinlab.mechanics.names import is_effects, plain
 from skinlab.text import inert
 
 _SHOWN = 5
-_LABEL = {"X1_MPa": "X1 (MPa)", "X2_MPa": "X2 (MPa)", "nu": "nu"}
 
 
 def verdict_words(outcome: Outcome) -> str:
@@ -55,8 +54,15 @@ def parameter_rows(outcome: Outcome) -> list[tuple[str, str, str]]:
     """Return rows (name, before, after) with 90 % intervals."""
     before, after = outcome.parameters(outcome.found.base), outcome.parameters(outcome.best)
     rows = []
-    for name in [*BASE_NAMES, *(n for n in after if n not in BASE_NAMES)]:
-        rows.append((_LABEL.get(name, name), _value(before.get(name)), _value(after.get(name))))
+    for name in sorted({**before, **after}, key=is_effects):  # the law's first
+        label, unit = plain(name)
+        rows.append(
+            (
+                f"{label} ({unit})" if unit else label,
+                _value(before.get(name)),
+                _value(after.get(name)),
+            )
+        )
     return rows
 
 

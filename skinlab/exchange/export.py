@@ -12,13 +12,12 @@ from skinlab.curves.curve import Curve
 from skinlab.errors import InputError
 from skinlab.io.documents import toml_text
 from skinlab.io.files import write_file
+from skinlab.mechanics.names import of_law
 from skinlab.recording.session import Session
 from skinlab.recording.stream import setup_to_json
 from skinlab.text import csv_cell, inert, json_text
 
 SCHEMA = "skinlab.export/1"
-
-_PARAMETERS = ("X1_MPa", "X2_MPa", "nu")
 
 
 def to_json(session: Session) -> dict[str, str]:
@@ -112,9 +111,11 @@ def _curve_csv(curve: Curve) -> str:
 
 def _overview(session: Session) -> str:
     setup_columns = ("aperture_mm", "thickness_mm", "thickness_sd_mm", "program", "cycle", "repeat")
+    results = [result or {} for result in session.results]
+    names = of_law(result.get("parameters") or () for result in results)
     header = (
         "file", "name", "samples", "partial", *setup_columns,
-        *(f"{name}{end}" for name in _PARAMETERS for end in ("", "_low", "_high")),
+        *(f"{name}{end}" for name in names for end in ("", "_low", "_high")),
         "error_um", "rms_um", "flags", "not_identified",
     )  # fmt: skip
     rows: list[Any] = [header]
@@ -126,7 +127,7 @@ def _overview(session: Session) -> str:
         values = found.get("parameters") or {}
         row = [_file(number), curve.name, len(curve), str(curve.partial).lower()]
         row += [setup[name] for name in setup_columns]
-        for name in _PARAMETERS:
+        for name in names:
             row += [values.get(name, {}).get(key) for key in ("value", "low", "high")]
         row += [found.get("error_um"), found.get("rms_um"), " ".join(found.get("flags") or [])]
         rows.append([*row, found.get("error")])

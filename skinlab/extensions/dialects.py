@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from drivers.connection import Connection
-from drivers.dialects import GROUP, Dialect
+from drivers.dialects import GROUP, Dialect, check_dialect
 from drivers.errors import LocalProtocolError, RemoteProtocolError
 from drivers.events import (
     Arm,
@@ -34,6 +34,7 @@ from drivers.events import (
     State,
     Vent,
 )
+from drivers.stream import StreamConnection
 from skinlab.extensions.rules import Kind, expect, first_line
 from skinlab.plugins import Registry, needs
 
@@ -103,6 +104,31 @@ def _cut(data: bytes, size: int) -> list[bytes]:
     return [data[k : k + size] for k in range(0, len(data), size)]
 
 
+def _commands(dialect: Dialect) -> Sequence[Command]:
+    """Return what the instrument can be told."""
+    if _controls(dialect):
+        return _COMMANDS
+    can = dialect.capabilities
+    return (*([Vent()] if can.vent else ()), *([KeepAlive()] if can.keep_alive else ()))
+
+
+def nothing_begins_suction_unless_declared(dialect: Dialect) -> None:
+    """An instrument that is for reading only cannot be started through a connection."""
+    if _controls(dialect):
+        return
+    connection = StreamConnection(dialect)
+    for command in (*_COMMANDS[1:5], Reset()):
+        _raises(LocalProtocolError, connection.send, command)
+    for command in (Vent(), KeepAlive()):
+        if command not in _commands(dialect):
+            _raises(LocalProtocolError, connection.send, command)
+
+
+def _controls(dialect: Dialect) -> bool:
+    """Whether it declares an instrument that runs programs; else it is for reading only."""
+    return dialect.capabilities.controllable
+
+
 def it_says_who_it_is(dialect: Dialect) -> None:
     """It has a name and a version, and the reference dialect's methods."""
     expect(dialect.name.isidentifier(), f"the name {dialect.name!r} is no name of a file")
@@ -110,9 +136,11 @@ def it_says_who_it_is(dialect: Dialect) -> None:
 
 
 def commands_round_trip(dialect: Dialect) -> None:
-    """Every command is one frame, and comes back from it."""
-    for command in _COMMANDS:
-        frame = _single(dialect, dialect.encode_command(command, _NUMBER))
+    """Every command that it declares is one frame, and comes back from it."""
+    for command in _commands(dialect):
+        frame = dialect.encode_command(command, _NUMBER)
+        if _controls(dialect):
+            _single(dialect, frame)
         decoded, number = dialect.decode_command(frame)
         expect(decoded == command, f"{command} comes back as {decoded}")
         expect(number in (None, _NUMBER), f"the number {_NUMBER} comes back as {number}")
@@ -120,6 +148,8 @@ def commands_round_trip(dialect: Dialect) -> None:
 
 def events_round_trip(dialect: Dialect) -> None:
     """Every event is one frame, and comes back from it."""
+    if not _controls(dialect):
+        return
     for event in (*_EVENTS, _hello(dialect)):
         frame = _single(dialect, dialect.encode_event(event, _NUMBER))
         decoded, number = dialect.decode_event(frame)
@@ -129,6 +159,8 @@ def events_round_trip(dialect: Dialect) -> None:
 
 def samples_are_exact(dialect: Dialect) -> None:
     """Samples come back to the last digit: time to a µs, pressure to a µbar, deflection to a nm."""
+    if not _controls(dialect):
+        return
     rng = np.random.default_rng(0)
     for count, time, pressure, deflection, segment in rng.integers(
         (0, 0, -(10**6), -(10**8), 0), (10**6, 10**6, 10**6, 10**8, 128), (300, 5)
@@ -140,6 +172,8 @@ def samples_are_exact(dialect: Dialect) -> None:
 
 def rounding_is_once(dialect: Dialect) -> None:
     """What was rounded for the wire once stays as it is, so that a read-back can be compared."""
+    if not _controls(dialect):
+        return
     ramp = Segment(SegmentKind.RAMP, target_mbar=100 / 3, rate_mbar_per_s=20 / 3)
     once, _ = dialect.decode_command(
         dialect.encode_command(Load((ramp,), 100 / 3, 100 / 3, math.pi), 0)
@@ -152,6 +186,8 @@ def rounding_is_once(dialect: Dialect) -> None:
 
 def what_cannot_be_carried_is_refused(dialect: Dialect) -> None:
     """What the wire cannot carry raises LocalProtocolError."""
+    if not _controls(dialect):
+        return
     for bad in (math.nan, math.inf, 1e300, -1.0):
         load = Load(_PROGRAM, bad, 1.0, 1.0)
         _raises(LocalProtocolError, dialect.encode_command, load, 0)
@@ -161,7 +197,7 @@ def the_other_side_is_blamed_for_nonsense(dialect: Dialect) -> None:
     """A frame that is not valid raises RemoteProtocolError, and nothing else."""
     rng = np.random.default_rng(1)
     spoilt = []
-    for event in _EVENTS:
+    for event in _EVENTS if _controls(dialect) else ():
         frame = bytearray(dialect.encode_event(event, _NUMBER))
         frame[int(rng.integers(len(frame)))] ^= 1 << int(rng.integers(8))
         spoilt.append(bytes(frame))
@@ -188,7 +224,7 @@ def pieces_do_not_matter(dialect: Dialect) -> None:
     for _ in range(30):
         parts = [
             rng.bytes(int(rng.integers(30)))
-            if rng.random() < 0.4
+            if rng.random() < 0.4 or not _controls(dialect)
             else dialect.encode_event(_EVENTS[int(rng.integers(len(_EVENTS)))], 1)
             for _ in range(int(rng.integers(15)))
         ]
@@ -200,6 +236,8 @@ def pieces_do_not_matter(dialect: Dialect) -> None:
 
 def noise_costs_no_frame(dialect: Dialect) -> None:
     """Noise between frames costs no frame that is whole."""
+    if not _controls(dialect):
+        return
     for noise in _NOISE:
         data = noise + b"".join(dialect.encode_event(e, 0) + noise for e in _EVENTS)
         frames = [f for f in _taken(dialect, [data]) if isinstance(f, bytes)]
@@ -223,6 +261,9 @@ def a_stream_without_an_end_does_not_grow(dialect: Dialect) -> None:
 
 def a_connection_speaks_it(dialect: Dialect) -> None:
     """A connection speaks it."""
+    if not _controls(dialect):
+        _a_stream_is_read(dialect)
+        return
     connection = Connection(dialect)
     expect(connection.send(Identify()), "Identify is no bytes")
     idle = State(InstrumentState.IDLE, "", 0.0)
@@ -232,19 +273,31 @@ def a_connection_speaks_it(dialect: Dialect) -> None:
     expect(heard == [_hello(dialect), idle, None], f"it hears {heard}")
 
 
+def _a_stream_is_read(dialect: Dialect) -> None:
+    connection = StreamConnection(dialect)
+    expect(connection.send(Identify()) == b"", "an instrument that only streams is asked nothing")
+    heard = [connection.next_event() for _ in range(3)]
+    expect(
+        isinstance(heard[0], Hello) and isinstance(heard[1], State) and heard[2] is None,
+        f"it begins with {heard}",
+    )
+
+
 def _check(one: object) -> None:
-    needs(one, "protocol_version", "take", "encode_command", "decode_event")
-    needs(one, "decode_command", "encode_event")
+    needs(one, "protocol_version", "capabilities")
+    check_dialect(one)
 
 
 def _row(dialect: Dialect) -> tuple[str, ...]:
-    return f"`{dialect.name}`", str(dialect.protocol_version), first_line(dialect)
+    can = "runs programs" if _controls(dialect) else "is read only"
+    return f"`{dialect.name}`", str(dialect.protocol_version), can, first_line(dialect)
 
 
 KIND: Kind[Dialect] = Kind(
     Registry("dialect", "drivers.dialects", "DIALECT", GROUP, _check),
     (
         it_says_who_it_is,
+        nothing_begins_suction_unless_declared,
         commands_round_trip,
         events_round_trip,
         samples_are_exact,
@@ -256,6 +309,6 @@ KIND: Kind[Dialect] = Kind(
         a_stream_without_an_end_does_not_grow,
         a_connection_speaks_it,
     ),
-    ("name", "version", "what it is"),
+    ("name", "version", "its instrument", "what it is"),
     _row,
 )

@@ -13,9 +13,9 @@ from skinlab.errors import InputError
 from skinlab.extensions.rules import Kind, expect
 from skinlab.mechanics.effects import EFFECTS, Effect, Parameter
 from skinlab.mechanics.effects.base import Array, Values
-from skinlab.mechanics.effects.model import Skin, problem_of, response
+from skinlab.mechanics.effects.model import problem_of, response
 from skinlab.mechanics.fem.element import QUAD8_FULL
-from skinlab.mechanics.fem.skin import prepare
+from skinlab.mechanics.fem.skin import Skin, prepare
 from skinlab.mechanics.fem.suction import (
     MBAR,
     MESH_OF_RECORD,
@@ -24,7 +24,7 @@ from skinlab.mechanics.fem.suction import (
     Geometry,
 )
 
-_SKIN = Skin(0.04, 1.5, 0.32)
+_SKIN = Skin((0.04, 1.5, 0.32))
 _GEOMETRY = Geometry(6.0, 1.0)
 _TIMES = np.linspace(0.0, 6.0, 61)
 _COARSE = Discretisation("coarse", QUAD8_FULL, 0.05, 2.0, 0.3, 0.5, 0.5, True, (5, 4, 3))

@@ -21,7 +21,9 @@ _STEP = 1e-5
 
 
 def _parameters(law: Law) -> dict[str, float]:
-    return dict.fromkeys(law.parameter_names, 0.5)
+    """Return the middle of where fits look, as the potential takes it."""
+    middle = law.space.from_unit(np.full(len(law.names), 0.5))
+    return law.coefficients(law.named(middle.tolist()), "consistent")
 
 
 def _rest(law: Law) -> Potential:

@@ -18,6 +18,7 @@ from skinlab.errors import InputError
 from skinlab.inference.joint import JointMisfit
 from skinlab.inference.optimise import polish
 from skinlab.inference.result import Identification, Value
+from skinlab.mechanics.names import plain
 
 Array = NDArray[np.float64]
 
@@ -159,9 +160,6 @@ def _least(space: Any, misfit: JointMisfit, starts: Array) -> float:
     return float(misfit.rest + polish(space, misfit, starts, least_gain=1e-3).cost.min())
 
 
-_LABELS = {"X1_MPa": "X1", "X2_MPa": "X2", "nu": "nu"}
-
-
 def in_words(comparison: Comparison) -> list[str]:
     """Return the answer in sentences."""
     lines = []
@@ -179,7 +177,7 @@ def in_words(comparison: Comparison) -> list[str]:
     for change in comparison.changes:
         p = change.probability_higher
         likely, word = (p, "higher") if p >= 0.5 else (1 - p, "lower")
-        label = _LABELS.get(change.name, change.name)
+        label = plain(change.name)[0]
         values = f"{change.before.value:.4g} → {change.after.value:.4g}"
         if likely >= _SURE:
             said = f"is {word} now"

@@ -30,9 +30,10 @@ from skinlab.inference.uncertainty import (
     assess,
     split_by_group,
 )
-from skinlab.mechanics.materials.compressibility import KappaConvention, kappa_ratio, nu_consistent
+from skinlab.mechanics.materials import get_law
+from skinlab.mechanics.materials.compressibility import KappaConvention
 from skinlab.mechanics.model_file import BASE, Model
-from skinlab.parameters import PAPER_BOX, ParameterSpace
+from skinlab.parameters import Space
 from skinlab.tables.base import CurveModel, Database
 
 Array = NDArray[np.float64]
@@ -59,7 +60,7 @@ class Identifier:
     kappa: KappaConvention = "paper"
     phases: tuple[str, ...] = ("load",)
     sensor: Sensor = field(default_factory=Sensor)
-    space: ParameterSpace | None = None
+    space: Space | None = None
     priors: tuple[GaussianPrior, ...] = ()
     model: Model = BASE
     clock: Callable[[], float] = time.perf_counter
@@ -170,21 +171,26 @@ class Identifier:
                 self.kappa,
                 groups,
                 models,
-                problem.space,
+                self._space(models),
                 estimate.minima,
                 self.sensor,
                 rng,
                 kept=kept,
                 priors=self.priors,
             )
-            answer = _with_uncertainty(answer, problem.space, left, self.kappa, self.seed)
+            answer = _with_uncertainty(
+                answer, self._space(models), left, self.database.law, self.kappa, self.seed
+            )
         return replace(answer, seconds=self.clock() - started)
+
+    def _space(self, models: Sequence[CurveModel]) -> Space:
+        if self.space is not None:
+            return self.space
+        return search_space(self.method, self.database.law, models[0].space)
 
     def _problem(self, groups: Sequence[Group], models: Sequence[CurveModel]) -> Problem:
         misfits = [m.misfit(g.deflection_mm) for g, m in zip(groups, models, strict=True)]
-        space = self.space
-        if space is None:
-            space = PAPER_BOX if get_method(self.method).in_papers_box else models[0].space
+        space = self._space(models)
         points = sum(len(g.deflection_mm) for g in groups)
         if len(misfits) == 1:
             return Problem(space, misfits[0], points)
@@ -280,16 +286,18 @@ class Identifier:
             fitted[mask], outliers[mask] = kept, ~kept
         points = int(kept.sum())
         values = {n: Value(float(v)) for n, v in zip(problem.space.names, x, strict=True)}
-        answer = replace(
+        return replace(
             blank,
             parameters=values,
             optimum={name: value.value for name, value in values.items()},
+            derived=derived_of(self.database.law, problem.space.names, x, self.kappa),
+            own_bounds=tuple(self.model.parameters) if self.space is not None else (),
             error_um=estimate.error_um,
             rms_um=estimate.error_um * float(np.sqrt(points)),
             iterations=estimate.iterations,
             evaluations=estimate.evaluations,
             flags=(
-                *self._flags(members, problem.space, estimate),
+                *self._flags(members, self._space(models), estimate),
                 *([f"outliers:{int((~kept).sum())}"] if not kept.all() else []),
             ),
             fitted=fitted,
@@ -297,11 +305,8 @@ class Identifier:
             model_mm=model_mm,
             outliers=outliers,
         )
-        return _with_bulk_modulus(answer, self.kappa)
 
-    def _flags(
-        self, members: Sequence[Fitted], space: ParameterSpace, estimate: Estimate
-    ) -> list[str]:
+    def _flags(self, members: Sequence[Fitted], space: Space, estimate: Estimate) -> list[str]:
         curves = [m.curve for m in members]
         left_out = [
             int(c.in_phases(self.phases).sum()) - m.count
@@ -314,21 +319,26 @@ class Identifier:
         ]
 
 
-def _with_bulk_modulus(answer: Identification, kappa: KappaConvention) -> Identification:
-    """Return the answer with κ and linear elasticity's ν of the values that it shows."""
-    values = answer.parameters or {}
-    ratio = float(kappa_ratio(values["nu"].value, kappa))
-    return replace(
-        answer,
-        nu_consistent=float(nu_consistent(ratio)),
-        kappa_MPa=ratio * values["X1_MPa"].value,
-    )
+def search_space(method: str, law: str, whole: Space) -> Space:
+    """Return where a method searches: the paper's ones in the law's published box, if any."""
+    published = get_law(law).published_space if get_method(method).in_papers_box else None
+    return whole if published is None else published
+
+
+def derived_of(
+    law: str, names: Sequence[str], values: Array, kappa: KappaConvention
+) -> dict[str, float | None]:
+    """Return what a law's reports show besides its parameters (p,), the first of `names`."""
+    one = get_law(law)
+    at = {n: float(v) for n, v in zip(names, values, strict=True) if n in one.names}
+    return dict(one.derived(at, kappa))
 
 
 def _with_uncertainty(
     answer: Identification,
-    space: ParameterSpace,
+    space: Space,
     left: Uncertainty,
+    law: str,
     kappa: KappaConvention,
     seed: int,
 ) -> Identification:
@@ -349,9 +359,11 @@ def _with_uncertainty(
         if most_of_the_range((low, high), prior):
             loose.append(f"not_identifiable:{name}")
     found = left.errors
-    answer = replace(
+    shown = np.array([value.value for value in values.values()])
+    return replace(
         answer,
         parameters=values,
+        derived=derived_of(law, names, shown, kappa),
         correlation=correlation(draws.parameters[:, : len(names)], draws.weight),
         noise_um=found.noise_um,
         error_model=found.summary,
@@ -360,4 +372,3 @@ def _with_uncertainty(
         flags=(*answer.flags, *loose, *found.flags),
         uncertainty=left,
     )
-    return _with_bulk_modulus(answer, kappa)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from drivers.dose import Dose
 from skinlab.curves.curve import Setup
 from skinlab.inference.error_judgement import ErrorModelSummary, PlacementSummary
 from skinlab.inference.uncertainty import Uncertainty
+from skinlab.mechanics.materials import get_law
 
 Array = NDArray[np.float64]
 
@@ -39,8 +40,10 @@ class Identification:
     phases: tuple[str, ...] = ("load",)
     parameters: dict[str, Value] | None = None  # by name, with unit; the order is `order`
     optimum: dict[str, float] | None = None  # the best fit, which E, rms and `model_mm` are of
-    nu_consistent: float | None = None
-    kappa_MPa: float | None = None
+    # What the law's reports show besides: κ, and the ν of linear elasticity.
+    derived: dict[str, float | None] = field(
+        default_factory=lambda: dict.fromkeys(get_law().derived_names)
+    )
     correlation: tuple[tuple[float, ...], ...] | None = None
     error_um: float | None = None  # the paper's E
     rms_um: float | None = None  # root mean square residual
@@ -57,6 +60,7 @@ class Identification:
     fitted_points: int = 0
     files: tuple[str, ...] | None = None  # of a joint identification
     uncertainty: Uncertainty | None = None  # where the method gives intervals
+    own_bounds: tuple[str, ...] = ()  # parameters whose bounds are a model's, not the database's
 
     def to_json(self) -> dict[str, Any]:
         """Return the entry of `curves` in the identification document."""
@@ -75,8 +79,7 @@ class Identification:
             }
             or None,
             "optimum": self.optimum,
-            "nu_consistent": self.nu_consistent,
-            "kappa_MPa": self.kappa_MPa,
+            **self.derived,
             "order": list(values),
             "correlation": None
             if self.correlation is None

@@ -7,6 +7,9 @@ import json
 import msgspec
 
 from skinlab.errors import InputError
+from skinlab.mechanics.materials import get_law, law_names
+
+_DERIVED = dict.fromkeys(n for law in law_names() for n in get_law(law).derived_names)
 
 
 class StoredValue(msgspec.Struct, frozen=True):
@@ -26,8 +29,6 @@ class StoredResult(msgspec.Struct, frozen=True):
     phases: tuple[str, ...] = ()
     parameters: dict[str, StoredValue] | None = None
     optimum: dict[str, float] | None = None  # of results from before it was stored: the values
-    nu_consistent: float | None = None
-    kappa_MPa: float | None = None
     order: tuple[str, ...] = ()
     correlation: tuple[tuple[float, ...], ...] | None = None
     error_um: float | None = None
@@ -37,6 +38,7 @@ class StoredResult(msgspec.Struct, frozen=True):
     iterations: int = 0
     evaluations: int = 0
     flags: tuple[str, ...] = ()
+    derived: dict[str, float | None] = msgspec.field(default_factory=dict)  # by the law's names
 
 
 def stored_result(number: int, result: object) -> StoredResult | None:
@@ -52,6 +54,10 @@ def stored_result(number: int, result: object) -> StoredResult | None:
         raise InputError(f"{damaged}: a number is not finite") from None
     try:
         decoded = msgspec.convert(result, StoredResult | None)
+        if decoded is not None and isinstance(result, dict):
+            named = {name: result.get(name) for name in _DERIVED}
+            derived = msgspec.convert(named, dict[str, float | None])
+            decoded = msgspec.structs.replace(decoded, derived=derived)
     except msgspec.ValidationError as error:
         raise InputError(f"{damaged}: {error}") from None
     if decoded is not None and decoded.correlation is not None:

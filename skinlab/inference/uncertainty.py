@@ -33,7 +33,7 @@ from skinlab.inference.posterior import Draws, sample
 from skinlab.inference.problem import SquaredMisfit
 from skinlab.inference.samples import Group, Samples, samples_of
 from skinlab.mechanics.materials.compressibility import KappaConvention
-from skinlab.parameters import ParameterSpace, WithFactor
+from skinlab.parameters import ParameterSpace, Space
 from skinlab.tables.base import CurveModel, Database
 
 Array = NDArray[np.float64]
@@ -61,7 +61,7 @@ class Uncertainty:
     """What is left open."""
 
     names: tuple[str, ...]  # of the parameters asked for; the thickness' ratio may follow them
-    space: ParameterSpace  # of the draws
+    space: Space  # of the draws
     draws: Draws
     errors: Judged
     parts: tuple[SquaredMisfit, ...]  # whose sum is χ², Gaussian priors included
@@ -217,7 +217,7 @@ def assess(
     kappa: KappaConvention,
     groups: Sequence[Group],
     models: Sequence[CurveModel],
-    space: ParameterSpace,
+    space: Space,
     minima: Array,
     sensor: Sensor,
     rng: np.random.Generator,
@@ -240,7 +240,7 @@ def assess(
         models = [g.model(database, kappa, relative_sd) for g in groups]
         low = max(float(m.space.bounds[0][-1]) for m in models)
         high = min(float(m.space.bounds[1][-1]) for m in models)
-        space = WithFactor(space, "thickness_ratio", low, high)
+        space = space.extended("thickness_ratio", low, high)
         priors.append(GaussianPrior(len(best), 1.0, relative_sd))
         stated = space.to_unit(np.append(best, 1.0))[-1]
         modes = np.column_stack([modes, np.full(len(modes), stated)])

@@ -6,6 +6,8 @@ cuts a curve where the live run did.
 
 from __future__ import annotations
 
+import math
+
 from drivers.events import (
     PROGRAM_DONE,
     PROGRAM_END,
@@ -59,7 +61,7 @@ class CurveAssembler:
                     self._cut = self._cut or reason
                 messages += self._finish()
             case Sample() if self._running and self._curve is not None:
-                if event.segment >= self._segments():
+                if event.segment >= (self._segments() or math.inf):
                     messages += self._finish()
                 else:
                     self._curve.append(event)
@@ -86,6 +88,7 @@ class CurveAssembler:
         return self._finish()
 
     def _segments(self) -> int:
+        """Return the program's length; 0: nobody says what the instrument does."""
         program = None if self._curve is None else self._curve.setup.program
         return len(program.segments) if program else 0
 

@@ -49,6 +49,9 @@ _LEAST_RECORD_BYTES = 20
 _LATEST_S = 1e11  # the year 5138; nothing later is a time
 
 
+_KINDS = {"rx": Kind.RECEIVED, "tx": Kind.SENT, "mark": Kind.MARK}
+
+
 def room_bytes(duration_s: float, rate_hz: float) -> int:
     """Return the disk space that a run may need, until its session is written."""
     commits = min(duration_s / _COMMIT_S, duration_s * (rate_hz + 20.0))
@@ -122,14 +125,14 @@ class Journal:
     def raw(
         self, direction: str, host_time_s: float, data: bytes, utc_s: float | None = None
     ) -> None:
-        """Record raw bytes ("rx" or "tx"); the tap that a Probe takes as `on_bytes`.
+        """Record raw bytes ("rx" or "tx") or a "mark"; the tap that a Probe takes as `on_bytes`.
 
         `utc_s` is for bytes that came before there was a journal; None: now.
 
         Raises:
             InputError: an earlier record could not be written (disk full): the probe vents.
         """
-        self._put(Kind.RECEIVED if direction == "rx" else Kind.SENT, host_time_s, data, utc_s)
+        self._put(_KINDS[direction], host_time_s, data, utc_s)
 
     def plan(self, host_time_s: float, setup: dict[str, Any]) -> None:
         """Record what the next run belongs to."""

@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from drivers.dialects import DEFAULT, Dialect, get_dialect
 from drivers.dose import Dose, DoseMeter
 from drivers.events import Alarm, Event, HostVented, InstrumentFault, LinkLost
 from skinlab import __version__
@@ -19,6 +20,7 @@ from skinlab.mechanics.model_file import BASE
 from skinlab.recording.audit import Chain, note, operator
 from skinlab.recording.journal import Journal, read_journal
 from skinlab.recording.pseudonym import check_site, check_subject
+from skinlab.recording.recorded import dialect_facts
 from skinlab.recording.records import Kind, Record
 from skinlab.recording.session import Session, read_session, session_from_records, write_session
 from skinlab.recording.stream import (
@@ -56,6 +58,7 @@ class Recording:
     """The journal of a session that becomes `path`; also a listener that records what happens.
 
     `clock` is the host's monotonic time, `now` Unix time, both in s; `who` is in the audit trail.
+    dialect: what the instrument speaks; None: `reference`.
 
     Raises:
         InputError: the session exists already, nothing can be written there, the subject is no
@@ -70,6 +73,7 @@ class Recording:
         subject: str = "",
         site: str = "",
         url: str = "",
+        dialect: Dialect | None = None,
         clock: Callable[[], float] = time.monotonic,
         now: Callable[[], float] = time.time,
         who: str | None = None,
@@ -92,6 +96,7 @@ class Recording:
             "subject": subject,
             "site": site,
             "url": url,
+            **dialect_facts(get_dialect(DEFAULT) if dialect is None else dialect),
             "identification": identification_settings(identifier),
         }
         self.journal = Journal(path.with_name(path.name + ".journal"), meta, now)

@@ -26,7 +26,7 @@ from skinlab.io.documents import read_json_object
 from skinlab.io.files import write_file
 from skinlab.io.hdf5 import open_hdf5, read_array
 from skinlab.recording.assembler import CurveAssembler
-from skinlab.recording.recorded import numbered_items, recorded_items
+from skinlab.recording.recorded import dialect_of, numbered_items, recorded_items
 from skinlab.recording.records import Kind, Record
 from skinlab.recording.seal import SEAL_BYTES, Seal, put_seal, read_seal
 from skinlab.recording.stream import (
@@ -86,7 +86,7 @@ def session_from_records(
                 curves.append(message.curve)
 
     assembler = CurveAssembler()
-    for item in recorded_items(records, damaged=damaged):
+    for item in recorded_items(records, dialect_of(meta), damaged):
         if isinstance(item, Planned):
             assembler.plan(item.setup)
             continue
@@ -110,8 +110,9 @@ def _hello_to_json(hello: Hello) -> dict[str, Any]:
     return {name: getattr(hello, name) for name in Hello.__slots__}
 
 
-def sample_rows(records: Sequence[Record]) -> list[tuple[float, ...]]:
+def sample_rows(session: Session) -> list[tuple[float, ...]]:
     """Return one row a sample, in the order of the columns of `samples`."""
+    records = session.records
     return [
         (
             e.sequence,
@@ -123,7 +124,7 @@ def sample_rows(records: Sequence[Record]) -> list[tuple[float, ...]]:
             records[index].utc_s,
             index,
         )
-        for index, item in numbered_items(records)
+        for index, item in numbered_items(records, dialect_of(session.meta))
         if isinstance(item, TimedEvent) and isinstance(e := item.event, Sample)
     ]
 
@@ -172,7 +173,7 @@ def _write(file: Any, session: Session) -> None:
         values = np.array([getattr(r, name) for r in session.records], dtype=np.float64)
         raw.create_dataset(name, data=values).attrs["unit"] = "s"
     samples = file.create_group("samples")
-    rows = sample_rows(session.records)
+    rows = sample_rows(session)
     for k, (name, unit) in enumerate(_SAMPLE_COLUMNS):
         kind = np.int64 if name in _WHOLE else np.float64
         column = samples.create_dataset(name, data=np.array([r[k] for r in rows], dtype=kind))
@@ -221,6 +222,8 @@ class _Meta(msgspec.Struct):
     url: str = ""
     instrument: dict[str, Any] | None = None
     imported: list[dict[str, Any]] | None = None
+    dialect: dict[str, Any] | None = None
+    control: str = ""
     identification: dict[str, Any] | None = None
     versions: dict[str, Any] | None = None
 

@@ -119,7 +119,7 @@ _ENDS = frozenset({"session saved", "session closed", "session imported", "recov
 def _derived(stored: Stored) -> list[str]:
     session = stored.session
     found = []
-    rows = sample_rows(session.records)
+    rows = sample_rows(session)
     for k, (name, values) in enumerate(stored.samples.items()):
         if not np.array_equal(values, np.array([row[k] for row in rows], dtype=values.dtype)):
             found.append(f"samples: {name} is not what the recorded bytes say")

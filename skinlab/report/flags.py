@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from skinlab.inference.flags import CATALOGUE
+from skinlab.mechanics.names import label
 from skinlab.quality.gates import all_gates
 from skinlab.report.measured import Measured
-
-NAMES = {"X1_MPa": "X1", "X2_MPa": "X2", "nu": "ν"}
 
 
 def signed(correlation: float) -> str:
@@ -36,7 +35,7 @@ def _words(flag: str, measured: Measured) -> str:
         return _misfit(measured)
     if kind in CATALOGUE:
         entry = CATALOGUE[kind]
-        return f"{entry.meaning} {entry.advice}".replace("{}", NAMES.get(parameter, parameter))
+        return f"{entry.meaning} {entry.advice}".replace("{}", label(parameter))
     if kind in {gate.name for gate in all_gates()}:
         return (
             "A quality gate that failed when the curve was measured; it is not found again here, "

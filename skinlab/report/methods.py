@@ -5,6 +5,7 @@ from __future__ import annotations
 from skinlab.inference.identify import Identifier
 from skinlab.inference.methods import get_method
 from skinlab.mechanics.effects import get_effect
+from skinlab.mechanics.materials import get_law
 from skinlab.mechanics.model_file import BASE, Model
 
 _KAPPA = {
@@ -88,12 +89,12 @@ def assumptions(identifier: Identifier) -> list[str]:
         f"{effect.name}: {effect.meaning}; {effect.formula}."
         for effect in effects
     ]
+    law = get_law(identifier.database.law)
     return [
         *added,
         "The skin is one homogeneous, isotropic layer of the stated thickness, elastic and without "
-        "history: W = X1 (J1 − 3) + X2 (J1 − 3)(J2 − 3) + κ/2 (J − 1)² (X1, X2: stiffness at small "
-        "and at large stretch; κ: resistance to a change of volume; J1, J2, J: invariants of the "
-        "deformation).",
+        f"history: {law.formula} ({law.meaning}; κ: resistance to a change of volume; J1, J2, J: "
+        "invariants of the deformation).",
         _KAPPA[identifier.kappa] + ".",
         "Nothing pulls or pushes from below; the skin is free of tension before the suction; the "
         "tape holds its surface outside of the opening without any slip.",

@@ -80,7 +80,7 @@ def _which(outcome: Outcome) -> Section:
     ]
     tables = [
         Table(
-            ["effect", "χ² it could explain", "of it hidden in X1, X2 and ν"],
+            ["effect", "χ² it could explain", "of it hidden in the law's parameters"],
             screen,
             "Screen: every effect's signature against what is left",
         )
@@ -134,7 +134,7 @@ def _methods(outcome: Outcome) -> Section:
             "approximation, with priors as wide as three typical sizes of each effect; one effect "
             "is as likely beforehand as any other, none at all as likely as all together.",
             "An effect that is not in the library cannot be named, and one that the data cannot "
-            "tell from X1, X2 and ν cannot be seen: the table says what could have been.",
+            "tell from the law's parameters cannot be seen: the table says what could have been.",
         ],
         tables=[
             Table(

@@ -14,8 +14,8 @@ from skinlab.inference.methods import get_method, recursive_least_squares, stoch
 from skinlab.inference.problem import Estimate, Options, Problem
 from skinlab.mechanics.fem.suction import solve
 from skinlab.mechanics.materials.compressibility import kappa_ratio
-from skinlab.parameters import PAPER_BOX
 from skinlab.reproduction.cases import BLIND_TRUTH, PRESSURE_MBAR, SKIN, Blind, Case, problem
+from skinlab.reproduction.published_values import PAPER_BOX
 from skinlab.workers import Pool
 
 Array = NDArray[np.float64]

@@ -274,6 +274,10 @@ class SkinlabApp(App[None]):
         if order is not None and order.setup.aperture_mm == aperture_mm:
             self._show(order)
             return
+        if aperture_mm is None:  # it does not say; the field holds
+            if order is not None:
+                self._show(order)
+            return
         self._fields.put("aperture_mm", f"{aperture_mm:g}")
         if order is not None:
             self.board.say(
@@ -537,7 +541,7 @@ class SkinlabApp(App[None]):
             self._anew = True  # another person or site: another session
         if board.hello is None or order.port != board.port:
             self._reconnect(order.port, order)
-        elif order.setup.aperture_mm != board.hello.aperture_mm:
+        elif board.hello.aperture_mm not in {None, order.setup.aperture_mm}:
             # Another head was put on, so the instrument must be asked again
             port = with_opening(order.port, order.setup.aperture_mm)
             self._fields.put("port", port)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skinlab.mechanics.names import is_effects
 from skinlab.tui.canvas import Bits, dots, level, share
 from skinlab.tui.plot_data import round_up
 from skinlab.tui.text import digits, name_of
@@ -59,13 +60,11 @@ def _effects(candidate: Candidate, outcome: Outcome) -> str:
 
 
 def _parameter_lines(outcome: Outcome) -> list[str]:
-    from skinlab.discrepancy.unknowns import BASE_NAMES
-
     before = outcome.parameters(outcome.found.base)
     after = outcome.parameters(outcome.best) if outcome.verdict.explanations else {}
     title = f"{'':<10}{'before':<{_VALUE}}{'after' if after else ''}"
     lines = [title.rstrip()]
-    for name in [*BASE_NAMES, *(n for n in {**before, **after} if n not in BASE_NAMES)]:
+    for name in sorted({**before, **after}, key=is_effects):  # the law's first
         label = name_of(name)
         values = f"{_value(before.get(name)):<{_VALUE}}{_value(after.get(name))}".rstrip()
         if len(label) < 10:

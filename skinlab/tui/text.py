@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from drivers.capabilities import READ_ONLY
 from drivers.events import (
     Hello,
     Sample,
@@ -17,6 +18,8 @@ from skinlab.curves.curve import Setup
 from skinlab.curves.program import Hold, Program, Ramp, Release, Segment
 from skinlab.inference.flags import CATALOGUE
 from skinlab.inference.result import Identification, Value
+from skinlab.mechanics.materials.base import NU_CONSISTENT
+from skinlab.mechanics.names import is_poisson, of_law, plain
 from skinlab.quality.gates.base import Finding
 from skinlab.report.text import explain
 from skinlab.tui.canvas import interval_bar, share
@@ -27,7 +30,6 @@ if TYPE_CHECKING:
     from skinlab.acquisition.measurement_request import Order
     from skinlab.discrepancy.outcome import Outcome
 
-_UNITS = {"X1_MPa": ("X1", "MPa"), "X2_MPa": ("X2", "MPa"), "nu": ("nu", "")}
 
 _LABEL = 5  # cells of a parameter's name
 _BAR = 12  # cells of the progress bar
@@ -37,7 +39,7 @@ _WHOSE = 14  # cells of subject and site in the list
 
 def name_of(parameter: str) -> str:
     """Return a parameter's name without its unit."""
-    return _UNITS.get(parameter, (parameter, ""))[0]
+    return plain(parameter)[0]
 
 
 def flag_words(flag: str) -> str:
@@ -56,7 +58,10 @@ def where_text(board: Board) -> str:
         return f"{who_text(board.visit)}  replay of {board.port}"
     who = board.who if board.elsewhere or board.visit is None else board.visit
     since = "" if board.elsewhere or board.begun_at is None else f", since {clock(board.begun_at)}"
-    probe = board.port if hello is None else f"{hello.aperture_mm:g} mm, {hello.model}"
+    probe = board.port
+    if hello is not None:
+        opening = "" if hello.aperture_mm is None else f"{hello.aperture_mm:g} mm, "
+        probe = f"{opening}{hello.model}"
     return f"{who_text(who)}{since}  {probe}{dose_text(board)}"
 
 
@@ -81,6 +86,8 @@ def suction_text(board: Board) -> str:
     """Return whether there is suction, and how it is ended, for the top of every screen."""
     if board.playing is not None:
         return "no suction"
+    if board.suction and board.read_only:
+        return "SUCTION: end it at the instrument"
     if board.suction:
         return "SUCTION: v vents" if board.streaming else "SUCTION? v vents"
     return "suction off" if board.hello is not None else "no probe"
@@ -88,6 +95,8 @@ def suction_text(board: Board) -> str:
 
 def banner_text(hello: Hello | None) -> str:
     """Return the warning above everything, or nothing."""
+    if hello is not None and hello.read_only:
+        return f"READ-ONLY: {READ_ONLY}"
     if hello is None or not hello.simulated:
         return ""
     return "SIMULATED: this is no patient; the numbers come from a model"
@@ -261,7 +270,10 @@ def card_text(board: Board, columns: int) -> CardText:
         lines = [whose, *result_lines(live.estimate, columns), *advice_lines(None, live.findings)]
         return CardText(f"curve {live.index}: so far, not final", tuple(lines), final=False)
     if entry is None and board.order is not None and board.moving:
-        return CardText(f"{board.phase}: v vents", (*order_lines(board.order), *model))
+        return CardText(
+            f"{board.phase}: v {'gives up' if board.read_only else 'vents'}",
+            (*order_lines(board.order), *model),
+        )
     if entry is None and board.elsewhere:
         whose = who_text(board.who)
         return CardText("a new visit", (whose, "F8 begins it and shows what will happen"))
@@ -283,13 +295,13 @@ def card_text(board: Board, columns: int) -> CardText:
 def result_lines(result: Identification, columns: int = 34) -> list[str]:
     """Return what was identified: values, intervals in numbers and as bars, and how well it fits.
 
-    A bar shows X1 and X2 from a third of the value to three times it, and nu over its range.
+    A bar shows a stiffness from a third of the value to three times it, and nu over its range.
     """
     if result.error is not None:
         return ["not identified:", result.error]
     lines = []
     for name, value in (result.parameters or {}).items():
-        label, unit = _UNITS.get(name, (name, ""))
+        label, unit = plain(name)
         if len(label) >= _LABEL:  # of an effect
             lines.append(label)
             label = ""
@@ -299,8 +311,9 @@ def result_lines(result: Identification, columns: int = 34) -> list[str]:
         bar = value_bar(name, value, columns - _LABEL)
         if bar:
             lines.append(f"{'':<{_LABEL}}{bar}".rstrip())
-        if name == "nu" and result.nu_consistent is not None:
-            lines.append(f"{'':<5}{digits(result.nu_consistent, 4):<8}true nu")
+        true_nu = result.derived.get(NU_CONSISTENT)
+        if is_poisson(name) and true_nu is not None:
+            lines.append(f"{'':<5}{digits(true_nu, 4):<8}true nu")
     if result.error_um is not None and result.rms_um is not None:
         lines.append(f"E {digits(result.error_um, 3)} µm, rms {digits(result.rms_um, 3)} µm")
     fitted = result.fitted_points
@@ -309,7 +322,7 @@ def result_lines(result: Identification, columns: int = 34) -> list[str]:
 
 
 _BAR_FACTOR = 3.0
-_NU_RANGE = (0.2, 0.5)
+_POISSON_RANGE = (0.2, 0.5)
 
 
 def value_bar(name: str, value: Value, columns: int) -> str:
@@ -317,8 +330,8 @@ def value_bar(name: str, value: Value, columns: int) -> str:
     if value.low is None or value.high is None:
         return ""
     numbers = np.array([value.low, value.value, value.high])
-    if name == "nu":
-        at = share(numbers, *_NU_RANGE)
+    if is_poisson(name):
+        at = share(numbers, *_POISSON_RANGE)
     elif value.low > 0:
         at = 0.5 + 0.5 * np.log(numbers / value.value) / np.log(_BAR_FACTOR)
     else:
@@ -373,15 +386,26 @@ def interval_text(value: Value) -> str:
     return f"{digits(value.low, 3)}–{digits(value.high, 3)}"
 
 
-def row_texts(entry: Entry) -> tuple[str, ...]:
-    """Return the cells of the list: number, whose, when, program, cycle, X1, X2, nu, E, remarks."""
+def value_columns(entries: Iterable[Entry]) -> tuple[str, ...]:
+    """Return the law's parameters that the list of these curves shows."""
+    return of_law((e.result.parameters or ()) if e.result is not None else () for e in entries)
+
+
+def column_title(name: str) -> str:
+    """Return the heading of a parameter's column: X1 MPa."""
+    return " ".join(plain(name)).rstrip()
+
+
+def row_texts(entry: Entry, names: Sequence[str] | None = None) -> tuple[str, ...]:
+    """Return the cells of the list: number, whose, when, program, cycle, parameters, E, remarks.
+
+    `names` are the parameters that have a column; None: those of the curve's own law.
+    """
+    names = value_columns([entry]) if names is None else names
     setup: Setup = entry.curve.setup
     result = entry.result
     values = (result.parameters if result is not None else None) or {}
-    numbers = [
-        digits(values[name].value, 4) if name in values else ""
-        for name in ("X1_MPa", "X2_MPa", "nu")
-    ]
+    numbers = [digits(values[name].value, 4) if name in values else "" for name in names]
     error = "" if result is None or result.error_um is None else digits(result.error_um, 3)
     remarks = "" if result is None else ", ".join(flag_words(flag) for flag in result.flags)
     if result is not None and result.error is not None:

@@ -221,10 +221,17 @@ class Board:
         return self.doing is None and self.instrument is _S.ARMED and self.alarm is None
 
     @property
+    def read_only(self) -> bool:
+        """Whether the instrument is started, and vented, by somebody there."""
+        return self.hello is not None and self.hello.read_only
+
+    @property
     def phase(self) -> str:
         """One word for the header."""
         if self.playing is not None and self.doing != "closing":
             return "ENDED" if self.playing.ended else "PAUSED" if self.playing.paused else "REPLAY"
+        if self.read_only and self.doing == "starting":
+            return "WAITING"
         if self.doing is not None:
             return self.doing.upper()
         if self.hello is None:
@@ -246,7 +253,8 @@ class Board:
         """Whether readings come, so that the last one is what there is now."""
         if self.playing is not None:
             return self.live is not None and not self.playing.ended
-        return self.hello is not None and self.instrument in {_S.RUNNING, _S.VENTING}
+        running = self.instrument in {_S.RUNNING, _S.VENTING}
+        return self.hello is not None and (running or self.read_only)
 
     @property
     def suction(self) -> bool:
@@ -255,7 +263,8 @@ class Board:
             return False
         return (
             self.instrument in {_S.RUNNING, _S.VENTING}
-            or self.doing in {"starting", SEARCHING}
+            or (self.doing == "starting" and not self.read_only)
+            or self.doing == SEARCHING
             or self.alarm is not None
         )
 
@@ -282,7 +291,8 @@ class Board:
     def propose(self, review: Review) -> None:
         """Show what will happen, to be confirmed."""
         self.review = review
-        self.note, self.level = "read it; F9 starts suction, v or Esc leaves it", Level.INFO
+        what = "waits for you to start the instrument" if self.read_only else "starts suction"
+        self.note, self.level = f"read it; F9 {what}, v or Esc leaves it", Level.INFO
         self.version += 1
 
     def withdraw(self) -> None:
@@ -407,9 +417,12 @@ class Board:
         match phase:
             case Phase.ARMING:
                 self.shown = None  # the plot is for the next curve
+            case Phase.STARTING if self.read_only:
+                self.say(Level.INFO, "start the instrument; v gives the curve up")
             case Phase.RUNNING:
-                self.say(Level.INFO, "suction; v vents")
-            case Phase.RESTING if left is not None:
+                how = "end it at the instrument" if self.read_only else "v vents"
+                self.say(Level.INFO, f"suction; {how}")
+            case Phase.RESTING if left is not None and not self.read_only:
                 what = f"{left.repeats} more, the next after {left.rest_s:g} s of rest; v ends it"
                 self.say(Level.INFO, what)
             case Phase.SEARCHING:

@@ -18,7 +18,7 @@ from skinlab.mechanics.fem.suction import (
 
 EFFECTS = all_effects()
 NAMES = [effect.name for effect in EFFECTS]
-SKIN = Skin(0.04, 1.5, 0.32)
+SKIN = Skin((0.04, 1.5, 0.32))
 GEOMETRY = Geometry(6.0, 1.0)
 PATH = PressurePath.of_program(parse_program("ramp:60@40,hold:2,ramp:0@40,hold:1"))
 TIMES = np.linspace(0.0, 6.0, 61)

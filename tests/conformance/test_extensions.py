@@ -1,10 +1,13 @@
 """Every extension that is found, by the rules of its kind: those of `skinlab plugins check`."""
 
+import importlib
 import re
 from pathlib import Path
 
 import pytest
 
+from drivers.dialects import check_dialect, get_dialect
+from skinlab.extensions import dialects
 from skinlab.extensions.kinds import KINDS
 from skinlab.extensions.rules import BrokenRuleError, broken, expect, says
 
@@ -67,3 +70,16 @@ def test_a_broken_rule_is_a_sentence():
     assert broken(crash, 5).startswith("ZeroDivisionError: of mine (test_extensions.py line ")
     with pytest.raises(BrokenRuleError):
         rule(5)
+
+
+def test_what_only_streams_obeys_the_rules_of_what_it_declares(monkeypatch):
+    monkeypatch.syspath_prepend(str(DOCS.parent / "tests" / "unit" / "drivers"))
+    toy = importlib.import_module("toy_dialect").Toy()
+    line = get_dialect(str(DOCS.parent / "examples" / "dialects" / "plain_line.toml"))
+    for dialect in (toy, line):
+        check_dialect(dialect)
+        assert [b for rule in dialects.KIND.rules if (b := broken(rule, dialect))] == []
+
+    monkeypatch.setattr(type(toy), "capabilities", "all of them")
+    with pytest.raises(TypeError, match="capabilities"):
+        check_dialect(toy)

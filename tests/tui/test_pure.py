@@ -47,7 +47,7 @@ def result(n=20, **changes):
             "X2_MPa": Value(2.9),
             "nu": Value(0.28, 0.21, 0.46),
         },
-        "nu_consistent": 0.324,
+        "derived": {"nu_consistent": 0.324, "kappa_MPa": 0.135},
         "error_um": 0.42,
         "rms_um": 3.0,
         "flags": ("not_identifiable:nu", "frozen_sensor"),

@@ -8,6 +8,7 @@ from typing import Any
 
 import msgspec
 
+from drivers.capabilities import CONTROLLABLE
 from drivers.errors import LocalProtocolError, RemoteProtocolError
 from drivers.events import Command, Damaged, InstrumentEvent
 
@@ -25,6 +26,7 @@ class JsonLines:
 
     name = "json_lines"
     protocol_version = 1
+    capabilities = CONTROLLABLE  # it loads, reads back, is kept alive and vents
 
     def take(self, buffer: bytearray) -> bytes | Damaged | None:
         """Remove one frame, or what cannot belong to one; see drivers.dialects.Dialect.

@@ -33,7 +33,7 @@ where a question is asked.
 In a field v, q, t and ? are text while nothing moves; Esc vents even then. While what will happen \
 is shown, and while anything moves, the fields are closed, and v always vents.
 
-Bars: X1 and X2 from a third of the value to three times it, nu from 0.2 to 0.5. Grey numbers are \
+Bars: stiffness from a third of the value to three times it, nu from 0.2 to 0.5. Grey numbers are \
 not final. Below the plot: both channels against time, then what the fit leaves, with twice the \
 noise dotted. "last:" means that nothing is being read now.
 

@@ -18,24 +18,20 @@ from skinlab.errors import InputError
 from skinlab.recording.curve_selection import Deed
 from skinlab.recording.pseudonym import check_note
 from skinlab.tui.summary import repeats, repeats_lines
-from skinlab.tui.text import clock, result_lines, row_texts, who_text
+from skinlab.tui.text import (
+    clock,
+    column_title,
+    result_lines,
+    row_texts,
+    value_columns,
+    who_text,
+)
 from skinlab.tui.typing_guard import CHECK_KEY
 from skinlab.tui.ui_state import Board
 from skinlab.tui.widgets.header import Top
 
-_COLUMNS = (
-    "#",
-    "whose",
-    "time",
-    "mm",
-    "program",
-    "cycle",
-    "X1 MPa",
-    "X2 MPa",
-    "nu",
-    "E µm",
-    "used",
-)
+_BEFORE = ("#", "whose", "time", "mm", "program", "cycle")
+_AFTER = ("E µm", "used")
 _FRAMES_PER_S = 8
 
 
@@ -91,7 +87,7 @@ class SessionScreen(Screen[None]):
 
     def on_mount(self) -> None:
         """Begin to draw."""
-        self.query_one(DataTable).add_columns(*_COLUMNS)
+        self._names: tuple[str, ...] = ()
         self.query_one(Input).display = False
         self.draw()
         self.set_interval(1 / _FRAMES_PER_S, self.draw)
@@ -108,9 +104,13 @@ class SessionScreen(Screen[None]):
         )
         table = self.query_one(DataTable)
         at = table.cursor_row
-        table.clear()
+        names = value_columns(board.entries.values())
+        table.clear(columns=names != self._names)
+        if names != self._names:
+            table.add_columns(*_BEFORE, *map(column_title, names), *_AFTER)
+            self._names = names
         for index, entry in board.entries.items():
-            number, whose, at_time, program, cycle, *values, _ = row_texts(entry)
+            number, whose, at_time, program, cycle, *values, _ = row_texts(entry, names)
             reason = board.ledger.excluded.get(index)
             used = "yes" if reason is None else f"no: {reason}"
             opening = f"{entry.curve.setup.aperture_mm:g}"

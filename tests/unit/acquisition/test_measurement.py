@@ -535,3 +535,46 @@ class Anything(RuleBasedStateMachine):
 
 TestAnything = Anything.TestCase
 TestAnything.settings = settings(max_examples=100, stateful_step_count=40, deadline=None)
+
+
+# ---- what only streams ----------------------------------------------------------------------
+
+
+def streaming():
+    bed = Bed()
+    bed.measurement = Measurement(controls=False)
+    bed.give(State(InstrumentState.IDLE, "connected"), Arm(PLAN), Start())
+    bed.give(Succeeded(bed.awaited))
+    bed.give(Succeeded(bed.awaited), State(InstrumentState.ARMED, "waits"))
+    assert bed.measurement.phase is Phase.STARTING
+    return bed
+
+
+def test_repeats_of_what_only_streams_follow_without_a_rest_or_silence():
+    bed = streaming()
+    idle = State(InstrumentState.IDLE, PROGRAM_DONE)
+    sample = Sample(0, 0.0, 0.0, 0.0, 0)
+    first = bed.give(State(InstrumentState.RUNNING, "left zero"), sample, idle, sample)
+    assert [type(o) for o in first if not isinstance(o, VentProbe)] == [RepeatEnded, ArmProbe]
+    bed.give(Succeeded(bed.awaited))
+    bed.give(Succeeded(bed.awaited))
+    last = bed.give(State(InstrumentState.RUNNING, "left zero"), idle, sample)
+    assert [type(o) for o in last] == [RepeatEnded, Over]  # though readings go on
+    assert last[-1].failed is None
+
+
+def test_nobody_says_of_what_only_streams_that_it_was_told_to_vent():
+    bed = streaming()
+    bed.give(State(InstrumentState.RUNNING, "left zero"))
+    outputs = bed.give(Alarm("540 mbar; it cannot be vented from here: lift the probe"))
+    outputs += bed.give(State(InstrumentState.IDLE, "540 mbar"))
+    (over,) = [o for o in outputs if isinstance(o, Over)]
+    assert over.failed == "540 mbar; it cannot be vented from here: lift the probe"
+    bed = streaming()
+    bed.give(State(InstrumentState.RUNNING, "left zero"))
+    (over,) = [
+        o
+        for o in bed.give(State(InstrumentState.IDLE, "nothing came for 1 s"))
+        if isinstance(o, Over)
+    ]
+    assert over.failed == "the curve was cut (nothing came for 1 s)"

@@ -36,8 +36,9 @@ from skinlab.mechanics.fem.skin import Prony, SkinProblem
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.workers import Pool
 
-SKIN = Skin(0.035, 1.2, 0.32)
-TRUE = np.array([np.log(SKIN.X1_MPa), np.log(SKIN.X2_MPa / SKIN.X1_MPa), SKIN.nu])
+SKIN = Skin((0.035, 1.2, 0.32))
+X1, X2, NU = SKIN.values
+TRUE = np.array([np.log(X1), np.log(X2 / X1), NU])
 RAMPS = (
     (6.0, "ramp:100@20,ramp:0@20", 1),
     (2.0, "ramp:300@60,ramp:0@60", 1),
@@ -185,15 +186,15 @@ def test_domes_are_the_databases(table):
     geometry = Geometry(6.0, 1.1)
     pressure = np.linspace(0.0, 100.0, 41)
     for thickness in (1.1, 1.23):
-        problem = SkinProblem(Geometry(6.0, thickness), SKIN.X1_MPa, SKIN.X2_MPa, SKIN.nu)
+        problem = SkinProblem(Geometry(6.0, thickness), SKIN)
         dome = TableDomes(table)(problem, geometry, 100.0)
         direct = table.model(Geometry(6.0, thickness), pressure)
-        exact = direct.deflection_mm(np.array([[SKIN.X1_MPa, SKIN.X2_MPa, SKIN.nu]]))[0]
+        exact = direct.deflection_mm(np.array([SKIN.values]))[0]
         np.testing.assert_allclose(dome(pressure), exact, atol=3e-5)
 
 
 def test_a_dome_is_straight_beyond_its_ends(table):
-    problem = SkinProblem(Geometry(6.0, 1.1), SKIN.X1_MPa, SKIN.X2_MPa, SKIN.nu)
+    problem = SkinProblem(Geometry(6.0, 1.1), SKIN)
     dome = TableDomes(table)(problem, Geometry(6.0, 1.1), 100.0)
     w = dome(np.array([201.0, 202.0, 203.0, 204.0]))  # its spline ends at twice what was asked
     np.testing.assert_allclose(np.diff(w, 2), 0.0, atol=1e-9)
@@ -201,7 +202,7 @@ def test_a_dome_is_straight_beyond_its_ends(table):
 
 
 def test_outside_the_table_there_is_no_dome(table):
-    problem = SkinProblem(Geometry(8.0, 0.11), SKIN.X1_MPa, SKIN.X2_MPa, SKIN.nu)
+    problem = SkinProblem(Geometry(8.0, 0.11), SKIN)
     assert TableDomes(table)(problem, Geometry(8.0, 0.11), 100.0) is None
 
 
@@ -485,7 +486,7 @@ def test_the_advice_separates_what_one_ramp_leaves_tied(table):
 
 def test_the_finite_elements_and_the_table_agree_on_the_plain_skin(table):
     geometry = Geometry(6.0, 1.1)
-    problem = SkinProblem(geometry, SKIN.X1_MPa, SKIN.X2_MPa, SKIN.nu)
+    problem = SkinProblem(geometry, SKIN)
     dome = TableDomes(table)(problem, geometry, 100.0)
     p = np.linspace(5.0, 100.0, 20)
     solved = solve_skin(problem, PressurePath((0.0, 1.0), (0.0, 100.0))).at(p / 100.0, p)

@@ -16,7 +16,7 @@ from skinlab.mechanics.effects.model import Skin, response
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.mechanics.model_file import read_model
 
-SKIN = Skin(0.04, 1.5, 0.32)
+SKIN = Skin((0.04, 1.5, 0.32))
 
 
 @pytest.fixture

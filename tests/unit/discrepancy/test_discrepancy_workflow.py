@@ -30,7 +30,7 @@ from skinlab.mechanics.fem.suction import Geometry
 from skinlab.mechanics.model_file import EffectRange, Header, Model
 from skinlab.report.missing_effect import render
 
-SKIN = Skin(0.041, 1.7, 0.31)
+SKIN = Skin((0.041, 1.7, 0.31))
 THICKNESS_MM = 1.13
 PLAN = (
     (6.0, "ramp:100@20,ramp:0@20"),
@@ -100,7 +100,7 @@ def test_a_hidden_effect_is_named_and_the_gap_shrinks_to_the_noise(table, effect
     assert interval["low"] - width < true < interval["high"] + width
     # The bias that the missing effect had caused is gone.
     after = found["parameters"]["after"]["X1_MPa"]
-    assert after["value"] == pytest.approx(SKIN.X1_MPa, rel=0.1)
+    assert after["value"] == pytest.approx(SKIN.values[0], rel=0.1)
     assert found["where"][0]["p_value"] < 1e-3
 
 

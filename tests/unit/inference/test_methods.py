@@ -20,9 +20,11 @@ from skinlab.inference.methods import (
 )
 from skinlab.inference.problem import Options, Problem
 from skinlab.mechanics.fem.suction import Geometry
-from skinlab.parameters import PAPER_BOX, BoxSpace, RatioSpace
+from skinlab.mechanics.materials import get_law
+from skinlab.parameters import Space
+from skinlab.reproduction.published_values import PAPER_BOX
 
-UNIT = BoxSpace(("a", "b"), (0.0, 0.0), (1.0, 1.0))
+UNIT = Space.box(("a", "b"), (0.0, 0.0), (1.0, 1.0))
 TRUE = np.array([0.6, 0.3])
 TIME = np.linspace(0.0, 1.0, 30)
 
@@ -69,7 +71,7 @@ def saturation(measured=None, kind=Sampled):
     return Problem(UNIT, kind(saturating, saturating_slopes, measured), len(TIME))
 
 
-WIDE = BoxSpace(("a", "b"), (-50.0, -50.0), (50.0, 50.0))  # no estimate on the way reaches an edge
+WIDE = Space.box(("a", "b"), (-50.0, -50.0), (50.0, 50.0))  # no estimate on the way reaches an edge
 
 
 def line(rng, space=UNIT):
@@ -174,7 +176,7 @@ class TestGaussNewton:
         np.testing.assert_allclose(run(gauss_newton, problem).parameters, TRUE, atol=1e-6)
 
     def test_unit_slopes_are_those_of_the_space(self):
-        space = RatioSpace((0.005, 0.2), (0.5, 1000.0), (0.2, 0.49))
+        space = get_law().space
         x = np.array([0.03, 1.0, 0.32])
         slopes = gauss_newton.unit_slopes(space, space.to_unit(x))
         by_x1, by_ratio = np.log(0.2 / 0.005), np.log(1000.0 / 0.5)
@@ -184,7 +186,7 @@ class TestGaussNewton:
 
 class TestLineSearch:
     # From far out a step of Gauss-Newton on arctan overshoots, by more each time.
-    FAR = BoxSpace(("a",), (-5.0,), (4.0,))
+    FAR = Space.box(("a",), (-5.0,), (4.0,))
 
     def arctangent(self):
         def slopes(x):
@@ -234,7 +236,7 @@ class TestRecursiveLeastSquares:
 
     def test_the_first_covariance_is_in_the_parameters_units(self):
         """With λ = 1 and P = I a pass minimises Σ (M − Ω)² + ‖x − x₀‖², whatever the space."""
-        space = BoxSpace(("a", "b"), (-10.0, -3.0), (20.0, 50.0))
+        space = Space.box(("a", "b"), (-10.0, -3.0), (20.0, 50.0))
         problem, design, measured = line(np.random.default_rng(3), space)
         x0 = np.array([1.0, -1.0])
         expected = np.linalg.solve(design.T @ design + np.eye(2), design.T @ measured + x0)

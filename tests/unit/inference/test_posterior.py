@@ -9,9 +9,9 @@ from skinlab.inference.intervals import correlation, most_of_the_range, summary
 from skinlab.inference.joint import GaussianPrior, JointMisfit
 from skinlab.inference.optimise import polish
 from skinlab.inference.posterior import sample
-from skinlab.parameters import BoxSpace, RatioSpace, WithFactor
+from skinlab.parameters import Space
 
-CUBE = BoxSpace(("a", "b", "c"), (0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
+CUBE = Space.box(("a", "b", "c"), (0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
 
 
 class Residuals:
@@ -233,7 +233,9 @@ def test_joint_misfits_add_up():
 
 
 def test_a_space_with_a_factor_goes_there_and_back():
-    space = WithFactor(RatioSpace((0.01, 0.1), (1.0, 100.0), (0.2, 0.48)), "ratio", 0.5, 2.0)
+    space = Space(
+        ("a_MPa", "b_MPa", "c"), (0.01, 1.0, 0.2), (0.1, 100.0, 0.48), ("log", "ratio", "linear")
+    ).extended("ratio", 0.5, 2.0)
     unit = np.random.default_rng(5).random((6, 4))
     np.testing.assert_allclose(space.to_unit(space.from_unit(unit)), unit, atol=1e-12)
     assert space.names[-1] == "ratio"

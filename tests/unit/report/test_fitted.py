@@ -44,7 +44,7 @@ def curve(noise_mm) -> Curve:
     time_s = np.arange(120) / 20.0
     path = PressurePath.of_program(program)
     truth = {"viscoelasticity": {"g": 0.3, "tau_s": 1.0}, "deflection_gain": {"gain": 1.05}}
-    w = response(Skin(0.025, 2.95, 0.28), truth, Geometry(6.0, 1.0), path, time_s).deflection_mm
+    w = response(Skin((0.025, 2.95, 0.28)), truth, Geometry(6.0, 1.0), path, time_s).deflection_mm
     return Curve("creep", Setup(6.0, 1.0, program), time_s, path(time_s), w + noise_mm)
 
 
