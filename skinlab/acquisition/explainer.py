@@ -69,11 +69,9 @@ class Explainer:
     def cancel(self) -> None:
         """End the search, if there is one; from any thread."""
         with self._lock:
-            worker = self._worker
-            if worker is None:
-                return
-            self._cancelled = True
-        worker.close()
+            if self._worker is not None:
+                self._cancelled = True
+                self._worker.kill()
 
 
 def look(asked: tuple[Campaign, Model], tell: Callable[[str], None]) -> Outcome:
