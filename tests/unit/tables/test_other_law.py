@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 import pytest
+from skinlab_example.fung import LAW
 
 from skinlab.cli.main import run
 from skinlab.curves.campaign import Campaign
@@ -26,7 +27,6 @@ from skinlab.mechanics.model_file import EffectRange, Header, Model, Range
 from skinlab.report.text import describe
 from skinlab.tables.forward import simulate_from
 from skinlab.tables.store import read, shipped_table
-from skinlab_example.fung import LAW
 
 DIMENSIONLESS = """
 [model]
