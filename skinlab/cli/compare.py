@@ -6,15 +6,16 @@ from pathlib import Path
 
 import click
 
-from skinlab.cli.options import json_option
+from skinlab.cli.options import database_option, json_option
 from skinlab.cli.output import echo, print_json
 
 
 @click.command()
 @click.argument("before", type=click.Path(path_type=Path))
 @click.argument("after", type=click.Path(path_type=Path))
+@database_option("the one that BEFORE names")
 @json_option()
-def command(before: Path, after: Path, as_json: bool) -> int:
+def command(before: Path, after: Path, database_path: Path | None, as_json: bool) -> int:
     """Say whether the skin of session AFTER differs from that of BEFORE.
 
     All whole first-cycle curves of a session are fitted together, whatever their openings.
@@ -28,7 +29,7 @@ def command(before: Path, after: Path, as_json: bool) -> int:
     from skinlab.recording.session_fit import fit_session
 
     sessions = [read_session(path) for path in (before, after)]
-    identifier, warning = identifier_of(sessions[0])
+    identifier, warning = identifier_of(sessions[0], database_path)
     if warning:
         echo(f"skinlab: {warning}", err=True)
     results = [

@@ -122,11 +122,9 @@ def _outcome(
 
 def _base(model_path: Path | None, table: Table) -> Model:
     """Return the model to start from: that of the file, else the table's law as it is."""
-    from skinlab.mechanics.model_file import BASE, Header, Model, read_model
+    from skinlab.mechanics.model_file import model_of_law, read_model
 
-    if model_path is not None:
-        return read_model(model_path)
-    return BASE if table.law == BASE.model.law else Model(Header(table.law, table.law))
+    return model_of_law(table.law) if model_path is None else read_model(model_path)
 
 
 def _adopt(

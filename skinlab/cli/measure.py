@@ -17,6 +17,7 @@ from drivers.line_dialect import IGNORED
 from skinlab.cli.interrupts import interrupt_on_signals
 from skinlab.cli.method_options import MethodCommand
 from skinlab.cli.options import (
+    database_option,
     dialect_option,
     geometry_options,
     identification_options,
@@ -57,6 +58,7 @@ _NOT_UNDERSTOOD = 10  # lines, after which it is said
 )
 @click.option("--out", required=True, type=click.Path(path_type=Path), help="The session to write.")
 @identification_options()
+@database_option()
 @json_option()
 def command(
     port: str,

@@ -103,13 +103,13 @@ def kappa_option() -> Callable[[F], F]:
     )
 
 
-def database_option() -> Callable[[F], F]:
+def database_option(default: str = "the shipped one") -> Callable[[F], F]:
     """`--database`."""
     return click.option(
         "--database",
         "database_path",
         type=click.Path(path_type=Path),
-        help="A file that `skinlab database build` wrote  [default: the shipped one].",
+        help=f"A file that `skinlab database build` wrote  [default: {default}].",
     )
 
 

@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 import pytest
-from laws.fung import LAW
+from skinlab_example.fung import LAW
 
 from skinlab.cli.main import run
 from skinlab.curves.campaign import Campaign
