@@ -78,7 +78,7 @@ def _on_terminal(
     model: Model | None,
     dose_limit_mbar_s: float | None,
 ) -> int:
-    from skinlab.cli.measure import probes
+    from skinlab.acquisition.session_run import probes
 
     make_probe = probes(dose_limit_mbar_s, dialect)
     _release_escape()
@@ -139,25 +139,14 @@ def _headless(
 ) -> int:
     from drivers.probe import choose_dialect
     from skinlab.acquisition.measurement import Plan
+    from skinlab.api.identifiers import compose_identifier
     from skinlab.cli.measure import run
-    from skinlab.cli.options import make_identifier
     from skinlab.curves.curve import Setup
     from skinlab.curves.program import parse_program
     from skinlab.recording.recorder import new_session_path
 
     echo(f"no terminal: measuring once at {port}", err=True)
-    identifier = make_identifier(
-        method="auto",
-        best=20,
-        tolerance_um=1e-5,
-        seed=0,
-        kappa="paper",
-        phases="load",
-    )
-    if model is not None:
-        from skinlab.discrepancy.model_identifier import with_model
-
-        identifier = with_model(identifier, model)
+    identifier = compose_identifier(model=model)
     plan = Plan(Setup(6.0, 1.0, parse_program("ramp:100@20")))
     out = new_session_path(folder, datetime.now())
     return run(
