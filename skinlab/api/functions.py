@@ -273,7 +273,7 @@ def measure(
     site: str = "",
     first_cycle: int = 1,
     dose_limit_mbar_s: float | None = None,
-    dialect: str | None = None,
+    dialect: PathLike | None = None,
     on_result: OnResult | None = None,
     **identification: Any,
 ) -> Measurement:
@@ -289,7 +289,7 @@ def measure(
         AcquisitionError, KeyboardInterrupt: after the probe was told to vent and what was measured
             was saved; a note of the error names the session.
     """
-    from drivers.errors import DriverError
+    from drivers.errors import DialectFileError, DriverError, PortUrlError, UnknownDialectError
     from drivers.probe import choose_dialect
     from skinlab.acquisition.gc_tuning import short_pauses
     from skinlab.acquisition.session_run import nothing_to_fit, plan_of, run_session
@@ -299,7 +299,10 @@ def measure(
     from skinlab.report.outage import outage_words
     from skinlab.report.text import describe_dose
 
-    _, speaks = choose_dialect(url, dialect)
+    try:
+        _, speaks = choose_dialect(url, None if dialect is None else str(dialect))
+    except (DialectFileError, PortUrlError, UnknownDialectError) as error:
+        raise InputError(str(error)) from None
     asked = _program(program)
     if asked is None and speaks.capabilities.controllable:
         raise InputError("program: expected what the pump is to do, such as ramp:100@20")
@@ -340,11 +343,15 @@ def measure(
                 listener=listener,
                 say=_log.warning,
             )
+    except PortUrlError as error:
+        raise InputError(str(error)) from None
     except DriverError as error:
         raise _with_note(AcquisitionError(str(error)), ends) from error
-    except (AcquisitionError, KeyboardInterrupt) as error:
+    except BaseException as error:
         _with_note(error, ends)
         raise
+    if not ends:
+        raise AcquisitionError("no curve was begun: there is no session")
     path, dose = ends[0]
     whole = document(identifier.provenance(), results, session=str(path), dose=dose)
     return Measurement(whole, answers, recorded, describe_dose(dose))

@@ -13,9 +13,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from laws.fung import LAW
 
 import skinlab
 from skinlab.cli.main import run
+from skinlab.mechanics.materials import with_law
 
 ROOT = Path(__file__).parents[3]
 SKIN = {"X1_MPa": 0.03, "X2_MPa": 1.0, "nu": 0.32}
@@ -187,7 +189,9 @@ def test_several_curves_answer_together(curve):
         found = skinlab.identify_joint(campaign)
     assert found.to_dict()["curves"] == []
     assert found.files == ["simulated", "simulated"]
-    assert found.noise_um == pytest.approx(3.0)
+    same = skinlab.identify_joint([curve, curve], noise_um=3.0, pressure_noise_mbar=0.0)
+    assert found.parameters == same.parameters
+    assert found.parameters != skinlab.identify_joint([curve, curve]).parameters
     assert found.parameters.X1_MPa.low < 0.03 < found.parameters.X1_MPa.high
     assert "arm" in repr(campaign)
     assert len(campaign.to_dict()["curves"]) == 3
@@ -244,12 +248,38 @@ def test_an_interrupted_measurement_is_saved(tmp_path):
         ({"phases": "hold"}, "has no hold"),
         ({"dose_limit_mbar_s": 1.0}, "dose"),
         ({"dialect": "klingon"}, "klingon"),
+        ({"dialect": Path("none.toml")}, "none.toml"),
+        ({"url": "gopher://probe"}, "gopher"),
         ({"aperture_mm": 5}, "aperture_mm 5"),
     ],
 )
 def test_a_measurement_is_refused_before_it_begins(tmp_path, settings, sentence):
-    asked = {**OPENING, "program": "ramp:50@20", "out": tmp_path / "s.h5", **settings}
+    usual = {"url": "sim://?seed=1", "program": "ramp:50@20", "out": tmp_path / "s.h5"}
     with pytest.raises(skinlab.InputError) as told:
-        skinlab.measure("sim://?seed=1", **asked)
+        skinlab.measure(**{**usual, **OPENING, **settings})
     assert sentence in str(told.value)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_probe_that_is_not_there_is_an_acquisition_error(tmp_path):
+    with pytest.raises(skinlab.AcquisitionError):
+        skinlab.measure(
+            str(tmp_path / "tty"), **OPENING, program="ramp:50@20", out=tmp_path / "s.h5"
+        )
+    assert not list(tmp_path.iterdir())
+
+
+def test_another_laws_parameters_go_by_their_names():
+    names = LAW.names
+    with with_law(LAW):
+        found = skinlab.forward(
+            law=LAW.name,
+            **dict(zip(names, (0.01, 12.0, 0.3), strict=True)),
+            **OPENING,
+            program="ramp:20@20",
+            direct=True,
+            rate_hz=10.0,
+        )
+        with pytest.raises(skinlab.InputError, match="X1_MPa, X2_MPa: not of the law fung"):
+            skinlab.forward(law=LAW.name, **SKIN, **OPENING, program="ramp:20@20")
+    assert found.deflection_mm[-1] > 0.1
