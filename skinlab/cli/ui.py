@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 from drivers.limits import DEFAULT_DOSE_MBAR_S
-from skinlab.cli.options import database_option, dialect_option, make_identifier
+from skinlab.cli.options import database_option, dialect_option
 from skinlab.cli.output import echo
 
 if TYPE_CHECKING:
@@ -70,17 +70,9 @@ def _identifier(model_path: Path | None = None, database_path: Path | None = Non
     Raises:
         InputError: a file cannot be used, or one is of another law or model than the other.
     """
-    made: Identifier = make_identifier(
-        method="auto",
-        best=20,
-        tolerance_um=1e-5,
-        seed=0,
-        kappa="paper",
-        phases="load",
-        model_path=model_path,
-        database_path=database_path,
-    )
-    return made
+    from skinlab.api.identifiers import compose_identifier
+
+    return compose_identifier(model=model_path, database=database_path)
 
 
 def has_screen() -> bool:
@@ -99,7 +91,7 @@ def _on_terminal(
     dose_limit_mbar_s: float | None,
 ) -> int:
     """Show the screen; without an identifier it makes its own, beside."""
-    from skinlab.cli.measure import probes
+    from skinlab.acquisition.session_run import probes
 
     make_probe = probes(dose_limit_mbar_s, dialect)
     _release_escape()
