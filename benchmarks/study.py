@@ -1,0 +1,132 @@
+"""Studies measured: intervals of variance components, narrowing by a prior, time a curve.
+
+    OPENBLAS_NUM_THREADS=1 python benchmarks/study.py components [--cohorts 200] [--seed 1]
+    OPENBLAS_NUM_THREADS=1 python benchmarks/study.py prior [--cohorts 4] [--people 60] [--seed 2]
+    OPENBLAS_NUM_THREADS=1 python benchmarks/study.py speed [--curves 10000] [--workers 2]
+
+Each part prints and saves benchmarks/results/study_PART.json.
+
+`components`: small cohorts with known components, as the simulator's (people, two sites, two
+visits, operators, probes, placements), whole and with 15 % of their curves lost. How often the 90 %
+intervals of variances, shares, ICC and MDC hold the true value.
+
+`prior`: cohorts of the simulator, curves by finite elements. A population is learned from some of
+the people and used for others: how often their 90 % intervals hold the truth, and how much narrower
+they are than without it.
+
+`speed`: a folder of curves through `skinlab study`, with broken files among them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import time
+from pathlib import Path
+from typing import Any
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import numpy as np
+
+from skinlab.study.components import WITHIN, components, effect
+
+RESULTS = Path(__file__).parent / "results"
+
+TRUE = {
+    "subject": 0.25,
+    "subject:site": 0.10,
+    "visit": 0.06,
+    "operator": 0.03,
+    "probe": 0.04,
+    "placement": 0.06,
+    WITHIN: 0.05,
+}
+
+
+def small_cohort(rng: np.random.Generator, people: int, lost: float) -> tuple[Any, Any]:
+    """Return values (n,) and the effects of one cohort."""
+    grid = np.array(
+        [
+            (s, i, v, (p + v + s) % 3, (p // 3 + v + i + s) % 2, p, c)
+            for s in range(people)
+            for i in range(2)
+            for v in range(2)
+            for p in range(2)
+            for c in range(2)
+        ]
+    )
+    grid = grid[rng.random(len(grid)) >= lost]
+    s, i, v, o, b, p, _ = grid.T
+    effects = [
+        effect("subject", s),
+        effect("subject:site", s, i),
+        effect("visit", s, v),
+        effect("operator", o),
+        effect("probe", b),
+        effect("placement", s, i, v, o, b, p),
+    ]
+    values = rng.normal(0.0, TRUE[WITHIN], len(grid))
+    for one in effects:
+        values += rng.normal(0.0, TRUE[one.name], one.levels)[one.codes]
+    return values, effects
+
+
+def measure_components(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Return how often intervals hold the truth."""
+    true = {name: sd**2 for name, sd in TRUE.items()}
+    total = sum(true.values())
+    between, error = (
+        ("subject", "subject:site"),
+        ("visit", "operator", "probe", "placement", WITHIN),
+    )
+    icc = sum(true[n] for n in between) / total
+    mdc = 1.96 * np.sqrt(2.0 * sum(true[n] for n in error))
+    result: dict[str, Any] = {"true_sd": TRUE, "people": arguments.people}
+    for kind, lost in (("whole", 0.0), ("15 % lost", 0.15)):
+        held: dict[str, int] = {}
+        for k in range(arguments.cohorts):
+            rng = np.random.default_rng([arguments.seed, k])
+            found = components(*small_cohort(rng, arguments.people, lost), seed=k)
+            for part in found.parts:
+                held[part.name] = held.get(part.name, 0) + (
+                    part.low <= true[part.name] <= part.high
+                )
+                share = true[part.name] / total
+                name = f"share of {part.name}"
+                held[name] = held.get(name, 0) + (part.share_low <= share <= part.share_high)
+            e, b = found.drawn(error), found.drawn(between)
+            for name, draws, value in (
+                ("ICC(2,1)", b / (b + e), icc),
+                ("MDC95", 1.96 * np.sqrt(2.0 * e), mdc),
+            ):
+                low, high = np.quantile(draws, [0.05, 0.95])
+                held[name] = held.get(name, 0) + (low <= value <= high)
+        result[kind] = {name: count / arguments.cohorts for name, count in held.items()}
+    return result
+
+
+def main() -> None:
+    """Measure one part, print and save it."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("part", choices=["components"])
+    parser.add_argument("--cohorts", type=int, default=200)
+    parser.add_argument("--people", type=int, default=12)
+    parser.add_argument("--seed", type=int, default=1)
+    arguments = parser.parse_args()
+    started = time.perf_counter()
+    measured = {"components": measure_components}[arguments.part](arguments)
+    measured |= {
+        "command": f"python benchmarks/study.py {arguments.part} --cohorts {arguments.cohorts} "
+        f"--people {arguments.people} --seed {arguments.seed}",
+        "seconds": round(time.perf_counter() - started, 1),
+    }
+    print(json.dumps(measured, indent=1))
+    RESULTS.mkdir(exist_ok=True)
+    path = RESULTS / f"study_{arguments.part}.json"
+    path.write_text(json.dumps(measured, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
