@@ -65,7 +65,11 @@ class Component:
 
 @dataclass(frozen=True, eq=False)
 class Components:
-    """What was found. `draws` (m, effects) are of all variances, in the order of `parts`."""
+    """What was found.
+
+    `draws` (m, effects) are of all variances, in the order of `parts`; some are below zero, which
+    only sums may make good.
+    """
 
     parts: tuple[Component, ...]
     mean: float
@@ -80,7 +84,7 @@ class Components:
     def drawn(self, names: Sequence[str]) -> Array:
         """Return the draws (m,) of that sum."""
         chosen = [k for k, p in enumerate(self.parts) if p.name in names]
-        return np.asarray(self.draws[:, chosen].sum(axis=1))
+        return np.asarray(np.maximum(self.draws[:, chosen].sum(axis=1), 0.0))
 
     def has(self, name: str) -> bool:
         """Return whether the component could be estimated."""
@@ -130,12 +134,13 @@ def components(
     found, b = design.reml(y)
     draws = design.draws(y, np.random.default_rng(seed))
     names = [*(e.name for e in design.effects), WITHIN]
-    total, totals = found.sum(), draws.sum(axis=1)
+    positive = np.maximum(draws, 0.0)
+    total, totals = found.sum(), positive.sum(axis=1)
     parts = []
     for k, name in enumerate(names):
-        low, high = interval(draws[:, k], float(found[k]))
+        low, high = interval(positive[:, k], float(found[k]))
         share = float(found[k] / total)
-        share_low, share_high = interval(draws[:, k] / totals, share)
+        share_low, share_high = interval(positive[:, k] / totals, share)
         parts.append(
             Component(
                 name,
@@ -320,7 +325,7 @@ class Design:
             of_all = float(y @ y) if whole is None else whole.squares(y)
             squares[i] = max(of_all - less.squares(y), 0.0)
         drawn = squares / rng.chisquare(freedom, (_DRAWS, len(names)))
-        return np.maximum(np.linalg.solve(table, drawn.T).T, 0.0)
+        return np.asarray(np.linalg.solve(table, drawn.T).T)
 
     # ---- restricted maximum likelihood ------------------------------------------------------
 
