@@ -30,7 +30,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
-from skinlab.study.components import WITHIN, components, effect
+from skinlab.study.components import WITHIN, components, effect, interval
 
 RESULTS = Path(__file__).parent / "results"
 
@@ -97,12 +97,12 @@ def measure_components(arguments: argparse.Namespace) -> dict[str, Any]:
                 name = f"share of {part.name}"
                 held[name] = held.get(name, 0) + (part.share_low <= share <= part.share_high)
             e, b = found.drawn(error), found.drawn(between)
-            for name, draws, value in (
-                ("ICC(2,1)", b / (b + e), icc),
-                ("MDC95", 1.96 * np.sqrt(2.0 * e), mdc),
-            ):
-                low, high = np.quantile(draws, [0.05, 0.95])
-                held[name] = held.get(name, 0) + (low <= value <= high)
+            estimate = found.variance(between)
+            low, high = interval(b / (b + e), estimate / (estimate + found.variance(error)))
+            held["ICC(2,1)"] = held.get("ICC(2,1)", 0) + (low <= icc <= high)
+            ends = found.sum_interval(dict.fromkeys(error, 1.0))
+            low, high = (1.96 * np.sqrt(2.0 * end) for end in ends)
+            held["MDC95"] = held.get("MDC95", 0) + (low <= mdc <= high)
         result[kind] = {name: count / arguments.cohorts for name, count in held.items()}
     return result
 

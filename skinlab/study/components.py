@@ -3,11 +3,13 @@
 The model is y = X b + sum over effects of Z u + e with independent normal u and e. Values are of
 restricted maximum likelihood (Patterson and Thompson 1971), as statsmodels and lme4 give them.
 
-Intervals are generalised confidence intervals (Weerahandi 1993; Burdick, Borror and Montgomery
-2005): each effect has a sum of squares, adjusted for all effects that are not nested in it, whose
-expectation is a known mixture of the components; the sums are drawn from their chi-squares and the
-mixture is solved, many times. They hold with two operators as well, where the profile of the
-likelihood and a bootstrap do not. The same draws give the intervals of every share, ICC and MDC.
+Intervals: each effect has a mean square, adjusted for all effects that are not nested in it, whose
+expectation is a known mixture of the components. For single components, shares and ICC the mean
+squares are drawn from their chi-squares and the mixture is solved, many times: generalised
+confidence intervals (Weerahandi 1993; Burdick, Borror and Montgomery 2005). For sums of components,
+of which SEM and MDC are the root, these are too high where one part is poorly known; there it is
+the modified large-sample interval (Ting, Burdick, Graybill, Jeyaratnam and Lu 1990). Both hold with
+two operators as well, where the profile of the likelihood and a bootstrap do not.
 
 statsmodels' MixedLM forms one dense matrix for crossed effects and gives no intervals of variances;
 here effects are worked out block by block (a block is a person), so that cost grows with the number
@@ -16,13 +18,15 @@ of curves and not with its cube.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
+from scipy.stats import chi2
+from scipy.stats import f as f_distribution
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.intp]
@@ -76,6 +80,14 @@ class Components:
     count: int
     draws: Array
     notes: tuple[str, ...]  # which effects cannot be told apart, and why
+    squares: Array  # (effects,) mean squares, in the order of `parts`
+    mixture: Array  # (effects, effects): solves these for the components
+
+    def sum_interval(self, weights: Mapping[str, float]) -> tuple[float, float]:
+        """Return the interval of a sum of weighted components; those not there count as zero."""
+        w = np.array([weights.get(p.name, 0.0) for p in self.parts])
+        freedom = np.array([p.freedom for p in self.parts], dtype=float)
+        return _large_sample(w @ self.mixture, self.squares, freedom)
 
     def variance(self, names: Sequence[str]) -> float:
         """Return the sum of these components; those that are not there count as zero."""
@@ -155,7 +167,36 @@ def components(
             )
         )
     mean = float(values.mean() + scale * b[0])
-    return Components(tuple(parts), mean, n, draws * scale**2, tuple(design.notes))
+    squares, mixture = design.mean_squares(y)
+    return Components(
+        tuple(parts), mean, n, draws * scale**2, design.notes, squares * scale**2, mixture
+    )
+
+
+def _large_sample(q: Array, squares: Array, freedom: Array) -> tuple[float, float]:
+    """Return the interval of the sum of q times mean squares (k,); zero is its least end.
+
+    Ting et al. 1990, J. Stat. Comput. Simul. 35:135, equations as in Burdick and Graybill 1992.
+    """
+    tail = (1 - LEVEL) / 2
+    value = float(q @ squares)
+    size = np.abs(q) * squares
+    up, down = q > 0, q < 0
+    low = high = 0.0
+    G = 1.0 - freedom / chi2.ppf(1 - tail, freedom)
+    H = freedom / chi2.ppf(tail, freedom) - 1.0
+    low += float(np.square(G[up] * size[up]).sum() + np.square(H[down] * size[down]).sum())
+    high += float(np.square(H[up] * size[up]).sum() + np.square(G[down] * size[down]).sum())
+    for i in np.flatnonzero(up):
+        for j in np.flatnonzero(down):
+            F = float(f_distribution.ppf(1 - tail, freedom[i], freedom[j]))
+            low += float(((F - 1) ** 2 - (G[i] * F) ** 2 - H[j] ** 2) / F * size[i] * size[j])
+            F = float(f_distribution.ppf(tail, freedom[i], freedom[j]))
+            high += float(((1 - F) ** 2 - (H[i] * F) ** 2 - G[j] ** 2) / F * size[i] * size[j])
+    return (
+        max(value - float(np.sqrt(max(low, 0.0))), 0.0),
+        max(value + float(np.sqrt(max(high, 0.0))), 0.0),
+    )
 
 
 def interval(draws: Array, value: float, level: float = LEVEL) -> tuple[float, float]:
@@ -315,32 +356,30 @@ class Design:
         table[np.abs(table) < _TINY] = 0.0
         return table, freedom
 
-    def draws(self, y: Array, rng: np.random.Generator) -> Array:
-        """Return draws (m, q) of the variances, that within last."""
+    def mean_squares(self, y: Array) -> tuple[Array, Array]:
+        """Return the mean squares (q,), that within last, and what solves them (q, q)."""
         table, freedom = self._expected
-        names = [*(e.name for e in self.effects), WITHIN]
-        squares = np.empty(len(names))
-        for i, name in enumerate(names):
+        squares = np.empty(len(freedom))
+        for i, name in enumerate([*(e.name for e in self.effects), WITHIN]):
             whole, less = self._pair(name)
             of_all = float(y @ y) if whole is None else whole.squares(y)
-            squares[i] = max(of_all - less.squares(y), 0.0)
-        drawn = squares / rng.chisquare(freedom, (_DRAWS, len(names)))
-        return np.asarray(np.linalg.solve(table, drawn.T).T)
+            squares[i] = max(of_all - less.squares(y), 0.0) / freedom[i]
+        return squares, np.asarray(np.linalg.inv(table))
+
+    def draws(self, y: Array, rng: np.random.Generator) -> Array:
+        """Return draws (m, q) of the variances, that within last."""
+        squares, mixture = self.mean_squares(y)
+        freedom = self._expected[1]
+        drawn = squares * freedom / rng.chisquare(freedom, (_DRAWS, len(freedom)))
+        return np.asarray(drawn @ mixture.T)
 
     # ---- restricted maximum likelihood ------------------------------------------------------
 
     def reml(self, y: Array) -> tuple[Array, Array]:
         """Return the variances (q,), that within last, and the fixed effects (p,)."""
         problem = _Reml(self, y)
-        table, freedom = self._expected
-        names = [*(e.name for e in self.effects), WITHIN]
-        squares = np.array(
-            [
-                (float(y @ y) if w is None else w.squares(y)) - less.squares(y)
-                for w, less in (self._pair(name) for name in names)
-            ]
-        )
-        moments = np.maximum(np.linalg.solve(table, squares / freedom), 0.0)
+        squares, mixture = self.mean_squares(y)
+        moments = np.maximum(mixture @ squares, 0.0)
         starts = [np.full(len(self.effects), 0.5)]
         if moments[-1] > 0:
             starts.insert(0, np.sqrt(moments[:-1] / moments[-1]))

@@ -282,7 +282,7 @@ def _agreement(one: Analysis) -> Iterator[Row]:
         return
     for facet in one.facets():
         error, drawn = found.variance(facet.error), found.drawn(facet.error)
-        repeated, drawn_repeated = found.variance(_PLACED), found.drawn(_PLACED)
+        repeated = found.variance(_PLACED)
         true, drawn_true = found.variance(facet.same), found.drawn(facet.same)
         key: Row = {**one.key, "facet": facet.name, "by": "components", "level": LEVEL}
         for k in (1, 2, 3):
@@ -303,10 +303,11 @@ def _agreement(one: Analysis) -> Iterator[Row]:
         for k in REPEATS:
             # Repeats are new placements: what a visit, operator or probe adds stays.
             left = error - repeated + repeated / k
-            drawn_left = drawn - drawn_repeated + drawn_repeated / k
+            ends = found.sum_interval({n: 1 / k if n in _PLACED else 1.0 for n in facet.error})
             for measure, factor in (("SEM", 1.0), ("MDC95", 1.96 * math.sqrt(2.0))):
                 value = factor * math.sqrt(left)
-                low, high = interval(factor * np.sqrt(drawn_left), value)
+                low = min(factor * math.sqrt(ends[0]), value)
+                high = max(factor * math.sqrt(ends[1]), value)
                 row: Row = {**key, "measure": measure, "k": k}
                 yield {
                     **row,

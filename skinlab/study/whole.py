@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from skinlab.inference.identify import Identifier
+from skinlab.study.reference import reference_of, write_reference
+from skinlab.study.reliability import FACETS, Reliability, reliability
+from skinlab.study.report import flags_of, html, main_analyses, people_of
 from skinlab.study.run import How, settings_of, update
 from skinlab.study.sources import Plan
 from skinlab.study.state import State
 from skinlab.study.table import (
     NO_PARQUET,
+    Cell,
+    Columns,
     layout_of,
+    read_columns,
     rows,
     write_csv,
     write_parquet,
@@ -22,6 +29,8 @@ from skinlab.study.table import (
 from skinlab.versions import versions
 
 SCHEMA = "skinlab.study/1"
+
+AGE_BANDS = ((0.0, 20.0), (20.0, 40.0), (40.0, 60.0), (60.0, 80.0), (80.0, 120.0))
 
 
 @dataclass(frozen=True)
@@ -52,6 +61,13 @@ def make_study(
         failures = [{"file": name, "reason": reason} for name, reason in state.failures()]
     write_csv(out / "failures.csv", ("file", "reason"), failures)
     files = ["curves.csv", "curves.parquet", "failures.csv"]
+    table = read_columns(out / "curves.csv")
+    found = reliability(table, identifier.seed)
+    files += _write_tables(out, table, found, failures)
+    reference, missing = reference_of(table, out.resolve().name, bands=AGE_BANDS, by_sex=True)
+    if reference is not None:
+        write_text(out / "reference.toml", write_reference(reference))
+        files.append("reference.toml")
     document = {
         "schema": SCHEMA,
         "folder": str(out),
@@ -59,10 +75,77 @@ def make_study(
         "failures": failures,
         "settings": json.loads(settings_of(identifier)),
         "versions": versions(),
+        "reliability": _summary(found),
+        "notes": [*found.notes, *missing],
         "files": [name for name in files if (out / name).exists()],
     }
     write_text(out / "study.json", json.dumps(document, indent=1, allow_nan=False) + "\n")
-    lines = [f"{count} curves in {out / 'curves.csv'}"]
+    lines = [f"{count} curves in {out / 'curves.csv'}", *_lines(found)]
     if failures:
         lines.append(f"{len(failures)} files could not be used: {out / 'failures.csv'}")
     return Made(document, tuple(lines), tuple(notices), len(failures))
+
+
+def _write_tables(
+    out: Path, table: Columns, found: Reliability, failures: list[dict[str, str]]
+) -> list[str]:
+    """Write the tables and the page that shows them; return their names."""
+    people = {one.quantity: people_of(table, one) for one in main_analyses(found)}
+    tables: dict[str, Sequence[Mapping[str, Cell]]] = {
+        "components.csv": found.components,
+        "agreement.csv": found.agreement,
+        "bland_altman.csv": found.bland_altman,
+        "bland_altman_pairs.csv": found.pairs,
+        "trends.csv": found.trends,
+        "people.csv": [row for rows_ in people.values() for row in rows_],
+        "flags.csv": flags_of(table),
+    }
+    for name, body in tables.items():
+        columns = dict.fromkeys(key for row in body for key in row)
+        write_csv(out / name, tuple(columns) or ("empty",), body)
+    write_text(
+        out / "report.html", html(f"Study {out.resolve().name}", table, found, people, failures)
+    )
+    return [*tables, "report.html"]
+
+
+def _summary(found: Reliability) -> list[dict[str, Any]]:
+    """Return the main figures of each quantity, as plain data."""
+    summary = []
+    for one in main_analyses(found):
+        assert one.found is not None
+        agreement = [
+            {k: v for k, v in row.items() if k not in one.key}
+            for row in found.agreement
+            if all(row[k] == v for k, v in one.key.items()) and row["k"] == 1
+        ]
+        summary.append(
+            {
+                **one.key,
+                "curves": one.found.count,
+                "people": one.people,
+                "mean": one.found.mean,
+                "components": [asdict(part) for part in one.found.parts],
+                "agreement": agreement,
+            }
+        )
+    return summary
+
+
+def _lines(found: Reliability) -> list[str]:
+    """Return what is said on a terminal."""
+    lines = []
+    words = {facet.name: facet.words for facet in FACETS}
+    for one in main_analyses(found):
+        assert one.found is not None
+        shares = ", ".join(f"{p.name} {100 * p.share:.0f} %" for p in one.found.parts)
+        lines.append(f"{one.quantity} ({one.condition}; {one.people} people): {shares}")
+        for row in found.agreement:
+            if all(row[k] == v for k, v in one.key.items()) and (
+                row["by"] == "components" and row["measure"] == "MDC95 %" and row["k"] == 1
+            ):
+                lines.append(
+                    f"  smallest change that can be shown, {words[str(row['facet'])]}: "
+                    f"{row['value']:.0f} %"
+                )
+    return lines
