@@ -1,7 +1,7 @@
 """Studies measured: intervals of variance components, narrowing by a prior, time a curve.
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/study.py components [--cohorts 200] [--seed 1]
-    OPENBLAS_NUM_THREADS=1 python benchmarks/study.py prior [--cohorts 4] [--people 60] [--seed 2]
+    OPENBLAS_NUM_THREADS=1 python benchmarks/study.py prior [--cohorts 10] [--people 60] [--seed 1]
     OPENBLAS_NUM_THREADS=1 python benchmarks/study.py speed [--curves 10000] [--workers 2]
 
 Each part prints and saves benchmarks/results/study_PART.json.
@@ -23,6 +23,8 @@ import argparse
 import json
 import os
 import time
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +32,15 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
+from sim_device.cohort import Cohort, CohortFile, Shifts, Size
+from skinlab.curves.curve import Curve, Setup
+from skinlab.curves.program import parse_program
+from skinlab.inference.identify import Identifier
+from skinlab.inference.population import Prior, with_prior
 from skinlab.study.components import WITHIN, components, effect, interval
+from skinlab.study.compute import draws_of
+from skinlab.study.population import Posterior, learn, to_toml
+from skinlab.tables.store import shipped_table
 
 RESULTS = Path(__file__).parent / "results"
 
@@ -107,16 +117,92 @@ def measure_components(arguments: argparse.Namespace) -> dict[str, Any]:
     return result
 
 
+def _skins(seed: int, people: int) -> Any:
+    """Return a cohort of the simulator without errors of sensors: one placement at two sites."""
+    return Cohort(
+        CohortFile(
+            cohort=Size(people=people, visits=1, placements=1, operators=1, probes=1),
+            subject=Shifts(X1=0.25, X2=0.3, nu=0.025),
+            subject_site=Shifts(stiffness=0.1),
+            visit=Shifts(),
+            operator=Shifts(),
+            probe=Shifts(),
+            placement=Shifts(stiffness=0.06),
+        ),
+        seed,
+    )
+
+
+def _one_cohort(people: int, seed: int) -> list[dict[str, Any]]:
+    """Return what the prior of two thirds of the people makes of each curve of the others."""
+    identifier = Identifier(shipped_table())
+    learned, others = [], []
+    for number, measured in enumerate(_skins(seed, people).curves()):
+        labels = measured.labels
+        setup = Setup(6.0, float(labels["thickness_mm"]), parse_program("ramp:100@20"))
+        curve = Curve(
+            measured.file, setup, measured.time_s, measured.pressure_mbar, measured.deflection_mm
+        )
+        if number < 2 * (2 * people // 3):
+            draws = draws_of(identifier(curve))
+            learned.append(Posterior(str(labels["subject"]), str(labels["site"]), None, draws))
+        else:
+            others.append((curve, measured.true))
+    names = ("X1_MPa", "X2_MPa", "nu")
+    file = learn(learned, names, identifier.provenance().model_hash, "benchmark")
+    knowing = with_prior(identifier, Prior(file, to_toml(file)))
+    rows = []
+    for curve, true in others:
+        alone, known = identifier(curve), knowing(curve)
+        row: dict[str, Any] = {"unlike": "unlike_cohort" in known.flags}
+        for name in names:
+            for kind, answer in (("alone", alone), ("prior", known)):
+                value = answer.parameters[name]
+                row[f"{kind} {name}"] = [true[name], value.value, value.low, value.high]
+        rows.append(row)
+    return rows
+
+
+def measure_prior(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Return coverage and widths of intervals with and without a population as prior."""
+    seeds = [1000 * arguments.seed + k for k in range(arguments.cohorts)]
+    with ProcessPoolExecutor(2) as pool:
+        found = list(pool.map(partial(_one_cohort, arguments.people), seeds))
+    rows = [row for cohort in found for row in cohort]
+    result: dict[str, Any] = {
+        "cohorts": arguments.cohorts,
+        "curves": len(rows),
+        "called unlike the cohort": float(np.mean([row["unlike"] for row in rows])),
+    }
+    for name in ("X1_MPa", "X2_MPa", "nu"):
+        widths = {}
+        for kind in ("alone", "prior"):
+            true, value, low, high = np.array([row[f"{kind} {name}"] for row in rows]).T
+            widths[kind] = np.log(high / low) if name != "nu" else high - low
+            result[f"{name} {kind}: intervals that hold the truth"] = float(
+                np.mean((low <= true) & (true <= high))
+            )
+            error = np.log(value / true) if name != "nu" else value - true
+            result[f"{name} {kind}: root mean square error"] = float(np.sqrt(np.mean(error**2)))
+        result[f"{name}: median width with the prior, of that without"] = float(
+            np.median(widths["prior"]) / np.median(widths["alone"])
+        )
+    return result
+
+
 def main() -> None:
     """Measure one part, print and save it."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("part", choices=["components"])
-    parser.add_argument("--cohorts", type=int, default=200)
-    parser.add_argument("--people", type=int, default=12)
+    parser.add_argument("part", choices=["components", "prior"])
+    parser.add_argument("--cohorts", type=int)
+    parser.add_argument("--people", type=int)
     parser.add_argument("--seed", type=int, default=1)
     arguments = parser.parse_args()
+    cohorts, people = {"components": (200, 12), "prior": (10, 60)}[arguments.part]
+    arguments.cohorts = arguments.cohorts or cohorts
+    arguments.people = arguments.people or people
     started = time.perf_counter()
-    measured = {"components": measure_components}[arguments.part](arguments)
+    measured = {"components": measure_components, "prior": measure_prior}[arguments.part](arguments)
     measured |= {
         "command": f"python benchmarks/study.py {arguments.part} --cohorts {arguments.cohorts} "
         f"--people {arguments.people} --seed {arguments.seed}",

@@ -14,6 +14,7 @@ from skinlab.curves.curve import Curve
 from skinlab.discrepancy.model_identifier import with_model
 from skinlab.errors import InputError
 from skinlab.inference.identify import Identifier
+from skinlab.inference.population import decode_prior, with_prior
 from skinlab.inference.problem import Options, check
 from skinlab.inference.result import Identification
 from skinlab.inference.uncertainty import Sensor
@@ -72,6 +73,10 @@ def identifier_of(session: Session) -> tuple[Identifier, str | None]:
         if settings.get("model") is not None:
             model = decode_model(settings["model"], "the session's field identification.model")
             identifier = with_model(identifier, model)
+        if (prior := settings.get("prior")) is not None:
+            where = "the session's field identification.prior"
+            known = decode_prior(prior["toml"], where, prior["site"], prior["age_years"])
+            identifier = with_prior(identifier, known)
     except (KeyError, TypeError) as error:
         raise InputError(f"the session's field identification is damaged ({error})") from None
     warning = None

@@ -17,6 +17,8 @@ from skinlab.cli.options import (
     make_identifier,
     parse_phases,
     print_json,
+    prior_options,
+    with_prior_option,
 )
 
 if TYPE_CHECKING:
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
 @click.option("--first-cycle", default=1, show_default=True, help="Cycle of the first repeat.")
 @click.option("--out", required=True, type=click.Path(path_type=Path), help="The session to write.")
 @identification_options()
+@prior_options(site=False)
 @json_option()
 def command(
     port: str,
@@ -49,6 +52,8 @@ def command(
     site: str,
     first_cycle: int,
     out: Path,
+    prior_path: Path | None,
+    age_years: float | None,
     as_json: bool,
     **options: Any,
 ) -> int:
@@ -79,7 +84,8 @@ def command(
         thickness_sd_mm=thickness_sd_mm,
     )
     plan = Plan(setup, repeats=repeats, rest_s=rest_s, rate_hz=rate_hz)
-    return run(port, plan, out, make_identifier(**options), subject, site, as_json=as_json)
+    identifier = with_prior_option(make_identifier(**options), prior_path, site, age_years)
+    return run(port, plan, out, identifier, subject, site, as_json=as_json)
 
 
 def _check_phases(program: Program, phases: str) -> None:

@@ -13,6 +13,7 @@ from drivers.events import Alarm, Event, HostVented, InstrumentFault, LinkLost
 from skinlab import __version__
 from skinlab.errors import InputError
 from skinlab.inference.identify import Identifier
+from skinlab.inference.population import PopulationIdentifier
 from skinlab.mechanics.model_file import BASE
 from skinlab.recording.audit import Chain, note, operator
 from skinlab.recording.journal import Journal, read_journal
@@ -34,6 +35,7 @@ from skinlab.versions import versions
 def identification_settings(identifier: Identifier) -> dict[str, Any]:
     """Return what a replay must know to identify in the same way."""
     options = identifier.options
+    prior = identifier.population if isinstance(identifier, PopulationIdentifier) else None
     return {
         "method": identifier.method,
         "seed": identifier.seed,
@@ -51,6 +53,7 @@ def identification_settings(identifier: Identifier) -> dict[str, Any]:
         "noise_um": identifier.sensor.noise_um,
         "pressure_noise_mbar": identifier.sensor.pressure_noise_mbar,
         "database_hash": identifier.database.content_hash,
+        **({} if prior is None else {"prior": prior.to_json()}),
     }
 
 

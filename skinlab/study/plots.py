@@ -24,6 +24,7 @@ _ORDER = ("subject", "site", "subject:site", "visit", "operator", "probe", "plac
 _HATCH = ("", "//", "\\\\", "..", "xx", "--", "oo", "")
 _COLOURS = (*SERIES[:6], "#F0E442", GREY)
 _MOST_NAMED = 45  # people whose pseudonyms can be read beside a forest
+_NARROW = 10.0  # ends of an axis closer than this have ticks where a linear one has
 _MANY = 3000  # points from which a picture stores them as an image
 
 Row = Mapping[str, Any]
@@ -148,7 +149,7 @@ def draw_agreement(row: Row, pairs: Sequence[Row]) -> Figure:
     unit = "log ratio" if logs else "difference"
     axes.set_ylabel(f"{unit}, {row['second']} − {row['first']}", parse_math=False)
     axes.set_title(f"{row['facet']}: {row['second']} against {row['first']}", parse_math=False)
-    axes.legend(loc="best", fontsize=8)
+    figure.legend(loc="outside lower right", ncols=2, fontsize=8)
     return figure
 
 
@@ -161,23 +162,15 @@ def draw_repeats(one: Analysis, rows: Sequence[Row]) -> Figure:
         own = [r for r in rows if r["facet"] == facet]
         x = np.array([float(r["k"]) for r in own]) * (1 + 0.02 * (k - len(facets) / 2))
         value, low = (np.array([float(r[n]) for r in own]) for n in ("value", "low"))
-        high = np.minimum([float(r["high"]) for r in own], 400.0)
-        axes.errorbar(
-            x,
-            value,
-            [value - low, np.maximum(high - value, 0.0)],
-            color=_COLOURS[k],
-            marker="osv^D"[k % 5],
-            ms=5,
-            lw=1.2,
-            capsize=2,
-            label=facet,
-        )
+        high = np.array([float(r["high"]) for r in own])
+        known = high < 2.0 * value.max()  # else two operators or probes say next to nothing
+        axes.plot(x, value, color=_COLOURS[k], marker="osv^D"[k % 5], ms=5, lw=1.2, label=facet)
+        axes.vlines(x[known], low[known], high[known], color=_COLOURS[k], lw=1.2)
     axes.set_xscale("log")
     axes.set_xticks(REPEATS, [str(k) for k in REPEATS])
     axes.minorticks_off()
     top = max(float(r["value"]) for r in rows)
-    axes.set_ylim(0, min(2.5 * top, 400.0))
+    axes.set_ylim(0, min(1.6 * top, 400.0))
     axes.set_xlabel("placements that are averaged")
     axes.set_ylabel("MDC95 (%)")
     axes.set_title(f"{label(one.quantity)}: smallest change that can be shown")
@@ -203,13 +196,16 @@ def draw_trend(one: Analysis, row: Row, x: Any, y: Any) -> Figure:
 
 
 def _log_axis(axes: Axes, which: str) -> None:
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
     axis = axes.xaxis if which == "x" else axes.yaxis
     (axes.set_xscale if which == "x" else axes.set_yscale)("log")
     low, high = sorted(axes.get_xlim() if which == "x" else axes.get_ylim())
     wide = high / max(low, 1e-300)
-    subs = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0) if wide < 10 else (1.0, 2.0, 5.0)
-    axis.set_major_locator(LogLocator(subs=subs if wide < 100 else (1.0,), numticks=15))
+    if wide < _NARROW:
+        axis.set_major_locator(MaxNLocator(5))
+    else:
+        subs = (1.0, 2.0, 5.0) if wide < 100 else (1.0,)
+        axis.set_major_locator(LogLocator(subs=subs, numticks=15))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_formatter(NullFormatter())

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from skinlab.inference.identify import Identifier
+from skinlab.study.population import Posterior, learn, to_toml
 from skinlab.study.reference import reference_of, write_reference
 from skinlab.study.reliability import FACETS, Reliability, reliability
 from skinlab.study.report import flags_of, html, main_analyses, people_of
@@ -19,6 +23,7 @@ from skinlab.study.table import (
     NO_PARQUET,
     Cell,
     Columns,
+    Layout,
     layout_of,
     read_columns,
     rows,
@@ -58,12 +63,22 @@ def make_study(
         count = write_csv(out / "curves.csv", layout.columns, rows(state, layout, identifier))
         if not write_parquet(out / "curves.parquet", layout, rows(state, layout, identifier)):
             notices.append(NO_PARQUET)
+        prior = learn(
+            _posteriors(state, layout, identifier),
+            layout.parameters,
+            identifier.provenance().model_hash,
+            f"{out.resolve().name}, {count} curves",
+            seed=identifier.seed,
+        )
         failures = [{"file": name, "reason": reason} for name, reason in state.failures()]
     write_csv(out / "failures.csv", ("file", "reason"), failures)
     files = ["curves.csv", "curves.parquet", "failures.csv"]
     table = read_columns(out / "curves.csv")
     found = reliability(table, identifier.seed)
     files += _write_tables(out, table, found, failures)
+    if prior is not None:
+        write_text(out / "study.toml", to_toml(prior))
+        files.append("study.toml")
     reference, missing = reference_of(table, out.resolve().name, bands=AGE_BANDS, by_sex=True)
     if reference is not None:
         write_text(out / "reference.toml", write_reference(reference))
@@ -84,6 +99,27 @@ def make_study(
     if failures:
         lines.append(f"{len(failures)} files could not be used: {out / 'failures.csv'}")
     return Made(document, tuple(lines), tuple(notices), len(failures))
+
+
+def _posteriors(state: State, layout: Layout, identifier: Identifier) -> Iterator[Posterior]:
+    """Yield the draws of every whole first-cycle curve that counts, with whose it is."""
+    stored = state.curves()
+    for row, one in zip(rows(state, layout, identifier), stored, strict=True):
+        if row["error"] or row["same_as"] or row["partial"] or row["cycle"] != 1:
+            continue
+        if tuple(one.said["result"]["order"]) != layout.parameters or not row["subject"]:
+            continue
+        draws = np.frombuffer(one.draws, dtype="<f4").astype(float)
+        try:
+            age = float(str(row.get("age_years")))
+        except ValueError:
+            age = math.nan
+        yield Posterior(
+            str(row["subject"]),
+            str(row["site"] or ""),
+            age if math.isfinite(age) else None,
+            draws.reshape(-1, len(layout.parameters)),
+        )
 
 
 def _write_tables(
