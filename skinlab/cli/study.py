@@ -6,6 +6,7 @@ import os
 import sys
 import time
 from collections.abc import Callable
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -82,7 +83,9 @@ def command(
     with _bar() as progress:
         how = How(workers or os.cpu_count() or 1, dask, progress)
         try:
-            made = make_study(plan, out, identifier, how, resume=resume, explain=explain)
+            made = make_study(
+                plan, out, identifier, how, resume=resume, explain=explain, now=datetime.now(UTC)
+            )
         except KeyboardInterrupt:
             click.echo(
                 f"skinlab: what is done is kept in {out}; the same command goes on", err=True

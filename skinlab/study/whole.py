@@ -6,11 +6,14 @@ import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from skinlab.exchange.ro_crate import FILE as CRATE
+from skinlab.exchange.ro_crate import ro_crate
 from skinlab.inference.identify import Identifier
 from skinlab.study.population import Posterior, learn, to_toml
 from skinlab.study.reference import reference_of, write_reference
@@ -35,6 +38,23 @@ from skinlab.versions import versions
 
 SCHEMA = "skinlab.study/1"
 
+MEANING = {
+    "curves.csv": "The tidy table: a row a curve",
+    "curves.parquet": "The same as Parquet",
+    "failures.csv": "Files that could not be used, and why",
+    "components.csv": "Components of variance with intervals",
+    "agreement.csv": "Intraclass correlations, SEM, CV and MDC95",
+    "bland_altman.csv": "Mean differences and limits of agreement",
+    "bland_altman_pairs.csv": "The pairs that these are of",
+    "trends.csv": "Slopes over age, other numbers known of people, and visits",
+    "people.csv": "Each person's mean with its interval",
+    "flags.csv": "How many curves have each flag",
+    "missing_effects.csv": "Missing effects of all campaigns",
+    "report.html": "All of it on one page, with pictures",
+    "reference.toml": "Reference ranges of these people",
+    "study.toml": "The population, as a prior for skinlab identify",
+    "study.json": "The main figures, settings and versions",
+}
 AGE_BANDS = ((0.0, 20.0), (20.0, 40.0), (40.0, 60.0), (60.0, 80.0), (80.0, 120.0))
 
 
@@ -49,7 +69,14 @@ class Made:
 
 
 def make_study(
-    plan: Plan, out: Path, identifier: Identifier, how: How, *, resume: bool, explain: bool
+    plan: Plan,
+    out: Path,
+    identifier: Identifier,
+    how: How,
+    *,
+    resume: bool,
+    explain: bool,
+    now: datetime,
 ) -> Made:
     """Bring the study in `out` up to date with the folders, and write all its files.
 
@@ -83,7 +110,7 @@ def make_study(
     if reference is not None:
         write_text(out / "reference.toml", write_reference(reference))
         files.append("reference.toml")
-    document = {
+    document: dict[str, Any] = {
         "schema": SCHEMA,
         "folder": str(out),
         "curves": count,
@@ -94,7 +121,18 @@ def make_study(
         "notes": [*found.notes, *missing],
         "files": [name for name in files if (out / name).exists()],
     }
+    document["files"] += ["study.json", CRATE]
     write_text(out / "study.json", json.dumps(document, indent=1, allow_nan=False) + "\n")
+    crate = ro_crate(
+        out,
+        {name: MEANING[name] for name in document["files"] if name != CRATE},
+        name=f"skinlab study {out.resolve().name}",
+        description=f"{count} suction curves of skin, identified and judged",
+        date=now.isoformat(timespec="seconds"),
+        versions=document["versions"],
+        licence="Not stated. Data about people: not to be passed on without the owner's consent.",
+    )
+    write_text(out / CRATE, crate)
     lines = [f"{count} curves in {out / 'curves.csv'}", *_lines(found)]
     if failures:
         lines.append(f"{len(failures)} files could not be used: {out / 'failures.csv'}")
