@@ -87,16 +87,28 @@ def _rows(identifier: Identifier, task: Task) -> list[Row]:
     path, facts = task.path, task.facts
     if path.suffix.lower() in SESSIONS:
         session = read_session(path)
-        known = _of_session(session)
+        known = labels_of(session)
         return [_row(identifier, curve, known) for curve in session.curves]
+    curve = curves_of(path, facts)[0]
+    noise, pressure = facts.get("noise_um"), facts.get("pressure_noise_mbar")
+    knowing = with_stated_noise(identifier, [curve], noise or None, pressure)
+    return [_row(knowing, curve, {})]
+
+
+def curves_of(path: Path, facts: Facts) -> list[Curve]:
+    """Return the curves of a file, given what is known of it.
+
+    Raises:
+        InputError: it cannot be read, or too little is known of it.
+    """
+    if path.suffix.lower() in SESSIONS:
+        return list(read_session(path).curves)
     setup = setup_of(facts)
     if path.suffix.lower() == ".csv" and _is_ours(path):
         curve = read_input(path, setup).curves[0]
     else:
         curve = import_file(path, setup, Answers()).curve
-    noise, pressure = facts.get("noise_um"), facts.get("pressure_noise_mbar")
-    knowing = with_stated_noise(identifier, [curve], noise or None, pressure)
-    return [_row(knowing, replace(curve, name=path.name), {})]
+    return [replace(curve, name=path.name)]
 
 
 def _is_ours(path: Path) -> bool:
@@ -106,7 +118,7 @@ def _is_ours(path: Path) -> bool:
     return all(name in first for name in COLUMNS)
 
 
-def _of_session(session: Session) -> dict[str, Any]:
+def labels_of(session: Session) -> dict[str, Any]:
     """Return what a session says of whose curves it holds."""
     meta = session.meta
     instrument = meta.get("instrument")

@@ -35,7 +35,9 @@ from skinlab.study.sources import (
     sha256_of,
 )
 from skinlab.study.state import State
-from skinlab.tables.parallel_build import _end_with_parent
+from skinlab.tables.parallel_build import _end_with_parent as end_with_parent
+
+__all__ = ["How", "end_with_parent", "settings_of", "update"]
 
 _BATCH = 8  # files a task: a second of work, lost at most when a process is killed
 _AHEAD = 2  # batches a process that wait, so that none of them idles
@@ -137,7 +139,7 @@ def _start_worker(identifier: Identifier) -> None:
     global _identifier  # noqa: PLW0603 -- a worker's only state, set once when it starts
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides
     _identifier = identifier
-    _end_with_parent()
+    end_with_parent()
 
 
 def _compute(tasks: Sequence[Task]) -> list[Computed]:

@@ -330,7 +330,7 @@ def _campaign(path: Path) -> dict[Path, Facts]:
         if not isinstance(entry, dict) or not isinstance(entry.get("file"), str):
             raise InputError(f"{where}: expected a field file")
         known = (*SETUP, *LABELS)
-        facts: Facts = {"listed": path.name}
+        facts: Facts = {"listed": path.name, "campaign": path.parent.name}
         try:
             facts |= _checked(shared | {k: v for k, v in entry.items() if k in known}, where)
         except InputError as error:

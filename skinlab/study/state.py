@@ -18,6 +18,7 @@ from typing import Any, Self
 
 from skinlab.errors import InputError
 from skinlab.study.compute import Computed, Row, Task
+from skinlab.study.sources import LABELS, pseudonym
 
 SCHEMA = "skinlab.study.state/1"
 NAME = "study.sqlite"
@@ -32,6 +33,8 @@ CREATE INDEX IF NOT EXISTS source_done ON source (done);
 CREATE TABLE IF NOT EXISTS curve (
   source INTEGER NOT NULL, number INTEGER NOT NULL, text TEXT NOT NULL, draws BLOB NOT NULL,
   PRIMARY KEY (source, number)) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS campaign (
+  name TEXT PRIMARY KEY, wanted TEXT NOT NULL, text TEXT NOT NULL);
 CREATE TABLE IF NOT EXISTS person (subject TEXT PRIMARY KEY, facts TEXT NOT NULL);
 """
 
@@ -46,6 +49,17 @@ class Stored:
     number: int  # of the curve in its file, from 1
     said: dict[str, Any]
     draws: bytes
+
+
+@dataclass(frozen=True)
+class Readable:
+    """A file that could be read, with what is known of whose curves it holds."""
+
+    name: str
+    path: Path
+    sha256: str
+    facts: dict[str, Any]
+    labels: dict[str, str]
 
 
 class State:
@@ -228,6 +242,30 @@ class State:
         )
         for name, sha, facts, number, text, draws in rows:
             yield Stored(name, sha, json.loads(facts), number, json.loads(text), draws)
+
+    def readable(self) -> Iterator[Readable]:
+        """Yield the files that could be read, in the order of their names."""
+        rows = self._db.execute(
+            "SELECT s.name, s.path, s.sha256, s.facts, c.text FROM source s JOIN curve c "
+            "ON c.source = s.number AND c.number = 1 WHERE s.error IS NULL AND s.done = s.wanted "
+            "ORDER BY s.name"
+        )
+        for name, path, sha, text, curve in rows:
+            facts = json.loads(text)
+            known = {**json.loads(curve)["known"], **facts}
+            labels = {n: str(known[n]) for n in LABELS if known.get(n)}
+            if "subject" in labels:
+                labels["subject"] = pseudonym(labels["subject"])
+            yield Readable(name, Path(path), sha, facts, labels)
+
+    def explained(self) -> dict[str, tuple[str, str]]:
+        """Return what is said of campaigns: by name the hash it depends on, and the text."""
+        rows = self._db.execute("SELECT name, wanted, text FROM campaign")
+        return {name: (wanted, text) for name, wanted, text in rows}
+
+    def add_explained(self, name: str, wanted: str, text: str) -> None:
+        """Keep what is said of a campaign."""
+        self._db.execute("INSERT OR REPLACE INTO campaign VALUES (?, ?, ?)", (name, wanted, text))
 
     def _meta(self, name: str) -> str | None:
         row = self._db.execute("SELECT value FROM meta WHERE name = ?", (name,)).fetchone()

@@ -12,9 +12,11 @@ from typing import Any
 
 import numpy as np
 
+from skinlab.errors import InputError
 from skinlab.exchange.ro_crate import FILE as CRATE
 from skinlab.exchange.ro_crate import ro_crate
 from skinlab.inference.identify import Identifier
+from skinlab.study.campaigns import Evidence, Shared, evidence, explain_all, section
 from skinlab.study.population import Posterior, learn, to_toml
 from skinlab.study.reference import reference_of, write_reference
 from skinlab.study.reliability import FACETS, Reliability, reliability
@@ -34,6 +36,7 @@ from skinlab.study.table import (
     write_parquet,
     write_text,
 )
+from skinlab.tables.dimensionless import DimensionlessTable
 from skinlab.versions import versions
 
 SCHEMA = "skinlab.study/1"
@@ -50,6 +53,7 @@ MEANING = {
     "people.csv": "Each person's mean with its interval",
     "flags.csv": "How many curves have each flag",
     "missing_effects.csv": "Missing effects of all campaigns",
+    "pooled_effects.csv": "Sizes of missing effects, averaged over campaigns that share them",
     "report.html": "All of it on one page, with pictures",
     "reference.toml": "Reference ranges of these people",
     "study.toml": "The population, as a prior for skinlab identify",
@@ -97,12 +101,16 @@ def make_study(
             f"{out.resolve().name}, {count} curves",
             seed=identifier.seed,
         )
+        found_effects = None
+        if explain:
+            shared = Shared(_dimensionless(identifier), identifier.model)
+            found_effects = evidence(explain_all(state, shared, how, settings_of(identifier)))
         failures = [{"file": name, "reason": reason} for name, reason in state.failures()]
     write_csv(out / "failures.csv", ("file", "reason"), failures)
     files = ["curves.csv", "curves.parquet", "failures.csv"]
     table = read_columns(out / "curves.csv")
     found = reliability(table, identifier.seed)
-    files += _write_tables(out, table, found, failures)
+    files += _write_tables(out, table, found, failures, found_effects)
     if prior is not None:
         write_text(out / "study.toml", to_toml(prior))
         files.append("study.toml")
@@ -118,6 +126,9 @@ def make_study(
         "settings": json.loads(settings_of(identifier)),
         "versions": versions(),
         "reliability": _summary(found),
+        "missing_effects": None
+        if found_effects is None
+        else {"campaigns": list(found_effects.campaigns), "pooled": list(found_effects.pooled)},
         "notes": [*found.notes, *missing],
         "files": [name for name in files if (out / name).exists()],
     }
@@ -134,6 +145,7 @@ def make_study(
     )
     write_text(out / CRATE, crate)
     lines = [f"{count} curves in {out / 'curves.csv'}", *_lines(found)]
+    lines += _effect_lines(found_effects)
     if failures:
         lines.append(f"{len(failures)} files could not be used: {out / 'failures.csv'}")
     return Made(document, tuple(lines), tuple(notices), len(failures))
@@ -161,7 +173,11 @@ def _posteriors(state: State, layout: Layout, identifier: Identifier) -> Iterato
 
 
 def _write_tables(
-    out: Path, table: Columns, found: Reliability, failures: list[dict[str, str]]
+    out: Path,
+    table: Columns,
+    found: Reliability,
+    failures: list[dict[str, str]],
+    effects: Evidence | None,
 ) -> list[str]:
     """Write the tables and the page that shows them; return their names."""
     people = {one.quantity: people_of(table, one) for one in main_analyses(found)}
@@ -174,11 +190,17 @@ def _write_tables(
         "people.csv": [row for rows_ in people.values() for row in rows_],
         "flags.csv": flags_of(table),
     }
+    more = []
+    if effects is not None:
+        tables["missing_effects.csv"] = effects.campaigns
+        tables["pooled_effects.csv"] = effects.pooled
+        more.append(section(effects))
     for name, body in tables.items():
         columns = dict.fromkeys(key for row in body for key in row)
         write_csv(out / name, tuple(columns) or ("empty",), body)
     write_text(
-        out / "report.html", html(f"Study {out.resolve().name}", table, found, people, failures)
+        out / "report.html",
+        html(f"Study {out.resolve().name}", table, found, people, failures, more),
     )
     return [*tables, "report.html"]
 
@@ -223,3 +245,22 @@ def _lines(found: Reliability) -> list[str]:
                     f"{row['value']:.0f} %"
                 )
     return lines
+
+
+def _effect_lines(found: Evidence | None) -> list[str]:
+    if found is None:
+        return []
+    held = [r for r in found.campaigns if r.get("holds")]
+    lines = [f"{len(found.campaigns)} campaigns: more than the model in {len(held)} of them"]
+    lines += [
+        f"  {r['effect']}, {r['shared_by']} {r['group']}: {r['size']:+.2g} times "
+        f"({r['low']:+.2g} to {r['high']:+.2g}) of {r['unit']}, in {r['campaigns']} campaigns"
+        for r in found.found
+    ]
+    return lines
+
+
+def _dimensionless(identifier: Identifier) -> DimensionlessTable:
+    if not isinstance(identifier.database, DimensionlessTable):
+        raise InputError("--explain needs the shipped database, which speaks of all openings")
+    return identifier.database
