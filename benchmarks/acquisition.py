@@ -114,7 +114,8 @@ def clocks() -> tuple[float, float]:
 def acquire(rate_hz: float, cycles: int) -> dict[str, Any]:
     """Measure one run of so many cycles and return its figures."""
     from drivers.probe import Probe
-    from skinlab.acquisition.measure import Plan, measure
+    from skinlab.acquisition.measure import measure
+    from skinlab.acquisition.measurement import Plan
     from skinlab.acquisition.pipeline import Pipeline
     from skinlab.acquisition.sources import LiveSource
     from skinlab.cli.options import make_identifier

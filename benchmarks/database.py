@@ -39,10 +39,10 @@ def draw(points: int, seed: int) -> tuple[list[dict[str, Any]], float]:
     while len(found) < points:
         drawn += 1
         convention = ("paper", "consistent")[drawn % 2]
-        x1 = float(np.exp(rng.uniform(*np.log(spec.X1_MPa))))
+        x1 = float(np.exp(rng.uniform(*np.log(spec.scale_mpa))))
         ratio = float(np.exp(rng.uniform(np.log(0.5), np.log(1000))))
         nu = float(rng.uniform(0.2, 0.49))
-        thin, thick = spec.thickness_over_radius.low, spec.thickness_over_radius.high
+        thin, thick = spec.thickness.low, spec.thickness.high
         thickness = float(np.exp(rng.uniform(np.log(thin), np.log(thick))))
         pressure = float(rng.uniform(0, 500))
         aperture = float(rng.choice([2.0, 4.0, 6.0, 8.0]))

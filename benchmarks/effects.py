@@ -50,7 +50,7 @@ def campaign(folder: Path) -> list[dict[str, Any]]:
             names = [p.name for p in effect.parameters if p.name in given]
             effects[effect.name] = {name: given[name] for name in names}
     base = truth["base"]
-    skin = Skin(base["X1_MPa"], base["X2_MPa"], base["nu"], base["kappa_convention"])
+    skin = Skin((base["X1_MPa"], base["X2_MPa"], base["nu"]), base["kappa_convention"])
     noise = np.hypot(truth["noise"]["deflection_sigma_um"], QUANTISATION_UM)
     rows = []
     for curve in read_campaign(folder / "campaign.toml").curves:
@@ -80,7 +80,7 @@ def meshes() -> list[dict[str, Any]]:
     In per cent of the dome, the largest at 10, 30 and 60 mbar; and the same for what the effect
     does to the dome, which is what naming it rests on, here of the screening mesh too.
     """
-    skin, geometry = Skin(0.04, 2.0, 0.32), Geometry(6.0, 1.0)
+    skin, geometry = Skin((0.04, 2.0, 0.32)), Geometry(6.0, 1.0)
     path = PressurePath((0.0, 3.0), (0.0, 60.0))
     times = np.array([0.5, 1.5, 3.0])
     kinds = (MESH_OF_RECORD, SCREENING_MESH, FINE)
@@ -115,7 +115,7 @@ def _dome(skin, effects, geometry, path, times, discretisation):  # type: ignore
 
 def speed(repeats: int) -> list[dict[str, Any]]:
     """Return the median processor time of a curve with each effect, with nothing kept."""
-    skin, geometry = Skin(0.03, 1.0, 0.32), Geometry(6.0, 1.0)
+    skin, geometry = Skin((0.03, 1.0, 0.32)), Geometry(6.0, 1.0)
     path = PressurePath.of_program(parse_program("ramp:100@80,hold:8,ramp:0@80,hold:4"))
     times = np.arange(0, 14.5, 0.05)
     rows = []

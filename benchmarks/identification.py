@@ -1,13 +1,16 @@
 """Identification measured: optimum found, coverage of intervals, time against other optimisers.
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/identification.py optimum [--curves 1000] [--seed 1]
-    OPENBLAS_NUM_THREADS=1 python benchmarks/identification.py coverage [--curves 3000] [--seed 2]
+    OPENBLAS_NUM_THREADS=1 python benchmarks/identification.py coverage [--curves 1000] [--seed 2]
+        [--rows white_3,ou_0.3s]
     OPENBLAS_NUM_THREADS=1 python benchmarks/identification.py rivals [--curves 40] [--seed 3]
 
-Each part prints and saves benchmarks/results/identification_PART.json. Curves are computed by the
-finite elements directly, for skins drawn from the prior (flat in log X1, log X2/X1 and ν over the
-database's range, where the skin does not crease before 100 mbar), openings of 2, 4, 6 and 8 mm and
-thicknesses of 0.8–1.6 mm: 51 samples, 0–100 mbar. `rivals` needs the package cma (extra "bench").
+Each part prints and saves benchmarks/results/identification_PART.json; `coverage` saves each row as
+a line of identification_coverage.jsonl when it is done, and goes on where it ended (coverage.py has
+the rows, prior_skins.py the skins). Curves of the other parts are computed by the finite elements
+directly, for skins drawn from the prior (flat in log X1, log X2/X1 and ν over the database's range,
+where the skin does not crease before 100 mbar), openings of 2, 4, 6 and 8 mm and thicknesses of
+0.8–1.6 mm: 51 samples, 0–100 mbar. `rivals` needs the package cma (extra "bench").
 """
 
 from __future__ import annotations
@@ -19,23 +22,22 @@ import statistics
 import time
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+import coverage
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import differential_evolution, dual_annealing, least_squares
-from scipy.stats import binom
 
 from skinlab.curves.curve import Curve, Setup
 from skinlab.inference.identify import Identifier
 from skinlab.inference.optimise import polish
 from skinlab.inference.problem import Options, Problem
-from skinlab.inference.uncertainty import Sensor
 from skinlab.mechanics.fem.suction import Geometry, solve
 from skinlab.mechanics.materials.compressibility import kappa_ratio
 from skinlab.tables.store import shipped_table
@@ -138,51 +140,6 @@ def optimum(curves: int, seed: int) -> dict[str, Any]:
     }
 
 
-# ---- do the intervals hold the truth? ------------------------------------------------------------
-
-
-def coverage_of_one(seed: int, noises_um: tuple[float, ...], number: int) -> dict[str, Any]:
-    """Return, for each noise, whether each 90 % interval holds the truth."""
-    skin = draw(seed, number)
-    found: dict[str, Any] = {}
-    for i, noise in enumerate(noises_um):
-        curve = skin.curve(noise, seed=1_000_000 * (i + 1) + number)
-        for known in (True, False):
-            result = replace(
-                Identifier(shipped_table(), seed=number),
-                sensor=Sensor(noise if known else None, 0.0),
-            )(curve)
-            values = result.parameters or {}
-            found[f"{noise:g}_{'known' if known else 'estimated'}"] = {
-                "holds": [
-                    bool((values[n].low or 0) <= t <= (values[n].high or 0))
-                    for n, t in zip(NAMES, skin.truth, strict=True)
-                ],
-                "flags": list(result.flags),
-                "seconds": result.seconds,
-                "effective": result.uncertainty.draws.effective if result.uncertainty else 0.0,
-            }
-    return found
-
-
-def coverage(curves: int, seed: int) -> dict[str, Any]:
-    """Return coverage by parameter for 3 and 10 µm, the noise known or estimated."""
-    rows = _each(partial(coverage_of_one, seed, (3.0, 10.0)), curves)
-    summary: dict[str, Any] = {"curves": curves}
-    for key in rows[0]:
-        holds = np.array([r[key]["holds"] for r in rows])
-        flags = [f for r in rows for f in r[key]["flags"]]
-        summary[key] = {
-            "coverage": dict(zip(NAMES, holds.mean(axis=0).tolist(), strict=True)),
-            "flags": {f: flags.count(f) / curves for f in sorted(set(flags))},
-            "median_seconds": statistics.median(r[key]["seconds"] for r in rows),
-            "least_effective_draws": min(r[key]["effective"] for r in rows),
-        }
-    low, high = binom.interval(0.95, curves, 0.9)
-    summary["expected_at_90"] = [low / curves, high / curves]
-    return summary
-
-
 # ---- against other optimisers --------------------------------------------------------------------
 
 
@@ -250,7 +207,7 @@ def _reference(problem: Problem, seed: int) -> float:
 
 
 def _ours(name: str, problem: Problem, seed: int) -> tuple[float, int]:
-    from skinlab.inference.methods.registry import get_method
+    from skinlab.inference.methods import get_method
 
     found = get_method(name)(problem, Options(), np.random.default_rng(seed))
     return found.error_um, found.evaluations
@@ -339,10 +296,15 @@ def main() -> None:
     parser.add_argument("part", choices=["optimum", "coverage", "rivals"])
     parser.add_argument("--curves", type=int)
     parser.add_argument("--seed", type=int)
+    parser.add_argument("--rows", help="of coverage, separated by commas; all without")
     arguments = parser.parse_args()
+    if arguments.part == "coverage":
+        names = arguments.rows.split(",") if arguments.rows else list(coverage.ROWS)
+        seed = 2 if arguments.seed is None else arguments.seed
+        coverage.run(names, arguments.curves or 1000, seed)
+        return
     part, curves, seed = {
         "optimum": (optimum, 1000, 1),
-        "coverage": (coverage, 3000, 2),
         "rivals": (rivals, 40, 3),
     }[arguments.part]
     curves = arguments.curves or curves

@@ -53,6 +53,8 @@ PROGRAM = "ramp:100@20"
 LONG = "ramp:100@2"  # for keys that are pressed while a curve runs
 _VENTED = b"VENTING|vent ordered|vented|cut short|READY"
 _TYPED_S = 0.1  # between two keys
+_READ_S = 1.2  # after typing, until F9 counts
+_F8, _F9 = b"\x1b[19~", b"\x1b[20~"
 _END = b"\x1b[?2026l"  # of a frame
 
 
@@ -138,10 +140,14 @@ def set_program(terminal: Terminal, program: str) -> None:
         terminal.pump(_TYPED_S)
 
 
-def arm_and_start(terminal: Terminal) -> float:
+def check_and_start(terminal: Terminal) -> float:
     """Return when the run was seen to begin."""
-    terminal.until(b"ARMED|armed: Space|Space Start", terminal.press(b"\r"))
-    return terminal.until(b"RUNNING", terminal.press(b" "))
+    asked = terminal.press(_F8)
+    terminal.until(b"THIS WILL HAPPEN|whose skin", asked)
+    if not any(b"THIS WILL HAPPEN" in frame for _, frame in terminal.frames(asked)):
+        terminal.until(b"THIS WILL HAPPEN", terminal.press(_F8))  # without a subject it asks once
+    terminal.pump(_READ_S)
+    return terminal.until(b"RUNNING", terminal.press(_F9))
 
 
 def measure(port: str, columns: int, rows: int, curves: int, folder: Path) -> dict[str, Any]:
@@ -152,10 +158,10 @@ def measure(port: str, columns: int, rows: int, curves: int, folder: Path) -> di
     terminal = Terminal(command, columns, rows, folder)
     try:
         begin = time.monotonic()
-        ready = terminal.until(b"connected; Enter arms", begin)
+        ready = terminal.until(b"connected; F8 shows", begin)
         runs: list[tuple[float, float]] = []
         for _ in range(curves):
-            started = arm_and_start(terminal)
+            started = check_and_start(terminal)
             shown = terminal.until("●".encode(), started + 1.0)
             runs.append((started, shown))
             terminal.until(b"saved:|cut short", shown)
@@ -164,7 +170,7 @@ def measure(port: str, columns: int, rows: int, curves: int, folder: Path) -> di
         keys: dict[str, list[float]] = {"s": [], "b": [], "v": [], "Esc": []}
         for name, byte in (("v", b"v"), ("Esc", b"\x1b")):
             for _ in range(curves):
-                arm_and_start(terminal)
+                check_and_start(terminal)
                 terminal.pump(1.5)
                 for key, says in ((b"s", b"Session:"), (b"b", b"deflection")):
                     at = terminal.press(key)
@@ -196,10 +202,10 @@ def vent_keys_in_tmux(port: str, curves: int, folder: Path) -> dict[str, Any]:
     terminal = Terminal(command, 80, 24, folder)
     keys: dict[str, list[float]] = {"v": [], "Esc": []}
     try:
-        terminal.until(b"connected; Enter arms", time.monotonic())
+        terminal.until(b"connected; F8 shows", time.monotonic())
         for name, byte in (("v", b"v"), ("Esc", b"\x1b")):
             for _ in range(curves):
-                arm_and_start(terminal)
+                check_and_start(terminal)
                 terminal.pump(1.5)
                 at = terminal.press(byte)
                 keys[name].append(terminal.until(_VENTED, at) - at)
@@ -212,7 +218,7 @@ def vent_keys_in_tmux(port: str, curves: int, folder: Path) -> dict[str, Any]:
 
 
 def _of_session(session: Any, terminal: Terminal, runs: list[tuple[float, float]]) -> Any:
-    rows = np.array(sample_rows(session.records))
+    rows = np.array(sample_rows(session))
     sequence, host_s = rows[:, 0], rows[:, 5]
     jumps = np.diff(sequence)
     frames_per_s, gaps, completion, points = [], [], [], []

@@ -190,11 +190,9 @@ def draw(part: str, seed: int, number: int, attempt: int) -> tuple[Truth, Any]:
     elif part == "outside":
         distortion = list(OUTSIDE)[number % len(OUTSIDE)]
     effects = {name: {k: _size(rng, *v) for k, v in SIZES[name].items()} for name in hidden}
-    skin = Skin(
-        float(np.exp(rng.uniform(np.log(0.015), np.log(0.07)))),
-        float(np.exp(rng.uniform(np.log(0.5), np.log(4.0)))),
-        float(rng.uniform(0.22, 0.42)),
-    )
+    x1 = float(np.exp(rng.uniform(np.log(0.015), np.log(0.07))))
+    x2 = float(np.exp(rng.uniform(np.log(0.5), np.log(4.0))))
+    skin = Skin((x1, x2, float(rng.uniform(0.22, 0.42))))
     plan = list(RAMP if part == "ramp" else FULL)
     second = rng.random() < 0.3 or "preconditioning" in hidden
     if second and part != "ramp":
@@ -282,7 +280,7 @@ def judge(part: str, seed: int, version: str, number: int) -> dict[str, Any]:
         "part": part, "seed": seed, "number": number, "version": version,
         "hidden": sorted(truth.effects), "values": truth.effects,
         "outside": truth.distortion, "outside_size": truth.distortion_size,
-        "skin": [truth.skin.X1_MPa, truth.skin.X2_MPa, truth.skin.nu],
+        "skin": list(truth.skin.values),
         "thickness_mm": truth.thickness_mm, "noise_um": truth.noise_um,
         "pressure_noise_mbar": truth.pressure_noise_mbar, "stated": truth.stated,
         "verdict": verdict.name, "effects": [sorted(c.effects) for c in verdict.explanations],

@@ -57,7 +57,7 @@ from skinlab.mechanics.fem.suction import (
 )
 from skinlab.mechanics.materials import get_law
 from skinlab.mechanics.materials.compressibility import kappa_ratio
-from skinlab.tables.grid import GridSpec
+from skinlab.tables.grid_spec import GridSpec
 
 ROOT = Path(__file__).resolve().parents[1]
 PICTURES = ROOT / "docs" / "pictures"

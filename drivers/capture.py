@@ -104,7 +104,7 @@ def read_capture(path: Path) -> tuple[dict[str, Any], list[Chunk]]:
                     bytes.fromhex(document["hex"]),
                 )
             )
-        except (ValueError, KeyError, TypeError) as error:
+        except (ValueError, KeyError, TypeError, RecursionError) as error:
             raise ValueError(f"{path}: line {number}: not a line of a capture ({error})") from None
     if not facts:
         raise ValueError(f"{path}: empty; expected a capture")

@@ -61,6 +61,8 @@ STATES: Mapping[InstrumentState | None, StateRow] = {
     _S.FAULT: StateRow(_ALWAYS | {Reset}, frozenset({_S.IDLE})),
 }
 
+_NEEDS_KEEP_ALIVE = frozenset({_S.ARMED, _S.RUNNING, _S.VENTING})
+
 
 class Connection:
     """The host's side of the conversation with one instrument.
@@ -68,6 +70,8 @@ class Connection:
     `receive_data` takes bytes as they come, `next_event` gives what they mean, `send` gives the
     bytes of a command that is legal now and within the limits.
     """
+
+    can_vent = True
 
     def __init__(self, dialect: Dialect, limits: Limits = DEFAULT_LIMITS) -> None:
         self._dialect = dialect
@@ -90,6 +94,16 @@ class Connection:
     def hello(self) -> Hello | None:
         """Who the instrument is; None before it said so."""
         return self._hello
+
+    @property
+    def keeps_alive(self) -> bool:
+        """Whether the instrument is to hear a keep-alive now."""
+        return self._state in _NEEDS_KEEP_ALIVE
+
+    @property
+    def keep_alive_s(self) -> float:
+        """Time between two keep-alives."""
+        return self._limits.keep_alive_s
 
     def receive_data(self, data: bytes) -> None:
         """Take bytes from the instrument, in pieces of any size.

@@ -37,8 +37,9 @@ from drivers.events import (
     TimedEvent,
     Vent,
 )
-from drivers.limits import Limits
 from drivers.link import Link
+from drivers.onlooker import Onlooker
+from drivers.stream import StreamConnection, lost_mark, stop_mark
 from drivers.watchdog import SafetyEvent, Watchdog
 
 OnBytes = Callable[[str, float, bytes], None]
@@ -49,18 +50,24 @@ _RESEND_S = 0.5  # a lost command is sent again; its number keeps it from being 
 _VENT_RESEND_S = 0.1  # until the instrument answers; later once a second while not confirmed
 _MAX_FAILURES = 3  # of the loop itself, before it gives up
 
-_NEEDS_KEEP_ALIVE = frozenset(
-    {InstrumentState.ARMED, InstrumentState.RUNNING, InstrumentState.VENTING}
-)
 _PULLING = frozenset({InstrumentState.ARMED, InstrumentState.RUNNING})
-_MOVES = (Load, Arm, Start)
+
+
+@dataclass(frozen=True, slots=True)
+class Follow:
+    """Wait for a curve of an instrument that only streams; not a word of it goes out."""
+
+    mark: bytes
+
+
+_MOVES = (Load, Arm, Start, Follow)
 
 
 @dataclass(slots=True, eq=False)
 class Request:
     """A command, or none, and the events that together are its answer, in any order."""
 
-    command: Command | None
+    command: Command | Follow | None
     wanted: list[Callable[[Event], bool]]
     timeout_s: float
     answer: Future[list[Event]] = field(default_factory=Future)
@@ -106,20 +113,18 @@ class Engine:
     def __init__(
         self,
         link: Link,
-        connection: Connection,
-        limits: Limits,
+        connection: Connection | StreamConnection,
         clock: Callable[[], float],
         post: Callable[[TimedEvent], None],
-        on_bytes: OnBytes | None = None,
-        watchdog: Watchdog | None = None,
+        on_bytes: OnBytes | None,
+        watchdog: Watchdog | Onlooker,
     ) -> None:
         self._link = link
         self._connection = connection
-        self._limits = limits
         self._clock = clock
         self._post_timed = post
         self._on_bytes = on_bytes
-        self._watchdog = Watchdog(limits) if watchdog is None else watchdog
+        self._watchdog = watchdog
         self._lock = threading.Lock()
         self._stopping = threading.Event()
         # shared between threads, under the lock
@@ -132,10 +137,11 @@ class Engine:
         self._keep_alive_at = 0.0
         self._vent_at = 0.0
         self._vent_answered = True
+        self._heard_at = 0.0
         self._tap_error: str | None = None
 
     @property
-    def connection(self) -> Connection:
+    def connection(self) -> Connection | StreamConnection:
         """Read its `state` and `hello` only."""
         return self._connection
 
@@ -143,11 +149,6 @@ class Engine:
     def alarm(self) -> str | None:
         """Text of the latched alarm, or None."""
         return self._watchdog.alarm
-
-    @property
-    def watchdog(self) -> Watchdog:
-        """To be passed on to the next engine, once this one has ended."""
-        return self._watchdog
 
     @property
     def lost_at(self) -> float | None:
@@ -214,9 +215,12 @@ class Engine:
         self._send_due()
         data = self._link.read(_READ_BYTES, _READ_S)
         if data:
-            self._tap("rx", self._clock(), data)
+            self._heard_at = self._clock()
+            self._tap("rx", self._heard_at, data)
             self._feed(data)
         now = self._clock()
+        if isinstance(self._connection, StreamConnection):
+            self._look_at_stream(self._connection, now)
         self._apply(self._watchdog.check(now), now)
         for request in self._pending:
             if now > request._deadline:
@@ -232,10 +236,11 @@ class Engine:
             self._vent(reason, now)
         if self._watchdog.ordered and not reasons and now >= self._vent_at:
             self._write_vent(now)
-        if self._connection.state in _NEEDS_KEEP_ALIVE and now >= self._keep_alive_at:
+        if self._connection.keeps_alive and now >= self._keep_alive_at:
             self._write(self._connection.send(KeepAlive()))
-            due = self._keep_alive_at + self._limits.keep_alive_s  # no drift by late turns
-            self._keep_alive_at = due if due > now else now + self._limits.keep_alive_s
+            interval_s = self._connection.keep_alive_s
+            due = self._keep_alive_at + interval_s  # no drift by late turns
+            self._keep_alive_at = due if due > now else now + interval_s
         for request in self._pending:
             if request._frame and now >= request._resend_at:
                 self._write(request._frame)
@@ -249,11 +254,14 @@ class Engine:
     def _begin(self, request: Request, now: float) -> None:
         request._deadline = now + request.timeout_s
         request._resend_at = now + _RESEND_S
-        if request.command is not None:
+        if isinstance(request.command, Follow):
+            self._follow(request, request.command, now)
+        elif request.command is not None:
             try:
                 if isinstance(request.command, _MOVES):
-                    self._check_move()
+                    self._check_move(request.command)
                 request._frame = self._connection.send(request.command)
+                self._watchdog.commanded(request.command, now)
             except LocalProtocolError as error:
                 request.fail(error)
                 return
@@ -262,7 +270,37 @@ class Engine:
         else:
             self._pending.append(request)
 
-    def _check_move(self) -> None:
+    def _follow(self, request: Request, follow: Follow, now: float) -> None:
+        try:
+            self._check_latched()
+            self._mark(follow.mark, now)
+        except DriverError as error:
+            request.fail(error)
+        else:
+            request._settle(None)
+
+    def _mark(self, mark: bytes, now: float) -> None:
+        """Note in the record what the host decides about a stream, and do it."""
+        if not isinstance(self._connection, StreamConnection):
+            raise LocalProtocolError("this instrument knows of its runs by itself")
+        self._tap("mark", now, mark)
+        self._connection.mark(mark)
+        self._heard_at = now
+        self._feed(b"")
+
+    def _look_at_stream(self, connection: StreamConnection, now: float) -> None:
+        self._feed(b"")  # what it says without a byte of the instrument
+        running = connection.state is InstrumentState.RUNNING
+        if running and now - self._heard_at > connection.silent_s:
+            self._mark(stop_mark(f"nothing came for {connection.silent_s:g} s"), now)
+
+    def _check_move(self, command: Command) -> None:
+        self._check_latched()
+        refusal = self._watchdog.refusal(command)
+        if refusal is not None:
+            raise LocalProtocolError(refusal)
+
+    def _check_latched(self) -> None:
         if self._watchdog.alarm is not None:
             raise LocalProtocolError(f"acknowledge the alarm first ({self._watchdog.alarm})")
         if self._tap_error is not None:
@@ -306,8 +344,11 @@ class Engine:
 
     def _vent(self, reason: str, now: float) -> None:
         """Send Vent first of all, then say so, then drop what else was on its way."""
-        self._write_vent(now, answered=False)
-        self._post(HostVented(reason), now)
+        if self._connection.can_vent:
+            self._write_vent(now, answered=False)
+            self._post(HostVented(reason), now)
+        if isinstance(self._connection, StreamConnection):
+            self._mark(stop_mark(reason), now)
         abandoned = [r for r in self._pending if isinstance(r.command, _MOVES)]
         with self._lock:
             abandoned += [r for r in self._queue if isinstance(r.command, _MOVES)]
@@ -326,6 +367,8 @@ class Engine:
         self._write(data)
 
     def _write(self, data: bytes) -> None:
+        if not data:
+            return
         self._link.write(data)
         self._tap("tx", self._clock(), data)
 
@@ -365,6 +408,8 @@ class Engine:
         for event in self._watchdog.link_lost():
             if isinstance(event, Alarm):
                 self._post(event, now)
+        if isinstance(self._connection, StreamConnection):
+            self._mark(lost_mark(reason), now)
 
     def _end(self, reason: str) -> None:
         with self._lock:

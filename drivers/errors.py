@@ -27,3 +27,11 @@ class RemoteProtocolError(ProtocolError):
 
 class InstrumentRefusedError(DriverError):
     """The instrument understood and said no; the message carries its reason."""
+
+
+class UnknownDialectError(DriverError, ValueError):
+    """No dialect has this name."""
+
+
+class DialectFileError(DriverError, ValueError):
+    """A file that should describe a dialect does not: one sentence that names file and field."""

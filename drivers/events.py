@@ -104,13 +104,14 @@ class Hello:
     model: str
     firmware: str
     serial_number: str
-    aperture_mm: float  # diameter of the probe opening
+    aperture_mm: float | None  # diameter of the probe opening; None: it does not say
     max_pressure_mbar: float
     max_suction_s: float
     min_rate_hz: float
     max_rate_hz: float
     simulated: bool
     default_rate_hz: float = 20.0  # what to use where the operator names no rate
+    read_only: bool = False  # it only streams: nothing here can start it, or end its suction
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,6 +148,16 @@ class Sample:
 
 
 @dataclass(frozen=True, slots=True)
+class Reading:
+    """One reading of both channels of an instrument that only streams, and knows of no runs."""
+
+    pressure_mbar: float
+    deflection_mm: float
+    time_s: float | None = None  # by the instrument's clock; None: it sends none
+    sequence: int | None = None  # counts the readings; None: it does not count
+
+
+@dataclass(frozen=True, slots=True)
 class InstrumentFault:
     """The instrument found something wrong and vented."""
 
@@ -160,6 +171,16 @@ class Refused:
 
     command: str
     reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """A simulated instrument's time runs `speed` times as fast as the host's; said after Hello.
+
+    No real instrument says it, and from one that does not call itself simulated it means nothing.
+    """
+
+    speed: float
 
 
 # ---- events that the driver adds -------------------------------------------------------------
@@ -216,7 +237,7 @@ class LinkRestored:
     outage_s: float  # since LinkLost
 
 
-InstrumentEvent = Hello | Loaded | State | Sample | InstrumentFault | Refused
+InstrumentEvent = Hello | Loaded | State | Sample | Reading | InstrumentFault | Refused | Pace
 DriverEvent = Damaged | Gap | HostVented | VentConfirmed | Alarm | LinkLost | LinkRestored
 Event = InstrumentEvent | DriverEvent
 

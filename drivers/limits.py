@@ -15,6 +15,7 @@ from drivers.events import Hello, Load, Segment, SegmentKind
 CEILING_PRESSURE_MBAR = 500.0
 CEILING_SUCTION_S = 60.0
 MAX_RAMP_MBAR_PER_S = 100_000.0  # a step is a ramp this steep; the pump follows as it can
+DEFAULT_DOSE_MBAR_S = 60_000.0  # reason in docs/safety.md
 MIN_PAUSE_S = 0.25  # a shorter rest does not let the pressure fall, and is no pause
 _TIME_SLACK_S = 1e-6  # one count of time on the wire: sums of floats may end that far off
 
@@ -41,6 +42,15 @@ class Limits:
     shortfall_fraction: float = 0.5
     shortfall_s: float = 1.0  # ... for this long: a leak, or no skin under the probe
     inward_mm: float = 0.5  # a deflection below minus this, or above the opening, cannot be
+    # How far a run may be from the program. Time, by the host's clock: what a link may keep back
+    # before it is stale, and a clock of the instrument that is this part off
+    clock_s: float = 0.3
+    clock_fraction: float = 0.02
+    program_slack_s: float = 0.15  # by the instrument's own clock: segments begin late or early
+    pump_lag_s: float = 0.3  # delay, or time constant, with which pressure follows a command down
+    release_s: float = 2.0  # a release or the final vent that is not over by then never will be
+    suction_slack_s: float = 1.0  # lag and vent after the longest suction that is allowed
+    max_dose_mbar_s: float = DEFAULT_DOSE_MBAR_S  # suction times time at one site in one visit
 
     def __post_init__(self) -> None:
         """Refuse limits that are no limits."""

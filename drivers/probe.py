@@ -10,10 +10,17 @@ from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import Self
 
-from drivers.connection import Connection
-from drivers.dialects import get_dialect
-from drivers.engine import Engine, OnBytes, Request
-from drivers.errors import DriverError, LinkError, LocalProtocolError, RemoteProtocolError
+from drivers.capabilities import READ_ONLY
+from drivers.dialects import DEFAULT, Dialect, get_dialect, split_dialect, stream_of
+from drivers.dose import Dose
+from drivers.engine import Engine, Follow, OnBytes, Request
+from drivers.errors import (
+    DriverError,
+    LinkError,
+    LocalProtocolError,
+    RemoteProtocolError,
+    UnknownDialectError,
+)
 from drivers.events import (
     Arm,
     Command,
@@ -33,6 +40,9 @@ from drivers.events import (
 )
 from drivers.limits import DEFAULT_LIMITS, Limits, program_bounds
 from drivers.link import Link, open_link
+from drivers.onlooker import Onlooker
+from drivers.stream import connect, follow_mark
+from drivers.watchdog import Watchdog
 
 __all__ = ["DEFAULT_LIMITS", "Limits", "Probe"]
 
@@ -50,25 +60,30 @@ class Probe:
 
     `on_bytes(direction, host_time_s, data)` sees every chunk, "rx" and "tx", in the I/O thread; if
     it raises, the probe vents and refuses to go on. `clock` gives seconds and never goes back.
-    Raises ValueError for a dialect that does not exist.
+    Of an instrument that only streams it also sees a "mark" where the host decides what is a run.
+
+    dialect: one, or its name, or a file (`.toml`); None: what the URL says (`?dialect=NAME`), else
+    `reference`. Raises UnknownDialectError for one that does not exist, or two, DialectFileError.
     """
 
     def __init__(
         self,
         url: str,
         *,
-        dialect: str = "reference",
+        dialect: str | Dialect | None = None,
         limits: Limits = DEFAULT_LIMITS,
         clock: Callable[[], float] = time.monotonic,
         open_link: Callable[[str], Link] = open_link,
         on_bytes: OnBytes | None = None,
     ) -> None:
         self.url = url
-        self._dialect = get_dialect(dialect)
+        self._port, self._dialect = choose_dialect(url, dialect)
         self._limits = limits
         self._clock = clock
         self._open_link = open_link
         self._on_bytes = on_bytes
+        # One for all connections, one after the other
+        self._watchdog = Watchdog(limits) if self._controls else self._onlooker()
         self._events: queue.SimpleQueue[TimedEvent] = queue.SimpleQueue()
         self._calls = threading.RLock()  # one command at a time; vent and close go past it
         self._engine: Engine | None = None
@@ -80,6 +95,16 @@ class Probe:
         self._lost_at: float | None = None
 
     # ---- what is known ------------------------------------------------------------
+
+    @property
+    def dialect(self) -> Dialect:
+        """What the instrument speaks."""
+        return self._dialect
+
+    @property
+    def read_only(self) -> bool:
+        """Whether the instrument only streams: it is never started from here."""
+        return not self._controls
 
     @property
     def hello(self) -> Hello | None:
@@ -98,6 +123,20 @@ class Probe:
         """Text of the latched alarm, or None."""
         engine = self._seen
         return None if engine is None else engine.alarm
+
+    @property
+    def limits(self) -> Limits:
+        """What is allowed, and when it vents."""
+        return self._limits
+
+    @property
+    def dose(self) -> Dose:
+        """Suction that the site has had: of all samples so far, and of what was carried over."""
+        return self._watchdog.dose
+
+    def carry_dose(self, dose: Dose) -> None:
+        """Say, before `open`, what the same site had from another probe in the same visit."""
+        self._watchdog.carry_dose(dose)
 
     @property
     def is_open(self) -> bool:
@@ -128,18 +167,16 @@ class Probe:
         with self._calls:
             if self._engine is not None:
                 raise LocalProtocolError(f"{self.url} is open already")
-            self._link = self._open_link(self.url)
-            watchdog = None if self._seen is None else self._seen.watchdog
-            if watchdog is not None:
-                watchdog.reconnected(self._clock())
+            self._link = self._open_link(self._port)
+            if self._seen is not None:
+                self._watchdog.reconnected(self._clock())
             self._engine = Engine(
                 self._link,
-                Connection(self._dialect, self._limits),
-                self._limits,
+                connect(self._dialect, self._limits),
                 self._clock,
                 self._events.put,
                 self._on_bytes,
-                watchdog,
+                self._watchdog,
             )
             self._seen = self._engine
             self._verified = False
@@ -172,9 +209,7 @@ class Probe:
             if first is not None and _identity(first) != _identity(hello):
                 self.close()
                 raise RemoteProtocolError(
-                    f"another instrument is at {self.url} now: {hello.model} "
-                    f"{hello.serial_number}, {hello.aperture_mm:g} mm; it was {first.model} "
-                    f"{first.serial_number}, {first.aperture_mm:g} mm"
+                    f"another instrument is at {self.url} now: {_who(hello)}; it was {_who(first)}"
                 )
             now = self._clock()
             outage_s = 0.0 if self._lost_at is None else now - self._lost_at
@@ -190,13 +225,15 @@ class Probe:
         InstrumentRefusedError, LinkError, RemoteProtocolError (the read-back differs; vented).
         """
         with self._calls:
+            self._check_controls("load")
             self._verified = False
             bounds = program_bounds(segments)
             load = Load(tuple(segments), rate_hz, bounds.max_pressure_mbar, bounds.max_suction_s)
-            # Encoding refuses what the wire cannot carry, in the caller's thread
+            # As the wire carries it, which refuses here what it cannot carry: that is what is
+            # read back, and what the watchdog follows
             asked, _ = self._dialect.decode_command(self._dialect.encode_command(load, 0))
             answer = self._call(
-                load,
+                asked,
                 lambda event: isinstance(event, Loaded),
                 _is_state(InstrumentState.LOADED),
                 timeout_s=_LOAD_TIMEOUT_S,
@@ -217,6 +254,7 @@ class Probe:
         InstrumentRefusedError, LinkError.
         """
         with self._calls:
+            self._check_controls("arm")
             if not self._verified:
                 raise LocalProtocolError("load a program first")
             self._call(Arm(), _is_state(InstrumentState.ARMED))
@@ -227,7 +265,20 @@ class Probe:
         Raises LocalProtocolError (not armed), InstrumentRefusedError, LinkError.
         """
         with self._calls:
+            self._check_controls("start")
             self._call(Start(), _is_state(InstrumentState.RUNNING))
+
+    def follow(self, segments: Sequence[Segment] | None = None) -> None:
+        """Wait for one run of an instrument that only streams, which somebody starts there.
+
+        segments: its program, where it is known: the run then ends with it. State (running) follows
+        once the pressure leaves zero, samples, and State (idle) at the end. Returns at once.
+        Raises LocalProtocolError (an alarm is latched, it is no such instrument), LinkError.
+        """
+        with self._calls:
+            if self._controls:
+                raise LocalProtocolError("follow is for instruments that only stream")
+            self._call(Follow(follow_mark(segments)))
 
     def reset(self) -> None:
         """Acknowledge a fault of the instrument, or drop its program: it becomes idle.
@@ -235,6 +286,7 @@ class Probe:
         Raises LocalProtocolError (state), InstrumentRefusedError (the cause persists), LinkError.
         """
         with self._calls:
+            self._check_controls("reset")
             self._verified = False
             self._call(Reset(), _is_state(InstrumentState.IDLE))
 
@@ -242,7 +294,8 @@ class Probe:
         """Open the valve before anything else is done. Returns at once, in every state.
 
         HostVented follows when it was sent, VentConfirmed when the pressure fell, Alarm if it did
-        not. Without a link it does nothing: LinkLost has said so.
+        not. Without a link it does nothing: LinkLost has said so. An instrument that only streams
+        is no longer followed; it is told to vent only where its dialect has a command for it.
         """
         engine = self._engine
         if engine is not None:
@@ -265,7 +318,7 @@ class Probe:
                 Request(None, [_is_confirmed], self._limits.vent_time_s + 0.1)
             )
             engine.order_vent("close")
-            if engine.connection.hello is not None:  # else nobody is there to confirm
+            if self._controls and engine.connection.hello is not None:  # else nobody confirms
                 confirmed.result(_JOIN_TIMEOUT_S)
         except (DriverError, TimeoutError):
             pass  # the event stream has said why
@@ -289,6 +342,19 @@ class Probe:
 
     # ---- inside ------------------------------------------------------------
 
+    @property
+    def _controls(self) -> bool:
+        return self._dialect.capabilities.controllable
+
+    def _onlooker(self) -> Onlooker:
+        silent_s = stream_of(self._dialect).silent_s
+        can_vent = self._dialect.capabilities.vent
+        return Onlooker(self._limits, can_vent=can_vent, silent_s=silent_s)
+
+    def _check_controls(self, what: str) -> None:
+        if not self._controls:
+            raise LocalProtocolError(f"cannot {what}: {READ_ONLY}")
+
     def _meet(self, engine: Engine, timeout_s: float) -> Hello:
         is_state = _is_state(*InstrumentState)
         answer = self._call(
@@ -305,7 +371,7 @@ class Probe:
 
     def _call(
         self,
-        command: Command,
+        command: Command | Follow,
         *wanted: Callable[[Event], bool],
         timeout_s: float = _COMMAND_TIMEOUT_S,
     ) -> list[Event]:
@@ -315,8 +381,26 @@ class Probe:
         return engine.submit(Request(command, list(wanted), timeout_s)).result()
 
 
-def _identity(hello: Hello) -> tuple[str, str, float]:
+def choose_dialect(url: str, dialect: str | Dialect | None = None) -> tuple[str, Dialect]:
+    """Give a port without its `dialect=NAME`, and the dialect that is meant.
+
+    Raises UnknownDialectError (none, or two different ones), DialectFileError.
+    """
+    port, named = split_dialect(url)
+    if dialect is not None and not isinstance(dialect, str):
+        return port, dialect
+    if named is not None and dialect is not None and named != dialect:
+        raise UnknownDialectError(f"{url} says dialect {named!r}, and {dialect!r} was asked for")
+    return port, get_dialect(dialect or named or DEFAULT)
+
+
+def _identity(hello: Hello) -> tuple[str, str, float | None]:
     return hello.model, hello.serial_number, hello.aperture_mm
+
+
+def _who(hello: Hello) -> str:
+    opening = "" if hello.aperture_mm is None else f", {hello.aperture_mm:g} mm"
+    return f"{hello.model} {hello.serial_number}{opening}"
 
 
 def _is_state(*states: InstrumentState) -> Callable[[Event], bool]:

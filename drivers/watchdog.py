@@ -6,39 +6,50 @@ what became of it. Host time is any clock in seconds that never goes back.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
-from itertools import accumulate
-
+from drivers.dose import Dose, DoseMeter, program_dose
+from drivers.envelope import Envelope, targets
 from drivers.events import (
     PROGRAM_DONE,
     PROGRAM_END,
     Alarm,
+    Arm,
+    Command,
     Event,
     Hello,
     HostVented,
     InstrumentFault,
     InstrumentState,
+    Load,
     Loaded,
+    Pace,
     Sample,
     Segment,
     SegmentKind,
+    Start,
     State,
     VentConfirmed,
 )
-from drivers.limits import DEFAULT_LIMITS, Limits
+from drivers.limits import DEFAULT_LIMITS, MIN_PAUSE_S, Limits
 
 SafetyEvent = HostVented | VentConfirmed | Alarm
 
-_RAMP_GRACE_S = 0.5  # pressure may lag this long behind a command that went down
-_SUCTION_SLACK_S = 1.0  # host and instrument count suction time by different clocks
-_SLOW_CLOCK = 0.02  # part by which the instrument's clock may be slow; its samples only seem old
 _PULLING = frozenset({InstrumentState.ARMED, InstrumentState.RUNNING})
 _AT_REST = frozenset({InstrumentState.IDLE, InstrumentState.LOADED, InstrumentState.ARMED})
 
 
+_UNSEEN_S = 0.1  # what is shorter is a dip, and what comes between two samples is not seen
+_ASKED_BY: dict[InstrumentState, type[Command]] = {
+    InstrumentState.ARMED: Arm,
+    InstrumentState.RUNNING: Start,
+}
+
+
 class Watchdog:
-    """Judges every event, and the silence between them."""
+    """Judges every event, and the silence between them.
+
+    What the program allows is what the host asked for (`commanded`), and not what the instrument
+    says that it will do; without a word of the host, it is what was read back.
+    """
 
     def __init__(self, limits: Limits = DEFAULT_LIMITS) -> None:
         self._limits = limits
@@ -47,27 +58,35 @@ class Watchdog:
         self._host_vented = False  # that vent was ordered by the host
         self._unseen = False  # the link was lost under suction, and nobody saw it fall since
         self._aperture_mm: float | None = None
+        self._dose = DoseMeter()
         self._forget()
 
     def _forget(self) -> None:
         """Know nothing of state and program."""
         self._state: InstrumentState | None = None
+        self._told = False  # the host says what it commands
+        self._asked: dict[type[Command], float] = {}  # since when Arm or Start may take effect
+        self._simulated = False
+        self._pace = 1.0  # s of the instrument in one of the host; never another if it is real
         self._segments: tuple[Segment, ...] = ()
         self._targets: tuple[float, ...] = ()
-        self._ceilings: tuple[float, ...] = ()
-        self._grace_s: tuple[float, ...] = ()
-        self._pauses: tuple[int, ...] = ()
+        self._max_suction_s = self._limits.max_suction_s
         self._stale_s = self._limits.stale_s
         self._begin_run(0.0)
 
     def _begin_run(self, now: float) -> None:
+        self._envelope = Envelope(self._segments, self._limits)
+        self._begun = self._asked.get(Start, now - self._limits.clock_s)  # not before
         self._last_sample = now
         self._sampled_s = 0.0  # when the last sample was taken, by the instrument's clock
-        self._offset_s = math.inf  # least that the host's clock was ahead of it
-        self._suction_since: float | None = None
-        self._segment = -1
+        self._offset_s = now  # least that the host's clock was ahead of it
+        self._step_s = 0.0  # between the last two samples
+        self._ended = False  # by itself, as programmed
+        self._suction_s = 0.0  # since the last pause
+        self._pulls = False  # at the last sample
+        self._peak_mbar = 0.0  # since the last pause
+        self._low_since: float | None = None  # in a pause, by the instrument's clock
         self._segment_since = 0.0
-        self._segment_after = 0.0
         self._short_since: float | None = None
         self._frozen: _Frozen | None = None
 
@@ -86,6 +105,38 @@ class Watchdog:
         """Whether that vent was ordered by the host, which then has to insist."""
         return self.venting and self._host_vented
 
+    @property
+    def dose(self) -> Dose:
+        """What the site has had so far."""
+        return self._dose.total
+
+    def carry_dose(self, dose: Dose) -> None:
+        """Go on from what the site has had before."""
+        self._dose = DoseMeter(dose)
+
+    def refusal(self, command: Command) -> str | None:
+        """Say why `command` must not be sent; None where the site can bear its program."""
+        segments = command.segments if isinstance(command, Load) else self._segments
+        needs, had = program_dose(segments).suction_mbar_s, self.dose.suction_mbar_s
+        limit = self._limits.max_dose_mbar_s
+        if had + needs <= limit:
+            return None
+        return (
+            f"the program needs a dose of {needs:.6g} mbar·s and the site has had {had:.6g} "
+            f"mbar·s: together more than the {limit:.6g} mbar·s allowed in one visit"
+        )
+
+    def commanded(self, command: Command, now: float) -> None:
+        """Note that the host sends this, at host time `now` (s)."""
+        self._told = True
+        match command:
+            case Load():
+                self._program(command)
+            case Arm() | Start():
+                self._asked[type(command)] = now
+            case _:
+                pass
+
     def acknowledge(self) -> None:
         """Unlatch the alarm."""
         self._alarm = None
@@ -93,6 +144,7 @@ class Watchdog:
     def vent_ordered(self, now: float) -> None:
         """Note that the host sent Vent, at host time `now` (s)."""
         self._host_vented = True
+        self._asked.clear()
         if self._vent_since is None:
             self._vent_since = now
 
@@ -117,7 +169,10 @@ class Watchdog:
         match event:
             case Hello():
                 self._aperture_mm = event.aperture_mm
-            case Loaded():
+                self._simulated, self._pace = event.simulated, 1.0
+            case Pace() if self._simulated and self._state not in _PULLING:
+                self._pace = event.speed
+            case Loaded() if not self._told:
                 self._program(event)
             case InstrumentFault():
                 return self._order(f"instrument fault {event.code}: {event.text}")
@@ -143,18 +198,38 @@ class Watchdog:
             return []
         if now - self._last_sample > self._stale_s:
             return self._order(f"stale link: no sample for {1000 * self._stale_s:.0f} ms")
-        age = now - (self._sampled_s + self._offset_s)
-        if age > self._stale_s + _SLOW_CLOCK * self._sampled_s:
-            return self._order(f"stale data: the last sample is {1000 * age:.0f} ms old")
-        longest = self._limits.max_suction_s + _SUCTION_SLACK_S
-        if self._suction_since is not None and now - self._suction_since > longest:
-            return self._order(f"suction for more than {longest:g} s without a pause")
-        return []
+        sampled_s = self._sampled_s / self._pace
+        drift_s = self._limits.clock_fraction * sampled_s  # samples of a slow clock only seem old
+        age_s = now - (sampled_s + self._offset_s)
+        if age_s > self._stale_s + drift_s:
+            return self._order(f"stale data: the last sample is {1000 * age_s:.0f} ms old")
+        # Judged here: of a burst, only the last sample says how late the link is by now
+        late_s = self._last_sample - (sampled_s + self._offset_s)
+        if late_s > self._limits.clock_s + drift_s:
+            return self._order(f"stale data: the samples come {1000 * late_s:.0f} ms late")
+        return self._over(now) or self._suction(now - self._last_sample if self._pulls else 0.0)
+
+    def _over(self, now: float) -> list[SafetyEvent]:
+        """Judge by the host's clock alone whether the program is over."""
+        end_s = self._envelope.end_s / self._pace
+        late_s = now - self._offset_s - end_s
+        limits = self._limits
+        if not self._segments or late_s <= limits.clock_s + limits.clock_fraction * end_s:
+            return []
+        return self._order(f"still running {late_s:.2f} s after the end of the program")
+
+    def _suction(self, unseen_s: float) -> list[SafetyEvent]:
+        suction_s = self._suction_s + unseen_s * self._pace
+        longest_s = self._max_suction_s + self._limits.suction_slack_s
+        if suction_s <= longest_s * (1 + self._limits.clock_fraction):
+            return []
+        return self._order(f"suction for more than {longest_s:g} s without a pause")
 
     # ---- orders ------------------------------------------------------------
 
     def _order(self, reason: str) -> list[SafetyEvent]:
-        return [] if self._vent_since is not None else [HostVented(reason)]
+        # A vent of the instrument's own is no reason not to order one
+        return [] if self.ordered else [HostVented(reason)]
 
     def _raise_alarm(self, text: str) -> list[SafetyEvent]:
         if self._alarm is not None:
@@ -175,81 +250,137 @@ class Watchdog:
 
     # ---- events ------------------------------------------------------------
 
-    def _program(self, loaded: Loaded) -> None:
-        self._segments = loaded.segments
-        self._targets = _targets(loaded.segments)
-        self._ceilings = _ceilings(loaded.segments)
-        open_valve = {SegmentKind.RELEASE, SegmentKind.REST}
-        self._grace_s = tuple(
-            self._limits.vent_time_s if segment.kind in open_valve else _RAMP_GRACE_S
-            for segment in loaded.segments
-        )
-        self._pauses = tuple(
-            accumulate(int(segment.kind in open_valve) for segment in loaded.segments)
-        )
-        intervals_s = self._limits.stale_intervals / loaded.rate_hz if loaded.rate_hz > 0 else 0.0
+    def _program(self, program: Load | Loaded) -> None:
+        self._segments = program.segments
+        self._targets = targets(program.segments)
+        self._max_suction_s = min(self._limits.max_suction_s, program.max_suction_s)
+        intervals_s = self._limits.stale_intervals / program.rate_hz if program.rate_hz > 0 else 0.0
         self._stale_s = max(self._limits.stale_s, intervals_s)
 
     def _on_state(self, event: State, now: float) -> list[SafetyEvent]:
         before, self._state = self._state, event.state
         orders: list[SafetyEvent] = []
         if event.state is not before:
+            if before is not None:  # else it was found like this
+                orders = self._unasked(event.state)
             if event.state is InstrumentState.RUNNING:
                 self._begin_run(now)
+            if (command := _ASKED_BY.get(event.state)) is not None:
+                self._asked.pop(command, None)
             fell = before in _PULLING and event.state not in _PULLING
             if fell:
                 orders = self._own_vent(event.reason)
+                self._asked.clear()
             if fell or event.state in {InstrumentState.VENTING, InstrumentState.FAULT}:
+                self._ended = before is InstrumentState.RUNNING and not orders
                 self._vent_since = now if self._vent_since is None else self._vent_since
         if event.pressure_mbar is None:
             return orders
         return orders or self._settle(event.pressure_mbar) or self._at_rest(event.pressure_mbar)
 
+    def _unasked(self, state: InstrumentState) -> list[SafetyEvent]:
+        command = _ASKED_BY.get(state)
+        if command is None or not self._told or command in self._asked:
+            return []
+        return self._order(f"the instrument is {state} and nobody asked for it")
+
     def _own_vent(self, reason: str) -> list[SafetyEvent]:
-        if reason in {PROGRAM_END, PROGRAM_DONE}:
+        if reason in {PROGRAM_END, PROGRAM_DONE} or self._vent_since is not None:
             return []
         return self._order(f"the instrument vented by itself ({reason})")
 
     def _on_sample(self, sample: Sample, now: float) -> list[SafetyEvent]:
+        self._dose.add(sample)
+        passed_s = (now - self._last_sample) * self._pace
         self._last_sample = now
-        before_s, self._sampled_s = self._sampled_s, sample.device_time_s
-        self._offset_s = min(self._offset_s, now - sample.device_time_s)
+        self._step_s = sample.device_time_s - self._sampled_s
+        self._sampled_s = sample.device_time_s
+        self._offset_s = min(self._offset_s, now - sample.device_time_s / self._pace)
         pressure = sample.pressure_mbar
-        index = sample.segment
-        if index != self._segment:
-            # A pause may be over between two samples
-            if self._pauses_before(index) != self._pauses_before(self._segment):
-                self._suction_since = None
-            self._segment, self._segment_since = index, sample.device_time_s
-            self._segment_after = before_s
-        if pressure < self._limits.vent_pressure_mbar:
-            self._suction_since = None
-        elif self._suction_since is None:
-            self._suction_since = now
+        pulls = pressure >= self._limits.vent_pressure_mbar
+        if pulls or self._pulls:
+            self._suction_s += passed_s
+        self._pulls = pulls
         if self._vent_since is not None:
-            return self._settle(pressure)
+            beyond = self._ended and not self._host_vented
+            return self._settle(pressure) or (self._beyond(sample) if beyond else [])
         if self._state is not InstrumentState.RUNNING:
             return self._at_rest(pressure)
+        if sample.segment > self._envelope.segment:
+            # Where samples are lost, the segment began somewhere between these two
+            self._segment_since = sample.device_time_s
         return (
-            self._overshoot(sample)
+            self._ahead(sample, now)
+            or self._beyond(sample)
             or self._shortfall(sample)
             or self._freeze(sample)
             or self._impossible(sample)
+            or self._too_much()
         )
+
+    def _ahead(self, sample: Sample, now: float) -> list[SafetyEvent]:
+        """Judge whether the instrument's time runs away from the host's."""
+        sampled_s = sample.device_time_s / self._pace
+        ahead_s = sampled_s - (now - self._begun)
+        if ahead_s <= self._limits.clock_s + self._limits.clock_fraction * sampled_s:
+            return []
+        return self._order(f"the instrument's clock is {ahead_s:.2f} s ahead of the host's")
+
+    def _beyond(self, sample: Sample) -> list[SafetyEvent]:
+        """Judge segment and pressure by what the program allows at this moment."""
+        if not self._segments:
+            command = self._limits.max_pressure_mbar
+        else:
+            before = self._envelope.segment
+            problem = self._envelope.see(sample.segment, sample.device_time_s)
+            if problem is not None:
+                return self._order(problem)
+            self._pause(before, sample)
+            command = self._envelope.highest_mbar(sample.device_time_s)
+        if sample.pressure_mbar <= self._limits.overshoot_above(command):
+            return []
+        return self._order(
+            f"overshoot: {sample.pressure_mbar:g} mbar where {command:g} mbar was commanded"
+        )
+
+    def _pause(self, before: int, sample: Sample) -> None:
+        """Count suction anew behind a pause of the program in which the pressure was seen to fall.
+
+        To half is enough, since the lowest pressure comes between two samples, but it has to stay
+        there: a dip is no pause. A release ends as soon as it has worked, so that one sample of it
+        will do. A pause that can have come and gone between two samples is believed.
+        """
+        time_s, pressure, index = sample.device_time_s, sample.pressure_mbar, sample.segment
+        self._peak_mbar = max(self._peak_mbar, pressure)
+        if pressure >= max(self._limits.vent_pressure_mbar, self._peak_mbar / 2):
+            low_since = None
+        else:
+            low_since = time_s if self._low_since is None else self._low_since
+        passed = [k for k in range(max(before, 0), index) if _is_pause(self._segments[k])]
+        if passed:
+            since = self._low_since if low_since is None else low_since
+            stayed = since is not None and (
+                time_s - since >= _UNSEEN_S
+                or any(self._segments[k].kind is SegmentKind.RELEASE for k in passed)
+            )
+            unseen = before not in passed and self._step_s >= _UNSEEN_S
+            if stayed or unseen:
+                self._suction_s, self._peak_mbar = 0.0, pressure
+        inside = index < len(self._segments) and _is_pause(self._segments[index])
+        self._low_since = low_since if inside else None
+
+    def _too_much(self) -> list[SafetyEvent]:
+        limit, had = self._limits.max_dose_mbar_s, self.dose.suction_mbar_s
+        if had > limit:
+            return self._order(
+                f"a dose of {had:.6g} mbar·s: more than the {limit:.6g} mbar·s allowed in one visit"
+            )
+        return self._suction(0.0)
 
     def _at_rest(self, pressure_mbar: float) -> list[SafetyEvent]:
         if self._state not in _AT_REST or pressure_mbar <= self._limits.overshoot_mbar:
             return []
         return self._order(f"suction of {pressure_mbar:g} mbar while {self._state}")
-
-    def _overshoot(self, sample: Sample) -> list[SafetyEvent]:
-        command = self._command(sample)
-        limit = self._limits.overshoot_above(command)
-        if sample.pressure_mbar <= limit:
-            return []
-        return self._order(
-            f"overshoot: {sample.pressure_mbar:g} mbar where {command:g} mbar was commanded"
-        )
 
     def _shortfall(self, sample: Sample) -> list[SafetyEvent]:
         command = self._least_command(sample)
@@ -286,34 +417,6 @@ class Watchdog:
             f"impossible deflection: {sample.deflection_mm:g} mm in an opening of {high:g} mm"
         )
 
-    def _command(self, sample: Sample) -> float:
-        """Highest command that this sample may still show, in mbar."""
-        index = sample.segment
-        if index >= len(self._ceilings):  # final vent, or no program seen: only the maximum counts
-            return max(self._ceilings, default=self._limits.max_pressure_mbar)
-        within_s = sample.device_time_s - self._segment_since
-        command = self._present_command(index, sample.device_time_s)
-        # Segments that are over within the grace still show in the pressure, which lags behind
-        if within_s <= self._grace_s[index]:
-            command = max(command, *self._ceilings[:index], 0.0)
-        return command
-
-    def _present_command(self, index: int, time_s: float) -> float:
-        """Highest that a segment can command at this time: where its ramp is, by now."""
-        segment, target = self._segments[index], self._targets[index]
-        before = self._targets[index - 1] if index else 0.0
-        if segment.kind is not SegmentKind.RAMP:
-            return target
-        # It began after the last sample of the segment before, and not after its own first one
-        if target > before:
-            longest_s = time_s - self._segment_after
-            return min(target, before + segment.rate_mbar_per_s * longest_s)
-        shortest_s = max(0.0, time_s - self._segment_since - _RAMP_GRACE_S)
-        return max(target, before - segment.rate_mbar_per_s * shortest_s)
-
-    def _pauses_before(self, index: int) -> int:
-        return self._pauses[index] if 0 <= index < len(self._pauses) else 0
-
     def _freeze(self, sample: Sample) -> list[SafetyEvent]:
         frozen = self._frozen
         if frozen is None or frozen.deflection_mm != sample.deflection_mm:
@@ -346,23 +449,7 @@ class _Frozen:
         self.high_mbar = max(self.high_mbar, sample.pressure_mbar)
 
 
-def _targets(segments: Sequence[Segment]) -> tuple[float, ...]:
-    """Command at the end of each segment, in mbar."""
-    targets = []
-    target = 0.0
-    for segment in segments:
-        if segment.kind is SegmentKind.RAMP:
-            target = segment.target_mbar
-        elif segment.kind is not SegmentKind.HOLD:
-            target = 0.0
-        targets.append(target)
-    return tuple(targets)
-
-
-def _ceilings(segments: Sequence[Segment]) -> tuple[float, ...]:
-    """Highest command within each segment, in mbar."""
-    targets = _targets(segments)
-    return tuple(
-        max(before, target) if segment.kind is SegmentKind.RAMP else target
-        for segment, before, target in zip(segments, (0.0, *targets), targets, strict=False)
-    )
+def _is_pause(segment: Segment) -> bool:
+    if segment.kind is SegmentKind.REST:
+        return segment.duration_s >= MIN_PAUSE_S
+    return segment.kind is SegmentKind.RELEASE

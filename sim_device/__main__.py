@@ -12,6 +12,9 @@ from typing import NoReturn
 
 import click
 
+from skinlab.io.files import private
+from skinlab.text import inert
+
 EXIT_BAD_INPUT = 3
 EXIT_LINK = 4
 
@@ -75,7 +78,9 @@ def main(
 
 def _open_trace(path: Path) -> Callable[[float, float, str], None]:
     try:
-        file = path.open("w", encoding="ascii", buffering=1)  # each row is there as it happens
+        file = open(  # noqa: SIM115 -- to the end; each row is there as it happens
+            path, "w", encoding="ascii", buffering=1, opener=private
+        )
     except OSError as error:
         _fail(f"{path}: cannot be written ({error.strerror or error})", EXIT_BAD_INPUT)
     file.write("time_s,pressure_mbar,state\n")
@@ -87,7 +92,7 @@ def _open_trace(path: Path) -> Callable[[float, float, str], None]:
 
 
 def _fail(message: str, status: int) -> NoReturn:
-    click.echo(f"sim_device: {message}", err=True)
+    click.echo(f"sim_device: {inert(message)}", err=True)
     raise SystemExit(status)
 
 

@@ -24,8 +24,7 @@ def build_device(
 ) -> Device:
     """Build a probe on the skin of `skin_file` (None: the default skin).
 
-    speed: seconds of the device in one of the host. Keep-alive comes from the host, so that its
-    limit is scaled with it: 500 ms on the host's clock at every speed.
+    speed: seconds of the device in one of the host.
     trace: see Device.
     Raises ValueError, one sentence, for what is out of range or wrong in a file.
     """
@@ -50,7 +49,8 @@ def build_device(
         description.sensor,
         aperture_mm=aperture_mm,
         seed=seed,
-        keep_alive_s=KEEP_ALIVE_S * speed,
+        speed=speed,
+        keep_alive_s=KEEP_ALIVE_S,
         faults=faults,
         trace=trace,
     )

@@ -28,6 +28,7 @@ from drivers.events import (
     KeepAlive,
     Load,
     Loaded,
+    Pace,
     Refused,
     Reset,
     Sample,
@@ -81,8 +82,8 @@ class Device:
     """A probe with its firmware, on a skin.
 
     seed: of all noise; the same seed and the same conversation give the same bytes.
-    keep_alive_s: time without keep-alive after which it vents, on the device's own clock (whoever
-    runs that clock faster than the host's must scale it, or the host could not keep up).
+    speed: how many of its seconds whoever calls `process` lets pass in one of the host's. The host
+    is told, and the 500 ms without keep-alive after which it vents are the host's.
     faults: what goes wrong, and when; see `sim_device.faults`.
     trace: is told the time (s), the true pressure (mbar) and the state, every 10 ms of movement.
     """
@@ -94,6 +95,7 @@ class Device:
         *,
         aperture_mm: float = 6.0,
         seed: int = 0,
+        speed: float = 1.0,
         keep_alive_s: float = KEEP_ALIVE_S,
         dialect: Dialect | None = None,
         faults: Iterable[Fault] = (),
@@ -103,7 +105,8 @@ class Device:
         self._sensor = sensor
         self._aperture_mm = aperture_mm
         self._rng = np.random.default_rng(seed)
-        self._keep_alive_us = round(keep_alive_s * 1e6)
+        self._speed = speed
+        self._keep_alive_us = round(keep_alive_s * speed * 1e6)
         self._dialect = get_dialect("reference") if dialect is None else dialect
         self._plant = Plant(STEP_US / 1e6)
         self._schedule = Schedule(faults)
@@ -190,6 +193,8 @@ class Device:
             case Identify():
                 self._number = None
                 self._send(self._hello())
+                if self._speed != 1:
+                    self._send(Pace(self._speed))
                 self._say("identify")
             case Vent():
                 self._vent("host")

@@ -75,8 +75,12 @@ def load_toml(path: str | Path, form: type[Form]) -> Form:
         raw = Path(path).read_bytes()
     except OSError as error:
         raise ValueError(f"{path}: cannot be read ({error.strerror or error})") from error
+    except ValueError:  # a zero byte, which a URL can hold
+        raise ValueError(f"{path}: is no name of a file") from None
     try:
         return msgspec.toml.decode(raw, type=form)
+    except RecursionError:
+        raise ValueError(f"{path}: nested too deeply") from None
     except ValueError as error:  # msgspec's, tomllib's and Unicode's all are
         raise ValueError(f"{path}: {_plain(str(error))}") from error
 

@@ -22,8 +22,8 @@ from sim_device.program import Run
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import Hold, Ramp, Release, Rest, parse_program
 from skinlab.mechanics.effects.model import Effects, Sensors, SkinCurve, problem_of, solve_skin
-from skinlab.mechanics.effects.model import Skin as Law
 from skinlab.mechanics.fem.element import QUAD9_FULL
+from skinlab.mechanics.fem.skin import Skin as Law
 from skinlab.mechanics.fem.skin import SkinProblem
 from skinlab.mechanics.fem.suction import Discretisation, Geometry
 
@@ -80,7 +80,7 @@ class SolvedSkin:
     """A skin of the paper's law with any effects: its dome depends on pressure, time and cycle."""
 
     def __init__(self, skin: SkinSection, effects: Effects) -> None:
-        self._law = Law(skin.X1_MPa, skin.X2_MPa, skin.nu, skin.kappa)
+        self._law = Law((skin.X1_MPa, skin.X2_MPa, skin.nu), skin.kappa)
         self._thickness_mm = skin.thickness_mm
         self._effects = effects
         self._sensors = Sensors.of(effects)
@@ -262,7 +262,7 @@ class Domes:
         key = (round(ratio, 9), skin.nu, skin.kappa, skin.thickness_mm)
         if key not in self._solved or self._solved[key][0] > skin.X1_MPa * (1 + 1e-12):
             goal = 1.02 * self._load.max_pressure_mbar + 1.0
-            soft = Law(softest_MPa, ratio * softest_MPa, skin.nu, skin.kappa)
+            soft = Law((softest_MPa, ratio * softest_MPa, skin.nu), skin.kappa)
             geometry = Geometry(self._aperture_mm, skin.thickness_mm)
             problem = problem_of(soft, {}, geometry)
             found = solve_skin(problem, PressurePath((0.0, 1.0), (0.0, goal)), MESH)
@@ -273,5 +273,5 @@ class Domes:
         return found.instant(pressure_mbar * (solved_MPa / skin.X1_MPa))
 
     def _problem(self, skin: SkinSection, cycle: int) -> SkinProblem:
-        law = Law(skin.X1_MPa, skin.X2_MPa, skin.nu, skin.kappa)
+        law = Law((skin.X1_MPa, skin.X2_MPa, skin.nu), skin.kappa)
         return problem_of(law, self._effects, Geometry(self._aperture_mm, skin.thickness_mm), cycle)

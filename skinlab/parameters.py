@@ -1,22 +1,124 @@
-"""Spaces of unknown parameters: names, bounds, and the unit cube that methods search."""
+"""Parameters of laws and effects, and the spaces of unknown ones that methods search."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Protocol
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from skinlab.errors import InputError
+
 Array = NDArray[np.float64]
+
+Transform = Literal["linear", "log", "ratio"]
+
+
+@dataclass(frozen=True)
+class Search:
+    """Where a fit looks for a parameter, and in which coordinate it is even.
+
+    `transform`: the value itself, its logarithm, or the logarithm of its ratio to the law's
+    stiffness scale; of a ratio, `low` and `high` are those of the ratio. `step` and `reach` are
+    lengths in that coordinate: of a difference that shows how curves change, and of how far a
+    linear picture of that change is trusted. None: a 75th and an eighth of the range.
+    """
+
+    low: float
+    high: float
+    transform: Transform = "linear"
+    step: float | None = None
+    reach: float | None = None
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Both ends in the coordinate."""
+        if self.transform == "linear":
+            return self.low, self.high
+        return math.log(self.low), math.log(self.high)
+
+    @property
+    def lengths(self) -> tuple[float, float]:
+        """`step` and `reach`, filled in."""
+        span = self.ends[1] - self.ends[0]
+        step = span / 75 if self.step is None else self.step
+        return step, span / 8 if self.reach is None else self.reach
+
+
+@dataclass(frozen=True)
+class Nodes:
+    """The axis of a table along a parameter, where a spec says no more."""
+
+    low: float
+    high: float
+    count: int
+    spacing: Literal["linear", "log"] = "linear"
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number of a law or an effect.
+
+    `low` and `high` are the bounds within which it may be set at all. `zero` is the value at which
+    an effect is not there, whatever its other parameters say; None where this parameter has no such
+    value (a time constant). `typical` is a size that is seen in practice. `default` is taken where
+    a file does not give the parameter; None: it must be given. A law's parameter says besides how
+    reports call it, where fits look for it, what a table's axis is, and the nodes of the source's
+    own grid, between whose ends its algorithms search (`published`).
+    """
+
+    name: str  # with its unit, where it has one: X1_MPa
+    unit: str
+    meaning: str
+    low: float
+    high: float
+    zero: float | None
+    typical: float
+    source: str
+    spacing: Literal["linear", "log"] = "linear"
+    default: float | None = None
+    symbol: str = ""
+    search: Search | None = None
+    axis: Nodes | None = None
+    published: tuple[float, ...] = ()
+
+    @property
+    def label(self) -> str:
+        """How a reader calls it: X1, ν."""
+        return self.symbol or stem(self.name, self.unit)
+
+    @property
+    def heading(self) -> str:
+        """The label with the unit: X1 (MPa)."""
+        return f"{self.label} ({self.unit})" if self.unit else self.label
+
+    def check(self, value: float, where: str = "") -> None:
+        """Refuse a value out of bounds.
+
+        Raises:
+            InputError: names the field, and what was expected.
+        """
+        if not (math.isfinite(value) and self.low <= value <= self.high):
+            unit = f" {self.unit}" if self.unit else ""
+            name = f"{where}.{self.name}" if where else self.name
+            raise InputError(f"{name} is {value:g}: expected {self.low:g} to {self.high:g}{unit}")
+
+
+def stem(name: str, unit: str) -> str:
+    """Return a parameter's name without its unit: X1 of X1_MPa."""
+    return name.removesuffix(f"_{unit}") if unit else name
 
 
 class ParameterSpace(Protocol):
-    """Parameters (..., k) in the order of `names`, mapped from the unit cube [0, 1]^k."""
+    """What methods ask of a space: parameters (..., k), mapped from the unit cube [0, 1]^k."""
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names, which carry their unit: X1_MPa."""
+        """Names, which carry their unit."""
         ...
 
     @property
@@ -33,147 +135,106 @@ class ParameterSpace(Protocol):
         ...
 
 
-def contains(space: ParameterSpace, parameters: Array) -> NDArray[np.bool_]:
-    """Return which parameters (..., k) lie in the space, its bounds included."""
-    unit = space.to_unit(parameters)
-    return np.asarray(((unit >= -1e-12) & (unit <= 1 + 1e-12)).all(axis=-1))
-
-
 @dataclass(frozen=True)
-class BoxSpace:
-    """A box: every parameter between its bounds, evenly."""
+class Space:
+    """Unknown parameters (..., k) in the order of `names`, and the unit cube [0, 1]^k of a search.
+
+    Each is even between its ends in its own coordinate: its value, its logarithm, or the logarithm
+    of its ratio to the parameter number `scale`, whose ends are then those of the ratio.
+    """
 
     names: tuple[str, ...]
     low: tuple[float, ...]
     high: tuple[float, ...]
+    transforms: tuple[Transform, ...]
+    scale: int = 0
 
-    @property
+    @classmethod
+    def box(cls, names: Sequence[str], low: Sequence[float], high: Sequence[float]) -> Space:
+        """Return a box: every parameter evenly between its bounds."""
+        even: list[Transform] = ["linear"] * len(names)
+        return cls(tuple(names), tuple(low), tuple(high), tuple(even))
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    @cached_property
+    def _logs(self) -> NDArray[np.bool_]:
+        return np.array([t != "linear" for t in self.transforms])
+
+    @cached_property
+    def _ratios(self) -> NDArray[np.intp]:
+        return np.flatnonzero([t == "ratio" for t in self.transforms])
+
+    @cached_property
+    def ends(self) -> tuple[Array, Array]:
+        """Lower and upper ends (k,), in the coordinates."""
+        logs = self._logs
+
+        def of(values: tuple[float, ...]) -> Array:
+            at = np.array(values, dtype=float)
+            at[logs] = np.log(at[logs])
+            return at
+
+        return of(self.low), of(self.high)
+
+    @cached_property
     def bounds(self) -> tuple[Array, Array]:
-        """Lower and upper bounds (k,)."""
-        return np.array(self.low), np.array(self.high)
+        """Lower and upper bounds (k,) that the parameters can reach at all, as users say them."""
+        low, high = np.array(self.low, dtype=float), np.array(self.high, dtype=float)
+        low[self._ratios] *= low[self.scale]
+        high[self._ratios] *= high[self.scale]
+        return low, high
+
+    def coordinates(self, parameters: Array) -> Array:
+        """Return the coordinates (..., k) of parameters; NaN or infinite where these have none."""
+        at = np.array(parameters, dtype=float)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            at[..., self._ratios] /= at[..., [self.scale]]
+            at[..., self._logs] = np.log(at[..., self._logs])
+        return at
+
+    def from_coordinates(self, at: Array) -> Array:
+        """Return the parameters (..., k) at coordinates."""
+        values = np.array(at, dtype=float)
+        values[..., self._logs] = np.exp(values[..., self._logs])
+        values[..., self._ratios] *= values[..., [self.scale]]
+        return values
 
     def from_unit(self, unit: Array) -> Array:
-        """Return the parameters."""
-        low, high = self.bounds
-        return low + (high - low) * unit
+        """Return the parameters (..., k) at points of the cube."""
+        low, high = self.ends
+        return self.from_coordinates(low + (high - low) * unit)
 
     def to_unit(self, parameters: Array) -> Array:
-        """Return the points of the cube."""
-        low, high = self.bounds
-        return (parameters - low) / (high - low)
+        """Return the points of the cube (..., k) of parameters."""
+        low, high = self.ends
+        return np.asarray((self.coordinates(parameters) - low) / (high - low))
 
-
-# The paper's section 2.3: where its stochastic algorithm searches.
-PAPER_BOX = BoxSpace(("X1_MPa", "X2_MPa", "nu"), (0.01, 0.1, 0.2), (0.1, 4.9, 0.48))
-
-
-@dataclass(frozen=True)
-class RatioSpace:
-    """(X1, X2, ν) with bounds on X1, on X2/X1 and on ν; even in log X1, log X2/X1 and ν."""
-
-    X1_MPa: tuple[float, float]
-    ratio: tuple[float, float]
-    nu: tuple[float, float]
-    names: tuple[str, ...] = ("X1_MPa", "X2_MPa", "nu")
-
-    @property
-    def bounds(self) -> tuple[Array, Array]:
-        """Lower and upper bounds (3,) that the parameters can reach at all."""
-        low = (self.X1_MPa[0], self.X1_MPa[0] * self.ratio[0], self.nu[0])
-        high = (self.X1_MPa[1], self.X1_MPa[1] * self.ratio[1], self.nu[1])
-        return np.array(low), np.array(high)
-
-    def _ends(self) -> tuple[Array, Array]:
-        rows = np.array([np.log(self.X1_MPa), np.log(self.ratio), self.nu])
-        return rows[:, 0], rows[:, 1]
-
-    def from_unit(self, unit: Array) -> Array:
-        """Return the parameters."""
-        low, high = self._ends()
-        at = low + (high - low) * unit
-        x1 = np.exp(at[..., 0])
-        return np.stack([x1, x1 * np.exp(at[..., 1]), at[..., 2]], axis=-1)
+    def contains(self, parameters: Array) -> NDArray[np.bool_]:
+        """Return which parameters (..., k) lie in the space, its ends included."""
+        unit = self.to_unit(parameters)
+        return np.asarray(((unit >= -1e-12) & (unit <= 1 + 1e-12)).all(axis=-1))
 
     def outside(self, parameters: Array) -> str:
-        """Return which bound the parameters (3,) violate, in words; empty where none."""
-        x1, x2, nu = parameters
-        rows = (("X1_MPa", x1, self.X1_MPa), ("X2/X1", x2 / x1, self.ratio), ("nu", nu, self.nu))
-        for name, value, (low, high) in rows:
-            if not low * (1 - 1e-9) <= value <= high * (1 + 1e-9):
-                return f"{name} {value:g} is outside the database ({low:.4g}–{high:.4g})"
+        """Return which end the parameters (k,) are beyond, in words; empty where none."""
+        for i, name in enumerate(self.names):
+            value, called = float(parameters[i]), name
+            if self.transforms[i] == "ratio":
+                value /= float(parameters[self.scale])
+                called = "/".join(n.rpartition("_")[0] or n for n in (name, self.names[self.scale]))
+            low, high = self.low[i], self.high[i]
+            slack = 1e-9 * max(abs(low), abs(high))
+            if not low - slack <= value <= high + slack:
+                return f"{called} {value:g} is outside the database ({low:.4g}–{high:.4g})"
         return ""
 
-    def to_unit(self, parameters: Array) -> Array:
-        """Return the points of the cube."""
-        low, high = self._ends()
-        x1, x2, nu = np.moveaxis(parameters, -1, 0)
-        at = np.stack([np.log(x1), np.log(x2 / x1), nu], axis=-1)
-        return np.asarray((at - low) / (high - low))
-
-
-@dataclass(frozen=True)
-class AxisSpace:
-    """A box whose parameters are even between their bounds, or in their logarithms."""
-
-    names: tuple[str, ...]
-    low: tuple[float, ...]
-    high: tuple[float, ...]
-    logarithmic: tuple[bool, ...]
-
-    @property
-    def bounds(self) -> tuple[Array, Array]:
-        """Lower and upper bounds (k,)."""
-        return np.array(self.low), np.array(self.high)
-
-    def _ends(self) -> tuple[Array, Array, NDArray[np.bool_]]:
-        logs = np.array(self.logarithmic)
-        low, high = self.bounds
-        return (
-            np.where(logs, np.log(np.where(logs, low, 1.0)), low),
-            np.where(logs, np.log(np.where(logs, high, 1.0)), high),
-            logs,
+    def extended(self, name: str, low: float, high: float, transform: Transform = "log") -> Space:
+        """Return the space with one more parameter at its end."""
+        return replace(
+            self,
+            names=(*self.names, name),
+            low=(*self.low, low),
+            high=(*self.high, high),
+            transforms=(*self.transforms, transform),
         )
-
-    def from_unit(self, unit: Array) -> Array:
-        """Return the parameters."""
-        low, high, logs = self._ends()
-        at = low + (high - low) * unit
-        return np.asarray(np.where(logs, np.exp(np.where(logs, at, 0.0)), at))
-
-    def to_unit(self, parameters: Array) -> Array:
-        """Return the points of the cube."""
-        low, high, logs = self._ends()
-        at = np.where(logs, np.log(np.where(logs, parameters, 1.0)), parameters)
-        return np.asarray((at - low) / (high - low))
-
-
-@dataclass(frozen=True)
-class WithFactor:
-    """A space with one more parameter at its end: a factor, even in its logarithm."""
-
-    base: ParameterSpace
-    name: str
-    low: float
-    high: float
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The base's names and this one."""
-        return (*self.base.names, self.name)
-
-    @property
-    def bounds(self) -> tuple[Array, Array]:
-        """Lower and upper bounds."""
-        low, high = self.base.bounds
-        return np.append(low, self.low), np.append(high, self.high)
-
-    def from_unit(self, unit: Array) -> Array:
-        """Return the parameters."""
-        factor = self.low * (self.high / self.low) ** unit[..., -1:]
-        return np.concatenate([self.base.from_unit(unit[..., :-1]), factor], axis=-1)
-
-    def to_unit(self, parameters: Array) -> Array:
-        """Return the points of the cube."""
-        span = np.log(self.high / self.low)
-        last = np.log(parameters[..., -1:] / self.low) / span
-        return np.concatenate([self.base.to_unit(parameters[..., :-1]), last], axis=-1)

@@ -1,17 +1,295 @@
-"""Extensions found by looking: one file each, in the folder of their kind."""
+"""Extensions found by looking: in the folder of their kind, and in installed packages.
+
+An extension is one object in one file. In the package it is what a module of the kind's folder
+calls `EFFECT`, `LAW`, …; an installed package offers it by an entry point of the kind's group
+(`skinlab.effects`), whose name is the extension's and whose value says where the object is
+(`my_package.my_effect:EFFECT`). docs/extending.md has a recipe for each kind.
+
+What is wrong with an installed one is said once, in one sentence that names it; it is then not
+there. Worker processes look for themselves and find the same.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import hashlib
 import importlib
+import importlib.metadata
+import importlib.util
 import pkgutil
-from collections.abc import Iterator
-from types import ModuleType
-from typing import Any
+import sys
+import threading
+import traceback
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import EntryPoint
+from pathlib import Path
+from typing import Any, Generic, Protocol, TypeVar
+
+from skinlab.errors import InputError
+from skinlab.text import inert
+
+GROUPS = "skinlab."  # what the names of all groups begin with
 
 
-def find(package: ModuleType, attribute: str) -> Iterator[Any]:
-    """Yield what the modules of this package call `attribute`; their import errors come through."""
-    for module_info in pkgutil.iter_modules(package.__path__):
-        module = importlib.import_module(f"{package.__name__}.{module_info.name}")
+class Named(Protocol):
+    """What every extension has."""
+
+    @property
+    def name(self) -> str:
+        """How it is called in files and options."""
+        ...
+
+
+T = TypeVar("T", bound=Named)
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where an extension comes from: a distribution, as installers call it, and its version."""
+
+    distribution: str
+    version: str
+
+
+class Registry(Generic[T]):
+    """The extensions of one kind; looked for when first asked.
+
+    `package` is the folder of the built-in ones, `attribute` what their modules call them, `group`
+    that of the entry points. `check` raises an error, whose message says what is wrong, for an
+    object that is none of this kind. `called` is how messages name one.
+    """
+
+    def __init__(
+        self,
+        kind: str,
+        package: str,
+        attribute: str,
+        group: str,
+        check: Callable[[Any], None],
+        *,
+        called: Callable[[str], str] | None = None,
+    ) -> None:
+        self.kind, self.group = kind, group
+        self.package, self.attribute = package, attribute
+        self._check = check
+        self._called = called or (lambda name: f"{kind} {name!r}")
+        self._lock = threading.RLock()
+        self._found: dict[str, T] = {}
+        self._origins: dict[str, Origin] = {}
+        self._refused: dict[str, str] = {}
+        self._looked = False
+
+    def names(self) -> tuple[str, ...]:
+        """Return the names of all, sorted."""
+        return tuple(sorted(self._all()))
+
+    def all(self) -> tuple[T, ...]:
+        """Return all, in the order of their names."""
+        found = self._all()
+        return tuple(found[name] for name in sorted(found))
+
+    def get(self, name: str) -> T:
+        """Return the one of that name.
+
+        Raises:
+            InputError: there is none; the message lists those that there are, and says what is
+                wrong with an installed one of that name.
+        """
+        try:
+            return self._all()[name]
+        except KeyError:
+            why = self._refused.get(name)
+            known = ", ".join(self.names())
+            raise InputError(
+                f"{self._called(name)} is not known{f' ({why})' if why else ''}; "
+                f"expected one of: {known or 'none is there'}"
+            ) from None
+
+    def origin(self, name: str) -> Origin | None:
+        """Return where the one of that name comes from; None: it is built in."""
+        self._all()
+        return self._origins.get(name)
+
+    def refused(self) -> dict[str, str]:
+        """Return why, by name, installed extensions are not there."""
+        self._all()
+        return dict(self._refused)
+
+    @contextlib.contextmanager
+    def lent(self, one: T) -> Iterator[T]:
+        """Have one more in this process for a while: one that is in no file and not installed.
+
+        Raises:
+            TypeError, ValueError: it is none of this kind.
+        """
+        self._check(one)
+        found = self._all()
+        before = found.get(one.name)
+        found[one.name] = one
+        try:
+            yield one
+        finally:
+            del found[one.name]
+            if before is not None:
+                found[one.name] = before
+
+    def _all(self) -> dict[str, T]:
+        with self._lock:
+            if not self._looked:
+                self._looked = True  # an extension that asks while it is imported sees the others
+                self._look()
+            return self._found
+
+    def _look(self) -> None:
+        for one in _built_in(self.package, self.attribute):
+            self._check(one)
+            if one.name in self._found:
+                raise TypeError(f"two built-in ones are called {self._called(one.name)}")
+            self._found[one.name] = one
+        for entry in entries(self.group):
+            if (why := self._take(entry)) is not None:
+                self._refused.setdefault(entry.name, why)
+                warn(why)
+
+    def _take(self, entry: EntryPoint) -> str | None:
+        """Load an installed one; return what is wrong with it."""
+        origin = origin_of(entry)
+        who = f"plugin {origin.distribution}, {self.kind} {entry.name!r}"
+        if entry.name in self._found:
+            other = self._origins.get(entry.name)
+            by = "is built in" if other is None else f"comes from {other.distribution}"
+            return f"{who}: left out, because one of this name {by}"
+        try:
+            one = entry.load()
+            self._check(one)
+            if one.name != entry.name:
+                raise TypeError(f"it calls itself {one.name!r}; expected its entry point's name")
+        except (Exception, SystemExit) as error:  # noqa: BLE001 -- anything may be in it
+            return f"{who}: left out, because it is broken: {_reason(error)}"
+        self._found[entry.name] = one
+        self._origins[entry.name] = origin
+        return None
+
+
+def _built_in(package: str, attribute: str) -> Iterator[Any]:
+    """Yield what the package's modules call `attribute`; their import errors come through."""
+    for found in pkgutil.iter_modules(importlib.import_module(package).__path__):
+        module = importlib.import_module(f"{package}.{found.name}")
         if hasattr(module, attribute):
             yield getattr(module, attribute)
+
+
+def _reason(error: BaseException) -> str:
+    """Return an error in one line, with the place that it comes from."""
+    message = " ".join(str(error).split())
+    text = f"{type(error).__name__}: {message}" if message else type(error).__name__
+    frames = [f for f in traceback.extract_tb(error.__traceback__) if _outside(f.filename)]
+    if frames:
+        text += f" ({Path(frames[-1].filename).name} line {frames[-1].lineno})"
+    return text
+
+
+def _outside(filename: str) -> bool:
+    """Whether a file is neither Python's own nor ours."""
+    ours = Path(__file__).parent
+    return not filename.startswith("<") and not (
+        Path(filename).is_relative_to(ours) or "importlib" in Path(filename).parts
+    )
+
+
+def needs(one: object, *attributes: str) -> None:
+    """Check that an extension has a name, and what else its kind has to have.
+
+    Raises:
+        TypeError: it has not.
+    """
+    missing = [a for a in ("name", *attributes) if not hasattr(one, a)]
+    if missing:
+        raise TypeError(f"{type(one).__name__} has no {', '.join(missing)}")
+    name = one.name  # type: ignore[attr-defined]
+    if not isinstance(name, str) or not name.strip():
+        raise TypeError("its name is empty; expected a text")
+
+
+# ---- what is installed ------------------------------------------------------------------------
+
+
+def entries(group: str | None = None) -> list[EntryPoint]:
+    """Return the entry points of a group, or of all of ours; sorted, so that all find the same."""
+    try:
+        every = importlib.metadata.entry_points()
+        groups = [group] if group else sorted(g for g in every.groups if g.startswith(GROUPS))
+        found = [entry for g in groups for entry in every.select(group=g)]
+    except Exception as error:  # noqa: BLE001 -- metadata that somebody else has damaged
+        warn(f"no plugins: the metadata of an installed package is damaged: {_reason(error)}")
+        return []
+    return sorted(found, key=lambda e: (e.group, e.name, origin_of(e).distribution))
+
+
+def origin_of(entry: EntryPoint) -> Origin:
+    """Return the distribution that an entry point is from."""
+    if entry.dist is None:
+        return Origin("unknown", "unknown")
+    return Origin(entry.dist.name or "unknown", entry.dist.version or "unknown")
+
+
+@cache
+def installed() -> dict[str, str]:
+    """Return every distribution with plugins: its version, and a hash of its source files.
+
+    The hash tells two states of a plugin apart that is being written under one version. Nothing of
+    a plugin is imported for it.
+    """
+    modules: dict[Origin, set[str]] = {}
+    for entry in entries():
+        top = str(entry.value).partition(":")[0].partition(".")[0].strip()
+        modules.setdefault(origin_of(entry), set()).add(top)
+    return {
+        origin.distribution: f"{origin.version} {_hash(names)}"
+        for origin, names in sorted(modules.items(), key=lambda item: item[0].distribution)
+    }
+
+
+def _hash(modules: set[str]) -> str:
+    digest = hashlib.sha256()
+    for name in sorted(modules - {"skinlab", "drivers"}):
+        for path in _sources(name):
+            digest.update(f"{name} {path.name} ".encode())
+            with contextlib.suppress(OSError):
+                digest.update(path.read_bytes())
+    return digest.hexdigest()[:12]
+
+
+def _sources(module: str) -> list[Path]:
+    """Return the Python files of a module or package, without importing it."""
+    try:
+        spec = importlib.util.find_spec(module)
+    except (ImportError, ValueError):
+        return []
+    if spec is None:
+        return []
+    folders = spec.submodule_search_locations
+    if folders is not None:
+        return sorted(path for folder in folders for path in Path(folder).rglob("*.py"))
+    return [Path(spec.origin)] if spec.has_location and spec.origin else []
+
+
+# ---- what is said -----------------------------------------------------------------------------
+
+_said: set[str] = set()
+
+
+def warn(sentence: str) -> None:
+    """Say it on standard error, once; workers are silent: who started them has said it."""
+    if sentence in _said:
+        return
+    _said.add(sentence)
+    multiprocessing = sys.modules.get("multiprocessing.process")  # loaded in every worker
+    if multiprocessing is not None and multiprocessing.parent_process() is not None:
+        return
+    if sys.stderr is not None:
+        with contextlib.suppress(OSError, ValueError):
+            sys.stderr.write(f"skinlab: {inert(sentence)}\n")
+            sys.stderr.flush()

@@ -9,21 +9,27 @@ from importlib.metadata import version
 from pathlib import Path
 
 from skinlab import __version__
+from skinlab.plugins import installed
 
 # Computes nothing: a change here changes no result.
-_SCREENS = frozenset({"tui", "cli", "report"})
+_SCREENS = frozenset({"tui", "cli", "report", "extensions"})
 
 
 def versions() -> dict[str, str]:
-    """Return what a result may depend on, by name."""
+    """Return what a result may depend on, by name; `plugin NAME` for each distribution of them."""
     return {
         "skinlab": __version__,
-        "code": code_hash(),
+        **software(),
         "python": platform.python_version(),
         "numpy": version("numpy"),
         "scipy": version("scipy"),
         "machine": f"{platform.system()} {platform.machine()}",
     }
+
+
+def software() -> dict[str, str]:
+    """Return the state of the source files: `code`, and the plugins."""
+    return {"code": code_hash()} | {f"plugin {name}": v for name, v in installed().items()}
 
 
 @cache

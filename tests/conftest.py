@@ -8,9 +8,8 @@ import pytest
 from hypothesis import HealthCheck, settings
 from patience import be_patient
 
-from skinlab.tables.dimensionless import DimensionlessTable
-from skinlab.tables.grid import GridDatabase
 from skinlab.tables.store import shipped_grid, shipped_table
+from skinlab.tables.table import Table
 
 # No test may depend on how fast the machine is
 be_patient()
@@ -19,12 +18,12 @@ settings.load_profile("patient")
 
 
 @pytest.fixture(scope="session")
-def grid() -> GridDatabase:
+def grid() -> Table:
     return shipped_grid()
 
 
 @pytest.fixture(scope="session")
-def table() -> DimensionlessTable:
+def table() -> Table:
     return shipped_table()
 
 

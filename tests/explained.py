@@ -9,14 +9,14 @@ from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
 from skinlab.mechanics.fem.suction import Geometry
-from skinlab.tables.dimensionless import DimensionlessTable
+from skinlab.tables.table import Table
 
 UP, UP_AND_DOWN = "ramp:100@50", "ramp:100@50,ramp:0@50"
 _NOISE_UM = 2.0
 _OFFSET_MM = 0.03
 
 
-def campaign(table: DimensionlessTable, program_text: str) -> Campaign:
+def campaign(table: Table, program_text: str) -> Campaign:
     program = parse_program(program_text)
     time_s = np.arange(int(program.duration_s * 20) + 1) / 20
     pressure_mbar = PressurePath.of_program(program)(time_s)

@@ -48,9 +48,13 @@ def be_patient(*, apart: bool = False) -> None:
     sim_device.serve.serve.__defaults__ = (clock,)
     options = probe.Probe.__init__.__kwdefaults__
     options["clock"] = clock
+    # It may be another process whose clock is compared, and each loses its own seconds
+    options["limits"] = probe.Limits(clock_s=FORGIVING_S)
     if apart:
         sim_device.build.KEEP_ALIVE_S = FORGIVING_S
-        options["limits"] = probe.Limits(stale_s=FORGIVING_S, vent_time_s=FORGIVING_S)
+        options["limits"] = probe.Limits(
+            stale_s=FORGIVING_S, clock_s=FORGIVING_S, vent_time_s=FORGIVING_S
+        )
         probe.Probe._call.__kwdefaults__["timeout_s"] = FORGIVING_S
         probe.Probe.open.__defaults__ = (FORGIVING_S,)
 

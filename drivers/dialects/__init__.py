@@ -1,16 +1,31 @@
-"""Dialects: one file each is the grammar of one instrument, found by looking in this folder.
+"""Dialects: one file each is the grammar of one instrument, found by looking.
 
-A dialect's module has a `DIALECT` that meets `Dialect`. It holds both sides of the conversation,
-so that the simulated probe and the host share one grammar and every frame can be tested round trip.
+A module of this folder has a `DIALECT` that meets `Dialect`; an installed package offers one by an
+entry point of the group `skinlab.dialects`, `name = "package.module:DIALECT"`. It declares what its
+instrument can be asked for (`Capabilities`). It holds both sides of the conversation, so that the
+simulated probe and the host share one grammar and every frame can be tested round trip. A plain
+line protocol needs no code: a TOML file will do (`drivers/line_dialect.py`).
 """
 
 from __future__ import annotations
 
+import contextlib
+import hashlib
 import importlib
 import pkgutil
-from typing import Protocol
+import sys
+from functools import cache
+from pathlib import Path
+from typing import Any, Protocol
+from urllib.parse import unquote
 
+from drivers.capabilities import Capabilities, Stream
+from drivers.errors import UnknownDialectError
 from drivers.events import Command, Damaged, InstrumentEvent
+
+GROUP = "skinlab.dialects"
+DEFAULT = "reference"
+_KEY = "dialect"  # in a port's URL; pyserial has no option of this name
 
 
 class Dialect(Protocol):
@@ -18,11 +33,19 @@ class Dialect(Protocol):
 
     @property
     def name(self) -> str:
-        """The file's name."""
+        """How it is called: the name of its file, or of its entry point."""
 
     @property
     def protocol_version(self) -> int:
         """The version that is spoken; another one in Hello is refused by the connection."""
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """What the instrument can be asked for.
+
+        Where it is not controllable, a `stream` (drivers.capabilities.Stream) says how its readings
+        become runs; without one the usual rule holds.
+        """
 
     def take(self, buffer: bytearray) -> bytes | Damaged | None:
         """Remove one frame from the front of `buffer`, or bytes that cannot belong to one.
@@ -51,18 +74,158 @@ class Dialect(Protocol):
 
 
 def dialect_names() -> tuple[str, ...]:
-    """Names of all dialects in this folder, sorted."""
-    return tuple(
-        sorted(m.name for m in pkgutil.iter_modules(__path__) if not m.name.startswith("_"))
-    )
+    """Names of all dialects, in this folder and installed, sorted."""
+    return tuple(sorted({*_built_in(), *_installed()}))
+
+
+def stream_of(dialect: Dialect) -> Stream:
+    """How the readings of a dialect become runs."""
+    stream = getattr(dialect, "stream", None)
+    return stream if isinstance(stream, Stream) else Stream()
 
 
 def get_dialect(name: str) -> Dialect:
-    """Get the dialect called `name`; an error while importing it comes through.
+    """Get the dialect called `name`, or the one in the file `name`, which ends with `.toml`.
 
-    Raises ValueError if there is none.
+    An error while importing one of ours comes through. Raises UnknownDialectError if there is
+    none, DialectFileError for a file that is none or cannot be read.
     """
-    if name not in dialect_names():
-        raise ValueError(f"no dialect {name!r}; known: {', '.join(dialect_names())}")
-    dialect: Dialect = importlib.import_module(f"{__name__}.{name}").DIALECT
+    if name.lower().endswith(".toml"):
+        from drivers.line_dialect import read_line_dialect
+
+        return read_line_dialect(Path(name))
+    if name in _built_in():
+        ours: Dialect = importlib.import_module(f"{__name__}.{name}").DIALECT
+        return ours
+    if name in _installed():
+        return _installed()[name][0]
+    raise UnknownDialectError(
+        f"dialect {name!r} is not known; expected one of: {', '.join(dialect_names())}; or a file "
+        "that ends with .toml"
+    )
+
+
+def split_dialect(url: str) -> tuple[str, str | None]:
+    """Give a port's URL without its `dialect=NAME`, and that name; all else stays as it is.
+
+    Raises UnknownDialectError where it is said twice, or is empty.
+
+    >>> split_dialect("/dev/ttyUSB0?baud=9600&dialect=mine.toml")
+    ('/dev/ttyUSB0?baud=9600', 'mine.toml')
+    """
+    base, question, query = url.partition("?")
+    parts = query.split("&") if question else []
+    named = [part for part in parts if part.partition("=")[0] == _KEY]
+    if not named:
+        return url, None
+    name = unquote(named[0].partition("=")[2])
+    if len(named) > 1 or not name:
+        raise UnknownDialectError(f"{url}: expected dialect=NAME once")
+    others = [part for part in parts if part not in named]
+    return base + ("?" + "&".join(others) if others else ""), name
+
+
+def describe_dialect(dialect: Dialect) -> dict[str, Any]:
+    """All that a record has to keep, so that its bytes can be read again: plain data.
+
+    Of a dialect that is a file, its whole text and the text's hash; of a plugin, where it is from.
+    """
+    said: dict[str, Any] = {
+        "name": dialect.name,
+        "version": dialect.protocol_version,
+        "read_only": not dialect.capabilities.controllable,
+    }
+    text = getattr(dialect, "text", None)
+    if isinstance(text, str):
+        return {**said, "toml": text, "sha256": hashlib.sha256(text.encode()).hexdigest()}
+    origin = dialect_origin(dialect.name)
+    return said if origin is None else {**said, "plugin": list(origin)}
+
+
+def described_dialect(said: Any) -> Dialect:
+    """Give the dialect that `describe_dialect` described; no other file is needed.
+
+    Raises UnknownDialectError where its plugin is not installed, ValueError for what describes
+    none, or another text or version than was used.
+    """
+    if not isinstance(said, dict) or not isinstance(said.get("name"), str):
+        raise ValueError("it describes no dialect")
+    text = said.get("toml")
+    if text is None:
+        dialect = get_dialect(said["name"]) if "." not in said["name"] else None
+    elif isinstance(text, str):
+        if said.get("sha256") != hashlib.sha256(text.encode()).hexdigest():
+            raise ValueError(f"the text of dialect {said['name']!r} does not agree with its hash")
+        from drivers.line_dialect import line_dialect
+
+        dialect = line_dialect(text, said["name"])
+    else:
+        dialect = None
+    if dialect is None or dialect.protocol_version != said.get("version"):
+        raise ValueError(
+            f"it needs version {said.get('version')!r} of dialect {said['name']!r}; here is "
+            f"{None if dialect is None else dialect.protocol_version!r}"
+        )
     return dialect
+
+
+def check_dialect(one: Any) -> None:
+    """Check that an object is a dialect. Raises TypeError, which says what is missing."""
+    missing = [n for n in dir(Dialect) if not n.startswith("_") and not hasattr(one, n)]
+    if missing:
+        raise TypeError(f"it has no {', '.join(missing)}")
+    if not isinstance(one.capabilities, Capabilities):
+        raise TypeError("its capabilities are no drivers.capabilities.Capabilities")
+    if not isinstance(getattr(one, "stream", Stream()), Stream):
+        raise TypeError("its stream is no drivers.capabilities.Stream")
+
+
+def dialect_origin(name: str) -> tuple[str, str] | None:
+    """Distribution and version that a dialect comes from; None: it is one of this folder."""
+    if name in _built_in():
+        return None
+    found = _installed().get(name)
+    return None if found is None else found[1]
+
+
+def _built_in() -> tuple[str, ...]:
+    return tuple(m.name for m in pkgutil.iter_modules(__path__) if not m.name.startswith("_"))
+
+
+@cache
+def _installed() -> dict[str, tuple[Dialect, tuple[str, str]]]:
+    """Dialects that installed packages offer; what is wrong with one is said, and it is left out.
+
+    The same rules as for all other kinds of plugins, which this package may not know of.
+    """
+    import importlib.metadata  # only where a dialect is asked for
+
+    found: dict[str, tuple[Dialect, tuple[str, str]]] = {}
+    try:
+        entries = sorted(importlib.metadata.entry_points(group=GROUP), key=lambda e: e.name)
+    except Exception:  # noqa: BLE001 -- metadata that somebody else has damaged
+        return found
+    for entry in entries:
+        dist = entry.dist
+        origin = ("unknown", "unknown") if dist is None else (dist.name, dist.version)
+        try:
+            if entry.name in _built_in() or entry.name in found:
+                raise TypeError("one of this name is there already")
+            one = entry.load()
+            check_dialect(one)
+            if one.name != entry.name:
+                raise TypeError("another name")
+            found[entry.name] = one, origin
+        except (Exception, SystemExit) as error:  # noqa: BLE001 -- anything may be in it
+            _warn(
+                f"plugin {origin[0]}, dialect {entry.name!r}: left out, because it is broken: "
+                f"{type(error).__name__}: {error}"
+            )
+    return found
+
+
+def _warn(sentence: str) -> None:
+    sentence = "".join(sign if sign.isprintable() else "?" for sign in sentence)
+    if sys.stderr is not None:
+        with contextlib.suppress(OSError, ValueError):
+            sys.stderr.write(f"drivers: {sentence}\n")

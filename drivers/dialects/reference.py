@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from typing import assert_never
 from urllib.parse import unquote_to_bytes
 
+from drivers.capabilities import CONTROLLABLE
 from drivers.errors import LocalProtocolError, RemoteProtocolError
 from drivers.events import (
     Arm,
@@ -26,6 +27,8 @@ from drivers.events import (
     KeepAlive,
     Load,
     Loaded,
+    Pace,
+    Reading,
     Refused,
     Reset,
     Sample,
@@ -41,6 +44,7 @@ MAX_FRAME_BYTES = 4096  # `$` and line end included; only LOAD and LOADED come n
 MAX_SEGMENTS = 128
 MAX_TEXT_BYTES = 240  # of one text field, escaped
 MAX_NUMBER = 65_535  # of a command
+MAX_PACE = 1000.0  # of a simulated instrument
 
 _MILLI = 1_000  # mbar -> µbar, Hz -> mHz, mm -> µm
 _MICRO = 1_000_000  # s -> µs, mm -> nm
@@ -76,6 +80,7 @@ class Reference:
 
     name = "reference"
     protocol_version = PROTOCOL_VERSION
+    capabilities = CONTROLLABLE
 
     def take(self, buffer: bytearray) -> bytes | Damaged | None:
         """See `Dialect.take`: a frame runs from `$` to the line feed, and reading restarts at `$`.
@@ -155,6 +160,8 @@ class Reference:
             case InstrumentFault():
                 return _frame("FAULT", _text(event.code), _text(event.text))
             case Hello():
+                if event.aperture_mm is None:
+                    raise LocalProtocolError("HELLO needs an aperture")
                 return _frame(
                     "HELLO",
                     _int(event.protocol_version, 1, "protocol version"),
@@ -169,6 +176,10 @@ class Reference:
                     _int(event.default_rate_hz, _MILLI, "usual rate"),
                     "1" if event.simulated else "0",
                 )
+            case Pace():
+                return _frame("PACE", _int(event.speed, _MILLI, "pace"))
+            case Reading():
+                raise LocalProtocolError("a reading outside of a run cannot be sent")
             case _:
                 assert_never(event)
 
@@ -204,6 +215,12 @@ class Reference:
                 return InstrumentFault(_untext(fields[0]), _untext(fields[1])), None
             case "HELLO":
                 return _hello(fields), None
+            case "PACE":
+                _count(word, fields, 1)
+                speed = _unint(fields[0]) / _MILLI
+                if not 0 < speed <= MAX_PACE:
+                    raise RemoteProtocolError(f"a pace of {speed:g} is outside 0 to {MAX_PACE:g}")
+                return Pace(speed), None
             case _:
                 raise RemoteProtocolError(f"unknown frame {word!r}")
 

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
-from drivers.events import Gap, Loaded, Sample
-from skinlab.curves.curve import Curve, Setup
+from drivers.events import Loaded
+from skinlab.curves.curve import Curve
+from skinlab.curves.growing import GrowingCurve
+from skinlab.quality.gates import all_gates, judge
 from skinlab.quality.gates.base import CurveSoFar, Finding, Gate, beginnings
-from skinlab.quality.gates.registry import all_gates
 from skinlab.recording.stream import (
     CurveCompleted,
     CurveStarted,
@@ -31,7 +30,10 @@ class Monitor:
         self._gates = all_gates() if gates is None else tuple(gates)
         self._earlier: tuple[Curve, ...] = ()
         self._rate_hz: float | None = None
-        self._growing: _Growing | None = None
+        self._index = 0
+        self._growing: GrowingCurve | None = None
+        self._look_at_s = 0.0
+        self._steps_seen = 0
         self._found: dict[int, tuple[Finding, ...]] = {}
 
     def findings(self, index: int) -> tuple[Finding, ...]:
@@ -41,21 +43,46 @@ class Monitor:
     def see(self, message: Message) -> list[Flagged]:
         """Return what this message makes known."""
         match message:
-            case CurveStarted(index, setup):
-                self._growing = _Growing(index, setup)
+            case CurveStarted(index, curve):
+                self._index, self._growing = index, curve
+                self._look_at_s, self._steps_seen = 0.0, 0
                 self._found[index] = ()
             case Happened(Loaded(rate_hz=rate_hz)):
                 self._rate_hz = rate_hz
-            case Happened(Gap(expected, received)) if self._growing is not None:
-                self._growing.lost += received - expected
-            case Sampled(index, sample) if self._growing is not None:
-                if self._growing.take(sample):
-                    return self._judge(index, self._growing.view(self._rate_hz, self._earlier))
+            case Sampled(index, sample) if self._growing and index == self._index:
+                if self._is_due(self._growing, sample.device_time_s):
+                    return self._judge(index, self._so_far(self._growing))
             case CurveCompleted(index, curve, _, lost):
                 return self._complete(index, curve, lost)
             case _:
                 pass
         return []
+
+    def _is_due(self, growing: GrowingCurve, time_s: float) -> bool:
+        if growing.steps_back != self._steps_seen:
+            self._steps_seen = growing.steps_back
+            return True
+        if time_s < self._look_at_s:
+            return False
+        self._look_at_s = time_s + _EVERY_S
+        return True
+
+    def _so_far(self, growing: GrowingCurve) -> CurveSoFar:
+        """Return what there is; of arrays that grow, and are not to be kept."""
+        time_s, pressure_mbar, deflection_mm, segment = growing.columns
+        return CurveSoFar(
+            growing.setup,
+            time_s,
+            pressure_mbar,
+            deflection_mm,
+            segment,
+            growing.began_s,
+            complete=False,
+            rate_hz=self._rate_hz,
+            lost_samples=growing.lost,
+            steps_back=growing.steps_back,
+            earlier=self._earlier,
+        )
 
     def _complete(self, index: int, curve: Curve, lost: int) -> list[Flagged]:
         view = CurveSoFar(
@@ -81,60 +108,7 @@ class Monitor:
         new = [
             finding
             for gate in self._gates
-            if gate.name not in known and (finding := gate.check(view)) is not None
+            if gate.name not in known and (finding := judge(gate, view)) is not None
         ]
         self._found[index] = (*before, *new)
         return [Flagged(index, finding) for finding in new]
-
-
-class _Growing:
-    """The samples of the running curve, in arrays that grow."""
-
-    def __init__(self, index: int, setup: Setup) -> None:
-        self.index = index
-        self.setup = setup
-        self.lost = 0
-        self.steps_back = 0
-        self._n = 0
-        self._values = np.empty((3, 1024))
-        self._segment = np.empty(1024, dtype=np.intp)
-        self._began: list[tuple[int, float]] = []
-        self._look_at_s = 0.0
-
-    def take(self, sample: Sample) -> bool:
-        """Take a sample; say whether it is time for a look."""
-        n = self._n
-        time_s = sample.device_time_s
-        if n and time_s <= self._values[0, n - 1]:
-            self.steps_back += 1
-            return True
-        if n == len(self._segment):
-            self._values = np.concatenate([self._values, np.empty_like(self._values)], axis=1)
-            self._segment = np.concatenate([self._segment, np.empty_like(self._segment)])
-        self._values[:, n] = time_s, sample.pressure_mbar, sample.deflection_mm
-        if not n or sample.segment != self._segment[n - 1]:
-            self._began.append((sample.segment, time_s))
-        self._segment[n] = sample.segment
-        self._n = n + 1
-        due = time_s >= self._look_at_s
-        if due:
-            self._look_at_s = time_s + _EVERY_S
-        return due
-
-    def view(self, rate_hz: float | None, earlier: tuple[Curve, ...]) -> CurveSoFar:
-        """Return what there is; of arrays that grow, and are not to be kept."""
-        n = self._n
-        time_s, pressure_mbar, deflection_mm = self._values[:, :n]
-        return CurveSoFar(
-            self.setup,
-            time_s,
-            pressure_mbar,
-            deflection_mm,
-            self._segment[:n],
-            tuple(self._began),
-            complete=False,
-            rate_hz=rate_hz,
-            lost_samples=self.lost,
-            steps_back=self.steps_back,
-            earlier=earlier,
-        )

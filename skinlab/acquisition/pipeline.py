@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from skinlab.acquisition.monitor import Monitor
 from skinlab.curves.curve import Curve
+from skinlab.curves.growing import GrowingCurve
 from skinlab.inference.identify import Identifier
 from skinlab.inference.result import Identification
 from skinlab.recording.assembler import CurveAssembler
@@ -67,7 +68,7 @@ class Pipeline:
 
         index: counts the curves from 1.
         """
-        self._tell(CurveStarted(index, curve.setup))
+        self._tell(CurveStarted(index, GrowingCurve(curve.setup)))
         self._tell(CurveCompleted(index, curve, None, 0))
 
     def end(self, reason: str = "the stream ended") -> None:

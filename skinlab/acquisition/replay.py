@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from typing import Annotated, Any, Literal
 
+import msgspec
 import numpy as np
+from msgspec import Meta
 
 from drivers.events import Sample, TimedEvent
 from skinlab.acquisition.pipeline import Listener, Pipeline
@@ -14,26 +16,46 @@ from skinlab.curves.curve import Curve
 from skinlab.discrepancy.model_identifier import with_model
 from skinlab.errors import InputError
 from skinlab.inference.identify import Identifier
+from skinlab.inference.methods import get_method
 from skinlab.inference.population import decode_prior, with_prior
 from skinlab.inference.problem import Options, check
 from skinlab.inference.result import Identification
 from skinlab.inference.uncertainty import Sensor
 from skinlab.mechanics.model_file import decode_model
-from skinlab.recording.recorded import recorded_items
+from skinlab.recording.recorded import dialect_of, recorded_items
 from skinlab.recording.session import Session
 from skinlab.recording.stream import CurveCompleted, Message
 from skinlab.tables.base import Database
 from skinlab.tables.store import shipped_grid, shipped_table
 from skinlab.versions import versions
 
-# Settings that sessions did not record at first, as they were then.
-_BEFORE: dict[str, Any] = {
-    "sampling": "uniform",
-    "slowdown": 0.4,
-    "forgetting": 0.9,
-    "covariance": 1.0,
-    "passes": 500,
-}
+# Settings that sessions did not record at first, where they were others than today's defaults.
+_BEFORE: dict[str, dict[str, int | float | str]] = {"rls": {"passes": 500}}
+
+
+class _Prior(msgspec.Struct):
+    """The population that was the prior: its file's text, and what was known of the person."""
+
+    toml: str
+    site: str | None = None
+    age_years: float | None = None
+
+
+class _Settings(msgspec.Struct):
+    """What a session says of its identification; defaults: what it did not record at first."""
+
+    method: str
+    seed: Annotated[int, Meta(ge=0)]
+    kappa: Literal["paper", "consistent"]
+    phases: tuple[Literal["load", "hold", "unload", "rest"], ...]
+    samples: int
+    best: int
+    tolerance_um: float
+    options: dict[str, int | float | str] | None = None  # once beside the others, of all methods
+    model: str | None = None
+    noise_um: Annotated[float, Meta(gt=0, lt=1e6)] | None = None
+    pressure_noise_mbar: Annotated[float, Meta(ge=0, lt=1e3)] | None = None
+    prior: _Prior | None = None
 
 
 def identifier_of(session: Session) -> tuple[Identifier, str | None]:
@@ -54,31 +76,33 @@ def identifier_of(session: Session) -> tuple[Identifier, str | None]:
     shipped: tuple[Database, ...] = (shipped_table(), shipped_grid())
     database = next((d for d in shipped if d.content_hash == stated), shipped[0])
     try:
+        said = msgspec.convert(settings, _Settings)
+        method = get_method(said.method)
         options = Options(
-            samples=settings["samples"],
-            best=settings["best"],
-            tolerance_um=settings["tolerance_um"],
-            **{name: settings.get(name, value) for name, value in _BEFORE.items()},
-        )
+            samples=said.samples,
+            best=said.best,
+            tolerance_um=said.tolerance_um,
+        ).having(**_own(said, settings))
         check(options)
-        identifier = Identifier(
-            database,
-            method=settings["method"],
-            options=options,
-            seed=settings["seed"],
-            kappa=settings["kappa"],
-            phases=tuple(settings["phases"]),
-            sensor=Sensor(settings.get("noise_um"), settings.get("pressure_noise_mbar")),
-        )
-        if settings.get("model") is not None:
-            model = decode_model(settings["model"], "the session's field identification.model")
-            identifier = with_model(identifier, model)
-        if (prior := settings.get("prior")) is not None:
-            where = "the session's field identification.prior"
-            known = decode_prior(prior["toml"], where, prior["site"], prior["age_years"])
-            identifier = with_prior(identifier, known)
-    except (KeyError, TypeError) as error:
+        method.check(options)
+    except ValueError as error:  # InputError is one
         raise InputError(f"the session's field identification is damaged ({error})") from None
+    identifier = Identifier(
+        database,
+        method=said.method,
+        options=options,
+        seed=said.seed,
+        kappa=said.kappa,
+        phases=said.phases,
+        sensor=Sensor(said.noise_um, said.pressure_noise_mbar),
+    )
+    if said.model is not None:
+        model = decode_model(said.model, "the session's field identification.model")
+        identifier = with_model(identifier, model)
+    if said.prior is not None:
+        where = "the session's field identification.prior"
+        known = decode_prior(said.prior.toml, where, said.prior.site, said.prior.age_years)
+        identifier = with_prior(identifier, known)
     warning = None
     if database.content_hash != stated:
         warning = (
@@ -86,6 +110,14 @@ def identifier_of(session: Session) -> tuple[Identifier, str | None]:
             f"{database.content_hash}: results may differ"
         )
     return identifier, warning
+
+
+def _own(said: _Settings, settings: dict[str, Any]) -> dict[str, Any]:
+    """Return the method's own options: recorded together, once one by one, or not at all."""
+    if said.options is not None:
+        return said.options
+    read = {option.name for option in get_method(said.method).options}
+    return _BEFORE.get(said.method, {}) | {k: v for k, v in settings.items() if k in read}
 
 
 def replay(
@@ -107,7 +139,7 @@ def replay(
             curves.append(message.curve)
 
     pipeline = Pipeline(identifier, [keep, *listeners])
-    for item in recorded_items(session.records):
+    for item in recorded_items(session.records, dialect_of(session.meta)):
         if control is not None and isinstance(item, TimedEvent):
             sample = isinstance(item.event, Sample)
             if not control.wait(item.host_time_s, sample=sample):
@@ -140,7 +172,7 @@ def differences(session: Session, curves: list[Curve], results: list[Identificat
         if kept is None:
             continue  # a recovered session: nothing to compare with
         now = result.to_json()
-        for key in sorted({*kept, *now} - {"seconds"}):
+        for key in sorted({*kept} - {"seconds"}):  # later versions may say more
             if kept.get(key) != now.get(key):
                 found.append(f"{curve.name}: {key} was {kept.get(key)}, is {now.get(key)}")
     return found
@@ -155,10 +187,15 @@ def reasons(session: Session, identifier: Identifier) -> list[str]:
         found.append(f"another database: it was {settings.get('database_hash')}, is {database}")
     stated = session.meta.get("versions")
     then = stated if isinstance(stated, dict) else {}
-    for name, now in versions().items():
-        if then.get(name) != now:
-            what = "another machine" if name == "machine" else f"another version of {_SAID[name]}"
-            found.append(f"{what}: it was {then.get(name, 'not recorded')}, is {now}")
+    now = versions()
+    plugins = [name for name in then if name.startswith("plugin ")]
+    for name in dict.fromkeys([*now, *plugins]):
+        was, is_ = then.get(name, "not recorded"), now.get(name, "not installed")
+        if was != is_:
+            what = f"another version of {_SAID.get(name, name)}"
+            found.append(
+                f"{'another machine' if name == 'machine' else what}: it was {was}, is {is_}"
+            )
     return found
 
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from drivers.events import Segment, SegmentKind
 from drivers.probe import Probe
 from skinlab.curves.curve import Setup
-from skinlab.curves.program import Hold, Program, Ramp, Release
+from skinlab.curves.program import MOST_SUCTION_S, Hold, Program, Ramp, Release
 from skinlab.errors import InputError
 from skinlab.recording.journal import Journal
 from skinlab.recording.stream import Item, Planned, setup_to_json
@@ -45,9 +45,15 @@ class LiveSource:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.probe = probe
-        self._journal = journal
+        self.journal = journal  # there may be none yet
         self._clock = clock
         self._planned: deque[Planned] = deque()
+        self._program: Program | None = None  # of what was planned last
+
+    @property
+    def read_only(self) -> bool:
+        """Whether the instrument only streams, so that somebody starts it there."""
+        return self.probe.read_only
 
     def arm(self, setup: Setup, rate_hz: float | None = None) -> None:
         """Plan a run and make the probe ready for it; `rate_hz` None: the instrument's usual one.
@@ -56,31 +62,41 @@ class LiveSource:
             InputError: the setup has no program, or not this probe's aperture; or the disk has no
                 room for the record.
             DriverError: the probe refused, or its link failed.
+
+        What only streams is not made ready: it is noted what the next curve belongs to.
         """
         hello = self.probe.hello
-        if setup.program is None:
+        if setup.program is None and not self.read_only:
             raise InputError("a measurement needs a program")
-        if hello is not None and abs(hello.aperture_mm - setup.aperture_mm) > 1e-6:
+        opening_mm = None if hello is None else hello.aperture_mm
+        if opening_mm is not None and abs(opening_mm - setup.aperture_mm) > 1e-6:
             raise InputError(
-                f"aperture_mm {setup.aperture_mm:g}: the connected probe has "
-                f"{hello.aperture_mm:g} mm"
+                f"aperture_mm {setup.aperture_mm:g}: the connected probe has {opening_mm:g} mm"
             )
         rate = rate_hz if rate_hz is not None else hello.default_rate_hz if hello else 20.0
-        if self._journal is not None:
-            self._journal.require_room(setup.program.duration_s, rate)
-        self.probe.load(wire_segments(setup.program), rate)
-        if self._journal is not None:
-            self._journal.plan(self._clock(), setup_to_json(setup))
+        if self.journal is not None:
+            duration_s = MOST_SUCTION_S if setup.program is None else setup.program.duration_s
+            self.journal.require_room(duration_s, rate)
+        if setup.program is not None and not self.read_only:
+            self.probe.load(wire_segments(setup.program), rate)
+        if self.journal is not None:
+            self.journal.plan(self._clock(), setup_to_json(setup))
         self._planned.append(Planned(setup))
-        self.probe.arm()
+        self._program = setup.program
+        if not self.read_only:
+            self.probe.arm()
 
     def start(self) -> None:
-        """Start the armed run.
+        """Start the armed run; wait for it where somebody starts it at the instrument.
 
         Raises:
             DriverError: the probe refused, or its link failed.
         """
-        self.probe.start()
+        if self.read_only:
+            program = self._program
+            self.probe.follow(None if program is None else wire_segments(program))
+        else:
+            self.probe.start()
 
     def next_item(self, timeout_s: float) -> Item | None:
         """Return the next item, or None where none came in time."""

@@ -4,14 +4,21 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from skinlab.cli.interrupts import interrupt_on_signals
+from skinlab.cli.options import dialect_option
+from skinlab.cli.output import echo
+
+if TYPE_CHECKING:
+    from drivers.dialects import Dialect
 
 
 @click.command()
 @click.option("--port", required=True, help="pyserial URL of the instrument: /dev/ttyUSB0, COM3, …")
+@dialect_option()
 @click.option("--through", help="Where its software connects: pty, tcp, tcp:PORT or a serial port.")
 @click.option(
     "--framing",
@@ -22,12 +29,20 @@ from skinlab.cli.interrupts import interrupt_on_signals
 )
 @click.option("--seconds", type=click.FloatRange(min=0), help="End by itself [default: Ctrl-C].")
 @click.option("--out", required=True, type=click.Path(path_type=Path), help="The file to write.")
-def command(port: str, through: str | None, framing: str, seconds: float | None, out: Path) -> int:
+def command(
+    port: str,
+    dialect: str | None,
+    through: str | None,
+    framing: str,
+    seconds: float | None,
+    out: Path,
+) -> int:
     """Record the raw bytes of a real instrument with their times; docs/dialects.md says what for.
 
     Alone it only listens, and sends nothing. With --through it stands between the instrument and
     the manufacturer's software and passes the bytes on both ways; what the software is to connect
-    to is printed first.
+    to is printed first. With --dialect (or in the URL) the file keeps the dialect, and it is said
+    at the end how much of the traffic the dialect understands.
 
     \b
     Example: skinlab capture --port "/dev/ttyUSB0?baud=9600" --through pty --out traffic.jsonl
@@ -37,21 +52,27 @@ def command(port: str, through: str | None, framing: str, seconds: float | None,
     from datetime import UTC, datetime
 
     from drivers.capture import CaptureWriter, Side
+    from drivers.dialects import describe_dialect, split_dialect
     from drivers.link import Link, open_link
     from drivers.passthrough import listen, open_software_side
+    from drivers.probe import choose_dialect
     from skinlab.errors import InputError
 
-    facts = {
+    name = split_dialect(port)[1] or dialect
+    address, speaks = choose_dialect(port, dialect)
+    facts: dict[str, Any] = {
         "created_utc": datetime.now(UTC).isoformat(),
         "port": port,
         "framing": framing,
         "through": through,
     }
+    if name is not None:
+        facts["dialect"] = describe_dialect(speaks)
     if out.exists():
         raise InputError(f"{out}: exists already; a capture is never overwritten")
     interrupt_on_signals()
     with ExitStack() as stack:
-        instrument = open_link(port, framing)
+        instrument = open_link(address, framing)
         stack.callback(instrument.close)
         software: Link | None = None
         if through is not None:
@@ -59,12 +80,31 @@ def command(port: str, through: str | None, framing: str, seconds: float | None,
             stack.callback(software.close)
         writer = stack.enter_context(CaptureWriter(out, facts))
         if through is not None:
-            click.echo(url)
+            echo(url)
             sys.stdout.flush()
-        click.echo(f"capturing to {out}; Ctrl-C ends", err=True)
+        echo(f"capturing to {out}; Ctrl-C ends", err=True)
         try:
             listen(instrument, software, writer.write, time.monotonic, seconds)
         finally:
             counts = ", ".join(f"{writer.bytes_of[side]} bytes from the {side}" for side in Side)
-            click.echo(f"{out}: {counts}", err=True)
+            echo(f"{out}: {counts}", err=True)
+            if name is not None:
+                echo(f"{out}: {_understood(out, speaks)}", err=True)
     return 0
+
+
+def _understood(path: Path, dialect: Dialect) -> str:
+    """Return in words how much of a capture a dialect understands."""
+    from drivers.capture import decode_capture, read_capture
+    from drivers.events import Damaged
+    from drivers.line_dialect import IGNORED
+
+    frames = damaged = 0
+    last = b""
+    for _, _, what in decode_capture(read_capture(path)[1], dialect):
+        if not isinstance(what, Damaged):
+            frames += 1
+        elif what.reason != IGNORED:
+            damaged, last = damaged + 1, what.data
+    told = f"dialect {dialect.name!r} understands {frames} frames"
+    return f"{told}, and not {damaged}, the last one {last[:60]!r}" if damaged else told

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import click
 
-from skinlab.cli.options import json_option, print_json
+from skinlab.cli.options import json_option
+from skinlab.cli.output import echo, print_json
 
 
 @click.command()
@@ -78,7 +79,7 @@ def command(
     sessions = [read_session(path) for path in paths]
     identifier, warning = identifier_of(sessions[0])
     if warning:
-        click.echo(f"skinlab: {warning}", err=True)
+        echo(f"skinlab: {warning}", err=True)
     results = [
         fit_session(identifier, path, session)
         for path, session in zip(paths, sessions, strict=True)
@@ -100,8 +101,8 @@ def command(
         print_json(found.to_json() | {"files": files, "change": judged.to_json()})
         return 0
     for line in change.in_words(judged):
-        click.echo(line)
-    click.echo("By the sensor's noise alone:")
+        echo(line)
+    echo("By the sensor's noise alone:")
     for line in in_words(found):
-        click.echo(f"  {line}")
+        echo(f"  {line}")
     return 0

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from skinlab.cli.options import json_option, print_json
+from skinlab.cli.options import json_option
+from skinlab.cli.output import echo, echo_text, print_json
+from skinlab.text import inert
 
 if TYPE_CHECKING:
     from skinlab.curves.curve import Setup
@@ -70,10 +72,10 @@ def command(
     else:
         texts = [_describe(result) for _, _, result in found if not isinstance(result, InputError)]
         if texts:
-            click.echo("\n\n".join(texts))
+            echo_text("\n\n".join(texts))
     failed = [result for _, _, result in found if isinstance(result, InputError)]
     for failure in failed:
-        click.echo(f"skinlab: {failure}", err=True)
+        echo(f"skinlab: {failure}", err=True)
     return 3 if failed else 0
 
 
@@ -133,7 +135,7 @@ def _number(number: Number) -> dict[str, Any]:
 def _describe(result: StepNumbers) -> str:
     first = result.pulses[0]
     lines = [
-        f"{result.name}  ({len(result.pulses)} pulse{'s' * (len(result.pulses) > 1)} of "
+        f"{inert(result.name)}  ({len(result.pulses)} pulse{'s' * (len(result.pulses) > 1)} of "
         f"{first.pressure_mbar:.4g} mbar, {first.stop_s - first.start_s:.3g} s on; start is "
         f"t = {first.start_s:.3g} s; noise {1e3 * result.noise_mm:.2g} µm)"
     ]

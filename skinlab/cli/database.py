@@ -6,26 +6,14 @@ import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol, TypeVar
+from typing import TYPE_CHECKING
 
 import click
 
+from skinlab.cli.output import echo, echo_text
+
 if TYPE_CHECKING:
-    from skinlab.tables.parallel_build import How
-
-
-class _Spec(Protocol):
-    @property
-    def entries(self) -> int: ...
-
-
-class _Built(Protocol):
-    @property
-    def content_hash(self) -> str: ...
-
-
-S = TypeVar("S", bound=_Spec)
-D = TypeVar("D", bound=_Built)
+    from skinlab.tables.table import Spec
 
 
 @click.group()
@@ -49,10 +37,10 @@ def command() -> None:
 def build(spec: str, out: Path | None, workers: int | None, dask: str | None, resume: bool) -> int:
     """Compute a database with the finite elements.
 
-    paper: X1 10 × X2 17 × nu 8, 0 to 100 mbar by 2, 6 mm opening on 1 mm of skin.
-    dimensionless: h/R 18 × X2/X1 26 × kappa/X1 18, exact along X1, to 500 mbar.
-    SPEC.toml: a law with effects on axes of your own (docs/files.md); a MODEL.toml, as
-    `discrepancy --adopt` writes it, is one with default axes.
+    paper: the paper's grid, 10 × 17 × 8 curves, 0 to 100 mbar by 2, 6 mm opening on 1 mm of skin.
+    dimensionless: 18 × 26 × 18 curves for every opening and thickness, to 500 mbar.
+    SPEC.toml: a law with effects on axes of your own, or a dimensionless table of another law
+    (docs/files.md); a MODEL.toml, as `discrepancy --adopt` writes it, is one with default axes.
 
     Curves are kept in OUT.rows until the build is done, so that --resume can go on.
 
@@ -60,7 +48,9 @@ def build(spec: str, out: Path | None, workers: int | None, dask: str | None, re
     Example: skinlab database build --spec adopted.toml --out adopted.h5 --workers 2
     """
     from skinlab.errors import InputError
+    from skinlab.tables.build import build as build_table
     from skinlab.tables.parallel_build import How
+    from skinlab.tables.store import write
 
     if dask is not None and workers is not None:
         raise click.UsageError("--dask and --workers exclude each other")
@@ -71,7 +61,8 @@ def build(spec: str, out: Path | None, workers: int | None, dask: str | None, re
         raise InputError(f"{out}: its folder does not exist")
     if out.is_dir() or out.resolve() == Path(spec).resolve():
         raise InputError(f"{out}: expected the name of a file to write")
-    entries, run = _building(spec)
+    what = _spec(spec)
+    entries = what.entries
     kept = out.with_name(f"{out.name}.rows")
     hidden = not sys.stderr.isatty()
     try:
@@ -85,47 +76,29 @@ def build(spec: str, out: Path | None, workers: int | None, dask: str | None, re
                 resume=resume,
                 progress=lambda done, total: bar.update(done - bar.pos),
             )
-            content_hash = run(out, how)
+            table = build_table(what, how)
+            write(out, table)
     except KeyboardInterrupt:
         if kept.exists():
-            click.echo(f"skinlab: what is done is kept in {kept}; --resume goes on", err=True)
+            echo(f"skinlab: what is done is kept in {kept}; --resume goes on", err=True)
         raise
     kept.unlink(missing_ok=True)
-    click.echo(f"{out}: {entries} curves, {content_hash}")
+    echo(f"{out}: {entries} curves, {table.content_hash}")
     return 0
 
 
-def _building(spec: str) -> tuple[int, Callable[[Path, How], str]]:
-    """Return the number of curves, and what builds and writes them and returns their hash."""
-    from skinlab.tables.build import build_grid, build_table
-    from skinlab.tables.dimensionless import DimensionlessSpec
-    from skinlab.tables.grid import GridSpec
-    from skinlab.tables.model_build import build_model
-    from skinlab.tables.model_store import write_model
+def _spec(said: str) -> Spec:
+    """Return the spec of `--spec`, and tell what it is."""
+    from skinlab.tables.dimensionless_spec import DimensionlessSpec
+    from skinlab.tables.grid_spec import GridSpec
     from skinlab.tables.spec_file import read_spec
-    from skinlab.tables.store import write_grid, write_table
 
-    if spec == "paper":
-        return _of(GridSpec(), build_grid, write_grid)
-    if spec == "dimensionless":
-        return _of(DimensionlessSpec(), build_table, write_table)
-    own = read_spec(spec)
-    names = ", ".join(f"{name} {a.low:g}–{a.high:g} × {a.nodes}" for name, a in own.axis.items())
-    at = f"{own.geometry.aperture_mm:g} mm opening on {own.geometry.thickness_mm:g} mm of skin"
-    along = f", along {own.program} only" if own.has_history else ""
-    click.echo(f"skinlab: {own.entries} curves, {at}{along}: {names}", err=True)
-    return _of(own, build_model, write_model)
-
-
-def _of(
-    spec: S, build: Callable[[S, How], D], write: Callable[[Path, D], None]
-) -> tuple[int, Callable[[Path, How], str]]:
-    def run(out: Path, how: How) -> str:
-        database = build(spec, how)
-        write(out, database)
-        return database.content_hash
-
-    return spec.entries, run
+    shipped: dict[str, Callable[[], Spec]] = {"paper": GridSpec, "dimensionless": DimensionlessSpec}
+    if said in shipped:
+        return shipped[said]()
+    spec = read_spec(said)
+    echo(f"skinlab: {spec.summary}", err=True)
+    return spec
 
 
 @command.command()
@@ -136,11 +109,11 @@ def info(database: Path | None) -> int:
     \b
     Example: skinlab database info
     """
-    from skinlab.tables.describe import describe
-    from skinlab.tables.store import read_database, shipped_grid, shipped_table
+    from skinlab.tables.build import describe
+    from skinlab.tables.store import read, shipped_grid, shipped_table
 
-    found = (read_database(database),) if database else (shipped_table(), shipped_grid())
-    click.echo("\n\n".join(describe(each) for each in found))
+    found = (read(database),) if database else (shipped_table(), shipped_grid())
+    echo_text("\n\n".join(describe(each) for each in found))
     return 0
 
 
@@ -156,16 +129,16 @@ def verify(database: Path | None, samples: int, seed: int) -> int:
     \b
     Example: skinlab database verify --samples 10
     """
-    from skinlab.tables.store import read_database, shipped_grid, shipped_table
-    from skinlab.tables.verify import rebuilt_differences
+    from skinlab.tables.build import rebuilt_differences
+    from skinlab.tables.store import read, shipped_grid, shipped_table
 
-    checked = (read_database(database),) if database else (shipped_table(), shipped_grid())
+    checked = (read(database),) if database else (shipped_table(), shipped_grid())
     differ = False
     for each in checked:
         found = rebuilt_differences(each, samples, seed)
         differ = differ or bool(found)
         for sentence in found:
-            click.echo(f"skinlab: {sentence}", err=True)
+            echo(f"skinlab: {sentence}", err=True)
         if not found:
-            click.echo(f"{each.content_hash[:19]}…: {samples} entries computed again agree")
+            echo(f"{each.content_hash[:19]}…: {samples} entries computed again agree")
     return 1 if differ else 0

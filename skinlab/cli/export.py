@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
+from skinlab.cli.output import echo
+
 if TYPE_CHECKING:
     from skinlab.recording.session import Session
     from skinlab.report.session_report import Format
@@ -53,13 +55,13 @@ def command(
         case "parameters":
             identifier, warning = identifier_of(read)
             if warning is not None:
-                click.echo(f"skinlab: {session}: {warning}", err=True)
+                echo(f"skinlab: {session}: {warning}", err=True)
             made = to_parameters(read, identifier)
             paths = write_new(folder, {n: t.encode() for n, t in made.items()})
         case _:
             paths = _export_report(session, read, kind, folder)
     for path in paths:
-        click.echo(str(path))
+        echo(str(path))
     return 0
 
 
@@ -77,7 +79,7 @@ def _export_report(path: Path, session: Session, kind: Format, folder: Path) -> 
     except InputError as error:
         identifier, warning = str(error), None
     if warning is not None:
-        click.echo(f"skinlab: {path}: {warning}", err=True)
+        echo(f"skinlab: {path}: {warning}", err=True)
         remarks.append(warning[:1].upper() + warning[1:] + ".")
     report = SessionReport(session, identifier, remarks)
     try:

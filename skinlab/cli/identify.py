@@ -14,10 +14,10 @@ from skinlab.cli.options import (
     identification_options,
     json_option,
     make_identifier,
-    print_json,
     prior_options,
     with_prior_option,
 )
+from skinlab.cli.output import echo, echo_text, print_json
 
 if TYPE_CHECKING:
     from skinlab.inference.identify import Identifier
@@ -31,6 +31,13 @@ if TYPE_CHECKING:
 @database_option()
 @prior_options(site=True)
 @click.option("--joint", is_flag=True, help="One answer for all curves: one skin.")
+@click.option(
+    "--placement-scatter",
+    default="auto",
+    show_default=True,
+    help="With --joint: deviation of log stiffness between placements of the probe; auto learns "
+    "it, 0 is none.",
+)
 @click.option("--advise", is_flag=True, help="Say which measurement would narrow it most.")
 @click.option("--workers", default=1, show_default=True, help="Processes; same answers.")
 @click.option("--strict", is_flag=True, help="Exit with 5 where a result is not trustworthy.")
@@ -44,6 +51,7 @@ def command(
     age_years: float | None,
     site: str | None,
     joint: bool,
+    placement_scatter: str,
     advise: bool,
     workers: int,
     strict: bool,
@@ -103,7 +111,8 @@ def command(
             results.append(Identification(str(path), geometry, str(error)))
             continue
         results += _each(identifier, read[-1], workers)
-    together = _together(identifier, read) if joint and read else None
+    scatter = _scatter(placement_scatter)
+    together = _together(identifier, read, scatter) if joint and read else None
     advice = None
     if advise and (source := together or next((r for r in results if r.uncertainty), None)):
         advice = identifier.advise(source, _thickness_mm(read))
@@ -112,20 +121,20 @@ def command(
     else:
         for result in [*results, *([together] if together else [])]:
             if result.error is None:
-                click.echo(describe(result))
+                echo_text(describe(result))
         if advice is not None:
-            click.echo(describe_advice(advice))
+            echo_text(describe_advice(advice))
     failed = [r for r in results if r.error is not None]
     if together is not None and together.error is not None:
         failed.append(together)
     for result in failed:
-        click.echo(f"skinlab: {result.error}", err=True)
+        echo(f"skinlab: {result.error}", err=True)
     if any("outside_database" not in r.flags for r in failed):
         return 3
     if failed:
         return 5
     if strict and any(not_trustworthy(r) for r in [*results, *([together] if together else [])]):
-        click.echo("skinlab: a result is not trustworthy (its flags say why)", err=True)
+        echo("skinlab: a result is not trustworthy (its flags say why)", err=True)
         return 5
     return 0
 
@@ -139,14 +148,30 @@ def _each(identifier: Identifier, given: Input, workers: int) -> list[Any]:
     return identify_all(knowing, given.curves, workers)
 
 
-def _together(identifier: Identifier, read: list[Input]) -> Any:
+def _scatter(text: str) -> float | None:
+    if text == "auto":
+        return None
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0.0 <= value < 1.0:
+        raise click.BadParameter(
+            f"{text}: expected auto, or 0 to below 1", param_hint="--placement-scatter"
+        )
+    return value
+
+
+def _together(identifier: Identifier, read: list[Input], scatter: float | None) -> Any:
     """Return the joint answer: of first cycles, where there are any, since the law means those."""
+    from dataclasses import replace
+
     from skinlab.inference.batch import with_stated_noise
 
     curves = [curve for given in read for curve in given.curves]
     first = [curve for curve in curves if curve.setup.cycle == 1]
     if first and len(first) < len(curves):
-        click.echo(
+        echo(
             f"skinlab: {len(curves) - len(first)} curves of later cycles are left out of the "
             "joint identification",
             err=True,
@@ -157,7 +182,9 @@ def _together(identifier: Identifier, read: list[Input]) -> Any:
         knowing = with_stated_noise(
             identifier, curves, read[0].noise_um, read[0].pressure_noise_mbar
         )
-    return knowing.joint(curves)
+    stated = read[0].placement_scatter if len(read) == 1 and scatter is None else scatter
+    sensor = replace(knowing.sensor, placement_scatter=stated)
+    return replace(knowing, sensor=sensor).joint(curves)
 
 
 def _thickness_mm(read: list[Input]) -> float:

@@ -10,7 +10,8 @@ from typing import Any, TypeVar
 import click
 
 from skinlab.cli.importing import form_options, stated
-from skinlab.cli.options import json_option, print_json
+from skinlab.cli.options import json_option
+from skinlab.cli.output import echo, print_json
 
 T = TypeVar("T")
 
@@ -79,7 +80,7 @@ def command(
     reading = files[0]
 
     def ask(question: Question) -> str:
-        click.echo(f"{reading}: {question.text}.", err=True)
+        echo(f"{reading}: {question.text}.", err=True)
         choices = click.Choice(question.choices)
         answer: str = click.prompt(f"--{question.option}", type=choices, err=True)
         return answer
@@ -95,11 +96,11 @@ def command(
             imported = import_file(path, setup, answers)
         except InputError as error:
             entry["error"] = str(error)
-            click.echo(f"skinlab: {error}", err=True)
+            echo(f"skinlab: {error}", err=True)
             continue
         good.append(imported)
         entry.update(points=len(imported.curve), understood=list(imported.understood))
-        click.echo(f"{path}: {'; '.join(imported.understood)}", err=True)
+        echo(f"{path}: {'; '.join(imported.understood)}", err=True)
     if good:
         made = imported_session(good, [None] * len(good), None, who)
         write_session(out, made)
@@ -107,7 +108,7 @@ def command(
         session = str(out) if good else None
         print_json({"schema": "skinlab.import/1", "session": session, "files": entries})
     elif good:
-        click.echo(f"session: {out}")
+        echo(f"session: {out}")
     return 0 if len(good) == len(files) else 3
 
 

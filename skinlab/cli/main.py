@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import importlib
+import io
 import os
 import sys
 from collections.abc import Sequence
 
 import click
+
+from skinlab.cli.output import echo, echo_text
 
 # Name on the command line → (module, help): `--help` imports none of the modules.
 _COMMANDS = {
@@ -29,6 +32,7 @@ _COMMANDS = {
     "forward": ("forward", "Simulate a curve."),
     "paper": ("paper", "Reproduce the paper's tables and figures."),
     "database": ("database", "The precomputed finite-element database."),
+    "plugins": ("plugins", "What was added to the program; try the rules on it."),
 }
 
 INTERRUPTED = 130
@@ -84,31 +88,42 @@ def run(arguments: Sequence[str] | None = None) -> int:
         return result if isinstance(result, int) else 0
     except click.exceptions.Exit as done:
         return done.exit_code
-    except click.UsageError as error:
-        error.show()
-        return 2
     except click.ClickException as error:
-        error.show()
+        shown = io.StringIO()
+        error.show(shown)
+        echo_text(shown.getvalue().rstrip("\n"), err=True)
         return error.exit_code
     except (click.Abort, KeyboardInterrupt):
         return _say("interrupted", INTERRUPTED)
-    except (BrokenPipeError, SystemExit):
-        # The reader went away (`| head`), which click turns into an exit: nothing is wrong, and
-        # nothing may be flushed at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-        return 0
+    except (OSError, SystemExit) as error:
+        if isinstance(error.__context__, KeyboardInterrupt):
+            # click prints an empty line when it is interrupted, and the terminal may be gone.
+            return _say("interrupted", INTERRUPTED)
+        if isinstance(error, BrokenPipeError | SystemExit):
+            # The reader went away (`| head`), which click turns into an exit: nothing is wrong, and
+            # nothing may be flushed at exit.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+            return 0
+        return _explain(error)
     except Exception as error:  # noqa: BLE001 -- the last resort: a sentence, never a traceback
         return _explain(error)
 
 
 def _explain(error: Exception) -> int:
-    from drivers.errors import DriverError, PortUrlError
+    from drivers.errors import (
+        DialectFileError,
+        DriverError,
+        PortUrlError,
+        UnknownDialectError,
+    )
     from skinlab.errors import SkinlabError
 
     if isinstance(error, SkinlabError):
         return _say(str(error), error.exit_status)
-    if isinstance(error, PortUrlError):
+    if isinstance(error, PortUrlError | UnknownDialectError):
         return _say(str(error), 2)
+    if isinstance(error, DialectFileError):
+        return _say(str(error), 3)
     if isinstance(error, DriverError):
         return _say(str(error), 4)
     if isinstance(error, OSError):
@@ -122,5 +137,5 @@ def _explain(error: Exception) -> int:
 
 
 def _say(sentence: str, status: int) -> int:
-    click.echo(f"skinlab: {sentence}", err=True)
+    echo(f"skinlab: {sentence}", err=True)
     return status

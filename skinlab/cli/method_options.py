@@ -1,110 +1,99 @@
-"""Options that only one inverse method reads, set apart in `--help`, refused with any other."""
+"""Options that only some inverse methods read, set apart in `--help`, refused with any other."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-# Name of the parameter → the method that reads it.
-_READ_BY = {
-    "sampling": "sto",
-    "confidence": "sto",
-    "accuracy": "sto",
-    "slowdown": "hka",
-    "forgetting": "rls",
-    "covariance": "rls",
-    "passes": "rls",
-}
+from skinlab.cli.output import echo
+
+if TYPE_CHECKING:
+    from skinlab.inference.methods import Method, Option
+    from skinlab.inference.problem import Options
 
 
 class MethodCommand(click.Command):
-    """A command whose help lists the options of single methods under a heading of their own."""
+    """A command with the options that the methods declare, under a heading of their own."""
+
+    def __init__(self, *arguments: Any, **settings: Any) -> None:
+        super().__init__(*arguments, **settings)
+        self._single = _click_options(self.params)
+        self.params += self._single
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write all options in their two sections."""
         options = [p for p in self.get_params(ctx) if isinstance(p, click.Option)]
         for heading, single in (("Options", False), ("Options of single methods", True)):
-            rows = [p.get_help_record(ctx) for p in options if (p.name in _READ_BY) is single]
+            rows = [p.get_help_record(ctx) for p in options if (p in self._single) is single]
             with formatter.section(heading):
                 formatter.write_dl([row for row in rows if row is not None])
 
 
-def method_options() -> list[Callable[[Any], Any]]:
-    """Return the options; they are None where the user says nothing."""
-    return [
-        click.option(
-            "--sampling",
-            type=click.Choice(["uniform", "lhs"]),
-            help="sto: uniform, or a Latin hypercube  [default: uniform]",
-        ),
-        click.option(
-            "--confidence",
-            type=float,
-            help="sto: N from eq. (10), in place of --samples: how sure, 0 to 1  [default: 0.99]",
-        ),
-        click.option(
-            "--accuracy",
-            type=float,
-            help="sto: the same: in which best fraction of the box  [default: 0.01]",
-        ),
-        click.option(
-            "--slowdown",
-            type=float,
-            help="hka: the lower, the slower it narrows, 0 to 1  [default: 0.4]",
-        ),
-        click.option(
-            "--forgetting",
-            type=float,
-            help="rls: lambda0, 1 forgets nothing  [default: 0.9]",
-        ),
-        click.option(
-            "--covariance",
-            type=float,
-            help="rls: diagonal of P at the start; more is bolder  [default: 1]",
-        ),
-        click.option("--passes", type=int, help="rls: most runs over a curve  [default: 100]"),
-    ]
+def _click_options(others: list[click.Parameter]) -> list[click.Option]:
+    """Return an option for each name that methods declare; they are None where nothing is given.
+
+    Methods may share a name. One that the command needs itself is left out, with a warning.
+    """
+    from skinlab.plugins import warn
+
+    taken = {flag for p in others for flag in (*p.opts, *p.secondary_opts, f"--{p.name}")}
+    options = []
+    for name, readers in _readers().items():
+        first = readers[0][1]
+        if first.flag in taken or f"--{name}" in taken:
+            warn(f"method {readers[0][0].name}: its option {first.flag} is one of the command's")
+            continue
+        help_ = "; ".join(f"{m.name}: {o.help}  [default: {o.default:{_g(o)}}]" for m, o in readers)
+        options.append(click.Option([first.flag, name], metavar=first.metavar, help=help_))
+    return options
 
 
-def single_settings(method: str, samples: int | None, given: dict[str, Any]) -> dict[str, Any]:
-    """Return fields of identify's Options from what the user gave (None: nothing).
+def _g(option: Option[Any]) -> str:
+    return "g" if isinstance(option.default, float) else ""
+
+
+def _readers() -> dict[str, list[tuple[Method, Option[Any]]]]:
+    """Return the methods that read an option, by its name."""
+    from skinlab.inference.methods import METHODS
+
+    found: dict[str, list[tuple[Method, Option[Any]]]] = {}
+    for method in METHODS.all():
+        for option in method.options:
+            found.setdefault(option.name, []).append((method, option))
+    return found
+
+
+def settled(method: str, samples: int | None, options: Options, given: dict[str, Any]) -> Options:
+    """Return the options with N, and those of single methods that the user gave (None: nothing).
 
     Raises:
         click.UsageError: the method does not read one of them, or N is given twice.
-        InputError: a confidence or accuracy out of its range.
+        InputError: one is out of its range.
     """
-    said = {name: value for name, value in given.items() if value is not None}
-    for name in said:
-        if _READ_BY[name] != method:
-            raise click.UsageError(
-                f"--{name} belongs to --method {_READ_BY[name]}; {method} does not read it"
-            )
-    confidence, accuracy = said.pop("confidence", None), said.pop("accuracy", None)
-    if confidence is None and accuracy is None:
-        if samples is not None:
-            said["samples"] = samples
-            if method == "sto":
-                _warn_of_few(samples)
-        return said
+    from skinlab.inference.methods import get_method
+
+    chosen = get_method(method)
+    own = {option.name: option for option in chosen.options}
+    said = {}
+    for name, text in given.items():
+        if text is None:
+            continue
+        readers = _readers()[name]
+        flag = readers[0][1].flag
+        if name not in own:
+            whose = " or ".join(m.name for m, _ in readers)
+            raise click.UsageError(f"{flag} belongs to --method {whose}; {method} does not read it")
+        if own[name].instead_of == "samples" and samples is not None:
+            flags = " and ".join(o.flag for o in chosen.options if o.instead_of == "samples")
+            raise click.UsageError(f"{flags} give N; leave --samples out")
+        try:
+            said[name] = own[name].parse(text)
+        except ValueError as error:
+            raise click.BadParameter(str(error), param_hint=flag) from None
+    options = options.having(**said)
+    chosen.check(options)
     if samples is not None:
-        raise click.UsageError("--confidence and --accuracy give N; leave --samples out")
-    from skinlab.inference.methods.stochastic import ACCURACY, CONFIDENCE, least_samples
-
-    said["samples"] = least_samples(
-        CONFIDENCE if confidence is None else confidence,
-        ACCURACY if accuracy is None else accuracy,
-    )
-    return said
-
-
-def _warn_of_few(samples: int) -> None:
-    from skinlab.inference.methods.stochastic import ACCURACY, CONFIDENCE, least_samples
-
-    if samples < (least := least_samples()):
-        click.echo(
-            f"skinlab: {samples} samples break the paper's rule, eq. (10): {least} or more for a "
-            f"confidence of {CONFIDENCE:g} and an accuracy of {ACCURACY:g}",
-            err=True,
-        )
+        for remark in chosen.remarks(options):
+            echo(f"skinlab: {remark}", err=True)
+    return chosen.settle(options)

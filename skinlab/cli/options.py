@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 from click.core import ParameterSource
 
-from skinlab.cli.method_options import method_options, single_settings
+from skinlab.cli.method_options import settled
 
 if TYPE_CHECKING:
     from skinlab.mechanics.model_file import Model
 
 F = TypeVar("F", bound=Callable[..., Any])
-
-METHODS = ("auto", "sto", "hka", "gn", "gn-linesearch", "rls", "lm")
 
 
 def _stack(*options: Callable[[F], F]) -> Callable[[F], F]:
@@ -49,14 +46,16 @@ def geometry_options(required: bool) -> Callable[[F], F]:
 
 
 def identification_options() -> Callable[[F], F]:
-    """`--method`, `--samples`, `--best`, … and what only one method reads.
+    """`--method`, `--samples` and what else all methods have in common.
 
-    The command's class must be `MethodCommand`.
+    The command's class must be `MethodCommand`, which adds what only some methods read.
     """
+    from skinlab.inference.methods import METHODS
+
     return _stack(
         click.option(
             "--method",
-            type=click.Choice(METHODS),
+            type=click.Choice(METHODS.names()),
             default="auto",
             show_default=True,
             help="Inverse method; sto is the paper's.",
@@ -90,7 +89,6 @@ def identification_options() -> Callable[[F], F]:
             type=float,
             help="The same of one pressure sample  [default: estimated].",
         ),
-        *method_options(),
     )
 
 
@@ -192,17 +190,17 @@ def make_identifier(
         InputError: an option is out of its range.
     """
     from skinlab.errors import InputError
-    from skinlab.inference.custom_table import with_own_database
+    from skinlab.inference.custom_table import with_custom_table
     from skinlab.inference.identify import Identifier
     from skinlab.inference.problem import Options, check
     from skinlab.inference.uncertainty import Sensor
     from skinlab.mechanics.model_file import read_model
-    from skinlab.tables.model_database import ModelDatabase
-    from skinlab.tables.store import read_database, shipped_table
+    from skinlab.tables.store import read, shipped_table
 
-    options = Options(
-        best=best, tolerance_um=tolerance_um, **single_settings(method, samples, single)
-    )
+    options = Options(best=best, tolerance_um=tolerance_um)
+    if samples is not None:
+        options = replace(options, samples=samples)
+    options = settled(method, samples, options, single)
     check(options)
     if seed < 0:
         raise InputError(f"seed {seed}: expected zero or more")
@@ -210,8 +208,9 @@ def make_identifier(
         raise InputError(f"noise_um {noise_um:g}: expected a positive number")
     if pressure_noise_mbar is not None and not 0 <= pressure_noise_mbar < 1e3:
         raise InputError(f"pressure_noise_mbar {pressure_noise_mbar:g}: expected zero or more")
+    database = shipped_table() if database_path is None else read(database_path)
     identifier = Identifier(
-        shipped_table() if database_path is None else read_database(database_path),
+        database,
         method=method,
         options=options,
         seed=seed,
@@ -220,16 +219,15 @@ def make_identifier(
         sensor=Sensor(noise_um, pressure_noise_mbar),
     )
     model = None if model_path is None else read_model(model_path)
-    database = identifier.database
-    if isinstance(database, ModelDatabase):
-        own = database.spec.model
+    own = database.spec.model
+    if own is not None:
         if model is not None and model.hash != own.hash:
             raise InputError(
                 f"{database_path}: built for the model {own.model.name!r}, and {model_path} is "
                 "another; build a database of that, or leave --database out"
             )
         _check_kappa(database_path, own, kappa)
-        return with_own_database(identifier, database, phases_said=was_said("phases"))
+        return with_custom_table(identifier, database, phases_said=was_said("phases"))
     if model is None:
         return identifier
     from skinlab.discrepancy.model_identifier import with_model
@@ -253,7 +251,10 @@ def was_said(option: str) -> bool:
     return context.get_parameter_source(option) not in (None, ParameterSource.DEFAULT)
 
 
-def print_json(document: dict[str, Any]) -> None:
-    """Print one JSON document; nothing in it may be NaN or infinite."""
-    json.dump(document, sys.stdout, indent=1, allow_nan=False)
-    sys.stdout.write("\n")
+def dialect_option() -> Callable[[F], F]:
+    """`--dialect`: what the instrument speaks."""
+    return click.option(
+        "--dialect",
+        metavar="NAME|FILE.toml",
+        help="What the instrument speaks [default: as the port's ?dialect= says, or reference].",
+    )

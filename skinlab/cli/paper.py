@@ -8,6 +8,8 @@ from pathlib import Path
 
 import click
 
+from skinlab.cli.output import echo
+
 
 @click.command()
 @click.option(
@@ -65,5 +67,5 @@ def command(out: Path, page_path: Path | None, seed: int, workers: int | None) -
 
         parts, times = reproduce(study, workers or os.cpu_count() or 1, progress)
     for path in target.write(study, parts, times):
-        click.echo(path)
+        echo(str(path))
     return 0

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import click
 
-from skinlab.cli.options import json_option, print_json
+from skinlab.cli.options import json_option
+from skinlab.cli.output import echo, print_json
 
 
 @click.command()
@@ -26,7 +27,7 @@ def command(as_json: bool) -> int:
         print_json({"schema": "skinlab.ports/1", "ports": [asdict(port) for port in ports]})
         return 0
     for port in ports:
-        click.echo(f"{port.url}  {port.details}")
+        echo(f"{port.url}  {port.details}")
     if not ports:
-        click.echo("no serial port found; the simulated probe is sim://?seed=1", err=True)
+        echo("no serial port found; the simulated probe is sim://?seed=1", err=True)
     return 0

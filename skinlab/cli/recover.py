@@ -6,6 +6,8 @@ from pathlib import Path
 
 import click
 
+from skinlab.cli.output import echo
+
 
 @click.command()
 @click.argument("journal", type=click.Path(path_type=Path))
@@ -16,10 +18,16 @@ def command(journal: Path, out: Path | None) -> int:
     \b
     Example: skinlab recover visit.h5.journal
     """
+    from skinlab.errors import InputError
+    from skinlab.recording.journal import is_live
     from skinlab.recording.recorder import recover
 
     if out is None:
         out = journal.with_suffix("") if journal.suffix == ".journal" else Path(f"{journal}.h5")
-    made = recover(journal, out)
-    click.echo(f"{out}: {len(made.curves)} curves recovered; {journal} can be deleted")
+    if is_live(journal):
+        raise InputError(f"{journal}: a measurement is recording there now; it saves by itself")
+    made, skipped = recover(journal, out)
+    for sentence in skipped:
+        echo(f"skinlab: {journal}: {sentence}", err=True)
+    echo(f"{out}: {len(made.curves)} curves recovered; {journal} can be deleted")
     return 0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -11,7 +10,8 @@ from typing import Any
 
 import click
 
-from skinlab.cli.options import json_option, print_json
+from skinlab.cli.options import json_option
+from skinlab.cli.output import echo, echo_text, print_json, status_line
 
 _KEYS = "space pauses and goes on, . steps, 1 x m: pace as it was, tenfold, without waiting; q ends"
 _DRAW_S = 0.05
@@ -44,6 +44,7 @@ def command(
     from skinlab.cli.keys import keys, on_terminal
     from skinlab.errors import InputError
     from skinlab.inference.result import Identification, document
+    from skinlab.recording.dose import dose_of
     from skinlab.recording.session import read_session
     from skinlab.recording.stream import Flagged, Identified, Message
     from skinlab.report.text import describe
@@ -56,54 +57,55 @@ def command(
     recorded = read_session(session)
     identifier, warning = identifier_of(recorded)
     if warning:
-        click.echo(f"skinlab: {warning}", err=True)
+        echo(f"skinlab: {warning}", err=True)
     if is_imported(recorded):
         sentence = "imported curves: there are no bytes to replay; the curves are identified again"
-        click.echo(f"skinlab: {session}: {sentence}", err=True)
+        echo(f"skinlab: {session}: {sentence}", err=True)
     results: list[Identification] = []
     control = ReplayControl(None if speed == "max" else float(speed), paused=paused)
     shown = _line(control) if on_terminal() and (paused or speed != "max") else None
 
     def show(message: Message) -> None:
         if shown is not None and isinstance(message, Identified | Flagged):
-            click.echo("\r\x1b[K", err=True, nl=False)
+            status_line("")
         if isinstance(message, Identified):
             results.append(message.result)
             if not as_json:
-                click.echo(describe(message.result))
+                echo_text(describe(message.result))
         elif isinstance(message, Flagged):
-            click.echo(f"skinlab: curve {message.index}: {message.finding}", err=True)
+            echo(f"skinlab: curve {message.index}: {message.finding}", err=True)
         elif shown is not None:
             shown(message)
 
     with keys(_actions(control)) if shown is not None else contextlib.nullcontext():
         if shown is not None:
-            click.echo(_KEYS, err=True)
+            echo(_KEYS, err=True)
         completed = replay(recorded, identifier, [show], control)
     if shown is not None:
-        click.echo("\r\x1b[K", err=True, nl=False)
+        status_line("")
     if control.stopped:
         raise KeyboardInterrupt
     if as_json:
-        print_json(document(identifier.provenance(), results, session=str(session)))
+        dose = None if is_imported(recorded) else dose_of(recorded)
+        print_json(document(identifier.provenance(), results, session=str(session), dose=dose))
     if not verify:
         return 0
     found = differences(recorded, completed, results)
     for sentence in found:
-        click.echo(f"skinlab: {session}: {sentence}", err=True)
+        echo(f"skinlab: {session}: {sentence}", err=True)
     if found:
         why = reasons(recorded, identifier)
         for reason in why:
-            click.echo(f"skinlab: {session}: a reason: {reason}", err=True)
+            echo(f"skinlab: {session}: a reason: {reason}", err=True)
         if not why:
-            click.echo(
+            echo(
                 f"skinlab: {session}: same software, database and machine: "
                 f"`skinlab session verify {session}` says whether the file was changed",
                 err=True,
             )
     elif not as_json:
         stored = sum(result is not None for result in recorded.results)
-        click.echo(f"{len(completed)} curves and {stored} stored results agree bit for bit")
+        echo(f"{len(completed)} curves and {stored} stored results agree bit for bit")
     return 1 if found else 0
 
 
@@ -143,10 +145,9 @@ def _line(control: Any) -> Callable[[Any], None]:
         drawn = now
         s = message.sample
         pace = "at full speed" if control.speed is None else f"{control.speed:g}x"
-        sys.stderr.write(
-            f"\r\x1b[Kcurve {message.index}  {s.device_time_s:7.2f} s  {s.pressure_mbar:6.1f} mbar"
+        status_line(
+            f"curve {message.index}  {s.device_time_s:7.2f} s  {s.pressure_mbar:6.1f} mbar"
             f"  {s.deflection_mm:6.3f} mm  {'paused' if control.paused else pace}"
         )
-        sys.stderr.flush()
 
     return draw

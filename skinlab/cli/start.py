@@ -12,6 +12,7 @@ if TYPE_CHECKING:
 
 INTERRUPTED = 130
 _SENTENCE = b"skinlab: interrupted\n"
+_PROCESS = os.getpid()
 
 
 def main() -> None:
@@ -21,13 +22,17 @@ def main() -> None:
 
         if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else `nohup`, `&`
             signal.signal(signal.SIGINT, _interrupt)
+        for name in ("SIGTERM", "SIGHUP"):  # Windows has no HUP
+            number = getattr(signal, name, None)
+            if number is not None and signal.getsignal(number) is signal.SIG_DFL:
+                signal.signal(number, _end)
         _open_closed_streams()
         from skinlab.cli.main import run
 
         status = run()
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # nothing is left to interrupt
     except KeyboardInterrupt:
-        os.write(2, _SENTENCE)
+        _say_interrupted()
         status = INTERRUPTED
     _flush_or_forget()
     sys.exit(status)
@@ -41,10 +46,24 @@ def _interrupt(number: int, frame: "FrameType | None") -> None:
     """
     while frame is not None:
         if frame.f_code.co_filename.startswith("<frozen importlib"):
-            os.write(2, _SENTENCE)
+            _say_interrupted()
             os._exit(INTERRUPTED)
         frame = frame.f_back
     raise KeyboardInterrupt
+
+
+def _say_interrupted() -> None:
+    try:
+        os.write(2, _SENTENCE)
+    except OSError:
+        return  # the terminal is gone
+
+
+def _end(number: int, frame: "FrameType | None") -> None:
+    """End like an interrupted command; a process that was forked from it just ends."""
+    if os.getpid() != _PROCESS:
+        os._exit(INTERRUPTED)
+    _interrupt(number, frame)
 
 
 def _open_closed_streams() -> None:

@@ -19,8 +19,8 @@ from skinlab.cli.options import (
     identification_options,
     json_option,
     make_identifier,
-    print_json,
 )
+from skinlab.cli.output import echo, print_json
 
 
 @click.command(cls=MethodCommand)
@@ -87,16 +87,14 @@ def command(
                 plan, out, identifier, how, resume=resume, explain=explain, now=datetime.now(UTC)
             )
         except KeyboardInterrupt:
-            click.echo(
-                f"skinlab: what is done is kept in {out}; the same command goes on", err=True
-            )
+            echo(f"skinlab: what is done is kept in {out}; the same command goes on", err=True)
             raise
     for sentence in made.notices:
-        click.echo(f"skinlab: {sentence}", err=True)
+        echo(f"skinlab: {sentence}", err=True)
     if as_json:
         print_json(made.document)
     else:
-        click.echo("\n".join(made.lines))
+        echo("\n".join(made.lines))
     return 3 if made.failures else 0
 
 

@@ -11,6 +11,10 @@ from typing import TYPE_CHECKING
 
 import click
 
+from drivers.limits import DEFAULT_DOSE_MBAR_S
+from skinlab.cli.options import dialect_option
+from skinlab.cli.output import echo
+
 if TYPE_CHECKING:
     from skinlab.mechanics.model_file import Model
     from skinlab.tui.app import SkinlabApp
@@ -21,12 +25,22 @@ ESCAPE_MS = "40"
 
 @click.command()
 @click.option("--port", help="pyserial URL [default: asks; the simulated probe headless].")
+@dialect_option()
 @click.option("--sessions", type=click.Path(path_type=Path), help="Folder for the sessions.")
 @click.option(
     "--model", "model_path", type=click.Path(path_type=Path), help="MODEL.toml to identify with."
 )
+@click.option(
+    "--dose-limit-mbar-s",
+    type=float,
+    help=f"Most suction times time for a site in a visit [default: {DEFAULT_DOSE_MBAR_S:g}].",
+)
 def command(
-    port: str | None = None, sessions: Path | None = None, model_path: Path | None = None
+    port: str | None = None,
+    dialect: str | None = None,
+    sessions: Path | None = None,
+    model_path: Path | None = None,
+    dose_limit_mbar_s: float | None = None,
 ) -> int:
     """Open the bedside terminal UI.
 
@@ -41,9 +55,12 @@ def command(
         from skinlab.mechanics.model_file import read_model
 
         model = read_model(model_path)
+    from drivers.dialects import DEFAULT, get_dialect
+
+    get_dialect(dialect or DEFAULT)  # what is wrong with it is said without a screen
     if has_screen():
-        return _on_terminal(port, folder, model)
-    return _headless(port or SIMULATED, folder, model)
+        return _on_terminal(port, dialect, folder, model, dose_limit_mbar_s)
+    return _headless(port or SIMULATED, dialect, folder, model, dose_limit_mbar_s)
 
 
 def has_screen() -> bool:
@@ -54,13 +71,22 @@ def has_screen() -> bool:
     return sys.stdin.isatty() and sys.stdout.isatty() and sys.stderr.isatty()
 
 
-def _on_terminal(port: str | None, folder: Path, model: Model | None) -> int:
-    _release_escape()
-    from skinlab.tui.app import SkinlabApp
-    from skinlab.tui.probe_session import Bench
-    from skinlab.tui.settings import default_path
+def _on_terminal(
+    port: str | None,
+    dialect: str | None,
+    folder: Path,
+    model: Model | None,
+    dose_limit_mbar_s: float | None,
+) -> int:
+    from skinlab.cli.measure import probes
 
-    bench = partial(Bench, apart=True)
+    make_probe = probes(dose_limit_mbar_s, dialect)
+    _release_escape()
+    from skinlab.acquisition.probe_session import ProbeSession
+    from skinlab.acquisition.settings import default_path
+    from skinlab.tui.app import SkinlabApp
+
+    bench = partial(ProbeSession, apart=True, make_probe=make_probe)
     return show(SkinlabApp(port, folder, bench, settings=default_path(), model=model))
 
 
@@ -74,10 +100,12 @@ def replay_on_terminal(session: Path, speed: float | None) -> int:
 
 def show(app: SkinlabApp) -> int:
     """Run the UI; whatever ends it, the probe vents and the session is saved."""
+    from skinlab.acquisition.shutdown import Lifeline
+    from skinlab.quality.gates import all_gates
     from skinlab.tui.prompt_escape import look_sooner
-    from skinlab.tui.shutdown import Lifeline
 
     look_sooner()
+    all_gates()  # what is wrong with a plugin is said while there still is a standard error
     try:
         with Lifeline(app.vent, app.interrupt, app.close_bench):
             app.run()
@@ -86,7 +114,7 @@ def show(app: SkinlabApp) -> int:
     if app.failure is not None:
         raise app.failure
     if app.board.saved is not None:
-        click.echo(f"session: {app.board.saved}", err=True)
+        echo(f"session: {app.board.saved}", err=True)
     return app.return_code or 0
 
 
@@ -102,15 +130,22 @@ def default_folder() -> Path:
     return user_data_path("skinlab", appauthor=False) / "sessions"
 
 
-def _headless(port: str, folder: Path, model: Model | None) -> int:
-    from skinlab.acquisition.measure import Plan
+def _headless(
+    port: str,
+    dialect: str | None,
+    folder: Path,
+    model: Model | None,
+    dose_limit_mbar_s: float | None,
+) -> int:
+    from drivers.probe import choose_dialect
+    from skinlab.acquisition.measurement import Plan
     from skinlab.cli.measure import run
     from skinlab.cli.options import make_identifier
     from skinlab.curves.curve import Setup
     from skinlab.curves.program import parse_program
     from skinlab.recording.recorder import new_session_path
 
-    click.echo(f"no terminal: measuring once at {port}", err=True)
+    echo(f"no terminal: measuring once at {port}", err=True)
     identifier = make_identifier(
         method="auto",
         best=20,
@@ -125,4 +160,12 @@ def _headless(port: str, folder: Path, model: Model | None) -> int:
         identifier = with_model(identifier, model)
     plan = Plan(Setup(6.0, 1.0, parse_program("ramp:100@20")))
     out = new_session_path(folder, datetime.now())
-    return run(port, plan, out, identifier, as_json=False)
+    return run(
+        port,
+        plan,
+        out,
+        identifier,
+        dialect=choose_dialect(port, dialect)[1],
+        dose_limit_mbar_s=dose_limit_mbar_s,
+        as_json=False,
+    )

@@ -15,8 +15,8 @@ from skinlab.cli.options import (
     identification_options,
     json_option,
     make_identifier,
-    print_json,
 )
+from skinlab.cli.output import echo, echo_text, print_json
 
 
 @click.command(cls=MethodCommand)
@@ -88,21 +88,21 @@ def command(
     watcher = Watch(out, setup, answers, identifier, who)
 
     def trouble(sentence: str) -> None:
-        click.echo(f"skinlab: {sentence}", err=True)
+        echo(f"skinlab: {sentence}", err=True)
 
     def tell(landed: Landed) -> None:
         if landed.imported is None:
             trouble(str(landed.result.error))
             return
-        click.echo(f"{landed.path}: {'; '.join(landed.imported.understood)}", err=True)
+        echo(f"{landed.path}: {'; '.join(landed.imported.understood)}", err=True)
         if landed.result.error is not None:
             trouble(landed.result.error)
         elif not as_json:
-            click.echo(describe(landed.result))
+            echo_text(describe(landed.result))
 
     interrupt_on_signals()
     try:
-        click.echo(f"watching {folder}; Ctrl-C ends and keeps the curves in {out}", err=True)
+        echo(f"watching {folder}; Ctrl-C ends and keeps the curves in {out}", err=True)
         watch(Folder(folder, settle_s), watcher, tell, trouble, time.monotonic, time.sleep)
     finally:
         saved = None
@@ -114,5 +114,5 @@ def command(
                 session = None if saved is None else str(saved)
                 print_json(document(identifier.provenance(), results, session=session))
             elif saved is not None:
-                click.echo(f"session: {saved}")
+                echo(f"session: {saved}")
     return 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import msgspec
 
@@ -11,12 +12,14 @@ from skinlab.curves.csv import read_curve
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
+from skinlab.io.documents import read_toml
 
 
 class _Header(msgspec.Struct, forbid_unknown_fields=True):
     title: str = ""
     noise_um: float | None = None
     pressure_noise_mbar: float | None = None
+    placement_scatter: Literal["auto"] | float = "auto"
 
 
 class _CurveEntry(msgspec.Struct, forbid_unknown_fields=True):
@@ -27,6 +30,7 @@ class _CurveEntry(msgspec.Struct, forbid_unknown_fields=True):
     program: str | None = None
     cycle: int = 1
     repeat: int = 1
+    placement: str | None = None
 
 
 class _File(msgspec.Struct, forbid_unknown_fields=True):
@@ -42,6 +46,7 @@ class Campaign:
     noise_um: float | None
     pressure_noise_mbar: float | None
     curves: tuple[Curve, ...]
+    placement_scatter: float | None = None  # None: to be learned
 
 
 def read_campaign(path: Path) -> Campaign:
@@ -52,7 +57,7 @@ def read_campaign(path: Path) -> Campaign:
             outside the campaign's folder is refused.
     """
     try:
-        data = msgspec.toml.decode(path.read_bytes(), type=_File)
+        data = msgspec.convert(read_toml(path.read_bytes()), _File)
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from None
     except (ValueError, UnicodeDecodeError) as error:
@@ -66,9 +71,17 @@ def read_campaign(path: Path) -> Campaign:
         raise InputError(
             f"{path}: campaign.pressure_noise_mbar is {pressure_noise}, expected zero or more"
         )
+    stated = data.campaign.placement_scatter
+    scatter = None if stated == "auto" else float(stated)
+    if scatter is not None and not 0 <= scatter < 1:
+        raise InputError(
+            f"{path}: campaign.placement_scatter is {scatter}, expected auto or 0 to below 1"
+        )
     folder = path.parent.resolve()
     curves = []
     for number, entry in enumerate(data.curve, start=1):
+        if "\0" in entry.file:
+            raise InputError(f"{path}: curve {number}: file {entry.file!r} is no name of a file")
         file = (folder / entry.file).resolve()
         if not file.is_relative_to(folder):
             raise InputError(f"{path}: curve {number}: file {entry.file!r} is outside the folder")
@@ -80,6 +93,7 @@ def read_campaign(path: Path) -> Campaign:
                 cycle=entry.cycle,
                 repeat=entry.repeat,
                 thickness_sd_mm=entry.thickness_sd_mm,
+                placement=entry.placement,
             )
         except InputError as error:
             raise InputError(f"{path}: curve {number}: {error}") from None
@@ -89,4 +103,5 @@ def read_campaign(path: Path) -> Campaign:
         data.campaign.noise_um,
         data.campaign.pressure_noise_mbar,
         tuple(curves),
+        scatter,
     )

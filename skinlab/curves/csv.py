@@ -30,7 +30,10 @@ def read_curve(path: Path, setup: Setup) -> Curve:
         raise InputError(f"{path}: not UTF-8 text; expected a curve CSV") from None
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from None
-    rows = _rows(path, text)
+    try:
+        rows = _rows(path, text)
+    except csv.Error as error:
+        raise InputError(f"{path}: {error}; expected a curve CSV") from None
     if len(rows) < FEWEST_POINTS:
         raise InputError(f"{path}: {len(rows)} samples; expected at least {FEWEST_POINTS}")
     data = np.array(rows)

@@ -52,6 +52,7 @@ class Setup:
     cycle: int = 1  # 1 = first loading of this site, or one after full rest
     repeat: int = 1
     thickness_sd_mm: float | None = None
+    placement: str | None = None  # one putting-on of the probe; None: a curve of cycle 1 begins one
 
     def __post_init__(self) -> None:
         """Refuse what cannot be."""

@@ -18,12 +18,15 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from drivers.limits import MIN_PAUSE_S
 from skinlab.errors import InputError
 
 MOST_PRESSURE_MBAR = 500.0
 MOST_SUCTION_S = 60.0
 MOST_CYCLES = 100
 STEEPEST_MBAR_PER_S = 1e5
+SLOWEST_MBAR_PER_S = 0.01  # slower than any pump; finer than that, a wire may round to nothing
+LEAST_PRESSURE_MBAR = 0.1
 STEP_RATE_MBAR_PER_S = 2000.0  # "at once" in modes 1 and 3: faster than the pump can follow
 
 Phase = Literal["load", "hold", "unload", "rest"]
@@ -133,6 +136,21 @@ class Program:
         return longest
 
     @property
+    def unpaused_suction_s(self) -> float:
+        """Longest time that a driver counts as suction: a moment at zero is no pause for it."""
+        longest = suction_s = 0.0
+        for segment, start, end in zip(self.segments, self._starts(), self._ends(), strict=True):
+            duration_s = _duration(segment, start)
+            if isinstance(segment, Release) or (
+                isinstance(segment, Rest) and duration_s >= MIN_PAUSE_S
+            ):
+                suction_s = 0.0
+            elif not isinstance(segment, Hold) or end > 0:
+                suction_s += duration_s
+            longest = max(longest, suction_s)
+        return longest
+
+    @property
     def phases(self) -> tuple[Phase, ...]:
         """What the skin sees in each segment."""
         return tuple(
@@ -222,6 +240,30 @@ def _check(segment: Segment) -> None:
             )
     elif not isinstance(segment, Release) and not segment.duration_s > 0:
         raise InputError(f"segment {segment}: duration must be positive, in s")
+
+
+def check_measurable(program: Program) -> Program:
+    """Return a program that a probe can be asked for; a curve may well be of another one.
+
+    Raises:
+        InputError: it is too fine for a probe, or pulls for too long without a pause.
+    """
+    if program.max_pressure_mbar < LEAST_PRESSURE_MBAR:
+        raise InputError(
+            f"program {program}: goes to {program.max_pressure_mbar:g} mbar; expected at least "
+            f"{LEAST_PRESSURE_MBAR:g} mbar"
+        )
+    for segment in program.segments:
+        if isinstance(segment, Ramp) and segment.rate_mbar_per_s < SLOWEST_MBAR_PER_S:
+            raise InputError(
+                f"segment {segment}: expected a rate of at least {SLOWEST_MBAR_PER_S:g} mbar/s"
+            )
+    if program.unpaused_suction_s > MOST_SUCTION_S + 1e-6:
+        raise InputError(
+            f"program {program}: {program.unpaused_suction_s:g} s of suction without a pause (a "
+            f"release, or a rest of {MIN_PAUSE_S:g} s); expected at most {MOST_SUCTION_S:g} s"
+        )
+    return program
 
 
 # ---- text ------------------------------------------------------------------------------------

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
-from skinlab.discrepancy.misfit import Errors
 from skinlab.discrepancy.records import Record
+from skinlab.inference.covariance import Covariance
 from skinlab.inference.noise import roughness
 
 Array = NDArray[np.float64]
@@ -46,7 +46,7 @@ class Residual:
 
 
 def look(
-    records: Sequence[Record], errors: Errors, deflections_mm: Sequence[Array], unknowns: int
+    records: Sequence[Record], errors: Covariance, deflections_mm: Sequence[Array], unknowns: int
 ) -> Residual:
     """Return the structure in the residuals of fitted deflections, one array a record.
 
@@ -56,7 +56,7 @@ def look(
     """
     measured = [r.curve.deflection_mm for r in records]
     off = np.concatenate([m - w for m, w in zip(measured, deflections_mm, strict=True)])
-    z_all = errors.without_mesh(off)
+    z_all = errors.without_columns(off)
     raw_all = off
     total, count, pairs = 0.0, 0, 0
     lags = range(1, _NEIGHBOURS + 1)

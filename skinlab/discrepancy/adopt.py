@@ -33,8 +33,9 @@ def adopted(
     `data` are hashes by file; `date` is ISO 8601.
     """
     effects: dict[str, dict[str, EffectRange]] = {}
-    axes, best = explanation.unknowns.axes, explanation.best[3:]
-    for axis, u, deviation in zip(axes, best, explanation.deviations[3:], strict=True):
+    unknowns = explanation.unknowns
+    best, deviations = (x[unknowns.count :] for x in (explanation.best, explanation.deviations))
+    for axis, u, deviation in zip(unknowns.axes, best, deviations, strict=True):
         value = axis.to_value(float(u))
         sd = max(abs(axis.slope(float(u))) * float(deviation), 1e-9)
         effects.setdefault(axis.effect, {})[axis.parameter.name] = EffectRange(
@@ -46,7 +47,7 @@ def adopted(
     names = " and ".join(sorted(set(effects) - set(base.effects)))
     return Model(
         Header(f"{base.model.name} with {names}", base.model.law, base.model.kappa),
-        dict(base.parameters) or _BASE_RANGES,
+        dict(base.parameters) or _law_ranges(base),
         effects,
         Provenance(
             dict(data),
@@ -58,11 +59,14 @@ def adopted(
     )
 
 
-_BASE_RANGES = {
-    "X1_MPa": Range(0.005, 0.2, "log-uniform"),
-    "X2_MPa": Range(0.0025, 100.0, "log-uniform"),
-    "nu": Range(0.2, 0.49, "uniform"),
-}
+def _law_ranges(base: Model) -> dict[str, Range]:
+    """Return where the law's parameters were looked for."""
+    space = base.space
+    low, high = space.bounds
+    return {
+        name: Range(float(low[i]), float(high[i]), "uniform" if kind == "linear" else "log-uniform")
+        for i, (name, kind) in enumerate(zip(space.names, space.transforms, strict=True))
+    }
 
 
 def hashes(files: Iterable[Path]) -> dict[str, str]:

@@ -1,43 +1,134 @@
-"""Outcomes kept by the content of what they were computed from: a second run is instant."""
+"""Outcomes kept by the content of what they were computed from: a second run is instant.
+
+Files are MessagePack, decoded by type: whoever can write there can spoil a number, and run nothing.
+JSON would do as well, but has no infinity, and no arrays.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import hashlib
-import os
-import pickle
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any, get_origin
 
+import msgspec
+import numpy as np
 import platformdirs
 
+from skinlab.discrepancy.heldout import HeldOut
+from skinlab.discrepancy.next_measurement import NextMeasurement
 from skinlab.discrepancy.outcome import Outcome
+from skinlab.discrepancy.posterior import Posterior
+from skinlab.discrepancy.records import Record
+from skinlab.discrepancy.screen import Signature
+from skinlab.discrepancy.search import Candidate, Found
+from skinlab.discrepancy.verdict import Name, Verdict
+from skinlab.errors import InputError
+from skinlab.io.files import write_file
+from skinlab.mechanics.effects import EFFECTS
+from skinlab.mechanics.materials import LAWS
+from skinlab.versions import versions
 
-VERSION = "2"  # raise it whenever the workflow may answer differently
+_SUFFIX = ".msgpack"
+
+
+class _Kept(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """An outcome without the measured curves, which whoever asks has at hand."""
+
+    verdict: Name
+    explanations: list[int]  # places among the candidates
+    base: Candidate
+    candidates: list[Candidate]
+    signatures: dict[str, Signature]
+    not_screened: dict[str, str]
+    gap_before: HeldOut
+    gap_after: HeldOut
+    held_out: dict[tuple[str, ...], float]
+    next_measurement: NextMeasurement | None
+    seed: int
+    alike: list[tuple[str, str]]
+    posteriors: dict[tuple[str, ...], Posterior]
 
 
 def key(parts: Iterable[str]) -> str:
-    """Return the name under which an outcome is kept, from all that it depends on."""
-    return hashlib.sha256("\n".join([VERSION, *parts]).encode()).hexdigest()
+    """Return the name under which an outcome is kept, from all that it depends on.
+
+    `parts` are the data, the model and the database; the state of the program, its libraries and
+    its plugins, and which effects and laws there are, come with it.
+    """
+    software = (f"{name} {version}" for name, version in versions().items())
+    registered = (f"{r.kind} {n} {r.origin(n)}" for r in (EFFECTS, LAWS) for n in r.names())
+    return hashlib.sha256("\n".join([*parts, *software, *registered]).encode()).hexdigest()
 
 
-def load(name: str, folder: Path | None = None) -> Outcome | None:
-    """Return the outcome of this name, None where there is none that can be read."""
+def load(name: str, records: Sequence[Record], folder: Path | None = None) -> Outcome | None:
+    """Return the outcome of this name, None where there is none that can be read.
+
+    `records` are the curves that were explained.
+    """
     try:
-        found = pickle.loads((_folder(folder) / name).read_bytes())
-    except Exception:  # noqa: BLE001 -- whatever is wrong with a cache: compute again
+        raw = (_folder(folder) / f"{name}{_SUFFIX}").read_bytes()
+        kept = msgspec.msgpack.decode(raw, type=_Kept, dec_hook=_array)
+        chosen = [kept.candidates[i] for i in kept.explanations]
+    except (OSError, ValueError, IndexError):  # whatever is wrong with a cache: compute again
         return None
-    return found if isinstance(found, Outcome) else None
+    return Outcome(
+        Verdict(kept.verdict, chosen),
+        Found(kept.base, kept.signatures, kept.candidates, records, kept.not_screened),
+        kept.gap_before,
+        kept.gap_after,
+        kept.held_out,
+        kept.next_measurement,
+        seed=kept.seed,
+        alike=kept.alike,
+        posteriors=kept.posteriors,
+    )
 
 
 def save(name: str, outcome: Outcome, folder: Path | None = None) -> None:
     """Keep the outcome; where that fails, nothing is lost but time."""
-    with contextlib.suppress(OSError, pickle.PicklingError):
+    found = outcome.found
+    places = {id(candidate): i for i, candidate in enumerate(found.candidates)}
+    kept = _Kept(
+        outcome.verdict.name,
+        [places[id(candidate)] for candidate in outcome.verdict.explanations],
+        found.base,
+        found.candidates,
+        found.signatures,
+        found.not_screened,
+        outcome.gap_before,
+        outcome.gap_after,
+        outcome.held_out,
+        outcome.next_measurement,
+        outcome.seed,
+        outcome.alike,
+        outcome.posteriors,
+    )
+    raw = msgspec.msgpack.encode(kept, enc_hook=_plain)
+    with contextlib.suppress(OSError, InputError):
         to = _folder(folder)
         to.mkdir(mode=0o700, parents=True, exist_ok=True)
-        part = to / f"{name}.{os.getpid()}"
-        part.write_bytes(pickle.dumps(outcome))
-        part.replace(to / name)
+        write_file(to / f"{name}{_SUFFIX}", raw, replace=True)
+
+
+def _plain(value: Any) -> Any:
+    """Return an array as its type, shape and bytes; a number of numpy as Python's."""
+    if isinstance(value, np.ndarray) and value.dtype.kind in "fib":
+        return (value.dtype.str, value.shape, np.ascontiguousarray(value).tobytes())
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(f"{type(value).__name__} is not kept")
+
+
+def _array(kind: type, plain: Any) -> Any:
+    """Be the other way round. Raises ValueError for what is no array."""
+    if (get_origin(kind) or kind) is not np.ndarray:
+        raise ValueError(f"{kind} is not expected")
+    dtype, shape, data = msgspec.convert(plain, tuple[str, tuple[int, ...], bytes])
+    if np.dtype(dtype).kind not in "fib":
+        raise ValueError(f"{dtype} is no type of numbers")
+    return np.frombuffer(data, np.dtype(dtype)).reshape(shape)
 
 
 def _folder(folder: Path | None) -> Path:

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from skinlab.discrepancy.misfit import Errors
 from skinlab.discrepancy.records import Record
 from skinlab.discrepancy.space_mapping import MappedModel
 from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.discrepancy.unknowns import Unknowns
+from skinlab.inference.covariance import Covariance
 
 Array = NDArray[np.float64]
 
@@ -27,8 +27,7 @@ HOPELESS = 1.5  # a χ² a sample that no exact optimum will turn into an explan
 _GAIN = 0.3  # of the cost: less is not worth another time
 _CLOSE = 0.3  # of χ²: an anchor that changes the curves by no more is the last
 _CLOSE_SHARE = 0.01  # or so much of the χ² that is more than noise: such a fit decides nothing
-_RADIUS = np.array([0.5, 0.9, 0.1])  # how far from an anchor it is trusted: log X1, log X2/X1, ν
-_EFFECT_RADIUS = 1.0
+_EFFECT_RADIUS = 1.0  # how far from an anchor an effect's unknown is trusted
 _NO_MODEL = 1e3  # a whitened residual where there is no model
 _DIFFERENCE = 1e-4
 _AT_BOUND = 1e-4  # of the range
@@ -56,7 +55,7 @@ class Fit:
     @property
     def information(self) -> Array:
         """JᵀJ with the priors (k, k)."""
-        return self.unknowns.information(self.jacobian)
+        return self.unknowns.information(self.jacobian, self.u)
 
     @property
     def free(self) -> NDArray[np.bool_]:
@@ -76,7 +75,7 @@ class Kept:
     """Some of a campaign's samples, and their errors."""
 
     samples: NDArray[np.bool_]
-    errors: Errors
+    errors: Covariance
 
 
 class Fitter:
@@ -85,7 +84,7 @@ class Fitter:
     def __init__(
         self,
         records: Sequence[Record],
-        errors: Errors,
+        errors: Covariance,
         domes: TableDomes,
         *,
         finite_elements: bool = True,
@@ -136,11 +135,7 @@ class Fitter:
 
     def all_slopes(self, model: MappedModel, u: Array, keep: Kept | None = None) -> Array:
         """Return derivatives (n + axes, k) of `all_residuals`."""
-        axes = model.unknowns.axes
-        prior = np.zeros((len(axes), len(u)))
-        for i, axis in enumerate(axes):
-            prior[i, 3 + i] = 1.0 / axis.prior[1]
-        return np.vstack([self.jacobian(model, u, keep), prior])
+        return np.vstack([self.jacobian(model, u, keep), model.unknowns.prior_slopes(u)])
 
     def minimise(
         self,
@@ -199,7 +194,8 @@ class Fitter:
         if not model.corrected:
             u = self.minimise(model, start, low, high)
             return self._finish(model, u)
-        widest = np.concatenate([_RADIUS, np.full(len(unknowns) - 3, _EFFECT_RADIUS)])
+        effects = np.full(len(unknowns.axes), _EFFECT_RADIUS)
+        widest = np.concatenate([unknowns.reaches, effects])
         radius = widest
         best = self._finish(model, start)
         if best is None:
@@ -266,7 +262,7 @@ class Fitter:
             return None
         jacobian = self.jacobian(model, u)
         prior = unknowns.prior_rows(u)
-        log_det = float(np.linalg.slogdet(unknowns.information(jacobian))[1])
+        log_det = float(np.linalg.slogdet(unknowns.information(jacobian, u))[1])
         evidence = (
             -0.5 * cost
             - 0.5 * log_det

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.discrepancy.fit import Fit, Fitter
-from skinlab.discrepancy.misfit import Errors
+from skinlab.inference.covariance import Covariance
 
 Array = NDArray[np.float64]
 Part = NDArray[np.bool_]
 
-_RADIUS = 1.0  # how far a refit may go from the whole fit: log X1, log X2/X1, typical sizes
-_NU_RADIUS = 0.15
+_RADIUS = 1.0  # how far a refit may go from the whole fit: logarithms, typical sizes
+_REACHES = 1.5  # the same of a law's parameter that is no logarithm, in its reaches
 _TOLD = 0.3  # of its prior's standard deviation: an unknown that is known no better is not told
 
 
@@ -55,15 +55,16 @@ def conditions_of(fitter: Fitter, fits: Sequence[Fit]) -> list[Part]:
     return found
 
 
-def _lost(errors: Errors, fit: Fit, out: Part) -> bool:
+def _lost(errors: Covariance, fit: Fit, out: Part) -> bool:
     """Return whether an effect's unknown is known hardly better than its prior without these."""
     deviations = np.sqrt(np.diag(_covariance(errors, fit, out)))
     most = [_TOLD * axis.prior[1] for axis in fit.unknowns.axes]
-    lost = deviations[3:] > most
-    return bool((lost & (fit.deviations[3:] <= most)).any())
+    of_effects = slice(fit.unknowns.count, None)
+    lost = deviations[of_effects] > most
+    return bool((lost & (fit.deviations[of_effects] <= most)).any())
 
 
-def _covariance(errors: Errors, fit: Fit, out: Part) -> Array:
+def _covariance(errors: Covariance, fit: Fit, out: Part) -> Array:
     """Return the covariance (k, k) of a fit's unknowns without these samples."""
     kept = errors.only(~out).whiten(errors.colour(fit.jacobian)[~out])
     prior = fit.information - fit.jacobian.T @ fit.jacobian
@@ -83,8 +84,11 @@ def predict_held_out(fitter: Fitter, fit: Fit, parts: Sequence[Part]) -> HeldOut
     model = fitter.model(fit.unknowns)
     fitter.prepare(model, fit.u, slopes=True)
     low, high = fit.unknowns.bounds
+    space = fit.unknowns.space
     radius = np.full(len(fit.u), _RADIUS)
-    radius[2] = _NU_RADIUS
+    for i, transform in enumerate(space.transforms):
+        if transform == "linear":
+            radius[i] = _REACHES * fit.unknowns.reaches[i]
     low, high = np.maximum(low, fit.u - radius), np.minimum(high, fit.u + radius)
     left = np.full(len(measured), np.nan)
     expected = sigma.copy()

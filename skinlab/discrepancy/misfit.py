@@ -1,14 +1,14 @@
-"""The errors of a campaign's samples, and residuals made independent of one another."""
+"""The covariance of the errors of a campaign's samples."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.discrepancy.records import Record, by_geometry
+from skinlab.inference.covariance import Covariance
 from skinlab.inference.noise import (
     MESH_REST,
     legendre,
@@ -28,62 +28,7 @@ COMMON_FACTOR = 2.4
 OWN_FACTOR = 0.5
 
 
-@dataclass(frozen=True, eq=False)
-class Errors:
-    """Σ = diag(σ²) + V Vᵀ over all samples of a campaign, end to end."""
-
-    sigma_mm: Array  # (u,)
-    q: Array  # (u, m) orthonormal, of the whitened shapes
-    s: Array  # (m,)
-    ends: tuple[int, ...]
-
-    @property
-    def count(self) -> int:
-        """Number of samples."""
-        return len(self.sigma_mm)
-
-    def whiten(self, residuals_mm: Array) -> Array:
-        """Return W r (u, …): independent, of variance 1."""
-        flat = residuals_mm.reshape(self.count, -1) / self.sigma_mm[:, None]
-        shrink = 1.0 / np.sqrt(1.0 + self.s**2) - 1.0
-        flat = flat + self.q @ (shrink[:, None] * (self.q.T @ flat))
-        return np.asarray(flat.reshape(residuals_mm.shape))
-
-    def colour(self, whitened: Array) -> Array:
-        """Return what `whiten` made these (u, …) from, mm."""
-        flat = whitened.reshape(self.count, -1)
-        stretch = np.sqrt(1.0 + self.s**2) - 1.0
-        flat = flat + self.q @ (stretch[:, None] * (self.q.T @ flat))
-        return np.asarray((flat * self.sigma_mm[:, None]).reshape(whitened.shape))
-
-    def without_mesh(self, residuals_mm: Array) -> Array:
-        """Return residuals (u,) in standard deviations, less what the mesh probably did."""
-        z = residuals_mm / self.sigma_mm
-        share = self.s**2 / (1.0 + self.s**2)
-        return np.asarray(z - self.q @ (share * (self.q.T @ z)))
-
-    def expected_product(self, apart: int) -> float:
-        """Return what noise and mesh alone let the products of `without_mesh` sum up to.
-
-        Of values so many samples apart in the same record: taking the mesh off leaves some less
-        than none, Cov = 1 − Q s²/(1+s²) Qᵀ.
-        """
-        share = self.s**2 / (1.0 + self.s**2)
-        return -sum(
-            float(np.einsum("um,um,m->", q[apart:], q[:-apart], share)) for q in self.split(self.q)
-        )
-
-    def only(self, kept: NDArray[np.bool_]) -> Errors:
-        """Return the errors of some of the samples (u,) alone, as one piece."""
-        q, s, _ = np.linalg.svd((self.q * self.s)[kept], full_matrices=False)
-        return Errors(self.sigma_mm[kept], q, s, (int(kept.sum()),))
-
-    def split(self, values: Array) -> list[Array]:
-        """Return values (u, …) by record."""
-        return np.split(values, self.ends[:-1])
-
-
-def errors_of(records: Sequence[Record]) -> Errors:
+def errors_of(records: Sequence[Record]) -> Covariance:
     """Return the errors: noise, pressure noise through dw/dp, and the discretisation's shapes."""
     sigma, blocks, at = [], [], 0
     starts = np.cumsum([0, *(len(r.curve) for r in records)])
@@ -113,6 +58,5 @@ def errors_of(records: Sequence[Record]) -> Errors:
             common[here] = COMMON_FACTOR * np.array(MESH_COMMON) * shapes
         blocks.append(block)
     blocks.append(common)
-    sigma_all = np.concatenate(sigma)
-    q, s, _ = np.linalg.svd(np.hstack(blocks) / sigma_all[:, None], full_matrices=False)
-    return Errors(sigma_all, q, s, tuple(int(v) for v in starts[1:]))
+    variance = np.square(np.concatenate(sigma))
+    return Covariance(variance, np.hstack(blocks), tuple(int(v) for v in starts[1:]))

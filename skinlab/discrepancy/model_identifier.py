@@ -19,28 +19,29 @@ from skinlab.discrepancy.records import records_of
 from skinlab.discrepancy.search import Search
 from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.errors import InputError, NotTrustworthyError
+from skinlab.inference import flags
 from skinlab.inference.identify import Identifier
 from skinlab.inference.joint import GaussianPrior
 from skinlab.inference.result import Identification, Value
 from skinlab.inference.samples import EVERYTHING, choose
-from skinlab.mechanics.effects.registry import get_effect
-from skinlab.mechanics.materials.compressibility import kappa_ratio, nu_consistent
-from skinlab.mechanics.model_file import Model, Normal, Range
-from skinlab.parameters import AxisSpace
-from skinlab.tables.dimensionless import DimensionlessTable
+from skinlab.mechanics.effects import get_effect
+from skinlab.mechanics.materials import get_law
+from skinlab.mechanics.model_file import Model, Normal
+from skinlab.parameters import Space
+from skinlab.tables.forward import check_law_of
 
 Array = NDArray[np.float64]
 
 _HALF = 0.5  # of the range: an interval wider than that fixes nothing
-_DEFAULTS = {"X1_MPa": (0.005, 0.2), "X2_MPa": (0.0025, 200.0), "nu": (0.2, 0.49)}
 
 
 def with_model(identifier: Identifier, model: Model) -> Identifier:
     """Return the identifier with a model: its bounds and priors, and its effects.
 
     Raises:
-        InputError: the method cannot take effects.
+        InputError: the method cannot take effects, or the database is of another law.
     """
+    check_law_of(identifier.database, model.model.law)
     if model.effects:
         if identifier.method != "auto":
             raise InputError(
@@ -52,26 +53,17 @@ def with_model(identifier: Identifier, model: Model) -> Identifier:
     return replace(identifier, kappa=model.model.kappa, space=space, priors=priors, model=model)
 
 
-def _space_of(model: Model) -> tuple[AxisSpace | None, tuple[GaussianPrior, ...]]:
+def _space_of(model: Model) -> tuple[Space | None, tuple[GaussianPrior, ...]]:
     """Return where to search and what is known beforehand, of a model without effects."""
     if not model.parameters:
         return None, ()
-    names = tuple(_DEFAULTS)
-    ranges: list[Range] = []
-    for name, (low, high) in _DEFAULTS.items():
-        standard = Range(low, high, "uniform" if name == "nu" else "log-uniform")
-        ranges.append(model.parameters.get(name, standard))
-    logarithmic = tuple(
-        name != "nu" and own.low > 0 and own.prior != "uniform"
-        for name, own in zip(names, ranges, strict=True)
-    )
+    space = model.space
     priors = tuple(
-        GaussianPrior(i, r.prior.mean, r.prior.sd)
-        for i, r in enumerate(ranges)
-        if isinstance(r.prior, Normal)
+        GaussianPrior(i, prior.mean, prior.sd)
+        for i, name in enumerate(space.names)
+        if isinstance(prior := model.prior(name), Normal)
     )
-    lows, highs = tuple(r.low for r in ranges), tuple(r.high for r in ranges)
-    return AxisSpace(names, lows, highs, logarithmic), priors
+    return space, priors
 
 
 @dataclass(frozen=True)
@@ -107,8 +99,10 @@ class ModelIdentifier(Identifier):
         return replace(answer, seconds=self.clock() - started)
 
     def _fit(self, curves: Sequence[Curve], phases: tuple[str, ...]) -> tuple[Fit, Fitter, float]:
-        if not isinstance(self.database, DimensionlessTable):
-            raise InputError("a model with effects needs the dimensionless database")
+        if self.database.fixed_geometry is not None:
+            raise InputError(
+                "a model with effects needs a dimensionless database, or one of its own"
+            )
         chosen = tuple(choose(curve, phases, self.database).samples for curve in curves)
         campaign = Campaign("", self.sensor.noise_um, self.sensor.pressure_noise_mbar, chosen)
         records = records_of(campaign)
@@ -129,7 +123,8 @@ class ModelIdentifier(Identifier):
         off = np.concatenate(fit.deflections_mm) - fitter.measured
         n = len(off)
         rms_um = 1e3 * float(np.sqrt(np.mean(off**2)))
-        ratio = float(kappa_ratio(values["nu"].value, self.kappa))
+        law = get_law(self.model.model.law)
+        base = {n: v.value for n, v in values.items() if n in law.names}
         noises = [r.noise_um**2 for r in fitter.records]
         noise = float(np.sqrt(np.average(noises, weights=[len(r.curve) for r in fitter.records])))
         mask, model_mm = None, None
@@ -140,9 +135,10 @@ class ModelIdentifier(Identifier):
         return replace(
             blank,
             parameters=values,
+            optimum=fit.unknowns.named(fit.u),
             correlation=left.correlation,
-            nu_consistent=float(nu_consistent(ratio)),
-            kappa_MPa=ratio * values["X1_MPa"].value,
+            derived=dict(law.derived(base, self.kappa)),
+            own_bounds=tuple(self.model.parameters),
             error_um=rms_um / math.sqrt(n),
             rms_um=rms_um,
             noise_um=noise,
@@ -155,18 +151,13 @@ class ModelIdentifier(Identifier):
 
 def _flags(curves: Sequence[Curve], fit: Fit, left: Posterior, p_value: float) -> tuple[str, ...]:
     low, high = fit.unknowns.bounds
-    flags = [
-        f"at_bound:{name}"
-        for name, u, a, b in zip(fit.unknowns.names, fit.u, low, high, strict=True)
-        if min(u - a, b - u) <= 1e-5 * (b - a)
-    ]
-    for j, name in enumerate(fit.unknowns.names[:3]):
+    found = flags.of_optimum(
+        fit.unknowns.names, (fit.u - low) / (high - low), converged=fit.settled
+    )
+    found += flags.of_curves(curves, [0])
+    for j, name in enumerate(fit.unknowns.base_names):
         if 2 * 1.645 * left.deviations[j] > _HALF * (high[j] - low[j]):
-            flags.append(f"not_identifiable:{name}")
+            found.append(f"not_identifiable:{name}")
     if p_value < ADEQUATE:
-        flags.append("misfit_above_noise")
-    if not fit.settled:
-        flags.append("not_converged")
-    if any(c.partial for c in curves):
-        flags.append("partial_curve")
-    return tuple(flags)
+        found.append("misfit_above_noise")
+    return tuple(found)

@@ -10,9 +10,11 @@ from skinlab.discrepancy.adequacy import Place
 from skinlab.discrepancy.heldout import HeldOut
 from skinlab.discrepancy.next_measurement import NextMeasurement
 from skinlab.discrepancy.posterior import Posterior, gaussian
+from skinlab.discrepancy.screen import Signature
 from skinlab.discrepancy.search import Candidate, Found
-from skinlab.discrepancy.unknowns import BASE_NAMES
 from skinlab.discrepancy.verdict import Verdict
+from skinlab.mechanics.effects import Parameter
+from skinlab.mechanics.names import is_effects
 
 SCHEMA = "skinlab.discrepancy/1"
 
@@ -66,9 +68,7 @@ class Outcome:
             "candidates": [
                 {
                     "effects": [e for e in c.effects if e not in own],
-                    "parameters": {
-                        n: v for n, v in self.parameters(c).items() if n not in BASE_NAMES
-                    },
+                    "parameters": {n: v for n, v in self.parameters(c).items() if is_effects(n)},
                     "held_out_rms_um": self.held_out.get(c.effects),
                     "log10_evidence": c.log10_evidence - reference,
                 }
@@ -85,6 +85,8 @@ class Outcome:
                 "after": _base_only(self.parameters(self.best)),
             },
             "detectable": self.detectable,
+            "cannot_show": self.cannot_show,
+            "not_screened": self.not_screened,
             "next_measurement": None
             if self.next_measurement is None
             else {
@@ -110,17 +112,50 @@ class Outcome:
     @property
     def detectable(self) -> dict[str, float]:
         """Smallest size of each effect that these data could have shown, as its parameter."""
-        found: dict[str, float] = {}
+        sizes = {name: _size_needed(s) for name, s in sorted(self.found.signatures.items())}
+        return {f"{name}.{p.name}": size for name, (p, size) in sizes.items() if _has(p, size)}
+
+    @property
+    def cannot_show(self) -> dict[str, str]:
+        """Why, by name, these data could not have shown an effect of any size that it can have.
+
+        Every effect of the library is here, in `detectable` or in `not_screened`.
+        """
+        found: dict[str, str] = {}
         for name, signature in sorted(self.found.signatures.items()):
-            if not math.isfinite(signature.detectable):
-                continue
-            axis = next(a for a in signature.axes if a.parameter.zero is not None)
-            zero = axis.parameter.zero
-            assert zero is not None
-            size = abs(axis.parameter.typical - zero) * signature.detectable
-            if size <= max(axis.parameter.high - zero, zero - axis.parameter.low):
-                found[f"{name}.{axis.parameter.name}"] = size
+            parameter, size = _size_needed(signature)
+            if math.isfinite(size) and not _has(parameter, size):
+                assert parameter.zero is not None
+                unit = f" {parameter.unit}" if parameter.unit else ""
+                found[name] = (
+                    f"{parameter.name} would have to be {size:.3g}{unit} away from "
+                    f"{parameter.zero:g}, and is {parameter.low:g} to {parameter.high:g}{unit}"
+                )
+            elif not math.isfinite(size):
+                found[name] = (
+                    "the law's own parameters take up all that it does to these curves"
+                    if signature.absorbed > 0.5
+                    else "it does nothing to these curves"
+                )
         return found
+
+    @property
+    def not_screened(self) -> dict[str, str]:
+        """Why, by name, an effect was not looked for."""
+        return dict(sorted(self.found.not_screened.items()))
+
+
+def _size_needed(signature: Signature) -> tuple[Parameter, float]:
+    """Return an effect's size, and how far from its zero these data would show it."""
+    parameter = next(a.parameter for a in signature.axes if a.parameter.zero is not None)
+    assert parameter.zero is not None
+    return parameter, abs(parameter.typical - parameter.zero) * signature.detectable
+
+
+def _has(parameter: Parameter, size: float) -> bool:
+    """Whether a parameter can be so far from its zero."""
+    assert parameter.zero is not None
+    return size <= max(parameter.high - parameter.zero, parameter.zero - parameter.low)
 
 
 def place_json(place: Place) -> dict[str, Any]:
@@ -137,4 +172,4 @@ def place_json(place: Place) -> dict[str, Any]:
 
 
 def _base_only(values: dict[str, dict[str, float]]) -> dict[str, dict[str, float]]:
-    return {n: v for n, v in values.items() if n in BASE_NAMES}
+    return {n: v for n, v in values.items() if not is_effects(n)}

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.space_mapping import MappedModel
-from skinlab.discrepancy.unknowns import BASE_NAMES, Unknowns
-from skinlab.inference.intervals import correlation, interval
+from skinlab.discrepancy.unknowns import Unknowns
+from skinlab.inference.intervals import correlation, summary
 from skinlab.inference.posterior import sample as follow_the_valley
-from skinlab.parameters import AxisSpace
+from skinlab.parameters import Space
 
 Array = NDArray[np.float64]
 
@@ -32,6 +32,7 @@ class Posterior:
     best: Array  # (k,) the optimum
     u: Array  # (n, k)
     weight: Array
+    log_density: Array  # (n,) up to a constant
 
     @property
     def effective(self) -> float:
@@ -40,17 +41,18 @@ class Posterior:
 
     @property
     def parameters(self) -> dict[str, dict[str, float]]:
-        """Values at the optimum with the shortest 90 % intervals, by name."""
-        best = self.unknowns.named(self.best)
-        drawn = self._named()
+        """Medians with the shortest 90 % intervals, by name."""
         low, high = (self.unknowns.named(u) for u in self.unknowns.bounds)
-        found = {}
-        for name, value in best.items():
+        space, found = self.unknowns.space, {}
+        logarithmic = {
+            n for n, t in zip(space.names, space.transforms, strict=True) if t != "linear"
+        }
+        for name, values in self._named().items():
             bounds = (low[name], high[name])
-            ends = interval(
-                drawn[name], self.weight, value, bounds, logarithmic=name in BASE_NAMES[:2]
+            middle, *ends = summary(
+                values, self.weight, self.log_density, bounds, logarithmic=name in logarithmic
             )
-            found[name] = {"value": value, "low": ends[0], "high": ends[1]}
+            found[name] = {"value": middle, "low": ends[0], "high": ends[1]}
         return found
 
     @property
@@ -76,11 +78,14 @@ def sample(fitter: Fitter, fit: Fit, rng: np.random.Generator) -> Posterior:
     if not fitter.prepare(model, fit.u, slopes=True):
         return gaussian(fit)
     low, high = unknowns.bounds
-    space = AxisSpace(unknowns.names, tuple(low), tuple(high), (False,) * len(unknowns))
-    draws = follow_the_valley(
-        space, _Misfit(fitter, model), space.to_unit(fit.u)[None], rng, draws=_DRAWS
-    )
-    return Posterior(unknowns, fit.u, draws.parameters, draws.weight)
+    space = Space.box(unknowns.names, low.tolist(), high.tolist())
+    try:
+        draws = follow_the_valley(
+            space, _Misfit(fitter, model), space.to_unit(fit.u)[None], rng, draws=_DRAWS
+        )
+    except ValueError:  # nothing can be drawn about this minimum
+        return gaussian(fit)
+    return Posterior(unknowns, fit.u, draws.parameters, draws.weight, draws.log_target)
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +124,9 @@ def gaussian(fit: Fit) -> Posterior:
     u = fit.u + drawn @ _root(fit.information).T
     inside = u[((u >= low) & (u <= high)).all(axis=1)]
     u = inside if len(inside) else fit.u[None]
-    return Posterior(fit.unknowns, fit.u, u, np.full(len(u), 1.0 / len(u)))
+    off = u - fit.u
+    log_density = -0.5 * np.einsum("ni,ij,nj->n", off, fit.information, off)
+    return Posterior(fit.unknowns, fit.u, u, np.full(len(u), 1.0 / len(u)), log_density)
 
 
 def _root(information: Array) -> Array:

@@ -14,7 +14,8 @@ from skinlab.curves.curve import Curve
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.errors import InputError
 from skinlab.inference.batch import noise_from_repeats_um
-from skinlab.inference.noise import pressure_noise_mbar
+from skinlab.inference.noise import pressure_noise_mbar, roughness
+from skinlab.inference.samples import alike
 from skinlab.mechanics.fem.suction import Geometry
 
 Array = NDArray[np.float64]
@@ -23,7 +24,6 @@ _FEWEST = 20  # samples of a curve that can be looked at
 _WINDOW = 7  # samples over which the path of a measured pressure is smoothed, by parabolas
 _SMOOTHED = 0.58  # of the noise is left by that: sqrt(1/3)
 _AS_ASKED = 1.25  # a channel within so many times its noise of the program followed it
-_CORNER = 3.5  # robust standard deviations: more is a corner of the program, not noise
 _ROUNDING_UM = 0.3
 
 
@@ -97,7 +97,7 @@ def _record(curve: Curve, noise_um: float | None, pressure_noise: float | None) 
         path = PressurePath.of_samples(time, smooth, max(2.5 * _SMOOTHED * noise, 0.2))
     own = noise_um
     if own is None:
-        own = max(1e3 * _rough_um(curve), _ROUNDING_UM)
+        own = max(1e3 * roughness(curve.deflection_mm), _ROUNDING_UM)
     return Record(
         curve,
         Geometry(curve.setup.aperture_mm, curve.setup.thickness_mm),
@@ -109,19 +109,6 @@ def _record(curve: Curve, noise_um: float | None, pressure_noise: float | None) 
     )
 
 
-def _rough_um(curve: Curve) -> float:
-    """Return the roughness of the deflection in mm: fourth differences, without corners."""
-    w = curve.deflection_mm
-    bend = np.abs(w[2:-2] - (-w[:-4] + 4 * w[1:-3] + 4 * w[3:-1] - w[4:]) / 6.0)
-    scale = float(np.sqrt(1.0 + (1 + 16 + 16 + 1) / 36.0))
-    usual = float(np.median(bend)) / 0.6745
-    kept = bend[bend <= _CORNER * max(usual, 1e-9)]
-    return float(np.sqrt(np.mean(kept**2))) / scale
-
-
 def by_geometry(records: Sequence[Record]) -> list[list[int]]:
     """Return indices of the records by geometry, in the order in which these first occur."""
-    groups: dict[Geometry, list[int]] = {}
-    for i, record in enumerate(records):
-        groups.setdefault(record.geometry, []).append(i)
-    return list(groups.values())
+    return alike([record.geometry for record in records])

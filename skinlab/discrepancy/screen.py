@@ -1,8 +1,8 @@
 """A first look at every effect: how well its signature fits what is left.
 
 The signature of an effect is what a typical size of it changes in the curves, after projecting out
-what X1, X2 and ν (and the effects already there) can absorb: the score test. It costs a handful of
-finite-element solutions an effect, and no fit.
+what the law's parameters (and the effects already there) can absorb: the score test. It costs a
+handful of finite-element solutions an effect, and no fit.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from skinlab.discrepancy.unknowns import Axis
 Array = NDArray[np.float64]
 
 _SIZES = (0.3, 0.1, 0.03)  # of a typical one: about linear; the first that the skin bears
+NO_MODEL = "its model does not hold for these skins, even at 3 % of a typical size"
 _INVISIBLE = 1e-2  # standard deviations: a signature so small cannot be seen at all
 
 
@@ -67,7 +68,8 @@ def signature(fitter: Fitter, fit: Fit, effect: str) -> Signature | None:
     length = float(np.linalg.norm(direction))
     whole = float(np.linalg.norm(raw))
     if length < _INVISIBLE:
-        return Signature(effect, axes, direction, length, 0.0, 0.0, 1.0)
+        absorbed = 1.0 if whole > _INVISIBLE else 0.0
+        return Signature(effect, axes, direction, length, 0.0, 0.0, absorbed)
     amount = float(direction @ residual) / length**2
     low, high = axis.bounds
     amount = float(np.clip(amount, low, high))
@@ -78,10 +80,8 @@ def signature(fitter: Fitter, fit: Fit, effect: str) -> Signature | None:
 
 
 def _with_priors(fit: Fit) -> Array:
-    extra = np.zeros((len(fit.unknowns.axes), len(fit.u)))
-    for i, axis in enumerate(fit.unknowns.axes):
-        extra[i, 3 + i] = 1.0 / axis.prior[1]
-    return np.vstack([fit.jacobian, extra])[:, fit.free]  # what is at a bound absorbs nothing
+    priors = fit.unknowns.prior_slopes(fit.u)
+    return np.vstack([fit.jacobian, priors])[:, fit.free]  # what is at a bound absorbs nothing
 
 
 def alike(signatures: Mapping[str, Signature]) -> list[tuple[str, str]]:

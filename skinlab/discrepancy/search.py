@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import Executor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import product
 
 import numpy as np
@@ -19,13 +18,13 @@ from skinlab.discrepancy.search_workers import (
     fit_elsewhere,
     fit_from,
     fit_one,
-    pool_of,
     signature_of,
 )
-from skinlab.discrepancy.unknowns import Known, Unknowns
+from skinlab.discrepancy.unknowns import BasePrior, Known, Unknowns
 from skinlab.errors import NotTrustworthyError
-from skinlab.mechanics.effects.registry import effect_names
+from skinlab.mechanics.effects import effect_names
 from skinlab.mechanics.model_file import BASE, Model, Normal
+from skinlab.workers import Pool
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -47,10 +46,11 @@ _PARTNERS = 5  # of each of the best singles
 _LEADERS = 4
 _AGAIN = 2  # effects that explain nothing, but most, are fitted from elsewhere too
 _MEMBERS = 4  # of pairs that explain, to be tried alone
-_STARTS = tuple(
-    np.array(s)
-    for s in product((math.log(0.02), math.log(0.04), math.log(0.09)), (3.4, 5.0), (0.28, 0.42))
-)
+# Shares of the law's ranges from which the base model is fitted: of the scale, of other logarithms,
+# of what is none; and the middle, from which it is fitted with effects.
+_SCALES = (0.375803649418, 0.563705474127, 0.783536516671)
+_RATIOS, _VALUES = (0.538508052478, 0.749009372356), (0.275862068966, 0.758620689655)
+_MIDDLE = (0.563705474127, 0.617446047432, 0.448275862069)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,12 +82,32 @@ class Partial:
 
 def unknowns_of(model: Model) -> Unknowns:
     """Return the unknowns of a model, with what it says of its effects as their priors."""
-    known = []
+    known, space = [], model.space
     for name, ranges in model.effects.items():
         for parameter, at in ranges.items():
             sd = at.prior.sd if isinstance(at.prior, Normal) else 0.0
             known.append(Known(name, parameter, at.value, sd))
-    return Unknowns(tuple(sorted(model.effects)), model.model.kappa, tuple(known))
+    priors = tuple(
+        BasePrior(i, prior.mean, prior.sd)
+        for i, name in enumerate(space.names)
+        if isinstance(prior := model.prior(name), Normal)
+    )
+    return Unknowns(
+        tuple(sorted(model.effects)), model.model.kappa, tuple(known), model.model.law,
+        space if model.parameters else None, priors,
+    )  # fmt: skip
+
+
+def _starts(unknowns: Unknowns) -> tuple[list[Array], Array]:
+    """Return coordinates of the law's parameters to begin from, and their middle."""
+    space = unknowns.space
+    kinds = [
+        0 if i == space.scale else 1 if transform != "linear" else 2
+        for i, transform in enumerate(space.transforms)
+    ]
+    shares = [(_SCALES, _RATIOS, _VALUES)[kind] for kind in kinds]
+    middle = unknowns.at_share(np.array([_MIDDLE[kind] for kind in kinds]))
+    return [unknowns.at_share(np.array(share)) for share in product(*shares)], middle
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +118,7 @@ class Found:
     signatures: dict[str, Signature]  # of single effects at the base fit
     candidates: list[Candidate] = field(default_factory=list)  # the best first
     records: Sequence[Record] = ()  # what was explained
+    not_screened: dict[str, str] = field(default_factory=dict)  # effect -> why it was not
 
     @property
     def tie(self) -> float:
@@ -131,12 +152,13 @@ class Search:
             NotTrustworthyError: it has no answer at all for these curves.
         """
         unknowns = self._unknowns
-        plain = replace(unknowns, effects=(), known=())
-        fits = [f for f in (self._fitter.fit(plain, start) for start in _STARTS) if f is not None]
+        plain = unknowns.plain
+        begin, middle = _starts(unknowns)
+        fits = [f for f in (self._fitter.fit(plain, start) for start in begin) if f is not None]
         if self._own:
             # Finite elements cost more: from the best of the plain fits, and from the middle.
             fits.sort(key=lambda f: f.cost)
-            starts = [*(f.u for f in fits[:1]), np.array([math.log(0.04), 4.0, 0.33])]
+            starts = [*(f.u for f in fits[:1]), middle]
             found = (self._fitter.fit(unknowns, unknowns.start(start)) for start in starts)
             fits = [f for f in found if f is not None]
         if not fits:
@@ -145,13 +167,14 @@ class Search:
 
     def run(self) -> Found:
         """Return the base fit, the screen and the candidates."""
-        self._progress("fitting the model as it is")
-        base = self.base()
-        if self._partial is not None:
-            self._partial.base = base
-        with pool_of(self._fitter, self._workers) as pool:
+        # The processes start while the base model is fitted here
+        with Pool(self._workers, self._fitter) as pool:
+            self._progress("fitting the model as it is")
+            base = self.base()
+            if self._partial is not None:
+                self._partial.base = base
             self._progress(f"screening {len(self._library)} effects")
-            signatures = self._screen(pool, base.fit, self._library)
+            signatures, not_screened = self._screen(pool, base.fit, self._library)
             chosen = _worth(signatures.values())
             if not chosen and not base.adequate:  # how close the best comes is told all the same
                 chosen = sorted(signatures.values(), key=lambda s: -s.gain)[:2]
@@ -172,9 +195,10 @@ class Search:
                 named = {c.effects for c in candidates}
                 candidates += [c for c in singles if c.effects not in named]
         candidates.sort(key=lambda c: -c.log10_evidence)
-        return Found(base, signatures, candidates, self._fitter.records)
+        not_screened |= dict.fromkeys(self._own, "the model has it already")
+        return Found(base, signatures, candidates, self._fitter.records, not_screened)
 
-    def _singles(self, pool: Executor, base: Candidate, chosen: list[Signature]) -> list[Candidate]:
+    def _singles(self, pool: Pool, base: Candidate, chosen: list[Signature]) -> list[Candidate]:
         """Return fits of single effects: of the lesser ones only where the likely explain nothing.
 
         An effect of which the screen expects less than half of what another one, that explains the
@@ -189,7 +213,7 @@ class Search:
         return self._elsewhere(pool, base, chosen, found)
 
     def _elsewhere(
-        self, pool: Executor, base: Candidate, chosen: list[Signature], found: list[Candidate]
+        self, pool: Pool, base: Candidate, chosen: list[Signature], found: list[Candidate]
     ) -> list[Candidate]:
         """Return the fits, those that came nearest begun elsewhere as well, if that is better.
 
@@ -211,7 +235,7 @@ class Search:
         ]
 
     def _race(
-        self, pool: Executor, base: Candidate, tasks: Sequence[tuple[Fit, Signature]]
+        self, pool: Pool, base: Candidate, tasks: Sequence[tuple[Fit, Signature]]
     ) -> list[Candidate]:
         """Return fits: the two likeliest, then the others, which end early where those explain."""
         found = self._fits(pool, base, tasks[:2])
@@ -222,7 +246,7 @@ class Search:
         return found + self._fits(pool, base, tasks[2:], limit)
 
     def _pairs(
-        self, pool: Executor, base: Candidate, singles: list[Candidate], most: int, least: float
+        self, pool: Pool, base: Candidate, singles: list[Candidate], most: int, least: float
     ) -> list[Candidate]:
         """Return pairs of the best singles, at most so many, with partners that gain so much."""
         leaders = sorted(singles, key=lambda c: -c.log10_evidence)[:most]
@@ -231,7 +255,7 @@ class Search:
             mine = leader.effects[-1]
             self._progress(f"looking for a partner of {mine}")
             others = [n for n in self._library if n != mine]
-            found = self._screen(pool, leader.fit, others)
+            found, _ = self._screen(pool, leader.fit, others)
             for s in sorted(found.values(), key=lambda s: -s.gain)[:_PARTNERS]:
                 expected = leader.fit.cost - s.gain
                 names = frozenset((mine, s.effect))
@@ -247,9 +271,7 @@ class Search:
         )
         return self._race(pool, base, ranked)
 
-    def _members(
-        self, pool: Executor, base: Candidate, pairs: Sequence[Candidate]
-    ) -> list[Candidate]:
+    def _members(self, pool: Pool, base: Candidate, pairs: Sequence[Candidate]) -> list[Candidate]:
         """Return fits of the single effects of pairs that explain, begun where the pair ended.
 
         A strong effect changes the skin as well: from the base model's optimum its fit may not find
@@ -268,13 +290,21 @@ class Search:
         fits = [fit for fit in pool.map(fit_from, found) if fit is not None]
         return [c for c in (self._candidate(fit, base) for fit in fits) if c.adequate]
 
-    def _screen(self, pool: Executor, fit: Fit, names: Iterable[str]) -> dict[str, Signature]:
-        found = pool.map(signature_of, [(fit, name) for name in names])
-        return {s.effect: s for s in found if s is not None}
+    def _screen(
+        self, pool: Pool, fit: Fit, names: Sequence[str]
+    ) -> tuple[dict[str, Signature], dict[str, str]]:
+        """Return the effects' signatures, and why others have none."""
+        found = list(
+            zip(names, pool.map(signature_of, [(fit, name) for name in names]), strict=True)
+        )
+        return (
+            {name: s for name, s in found if isinstance(s, Signature)},
+            {name: why for name, why in found if isinstance(why, str)},
+        )
 
     def _fits(
         self,
-        pool: Executor,
+        pool: Pool,
         base: Candidate,
         tasks: Sequence[tuple[Fit, Signature]],
         limit: float = math.inf,

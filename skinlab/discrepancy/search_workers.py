@@ -1,58 +1,43 @@
-"""The pieces of a search that can be done side by side, in other processes.
+"""The pieces of a search that can be done side by side, in other processes (`skinlab.workers`).
 
-The fitter is theirs by inheritance, once; a task is what is new, and small.
+The fitter is their state, and goes to each process once; a task is what is new, and small.
 """
 
 from __future__ import annotations
-
-from collections.abc import Callable
-from concurrent.futures import Executor, ProcessPoolExecutor
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.discrepancy.fit import HOPELESS, Fit, Fitter
-from skinlab.discrepancy.screen import Signature, signature
+from skinlab.discrepancy.screen import NO_MODEL, Signature, signature
 from skinlab.discrepancy.unknowns import Unknowns
+from skinlab.mechanics.effects import EFFECTS
 
 Array = NDArray[np.float64]
 
 _SHARES = (0.7, 0.2, 1.5)  # of the size that is expected
-_ELSEWHERE = ((0.2, 0.0), (0.7, 1.0), (0.2, 1.0))  # share of the expected size; more log X2/X1
-
-_mine: dict[str, Fitter] = {}
+_ELSEWHERE = ((0.2, 0.0), (0.7, 1.0), (0.2, 1.0))  # share of the expected size; more log ratios
 
 
-def _take(fitter: Fitter) -> None:
-    _mine["fitter"] = fitter
+def signature_of(fitter: Fitter, task: tuple[Fit, str]) -> Signature | str:
+    """Return the signature of an effect at a fit, or why there is none.
+
+    An installed effect that breaks down has none; the others are still looked at.
+    """
+    fit, effect = task
+    try:
+        found = signature(fitter, fit, effect)
+    except Exception as error:
+        origin = EFFECTS.origin(effect)
+        if origin is None:
+            raise
+        return f"plugin {origin.distribution} broke down: {type(error).__name__}: {error}"
+    return NO_MODEL if found is None else found
 
 
-class _Here(Executor):
-    """Does the work in this process."""
-
-    def __init__(self, fitter: Fitter) -> None:
-        _take(fitter)
-
-    def map(self, fn: Callable[..., Any], *iterables: Any, **_: Any) -> Any:
-        return map(fn, *iterables)
-
-
-def pool_of(fitter: Fitter, workers: int) -> Executor:
-    """Return where tasks are done: here, or in so many processes."""
-    if workers == 1:
-        return _Here(fitter)
-    return ProcessPoolExecutor(workers, initializer=_take, initargs=(fitter,))
-
-
-def signature_of(task: tuple[Fit, str]) -> Signature | None:
-    """Return the signature of an effect at a fit."""
-    return signature(_mine["fitter"], *task)
-
-
-def fit_from(task: tuple[Unknowns, Array]) -> Fit | None:
+def fit_from(fitter: Fitter, task: tuple[Unknowns, Array]) -> Fit | None:
     """Return a fit from a start (k,)."""
-    return _mine["fitter"].fit(*task)
+    return fitter.fit(*task)
 
 
 def _start(
@@ -70,14 +55,16 @@ def _start(
     ]
     low, high = unknowns.bounds
     start = np.concatenate([fit.u, own])
-    start[1] += stiffer
+    space = unknowns.space
+    for i, transform in enumerate(space.transforms):
+        if i != space.scale and transform != "linear":  # of how it stiffens, not how stiff it is
+            start[i] += stiffer
     return np.asarray(np.clip(start, low, high))
 
 
-def fit_elsewhere(task: tuple[Fit, Signature]) -> Fit | None:
+def fit_elsewhere(fitter: Fitter, task: tuple[Fit, Signature]) -> Fit | None:
     """Return the best fit with one more effect from the starts that `fit_one` does not take."""
     fit, seen = task
-    fitter = _mine["fitter"]
     unknowns = fit.unknowns.with_effect(seen.effect)
     best: Fit | None = None
     for share, stiffer in _ELSEWHERE:
@@ -89,10 +76,9 @@ def fit_elsewhere(task: tuple[Fit, Signature]) -> Fit | None:
     return best
 
 
-def fit_one(task: tuple[Fit, Signature, float]) -> Fit | None:
+def fit_one(fitter: Fitter, task: tuple[Fit, Signature, float]) -> Fit | None:
     """Return a fit with one more effect, from the size that the screen expects, or others."""
     fit, seen, limit = task
-    fitter = _mine["fitter"]
     unknowns = fit.unknowns.with_effect(seen.effect)
     best: Fit | None = None
     for share in _SHARES:

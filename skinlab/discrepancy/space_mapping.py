@@ -26,7 +26,6 @@ from skinlab.mechanics.fem.suction import MESH_OF_RECORD, Discretisation, Geomet
 Array = NDArray[np.float64]
 
 _RATIO_NODES = 40
-_STEP = np.array([0.05, 0.1, 0.02])  # of log X1, log X2/X1 and ν, for differences
 _EFFECT_STEP = 0.15  # of an effect's unknown
 _LEAST_HELD = 0.7  # of the suction that is needed: a skin that creases before has no answer
 _TREND = 5  # nodes from which a correction goes on beyond
@@ -224,16 +223,17 @@ class MappedModel:
         slopes = np.zeros((len(nodes), len(u)))
         base = self._problems(u)
         high = self.unknowns.bounds[1]
+        steps, count = self.unknowns.steps, self.unknowns.count
         for j in range(len(u)):
-            step = float(_STEP[j]) if j < 3 else _EFFECT_STEP
+            step = float(steps[j]) if j < count else _EFFECT_STEP
             moved = u.copy()
             moved[j] += step if u[j] + step <= high[j] else -step
             problems = self._problems(moved)
             if problems is None or base is None:
                 continue
-            if j >= 3 and problems[key][0] == base[key][0]:
+            if j >= count and problems[key][0] == base[key][0]:
                 continue  # this unknown leaves the solid alone
-            if j >= 3 and _same_features(problems[key][0], base[key][0]):
+            if j >= count and _same_features(problems[key][0], base[key][0]):
                 continue
             ratio = self._ratio(problems[key][0], key[0], nodes)
             if ratio is not None:

@@ -27,8 +27,7 @@ from skinlab.errors import NotTrustworthyError
 from skinlab.mechanics.fem.skin import Prony, SkinProblem
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.mechanics.materials.compressibility import KappaConvention
-from skinlab.tables.dimensionless import DimensionlessTable
-from skinlab.tables.dimensionless_model import DimensionlessModel
+from skinlab.tables.base import CurveModel, Database
 
 Array = NDArray[np.float64]
 
@@ -64,7 +63,7 @@ class Dome:
 class _Tabulated:
     """The database at a geometry, at the nodes of a spline in arsinh(p / scale)."""
 
-    model: DimensionlessModel
+    model: CurveModel
     nodes: Array
     scale: float
     spline_of: Array  # (4, n − 1, n): the spline's coefficients, of values at the nodes
@@ -83,14 +82,13 @@ class _Tabulated:
 
 
 def _tabulate(
-    database: DimensionlessTable, geometry: Geometry, top_mbar: float, kappa: str, sd_mm: float
+    database: Database, geometry: Geometry, top_mbar: float, kappa: KappaConvention, sd_mm: float
 ) -> _Tabulated:
     scale = top_mbar / 40.0
     low, high = math.asinh(-_BELOW_MBAR / scale), math.asinh(top_mbar / scale)
     nodes = np.linspace(low, high, _NODES)
     pressure = scale * np.sinh(nodes)
-    convention: KappaConvention = "consistent" if kappa == "consistent" else "paper"
-    model = database.model(geometry, pressure, convention, sd_mm)
+    model = database.model(geometry, pressure, kappa, sd_mm)
     return _Tabulated(model, nodes, scale, CubicSpline(nodes, np.eye(_NODES)).c)
 
 
@@ -101,7 +99,7 @@ _any_thickness = lru_cache(maxsize=16)(_tabulate)  # 75 MB each
 class TableDomes:
     """Domes from the dimensionless table: any stiffness, any thickness near the stated one."""
 
-    def __init__(self, database: DimensionlessTable) -> None:
+    def __init__(self, database: Database) -> None:
         """Keep the database; models are made when first asked for, and kept."""
         self._database = database
 
@@ -112,13 +110,12 @@ class TableDomes:
         """
         ratio = problem.geometry.thickness_mm / stated.thickness_mm
         free = abs(ratio - 1.0) > 1e-12
-        at = [problem.X1_MPa, problem.X2_MPa, problem.nu] + ([ratio] if free else [])
-        parameters = np.array([at])
+        parameters = np.array([[*problem.skin.values, *([ratio] if free else [])]])
         tabulated = _any_thickness if free else _plain
         sd_mm = _RATIO_SD * stated.thickness_mm if free else 0.0
         top = _TOPS[min(bisect_left(_TOPS, top_mbar), len(_TOPS) - 1)]
         try:
-            found = tabulated(self._database, stated, top, problem.kappa, sd_mm)
+            found = tabulated(self._database, stated, top, problem.skin.kappa, sd_mm)
         except NotTrustworthyError:
             return None
         return found.dome(parameters, _LEAST_REACH * min(top_mbar, top))

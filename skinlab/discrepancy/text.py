@@ -5,11 +5,11 @@ from __future__ import annotations
 from skinlab.discrepancy.adequacy import ADEQUATE, Place
 from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.search import Candidate, Partial
-from skinlab.discrepancy.unknowns import BASE_NAMES
-from skinlab.mechanics.effects.registry import get_effect
+from skinlab.mechanics.effects import get_effect
+from skinlab.mechanics.names import is_effects, plain
+from skinlab.text import inert
 
 _SHOWN = 5
-_LABEL = {"X1_MPa": "X1 (MPa)", "X2_MPa": "X2 (MPa)", "nu": "nu"}
 
 
 def verdict_words(outcome: Outcome) -> str:
@@ -44,7 +44,7 @@ def where_words(place: Place) -> str:
     low, high = place.pressure_mbar
     begin, end = place.time_s
     return (
-        f"{place.file}, {place.phase}, {low:.0f}–{high:.0f} mbar, {begin:.1f}–{end:.1f} s: "
+        f"{inert(place.file)}, {place.phase}, {low:.0f}–{high:.0f} mbar, {begin:.1f}–{end:.1f} s: "
         f"{place.mean_um:+.1f} µm on average (noise {place.noise_um:.1f} µm a sample, "
         f"p = {place.p_value:.1g})"
     )
@@ -54,8 +54,15 @@ def parameter_rows(outcome: Outcome) -> list[tuple[str, str, str]]:
     """Return rows (name, before, after) with 90 % intervals."""
     before, after = outcome.parameters(outcome.found.base), outcome.parameters(outcome.best)
     rows = []
-    for name in [*BASE_NAMES, *(n for n in after if n not in BASE_NAMES)]:
-        rows.append((_LABEL.get(name, name), _value(before.get(name)), _value(after.get(name))))
+    for name in sorted({**before, **after}, key=is_effects):  # the law's first
+        label, unit = plain(name)
+        rows.append(
+            (
+                f"{label} ({unit})" if unit else label,
+                _value(before.get(name)),
+                _value(after.get(name)),
+            )
+        )
     return rows
 
 
@@ -86,6 +93,22 @@ def next_words(outcome: Outcome) -> list[str]:
     ]
 
 
+def limits_words(outcome: Outcome) -> list[str]:
+    """Return which effects these data could have shown, and which not: the whole library."""
+    lines = []
+    for heading, entries in (
+        (
+            "Smallest sizes that these data could have shown:",
+            [f"{name} {size:.3g}" for name, size in outcome.detectable.items()],
+        ),
+        ("These data cannot show:", [f"{n}: {w}" for n, w in outcome.cannot_show.items()]),
+        ("Not looked for:", [f"{n}: {w}" for n, w in outcome.not_screened.items()]),
+    ):
+        if entries:
+            lines += [heading, *(f"  {entry}" for entry in entries)]
+    return lines
+
+
 def describe(outcome: Outcome) -> str:
     """Return the whole text."""
     own = set(outcome.found.base.effects)
@@ -101,14 +124,7 @@ def describe(outcome: Outcome) -> str:
             lines.append(f"  {_name(c, own):<40} {c.log10_evidence - best:10.1f}  {fits}")
     lines.append(f"{'':12}{'before':>30}{'after':>34}")
     lines += [f"  {n:<28}{b:<32}{a}" for n, b, a in parameter_rows(outcome)]
-    if outcome.verdict.name == "none":
-        lines.append("Smallest sizes that these data could have shown:")
-        lines += [f"  {n} {v:.3g}" for n, v in outcome.detectable.items()]
-        hidden = sorted(
-            set(outcome.found.signatures) - {n.split(".")[0] for n in outcome.detectable}
-        )
-        if hidden:
-            lines.append(f"These data cannot show: {', '.join(hidden)}.")
+    lines += limits_words(outcome)
     if outcome.alike:
         pairs = "; ".join(f"{a} and {b}" for a, b in outcome.alike)
         lines.append(f"With these measurements nobody could tell apart: {pairs}.")

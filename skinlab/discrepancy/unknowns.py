@@ -10,17 +10,14 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.mechanics.effects.base import Parameter
-from skinlab.mechanics.effects.model import Skin
-from skinlab.mechanics.effects.registry import get_effect
+from skinlab.mechanics.effects import get_effect
+from skinlab.mechanics.fem.skin import Skin
+from skinlab.mechanics.materials import DEFAULT_LAW, get_law
 from skinlab.mechanics.materials.compressibility import KappaConvention
+from skinlab.parameters import Parameter, Search, Space
 
 Array = NDArray[np.float64]
 Values = dict[str, dict[str, float]]
-
-# Ranges of log X1 (MPa), log X2/X1 and ν: those of the shipped database.
-BASE_RANGES = ((math.log(0.005), math.log(0.2)), (math.log(0.5), math.log(1000.0)), (0.2, 0.49))
-BASE_NAMES = ("X1_MPa", "X2_MPa", "nu")
 
 _SIZES = 3.0  # a prior's standard deviation, in sizes that are seen in practice
 _DECADES = 0.8  # the same for a parameter that has no zero, in decades
@@ -97,12 +94,39 @@ class Known:
 
 
 @dataclass(frozen=True)
+class BasePrior:
+    """What a model says of one of the law's parameters: a normal prior of its value."""
+
+    index: int
+    mean: float
+    sd: float
+
+
+@dataclass(frozen=True)
 class Unknowns:
-    """(log X1, log X2/X1, ν) and the axes of the effects."""
+    """The law's parameters, in the coordinates of their space, and the axes of the effects."""
 
     effects: tuple[str, ...]
     kappa: KappaConvention = "paper"
     known: tuple[Known, ...] = ()  # what a model says of its own effects' parameters
+    law: str = DEFAULT_LAW
+    base_space: Space | None = None  # of a model that bounds the law's parameters; None: the law's
+    base_priors: tuple[BasePrior, ...] = ()
+
+    @cached_property
+    def space(self) -> Space:
+        """Where the law's parameters are looked for."""
+        return get_law(self.law).space if self.base_space is None else self.base_space
+
+    @property
+    def base_names(self) -> tuple[str, ...]:
+        """Names of the law's parameters."""
+        return self.space.names
+
+    @cached_property
+    def count(self) -> int:
+        """Number of the law's parameters; the axes' follow them."""
+        return len(self.space)
 
     @cached_property
     def axes(self) -> tuple[Axis, ...]:
@@ -120,23 +144,63 @@ class Unknowns:
         return replace(self, effects=(*self.effects, name))
 
     @property
+    def plain(self) -> Unknowns:
+        """These without any effect."""
+        return replace(self, effects=(), known=())
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Names, in order."""
-        return (*BASE_NAMES, *(a.name for a in self.axes))
+        return (*self.base_names, *(a.name for a in self.axes))
 
     def __len__(self) -> int:
-        return 3 + len(self.axes)
+        return self.count + len(self.axes)
 
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
         """Lower and upper bounds (k,)."""
-        pairs = [*BASE_RANGES, *(a.bounds for a in self.axes)]
-        return np.array([p[0] for p in pairs]), np.array([p[1] for p in pairs])
+        low, high = self.space.ends
+        pairs = [a.bounds for a in self.axes]
+        return (
+            np.concatenate([low, [p[0] for p in pairs]]),
+            np.concatenate([high, [p[1] for p in pairs]]),
+        )
+
+    @cached_property
+    def _searches(self) -> tuple[Search, ...]:
+        """Where the law's parameters are looked for, in the coordinates of `space`."""
+        space, found = self.space, []
+        for own, low, high, transform in zip(
+            get_law(self.law).search, space.low, space.high, space.transforms, strict=True
+        ):
+            same = own.transform == transform or {own.transform, transform} == {"log", "ratio"}
+            lengths = (own.step, own.reach) if same else (None, None)
+            found.append(Search(low, high, transform, *lengths))
+        return tuple(found)
+
+    @property
+    def steps(self) -> Array:
+        """Steps (count,) of the law's coordinates, that show how curves change."""
+        return np.array([s.lengths[0] for s in self._searches])
+
+    @property
+    def reaches(self) -> Array:
+        """How far (count,) a linear picture in the law's coordinates is trusted."""
+        return np.array([s.lengths[1] for s in self._searches])
+
+    def at_share(self, shares: Array) -> Array:
+        """Return coordinates (count,) of the law's parameters at shares of their ranges."""
+        low, high = self.space.ends
+        return np.asarray(low + shares * (high - low))
+
+    def base(self, u: Array) -> dict[str, float]:
+        """Return the law's parameters by name."""
+        values = self.space.from_coordinates(u[: self.count])
+        return {n: float(v) for n, v in zip(self.base_names, values, strict=True)}
 
     def skin(self, u: Array) -> Skin:
-        """Return the base law's parameters."""
-        x1 = math.exp(u[0])
-        return Skin(x1, x1 * math.exp(u[1]), float(u[2]), self.kappa)
+        """Return the law's parameters as a skin."""
+        return Skin(tuple(self.base(u).values()), self.kappa, self.law)
 
     def values(self, u: Array) -> Values:
         """Return the effects' parameters."""
@@ -144,15 +208,14 @@ class Unknowns:
         for known in self.known:
             if known.effect in found:
                 found[known.effect][known.parameter] = known.value
-        for axis, value in zip(self.axes, u[3:], strict=True):
+        for axis, value in zip(self.axes, u[self.count :], strict=True):
             found[axis.effect][axis.parameter.name] = axis.to_value(float(value))
         return found
 
     def named(self, u: Array) -> dict[str, float]:
         """Return all parameters by name."""
-        skin = self.skin(u)
-        found = {"X1_MPa": skin.X1_MPa, "X2_MPa": skin.X2_MPa, "nu": skin.nu}
-        return found | {a.name: a.to_value(float(v)) for a, v in zip(self.axes, u[3:], strict=True)}
+        effects = zip(self.axes, u[self.count :], strict=True)
+        return self.base(u) | {a.name: a.to_value(float(v)) for a, v in effects}
 
     def start(self, base: Array, sizes: Mapping[str, float] | None = None) -> Array:
         """Return unknowns with the effects at their typical size, or at `sizes` times it."""
@@ -165,29 +228,57 @@ class Unknowns:
             for a in self.axes
         ]
         low, high = self.bounds
-        return np.asarray(np.clip(np.concatenate([base[:3], effects]), low, high))
+        return np.asarray(np.clip(np.concatenate([base[: self.count], effects]), low, high))
 
     def among(self, more: Unknowns, u: Array) -> Array:
         """Return these unknowns (k,) out of the values of `more`, which has them all."""
         at = {name: i for i, name in enumerate(more.names)}
         return u[[at[name] for name in self.names]]
 
-    def prior_rows(self, u: Array) -> Array:
-        """Return the Gaussian priors' deviations (axes,), to be squared."""
-        return np.array(
-            [(v - a.prior[0]) / a.prior[1] for a, v in zip(self.axes, u[3:], strict=True)]
-        )
+    # ---- priors ----
 
-    def information(self, jacobian: Array) -> Array:
-        """Return JᵀJ of whitened residuals (n, k), with the priors: (k, k)."""
-        flat = [12.0 / (high - low) ** 2 for low, high in BASE_RANGES]
-        gauss = [1.0 / axis.prior[1] ** 2 for axis in self.axes]
-        return np.asarray(jacobian.T @ jacobian + np.diag([*flat, *gauss]))
+    def prior_rows(self, u: Array) -> Array:
+        """Return the Gaussian priors' deviations (priors,), to be squared."""
+        axes = [
+            (v - a.prior[0]) / a.prior[1] for a, v in zip(self.axes, u[self.count :], strict=True)
+        ]
+        if not self.base_priors:
+            return np.array(axes)
+        values = self.space.from_coordinates(u[: self.count])
+        return np.array(axes + [(values[p.index] - p.mean) / p.sd for p in self.base_priors])
+
+    def prior_slopes(self, u: Array) -> Array:
+        """Return the derivatives (priors, k) of `prior_rows`."""
+        slopes = np.zeros((len(self.axes) + len(self.base_priors), len(self)))
+        for i, axis in enumerate(self.axes):
+            slopes[i, self.count + i] = 1.0 / axis.prior[1]
+        if self.base_priors:
+            at, space = u[: self.count], self.space
+            values = space.from_coordinates(at)
+            for i, prior in enumerate(self.base_priors, start=len(self.axes)):
+                value, kind = values[prior.index], space.transforms[prior.index]
+                slopes[i, prior.index] = (1.0 if kind == "linear" else value) / prior.sd
+                if kind == "ratio":  # the value rises with the scale as well
+                    slopes[i, space.scale] += value / prior.sd
+        return slopes
+
+    def information(self, jacobian: Array, u: Array) -> Array:
+        """Return JᵀJ of whitened residuals (n, k) at u, with the priors: (k, k)."""
+        low, high = self.space.ends
+        flat = np.concatenate([12.0 / (high - low) ** 2, np.zeros(len(self.axes))])
+        for prior in self.base_priors:  # the Gaussian says all that there is
+            flat[prior.index] = 0.0
+        slopes = self.prior_slopes(u)
+        return np.asarray(jacobian.T @ jacobian + np.diag(flat) + slopes.T @ slopes)
 
     @property
     def log_prior_volume(self) -> float:
-        """Return the log of the normalisation of all priors: flat ranges, Gaussians."""
-        flat = sum(math.log(high - low) for low, high in BASE_RANGES)
+        """Return the log of the normalisation of all priors: flat ranges, Gaussians.
+
+        A model's own priors of the law's parameters are common to all its explanations: left out.
+        """
+        low, high = self.space.ends
+        flat = float(np.log(high - low).sum())
         gauss = sum(
             math.log(a.prior[1])
             + 0.5 * math.log(2 * math.pi)

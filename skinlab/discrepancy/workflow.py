@@ -18,8 +18,10 @@ from skinlab.discrepancy.screen import alike
 from skinlab.discrepancy.search import Partial, Search
 from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.discrepancy.verdict import decide
+from skinlab.errors import InputError
 from skinlab.mechanics.model_file import BASE, Model
-from skinlab.tables.dimensionless import DimensionlessTable
+from skinlab.tables.base import Database
+from skinlab.tables.forward import check_law_of
 
 __all__ = ["Partial", "explain"]
 
@@ -28,7 +30,7 @@ _MOST_TIED = 4  # explanations that a next measurement is looked for
 
 def explain(
     campaign: Campaign,
-    database: DimensionlessTable,
+    database: Database,
     *,
     model: Model = BASE,
     workers: int = 1,
@@ -44,9 +46,12 @@ def explain(
     answer is the same for any number of workers; `seed` is that of the draws from the posterior.
 
     Raises:
-        InputError: a curve is too short.
+        InputError: a curve is too short, the database is of another law, or of one opening only.
         NotTrustworthyError: the model has no answer for these curves at all.
     """
+    check_law_of(database, model.model.law)
+    if database.fixed_geometry is not None:
+        raise InputError("a missing effect is looked for with a dimensionless database")
     records = records_of(campaign)
     fitter = Fitter(
         records, errors_of(records), TableDomes(database), finite_elements=finite_elements

@@ -1,12 +1,14 @@
 """Codes and units of what is measured: UCUM units, and a code system of our own.
 
 No public code system has the parameters of a suction law or the Cutometer's numbers;
-docs/exchange.md lists these. A parameter that a plugin's law adds gets its name as its code.
+docs/exchange.md lists these. A parameter's code is its name; law or effect declare its meaning.
 """
 
 from __future__ import annotations
 
 from skinlab.curves.cutometer import FORMULAS
+from skinlab.mechanics.materials.base import KAPPA, NU_CONSISTENT
+from skinlab.mechanics.names import parameter_of
 
 SYSTEM = "urn:x-skinlab:codes"
 INTERVAL = "urn:x-skinlab:interval-90"
@@ -19,10 +21,8 @@ CODES: dict[str, tuple[str, str]] = {  # code: (words, UCUM unit)
     "deflection": ("Height of the dome's apex", "mm"),
     "aperture": ("Diameter of the probe's opening", "mm"),
     "thickness": ("Thickness of the skin, epidermis and dermis", "mm"),
-    "X1_MPa": ("Stiffness at small stretch, X1", "MPa"),
-    "X2_MPa": ("Stiffness at large stretch, X2", "MPa"),
-    "nu": ("Poisson's ratio as the law defines it", "1"),
-    "kappa_MPa": ("Resistance to a change of volume", "MPa"),
+    KAPPA: ("Resistance to a change of volume", "MPa"),
+    NU_CONSISTENT: ("Poisson's ratio of linear elasticity at rest", "1"),
     "rms_um": ("Root mean square residual of the fit", "um"),
     "noise_um": ("Standard deviation of one deflection sample", "um"),
     **{
@@ -39,6 +39,8 @@ def unit_of(name: str) -> str:
     """Return the UCUM unit of a quantity by its name, which carries it."""
     if name in CODES:
         return CODES[name][1]
+    if (declared := parameter_of(name)) is not None:
+        return declared.unit or "1"
     for ending, unit in (*_ENDINGS, *_MORE_ENDINGS):
         if name.endswith(ending):
             return unit
@@ -47,4 +49,9 @@ def unit_of(name: str) -> str:
 
 def words_of(name: str) -> str:
     """Return what a code means."""
-    return CODES[name][0] if name in CODES else f"Parameter {name} of the law"
+    if name in CODES:
+        return CODES[name][0]
+    declared = parameter_of(name)
+    if declared is None:
+        return f"Parameter {name} of the law"
+    return f"{declared.label}: {declared.meaning}"

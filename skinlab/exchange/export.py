@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from skinlab.curves.curve import Curve
 from skinlab.errors import InputError
+from skinlab.io.documents import toml_text
+from skinlab.io.files import write_file
+from skinlab.mechanics.names import of_law
 from skinlab.recording.session import Session
 from skinlab.recording.stream import setup_to_json
+from skinlab.text import csv_cell, inert, json_text
 
 SCHEMA = "skinlab.export/1"
-
-_PARAMETERS = ("X1_MPa", "X2_MPa", "nu")
 
 
 def to_json(session: Session) -> dict[str, str]:
@@ -36,7 +37,7 @@ def to_json(session: Session) -> dict[str, str]:
         for curve, result in zip(session.curves, session.results, strict=True)
     ]
     whole = {"schema": SCHEMA, "meta": session.meta, "curves": curves}
-    return {"session.json": json.dumps(whole, indent=1, allow_nan=False, ensure_ascii=False) + "\n"}
+    return {"session.json": json_text(whole) + "\n"}
 
 
 def to_csv(session: Session) -> dict[str, str]:
@@ -86,15 +87,8 @@ def write_new(folder: Path, files: Mapping[str, bytes]) -> list[Path]:
         InputError: one of them exists already, or cannot be written.
     """
     check_free(folder, files)
-    path = folder
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for name, content in files.items():
-            path = folder / name
-            path.touch(mode=0o600, exist_ok=False)  # about a person: for its owner only
-            path.write_bytes(content)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
+    for name, content in files.items():
+        write_file(folder / name, content)
     return [folder / name for name in files]
 
 
@@ -117,9 +111,11 @@ def _curve_csv(curve: Curve) -> str:
 
 def _overview(session: Session) -> str:
     setup_columns = ("aperture_mm", "thickness_mm", "thickness_sd_mm", "program", "cycle", "repeat")
+    results = [result or {} for result in session.results]
+    names = of_law(result.get("parameters") or () for result in results)
     header = (
         "file", "name", "samples", "partial", *setup_columns,
-        *(f"{name}{end}" for name in _PARAMETERS for end in ("", "_low", "_high")),
+        *(f"{name}{end}" for name in names for end in ("", "_low", "_high")),
         "error_um", "rms_um", "flags", "not_identified",
     )  # fmt: skip
     rows: list[Any] = [header]
@@ -131,7 +127,7 @@ def _overview(session: Session) -> str:
         values = found.get("parameters") or {}
         row = [_file(number), curve.name, len(curve), str(curve.partial).lower()]
         row += [setup[name] for name in setup_columns]
-        for name in _PARAMETERS:
+        for name in names:
             row += [values.get(name, {}).get(key) for key in ("value", "low", "high")]
         row += [found.get("error_um"), found.get("rms_um"), " ".join(found.get("flags") or [])]
         rows.append([*row, found.get("error")])
@@ -140,18 +136,17 @@ def _overview(session: Session) -> str:
 
 def _csv(rows: list[Any]) -> str:
     text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows(rows)
+    csv.writer(text, lineterminator="\n").writerows([csv_cell(c) for c in row] for row in rows)
     return text.getvalue()
 
 
 def _campaign(session: Session) -> str:
-    lines = [
-        "[campaign]",
-        f"title = {json.dumps(str(session.meta.get('site') or 'exported'), ensure_ascii=False)}",
-    ]
-    for number, curve in enumerate(session.curves, start=1):
-        lines += ["", "[[curve]]", f"file = {json.dumps(_file(number))}"]
-        for name, value in setup_to_json(curve.setup).items():
-            if value is not None:
-                lines.append(f"{name} = {json.dumps(value)}")
-    return "\n".join(lines) + "\n"
+    return toml_text(
+        {
+            "campaign": {"title": inert(str(session.meta.get("site") or "exported"))},
+            "curve": [
+                {"file": _file(number)} | setup_to_json(curve.setup)
+                for number, curve in enumerate(session.curves, start=1)
+            ],
+        }
+    )

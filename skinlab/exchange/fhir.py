@@ -21,6 +21,7 @@ from skinlab.curves.curve import Curve
 from skinlab.curves.cutometer import step_numbers
 from skinlab.errors import InputError
 from skinlab.exchange.codes import CODES, INTERVAL, SYSTEM, UCUM, unit_of, words_of
+from skinlab.mechanics.materials.base import KAPPA, NU_CONSISTENT
 from skinlab.recording.audit import entries
 from skinlab.recording.session import Session, content_hash
 
@@ -112,7 +113,7 @@ def _observation(
     found = result or {}
     for name, value in (found.get("parameters") or {}).items():
         components.append(_component(name, value["value"], value.get("low"), value.get("high")))
-    for name in ("kappa_MPa", "rms_um", "noise_um"):
+    for name in (NU_CONSISTENT, KAPPA, "rms_um", "noise_um"):
         if found.get(name) is not None:
             components.append(_component(name, found[name]))
     components += [_component(name, value) for name, value in _steps(curve).items()]

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from skinlab.curves.program import parse_program
 from skinlab.errors import NotTrustworthyError
-from skinlab.inference.noise import MESH_REST, Whitening, mesh_error_shapes, slope_mm_per_mbar
+from skinlab.inference.covariance import independent
+from skinlab.inference.noise import MESH_REST, mesh_error_shapes, slope_mm_per_mbar
 from skinlab.inference.optimise import unit_slopes
 from skinlab.inference.problem import LeastSquares
 from skinlab.inference.result import Advice
@@ -65,6 +66,7 @@ def advise(
     turn = unit_slopes(space, unit)  # (draws, p, k)
     now = _information(known.parts, parameters, turn) + _FLAT_PRECISION * np.eye(unit.shape[1])
     found: list[tuple[float, Advice]] = []
+    noise = max(known.errors.noise_um, _LEAST_NOISE_UM)
     for aperture, top in product(menu.apertures_mm, menu.pressures_mbar):
         pressure = np.linspace(0.0, top, _POINTS)
         sd = known.relative_thickness_sd * thickness_mm
@@ -78,14 +80,14 @@ def advise(
         if 2 * len(held) < _DRAWS:
             continue
         middle = curves[held[len(held) // 2]]
-        sigma = np.hypot(1e-3 * max(known.noise_um, _LEAST_NOISE_UM), MESH_REST * middle)
+        sigma = np.hypot(1e-3 * noise, MESH_REST * middle)
         sigma = np.hypot(sigma, pressure_noise_mbar * slope_mm_per_mbar(pressure, middle))
         shapes = mesh_error_shapes(pressure, middle)
         for rate in menu.rates_mbar_per_s:
             program = parse_program(f"ramp:{top:g}@{rate:g}")
             # A slow ramp has more samples: the few that stand for them are as much surer.
             fewer = np.sqrt(_POINTS / (program.duration_s * menu.sampling_hz + 1.0))
-            misfit = model.misfit(middle, Whitening(fewer * sigma, shapes))
+            misfit = model.misfit(middle, independent(fewer * sigma, shapes))
             more = _information([misfit], parameters[held], turn[held])
             ratios = np.median(_ratios(now[held], more, turn[held]), axis=0)
             narrows = dict(zip(known.names, ratios.tolist(), strict=False))

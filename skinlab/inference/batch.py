@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from itertools import pairwise
 
@@ -13,7 +12,7 @@ from skinlab.curves.curve import Curve
 from skinlab.inference.identify import Identifier
 from skinlab.inference.noise import roughness
 from skinlab.inference.result import Identification
-from skinlab.inference.uncertainty import Sensor
+from skinlab.workers import Pool
 
 _FEWEST_SAMPLES = 20
 
@@ -35,7 +34,8 @@ def with_stated_noise(
     deflection = noise_um if sensor.noise_um is None else sensor.noise_um
     if deflection is None:
         deflection = noise_from_repeats_um(curves, identifier.phases)
-    return replace(identifier, sensor=Sensor(deflection, pressure))
+    known = replace(sensor, noise_um=deflection, pressure_noise_mbar=pressure)
+    return replace(identifier, sensor=known)
 
 
 def noise_from_repeats_um(
@@ -86,7 +86,9 @@ def identify_all(
     identifier: Identifier, curves: Sequence[Curve], workers: int = 1
 ) -> list[Identification]:
     """Return the answers in the order of the curves, the same bits for any number of workers."""
-    if workers == 1 or len(curves) < 2:
-        return [identifier(curve) for curve in curves]
-    with ProcessPoolExecutor(min(workers, len(curves))) as pool:
-        return list(pool.map(identifier, curves))
+    with Pool(min(workers, len(curves)), identifier) as pool:
+        return list(pool.map(_identify, curves))
+
+
+def _identify(identifier: Identifier, curve: Curve) -> Identification:
+    return identifier(curve)

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from skinlab.errors import InputError
-from skinlab.inference.joint import GaussianPrior, JointMisfit
+from skinlab.inference.joint import JointMisfit
 from skinlab.inference.optimise import polish
 from skinlab.inference.result import Identification, Value
+from skinlab.mechanics.names import plain
 
 Array = NDArray[np.float64]
 
@@ -135,8 +136,7 @@ def _one_skin(before: Identification, after: Identification) -> float | None:
     """Return the probability of so much more misfit of one skin to both than of two skins.
 
     Twice the logarithm of a likelihood ratio is distributed as chi-square with as many degrees of
-    freedom as there are unknowns (Wilks 1938). Where the misfits are more than noise explains, they
-    are scaled as the intervals are.
+    freedom as there are unknowns (Wilks 1938).
     """
     a, b = before.uncertainty, after.uncertainty
     assert a is not None
@@ -145,27 +145,19 @@ def _one_skin(before: Identification, after: Identification) -> float | None:
         return None
     # The stated thickness' uncertainty counts once for each: one skin may have been restated.
     parts = (*a.parts, *b.parts)
-    scale = 1.0
     apart = 0.0
     starts = []
-    for answer, left in ((before, a), (after, b)):
+    for left in (a, b):
         heavy = np.argsort(-left.draws.weight)[:_STARTS]
         starts.append(left.draws.unit[heavy])
         least = _least(left.space, JointMisfit(left.parts), starts[-1])
         apart += least
-        data = sum(not isinstance(part, GaussianPrior) for part in left.parts)
-        freedom = answer.fitted_points - len(left.names)
-        if left.above_noise and data and freedom > 0:
-            scale = max(scale, least / freedom)
     together = _least(a.space, JointMisfit(parts), np.concatenate(starts))
-    return float(chi2.sf(max(together - apart, 0.0) / scale, a.draws.unit.shape[1]))
+    return float(chi2.sf(max(together - apart, 0.0), a.draws.unit.shape[1]))
 
 
 def _least(space: Any, misfit: JointMisfit, starts: Array) -> float:
     return float(misfit.rest + polish(space, misfit, starts, least_gain=1e-3).cost.min())
-
-
-_LABELS = {"X1_MPa": "X1", "X2_MPa": "X2", "nu": "nu"}
 
 
 def in_words(comparison: Comparison) -> list[str]:
@@ -185,7 +177,7 @@ def in_words(comparison: Comparison) -> list[str]:
     for change in comparison.changes:
         p = change.probability_higher
         likely, word = (p, "higher") if p >= 0.5 else (1 - p, "lower")
-        label = _LABELS.get(change.name, change.name)
+        label = plain(change.name)[0]
         values = f"{change.before.value:.4g} → {change.after.value:.4g}"
         if likely >= _SURE:
             said = f"is {word} now"

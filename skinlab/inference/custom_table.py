@@ -1,4 +1,4 @@
-"""Identification by a database of one's own: its model, its axes, its effects' parameters."""
+"""Identification by a custom table: its model, its axes, its effects' parameters."""
 
 from __future__ import annotations
 
@@ -7,25 +7,26 @@ from dataclasses import replace
 from skinlab.inference.identify import Identifier
 from skinlab.inference.joint import GaussianPrior
 from skinlab.inference.samples import EVERYTHING
-from skinlab.mechanics.model_file import Model, Normal, PriorName
-from skinlab.tables.model_database import ModelDatabase
+from skinlab.mechanics.effects import get_effect
+from skinlab.mechanics.model_file import Normal
+from skinlab.tables.table import Table
 
 
-def with_own_database(
-    identifier: Identifier, database: ModelDatabase, *, phases_said: bool
-) -> Identifier:
-    """Return the identifier with this database, its model, and its model's priors.
+def with_custom_table(identifier: Identifier, database: Table, *, phases_said: bool) -> Identifier:
+    """Return the identifier with this table of a model (`Spec.model`), and the model's priors.
 
     Where the model has effects of rate or cycle everything is fitted, unless the phases were said.
     """
-    spec, space = database.spec, database.space
-    model = spec.model
+    model = database.spec.model
+    assert model is not None
+    space = database.spec.space(database, model.model.kappa)
+    history = any(get_effect(name).needs_history for name in model.effects)
     priors = tuple(
         GaussianPrior(i, prior.mean, prior.sd)
         for i, name in enumerate(space.names)
-        if isinstance(prior := _prior(model, name), Normal)
+        if isinstance(prior := model.prior(name), Normal)
     )
-    phases = EVERYTHING if spec.has_history and not phases_said else identifier.phases
+    phases = EVERYTHING if history and not phases_said else identifier.phases
     return replace(
         identifier,
         database=database,
@@ -35,11 +36,3 @@ def with_own_database(
         model=model,
         phases=phases,
     )
-
-
-def _prior(model: Model, name: str) -> PriorName | Normal | None:
-    effect, _, parameter = name.rpartition(".")
-    if effect:
-        return model.effects[effect][parameter].prior
-    own = model.parameters.get(name)
-    return None if own is None else own.prior

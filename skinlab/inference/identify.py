@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -12,31 +13,35 @@ from numpy.typing import NDArray
 
 from skinlab.curves.curve import Curve
 from skinlab.errors import InputError, NotTrustworthyError
+from skinlab.inference import flags
 from skinlab.inference.advice import advise
-from skinlab.inference.intervals import correlation, interval, is_logarithmic, most_of_the_range
+from skinlab.inference.covariance import OnKept, independent
+from skinlab.inference.intervals import correlation, is_logarithmic, most_of_the_range, summary
 from skinlab.inference.joint import GaussianPrior, JointMisfit
-from skinlab.inference.methods import auto
-from skinlab.inference.methods.registry import get_method
-from skinlab.inference.noise import Whitening
+from skinlab.inference.methods import auto, get_method
 from skinlab.inference.optimise import polish
-from skinlab.inference.problem import Estimate, Options, Problem
+from skinlab.inference.posterior import Draws
+from skinlab.inference.problem import Estimate, Options, Problem, SquaredMisfit
 from skinlab.inference.result import Advice, Identification, Provenance, Value
 from skinlab.inference.samples import Fitted, Group, choose, group
-from skinlab.inference.uncertainty import Sensor, Uncertainty, assess, noise_of_curves
-from skinlab.mechanics.materials.compressibility import KappaConvention, kappa_ratio, nu_consistent
+from skinlab.inference.uncertainty import (
+    Sensor,
+    Uncertainty,
+    about,
+    assess,
+    split_by_group,
+)
+from skinlab.mechanics.materials import get_law
+from skinlab.mechanics.materials.compressibility import KappaConvention
 from skinlab.mechanics.model_file import BASE, Model
-from skinlab.parameters import PAPER_BOX, ParameterSpace
+from skinlab.parameters import Space
 from skinlab.tables.base import CurveModel, Database
 
 Array = NDArray[np.float64]
 
-_AT_BOUND = 1e-5  # of the parameter's range
 _PRIOR_DRAWS = 1000
+_OUTLIER_ROUNDS = 4
 _QUICK = Options(samples=200, best=20, most_iterations=30)  # for a curve that still grows
-
-PAPERS_METHODS = frozenset(
-    {"sto", "hka", "gn", "gn-linesearch", "rls"}
-)  # they search where the paper does, whatever the database
 
 
 @dataclass(frozen=True)
@@ -44,8 +49,8 @@ class Identifier:
     """How to identify curves; the same for all curves of a run.
 
     `space` is where to search, and with its flat prior what is known beforehand; None: the
-    database's whole range (the paper's box for the paper's methods). `priors` come on top of that.
-    `model` is what all this is from, where it is from a file; `clock` only fills the field
+    database's whole range (the paper's box for methods that search there). `priors` come on top of
+    that. `model` is what all this is from, where it is from a file; `clock` only fills the field
     `seconds`.
     """
 
@@ -56,7 +61,7 @@ class Identifier:
     kappa: KappaConvention = "paper"
     phases: tuple[str, ...] = ("load",)
     sensor: Sensor = field(default_factory=Sensor)
-    space: ParameterSpace | None = None
+    space: Space | None = None
     priors: tuple[GaussianPrior, ...] = ()
     model: Model = BASE
     clock: Callable[[], float] = time.perf_counter
@@ -155,29 +160,38 @@ class Identifier:
             estimate = method(problem, self.options, rng)
         else:
             estimate = auto.identify(problem, self.options, rng, start=start)
-        if (len(curves) > 1 or self.priors) and estimate.minima is not None:
-            estimate = self._weighted(groups, models, problem, estimate)
-        answer = self._answer(groups, models, problem, estimate, blank)
-        if intervals and estimate.minima is not None and len(estimate.minima):
+        kept = np.ones(problem.points, dtype=bool)
+        judged = intervals and estimate.minima is not None and len(estimate.minima) > 0
+        if judged:
+            estimate, kept = self._without_outliers(groups, models, problem, estimate)
+        answer = self._answer(groups, models, problem, estimate, blank, kept)
+        if judged:
+            assert estimate.minima is not None
             left = assess(
                 self.database,
                 self.kappa,
                 groups,
                 models,
-                problem.space,
+                self._space(models),
                 estimate.minima,
                 self.sensor,
                 rng,
+                kept=kept,
                 priors=self.priors,
             )
-            answer = _with_uncertainty(answer, problem.space, left, self.seed)
+            answer = _with_uncertainty(
+                answer, self._space(models), left, self.database.law, self.kappa, self.seed
+            )
         return replace(answer, seconds=self.clock() - started)
+
+    def _space(self, models: Sequence[CurveModel]) -> Space:
+        if self.space is not None:
+            return self.space
+        return search_space(self.method, self.database.law, models[0].space)
 
     def _problem(self, groups: Sequence[Group], models: Sequence[CurveModel]) -> Problem:
         misfits = [m.misfit(g.deflection_mm) for g, m in zip(groups, models, strict=True)]
-        space = self.space
-        if space is None:
-            space = PAPER_BOX if self.method in PAPERS_METHODS else models[0].space
+        space = self._space(models)
         points = sum(len(g.deflection_mm) for g in groups)
         if len(misfits) == 1:
             return Problem(space, misfits[0], points)
@@ -189,35 +203,69 @@ class Identifier:
         models: Sequence[CurveModel],
         problem: Problem,
         estimate: Estimate,
+        kept: NDArray[np.bool_],
     ) -> Estimate:
-        """Return the optimum with every curve weighted by its own noise, and with the priors."""
+        """Return the optimum of the samples that are kept.
+
+        Of several curves each is weighted by its own noise; priors count.
+        """
         assert estimate.minima is not None
-        misfits = []
+        misfits: list[SquaredMisfit] = []
+        begin = 0
         for g, m in zip(groups, models, strict=True):
-            at_best = m.deflection_mm(estimate.parameters[None])[0]
-            sigma = np.concatenate(
-                [
-                    np.full(member.count, 1e-3 * noise.assumed_um)
-                    for member, noise in zip(
-                        g.members,
-                        noise_of_curves(g, at_best, problem.points, self.sensor),
-                        strict=True,
-                    )
-                ]
+            off = m.deflection_mm(estimate.parameters[None])[0] - g.deflection_mm
+            here = kept[begin : begin + len(off)]
+            begin += len(off)
+            sigma = [
+                np.full(int(k.sum()), self._spread_mm(r[k]))
+                for r, k in zip(g.split(off), g.split(here), strict=True)
+            ]
+            misfits.append(
+                m.misfit(g.deflection_mm, OnKept(here, independent(np.concatenate(sigma))))
             )
-            misfits.append(m.misfit(g.deflection_mm, Whitening(sigma, np.zeros((len(sigma), 0)))))
         total = JointMisfit([*misfits, *self.priors])
         found = polish(problem.space, total, estimate.minima, least_gain=1e-9)
         best = np.argsort(found.cost, kind="stable")
         parameters = problem.space.from_unit(found.unit[best[0]])
+        left = [
+            m.misfit(g.deflection_mm, OnKept(k, independent(np.ones(int(k.sum())))))
+            for g, m, k in zip(groups, models, split_by_group(groups, kept), strict=True)
+        ]
+        squares = float(JointMisfit(left)(parameters[None])[0])
         return replace(
             estimate,
             parameters=parameters,
-            error_um=float(problem.error_um(parameters[None])[0]),
+            error_um=1e3 * math.sqrt(squares) / int(kept.sum()),
             iterations=estimate.iterations + found.iterations,
             evaluations=estimate.evaluations + found.evaluations,
             minima=found.unit[best[np.isfinite(found.cost[best])]],
         )
+
+    def _spread_mm(self, residual_mm: Array) -> float:
+        if self.sensor.noise_um is not None:
+            return 1e-3 * self.sensor.noise_um
+        return max(float(np.sqrt(np.mean(residual_mm**2))), 1e-5)
+
+    def _without_outliers(
+        self,
+        groups: Sequence[Group],
+        models: Sequence[CurveModel],
+        problem: Problem,
+        estimate: Estimate,
+    ) -> tuple[Estimate, NDArray[np.bool_]]:
+        """Return the optimum without samples that do not belong, and which (u,) do."""
+        kept = np.ones(problem.points, dtype=bool)
+        weighted = len(groups) > 1 or len(groups[0].members) > 1 or bool(self.priors)
+        for _ in range(_OUTLIER_ROUNDS):
+            if weighted:
+                estimate = self._weighted(groups, models, problem, estimate, kept)
+            assert estimate.minima is not None
+            fit = about(groups, models, problem.space, estimate.minima[0], self.sensor, self.priors)
+            belong = fit.outlier_probability() <= 0.5
+            if (belong == kept).all():
+                break
+            kept, weighted = belong, True
+        return estimate, kept
 
     def _answer(
         self,
@@ -226,81 +274,121 @@ class Identifier:
         problem: Problem,
         estimate: Estimate,
         blank: Identification,
+        kept: NDArray[np.bool_],
     ) -> Identification:
         x = estimate.parameters
         members = [member for g in groups for member in g.members]
-        ratio = float(kappa_ratio(x[2], self.kappa))
-        fitted, model_mm = None, None
+        fitted, model_mm, outliers = None, None, None
         if len(members) == 1:
-            fitted = members[0].mask
-            model_mm = np.full(len(fitted), np.nan)
-            model_mm[fitted] = models[0].deflection_mm(x[None])[0]
+            mask = members[0].mask
+            model_mm = np.full(len(mask), np.nan)
+            model_mm[mask] = models[0].deflection_mm(x[None])[0]
+            fitted, outliers = mask.copy(), np.zeros(len(mask), dtype=bool)
+            fitted[mask], outliers[mask] = kept, ~kept
+        points = int(kept.sum())
+        values = {n: Value(float(v)) for n, v in zip(problem.space.names, x, strict=True)}
         return replace(
             blank,
-            parameters={n: Value(float(v)) for n, v in zip(problem.space.names, x, strict=True)},
-            nu_consistent=float(nu_consistent(ratio)),
-            kappa_MPa=ratio * float(x[0]),
+            parameters=values,
+            optimum={name: value.value for name, value in values.items()},
+            derived=derived_of(self.database.law, problem.space.names, x, self.kappa),
+            own_bounds=tuple(self.model.parameters) if self.space is not None else (),
             error_um=estimate.error_um,
-            rms_um=estimate.error_um * float(np.sqrt(problem.points)),
+            rms_um=estimate.error_um * float(np.sqrt(points)),
             iterations=estimate.iterations,
             evaluations=estimate.evaluations,
-            flags=self._flags(members, problem.space, estimate),
+            flags=(
+                *self._flags(members, self._space(models), estimate),
+                *([f"outliers:{int((~kept).sum())}"] if not kept.all() else []),
+            ),
             fitted=fitted,
-            fitted_points=problem.points,
+            fitted_points=points,
             model_mm=model_mm,
+            outliers=outliers,
         )
 
-    def _flags(
-        self, members: Sequence[Fitted], space: ParameterSpace, estimate: Estimate
-    ) -> tuple[str, ...]:
-        unit = space.to_unit(estimate.parameters)
-        flags = [
-            f"at_bound:{name}"
-            for name, at in zip(space.names, unit, strict=True)
-            if min(at, 1 - at) <= _AT_BOUND
-        ]
+    def _flags(self, members: Sequence[Fitted], space: Space, estimate: Estimate) -> list[str]:
         curves = [m.curve for m in members]
-        if any(
-            c.in_phases(self.phases).sum() > m.count for c, m in zip(curves, members, strict=True)
-        ):
-            flags.append("outside_database")
-        if not estimate.converged:
-            flags.append("not_converged")
-        if any(c.setup.cycle != 1 for c in curves):
-            flags.append("not_first_cycle")
-        if any(c.partial for c in curves):
-            flags.append("partial_curve")
-        return tuple(flags)
+        left_out = [
+            int(c.in_phases(self.phases).sum()) - m.count
+            for c, m in zip(curves, members, strict=True)
+        ]
+        unit = space.to_unit(estimate.parameters)
+        return [
+            *flags.of_optimum(space.names, unit, converged=estimate.converged),
+            *flags.of_curves(curves, left_out),
+        ]
+
+
+def search_space(method: str, law: str, whole: Space) -> Space:
+    """Return where a method searches: the paper's ones in the law's published box, if any."""
+    published = get_law(law).published_space if get_method(method).in_papers_box else None
+    return whole if published is None else published
+
+
+def derived_of(
+    law: str, names: Sequence[str], values: Array, kappa: KappaConvention
+) -> dict[str, float | None]:
+    """Return what a law's reports show besides its parameters (p,), the first of `names`."""
+    one = get_law(law)
+    at = {n: float(v) for n, v in zip(names, values, strict=True) if n in one.names}
+    return dict(one.derived(at, kappa))
 
 
 def _with_uncertainty(
-    answer: Identification, space: ParameterSpace, left: Uncertainty, seed: int
+    answer: Identification,
+    space: Space,
+    left: Uncertainty,
+    law: str,
+    kappa: KappaConvention,
+    seed: int,
 ) -> Identification:
-    draws, names = left.draws, space.names
-    priors = space.from_unit(np.random.default_rng(seed).random((_PRIOR_DRAWS, len(names))))
-    values, flags = {}, []
+    found = left.errors
+    known = from_draws(answer, space, left.draws, law, kappa, seed)
+    return replace(
+        known,
+        noise_um=found.noise_um,
+        error_model=found.summary,
+        placement=found.placement,
+        evaluations=answer.evaluations + left.draws.evaluations,
+        flags=(*known.flags, *found.flags),
+        uncertainty=left,
+    )
+
+
+def from_draws(
+    answer: Identification,
+    space: Space,
+    draws: Draws,
+    law: str,
+    kappa: KappaConvention,
+    seed: int,
+) -> Identification:
+    """Return the answer with values and intervals of draws, and flags of what these leave open.
+
+    `space` is what the draws are flat in; its first parameters are the answer's.
+    """
+    names = tuple(answer.parameters or ())
+    priors = space.from_unit(np.random.default_rng(seed).random((_PRIOR_DRAWS, len(space))))
+    values, loose = {}, []
     for i, name in enumerate(names):
         prior = priors[:, i]
-        best = (answer.parameters or {})[name].value
         bounds = (float(space.bounds[0][i]), float(space.bounds[1][i]))
-        low, high = interval(
+        value, low, high = summary(
             draws.parameters[:, i],
             draws.weight,
-            best,
+            draws.log_target,
             bounds,
             logarithmic=is_logarithmic(prior),
         )
-        values[name] = Value(best, low, high)
+        values[name] = Value(value, low, high)
         if most_of_the_range((low, high), prior):
-            flags.append(f"not_identifiable:{name}")
-    if left.above_noise:
-        flags.append("misfit_above_noise")
+            loose.append(f"not_identifiable:{name}")
+    shown = np.array([value.value for value in values.values()])
     return replace(
         answer,
         parameters=values,
+        derived=derived_of(law, names, shown, kappa),
         correlation=correlation(draws.parameters[:, : len(names)], draws.weight),
-        noise_um=left.noise_um,
-        evaluations=answer.evaluations + draws.evaluations,
-        flags=(*answer.flags, *flags),
-        uncertainty=left,
+        flags=(*answer.flags, *loose),
     )

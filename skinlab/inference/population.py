@@ -10,9 +10,8 @@ population is not pulled towards it: it keeps its own intervals and gets the fla
 from __future__ import annotations
 
 import hashlib
-import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -24,10 +23,11 @@ from scipy.stats import f as f_distribution
 
 from skinlab.curves.curve import Curve
 from skinlab.errors import InputError
-from skinlab.inference.identify import Identifier
-from skinlab.inference.intervals import correlation, interval
-from skinlab.inference.result import Identification, Value
-from skinlab.mechanics.materials.compressibility import kappa_ratio, nu_consistent
+from skinlab.inference.identify import Identifier, from_draws
+from skinlab.inference.posterior import Draws
+from skinlab.inference.result import Identification
+from skinlab.inference.uncertainty import Uncertainty
+from skinlab.mechanics.names import is_logarithmic
 
 Array = NDArray[np.float64]
 
@@ -87,7 +87,7 @@ class PriorFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 def coordinates_of(names: Sequence[str]) -> list[str]:
     """Return in which coordinate each parameter's own prior is flat, and people scatter evenly."""
-    return ["log" if name.endswith("_MPa") else "linear" for name in names]
+    return ["log" if is_logarithmic(name) else "linear" for name in names]
 
 
 def to_coordinates(parameters: Array, coordinates: Sequence[str]) -> Array:
@@ -216,56 +216,38 @@ class PopulationIdentifier(Identifier):
 
     def _narrowed(self, identify: Callable[[Identifier], Identification]) -> Identification:
         alone = identify(self)
-        prior = self.population
-        if prior is None or alone.uncertainty is None or not alone.parameters:
+        prior, left = self.population, alone.uncertainty
+        if prior is None or left is None or not alone.parameters:
             return alone
-        _check(prior, self, list(alone.parameters))
-        parameters, weight = _draws(alone)
-        order = np.argsort(prior.distance(parameters))
-        near = np.searchsorted(np.cumsum(weight[order]), _NEAREST * weight.sum())
-        if prior.distance(parameters[order[near]][None])[0] > prior.far:
-            return replace(alone, flags=(*alone.flags, UNLIKE))
-        drawn = [(parameters, weight)]
-        while True:
-            parameters = np.concatenate([p for p, _ in drawn])
-            weight = np.concatenate([w / w.sum() for _, w in drawn])
-            density = prior.log_density(parameters)
-            weight = weight * np.exp(density - density.max())
-            weight /= weight.sum()
-            effective = 1.0 / float(np.square(weight).sum())
-            if effective >= _ENOUGH or len(drawn) >= _MOST_ROUNDS:
-                break
-            again = identify(replace(self, seed=self.seed + _ROUND_SEED * len(drawn)))
-            drawn.append(_draws(again))
-        return self._with(alone, parameters, weight)
-
-    def _with(self, alone: Identification, parameters: Array, weight: Array) -> Identification:
-        """Return the answer with its values and intervals from these draws."""
-        assert alone.parameters is not None
-        values: dict[str, Value] = {}
         names = list(alone.parameters)
-        for i, (name, kind) in enumerate(zip(names, coordinates_of(names), strict=True)):
-            x = parameters[:, i]
-            order = np.argsort(x, kind="stable")
-            middle = float(np.interp(0.5, np.cumsum(weight[order]), x[order]))
-            low, high = interval(x, weight, middle, logarithmic=kind == "log")
-            values[name] = Value(middle, low, high)
+        _check(prior, self, names)
+        k = len(names)
+        order = np.argsort(prior.distance(left.draws.parameters[:, :k]))
+        near = order[np.searchsorted(np.cumsum(left.draws.weight[order]), _NEAREST)]
+        if prior.distance(left.draws.parameters[near, :k][None])[0] > prior.far:
+            return replace(alone, flags=(*alone.flags, UNLIKE))
+        rounds = [left]
+        while True:
+            draws = _weighted(rounds, prior, k)
+            if draws.effective >= _ENOUGH or len(rounds) >= _MOST_ROUNDS:
+                break
+            again = identify(replace(self, seed=self.seed + _ROUND_SEED * len(rounds)))
+            assert again.uncertainty is not None
+            rounds.append(again.uncertainty)
         # The optimum at a bound is no longer the value, and what was not fixed may be now.
-        flags = tuple(
-            flag
-            for flag in alone.flags
-            if not flag.startswith(("at_bound:", "not_identifiable:"))
-            or (flag.startswith("not_identifiable:") and _still_wide(flag, alone, values))
-        )
-        at = [v.value for v in values.values()]
-        ratio = float(kappa_ratio(at[2], self.kappa))
-        return replace(
-            alone,
-            parameters=values,
-            nu_consistent=float(nu_consistent(ratio)),
-            kappa_MPa=ratio * at[0],
-            correlation=correlation(parameters, weight),
-            flags=flags,
+        flags = [f for f in alone.flags if not f.startswith(("at_bound:", "not_identifiable:"))]
+        return from_draws(
+            replace(
+                alone,
+                flags=tuple(flags),
+                evaluations=alone.evaluations + draws.evaluations - left.draws.evaluations,
+                uncertainty=replace(left, draws=draws),
+            ),
+            left.space,
+            draws,
+            self.database.law,
+            self.kappa,
+            self.seed,
         )
 
 
@@ -282,27 +264,21 @@ def _check(prior: Prior, identifier: Identifier, names: list[str]) -> None:
         )
 
 
-def _draws(result: Identification) -> tuple[Array, Array]:
-    """Return draws (n, k) and weights (n,): the one place that knows how a result keeps them."""
-    assert result.uncertainty is not None
-    assert result.parameters is not None
-    draws = result.uncertainty.draws
-    return np.asarray(draws.parameters[:, : len(result.parameters)]), np.asarray(draws.weight)
-
-
-def _still_wide(flag: str, alone: Identification, values: dict[str, Value]) -> bool:
-    """Return whether the prior did not narrow a parameter to less than half."""
-    name = flag.partition(":")[2]
-    before, after = (alone.parameters or {}).get(name), values.get(name)
-    if before is None or after is None or None in (before.low, after.low):
-        return True
-    logs = name.endswith("_MPa")
-
-    def width(v: Value) -> float:
-        low, high = float(v.low or 0.0), float(v.high or 0.0)
-        return math.log(high / low) if logs and low > 0 else high - low
-
-    return width(after) > 0.5 * width(before)
+def _weighted(rounds: Sequence[Uncertainty], prior: Prior, k: int) -> Draws:
+    """Return the draws of all rounds, weighted by the population's density of the first k."""
+    every = [one.draws for one in rounds]
+    parameters = np.concatenate([d.parameters for d in every])
+    density = prior.log_density(parameters[:, :k])
+    weight = np.concatenate([d.weight for d in every]) * np.exp(density - density.max())
+    # Each round counts from its own best fit, which is the same to within its draws.
+    target = np.concatenate([d.log_target - d.log_target.max() for d in every])
+    return Draws(
+        np.concatenate([d.unit for d in every]),
+        parameters,
+        weight / weight.sum(),
+        target + density,
+        sum(d.evaluations for d in every),
+    )
 
 
 def with_prior(identifier: Identifier, prior: Prior) -> PopulationIdentifier:
@@ -313,8 +289,5 @@ def with_prior(identifier: Identifier, prior: Prior) -> PopulationIdentifier:
     """
     if identifier.method != "auto":
         raise InputError("a prior needs the intervals that only the method auto gives")
-    kept: dict[str, Any] = {
-        name: getattr(identifier, name) for name in identifier.__dataclass_fields__
-    }
-    kept.pop("population", None)
-    return PopulationIdentifier(**kept, population=prior)
+    given = {f.name: getattr(identifier, f.name) for f in fields(identifier)}
+    return PopulationIdentifier(**given | {"population": prior})

@@ -10,6 +10,7 @@ draws exact (mixture importance sampling: Owen and Zhou 2000, J. Am. Stat. Assoc
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,11 +38,15 @@ _FLAT_PRECISION = 12.0  # of a flat distribution on the unit interval
 
 @dataclass(frozen=True, eq=False)
 class Draws:
-    """Weighted draws: `unit` (n, k), `parameters` (n, p), `weight` (n,), which sums up to 1."""
+    """Weighted draws: `unit` (n, k), `parameters` (n, p), `weight` (n,), which sums up to 1.
+
+    `log_target` (n,) is the log density that they are of, up to a constant.
+    """
 
     unit: Array
     parameters: Array
     weight: Array
+    log_target: Array
     evaluations: int
 
     @property
@@ -56,39 +61,43 @@ def sample(
     modes: Array,
     rng: np.random.Generator,
     *,
-    factor: float = 1.0,
+    log_density: Callable[[Array], Array] | None = None,
     draws: int = DRAWS,
 ) -> Draws:
-    """Return draws from exp(−χ²/2 · 1/factor), flat in the space's unit cube otherwise.
+    """Return draws from exp(−χ²/2), flat in the space's unit cube otherwise.
 
     `misfit` is χ²: of whitened residuals, and of Gaussian priors if there are any; `modes` (m, k)
-    are points of the cube near its minima.
+    are points of the cube near its minima. With `log_density`, a function of parameters (n, p), the
+    draws are from that, and χ² is what it resembles.
 
     Raises:
-        ValueError: the model has no value at any of them.
+        ValueError: the model has no value at any of them, or no draw is within the bounds.
     """
-    at_modes = polish(space, misfit, modes, least_gain=1e-4 * factor)
+    at_modes = polish(space, misfit, modes, least_gain=1e-4)
     best = int(np.argmin(at_modes.cost))
     if not np.isfinite(at_modes.cost[best]):
         raise ValueError("there is no model at the minimum")
     least = misfit.rest + float(at_modes.cost[best])
-    valley, spacing = _valley(space, misfit, at_modes, best, factor)
-    mixtures = [_mixture(valley.unit, valley.normal / factor, spacing, _worse(valley, factor))]
+    target = log_density or (lambda parameters: 0.5 * (least - misfit(parameters)))
+    valley, spacing = _valley(space, misfit, at_modes, best)
+    mixtures = [_mixture(valley.unit, valley.normal, spacing, valley.cost - valley.cost.min())]
     evaluations = at_modes.evaluations + valley.evaluations
     units: list[Array] = []
     densities: list[Array] = []
     while True:
         drawn = mixtures[-1].draw(draws, rng)
         drawn = drawn[((drawn >= 0.0) & (drawn <= 1.0)).all(axis=1)]
+        if not len(drawn) and not units:  # a narrow valley against a bound
+            raise ValueError("no draw about the minimum lies within the bounds")
         units.append(drawn)
-        densities.append(0.5 * (least - misfit(space.from_unit(drawn))) / factor)
+        densities.append(target(space.from_unit(drawn)))
         evaluations += len(drawn)
         unit, log_target = np.concatenate(units), np.concatenate(densities)
         # Every draw counts as one of the mixture of all rounds, whichever it came from.
         log_drawn = logsumexp(np.array([m.log_density(unit) for m in mixtures]), axis=0)
         log_weight = log_target - log_drawn
         weight = np.exp(log_weight - log_weight.max())
-        found = Draws(unit, space.from_unit(unit), weight / weight.sum(), evaluations)
+        found = Draws(unit, space.from_unit(unit), weight / weight.sum(), log_target, evaluations)
         if found.effective >= _ENOUGH or len(mixtures) > _MOST_ROUNDS:
             return found
         centres = _resample(found, rng)
@@ -98,7 +107,7 @@ def sample(
         mixtures.append(
             _mixture(
                 centres,
-                at.normal / factor,
+                at.normal,
                 np.tile(width, (len(centres), 1)),
                 np.zeros(len(centres)),
             )
@@ -113,18 +122,13 @@ def _resample(found: Draws, rng: np.random.Generator) -> Array:
     return np.asarray(found.unit[chosen])
 
 
-def _worse(valley: Polished, factor: float) -> Array:
-    """Return by how much each point's χ² exceeds the best one's."""
-    return np.asarray((valley.cost - valley.cost.min()) / factor)
-
-
 def _valley(
-    space: ParameterSpace, misfit: SquaredMisfit, modes: Polished, best: int, factor: float
+    space: ParameterSpace, misfit: SquaredMisfit, modes: Polished, best: int
 ) -> tuple[Polished, Array]:
     """Return points along the valley, and how far (n, k) each one speaks; 1 where free."""
     centre = modes.unit[best]
     k = len(centre)
-    precision = modes.normal[best] / factor + _FLAT_PRECISION * np.eye(k)
+    precision = modes.normal[best] + _FLAT_PRECISION * np.eye(k)
     covariance = np.linalg.inv(precision)
     starts, spacings = [modes.unit], [np.ones_like(modes.unit)]
     held = [np.zeros(modes.unit.shape, dtype=bool)]
@@ -152,7 +156,7 @@ def _valley(
         misfit,
         np.concatenate(starts),
         held=np.concatenate(held),
-        least_gain=0.02 * factor,
+        least_gain=0.02,
         most_iterations=40,
     )
     return points, np.concatenate(spacings)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
-from typing import Literal, Protocol
+from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +12,6 @@ from skinlab.errors import InputError
 from skinlab.parameters import ParameterSpace
 
 Array = NDArray[np.float64]
-
-Sampling = Literal["uniform", "lhs"]
 
 MOST_SAMPLES = 1_000_000  # a draw of more is a slip of the pen, and does not fit into memory
 
@@ -66,21 +63,25 @@ class Problem:
 
 @dataclass(frozen=True)
 class Options:
-    """Arguments of the methods; each reads those that concern it."""
+    """Arguments of the methods; each reads those that concern it.
+
+    `own` are a method's own, by name (`skinlab.inference.methods.base.Option`): those that are not
+    there have their defaults.
+    """
 
     samples: int = 1000  # N
     best: int = 20  # N_b
     tolerance_um: float = 1e-5  # C
     most_iterations: int = 500
-    sampling: Sampling = "uniform"  # sto: how N candidates are drawn from the box
-    slowdown: float = 0.4  # hka: α, how fast the Gaussian may shrink
-    forgetting: float = 0.9  # rls: λ0
-    covariance: float = 1.0  # rls: the diagonal of P at the start
-    passes: int = 100  # rls: the most runs over the curve
+    own: tuple[tuple[str, int | float | str], ...] = ()
+
+    def having(self, **own: int | float | str) -> Options:
+        """Return these with more of a method's own options."""
+        return replace(self, own=tuple(sorted((dict(self.own) | own).items())))
 
 
 def check(options: Options) -> None:
-    """Refuse options that cannot work, whichever method reads them.
+    """Refuse what all methods read and cannot work with.
 
     Raises:
         InputError: names the option and what was expected.
@@ -93,15 +94,6 @@ def check(options: Options) -> None:
         )
     if not options.tolerance_um >= 0:
         raise InputError(f"tolerance_um {options.tolerance_um}: expected zero or more")
-    if options.sampling not in ("uniform", "lhs"):
-        raise InputError(f"sampling {options.sampling!r}: expected uniform or lhs")
-    for name in ("slowdown", "forgetting"):
-        if not 0.0 < getattr(options, name) <= 1.0:
-            raise InputError(f"{name} {getattr(options, name)}: expected more than 0, at most 1")
-    if not 0.0 < options.covariance < math.inf:
-        raise InputError(f"covariance {options.covariance}: expected more than 0")
-    if options.passes < 1:
-        raise InputError(f"passes {options.passes}: expected 1 or more")
 
 
 @dataclass(frozen=True)
@@ -116,11 +108,3 @@ class Estimate:
     minima: Array | None = (
         None  # (m, k) points of the unit cube, best first, where it found several
     )
-
-
-class Method(Protocol):
-    """An inverse method. Same problem, options and generator state: same bits."""
-
-    def __call__(self, problem: Problem, options: Options, rng: np.random.Generator) -> Estimate:
-        """Return the answer."""
-        ...

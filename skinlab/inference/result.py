@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.dose import Dose
 from skinlab.curves.curve import Setup
+from skinlab.inference.error_judgement import ErrorModelSummary, PlacementSummary
 from skinlab.inference.uncertainty import Uncertainty
+from skinlab.mechanics.materials import get_law
 
 Array = NDArray[np.float64]
 
@@ -36,8 +39,11 @@ class Identification:
     points: int = 0
     phases: tuple[str, ...] = ("load",)
     parameters: dict[str, Value] | None = None  # by name, with unit; the order is `order`
-    nu_consistent: float | None = None
-    kappa_MPa: float | None = None
+    optimum: dict[str, float] | None = None  # the best fit, which E, rms and `model_mm` are of
+    # What the law's reports show besides: κ, and the ν of linear elasticity.
+    derived: dict[str, float | None] = field(
+        default_factory=lambda: dict.fromkeys(get_law().derived_names)
+    )
     correlation: tuple[tuple[float, ...], ...] | None = None
     error_um: float | None = None  # the paper's E
     rms_um: float | None = None  # root mean square residual
@@ -48,9 +54,13 @@ class Identification:
     flags: tuple[str, ...] = ()
     fitted: NDArray[np.bool_] | None = None  # (points,) which samples were fitted
     model_mm: Array | None = None  # (points,) the fitted curve; NaN where there is no model
+    outliers: NDArray[np.bool_] | None = None  # (points,) left out, since they do not belong
+    error_model: ErrorModelSummary | None = None  # of the samples' errors, with intervals
+    placement: PlacementSummary | None = None  # of several curves, where placements may differ
     fitted_points: int = 0
     files: tuple[str, ...] | None = None  # of a joint identification
     uncertainty: Uncertainty | None = None  # where the method gives intervals
+    own_bounds: tuple[str, ...] = ()  # parameters whose bounds are a model's, not the database's
 
     def to_json(self) -> dict[str, Any]:
         """Return the entry of `curves` in the identification document."""
@@ -68,8 +78,8 @@ class Identification:
                 name: {"value": v.value, "low": v.low, "high": v.high} for name, v in values.items()
             }
             or None,
-            "nu_consistent": self.nu_consistent,
-            "kappa_MPa": self.kappa_MPa,
+            "optimum": self.optimum,
+            **self.derived,
             "order": list(values),
             "correlation": None
             if self.correlation is None
@@ -77,6 +87,11 @@ class Identification:
             "error_um": self.error_um,
             "rms_um": self.rms_um,
             "noise_um": self.noise_um,
+            "error_model": self.error_model and asdict(self.error_model),
+            "placement": self.placement and asdict(self.placement),
+            "outliers": []
+            if self.outliers is None
+            else [int(i) for i in self.outliers.nonzero()[0]],
             "iterations": self.iterations,
             "evaluations": self.evaluations,
             "seconds": self.seconds,
@@ -130,8 +145,9 @@ def document(
     *,
     joint: Identification | None = None,
     advice: Sequence[Advice] | None = None,
+    dose: Dose | None = None,
 ) -> dict[str, Any]:
-    """Return the whole identification document."""
+    """Return the whole identification document; `dose` is what the site of a session has had."""
     whole: dict[str, Any] = {
         "schema": SCHEMA,
         "model": {
@@ -150,4 +166,9 @@ def document(
     }
     if session is not None:
         whole["session"] = session
+    if dose is not None:
+        whole["dose"] = {
+            "suction_mbar_s": round(dose.suction_mbar_s, 1),
+            "time_s": round(dose.time_s, 2),
+        }
     return whole

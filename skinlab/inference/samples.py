@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +45,74 @@ class Fitted:
         )
 
 
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Samples of several curves, end to end: what is known of them without any model.
+
+    `curve`, `placement` and `condition` (u,) number what each sample belongs to: its curve, the
+    putting-on of the probe, and the geometry.
+    """
+
+    time_s: Array  # (u,) since each curve began
+    pressure_mbar: Array
+    deflection_mm: Array
+    phase: NDArray[np.str_]
+    curve: NDArray[np.intp]
+    placement: NDArray[np.intp]
+    condition: NDArray[np.intp]
+    relative_noise: Array  # (u,) of each curve's sensor noise to that of all, about 1
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    @property
+    def curves(self) -> int:
+        """Number of curves."""
+        return int(self.curve[-1]) + 1 if len(self) else 0
+
+    @property
+    def ends(self) -> tuple[int, ...]:
+        """Ends of the curves."""
+        return tuple(int(e) for e in np.searchsorted(self.curve, np.arange(self.curves), "right"))
+
+    @property
+    def longest_s(self) -> float:
+        """How long the longest curve lasts."""
+        return max(
+            (float(t[-1] - t[0]) for t in np.split(self.time_s, self.ends[:-1]) if len(t)),
+            default=0.0,
+        )
+
+    def only(self, kept: NDArray[np.bool_]) -> Samples:
+        """Return some of the samples (u,); curves keep their numbers."""
+        return Samples(*(getattr(self, f.name)[kept] for f in fields(self)))
+
+
+def samples_of(groups: Sequence[Group]) -> Samples:
+    """Return the samples of groups, in their order.
+
+    A curve says which placement it belongs to; else one of cycle 1 begins one, and later cycles
+    belong to the one before.
+    """
+    rows: list[tuple[NDArray[np.generic], ...]] = []
+    placements: dict[str, int] = {}
+    begun = ""
+    members = [(k, m) for k, g in enumerate(groups) for m in g.members]
+    for number, (condition, member) in enumerate(members):
+        c, mask, n = member.curve, member.mask, member.count
+        label = c.setup.placement
+        if label is not None:
+            begun = f"stated {label}"
+        elif c.setup.cycle == 1 or not begun:
+            begun = f"curve {number}"
+        placement = placements.setdefault(begun, len(placements))
+        numbers = (np.full(n, i) for i in (number, placement, condition))
+        time = c.time_s[mask] - c.time_s[0]
+        measured = c.pressure_mbar[mask], c.deflection_mm[mask], c.phase[mask]
+        rows.append((time, *measured, *numbers, np.ones(n)))
+    return Samples(*(np.concatenate(column) for column in zip(*rows, strict=True)))
+
+
 def choose(curve: Curve, phases: tuple[str, ...], database: Database) -> Fitted:
     """Return the samples of the phases that the database speaks of.
 
@@ -71,7 +140,7 @@ class Group:
     deflection_mm: Array  # (u,)
     time_s: Array  # (u,) since each curve began
 
-    def split(self, values: Array) -> list[Array]:
+    def split(self, values: NDArray[Any]) -> list[NDArray[Any]]:
         """Return values (u, …) by curve."""
         return np.split(values, np.cumsum([m.count for m in self.members])[:-1])
 
@@ -89,21 +158,28 @@ class Group:
         return database.model(self.geometry, self.pressure_mbar, kappa, sd, self.time_s)
 
 
+def alike(keys: Sequence[Hashable]) -> list[list[int]]:
+    """Return indices by equal keys, in the order in which these first occur."""
+    groups: dict[Hashable, list[int]] = {}
+    for i, key in enumerate(keys):
+        groups.setdefault(key, []).append(i)
+    return list(groups.values())
+
+
 def group(fitted: Sequence[Fitted]) -> list[Group]:
     """Return the curves grouped by geometry, in the order in which these first occur."""
-    keys: dict[tuple[float, float, float], list[Fitted]] = {}
-    for one in fitted:
-        setup = one.curve.setup
-        sd = setup.thickness_sd_mm or 0.0
-        keys.setdefault((setup.aperture_mm, setup.thickness_mm, sd), []).append(one)
-    return [
-        Group(
-            tuple(members),
-            Geometry(aperture, thickness),
-            sd,
-            np.concatenate([m.curve.pressure_mbar[m.mask] for m in members]),
-            np.concatenate([m.curve.deflection_mm[m.mask] for m in members]),
-            np.concatenate([m.curve.time_s[m.mask] - m.curve.time_s[0] for m in members]),
-        )
-        for (aperture, thickness, sd), members in keys.items()
-    ]
+    setups = [one.curve.setup for one in fitted]
+    keys = [(s.aperture_mm, s.thickness_mm, s.thickness_sd_mm or 0.0) for s in setups]
+    return [_group([fitted[i] for i in members]) for members in alike(keys)]
+
+
+def _group(members: Sequence[Fitted]) -> Group:
+    setup = members[0].curve.setup
+    return Group(
+        tuple(members),
+        Geometry(setup.aperture_mm, setup.thickness_mm),
+        setup.thickness_sd_mm or 0.0,
+        np.concatenate([m.curve.pressure_mbar[m.mask] for m in members]),
+        np.concatenate([m.curve.deflection_mm[m.mask] for m in members]),
+        np.concatenate([m.curve.time_s[m.mask] - m.curve.time_s[0] for m in members]),
+    )

@@ -1,4 +1,4 @@
-"""How sure an answer is: the posterior of the parameters, given the noise and a stated prior.
+"""How sure an answer is: the posterior of the parameters, errors' parameters integrated out.
 
 The prior is flat in the search space's own coordinates: for the shipped database log X1, log X2/X1
 and ν over its whole range; a thickness with a standard deviation is Gaussian about the stated one.
@@ -7,33 +7,44 @@ and ν over its whole range; a thickness with a standard deviation is Gaussian a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
+from skinlab.inference.covariance import Covariance, OnKept
+from skinlab.inference.error_choice import ErrorChoice, choose_errors
+from skinlab.inference.error_judgement import Judged, judge_errors
+from skinlab.inference.error_models.base import Look
+from skinlab.inference.error_models.quantised import step_um
 from skinlab.inference.joint import GaussianPrior, JointMisfit
+from skinlab.inference.likelihood import LinearModel
+from skinlab.inference.marginal import IntegratedLikelihood
 from skinlab.inference.noise import (
     MESH_REST,
-    NoiseEstimate,
-    Whitening,
-    judge,
     mesh_error_shapes,
     pressure_noise_mbar,
+    roughness,
     slope_mm_per_mbar,
 )
+from skinlab.inference.outliers import outlier_probability
 from skinlab.inference.posterior import Draws, sample
 from skinlab.inference.problem import SquaredMisfit
-from skinlab.inference.samples import Fitted, Group
+from skinlab.inference.samples import Group, Samples, samples_of
 from skinlab.mechanics.materials.compressibility import KappaConvention
-from skinlab.parameters import ParameterSpace, WithFactor
+from skinlab.parameters import ParameterSpace, Space
 from skinlab.tables.base import CurveModel, Database
 
 Array = NDArray[np.float64]
 
 _MOST_MODES = 6
-_UNLIKELY = 0.995  # a χ² above this quantile is a misfit that noise does not explain
+_SLOPE_STEP = 1e-4  # of the unit cube
+_FLAT_PRECISION = 12.0  # of a flat prior on the unit interval
+_LEAST_ROUGH_MM = 1e-5
+_SMALL = 0.07  # of the noise: columns of so little length change nothing
+_BEYOND = 2.0  # times the squares: what a fit gains outside of the range is no small matter
+_ALIKE = 2.5  # standard deviations: curves whose noises are closer have the same
 
 
 @dataclass(frozen=True)
@@ -42,6 +53,7 @@ class Sensor:
 
     noise_um: float | None = None
     pressure_noise_mbar: float | None = None
+    placement_scatter: float | None = 0.0  # of log stiffness, of curves together; 0: there is none
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,12 +61,155 @@ class Uncertainty:
     """What is left open."""
 
     names: tuple[str, ...]  # of the parameters asked for; the thickness' ratio may follow them
-    space: ParameterSpace  # of the draws
+    space: Space  # of the draws
     draws: Draws
-    noise_um: float  # root mean square over samples, of one deflection sample's noise
-    above_noise: bool  # the misfit is clearly more than the noise explains
+    errors: Judged
     parts: tuple[SquaredMisfit, ...]  # whose sum is χ², Gaussian priors included
     relative_thickness_sd: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """All curves' samples with a fit to them, and which of the samples belong."""
+
+    groups: Sequence[Group]
+    models: Sequence[CurveModel]
+    space: ParameterSpace
+    samples: Samples
+    best_mm: Array  # (u,) of the model at the fit
+    linear: LinearModel
+    sensor: Sensor
+
+    @property
+    def slope_mm_per_mbar(self) -> Array:
+        """Return dw/dp (u,) at the fit."""
+        parts = []
+        for g, w in zip(self.groups, split_by_group(self.groups, self.best_mm), strict=True):
+            parts.append(slope_mm_per_mbar(g.pressure_mbar, w))
+        return np.concatenate(parts)
+
+    def mesh_columns(self) -> Array:
+        """Return the shapes (u, m) in which mesh and database err, of each group for itself."""
+        blocks = []
+        for g, model, w in zip(
+            self.groups, self.models, split_by_group(self.groups, self.best_mm), strict=True
+        ):
+            blocks.append(np.hstack([mesh_error_shapes(g.pressure_mbar, w), model.error_shapes_mm]))
+        whole = np.zeros((len(self.samples), sum(b.shape[1] for b in blocks)))
+        row = column = 0
+        for b in blocks:
+            whole[row : row + len(b), column : column + b.shape[1]] = b
+            row, column = row + len(b), column + b.shape[1]
+        return whole
+
+    def outlier_probability(self) -> Array:
+        """Return each sample's probability (u,) of not belonging to its curve."""
+        step_mm = 1e-3 * step_um(self.samples.deflection_mm)
+        return outlier_probability(self.linear, self.samples, step_mm)
+
+    def pressure_sd_mbar(self) -> Array:
+        """Return the pressure readings' standard deviations (u,): stated, or each curve's own."""
+        stated = self.sensor.pressure_noise_mbar
+        if stated is not None:
+            return np.full(len(self.samples), stated)
+        found = []
+        for g in self.groups:
+            for member in g.members:
+                curve, mask = member.curve, member.mask
+                sd = pressure_noise_mbar(curve.time_s[mask], curve.pressure_mbar[mask])
+                found.append(np.full(member.count, sd))
+        return np.concatenate(found)
+
+    def choose_errors(self, kept: NDArray[np.bool_]) -> ErrorChoice:
+        """Return what errors the samples have that are kept."""
+        samples = self.samples.only(kept)
+        residual = self.linear.residual_mm[kept]
+        samples = replace(samples, relative_noise=_relative_noise(residual, samples))
+        linear = LinearModel(residual, self.linear.slopes_mm[kept], self.linear.precision)
+        look = Look(
+            samples,
+            self.best_mm[kept],
+            self.slope_mm_per_mbar[kept],
+            residual,
+            linear.slopes_mm,
+            self.sensor.noise_um,
+            self.pressure_sd_mbar()[kept],
+            self.sensor.placement_scatter,
+        )
+        rest = (MESH_REST * self.best_mm[kept]) ** 2
+        columns = self.mesh_columns()[kept]
+        least = _SMALL * max(roughness(residual), _LEAST_ROUGH_MM)
+        seen = np.sqrt(np.square(columns).sum(axis=0)) > least
+        return choose_errors(look, linear, columns[:, seen], rest)
+
+
+def _relative_noise(residual: Array, samples: Samples) -> Array:
+    """Return each curve's noise (u,) relative to that of all, 1 where they are alike."""
+    ends = samples.ends
+    parts = np.split(residual, ends[:-1])
+    if len(parts) == 1:
+        return np.ones(len(residual))
+    counts = np.diff([0, *ends])
+    rough = np.array([max(r, _LEAST_ROUGH_MM) for r in map(roughness, parts)])
+    rough = np.where(np.isfinite(rough), rough, np.nanmedian(rough))
+    usual = float(np.median(rough))
+    apart = np.abs(np.log(rough / usual)) > _ALIKE * 1.5 / np.sqrt(2.0 * np.maximum(counts, 1))
+    return np.repeat(np.where(apart, rough / usual, 1.0), counts)
+
+
+def about(
+    groups: Sequence[Group],
+    models: Sequence[CurveModel],
+    space: ParameterSpace,
+    unit: Array,
+    sensor: Sensor,
+    priors: Sequence[GaussianPrior] = (),
+) -> Fitted:
+    """Return the curves with the fit at a point (k,) of the unit cube, linearised."""
+    k = len(unit)
+    steps = _SLOPE_STEP * np.eye(k)
+    up, down = np.clip(unit + steps, 0.0, 1.0), np.clip(unit - steps, 0.0, 1.0)
+    points = space.from_unit(np.vstack([unit, up, down]))
+    curves = np.hstack([model.deflection_mm(points) for model in models])
+    here = curves[0]
+    # Next to where the model ends a difference is one-sided.
+    above = np.where(np.isfinite(curves[1 : k + 1]), curves[1 : k + 1], here)
+    below = np.where(np.isfinite(curves[k + 1 :]), curves[k + 1 :], here)
+    reach = np.where(
+        np.isfinite(curves[1 : k + 1, :1]), np.diag(up)[:, None] - unit[:, None], 0.0
+    ) + np.where(np.isfinite(curves[k + 1 :, :1]), unit[:, None] - np.diag(down)[:, None], 0.0)
+    slopes = (above - below) / np.maximum(reach, 1e-12)
+    precision = _FLAT_PRECISION * np.eye(k)
+    for prior in priors:
+        moved = (prior.differences(points[1 : k + 1]) - prior.differences(points[k + 1 :]))[:, 0]
+        slope = moved / (np.diag(up) - np.diag(down))
+        precision += np.outer(slope, slope)
+    samples = samples_of(groups)
+    residual = samples.deflection_mm - here
+    columns = _within(unit, residual, slopes.T)
+    linear = LinearModel(residual, columns, precision)
+    return Fitted(groups, models, space, samples, here, linear, sensor)
+
+
+def _within(unit: Array, residual: Array, slopes: Array) -> Array:
+    """Return the slopes (u, k), zero of unknowns at a bound that would have to go far beyond it.
+
+    The linear model knows no bounds: what only an unknown outside of its range explains is error.
+    """
+    stuck = (unit <= 0.0) | (unit >= 1.0)
+    if not stuck.any():
+        return slopes
+    kept = np.where(stuck, 0.0, slopes)
+    with_all, without = (
+        float(np.square(residual - c @ np.linalg.lstsq(c, residual)[0]).sum())
+        for c in (slopes, kept)
+    )
+    return kept if without > _BEYOND * with_all else slopes
+
+
+def split_by_group(groups: Sequence[Group], values: NDArray[Any]) -> list[NDArray[Any]]:
+    """Return values (u, …) by group."""
+    return np.split(values, np.cumsum([len(g.deflection_mm) for g in groups])[:-1])
 
 
 def assess(
@@ -62,92 +217,61 @@ def assess(
     kappa: KappaConvention,
     groups: Sequence[Group],
     models: Sequence[CurveModel],
-    space: ParameterSpace,
+    space: Space,
     minima: Array,
     sensor: Sensor,
     rng: np.random.Generator,
     *,
+    kept: NDArray[np.bool_] | None = None,
     priors: Sequence[GaussianPrior] = (),
 ) -> Uncertainty:
     """Return the posterior about the minima (m, k), points of the space's unit cube, best first.
 
-    `models` are those of the groups at their stated thicknesses.
+    `models` are those of the groups at their stated thicknesses; `kept` (u,) are the samples that
+    belong to the curves.
     """
-    points = sum(len(g.deflection_mm) for g in groups)
-    best = space.from_unit(minima[0])
-    noises: list[tuple[NoiseEstimate, int]] = []
-    parts: list[SquaredMisfit] = []
+    names = space.names
+    priors = list(priors)
+    modes = minima[:_MOST_MODES]
     # One skin has one thickness: its relative error is common to all its curves.
     relative_sd = max(g.thickness_sd_mm / g.geometry.thickness_mm for g in groups)
-    factors: list[tuple[float, float]] = []
-    for g, stated_model in zip(groups, models, strict=True):
-        model = stated_model
-        if relative_sd > 0.0:
-            model = g.model(database, kappa, relative_sd)
-            factors.append((float(model.space.bounds[0][-1]), float(model.space.bounds[1][-1])))
-        at_best = model.deflection_mm((np.append(best, 1.0) if relative_sd > 0.0 else best)[None])[
-            0
-        ]
-        found = noise_of_curves(g, at_best, points, sensor)
-        noises += [(n, m.count) for n, m in zip(found, g.members, strict=True)]
-        sigmas = np.concatenate(
-            [np.full(m.count, 1e-3 * n.assumed_um) for n, m in zip(found, g.members, strict=True)]
-        )
-        sigma = np.hypot(sigmas, _other_errors(g, at_best, sensor))
-        shapes = (mesh_error_shapes(g.pressure_mbar, at_best), model.error_shapes_mm)
-        whitening = Whitening(sigma, np.hstack(shapes))
-        parts.append(model.misfit(g.deflection_mm, whitening))
-    names = space.names
-    parts += priors
-    modes = minima[:_MOST_MODES]
     if relative_sd > 0.0:
-        low, high = max(f[0] for f in factors), min(f[1] for f in factors)
-        space = WithFactor(space, "thickness_ratio", low, high)
-        parts.append(GaussianPrior(len(best), 1.0, relative_sd))
+        best = space.from_unit(minima[0])
+        models = [g.model(database, kappa, relative_sd) for g in groups]
+        low = max(float(m.space.bounds[0][-1]) for m in models)
+        high = min(float(m.space.bounds[1][-1]) for m in models)
+        space = space.extended("thickness_ratio", low, high)
+        priors.append(GaussianPrior(len(best), 1.0, relative_sd))
         stated = space.to_unit(np.append(best, 1.0))[-1]
         modes = np.column_stack([modes, np.full(len(modes), stated)])
-    total = JointMisfit(parts)
-    least = float(total(space.from_unit(modes)).min())
-    freedom = max(points - len(best), 1)
-    above = any(n.above for n, _ in noises)
-    factor = 1.0
-    if least > chi2.ppf(_UNLIKELY, freedom):
-        # The model misses something: the spread of the residual stands in for the noise, as is
-        # customary (Birge 1932), and the flag says that the intervals mean less.
-        above = True
-        factor = least / freedom
-    draws = sample(space, total, modes, rng, factor=factor)
-    noise = np.sqrt(sum(n.value_um**2 * u for n, u in noises) / points)
-    return Uncertainty(names, space, draws, float(noise), above, tuple(parts), relative_sd)
-
-
-def noise_of_curves(g: Group, model_mm: Array, points: int, sensor: Sensor) -> list[NoiseEstimate]:
-    """Return the deflection noise of each curve of a group, given its model (u,) at the best fit.
-
-    `points` is the number of samples of the whole fit, on which three parameters were spent.
-    """
-    share = max(1.0 - 3.0 / points, 1.0 / points)
-    other = g.split(_other_errors(g, model_mm, sensor))
-    return [
-        judge(residual, o, member.count * share, sensor.noise_um)
-        for member, residual, o in zip(
-            g.members, g.split(g.deflection_mm - model_mm), other, strict=True
+    fitted = about(groups, models, space, modes[0], sensor, priors)
+    if kept is None:
+        kept = np.ones(len(fitted.samples), dtype=bool)
+    errors = fitted.choose_errors(kept)
+    condition = fitted.samples.condition[kept]
+    parts: list[SquaredMisfit] = [
+        model.misfit(g.deflection_mm, OnKept(here, _of_group(errors.mode, condition == number)))
+        for number, (g, model, here) in enumerate(
+            zip(groups, models, split_by_group(groups, kept), strict=True)
         )
     ]
+    parts += priors
+    likelihood = IntegratedLikelihood(
+        models, fitted.linear.residual_mm[kept], fitted.best_mm[kept], kept, errors
+    )
+
+    def log_density(parameters: Array) -> Array:
+        return likelihood(parameters) - 0.5 * sum(prior(parameters) for prior in priors)
+
+    draws = sample(space, JointMisfit(parts), modes, rng, log_density=log_density)
+    judged = judge_errors(errors, sensor.noise_um)
+    return Uncertainty(names, space, draws, judged, tuple(parts), relative_sd)
 
 
-def _other_errors(g: Group, model_mm: Array, sensor: Sensor) -> Array:
-    """Return standard deviations (u,), mm: the pressure's noise through dw/dp, and the mesh's."""
-    slopes = g.split(slope_mm_per_mbar(g.pressure_mbar, model_mm))
-    by_pressure = [
-        slope * _pressure_noise(member, sensor)
-        for member, slope in zip(g.members, slopes, strict=True)
-    ]
-    return np.hypot(np.concatenate(by_pressure), MESH_REST * model_mm)
-
-
-def _pressure_noise(member: Fitted, sensor: Sensor) -> float:
-    if sensor.pressure_noise_mbar is not None:
-        return sensor.pressure_noise_mbar
-    curve, mask = member.curve, member.mask
-    return pressure_noise_mbar(curve.time_s[mask], curve.pressure_mbar[mask])
+def _of_group(covariance: Covariance, members: NDArray[np.bool_]) -> Covariance:
+    if members.all():
+        return covariance
+    part = covariance.only(members)
+    mine = np.abs(part.columns_mm).max(axis=0, initial=0.0) > 0.0
+    ends = tuple(dict.fromkeys(e for e in part.ends if e > 0))
+    return replace(part, columns_mm=part.columns_mm[:, mine], ends=ends)

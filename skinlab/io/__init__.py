@@ -1,1 +1,1 @@
-"""Files: how they are written and read."""
+"""Files: written whole, for their owner only; HDF5, TOML and JSON that may be damaged."""

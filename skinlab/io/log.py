@@ -8,15 +8,17 @@ from pathlib import Path
 
 from platformdirs import user_log_path
 
+from skinlab.errors import InputError
+from skinlab.io.files import append_text
+from skinlab.text import inert_lines
+
 
 def log_exception(error: BaseException) -> Path:
     """Append the traceback to the log; return the log's path."""
     path = user_log_path("skinlab", appauthor=False) / "errors.log"
+    text = f"--- {datetime.now(UTC).isoformat()}\n{''.join(traceback.format_exception(error))}"
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("a", encoding="utf-8") as file:
-            file.write(f"--- {datetime.now(UTC).isoformat()}\n")
-            file.writelines(traceback.format_exception(error))
-    except OSError:
+        append_text(path, inert_lines(text))
+    except InputError:
         return Path("(no log could be written)")
     return path

@@ -28,7 +28,8 @@ import hashlib
 import json
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
@@ -36,17 +37,15 @@ import msgspec
 from msgspec import field
 
 from skinlab.errors import InputError
-from skinlab.mechanics.effects import get_effect
-from skinlab.mechanics.effects.registry import checked
-from skinlab.mechanics.materials import get_law
+from skinlab.io.documents import read_toml, toml_text
+from skinlab.mechanics.effects import checked, get_effect
+from skinlab.mechanics.materials import DEFAULT_LAW, Law, get_law
 from skinlab.mechanics.materials.compressibility import KappaConvention
+from skinlab.parameters import Space
 
 T = TypeVar("T")
 
 PriorName = Literal["uniform", "log-uniform"]
-
-# What the base law's parameters may be where a model does not say.
-BASE_BOUNDS = {"X1_MPa": (0.001, 1.0), "X2_MPa": (0.0, 100.0), "nu": (0.0, 0.499)}
 
 
 class Normal(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -57,7 +56,7 @@ class Normal(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Range(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Bounds and prior of one of the base law's parameters."""
+    """Bounds and prior of one of the law's parameters."""
 
     low: float
     high: float
@@ -77,7 +76,7 @@ class Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """[model]."""
 
     name: str
-    law: str = "extended_neo_hookean"
+    law: str = DEFAULT_LAW
     kappa: KappaConvention = "paper"
 
 
@@ -100,6 +99,11 @@ class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     provenance: Provenance = field(default_factory=Provenance)
 
     @property
+    def law(self) -> Law:
+        """The constitutive law."""
+        return get_law(self.model.law)
+
+    @property
     def values(self) -> dict[str, dict[str, float]]:
         """Effect -> parameter -> value, defaults filled in."""
         given = {
@@ -109,21 +113,48 @@ class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return checked(given)
 
     def bounds(self, name: str) -> tuple[float, float]:
-        """Return the bounds of a parameter: `X1_MPa`, or `EFFECT.PARAMETER`.
+        """Return the bounds of one of the law's parameters, or of `EFFECT.PARAMETER`.
 
         Raises:
             InputError: the model has no such parameter.
         """
         effect, _, parameter = name.rpartition(".")
-        if not effect and name in BASE_BOUNDS:
+        if name in self.law.names:
             own = self.parameters.get(name)
-            return BASE_BOUNDS[name] if own is None else (own.low, own.high)
+            at = self.law.parameter(name)
+            return (at.low, at.high) if own is None else (own.low, own.high)
         if parameter in self.effects.get(effect, {}):
-            at = self.effects[effect][parameter]
+            said = self.effects[effect][parameter]
             declared = {p.name: p for p in get_effect(effect).parameters}[parameter]
-            low = declared.low if at.low is None else at.low
-            return low, declared.high if at.high is None else at.high
+            low = declared.low if said.low is None else said.low
+            return low, declared.high if said.high is None else said.high
         raise InputError(f"model {self.model.name!r} has no parameter {name}")
+
+    @property
+    def space(self) -> Space:
+        """Where a fit looks for the law's parameters: where the law says, or within own bounds."""
+        space, low, high = self.law.space, list(self.law.space.low), list(self.law.space.high)
+        transforms = list(space.transforms)
+        for i, name in enumerate(space.names):
+            own = self.parameters.get(name)
+            if own is None:
+                continue
+            if space.transforms[i] == "ratio" and own.prior != "uniform":
+                reach = space.bounds[0][i], space.bounds[1][i]
+                if own.low <= reach[0] and own.high >= reach[1]:
+                    continue  # what the ratio's ends allow is all inside
+            low[i], high[i] = own.low, own.high
+            even = own.prior == "uniform" or own.low <= 0 or space.transforms[i] == "linear"
+            transforms[i] = "linear" if even else "log"
+        return replace(space, low=tuple(low), high=tuple(high), transforms=tuple(transforms))
+
+    def prior(self, name: str) -> PriorName | Normal | None:
+        """Return what the model says is known of a parameter beforehand; None: nothing."""
+        effect, _, parameter = name.rpartition(".")
+        if name in self.law.names:
+            own = self.parameters.get(name)
+            return None if own is None else own.prior
+        return self.effects[effect][parameter].prior
 
     @property
     def hash(self) -> str:
@@ -135,7 +166,7 @@ class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     def to_toml(self) -> str:
         """Return the file's text."""
-        return "\n".join(_tables("", msgspec.to_builtins(self))).lstrip("\n") + "\n"
+        return toml_text(msgspec.to_builtins(self))
 
 
 BASE = Model(Header("base"))
@@ -162,7 +193,7 @@ def decode_model(raw: bytes | str, path: str) -> Model:
         InputError: something in it is not known, missing or out of range; names the field.
     """
     try:
-        return model_of(msgspec.toml.decode(raw))
+        return model_of(read_toml(raw))
     except (ValueError, UnicodeDecodeError) as error:  # InputError is one
         raise InputError(f"{path}: {plain(str(error))}") from None
 
@@ -215,20 +246,22 @@ def check_model(model: Model) -> None:
     """
     if not model.model.name.strip():
         raise InputError("model.name is empty; expected a name")
-    if set(get_law(model.model.law).parameter_names) != {"X1_MPa", "X2_MPa", "kappa_MPa"}:
-        raise InputError(f"model.law {model.model.law!r} is not a skin's")
+    try:
+        law = model.law
+    except InputError as error:
+        raise InputError(f"model.law: {error}") from None
     for name, own in model.parameters.items():
-        if name not in BASE_BOUNDS:
-            raise InputError(
-                f"parameters.{name} is not known; expected of: {', '.join(BASE_BOUNDS)}"
-            )
-        _check_range(f"parameters.{name}", own, own.low, own.high, BASE_BOUNDS[name])
+        try:
+            declared = law.parameter(name)
+        except InputError as error:
+            raise InputError(f"parameters.{error}") from None
+        _check_range(f"parameters.{name}", own, own.low, own.high, (declared.low, declared.high))
     for name, values in model.values.items():
-        declared = {p.name: (p.low, p.high) for p in get_effect(name).parameters}
+        widest = {p.name: (p.low, p.high) for p in get_effect(name).parameters}
         for parameter, at in model.effects[name].items():
             where = f"effects.{name}.{parameter}"
             low, high = model.bounds(f"{name}.{parameter}")
-            _check_range(where, at, low, high, declared[parameter])
+            _check_range(where, at, low, high, widest[parameter])
             if not low <= values[parameter] <= high:
                 raise InputError(f"{where}.value is {at.value:g}: expected {low:g} to {high:g}")
 
@@ -246,25 +279,6 @@ def _check_range(
             raise InputError(f"{where}.prior: expected a finite mean and a positive sd")
     elif at.prior == "log-uniform" and low <= 0:
         raise InputError(f"{where}.prior: log-uniform needs a positive low, got {low:g}")
-
-
-def _tables(where: str, content: Mapping[str, Any]) -> Iterable[str]:
-    """Yield the lines of a TOML table and of those in it; what is None is left out."""
-    plain = {k: v for k, v in content.items() if not isinstance(v, Mapping) and v is not None}
-    if plain:
-        yield from ("", f"[{where}]")
-        yield from (f"{_key(k)} = {_value(v)}" for k, v in plain.items())
-    for key, value in content.items():
-        if isinstance(value, Mapping):
-            yield from _tables(f"{where}.{_key(key)}" if where else _key(key), value)
-
-
-def _key(key: str) -> str:
-    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else _value(key)
-
-
-def _value(value: str | float) -> str:
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def plain(message: str) -> str:

@@ -6,9 +6,7 @@ cuts a curve where the live run did.
 
 from __future__ import annotations
 
-from array import array
-
-import numpy as np
+import math
 
 from drivers.events import (
     PROGRAM_DONE,
@@ -21,27 +19,9 @@ from drivers.events import (
     Sample,
     State,
 )
-from skinlab.curves.curve import FEWEST_POINTS, Curve, Setup
+from skinlab.curves.curve import FEWEST_POINTS, Setup
+from skinlab.curves.growing import GrowingCurve
 from skinlab.recording.stream import CurveCompleted, CurveStarted, Happened, Message, Sampled
-
-
-class _Columns:
-    """Samples as plain numbers: ten minutes at 1 kHz are nothing for the garbage collector."""
-
-    def __init__(self) -> None:
-        self.time_s = array("d")
-        self.pressure_mbar = array("d")
-        self.deflection_mm = array("d")
-        self.segment = array("q")
-
-    def __len__(self) -> int:
-        return len(self.time_s)
-
-    def append(self, sample: Sample) -> None:
-        self.time_s.append(sample.device_time_s)
-        self.pressure_mbar.append(sample.pressure_mbar)
-        self.deflection_mm.append(sample.deflection_mm)
-        self.segment.append(sample.segment)
 
 
 class CurveAssembler:
@@ -49,16 +29,14 @@ class CurveAssembler:
 
     def __init__(self) -> None:
         self._next: Setup | None = None  # of the next run
-        self._setup: Setup | None = None  # of the present one
-        self._samples = _Columns()
+        self._curve: GrowingCurve | None = None  # the present one, or the last
         self._index = 0
         self._running = False
         self._found = False  # the link is new, and what the instrument runs is no run of ours
         self._cut: str | None = None
-        self._lost = 0
 
-    def plan(self, setup: Setup) -> None:
-        """Say what the next run belongs to."""
+    def plan(self, setup: Setup | None) -> None:
+        """Say what the next run belongs to; None: no curve can be made of it."""
         self._next = setup
 
     @property
@@ -82,14 +60,13 @@ class CurveAssembler:
                 if reason not in {PROGRAM_END, PROGRAM_DONE}:
                     self._cut = self._cut or reason
                 messages += self._finish()
-            case Sample() if self._running and self._setup is not None:
-                if event.segment >= self._segments():
+            case Sample() if self._running and self._curve is not None:
+                if event.segment >= (self._segments() or math.inf):
                     messages += self._finish()
-                elif not self._samples or event.device_time_s > self._samples.time_s[-1]:
-                    self._samples.append(event)
-                # else the instrument's clock went back: no point of a curve; it stays in the record
-            case Gap() if self._running:
-                self._lost += event.received - event.expected
+                else:
+                    self._curve.append(event)
+            case Gap() if self._running and self._curve is not None:
+                self._curve.lost += event.received - event.expected
             case LinkLost(reason) if self._running:
                 self._cut = self._cut or reason
                 messages += self._finish()
@@ -111,31 +88,24 @@ class CurveAssembler:
         return self._finish()
 
     def _segments(self) -> int:
-        program = self._setup.program if self._setup else None
+        """Return the program's length; 0: nobody says what the instrument does."""
+        program = None if self._curve is None else self._curve.setup.program
         return len(program.segments) if program else 0
 
     def _begin(self) -> CurveStarted:
         assert self._next is not None
-        self._setup = self._next
+        self._curve = GrowingCurve(self._next)
         self._index += 1
-        self._running, self._samples, self._cut, self._lost = True, _Columns(), None, 0
-        return CurveStarted(self._index, self._setup)
+        self._running, self._cut = True, None
+        return CurveStarted(self._index, self._curve)
 
     def _finish(self) -> list[Message]:
-        assert self._setup is not None
+        assert self._curve is not None
         self._running = False
-        samples = self._samples
-        if not len(samples) or samples.segment[-1] < self._segments() - 1:
+        grown = self._curve
+        if not len(grown) or grown.segment[-1] < self._segments() - 1:
             self._cut = self._cut or "the program did not reach its end"
-        if len(samples) < FEWEST_POINTS:
+        if len(grown) < FEWEST_POINTS:
             return []  # nothing that could be called a curve; the samples stay in the record
-        curve = Curve(
-            name=f"curve {self._index}",
-            setup=self._setup,
-            time_s=np.array(samples.time_s),
-            pressure_mbar=np.array(samples.pressure_mbar),
-            deflection_mm=np.array(samples.deflection_mm),
-            segment=np.array(samples.segment, dtype=np.intp),
-            partial=self._cut is not None,
-        )
-        return [CurveCompleted(self._index, curve, self._cut, self._lost)]
+        curve = grown.curve(f"curve {self._index}", partial=self._cut is not None)
+        return [CurveCompleted(self._index, curve, self._cut, grown.lost)]

@@ -16,6 +16,9 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import Any
 
+import msgspec
+
+from skinlab.io.documents import read_json
 from skinlab.recording.records import Kind, Record
 
 START = "0" * 64  # what the first entry follows
@@ -27,6 +30,13 @@ class Entry:
 
     number: int  # from 1
     utc: str  # ISO 8601
+    who: str
+    what: str
+    detail: dict[str, Any]
+
+
+class _Said(msgspec.Struct):
+    utc: str
     who: str
     what: str
     detail: dict[str, Any]
@@ -73,7 +83,7 @@ class Chain:
     def add(self, record: Record) -> Record:
         """Return the record as it is to be stored: an entry with its place in the chain."""
         if record.kind is Kind.AUDIT:
-            said = json.loads(record.data) | self._place()
+            said = read_json(record.data) | self._place()
             record = replace(record, data=json.dumps(said).encode())
         self._pass(record)
         return record
@@ -103,7 +113,7 @@ class Chain:
         if record.kind is Kind.AUDIT:
             place = self._place()
             try:
-                said = json.loads(record.data)
+                said = read_json(record.data)
                 name = f"audit entry {place['entry']} ({said['utc']}, {said['what']})"
                 stated = {key: said[key] for key in place}
             except (ValueError, TypeError, KeyError):
@@ -128,9 +138,9 @@ def entries(records: Iterable[Record]) -> list[Entry]:
             continue
         number = len(found) + 1
         try:
-            said = json.loads(record.data)
-            entry = Entry(number, said["utc"], said["who"], said["what"], said["detail"])
-        except (ValueError, TypeError, KeyError):
+            said = msgspec.convert(read_json(record.data), _Said)
+            entry = Entry(number, said.utc, said.who, said.what, said.detail)
+        except ValueError:
             entry = Entry(number, "", "", "cannot be read", {})
         found.append(entry)
     return found

@@ -12,15 +12,22 @@ import os
 import queue
 import shutil
 import sqlite3
+import sys
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from skinlab.errors import InputError
+from skinlab.io.documents import read_json
+from skinlab.io.files import private
 from skinlab.recording import audit
 from skinlab.recording.records import Kind, Record
+
+if sys.platform != "win32":
+    import fcntl
 
 __all__ = ["Journal", "Kind", "Record", "read_journal"]
 
@@ -35,6 +42,14 @@ _INSERT = "INSERT INTO record (kind, host_time_s, utc_s, data) VALUES (?, ?, ?, 
 _ROOM_BYTES = 8_000_000
 _COMMIT_BYTES = 9_000
 _SAMPLE_BYTES = 400
+
+# Of a journal that may be damaged.
+_MOST_FACTS = 100
+_LEAST_RECORD_BYTES = 20
+_LATEST_S = 1e11  # the year 5138; nothing later is a time
+
+
+_KINDS = {"rx": Kind.RECEIVED, "tx": Kind.SENT, "mark": Kind.MARK}
 
 
 def room_bytes(duration_s: float, rate_hz: float) -> int:
@@ -59,19 +74,19 @@ class Journal:
         self.path = path
         self._now = now
         if path.exists():
-            raise InputError(
-                f"{path}: exists already, from a measurement that did not end; "
-                f"`skinlab recover {path}` makes a session of it"
-            )
+            raise _exists(path)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            # About a person: for its owner only, as SQLite makes its side files too.
-            os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o600))
+            # SQLite makes its side files for the owner only too.
+            os.close(private(str(path), os.O_CREAT | os.O_EXCL | os.O_RDWR))
+        except FileExistsError:
+            raise (_exists(path) if path.exists() else _no_folder(path)) from None
         except OSError as error:
             raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
         try:
             self._db = _create(path, {"schema": SCHEMA, **meta})
             self._wal = os.open(_side_file(path, "-wal"), os.O_RDWR)
+            _claim(self._wal)
         except (OSError, sqlite3.Error) as error:
             _remove(path)
             raise InputError(f"{path}: cannot be written ({error})") from None
@@ -110,14 +125,14 @@ class Journal:
     def raw(
         self, direction: str, host_time_s: float, data: bytes, utc_s: float | None = None
     ) -> None:
-        """Record raw bytes ("rx" or "tx"); the tap that a Probe takes as `on_bytes`.
+        """Record raw bytes ("rx" or "tx") or a "mark"; the tap that a Probe takes as `on_bytes`.
 
         `utc_s` is for bytes that came before there was a journal; None: now.
 
         Raises:
             InputError: an earlier record could not be written (disk full): the probe vents.
         """
-        self._put(Kind.RECEIVED if direction == "rx" else Kind.SENT, host_time_s, data, utc_s)
+        self._put(_KINDS[direction], host_time_s, data, utc_s)
 
     def plan(self, host_time_s: float, setup: dict[str, Any]) -> None:
         """Record what the next run belongs to."""
@@ -272,35 +287,188 @@ def _remove(path: Path) -> None:
         _side_file(path, suffix).unlink(missing_ok=True)
 
 
-def read_journal(path: Path) -> tuple[dict[str, Any], list[Record]]:
+def _no_folder(path: Path) -> InputError:
+    return InputError(f"{path}: cannot be written (its folder is a file)")
+
+
+def is_live(path: Path) -> bool:
+    """Return whether somebody records into this journal at this moment."""
+    if sys.platform == "win32":
+        return False
+    try:
+        number = os.open(_side_file(path, "-wal"), os.O_RDWR)
+    except OSError:
+        return False
+    try:
+        fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:  # a file system without locks
+        return False
+    finally:
+        os.close(number)
+    return False
+
+
+def _claim(number: int) -> None:
+    """Mark the journal as live: the system takes the mark away when the process is gone."""
+    if sys.platform != "win32":
+        with contextlib.suppress(OSError):  # a file system without locks
+            fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+def _exists(path: Path) -> InputError:
+    if is_live(path):
+        return InputError(
+            f"{path}: exists already: another measurement is recording there now; expected another "
+            "--out"
+        )
+    if path.stat().st_size == 0:
+        return InputError(
+            f"{path}: exists already, and is empty: another measurement is just beginning, or was "
+            "killed before anything was recorded; then delete it"
+        )
+    return InputError(
+        f"{path}: exists already, from a measurement that did not end; "
+        f"`skinlab recover {path}` makes a session of it"
+    )
+
+
+@dataclass(frozen=True)
+class Read:
+    """What can be read of a journal; `skipped` says in a sentence each what cannot."""
+
+    meta: dict[str, Any]
+    records: list[Record]
+    skipped: list[str]
+
+
+def read_journal(path: Path) -> Read:
     """Return the facts and records of a journal, one that a crash left included.
+
+    A damaged record costs itself; facts that are damaged are taken from the audit trail.
 
     Raises:
         InputError: no such file, or no journal.
     """
     if not path.is_file():
         raise InputError(f"{path}: no such file")
+    skipped: list[str] = []
     try:
         with contextlib.closing(sqlite3.connect(path)) as db:
-            if not db.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:
+            db.text_factory = bytes
+            tables = {name for (name,) in db.execute("SELECT name FROM sqlite_master")}
+            if not tables:
                 raise InputError(
                     f"{path}: is empty: the measurement was killed before anything was recorded"
                 )
-            facts = db.execute("SELECT key, value FROM meta")
-            meta = {key: json.loads(value) for key, value in facts}
-            if (schema := meta.pop("schema", None)) != SCHEMA:
+            if not tables >= {b"meta", b"record"}:
+                raise InputError(f"{path}: not a journal that skinlab wrote (its tables)")
+            meta = _meta(db, skipped)
+            schema = meta.pop("schema", SCHEMA)
+            if schema != SCHEMA:
                 raise InputError(f"{path}: schema {schema!r}; expected {SCHEMA!r}")
-            rows = db.execute("SELECT kind, host_time_s, utc_s, data FROM record ORDER BY number")
-            records = [
-                Record(Kind(kind), host_time_s, utc_s, bytes(data))
-                for kind, host_time_s, utc_s, data in rows
-            ]
+            records = _records(db, path.stat().st_size, skipped)
     except InputError:
         raise
     except sqlite3.OperationalError as error:
         if "no such" in str(error):  # table or column
             raise InputError(f"{path}: not a journal that skinlab wrote ({error})") from None
         raise InputError(f"{path}: cannot be read ({error})") from None
-    except (sqlite3.Error, ValueError, TypeError) as error:
+    except (sqlite3.Error, ValueError, TypeError, OverflowError) as error:
         raise InputError(f"{path}: not a journal that skinlab wrote ({error})") from None
-    return meta, records
+    first = next((r for r in records if r.kind is Kind.AUDIT), None)
+    if first is not None:
+        (opened,) = audit.entries([first])
+        if opened.what == "session opened":
+            meta = opened.detail | meta
+    return Read(meta, records, skipped)
+
+
+def _meta(db: sqlite3.Connection, skipped: list[str]) -> dict[str, Any]:
+    meta = {}
+    rows, failed = _rows(db, "SELECT rowid, key, value FROM meta WHERE rowid", 1, _MOST_FACTS)
+    for _, key, value in rows:
+        try:
+            meta[_text(key)] = read_json(_text(value))
+        except (ValueError, TypeError) as error:
+            skipped.append(f"fact {key!r} cannot be read ({error})")
+    skipped += [f"fact {number} cannot be read ({why})" for number, _, why in failed]
+    return meta
+
+
+def _text(value: object) -> str:
+    if not isinstance(value, bytes):
+        raise TypeError(f"{type(value).__name__} in the place of text")
+    return value.decode()
+
+
+def _records(db: sqlite3.Connection, size_bytes: int, skipped: list[str]) -> list[Record]:
+    try:
+        last = db.execute("SELECT max(number) FROM record").fetchone()[0] or 0
+    except sqlite3.DatabaseError:
+        last = size_bytes // _LEAST_RECORD_BYTES
+    query = "SELECT number, kind, host_time_s, utc_s, data FROM record WHERE number"
+    rows, failed = _rows(db, query, 1, last)
+    records: list[Record] = []
+    for number, *row in rows:
+        record, why = _record(row, records[-1] if records else None)
+        if why:
+            skipped.append(f"record {number}: {why}")
+        if record is not None:
+            records.append(record)
+    for first, end, why in failed:
+        which = f"record {first}" if first == end else f"records {first} to {end}"
+        skipped.append(f"{which} cannot be read ({why}): left out")
+    return records
+
+
+def _record(row: list[Any], before: Record | None) -> tuple[Record | None, str]:
+    """Return the record of a row, and what is wrong with it; bytes that are there are kept."""
+    kind, host_time_s, utc_s, data = row
+    if kind not in tuple(Kind) or not isinstance(kind, int):
+        return None, f"its kind is {kind!r}: left out"
+    if not isinstance(data, bytes):
+        return None, f"{type(data).__name__} in the place of bytes: left out"
+    wrong = ""
+    times = [host_time_s, utc_s]
+    for k, name in enumerate(("host_time_s", "utc_s")):
+        if not isinstance(times[k], float | int) or not 0 <= times[k] < _LATEST_S:
+            wrong = f"its {name} is {times[k]!r}: that of the record before it is taken"
+            times[k] = 0.0 if before is None else getattr(before, name)
+    return Record(Kind(kind), float(times[0]), float(times[1]), data), wrong
+
+
+Row = tuple[Any, ...]
+Hole = tuple[int, int, str]
+
+
+def _rows(
+    db: sqlite3.Connection, query: str, first: int, last: int
+) -> tuple[list[Row], list[Hole]]:
+    """Return the rows numbered first to last, and (first, last, why) where pages are damaged.
+
+    A range that fails is halved until the rows that are to blame are alone.
+    """
+    rows: list[Row] = []
+    holes: list[Hole] = []
+    ranges = [(first, last)]
+    while ranges:
+        begin, end = ranges.pop()
+        if begin > end:
+            continue
+        found: list[Row] = []
+        try:
+            for row in db.execute(f"{query} BETWEEN ? AND ?", (begin, end)):
+                found.append(row)
+        except (sqlite3.DatabaseError, OverflowError, MemoryError) as error:
+            if begin == end:
+                if holes and holes[-1][1] == begin - 1:
+                    begin, _, _ = holes.pop()
+                holes.append((begin, end, str(error)))
+            else:
+                middle = (begin + end) // 2
+                ranges += [(middle + 1, end), (begin, middle)]
+            continue
+        rows += found
+    return rows, holes

@@ -18,6 +18,7 @@ class Input:
     curves: tuple[Curve, ...]
     noise_um: float | None = None
     pressure_noise_mbar: float | None = None
+    placement_scatter: float | None = None  # None: to be learned
     measured_here: bool = False  # a session: each curve was identified by itself as it came
 
 
@@ -38,7 +39,8 @@ def read_input(path: Path, setup: Setup | None) -> Input:
         return Input((read_curve(path, setup),))
     if suffix == ".toml":
         campaign = read_campaign(path)
-        return Input(campaign.curves, campaign.noise_um, campaign.pressure_noise_mbar)
+        noise = campaign.noise_um, campaign.pressure_noise_mbar
+        return Input(campaign.curves, *noise, campaign.placement_scatter)
     if suffix in (".h5", ".hdf5"):
         from skinlab.recording.session import read_session
 

@@ -2,41 +2,93 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any
 
+from drivers.capabilities import READ_ONLY
 from drivers.connection import Connection
-from drivers.dialects import get_dialect
+from drivers.dialects import DEFAULT, Dialect, describe_dialect, described_dialect, get_dialect
 from drivers.errors import RemoteProtocolError
-from drivers.events import TimedEvent
+from drivers.events import Identify, TimedEvent
+from drivers.stream import StreamConnection, connect
+from skinlab.errors import InputError
+from skinlab.io.documents import read_json_object
 from skinlab.recording.records import Kind, Record
 from skinlab.recording.stream import Item, Planned, setup_from_json
 
 
-def recorded_items(records: Iterable[Record], dialect: str = "reference") -> Iterator[Item]:
+def _ignore(_: str) -> None:
+    return
+
+
+def dialect_facts(dialect: Dialect) -> dict[str, Any]:
+    """Return what a session states of its dialect, so that its bytes can be read again."""
+    facts = {"dialect": describe_dialect(dialect)}
+    return facts if dialect.capabilities.controllable else {**facts, "control": READ_ONLY}
+
+
+def dialect_of(meta: Mapping[str, Any]) -> Dialect:
+    """Return the dialect of a session's bytes; the first sessions do not say it: `reference`.
+
+    Raises:
+        InputError: it is not there, or was another one.
+    """
+    said = meta.get("dialect")
+    if said is None:
+        return get_dialect(DEFAULT)
+    try:
+        return described_dialect(said)
+    except ValueError as error:  # all that a dialect raises is one
+        raise InputError(f"the session's field dialect: {error}") from None
+
+
+def recorded_items(
+    records: Iterable[Record],
+    dialect: Dialect,
+    damaged: Callable[[str], None] = _ignore,
+) -> Iterator[Item]:
     """Yield the items that these records hold, through dialect and connection as when live."""
-    for _, item in numbered_items(records, dialect):
+    for _, item in numbered_items(records, dialect, damaged):
         yield item
 
 
 def numbered_items(
-    records: Iterable[Record], dialect: str = "reference"
+    records: Iterable[Record],
+    dialect: Dialect,
+    damaged: Callable[[str], None] = _ignore,
 ) -> Iterator[tuple[int, Item]]:
-    """Yield the items with the index of the record that completed each."""
-    connection = Connection(get_dialect(dialect))
+    """Yield the items with the index of the record that completed each.
+
+    A plan that cannot be read is told to `damaged` in a sentence; no curve is made of its run,
+    because nobody knows what it was of.
+    """
+    connection = connect(dialect)
+    begun = not isinstance(connection, StreamConnection)
     for index, record in enumerate(records):
         if record.kind is Kind.PLAN:
-            yield index, Planned(setup_from_json(json.loads(record.data)))
-        elif record.kind is Kind.RECEIVED:
             try:
-                connection.receive_data(record.data)
+                setup = setup_from_json(read_json_object(record.data))
+            except (ValueError, TypeError, KeyError, OverflowError) as error:
+                damaged(f"record {index + 1}, a plan, cannot be read ({error}): no curve of it")
+                yield index, Planned(None)
+            else:
+                yield index, Planned(setup)
+        elif record.kind is Kind.RECEIVED or record.kind is Kind.MARK:
+            if not begun:
+                connection.send(Identify())
+                begun = True
+            try:
+                if record.kind is Kind.RECEIVED:
+                    connection.receive_data(record.data)
+                elif isinstance(connection, StreamConnection):
+                    connection.mark(record.data)
             except RemoteProtocolError:
                 continue  # the live run dropped these bytes too
             for item in _events(connection, record.host_time_s):
                 yield index, item
 
 
-def _events(connection: Connection, host_time_s: float) -> Iterator[Item]:
+def _events(connection: Connection | StreamConnection, host_time_s: float) -> Iterator[Item]:
     while True:
         try:
             event = connection.next_event()

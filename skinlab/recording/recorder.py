@@ -9,15 +9,19 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from drivers.dialects import DEFAULT, Dialect, get_dialect
+from drivers.dose import Dose, DoseMeter
 from drivers.events import Alarm, Event, HostVented, InstrumentFault, LinkLost
 from skinlab import __version__
 from skinlab.errors import InputError
 from skinlab.inference.identify import Identifier
+from skinlab.inference.methods import get_method
 from skinlab.inference.population import PopulationIdentifier
 from skinlab.mechanics.model_file import BASE
 from skinlab.recording.audit import Chain, note, operator
 from skinlab.recording.journal import Journal, read_journal
-from skinlab.recording.pseudonym import check_subject
+from skinlab.recording.pseudonym import check_site, check_subject
+from skinlab.recording.recorded import dialect_facts
 from skinlab.recording.records import Kind, Record
 from skinlab.recording.session import Session, read_session, session_from_records, write_session
 from skinlab.recording.stream import (
@@ -44,11 +48,7 @@ def identification_settings(identifier: Identifier) -> dict[str, Any]:
         "samples": options.samples,
         "best": options.best,
         "tolerance_um": options.tolerance_um,
-        "sampling": options.sampling,
-        "slowdown": options.slowdown,
-        "forgetting": options.forgetting,
-        "covariance": options.covariance,
-        "passes": options.passes,
+        "options": get_method(identifier.method).own(options),
         "model": None if identifier.model is BASE else identifier.model.to_toml(),
         "noise_um": identifier.sensor.noise_um,
         "pressure_noise_mbar": identifier.sensor.pressure_noise_mbar,
@@ -61,10 +61,11 @@ class Recording:
     """The journal of a session that becomes `path`; also a listener that records what happens.
 
     `clock` is the host's monotonic time, `now` Unix time, both in s; `who` is in the audit trail.
+    dialect: what the instrument speaks; None: `reference`.
 
     Raises:
-        InputError: the session exists already, nothing can be written there, or the subject is no
-            pseudonym. Said before any suction starts.
+        InputError: the session exists already, nothing can be written there, the subject is no
+            pseudonym, or the site names a person. Said before any suction starts.
     """
 
     def __init__(
@@ -75,15 +76,18 @@ class Recording:
         subject: str = "",
         site: str = "",
         url: str = "",
+        dialect: Dialect | None = None,
         clock: Callable[[], float] = time.monotonic,
         now: Callable[[], float] = time.time,
         who: str | None = None,
     ) -> None:
         check_subject(subject)
+        check_site(site)
         if path.exists():
             raise InputError(f"{path}: exists already; a session is never overwritten")
         self.path = path
         self.ran = False
+        self._dose = DoseMeter()
         self._saved = False
         self._clock = clock
         self._who = operator() if who is None else who
@@ -95,6 +99,7 @@ class Recording:
             "subject": subject,
             "site": site,
             "url": url,
+            **dialect_facts(get_dialect(DEFAULT) if dialect is None else dialect),
             "identification": identification_settings(identifier),
         }
         self.journal = Journal(path.with_name(path.name + ".journal"), meta, now)
@@ -107,6 +112,7 @@ class Recording:
         the curve is still identified and shown.
         """
         if isinstance(message, Sampled):
+            self._dose.add(message.sample)
             return  # by far the most, and in the bytes already
         self.ran = self.ran or isinstance(message, CurveStarted)
         with contextlib.suppress(InputError):
@@ -114,8 +120,8 @@ class Recording:
 
     def _record(self, message: Message) -> None:
         match message:
-            case CurveStarted(index, setup):
-                self.audit("run started", curve=index, setup=setup_to_json(setup))
+            case CurveStarted(index, curve):
+                self.audit("run started", curve=index, setup=setup_to_json(curve.setup))
             case CurveCompleted(index, curve, cut, lost):
                 self.audit("run ended", curve=index, samples=len(curve), cut=cut, lost=lost)
             case Identified(index, _, result):
@@ -134,18 +140,28 @@ class Recording:
         """
         self.journal.audit(self._clock(), self._who, what, **detail)
 
+    @property
+    def dose(self) -> Dose:
+        """What the site has had so far, vents included."""
+        return self._dose.total
+
+    def _dose_detail(self) -> dict[str, float]:
+        dose = self.dose
+        return {"dose_mbar_s": round(dose.suction_mbar_s, 1), "suction_s": round(dose.time_s, 2)}
+
     def save(self) -> None:
         """Write the session as it is by now; the journal goes on.
 
         Raises:
             InputError: it cannot be written; the message names the journal that keeps everything.
         """
-        self.audit("session saved")
+        self.audit("session saved", **self._dose_detail())
         self.journal.flush()
         self._save()
 
     def _save(self) -> None:
-        made = session_from_records(*read_journal(self.journal.path))
+        read = read_journal(self.journal.path)
+        made = session_from_records(read.meta, read.records)
         _write(self.journal.path, self.path, made, replace=self._saved)
         self._saved = True
 
@@ -158,7 +174,7 @@ class Recording:
             InputError: it cannot be written; the message names the journal that keeps everything.
         """
         with contextlib.suppress(InputError):  # what close() says is more
-            self.audit("session closed")
+            self.audit("session closed", **self._dose_detail())
         self.journal.close()
         if self.ran:
             self._save()
@@ -191,6 +207,9 @@ def new_session_path(folder: Path, now: datetime) -> Path:
     return path
 
 
+_MOST_SENTENCES = 100  # in the audit trail
+
+
 def recover(
     journal: Path,
     session: Path,
@@ -198,15 +217,18 @@ def recover(
     clock: Callable[[], float] = time.monotonic,
     now: Callable[[], float] = time.time,
     who: str | None = None,
-) -> Session:
-    """Write the session that a journal holds, and return it. The journal stays.
+) -> tuple[Session, list[str]]:
+    """Write the session that a journal holds; return it, and what could not be read of it.
+
+    The journal stays. What could not be read is in the audit trail as well, a sentence each.
 
     A session that was saved before the crash is completed: nothing in it is lost.
 
     Raises:
         InputError: no journal, the session cannot be written, or another one is there.
     """
-    meta, records = read_journal(journal)
+    read = read_journal(journal)
+    meta, records, skipped = read.meta, read.records, read.skipped
     before = None
     if session.exists():
         before = read_session(session)
@@ -216,12 +238,14 @@ def recover(
                 "never overwritten"
             )
         if len(before.records) >= len(records):
-            return before
-    deed = note(clock(), now(), operator() if who is None else who, "recovered", {})
+            return before, skipped
+    session_from_records(meta, records, skipped.append)
+    detail = {"skipped": skipped[:_MOST_SENTENCES]} if skipped else {}
+    deed = note(clock(), now(), operator() if who is None else who, "recovered", detail)
     records.append(Chain(records).add(deed))
     made = session_from_records(meta, records)
     _write(journal, session, made, replace=before is not None)
-    return made
+    return made, skipped
 
 
 def _same(saved: tuple[Record, ...], records: list[Record]) -> bool:

@@ -14,6 +14,7 @@ class Kind(IntEnum):
     PLAN = 2  # JSON of a Setup: what the next run belongs to
     RESULT = 3  # JSON of an identification, with the number of its curve
     AUDIT = 4  # JSON of who did what when
+    MARK = 5  # what the host decided about a stream that it does not control: drivers/stream.py
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,24 +5,28 @@ The raw bytes are the record; curves and results stand beside them and can be ma
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import io
 import json
-import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from dataclasses import replace as dc_replace
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from drivers.events import Hello, Sample, TimedEvent
 from skinlab.curves.curve import Curve
 from skinlab.errors import InputError
+from skinlab.inference.stored import stored_result
+from skinlab.io.documents import read_json_object
+from skinlab.io.files import write_file
+from skinlab.io.hdf5 import open_hdf5, read_array
 from skinlab.recording.assembler import CurveAssembler
-from skinlab.recording.recorded import numbered_items, recorded_items
+from skinlab.recording.recorded import dialect_of, numbered_items, recorded_items
 from skinlab.recording.records import Kind, Record
 from skinlab.recording.seal import SEAL_BYTES, Seal, put_seal, read_seal
 from skinlab.recording.stream import (
@@ -32,7 +36,6 @@ from skinlab.recording.stream import (
     setup_from_json,
     setup_to_json,
 )
-from skinlab.tables.hdf5 import open_hdf5
 
 SCHEMA = "skinlab.session/1"
 
@@ -64,8 +67,15 @@ class Session:
     results: tuple[dict[str, Any] | None, ...]
 
 
-def session_from_records(meta: dict[str, Any], records: Sequence[Record]) -> Session:
-    """Return the session that these records make: its curves are assembled again from the bytes."""
+def session_from_records(
+    meta: dict[str, Any],
+    records: Sequence[Record],
+    damaged: Callable[[str], None] = lambda _: None,
+) -> Session:
+    """Return the session that these records make: its curves are assembled again from the bytes.
+
+    What cannot be read is left out, and told to `damaged` in a sentence each.
+    """
     curves: list[Curve] = []
     numbers: list[int] = []
 
@@ -76,7 +86,7 @@ def session_from_records(meta: dict[str, Any], records: Sequence[Record]) -> Ses
                 curves.append(message.curve)
 
     assembler = CurveAssembler()
-    for item in recorded_items(records):
+    for item in recorded_items(records, dialect_of(meta), damaged):
         if isinstance(item, Planned):
             assembler.plan(item.setup)
             continue
@@ -85,10 +95,14 @@ def session_from_records(meta: dict[str, Any], records: Sequence[Record]) -> Ses
         keep(assembler.feed(item.event))
     keep(assembler.end("the record ends here"))
     found: dict[int, dict[str, Any]] = {}
-    for record in records:
+    for number, record in enumerate(records, start=1):
         if record.kind is Kind.RESULT:
-            entry = json.loads(record.data)
-            found[int(entry["curve"])] = entry["result"]
+            try:
+                entry = read_json_object(record.data)
+                stored_result(entry["curve"], entry["result"])
+                found[int(entry["curve"])] = entry["result"]
+            except (ValueError, TypeError, KeyError) as error:
+                damaged(f"record {number}, a result, cannot be read ({error}): left out")
     return Session(meta, tuple(records), tuple(curves), tuple(found.get(n) for n in numbers))
 
 
@@ -96,8 +110,9 @@ def _hello_to_json(hello: Hello) -> dict[str, Any]:
     return {name: getattr(hello, name) for name in Hello.__slots__}
 
 
-def sample_rows(records: Sequence[Record]) -> list[tuple[float, ...]]:
+def sample_rows(session: Session) -> list[tuple[float, ...]]:
     """Return one row a sample, in the order of the columns of `samples`."""
+    records = session.records
     return [
         (
             e.sequence,
@@ -109,7 +124,7 @@ def sample_rows(records: Sequence[Record]) -> list[tuple[float, ...]]:
             records[index].utc_s,
             index,
         )
-        for index, item in numbered_items(records)
+        for index, item in numbered_items(records, dialect_of(session.meta))
         if isinstance(item, TimedEvent) and isinstance(e := item.event, Sample)
     ]
 
@@ -122,28 +137,12 @@ def write_session(path: Path, session: Session, *, replace: bool = False) -> Non
     Raises:
         InputError: it cannot be written, or exists already; the journal keeps everything.
     """
-    image = _image(session)
-    partial = path.with_name(f".{path.name}.partial")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        partial.unlink(missing_ok=True)
-        # About a person: for its owner only.
-        with os.fdopen(os.open(partial, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600), "wb") as file:
-            file.write(image)
-            file.flush()
-            os.fsync(file.fileno())
-        if replace:
-            os.replace(partial, path)
-        else:
-            _take_name(partial, path)
-        _names_to_disk(path.parent)
-    except OSError as error:
-        if isinstance(error, FileExistsError) and path.exists():  # and not: its folder is a file
-            raise InputError(f"{path}: exists already; a session is never overwritten") from None
-        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
-    finally:
-        with contextlib.suppress(OSError):
-            partial.unlink(missing_ok=True)
+    # A file name may be no UTF-8, and HDF5 keeps nothing else.
+    named = tuple(
+        dc_replace(c, name=c.name.encode("utf-8", "backslashreplace").decode())
+        for c in session.curves
+    )
+    write_file(path, _image(dc_replace(session, curves=named)), replace=replace)
 
 
 def _image(session: Session) -> memoryview:
@@ -156,28 +155,6 @@ def _image(session: Session) -> memoryview:
     buffer = image.getbuffer()
     put_seal(buffer)
     return buffer
-
-
-def _take_name(partial: Path, path: Path) -> None:
-    """Give the whole file its name, which must be free."""
-    try:
-        os.link(partial, path)
-    except FileExistsError:
-        raise
-    except OSError:  # a file system without links
-        if path.exists():
-            raise FileExistsError from None
-        os.replace(partial, path)
-
-
-def _names_to_disk(folder: Path) -> None:
-    """Let a folder's new name survive a power cut, where the system can."""
-    if hasattr(os, "O_DIRECTORY"):
-        number = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(number)
-        finally:
-            os.close(number)
 
 
 def _write(file: Any, session: Session) -> None:
@@ -196,7 +173,7 @@ def _write(file: Any, session: Session) -> None:
         values = np.array([getattr(r, name) for r in session.records], dtype=np.float64)
         raw.create_dataset(name, data=values).attrs["unit"] = "s"
     samples = file.create_group("samples")
-    rows = sample_rows(session.records)
+    rows = sample_rows(session)
     for k, (name, unit) in enumerate(_SAMPLE_COLUMNS):
         kind = np.int64 if name in _WHOLE else np.float64
         column = samples.create_dataset(name, data=np.array([r[k] for r in rows], dtype=kind))
@@ -233,6 +210,22 @@ def content_hash(session: Session) -> str:
             digest.update(b"-" if array is None else np.ascontiguousarray(array).tobytes())
         digest.update(json.dumps(result, sort_keys=True).encode())
     return f"sha256:{digest.hexdigest()}"
+
+
+class _Meta(msgspec.Struct):
+    """Types of what every reader of a session counts on."""
+
+    created_utc: str = ""
+    skinlab_version: str = ""
+    subject: str = ""
+    site: str = ""
+    url: str = ""
+    instrument: dict[str, Any] | None = None
+    imported: list[dict[str, Any]] | None = None
+    dialect: dict[str, Any] | None = None
+    control: str = ""
+    identification: dict[str, Any] | None = None
+    versions: dict[str, Any] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -276,30 +269,34 @@ def read_stored(path: Path) -> Stored:
     Raises:
         InputError: no such file, not a session, or cut off.
     """
-    try:
-        with open_hdf5(path) as file:
-            if file.attrs.get("schema") != SCHEMA:
-                raise InputError(
-                    f"{path}: schema {file.attrs.get('schema')!r}; expected a session, {SCHEMA!r}"
-                )
-            return _read(file)
-    except InputError as error:
-        text = str(error)
-        raise InputError(text if text.startswith(f"{path}:") else f"{path}: {text}") from None
-    except (ValueError, TypeError, AttributeError, IndexError, OverflowError) as error:
-        raise InputError(f"{path}: a field is missing or damaged ({error})") from None
+    with open_hdf5(path) as file:
+        if file.attrs.get("schema") != SCHEMA:
+            raise InputError(f"schema {file.attrs.get('schema')!r}; expected a session, {SCHEMA!r}")
+        return _read(file)
+
+
+def _result(number: int, text: str) -> dict[str, Any]:
+    found = read_json_object(text)
+    stored_result(number, found)
+    return found
+
+
+def _text(value: object) -> str:
+    text = str(value)
+    text.encode()  # what is no UTF-8 comes as surrogates
+    return text
 
 
 def _read(file: Any) -> Stored:
     raw = file["raw"]
-    blob = raw["data"][:].tobytes()
-    ends = raw["end"][:].tolist()
+    blob = read_array(raw, "data", np.uint8).tobytes()
+    ends = read_array(raw, "end", np.uint64).tolist()
     records = tuple(
         Record(Kind(kind), host_time_s, utc_s, blob[begin:end])
         for kind, host_time_s, utc_s, begin, end in zip(
-            raw["kind"][:].tolist(),
-            raw["host_time_s"][:].tolist(),
-            raw["utc_s"][:].tolist(),
+            read_array(raw, "kind", np.uint8).tolist(),
+            read_array(raw, "host_time_s", float).tolist(),
+            read_array(raw, "utc_s", float).tolist(),
             [0, *ends][: len(ends)],
             ends,
             strict=True,
@@ -309,20 +306,22 @@ def _read(file: Any) -> Stored:
     for group in file["curves"].values():
         curves.append(
             Curve(
-                name=str(group.attrs["name"]),
-                setup=setup_from_json(json.loads(group.attrs["setup"])),
-                time_s=group["time_s"][:],
-                pressure_mbar=group["pressure_mbar"][:],
-                deflection_mm=group["deflection_mm"][:],
-                segment=group["segment"][:] if "segment" in group else None,
+                name=_text(group.attrs["name"]),
+                setup=setup_from_json(read_json_object(group.attrs["setup"])),
+                time_s=read_array(group, "time_s", float),
+                pressure_mbar=read_array(group, "pressure_mbar", float),
+                deflection_mm=read_array(group, "deflection_mm", float),
+                segment=read_array(group, "segment", np.int64) if "segment" in group else None,
                 partial=bool(group.attrs["partial"]),
             )
         )
         text = group.attrs.get("result")
-        results.append(None if text is None else json.loads(text))
-    meta = json.loads(file.attrs["meta"])
-    if not isinstance(meta, dict):
-        raise ValueError("meta")
-    samples = {name: file["samples"][name][:] for name, _ in _SAMPLE_COLUMNS}
+        results.append(None if text is None else _result(len(curves), text))
+    samples = {
+        name: read_array(file["samples"], name, np.int64 if name in _WHOLE else float)
+        for name, _ in _SAMPLE_COLUMNS
+    }
+    meta = read_json_object(file.attrs["meta"])
+    msgspec.convert(meta, _Meta)
     session = Session(meta, records, tuple(curves), tuple(results))
     return Stored(session, str(file.attrs["content_hash"]), samples)

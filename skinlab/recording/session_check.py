@@ -21,7 +21,7 @@ from skinlab.recording.session import (
     sample_rows,
     session_from_records,
 )
-from skinlab.versions import code_hash
+from skinlab.versions import software
 
 
 def check(path: Path) -> tuple[Session, list[str]]:
@@ -76,9 +76,14 @@ def complaints_about_changed(path: Path) -> list[str]:
 def _other_software(session: Session) -> str:
     """Return a remark where curves may be made from the same bytes in another way today."""
     stated = session.meta.get("versions")
-    if not isinstance(stated, dict) or stated.get("code") == code_hash():
+    if not isinstance(stated, dict) or _same(stated):
         return ""
     return f" (or was made by other software: skinlab {stated.get('skinlab')} {stated.get('code')})"
+
+
+def _same(stated: dict[str, object]) -> bool:
+    then = {k: v for k, v in stated.items() if k == "code" or k.startswith("plugin ")}
+    return then == software()
 
 
 def audit_head(session: Session) -> str | None:
@@ -114,7 +119,7 @@ _ENDS = frozenset({"session saved", "session closed", "session imported", "recov
 def _derived(stored: Stored) -> list[str]:
     session = stored.session
     found = []
-    rows = sample_rows(session.records)
+    rows = sample_rows(session)
     for k, (name, values) in enumerate(stored.samples.items()):
         if not np.array_equal(values, np.array([row[k] for row in rows], dtype=values.dtype)):
             found.append(f"samples: {name} is not what the recorded bytes say")

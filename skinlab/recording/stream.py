@@ -11,6 +11,7 @@ from typing import Any
 
 from drivers.events import Event, Sample, TimedEvent
 from skinlab.curves.curve import Curve, Setup
+from skinlab.curves.growing import GrowingCurve
 from skinlab.curves.program import parse_program
 from skinlab.inference.result import Identification
 from skinlab.quality.gates.base import Finding
@@ -18,20 +19,25 @@ from skinlab.quality.gates.base import Finding
 
 @dataclass(frozen=True, slots=True)
 class Planned:
-    """The next run of the instrument belongs to this setup."""
+    """The next run of the instrument belongs to this setup; None: nobody can say to which."""
 
-    setup: Setup
+    setup: Setup | None
 
 
 Item = Planned | TimedEvent
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class CurveStarted:
-    """A run began."""
+    """A run began; `curve` grows with it."""
 
     index: int  # from 1
-    setup: Setup
+    curve: GrowingCurve
+
+    @property
+    def setup(self) -> Setup:
+        """What it is measured with."""
+        return self.curve.setup
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,21 +5,27 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from skinlab.curves.program import Program
-from skinlab.report.flags import NAMES, explanations, signed
+from skinlab.inference.stored import StoredValue
+from skinlab.mechanics.materials.base import KAPPA, NU_CONSISTENT
+from skinlab.mechanics.names import heading, label, of_law, unit_of
+from skinlab.report.flags import explanations, signed
 from skinlab.report.measured import Measured
 from skinlab.report.page import Illustration, Section, Table
-from skinlab.report.stored import StoredValue
 
-_OVERVIEW = ("curve", "name", "opening on skin, program, cycle", "X1 (MPa)", "X2 (MPa)", "ν",
-             "rms (µm)", "flags")  # fmt: skip
+_DERIVED = {NU_CONSISTENT: ("ν of linear elasticity", ""), KAPPA: ("κ", "MPa")}
 
 
 def overview_table(curves: Sequence[Measured]) -> Table:
     """Return a row for each curve."""
-    return Table(_OVERVIEW, [_overview_row(m) for m in curves])
+    names = of_law(m.result.parameters or () for m in curves if m.result)
+    header = (
+        "curve", "name", "opening on skin, program, cycle", *map(heading, names), "rms (µm)",
+        "flags",
+    )  # fmt: skip
+    return Table(header, [_overview_row(m, names) for m in curves])
 
 
-def _overview_row(measured: Measured) -> tuple[str, ...]:
+def _overview_row(measured: Measured, names: Sequence[str]) -> tuple[str, ...]:
     setup, result = measured.curve.setup, measured.result
     values = (result.parameters if result else None) or {}
     gates = [finding.gate for finding in measured.judged.findings]
@@ -33,7 +39,7 @@ def _overview_row(measured: Measured) -> tuple[str, ...]:
         measured.curve.name,
         f"{setup.aperture_mm:g} on {setup.thickness_mm:g} mm, "
         f"{_program(setup.program).replace(',', ', ')}, cycle {setup.cycle}",  # may break there
-        *(_with_interval(values.get(name)) for name in NAMES),
+        *(_with_interval(values.get(name)) for name in names),
         _number(result.rms_um if result else None, 3),
         ", ".join(flags) or "none",
     )
@@ -57,7 +63,7 @@ def curve_section(measured: Measured, figures: Sequence[Illustration]) -> Sectio
     if result is not None and result.parameters:
         tables = [_values_table(measured), _quality_table(measured)]
         if result.correlation is not None and result.order:
-            names = [NAMES.get(name, name) for name in result.order]
+            names = [label(name) for name in result.order]
             rows = [
                 (name, *(signed(value) for value in row))
                 for name, row in zip(names, result.correlation, strict=True)
@@ -87,18 +93,18 @@ def _values_table(measured: Measured) -> Table:
     assert result is not None
     rows = [
         (
-            NAMES.get(name, name),
+            label(name),
             _number(value.value, 4),
             _number(value.low, 4),
             _number(value.high, 4),
-            "MPa" if name.endswith("_MPa") else "",
+            unit_of(name),
         )
         for name, value in (result.parameters or {}).items()
     ]
-    if result.nu_consistent is not None:
-        rows.append(("ν of linear elasticity", _number(result.nu_consistent, 4), "", "", ""))
-    if result.kappa_MPa is not None:
-        rows.append(("κ", _number(result.kappa_MPa, 4), "", "", "MPa"))
+    for name, number in result.derived.items():
+        if number is not None:
+            called, unit = _DERIVED.get(name, (name, ""))
+            rows.append((called, _number(number, 4), "", "", unit))
     return Table(("parameter", "value", "90 % from", "to", "unit"), rows)
 
 

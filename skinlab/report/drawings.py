@@ -6,8 +6,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from skinlab.mechanics.names import label, of_law
 from skinlab.report import plots
-from skinlab.report.flags import NAMES, signed
+from skinlab.report.flags import signed
 from skinlab.report.measured import Measured
 
 if TYPE_CHECKING:
@@ -48,13 +49,18 @@ def session_drawings(curves: Sequence[Measured]) -> list[Drawing]:
             Drawing(
                 "all_intervals",
                 lambda: plots.draw_all_intervals(curves),
-                "X1, X2 and ν of all curves with their 90 % intervals as bars; the numbers are in "
-                "the table.",
+                f"{_listed(curves)} of all curves with their 90 % intervals as bars; the numbers "
+                "are in the table.",
                 "Values (red strokes) with their 90 % intervals (blue bars), curve by curve. Bars "
                 "that overlap widely show no difference. Stiffness on a logarithmic scale.",
             )
         )
     return found
+
+
+def _listed(curves: Sequence[Measured]) -> str:
+    *names, last = map(label, of_law(m.result.parameters or () for m in curves if m.result))
+    return f"{', '.join(names)} and {last}" if names else last
 
 
 def curve_drawings(measured: Measured) -> list[Drawing]:
@@ -67,7 +73,7 @@ def curve_drawings(measured: Measured) -> list[Drawing]:
     result = measured.result
     if result is not None and result.parameters:
         said = "; ".join(
-            f"{NAMES.get(name, name)} {value.value:.4g}"
+            f"{label(name)} {value.value:.4g}"
             + (
                 ", no interval"
                 if value.low is None or value.high is None
@@ -87,7 +93,7 @@ def curve_drawings(measured: Measured) -> list[Drawing]:
         )
     if result is not None and result.correlation is not None and result.order:
         pairs = [
-            f"{NAMES.get(a, a)} and {NAMES.get(b, b)} {signed(result.correlation[i][j])}"
+            f"{label(a)} and {label(b)} {signed(result.correlation[i][j])}"
             for i, a in enumerate(result.order)
             for j, b in enumerate(result.order)
             if i < j

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
@@ -13,19 +12,18 @@ from skinlab.curves.campaign import Campaign
 from skinlab.curves.curve import Curve
 from skinlab.discrepancy.misfit import errors_of
 from skinlab.discrepancy.records import records_of
-from skinlab.discrepancy.unknowns import BASE_RANGES
 from skinlab.errors import InputError, NotTrustworthyError
-from skinlab.inference.identify import PAPERS_METHODS, Identifier
+from skinlab.inference.identify import Identifier, search_space
 from skinlab.inference.noise import pressure_noise_mbar, slope_mm_per_mbar
 from skinlab.inference.samples import Fitted, choose, group
-from skinlab.mechanics.effects.model import Skin, response
-from skinlab.mechanics.effects.registry import get_effect
-from skinlab.parameters import PAPER_BOX
-from skinlab.report.stored import StoredResult
+from skinlab.inference.stored import StoredResult
+from skinlab.mechanics.effects import get_effect
+from skinlab.mechanics.effects.model import response
+from skinlab.mechanics.fem.skin import Skin
+from skinlab.mechanics.model_file import Model
 
 Array = NDArray[np.float64]
 
-_BASE = ("X1_MPa", "X2_MPa", "nu")
 _LINE_POINTS = 200
 _ROUNDING = 1e-3  # relative difference of a residual that another database or version explains
 
@@ -59,6 +57,7 @@ def fit_again(curve: Curve, result: StoredResult, identifier: Identifier) -> Fit
     """
     try:
         chosen = choose(curve, result.phases or identifier.phases, identifier.database)
+        chosen.mask[[i for i in result.outliers if 0 <= i < len(curve)]] = False
         make = _with_effects if identifier.model.effects else _from_database
         at = make(chosen, result, identifier)
     except NotTrustworthyError as error:
@@ -89,16 +88,18 @@ class _Model:
 
 def _from_database(chosen: Fitted, result: StoredResult, identifier: Identifier) -> _Model:
     values = result.parameters or {}
-    if set(values) != set(_BASE):
-        raise InputError("its parameters are not those of the base law")
-    x = np.array([[values[name].value for name in _BASE]])
+    best = result.optimum or {name: value.value for name, value in values.items()}
     database, kappa = identifier.database, identifier.kappa
     (members,) = group([chosen])
     model = members.model(database, kappa)
+    names = model.space.names
+    if set(values) != set(names):
+        raise InputError("its parameters are not those of the database")
+    x = np.array([[best[name] for name in names]])
     line_mbar = np.linspace(members.pressure_mbar.min(), members.pressure_mbar.max(), _LINE_POINTS)
     space = identifier.space
     if space is None:
-        space = PAPER_BOX if identifier.method in PAPERS_METHODS else model.space
+        space = search_space(identifier.method, database.law, model.space)
     lows, highs = (bound.tolist() for bound in space.bounds)
     model_mm = model.deflection_mm(x)[0]
     return _Model(
@@ -111,8 +112,9 @@ def _from_database(chosen: Fitted, result: StoredResult, identifier: Identifier)
 
 
 def _with_effects(chosen: Fitted, result: StoredResult, identifier: Identifier) -> _Model:
-    values = {name: value.value for name, value in (result.parameters or {}).items()}
-    if not set(_BASE) <= set(values):
+    values = result.optimum or {n: value.value for n, value in (result.parameters or {}).items()}
+    law = identifier.model.law
+    if not set(law.names) <= set(values):
         raise InputError("its parameters are not those of its model")
     effects = {
         effect: {name: known.value for name, known in parameters.items()}
@@ -125,7 +127,7 @@ def _with_effects(chosen: Fitted, result: StoredResult, identifier: Identifier) 
     fitted = chosen.samples
     sensor = identifier.sensor
     (record,) = records_of(Campaign("", sensor.noise_um, sensor.pressure_noise_mbar, (fitted,)))
-    skin = Skin(values["X1_MPa"], values["X2_MPa"], values["nu"], identifier.kappa)
+    skin = Skin(tuple(values[name] for name in law.names), identifier.kappa, law.name)
     model_mm = response(
         skin,
         effects,
@@ -136,17 +138,15 @@ def _with_effects(chosen: Fitted, result: StoredResult, identifier: Identifier) 
         cycle=fitted.setup.cycle,
     ).deflection_mm
     noise_mm = errors_of([record]).sigma_mm
-    return _Model(model_mm, noise_mm, record.pressure_mbar, model_mm, _ranges(effects))
+    return _Model(
+        model_mm, noise_mm, record.pressure_mbar, model_mm, _ranges(identifier.model, effects)
+    )
 
 
-def _ranges(effects: Iterable[str]) -> dict[str, tuple[float, float]]:
+def _ranges(model: Model, effects: Iterable[str]) -> dict[str, tuple[float, float]]:
     """Return where a fit with effects searches."""
-    (x1_low, x1_high), (ratio_low, ratio_high), nu = BASE_RANGES
-    found = {
-        "X1_MPa": (math.exp(x1_low), math.exp(x1_high)),
-        "X2_MPa": (math.exp(x1_low + ratio_low), math.exp(x1_high + ratio_high)),
-        "nu": nu,
-    }
+    low, high = (bound.tolist() for bound in model.space.bounds)
+    found = dict(zip(model.space.names, zip(low, high, strict=True), strict=True))
     for effect in effects:
         for parameter in get_effect(effect).parameters:
             found[f"{effect}.{parameter.name}"] = (parameter.low, parameter.high)

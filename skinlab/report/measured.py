@@ -8,12 +8,12 @@ from skinlab.acquisition.pipeline import Pipeline
 from skinlab.curves.curve import Curve
 from skinlab.errors import InputError
 from skinlab.inference.identify import Identifier
+from skinlab.inference.stored import StoredResult, stored_result
 from skinlab.quality.gates.base import Finding
-from skinlab.recording.recorded import recorded_items
+from skinlab.recording.recorded import dialect_of, recorded_items
 from skinlab.recording.session import Session
 from skinlab.recording.stream import CurveCompleted, Flagged, Message
 from skinlab.report.fitted import Fit, fit_again
-from skinlab.report.stored import StoredResult, stored_result
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ def _judged(session: Session) -> list[Judged]:
     """Return what the gates say: of the recorded bytes, where the curves come from them."""
     listener = _Listener()
     pipeline = Pipeline(None, [listener])
-    for item in recorded_items(session.records):
+    for item in recorded_items(session.records, dialect_of(session.meta)):
         pipeline.handle(item)
     pipeline.end("the record ends here")
     if len(listener.judged) != len(session.curves):  # imported: there are no bytes

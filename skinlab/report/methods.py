@@ -3,21 +3,10 @@
 from __future__ import annotations
 
 from skinlab.inference.identify import Identifier
-from skinlab.mechanics.effects.registry import get_effect
+from skinlab.inference.methods import get_method
+from skinlab.mechanics.effects import get_effect
+from skinlab.mechanics.materials import get_law
 from skinlab.mechanics.model_file import BASE, Model
-
-_METHODS = {
-    "auto": "many random candidates over all that is possible, the best ones of every part of it "
-    "walked down to the bottom of their valley by least squares; the lowest is the answer",
-    "sto": "the paper's stochastic algorithm: random candidates from a box, the best of which span "
-    "the next, smaller box, until the error stands still",
-    "hka": "the heuristic Kalman algorithm: random candidates from a Gaussian, which is drawn "
-    "towards the best ones",
-    "gn": "Gauss-Newton from the lowest values",
-    "gn-linesearch": "Gauss-Newton with a line search, from the lowest values",
-    "rls": "recursive least squares with forgetting, sample by sample, in repeated passes",
-    "lm": "Levenberg-Marquardt from the best of random candidates",
-}
 
 _KAPPA = {
     "paper": "ν is the paper's: the bulk modulus κ follows its eq. (3) as printed. The ν of linear "
@@ -47,7 +36,7 @@ def how(identifier: Identifier, phases: tuple[str, ...]) -> list[str]:
         method, intervals = _WITH_EFFECTS, _GAUSSIAN
     else:
         method = (
-            f"Method {identifier.method}: {_METHODS.get(identifier.method, identifier.method)}. "
+            f"Method {identifier.method}: {get_method(identifier.method).meaning}. "
             f"Candidates {settings.samples}, best {settings.best}, tolerance "
             f"{settings.tolerance_um:g} µm, seed {identifier.seed}. Computed curves come from a "
             "database of finite-element solutions by interpolation."
@@ -100,12 +89,12 @@ def assumptions(identifier: Identifier) -> list[str]:
         f"{effect.name}: {effect.meaning}; {effect.formula}."
         for effect in effects
     ]
+    law = get_law(identifier.database.law)
     return [
         *added,
         "The skin is one homogeneous, isotropic layer of the stated thickness, elastic and without "
-        "history: W = X1 (J1 − 3) + X2 (J1 − 3)(J2 − 3) + κ/2 (J − 1)² (X1, X2: stiffness at small "
-        "and at large stretch; κ: resistance to a change of volume; J1, J2, J: invariants of the "
-        "deformation).",
+        f"history: {law.formula} ({law.meaning}; κ: resistance to a change of volume; J1, J2, J: "
+        "invariants of the deformation).",
         _KAPPA[identifier.kappa] + ".",
         "Nothing pulls or pushes from below; the skin is free of tension before the suction; the "
         "tape holds its surface outside of the opening without any slip.",

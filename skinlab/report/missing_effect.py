@@ -16,9 +16,11 @@ from skinlab.discrepancy.text import (
     where_words,
 )
 from skinlab.errors import InputError
-from skinlab.mechanics.effects.registry import get_effect
+from skinlab.io.files import cannot_write, write_file
+from skinlab.mechanics.effects import get_effect
 from skinlab.report.page import Illustration, Section, Table, page
 from skinlab.report.pictures import new_figure, style, to_data_uri
+from skinlab.text import inert
 
 _NAME = "missing-effect.html"
 _MARK = "skinlab missing-effect report"
@@ -31,13 +33,10 @@ def write_report(outcome: Outcome, folder: Path) -> Path:
         InputError: the folder cannot be written, or holds a file of this name that is not ours.
     """
     to = folder / _NAME
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
+    with cannot_write(to):
         if to.exists() and _MARK not in to.read_text(encoding="utf-8", errors="replace"):
             raise InputError(f"{to}: exists and is no report of ours; expected another folder")
-        to.write_text(render(outcome), encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{to}: {error.strerror or error}") from None
+    write_file(to, render(outcome), replace=True)
     return to
 
 
@@ -81,7 +80,7 @@ def _which(outcome: Outcome) -> Section:
     ]
     tables = [
         Table(
-            ["effect", "χ² it could explain", "of it hidden in X1, X2 and ν"],
+            ["effect", "χ² it could explain", "of it hidden in the law's parameters"],
             screen,
             "Screen: every effect's signature against what is left",
         )
@@ -105,6 +104,14 @@ def _which(outcome: Outcome) -> Section:
 
 def _methods(outcome: Outcome) -> Section:
     lowest = [[n, f"{v:.3g}"] for n, v in outcome.detectable.items()]
+    unseen = [
+        [name, f"{what}: {why}"]
+        for what, found in (
+            ("cannot be seen", outcome.cannot_show),
+            ("not looked for", outcome.not_screened),
+        )
+        for name, why in found.items()
+    ]
     records = outcome.found.records
     data = [
         [
@@ -127,7 +134,7 @@ def _methods(outcome: Outcome) -> Section:
             "approximation, with priors as wide as three typical sizes of each effect; one effect "
             "is as likely beforehand as any other, none at all as likely as all together.",
             "An effect that is not in the library cannot be named, and one that the data cannot "
-            "tell from X1, X2 and ν cannot be seen: the table says what could have been.",
+            "tell from the law's parameters cannot be seen: the table says what could have been.",
         ],
         tables=[
             Table(
@@ -135,6 +142,7 @@ def _methods(outcome: Outcome) -> Section:
                 data,
             ),
             Table(["parameter", "smallest size to be seen"], lowest),
+            Table(["effect", "not among them"], unseen),
         ],
     )
 
@@ -157,7 +165,7 @@ def _residuals(outcome: Outcome) -> list[Illustration]:
             for name, fit in fits:
                 left = 1e3 * (record.curve.deflection_mm - fit.deflections_mm[i])
                 ax.plot(time, left, ".", markersize=2.5, label=name)
-            ax.set_title(record.name, parse_math=False)
+            ax.set_title(inert(record.name), parse_math=False)
             ax.set_xlabel("time (s)")
             ax.set_ylabel("residual (µm)")
         for ax in axes[len(records) :]:

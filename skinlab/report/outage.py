@@ -1,8 +1,16 @@
-"""What an operator without a screen must hear at once, in a sentence."""
+"""What an operator must hear of at once, in a sentence: without a screen, and at one."""
 
 from __future__ import annotations
 
-from drivers.events import Alarm, Event, LinkLost, LinkRestored
+from drivers.events import (
+    Alarm,
+    Event,
+    HostVented,
+    InstrumentFault,
+    LinkLost,
+    LinkRestored,
+    VentConfirmed,
+)
 
 
 def outage_words(event: Event) -> str | None:
@@ -17,5 +25,26 @@ def outage_words(event: Event) -> str | None:
             )
         case Alarm(text):
             return f"ALARM: {text}"
+        case _:
+            return None
+
+
+def event_note(event: Event) -> tuple[str, str] | None:
+    """Return (level, sentence) for an event that the operator must know of, else None."""
+    match event:
+        case HostVented(reason) if reason == "operator":
+            return "warning", "vented"
+        case HostVented(reason) if reason in {"close", "quit"}:
+            return None
+        case HostVented(reason):
+            return "error", f"vented: {reason}"
+        case VentConfirmed():
+            return None
+        case InstrumentFault(code, text):
+            return "error", f"instrument fault {code}: {text}; F8 clears it"
+        case LinkLost(reason):
+            return "error", f"{reason}; plug it in again, it is being looked for"
+        case Alarm(text):
+            return "error", text
         case _:
             return None

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import html
 import re
-import unicodedata
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+
+from skinlab.text import inert_lines
 
 
 @dataclass(frozen=True)
@@ -141,20 +142,9 @@ def _cell(cell: str, *, first: bool) -> str:
 _NUMBER = re.compile(r"[-−+±<>≥≤ ]*\d[^A-Za-z:]*(µm|mm|mbar|MPa|s|%)?$")
 _LONG = 30  # letters without a space: a hash or a path, which paper cannot scroll
 
-# Control characters are not allowed in HTML; those that turn the direction of text can hide it.
-_TURNING = frozenset("\u061c\u200e\u200f\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069")
-
 
 def _text(text: str) -> str:
-    shown = "".join("\N{REPLACEMENT CHARACTER}" if _unfit(c) else c for c in text)
-    return html.escape(shown, quote=True)
-
-
-def _unfit(character: str) -> bool:
-    if character in "\t\n":
-        return False
-    kind = unicodedata.category(character)
-    return kind in {"Cc", "Cs"} or character in _TURNING or character in "\ufffe\uffff"
+    return html.escape(inert_lines(text), quote=True)
 
 
 _STYLE = """

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import base64
 import io
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Literal
@@ -70,7 +71,9 @@ def to_bytes(figure: Figure, kind: Kind) -> bytes:
     """Return the figure as a file of this kind."""
     stream = io.BytesIO()
     metadata = {"png": {"Software": "skinlab"}, "svg": {"Date": None, "Creator": "skinlab"}}[kind]
-    with style():
+    with style(), warnings.catch_warnings():
+        # A name in letters that the font lacks is drawn as boxes.
+        warnings.filterwarnings("ignore", message="Glyph ", category=UserWarning)
         figure.savefig(stream, format=kind, metadata=metadata)
     return stream.getvalue()
 

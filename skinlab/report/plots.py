@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skinlab.report.flags import NAMES, signed
+from skinlab.mechanics.names import heading, is_effects, label, of_law
+from skinlab.report.flags import signed
 from skinlab.report.measured import Measured
 from skinlab.report.pictures import (
     BLUE,
@@ -40,7 +41,6 @@ _NARROW, _WIDE = 1.0, 2.5  # decades: ticks where a linear axis has them, and on
 _WIDE_RATIO = 20.0  # of the ends of an axis that is better logarithmic
 _MANY = 2000  # samples from which points are stored as an image inside an SVG
 MOST_NAMED = len(SERIES) * len(_DASHES)  # curves that can be told apart by colour and dashes
-_LABELS = {"X1_MPa": "X1 (MPa)", "X2_MPa": "X2 (MPa)", "nu": "ν"}
 PRESSURE, DEFLECTION = "pressure (mbar)", "deflection (mm)"
 
 
@@ -125,7 +125,7 @@ def draw_intervals(measured: Measured) -> Figure:
         axes.set_ylim(-1, 1)
         axes.set_yticks([])
         axes.grid(axis="y", visible=False)
-        axes.set_xlabel(_LABELS.get(name, name), parse_math=False)
+        axes.set_xlabel(heading(name), parse_math=False)
     rows[0].set_title(f"Curve {measured.number}: values and 90 % intervals")
     return figure
 
@@ -136,8 +136,8 @@ def draw_correlation(measured: Measured) -> Figure:
     assert result is not None
     assert result.correlation is not None
     matrix = np.array(result.correlation, dtype=float)
-    names = [NAMES.get(name, name) for name in result.order]
-    long = len(names) > len(NAMES)
+    names = [label(name) for name in result.order]
+    long = any(map(is_effects, result.order))
     figure = new_figure(WIDTH_IN, 4.8 if long else 3.8)
     axes = figure.add_subplot()
     image = axes.imshow(matrix, cmap="PuOr", vmin=-1, vmax=1)
@@ -184,7 +184,7 @@ def draw_all_curves(curves: Sequence[Measured]) -> Figure:
 def draw_all_intervals(curves: Sequence[Measured]) -> Figure:
     """Return the parameters of all curves that have some, one below the other."""
     found = [(m.number, m.result.parameters) for m in curves if m.result and m.result.parameters]
-    names = [name for name in NAMES if any(name in values for _, values in found)]
+    names = of_law(values for _, values in found)
     figure = new_figure(WIDTH_IN, 1.6 + 0.25 * len(found))
     columns: Any = figure.subplots(1, len(names), sharey=True, squeeze=False)[0]
     for axes, name in zip(columns, names, strict=True):
@@ -200,7 +200,7 @@ def draw_all_intervals(curves: Sequence[Measured]) -> Figure:
         axes.set_ylim(len(found) - 0.5, -0.5)
         axes.set_yticks(range(len(found)), [str(number) for number, _ in found])
         _scale(axes, name, 2)
-        axes.set_xlabel(_LABELS[name])
+        axes.set_xlabel(heading(name))
     columns[0].set_ylabel("curve")
     figure.suptitle("Values and 90 % intervals of all curves")
     return figure

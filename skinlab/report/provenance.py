@@ -12,7 +12,7 @@ from skinlab.versions import versions
 
 _TOLD = {  # facts of a session that have a place of their own
     "created_utc", "skinlab_version", "versions", "subject", "site", "instrument",
-    "identification", "imported",
+    "identification", "imported", "dialect", "control",
 }  # fmt: skip
 
 _WORDS = (
@@ -33,8 +33,9 @@ def provenance_section(session: Session, identifier: Identifier | str) -> Sectio
         tables.append(Table(("imported file", "sha256", "understood"), _imported(imported)))
     facts = [
         (f"{name}: {key}", _fact(value))
-        for name in ("instrument", "identification")
+        for name in ("instrument", "dialect", "identification")
         for key, value in _items(meta.get(name))
+        if key != "toml"  # a whole file; its hash tells it
     ]
     facts += [(key, _fact(value)) for key, value in meta.items() if key not in _TOLD]
     if facts:

@@ -98,14 +98,15 @@ class SessionReport:
                 provenance_section(self.session, self.identifier),
             ],
             subtitle=" · ".join(about),
-            notices=[*self._simulated(), *self.remarks],
+            notices=[*self._notices(), *self.remarks],
         )
 
-    def _simulated(self) -> list[str]:
+    def _notices(self) -> list[str]:
         instrument = self.session.meta.get("instrument")
         if isinstance(instrument, dict) and instrument.get("simulated"):
             return ["SIMULATED: no skin was measured; the numbers come from a model of a probe."]
-        return []
+        control = self.session.meta.get("control")
+        return [f"Measured read-only: {control}."] if isinstance(control, str) and control else []
 
     def _overview(self, figures: tuple[Illustration, ...]) -> Section:
         if not self.curves:

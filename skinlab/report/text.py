@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from drivers.dose import Dose
+from skinlab.inference.error_judgement import ErrorModelSummary
+from skinlab.inference.flags import CATALOGUE
 from skinlab.inference.result import Advice, Identification
-
-_UNITS = {"X1_MPa": ("X1", "MPa"), "X2_MPa": ("X2", "MPa"), "nu": ("nu", "")}
+from skinlab.mechanics.materials.base import NU_CONSISTENT
+from skinlab.mechanics.names import is_poisson, plain
+from skinlab.text import inert
 
 
 def describe(result: Identification) -> str:
     """Return the text."""
-    lines = [result.file]
+    lines = [inert(result.file)]
     if result.setup is not None:
         lines[0] += (
             f"  ({result.setup.aperture_mm:g} mm opening, {result.setup.thickness_mm:g} mm skin; "
@@ -24,24 +28,51 @@ def describe(result: Identification) -> str:
             f"samples fitted: {', '.join(result.phases)})"
         ]
     if result.error is not None:
-        lines.append(f"  not identified: {result.error}")
+        lines.append(f"  not identified: {inert(result.error)}")
     for name, value in (result.parameters or {}).items():
-        label, unit = _UNITS.get(name, (name, ""))
-        text = f"  {label:<4}{value.value:10.4g} {unit:<4}"
+        label, unit = plain(name)
+        text = f"  {label:<4}{'' if len(label) < 4 else ' '}{value.value:10.4g} {unit:<4}"
         if value.low is not None and value.high is not None:
             text += f"90 % interval {value.low:.4g} to {value.high:.4g}  "
-        if name == "nu" and result.nu_consistent is not None:
-            text += f"(linear elasticity's nu: {result.nu_consistent:.3f})"
+        true_nu = result.derived.get(NU_CONSISTENT)
+        if is_poisson(name) and true_nu is not None:
+            text += f"(linear elasticity's nu: {true_nu:.3f})"
         lines.append(text.rstrip())
     if result.error_um is not None and result.rms_um is not None:
         text = f"  E   {result.error_um:10.3g} µm   rms residual {result.rms_um:.3g} µm"
         if result.noise_um:
             text += f", noise {result.noise_um:.3g} µm"
         lines.append(text)
+    if result.error_model is not None:
+        lines.append(f"  errors: {errors_in_words(result.error_model)}")
     lines += [f"  {sentence}" for sentence in explain(result)]
     if result.flags:
         lines.append(f"  flags: {', '.join(result.flags)}")
     return "\n".join(lines)
+
+
+_ERRORS = {
+    "white_um": "white {} µm",
+    "ou_um": "lasting {} µm",
+    "ou_s": "for {} s",
+    "proportional_share": "{} of the deflection",
+    "pressure_mbar": "pressure {} mbar",
+    "step_um": "steps of {} µm",
+    "breathing_um": "breathing {} µm",
+    "breathing_hz": "at {} Hz",
+    "pulse_um": "pulse {} µm",
+    "pulse_hz": "at {} Hz",
+    "freedom": "heavy tails (Student's t, {} degrees)",
+}
+
+
+def errors_in_words(model: ErrorModelSummary) -> str:
+    """Return an error model in a few words, with its numbers."""
+    parts = [
+        _ERRORS.get(name, name + " {}").replace("{}", f"{value:.2g}")
+        for name, value in model.parameters.items()
+    ]
+    return f"{', '.join(parts)} ({model.why})"
 
 
 def explain(result: Identification, noise_um: float | None = None) -> list[str]:
@@ -52,7 +83,7 @@ def explain(result: Identification, noise_um: float | None = None) -> list[str]:
     found = []
     loose = [f.split(":")[1] for f in result.flags if f.startswith("not_identifiable:")]
     if loose:
-        names = " and ".join(_UNITS.get(name, (name, ""))[0] for name in loose)
+        names = " and ".join(plain(name)[0] for name in loose)
         found.append(f"These data hardly fix {names}: the interval is most of what is possible.")
     if "misfit_above_noise" in result.flags:
         much = "clearly more than"
@@ -62,10 +93,21 @@ def explain(result: Identification, noise_um: float | None = None) -> list[str]:
             f"The residual is {much} the noise: the model misses something here, and the "
             "intervals mean less."
         )
+    for flag in result.flags:
+        kind, _, what = flag.partition(":")
+        if kind in ("outliers", "correlated_noise", "stated_noise_contradicted"):
+            meaning = CATALOGUE[kind].meaning.replace("{}", what)
+            if kind == "stated_noise_contradicted" and result.error_model is not None:
+                meaning += f" ({result.error_model.why.rpartition('; ')[2]})"
+            found.append(meaning)
     bounds = [f.split(":")[1] for f in result.flags if f.startswith("at_bound:")]
-    if bounds:
-        names = " and ".join(_UNITS.get(name, (name, ""))[0] for name in bounds)
-        found.append(f"The best fit has {names} at the end of the database: it may lie beyond.")
+    for whose, at in (
+        ("the model's own bounds", [b for b in bounds if b in result.own_bounds]),
+        ("the database", [b for b in bounds if b not in result.own_bounds]),
+    ):
+        if at:
+            names = " and ".join(plain(name)[0] for name in at)
+            found.append(f"The best fit has {names} at the end of {whose}: it may lie beyond.")
     return found
 
 
@@ -76,8 +118,12 @@ def describe_advice(advice: Sequence[Advice], most: int = 5) -> str:
     lines = ["To narrow the intervals, measure next (expected widths, of today's):"]
     for item in advice[:most]:
         widths = ", ".join(
-            f"{_UNITS.get(name, (name, ''))[0]} {100 * ratio:.0f} %"
-            for name, ratio in item.narrows.items()
+            f"{plain(name)[0]} {100 * ratio:.0f} %" for name, ratio in item.narrows.items()
         )
         lines.append(f"  {item.aperture_mm:g} mm opening, {item.program:<14} {widths}")
     return "\n".join(lines)
+
+
+def describe_dose(dose: Dose) -> str:
+    """Return in one line what the site has had."""
+    return f"dose of the site: {dose.suction_mbar_s:.0f} mbar·s, {dose.time_s:.1f} s under suction"

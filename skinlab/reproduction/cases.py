@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from skinlab.inference.problem import Problem
 from skinlab.mechanics.fem.suction import Geometry
-from skinlab.parameters import PAPER_BOX
+from skinlab.reproduction.published_values import PAPER_BOX
 from skinlab.tables.store import shipped_grid, shipped_table
 
 Array = NDArray[np.float64]

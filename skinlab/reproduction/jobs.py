@@ -2,26 +2,21 @@
 
 from __future__ import annotations
 
-import signal
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from multiprocessing import get_context
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.errors import SkinlabError
-from skinlab.inference.methods import recursive_least_squares, stochastic
-from skinlab.inference.methods.registry import get_method
+from skinlab.inference.methods import get_method, recursive_least_squares, stochastic
 from skinlab.inference.problem import Estimate, Options, Problem
 from skinlab.mechanics.fem.suction import solve
 from skinlab.mechanics.materials.compressibility import kappa_ratio
-from skinlab.parameters import PAPER_BOX
 from skinlab.reproduction.cases import BLIND_TRUTH, PRESSURE_MBAR, SKIN, Blind, Case, problem
+from skinlab.reproduction.published_values import PAPER_BOX
+from skinlab.workers import Pool
 
 Array = NDArray[np.float64]
 
@@ -81,7 +76,7 @@ class Identify:
     def cost(self) -> float:
         """In evaluations, roughly; recursive least squares takes each sample by itself."""
         if self.method == "rls":
-            return 12_000.0 * self.options.passes
+            return 12_000.0 * recursive_least_squares.PASSES.of(self.options)
         return 20.0 * self.options.samples if self.method == "sto" else 2_000.0
 
     def __call__(self) -> Found:
@@ -201,38 +196,21 @@ def execute(
     `progress` is told of each job's share of the work, as it is done.
 
     Raises:
-        SkinlabError: a worker process died.
+        WorkerDiedError: a worker process died twice over the same job.
     """
     # The dearest first, so that no core is left with one of them at the end.
     todo = sorted(dict.fromkeys(jobs), key=lambda job: -job.cost)
     whole = sum(job.cost for job in todo)
     results: dict[Job, Any] = {}
-    for job, result in zip(todo, _computed(todo, workers), strict=True):
-        results[job] = result
-        progress(job.cost / whole)
+    with Pool(workers) as pool:
+        for job, result in zip(todo, pool.map(_do, todo), strict=True):
+            results[job] = result
+            progress(job.cost / whole)
     return results
 
 
-def _computed(jobs: list[Job], workers: int) -> Iterator[Any]:
-    if workers <= 1:
-        yield from map(_do, jobs)
-        return
-    with ProcessPoolExecutor(
-        workers, mp_context=get_context("spawn"), initializer=_finish_quietly
-    ) as pool:
-        try:
-            yield from pool.map(_do, jobs)
-        except BrokenProcessPool:
-            raise SkinlabError("a worker process died; --workers 1 does without them") from None
-
-
-def _do(job: Job) -> Any:
+def _do(_: None, job: Job) -> Any:
     return job()
-
-
-def _finish_quietly() -> None:
-    # Ctrl-C reaches the workers too: they end their jobs, seconds each, and the parent speaks.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _found(estimate: Estimate, cpu_s: float, passes: list[Array], lost: bool = False) -> Found:

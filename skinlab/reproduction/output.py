@@ -10,6 +10,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from skinlab.errors import InputError
+from skinlab.io.documents import read_json
+from skinlab.io.files import write_file
 from skinlab.reproduction.page import page
 from skinlab.reproduction.part import Part, Table
 from skinlab.reproduction.study import Study
@@ -63,19 +65,9 @@ class Target:
             **{self.folder / f"{p.name}.png": picture(p) for p in parts if p.draw is not None},
             self.folder / "times.csv": times.csv().encode(),
         }
-        try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-            self._write_manifest(
-                {**self._ours, **{self._key(p): _hash(b) for p, b in files.items()}}
-            )
-            for path, content in files.items():
-                partial = path.with_name(f".{path.name}.partial")
-                partial.write_bytes(content)
-                os.replace(partial, path)
-        except OSError as error:
-            raise InputError(
-                f"{error.filename or self.folder}: cannot be written ({error.strerror or error})"
-            ) from None
+        self._write_manifest({**self._ours, **{self._key(p): _hash(b) for p, b in files.items()}})
+        for path, content in files.items():
+            write_file(path, content, replace=True)
         return list(files)
 
     def _link(self, name: str) -> str:
@@ -88,7 +80,7 @@ class Target:
     def _read_manifest(self) -> Mapping[str, str]:
         path = self.folder / MANIFEST
         try:
-            found = json.loads(path.read_text(encoding="utf-8"))
+            found = read_json(path.read_text(encoding="utf-8"))
             files = found["files"]
             return {str(name): str(value) for name, value in files.items()}
         except FileNotFoundError:
@@ -102,7 +94,7 @@ class Target:
     def _write_manifest(self, files: Mapping[str, str]) -> None:
         document = {"schema": "skinlab.paper/1", "files": dict(sorted(files.items()))}
         text = json.dumps(document, indent=1) + "\n"
-        (self.folder / MANIFEST).write_text(text, encoding="utf-8")
+        write_file(self.folder / MANIFEST, text, replace=True)
 
 
 def picture(part: Part) -> bytes:

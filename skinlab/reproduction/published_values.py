@@ -4,6 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from skinlab.mechanics.materials import get_law
+
+_BOX = get_law().published_space
+assert _BOX is not None
+PAPER_BOX = _BOX
+"""The paper's section 2.3: where its stochastic algorithm searches."""
+
 
 @dataclass(frozen=True)
 class Row:

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.parameters import PAPER_BOX
 from skinlab.reproduction import tables
 from skinlab.reproduction.cases import StandIn, model_mm
 from skinlab.reproduction.jobs import Found, Job, Results
 from skinlab.reproduction.part import Cell, Comparison, Part, Table
+from skinlab.reproduction.published_values import PAPER_BOX
 from skinlab.reproduction.scatter import NAMES, Scatter, row_words
 from skinlab.reproduction.study import Study
 

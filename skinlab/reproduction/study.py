@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from skinlab.inference.problem import Options
-from skinlab.tables.grid import GridSpec
+from skinlab.tables.grid_spec import published_axes
 
 TOLERANCE_UM = 1e-5  # C
 BEST = 20  # N_b
@@ -24,8 +24,8 @@ class Study:
     sweep_samples: int = 1000
     ratio_samples: tuple[int, ...] = (100, 250, 500, 750, 1000, 2500, 5000, 7500, 10_000)
     curves: int = 300  # of Figure 13
-    X1_MPa: tuple[float, ...] = GridSpec().X1_MPa  # of Figure 4a
-    nu: tuple[float, ...] = GridSpec().nu
+    X1_MPa: tuple[float, ...] = dict(published_axes())["X1_MPa"]  # of Figure 4a
+    nu: tuple[float, ...] = dict(published_axes())["nu"]
     passes: int = 100  # of recursive least squares
     noise_draws: int = 50  # redraws of the stand-in's noise, for Gauss-Newton
 

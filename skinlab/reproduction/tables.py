@@ -37,7 +37,7 @@ def recursive(
     study: Study, case: Case, forgetting: float, tolerance_um: float = TOLERANCE_UM
 ) -> Identify:
     """Return the run from the minimal values of the box, P = I in the paper's units."""
-    options = Options(tolerance_um=tolerance_um, forgetting=forgetting, passes=study.passes)
+    options = Options(tolerance_um=tolerance_um).having(forgetting=forgetting, passes=study.passes)
     return Identify(case, "rls", options)
 
 

@@ -32,7 +32,7 @@ from skinlab.discrepancy.misfit import errors_of
 from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.workflow import explain
 from skinlab.errors import SkinlabError
-from skinlab.mechanics.effects.registry import get_effect
+from skinlab.mechanics.effects import get_effect
 from skinlab.mechanics.fem.suction import SOLVER_VERSION
 from skinlab.mechanics.model_file import BASE, Model
 from skinlab.report.page import Section, Table
@@ -42,7 +42,7 @@ from skinlab.study.run import How, end_with_parent
 from skinlab.study.sources import SESSIONS, Facts
 from skinlab.study.state import State
 from skinlab.study.table import Cell
-from skinlab.tables.dimensionless import DimensionlessTable
+from skinlab.tables.base import Database
 
 Array = NDArray[np.float64]
 Row = dict[str, Cell]
@@ -67,7 +67,7 @@ class Task:
 class Shared:
     """What all tasks need."""
 
-    table: DimensionlessTable
+    table: Database
     model: Model = BASE
 
 

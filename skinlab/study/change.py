@@ -22,6 +22,7 @@ from scipy.stats import t as t_distribution
 
 from skinlab.errors import InputError
 from skinlab.inference.result import Identification
+from skinlab.mechanics.names import plain
 from skinlab.recording.audit import entries
 from skinlab.recording.session import Session
 from skinlab.recording.session_fit import comparable, excluded_of
@@ -283,7 +284,6 @@ def _of_study(name: str, side: Side, study: Path) -> Scatter:
     )
 
 
-_LABELS = {"X1_MPa": "X1", "X2_MPa": "X2"}
 _WORDS = {
     "changed": "changed",
     "not_shown": "no change is shown",
@@ -296,7 +296,7 @@ def in_words(found: Changes) -> list[str]:
     lines = []
     for one in found.parameters:
         said = one.to_json()
-        name = _LABELS.get(one.name, one.name)
+        name = plain(one.name)[0]
         unit = " %" if said["unit"] == "%" else ""
         lines.append(
             f"{name}: {_WORDS[one.verdict]}: {said['change']:+.3g}{unit} "

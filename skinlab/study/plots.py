@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from skinlab.mechanics.names import heading
 from skinlab.report.pictures import BLUE, GREY, SERIES, VERMILION, new_figure
 from skinlab.study.components import WITHIN
 from skinlab.study.reliability import REPEATS, Analysis
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 WIDTH_IN = 6.0
-LABELS = {"X1_MPa": "X1 (MPa)", "X2_MPa": "X2 (MPa)", "nu": "ν"}
 _ORDER = ("subject", "site", "subject:site", "visit", "operator", "probe", "placement", WITHIN)
 _HATCH = ("", "//", "\\\\", "..", "xx", "--", "oo", "")
 _COLOURS = (*SERIES[:6], "#F0E442", GREY)
@@ -32,7 +32,7 @@ Row = Mapping[str, Any]
 
 def label(quantity: str) -> str:
     """Return what an axis says."""
-    return LABELS.get(quantity, quantity)
+    return heading(quantity)
 
 
 def draw_shares(analyses: Sequence[Analysis]) -> Figure:

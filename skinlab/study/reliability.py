@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.stats import linregress
 from scipy.stats import t as t_distribution
 
+from skinlab.mechanics.names import is_logarithmic
 from skinlab.study.agreement import LEVEL as PUBLISHED_LEVEL
 from skinlab.study.agreement import BlandAltman, bland_altman, shrout_fleiss
 from skinlab.study.components import LEVEL, WITHIN, Components, Effect, components, effect, interval
@@ -118,7 +119,7 @@ class Reliability:
 
 def main_scale(quantity: str) -> str:
     """Return the scale on which a quantity scatters most evenly."""
-    return "log" if quantity.endswith("_MPa") else "linear"
+    return "log" if is_logarithmic(quantity) else "linear"
 
 
 def usable(table: Columns) -> Columns:

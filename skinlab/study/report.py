@@ -18,7 +18,6 @@ from skinlab.study.reliability import (
     Analysis,
     Reliability,
     conditions,
-    main_scale,
     usable,
 )
 from skinlab.study.table import Cell, Columns
@@ -386,7 +385,6 @@ def _failures(failures: Sequence[Mapping[str, str]]) -> Section:
 
 
 def _method() -> Section:
-    scale = main_scale("X1_MPa")
     return Section(
         "How it was computed",
         [
@@ -396,7 +394,7 @@ def _method() -> Section:
             "confidence intervals from the mean squares of each effect, adjusted for all effects "
             "not nested in it. An effect that nothing tells apart from another is left out, and "
             "said so above.",
-            f"Stiffnesses (…_MPa) are taken on a {scale} scale here; agreement.csv and "
+            "Stiffnesses are taken on a log scale here; agreement.csv and "
             "components.csv have both scales, every quantity and every opening and program.",
         ],
     )

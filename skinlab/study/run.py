@@ -10,11 +10,12 @@ import hashlib
 import json
 import os
 import signal
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from typing import Any
 
 from skinlab import __version__
@@ -35,7 +36,6 @@ from skinlab.study.sources import (
     sha256_of,
 )
 from skinlab.study.state import State
-from skinlab.tables.parallel_build import _end_with_parent as end_with_parent
 
 __all__ = ["How", "end_with_parent", "settings_of", "update"]
 
@@ -140,6 +140,19 @@ def _start_worker(identifier: Identifier) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides
     _identifier = identifier
     end_with_parent()
+
+
+def end_with_parent() -> None:
+    """End this process when the one that started it is killed: nothing else would tell it."""
+    parent = parent_process()
+    if parent is None:
+        return
+
+    def wait_for_it() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=wait_for_it, daemon=True).start()
 
 
 def _compute(tasks: Sequence[Task]) -> list[Computed]:

@@ -5,15 +5,13 @@ Rows are written as they come from the state: memory does not grow with their nu
 
 from __future__ import annotations
 
-import contextlib
 import csv
 import math
-import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +19,8 @@ from numpy.typing import NDArray
 from skinlab.curves.cutometer import FORMULAS
 from skinlab.errors import InputError
 from skinlab.inference.identify import Identifier
+from skinlab.io.files import whole_file, whole_text
+from skinlab.mechanics.materials import get_law
 from skinlab.recording.recorder import identification_settings
 from skinlab.study.sources import LABELS, SETUP, pseudonym
 from skinlab.study.state import State, Stored
@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 Cell = str | int | float | bool | None
 
 STEP_NUMBERS = tuple(FORMULAS)
-_ANSWER = ("nu_consistent", "kappa_MPa", "error_um", "rms_um", "noise_um")
+_ANSWER = ("error_um", "rms_um", "noise_um")
 _GROUP_ROWS = 10_000  # of a Parquet file, held in memory at a time
 _TEXT = frozenset(
     {"file", "curve", "sha256", *LABELS, "program", "flags", "error", "method", "model"}
@@ -43,6 +43,7 @@ class Layout:
     """The columns of a study's table: parameters and covariates differ from study to study."""
 
     parameters: tuple[str, ...]
+    derived: tuple[str, ...]  # what the law's reports show besides
     covariates: tuple[str, ...]
     steps: bool  # whether any curve has the Cutometer's numbers
 
@@ -58,6 +59,7 @@ class Layout:
             "fitted_points",
             "partial",
             *(f"{name}{end}" for name in self.parameters for end in ("", "_low", "_high")),
+            *self.derived,
             *_ANSWER,
             *(STEP_NUMBERS if self.steps else ()),
             "flags",
@@ -77,8 +79,9 @@ class Layout:
         )
 
 
-def layout_of(state: State) -> Layout:
+def layout_of(state: State, law: str) -> Layout:
     """Return the columns that the curves of a study need."""
+    derived = get_law(law).derived_names
     parameters: dict[str, None] = {}
     covariates: set[str] = set()
     steps = False
@@ -88,9 +91,9 @@ def layout_of(state: State) -> Layout:
         steps = steps or bool(stored.said["step"])
     for facts in state.people().values():
         covariates |= facts.keys()
-    fixed = Layout(tuple(parameters), (), True).columns
+    fixed = Layout(tuple(parameters), derived, (), True).columns
     names = sorted(covariates - {*fixed, "noise_um", "pressure_noise_mbar"})
-    return Layout(tuple(parameters), tuple(names), steps)
+    return Layout(tuple(parameters), derived, tuple(names), steps)
 
 
 def rows(state: State, layout: Layout, identifier: Identifier) -> Iterator[dict[str, Cell]]:
@@ -168,7 +171,7 @@ def _row(
             value["low"],
             value["high"],
         )
-    for name in _ANSWER:
+    for name in (*layout.derived, *_ANSWER):
         row[name] = answer.get(name)
     row |= said["step"] if layout.steps else {}
     row["flags"] = " ".join(answer["flags"])
@@ -182,7 +185,7 @@ def _row(
 def write_csv(path: Path, columns: Sequence[str], found: Iterable[Mapping[str, Cell]]) -> int:
     """Write rows; the file appears whole or not at all. Return how many there were."""
     count = 0
-    with new_text(path) as stream:
+    with whole_text(path) as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(columns)
         for row in found:
@@ -195,35 +198,6 @@ def _cell(value: Cell) -> Cell:
     if isinstance(value, bool):
         return str(value).lower()
     return value
-
-
-@contextlib.contextmanager
-def new_text(path: Path) -> Iterator[TextIO]:
-    """Open a file that takes its name when all is written; for its owner only.
-
-    Raises:
-        InputError: it cannot be written.
-    """
-    partial = path.with_name(f".{path.name}.partial")
-    try:
-        partial.unlink(missing_ok=True)
-        number = os.open(partial, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600)
-        with os.fdopen(number, "w", encoding="utf-8", newline="") as stream:
-            yield stream
-            stream.flush()
-            os.fsync(stream.fileno())
-        os.replace(partial, path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
-    finally:
-        with contextlib.suppress(OSError):
-            partial.unlink(missing_ok=True)
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a whole file, as `new_text`."""
-    with new_text(path) as stream:
-        stream.write(text)
 
 
 NO_PARQUET = (
@@ -260,20 +234,11 @@ def write_parquet(path: Path, layout: Layout, found: Iterator[dict[str, Cell]]) 
             for name in layout.columns
         ]
     )
-    partial = path.with_name(f".{path.name}.partial")
-    try:
-        os.close(os.open(partial, os.O_CREAT | os.O_TRUNC | os.O_WRONLY, 0o600))
-        with pq.ParquetWriter(partial, schema) as writer:
-            while group := list(islice(found, _GROUP_ROWS)):
-                for row in group:
-                    row.update({n: str(row[n]) for n in text if row.get(n) is not None})
-                writer.write_table(pa.Table.from_pylist(group, schema))
-        os.replace(partial, path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
-    finally:
-        with contextlib.suppress(OSError):
-            partial.unlink(missing_ok=True)
+    with whole_file(path, replace=True) as partial, pq.ParquetWriter(partial, schema) as writer:
+        while group := list(islice(found, _GROUP_ROWS)):
+            for row in group:
+                row.update({n: str(row[n]) for n in text if row.get(n) is not None})
+            writer.write_table(pa.Table.from_pylist(group, schema))
     return True
 
 

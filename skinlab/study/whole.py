@@ -16,6 +16,7 @@ from skinlab.errors import InputError
 from skinlab.exchange.ro_crate import FILE as CRATE
 from skinlab.exchange.ro_crate import ro_crate
 from skinlab.inference.identify import Identifier
+from skinlab.io.files import write_file
 from skinlab.study.campaigns import Evidence, Shared, evidence, explain_all, section
 from skinlab.study.population import Posterior, learn, to_toml
 from skinlab.study.reference import reference_of, write_reference
@@ -34,9 +35,8 @@ from skinlab.study.table import (
     rows,
     write_csv,
     write_parquet,
-    write_text,
 )
-from skinlab.tables.dimensionless import DimensionlessTable
+from skinlab.tables.base import Database
 from skinlab.versions import versions
 
 SCHEMA = "skinlab.study/1"
@@ -90,7 +90,7 @@ def make_study(
     notices: list[str] = []
     with State(out) as state:
         update(state, plan, identifier, how, resume=resume)
-        layout = layout_of(state)
+        layout = layout_of(state, identifier.database.law)
         count = write_csv(out / "curves.csv", layout.columns, rows(state, layout, identifier))
         if not write_parquet(out / "curves.parquet", layout, rows(state, layout, identifier)):
             notices.append(NO_PARQUET)
@@ -112,11 +112,11 @@ def make_study(
     found = reliability(table, identifier.seed)
     files += _write_tables(out, table, found, failures, found_effects)
     if prior is not None:
-        write_text(out / "study.toml", to_toml(prior))
+        write_file(out / "study.toml", to_toml(prior), replace=True)
         files.append("study.toml")
     reference, missing = reference_of(table, out.resolve().name, bands=AGE_BANDS, by_sex=True)
     if reference is not None:
-        write_text(out / "reference.toml", write_reference(reference))
+        write_file(out / "reference.toml", write_reference(reference), replace=True)
         files.append("reference.toml")
     document: dict[str, Any] = {
         "schema": SCHEMA,
@@ -133,7 +133,9 @@ def make_study(
         "files": [name for name in files if (out / name).exists()],
     }
     document["files"] += ["study.json", CRATE]
-    write_text(out / "study.json", json.dumps(document, indent=1, allow_nan=False) + "\n")
+    write_file(
+        out / "study.json", json.dumps(document, indent=1, allow_nan=False) + "\n", replace=True
+    )
     crate = ro_crate(
         out,
         {name: MEANING[name] for name in document["files"] if name != CRATE},
@@ -143,7 +145,7 @@ def make_study(
         versions=document["versions"],
         licence="Not stated. Data about people: not to be passed on without the owner's consent.",
     )
-    write_text(out / CRATE, crate)
+    write_file(out / CRATE, crate, replace=True)
     lines = [f"{count} curves in {out / 'curves.csv'}", *_lines(found)]
     lines += _effect_lines(found_effects)
     if failures:
@@ -198,9 +200,10 @@ def _write_tables(
     for name, body in tables.items():
         columns = dict.fromkeys(key for row in body for key in row)
         write_csv(out / name, tuple(columns) or ("empty",), body)
-    write_text(
+    write_file(
         out / "report.html",
         html(f"Study {out.resolve().name}", table, found, people, failures, more),
+        replace=True,
     )
     return [*tables, "report.html"]
 
@@ -260,7 +263,7 @@ def _effect_lines(found: Evidence | None) -> list[str]:
     return lines
 
 
-def _dimensionless(identifier: Identifier) -> DimensionlessTable:
-    if not isinstance(identifier.database, DimensionlessTable):
+def _dimensionless(identifier: Identifier) -> Database:
+    if identifier.database.fixed_geometry is not None:
         raise InputError("--explain needs the shipped database, which speaks of all openings")
     return identifier.database

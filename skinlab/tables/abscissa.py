@@ -1,4 +1,4 @@
-"""Along what a database of one's own holds its curves: pressure, or the time of a program.
+"""The abscissa of a custom table's curves: pressure, or the time of a program.
 
 Where no effect depends on time, the deflection is a function of the pressure, whatever the program.
 Else it is held along one program, with its slope by the pressure: a reading that is a little off
@@ -7,6 +7,7 @@ the program is answered at once, and what the skin remembers is the program.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
@@ -15,12 +16,13 @@ from scipy.interpolate import make_interp_spline
 
 from skinlab.curves.curve import FEWEST_POINTS, Curve
 from skinlab.curves.pressure_path import PressurePath
+from skinlab.curves.program import Program
 from skinlab.errors import NotTrustworthyError
-from skinlab.mechanics.effects.model import Effects, Skin, response
 from skinlab.mechanics.fem.suction import EXTENSION_ABOVE, EXTENSION_BELOW_MBAR
-from skinlab.tables.model_spec import ModelSpec
 
 Array = NDArray[np.float64]
+Respond = Callable[[PressurePath, Array, Array], Array]
+"""Deflections (n,) of a skin along a path, at times and pressures (n,)."""
 
 _PROBE_SHARE = 0.0025  # of the highest pressure: for slopes
 _OFF_MBAR = 2.0  # a reading may be so far from the program, or
@@ -31,35 +33,30 @@ _RAMP_NODES = 6  # at least, of a piece of the program
 _HOLD_NODES = 12
 
 
-class PressureCourse:
+class PressureAbscissa:
     """Nodes of the pressure, its small extensions included."""
 
     unit = "mbar"
 
-    def __init__(self, spec: ModelSpec) -> None:
-        self._spec = spec
-        low, high = -EXTENSION_BELOW_MBAR, spec.high_mbar * (1 + EXTENSION_ABOVE)
-        self._place = _Place(low, high, spec.pressures.nodes, spec.pressures.spacing != "linear")
+    def __init__(self, high_mbar: float, nodes: int, denser_at_ends: bool) -> None:
+        self._high_mbar = high_mbar
+        low, high = -EXTENSION_BELOW_MBAR, high_mbar * (1 + EXTENSION_ABOVE)
+        self._place = _Place(low, high, nodes, denser_at_ends)
         self.nodes = self._place.nodes
         self.width = len(self.nodes)
 
-    def row(self, skin: Skin, effects: Effects) -> Array:
+    def row(self, respond: Respond) -> Array:
         """Return a skin's curve (width,) on the nodes; NaN where it does not hold."""
-        spec, p = self._spec, self.nodes
-        path = PressurePath((0.0, 1.0), (0.0, spec.high_mbar))
-        time = np.clip(p / spec.high_mbar, 0.0, 1.0)
-        found = response(
-            skin, effects, spec.geometry, path, time, p,
-            cycle=spec.measurement.cycle, discretisation=spec.discretisation,
-        )  # fmt: skip
-        return found.deflection_mm
+        p = self.nodes
+        path = PressurePath((0.0, 1.0), (0.0, self._high_mbar))
+        return respond(path, np.clip(p / self._high_mbar, 0.0, 1.0), p)
 
     def covered(self, curve: Curve) -> NDArray[np.bool_]:
         """Return which samples (n,) the nodes reach."""
         p = curve.pressure_mbar
         return np.asarray((p >= self.nodes[0] - 1e-9) & (p <= self.nodes[-1] + 1e-9))
 
-    def asked(self, pressure_mbar: Array, time_s: Array | None) -> Array:
+    def along(self, pressure_mbar: Array, time_s: Array | None) -> Array:
         """Return what of pressures and times (u,) the curves run along."""
         del time_s
         return pressure_mbar
@@ -70,45 +67,34 @@ class PressureCourse:
         return self._place.matrix(pressure_mbar)
 
 
-class ProgramCourse:
+class ProgramAbscissa:
     """Nodes of the time, in each piece of the program for itself; times since its start."""
 
     unit = "s"
 
-    def __init__(self, spec: ModelSpec) -> None:
-        program = spec.program
-        assert program is not None
-        self._spec, self._program = spec, program
+    def __init__(self, program: Program, high_mbar: float, pressure_nodes: int) -> None:
+        self._high_mbar, self._program = high_mbar, program
         self._path = PressurePath.of_program(program)
         self._pieces: list[_Place] = []
         knots = zip(self._path.time_s, self._path.pressure_mbar, strict=True)
         for (t0, p0), (t1, p1) in pairwise(knots):
             if t1 - t0 <= _LATE_S:
                 continue
-            share = abs(p1 - p0) / spec.high_mbar
-            nodes = max(_RAMP_NODES, round(share * spec.pressures.nodes))
+            share = abs(p1 - p0) / high_mbar
+            nodes = max(_RAMP_NODES, round(share * pressure_nodes))
             if p1 == p0:
-                nodes = max(_HOLD_NODES, spec.pressures.nodes // 2)
+                nodes = max(_HOLD_NODES, pressure_nodes // 2)
             inside = 1e-9 * (t1 - t0)  # a jump at the end belongs to the next piece
             self._pieces.append(_Place(t0 + inside, t1 - inside, nodes, True))
         self.nodes = np.concatenate([piece.nodes for piece in self._pieces])
         self.width = 2 * len(self.nodes)
 
-    def row(self, skin: Skin, effects: Effects) -> Array:
+    def row(self, respond: Respond) -> Array:
         """Return a skin's curve on the nodes and its slopes by the pressure, end to end."""
-        spec, t = self._spec, self.nodes
-        on_path = self._path(t)
-
-        def at(pressure: Array) -> Array:
-            found = response(
-                skin, effects, spec.geometry, self._path, t, pressure,
-                cycle=spec.measurement.cycle, discretisation=spec.discretisation,
-            )  # fmt: skip
-            return found.deflection_mm
-
-        probe = _PROBE_SHARE * spec.high_mbar
-        rise = at(on_path + probe) - at(on_path - probe)
-        return np.concatenate([at(on_path), rise / (2 * probe)])
+        t = self.nodes
+        on_path, probe = self._path(t), _PROBE_SHARE * self._high_mbar
+        rise = respond(self._path, t, on_path + probe) - respond(self._path, t, on_path - probe)
+        return np.concatenate([respond(self._path, t, on_path), rise / (2 * probe)])
 
     def covered(self, curve: Curve) -> NDArray[np.bool_]:
         """Return which samples (n,) follow the program; none after it was left.
@@ -117,7 +103,7 @@ class ProgramCourse:
             NotTrustworthyError: the curve is of another program.
         """
         since = curve.time_s - curve.time_s[0]
-        allowed = max(_OFF_MBAR, _OFF_SHARE * self._spec.high_mbar)
+        allowed = max(_OFF_MBAR, _OFF_SHARE * self._high_mbar)
         near = np.abs(curve.pressure_mbar - self._path(since)) <= allowed
         near &= since <= self._path.time_s[-1] + _LATE_S
         away = np.convolve(~near, np.ones(_STRAY), "valid") > _STRAY - 0.5
@@ -130,7 +116,7 @@ class ProgramCourse:
             )
         return np.asarray(near)
 
-    def asked(self, pressure_mbar: Array, time_s: Array | None) -> Array:
+    def along(self, pressure_mbar: Array, time_s: Array | None) -> Array:
         """Return what of pressures and times (u,) the curves run along."""
         del pressure_mbar
         if time_s is None:
@@ -141,7 +127,7 @@ class ProgramCourse:
 
     def operator(self, pressure_mbar: Array, time_s: Array | None) -> Array:
         """Return the matrix (u, width) that takes rows to samples."""
-        t = self.asked(pressure_mbar, time_s)
+        t = self.along(pressure_mbar, time_s)
         spread = np.zeros((len(t), len(self.nodes)))
         ends = np.array([piece.nodes[-1] for piece in self._pieces])
         which = np.clip(np.searchsorted(ends, t - _LATE_S), 0, len(self._pieces) - 1)
@@ -155,12 +141,7 @@ class ProgramCourse:
         return np.hstack([spread, off[:, None] * spread])
 
 
-Course = PressureCourse | ProgramCourse
-
-
-def course_of(spec: ModelSpec) -> Course:
-    """Return along what the database of this spec holds its curves."""
-    return ProgramCourse(spec) if spec.has_history else PressureCourse(spec)
+Abscissa = PressureAbscissa | ProgramAbscissa
 
 
 class _Place:

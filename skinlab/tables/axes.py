@@ -1,21 +1,28 @@
-"""The axes of a database of one's own: nodes, and a spline through them in a fitting coordinate.
+"""The axes of tables: nodes, and a spline through them in a fitting coordinate.
 
-Between evenly spaced nodes (in the parameter, or in its logarithm) runs a cubic spline; between
-Chebyshev's, the polynomial through all of them. ν runs in log(κ/X1), in which curves are smooth
-towards incompressibility.
+In a custom table, between evenly spaced nodes (in the parameter, or in its logarithm) runs a cubic
+spline; between Chebyshev's, the polynomial through all of them. ν runs in log κ/(μ/2), in which
+curves are smooth towards incompressibility.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import BSpline, make_interp_spline
+from scipy.interpolate import make_interp_spline
 
 from skinlab.errors import InputError
-from skinlab.mechanics.materials.compressibility import KappaConvention, kappa_ratio
+from skinlab.mechanics.materials.compressibility import (
+    KappaConvention,
+    kappa_ratio,
+    nu_from_ratio,
+)
+from skinlab.tables.splines import inverse, knots
 
 Array = NDArray[np.float64]
 Spacing = Literal["linear", "log", "chebyshev"]
@@ -63,50 +70,101 @@ class AxisRange(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return nodes
 
 
-class Interpolant:
-    """How values run along one axis, as operators."""
+@dataclass(frozen=True)
+class Coordinate:
+    """From a parameter to what values of a table run along: smooth, and increasing.
 
-    def __init__(self, axis: AxisRange, *, kappa: KappaConvention | None = None) -> None:
-        """`kappa` is given where the axis is ν, in that convention."""
-        self.nodes = axis.values()
-        self._logarithmic = axis.spacing == "log"
-        self._kappa = kappa
-        n = len(self.nodes)
-        self.degree = n - 1 if axis.spacing == "chebyshev" else min(3, n - 1)
+    `ratio` is the logarithm of the parameter's ratio to the law's scale. Poisson's ratio, meant in
+    the convention `kappa`, runs in log κ/(μ/2) (`dilatation`), or in what it is in the convention
+    of the table, `stored` (`poisson`).
+    """
+
+    kind: Literal["linear", "log", "ratio", "dilatation", "poisson"]
+    kappa: KappaConvention = "paper"
+    stored: KappaConvention = "paper"
+
+    def __call__(self, values: Array, scale: Array) -> Array:
+        """Return the coordinate (n,) of values (n,); NaN or infinite where there is none."""
+        if self.kind == "linear":
+            return values
+        with np.errstate(divide="ignore", invalid="ignore"):
+            if self.kind == "log":
+                return np.asarray(np.log(values))
+            if self.kind == "ratio":
+                return np.asarray(np.log(values) - np.log(scale))
+        if self.kind == "poisson" and self.kappa == self.stored:
+            return values
+        possible = (values >= 0.0) & (values < 0.5)
+        ratio = kappa_ratio(np.where(possible, values, 0.3), self.kappa)
+        if self.kind == "dilatation":
+            found = np.log(ratio)
+        else:
+            with np.errstate(invalid="ignore"):  # softer than the other convention knows
+                found = nu_from_ratio(ratio, self.stored)
+        return np.where(possible, found, np.nan)
+
+    def by_parameter(self, slopes: Array, values: Array) -> Array:
+        """Return derivatives (n, k) by the parameter at values (n,), from those by the coordinate.
+
+        Of a ratio: with the scale as it is.
+        """
+        if self.kind in ("log", "ratio"):
+            return slopes / values[:, None]
+        if self.kind == "linear" or (self.kind == "poisson" and self.kappa == self.stored):
+            return slopes
+        # κ(ν) is a rational function: central differences are good to round-off
+        at = np.maximum(values, _STEP)
+        rise = self(at + _STEP, at) - self(at - _STEP, at)
+        return np.asarray(slopes * (rise / (2 * _STEP))[:, None])
+
+
+class TableAxis:
+    """The nodes of a table along one parameter, and the spline through them, as operators."""
+
+    def __init__(self, coordinate: Coordinate, nodes: Array, degree: int = 3) -> None:
+        """`nodes` (n,) ascend, in the coordinate."""
+        self.coordinate, self.nodes, self.degree = coordinate, nodes, degree
+        self._slack = 1e-9 * float(nodes[-1] - nodes[0])
+        steps = np.diff(nodes)
+        self._even = bool(np.ptp(steps) <= 1e-9 * steps[0])
+
+    @cached_property
+    def _spline(self) -> tuple[Array, Array]:
+        if self.degree == 3 and self._even:
+            return knots(self.nodes), inverse(len(self.nodes))
         # Even degrees other than the full one would need knots of their own choice; there are none.
-        self._spline: BSpline = make_interp_spline(
-            self.coordinate(self.nodes), np.eye(n), k=self.degree
-        )
+        spline = make_interp_spline(self.nodes, np.eye(len(self.nodes)), k=self.degree)
+        return spline.t, spline.c
 
     @property
     def knots(self) -> Array:
-        """Knots of the spline, in its coordinate."""
-        return np.asarray(self._spline.t)
-
-    def coordinate(self, values: Array) -> Array:
-        """Return the coordinate (n,) of parameter values (n,) within the axis."""
-        if self._kappa is not None:
-            return np.asarray(np.log(kappa_ratio(values, self._kappa)))
-        return np.asarray(np.log(values) if self._logarithmic else values)
-
-    def coordinate_slope(self, values: Array) -> Array:
-        """Return the derivative (n,) of the coordinate by the parameter."""
-        if self._kappa is not None:  # a rational function: differences are good to round-off
-            below, above = np.maximum(values - _STEP, 0.0), values + _STEP
-            return np.asarray((self.coordinate(above) - self.coordinate(below)) / (above - below))
-        return 1.0 / values if self._logarithmic else np.ones_like(values)
+        """Knots of the spline."""
+        return self._spline[0]
 
     def coefficients(self, values: Array, axis: int) -> Array:
         """Return the spline's coefficients of nodal values along one axis; the shape stays."""
-        return np.moveaxis(np.tensordot(self._spline.c, values, axes=(1, axis)), 0, axis)
+        return np.moveaxis(np.tensordot(self._spline[1], values, axes=(1, axis)), 0, axis)
 
-    def inside(self, values: Array) -> NDArray[np.bool_]:
-        """Return which values (n,) lie on the axis, its ends included."""
-        low, high = self.nodes[0], self.nodes[-1]
-        slack = 1e-9 * (high - low)
-        return np.asarray((values >= low - slack) & (values <= high + slack))
+    def inside(self, at: Array) -> NDArray[np.bool_]:
+        """Return which coordinates (n,) lie on the axis, its ends included."""
+        return np.asarray(
+            (at >= self.nodes[0] - self._slack) & (at <= self.nodes[-1] + self._slack)
+        )
 
-    def cell(self, values: Array) -> NDArray[np.intp]:
+    def cell(self, at: Array) -> NDArray[np.intp]:
         """Return the number (n,) of the cell between two nodes; the nearest where outside."""
-        found = np.searchsorted(self.nodes, values, side="right") - 1
-        return np.asarray(np.clip(found, 0, len(self.nodes) - 2))
+        last = len(self.nodes) - 2
+        if self._even:  # quicker; `fmax` takes the number where the other is NaN
+            place = (at - self.nodes[0]) * ((last + 1) / (self.nodes[-1] - self.nodes[0]))
+            return np.asarray(np.fmin(np.fmax(place, 0.0), last).astype(np.intp))
+        found = np.searchsorted(self.nodes, at, side="right") - 1
+        return np.asarray(np.clip(found, 0, last))
+
+
+def axis_of(axis: AxisRange, *, kappa: KappaConvention | None = None) -> TableAxis:
+    """Return the axis of a custom table; `kappa` is given where it is Poisson's ratio's."""
+    kind: Literal["linear", "log"] = "log" if axis.spacing == "log" else "linear"
+    coordinate = Coordinate(kind) if kappa is None else Coordinate("dilatation", kappa)
+    nodes = axis.values()
+    degree = len(nodes) - 1 if axis.spacing == "chebyshev" else min(3, len(nodes) - 1)
+    return TableAxis(coordinate, coordinate(nodes, nodes), degree)

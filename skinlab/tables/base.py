@@ -1,4 +1,4 @@
-"""What identification asks of a database, whichever it is."""
+"""What identification asks of a forward model for one curve, whichever it is."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from numpy.typing import NDArray
 from skinlab.curves.curve import Curve
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.mechanics.materials.compressibility import KappaConvention
-from skinlab.parameters import ParameterSpace
+from skinlab.parameters import Space
 from skinlab.tables.misfit import Misfit, Whitening
 
 Array = NDArray[np.float64]
 
 
 class CurveModel(Protocol):
-    """A database at one geometry and the pressures (u,) of one curve."""
+    """A forward model at one geometry and the pressures (u,) of one curve."""
 
     @property
-    def space(self) -> ParameterSpace:
-        """Where the database holds at all."""
+    def space(self) -> Space:
+        """Where the model holds at all."""
         ...
 
     @property
@@ -30,7 +30,22 @@ class CurveModel(Protocol):
         ...
 
     def deflection_mm(self, parameters: Array) -> Array:
-        """Return the curves (n, u) of candidates (n, k); NaN where the database does not hold."""
+        """Return the curves (n, u) of candidates (n, k); NaN where the model does not hold."""
+        ...
+
+    def coordinates(self, parameters: Array) -> Array:
+        """Return the components (n, k) of candidates' curves; NaN where there is no model."""
+        ...
+
+    def coordinate_slopes(self, parameters: Array) -> Array:
+        """Return derivatives (n, k, p) of the components by the parameters."""
+        ...
+
+    def with_reach(self, parameters: Array) -> tuple[Array, Array]:
+        """Return curves (n, u), and how far (n,) these are answers; NaN and 0 where there is none.
+
+        Beyond that they go on smoothly and mean nothing.
+        """
         ...
 
     def misfit(self, measured_mm: Array, whitening: Whitening | None = None) -> Misfit:
@@ -39,7 +54,7 @@ class CurveModel(Protocol):
 
 
 class Database(Protocol):
-    """Precomputed curves."""
+    """Forward models for curves of one law: what identification is given."""
 
     @property
     def law(self) -> str:
@@ -55,6 +70,13 @@ class Database(Protocol):
     def content_hash(self) -> str:
         """`sha256:…` over what was computed from what, and the numbers."""
         ...
+
+    @property
+    def fixed_geometry(self) -> Geometry | None:
+        """The only opening and thickness that it speaks of; None: a range."""
+        ...
+
+    def __hash__(self) -> int: ...
 
     def covers(self, curve: Curve) -> NDArray[np.bool_]:
         """Return which samples (n,) of a curve it speaks of, its small extensions included.
@@ -72,12 +94,11 @@ class Database(Protocol):
         thickness_sd_mm: float = 0.0,
         time_s: Array | None = None,
     ) -> CurveModel:
-        """Return the database at this geometry and these pressures (u,).
+        """Return the forward model at this geometry and these pressures (u,).
 
-        `time_s` (u,) are the times since the curve began, for databases that depend on them.
-
-        With a standard deviation of the thickness, its ratio to the stated one is one more
-        parameter at the end, `thickness_ratio`.
+        `time_s` (u,) are the times since the curve began, for models that depend on them. With a
+        standard deviation of the thickness, its ratio to the stated one is one more parameter at
+        the end, `thickness_ratio`.
 
         Raises:
             NotTrustworthyError: it does not speak of this geometry; names the axis.

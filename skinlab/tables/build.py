@@ -1,78 +1,52 @@
-"""Build a database: compute its rows with the finite elements, and put them in order."""
+"""Build a table: compute its rows with the finite elements, and put them in order; verify one."""
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
-from numpy.typing import NDArray
 
-from skinlab.mechanics.fem.admissibility import NO_LIMITS
-from skinlab.mechanics.fem.newton import StepSettings
-from skinlab.mechanics.fem.suction import MESH_OF_RECORD, SOLVER_VERSION, assembly_for, solve
-from skinlab.mechanics.materials.compressibility import kappa_ratio
-from skinlab.tables.dimensionless import DimensionlessSpec, DimensionlessTable, compute_row
-from skinlab.tables.grid import GridDatabase, GridSpec
+from skinlab.errors import InputError
+from skinlab.mechanics.fem.suction import MESH_OF_RECORD, SOLVER_VERSION
+from skinlab.tables.meshes import MESHES
 from skinlab.tables.parallel_build import How, compute_rows
-from skinlab.tables.support import supported
-
-Array = NDArray[np.float64]
+from skinlab.tables.table import Spec, Table
+from skinlab.versions import versions
 
 HERE = How()
 
 
-def compute_entry(spec: GridSpec, entry: int) -> Array:
-    """Return one entry's curve on the spec's pressures (p,), to which mbar it holds, iterations.
-
-    Where the skin creases before the last pressure, the curve goes on along the creased branch: it
-    supports the interpolation of neighbours that hold, and is never given as an answer itself.
-    """
-    x1, x2, nu = spec.parameters(entry)
-    parameters = {"X1_MPa": x1, "X2_MPa": x2, "kappa_MPa": x1 * kappa_ratio(nu, spec.kappa)}
-    top = max(spec.pressure_mbar)
-    curve = held = solve(spec.geometry, parameters, top, law=spec.law)
-    if held.stopped:
-        unchecked = StepSettings(limits=NO_LIMITS)
-        curve = solve(spec.geometry, parameters, top, law=spec.law, settings=unchecked)
-    deflection = curve(np.array(spec.pressure_mbar))
-    return np.append(deflection, [held.holds_to_mbar, curve.iterations])
-
-
-def build_grid(spec: GridSpec, how: How = HERE) -> GridDatabase:
-    """Return the built grid.
-
-    Raises:
-        InputError: see `compute_rows`.
-    """
-    rows = compute_rows(
-        partial(compute_entry, spec), _all_of(spec), spec.entries, spec.shape[3] + 2, how
-    )
-    assembly, _ = assembly_for(spec.geometry, MESH_OF_RECORD, spec.law)
-    return GridDatabase(
-        spec,
-        np.ascontiguousarray(rows[:, :-2]).reshape(spec.shape),
-        np.ascontiguousarray(rows[:, -2]).reshape(spec.shape[:3]),
-        rows[:, -1].astype(np.int32).reshape(spec.shape[:3]),
-        MESH_OF_RECORD.name,
-        SOLVER_VERSION,
-        assembly.n,
-    )
-
-
-def build_table(spec: DimensionlessSpec, how: How = HERE) -> DimensionlessTable:
+def build(spec: Spec, how: How = HERE) -> Table:
     """Return the built table.
 
     Raises:
         InputError: see `compute_rows`.
     """
-    rows = compute_rows(
-        partial(compute_row, spec), _all_of(spec), spec.entries, spec.load_nodes + 1, how
-    )
-    compliance = rows[:, :-1].reshape(*spec.shape, -1)
-    filled = supported(compliance, spec.load_coordinates()).astype(np.float32)
-    holds = np.ascontiguousarray(rows[:, -1]).reshape(spec.shape)
-    return DimensionlessTable(spec, filled, holds, MESH_OF_RECORD.name, SOLVER_VERSION)
+    entries, width = spec.rows
+    identity = f"{spec.identity} {SOLVER_VERSION}"
+    rows = compute_rows(spec.row, identity, entries, width, how)
+    return spec.table(rows, SOLVER_VERSION, versions())
 
 
-def _all_of(spec: GridSpec | DimensionlessSpec) -> str:
-    return repr((spec, MESH_OF_RECORD.name, SOLVER_VERSION))
+def rebuilt_differences(table: Table, samples: int, seed: int) -> list[str]:
+    """Return a sentence for each entry, of `samples` random ones, that comes out differently.
+
+    Raises:
+        InputError: samples is not within 1 and the number of entries.
+    """
+    spec = table.spec
+    if not 1 <= samples <= spec.entries:
+        raise InputError(f"samples {samples}: expected 1–{spec.entries}")
+    here = spec.mesh_name if spec.mesh_name in MESHES else MESH_OF_RECORD.name
+    if (table.mesh_name, table.solver_version) != (here, SOLVER_VERSION):
+        return [
+            f"built with mesh {table.mesh_name}, solver {table.solver_version}; "
+            f"this is {here}, {SOLVER_VERSION}"
+        ]
+    entries = np.random.default_rng(seed).choice(spec.entries, samples, replace=False).tolist()
+    found = [spec.difference(table, entry) for entry in entries]
+    return [sentence for sentence in found if sentence]
+
+
+def describe(table: Table) -> str:
+    """Return what is in a table, in a few lines."""
+    head = f"law {table.law}, mesh {table.mesh_name}, solver version {table.solver_version}"
+    return "\n".join([head, *table.spec.describe(table), table.content_hash])

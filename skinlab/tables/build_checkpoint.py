@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.errors import InputError
+from skinlab.io.files import private
 
 Array = NDArray[np.float64]
 
@@ -52,7 +53,9 @@ class KeptRows:
                     f"{path}: rows of a build that did not end; --resume goes on with them, or "
                     "remove the file"
                 )
-            self._file: BinaryIO = path.open("r+b" if there else "w+b")
+            self._file: BinaryIO = open(  # noqa: SIM115 -- until the build ends
+                path, "r+b" if there else "w+b", opener=private
+            )
         except OSError as error:
             raise InputError(f"{path}: {error.strerror or error}") from None
         if not there:

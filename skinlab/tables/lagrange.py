@@ -43,28 +43,40 @@ def matrix(nodes: ArrayLike, at: ArrayLike) -> Array:
 
 
 class TensorLagrange:
-    """Vector values on a grid in three coordinates, interpolated at many points at once."""
+    """Vector values on a grid, interpolated at many points at once."""
 
-    def __init__(self, axes: tuple[Array, Array, Array], values: Array) -> None:
-        """`values` has the shape (n1, n2, n3, k)."""
+    def __init__(self, axes: tuple[Array, ...], values: Array) -> None:
+        """`values` has the shape (n1, …, nd, k)."""
         self._axes = axes
-        self._shape = values.shape
+        self._shape = values.shape[:-1]
         self._values = np.ascontiguousarray(values.reshape(-1, values.shape[-1]))
 
     def __call__(self, points: Array) -> Array:
-        """Return the values (n, k) at points (n, 3)."""
-        _, n2, n3, _ = self._shape
-        (i1, w1), (i2, w2), (i3, w3) = (
-            stencil(axis, points[:, d]) for d, axis in enumerate(self._axes)
-        )
-        four = np.arange(4)
-        first, second, third = ((i[:, None] + four) for i in (i1, i2, i3))
-        plane = first[:, :, None] * n2 + second[:, None, :]
-        rows = plane[..., None] * n3 + third[:, None, None, :]  # (n, 4, 4, 4)
-        weights = (w1[:, :, None] * w2[:, None, :])[..., None] * w3[:, None, None, :]
-        # A sparse matrix, 64 nodes a point: no (n, 64, k) array is ever made, and a point's sum
+        """Return the values (n, k) at points (n, d)."""
+        count = len(points)
+        if not count:
+            return np.empty((0, self._values.shape[1]))
+        rows, weights = np.zeros((count, 1), dtype=np.intp), np.ones((count, 1))
+        for d, (axis, size) in enumerate(zip(self._axes, self._shape, strict=True)):
+            first, weight = stencil(axis, points[:, d])
+            at = first[:, None] + np.arange(4)
+            rows = (rows[:, :, None] * size + at[:, None, :]).reshape(count, -1)
+            weights = (weights[:, :, None] * weight[:, None, :]).reshape(count, -1)
+        # A sparse matrix, 4^d nodes a point: no (n, 4^d, k) array is ever made, and a point's sum
         # does not depend on the others.
-        ends = np.arange(0, weights.size + 1, 64)
-        shape = (len(points), len(self._values))
+        ends = np.arange(0, weights.size + 1, weights.shape[1])
+        shape = (count, len(self._values))
         matrix = csr_array((weights.ravel(), rows.ravel(), ends), shape=shape)
         return np.asarray(matrix @ self._values)
+
+    def slope(self, points: Array, d: int) -> Array:
+        """Return derivatives (n, k) by coordinate `d`, by central differences.
+
+        Cubic Lagrange pieces meet with a kink at the nodes; next to one this is a mean.
+        """
+        axis = self._axes[d]
+        step = np.zeros(len(self._axes))
+        step[d] = 1e-6 * (axis[-1] - axis[0])
+        # In one call, which costs a single point hardly more than one of them.
+        both = self(np.concatenate([points + step, points - step]))
+        return np.asarray((both[: len(points)] - both[len(points) :]) / (2 * step[d]))

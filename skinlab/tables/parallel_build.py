@@ -6,14 +6,10 @@ that was killed can go on; whoever computes them, they are the same bits.
 
 from __future__ import annotations
 
-import os
-import threading
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
-from multiprocessing import get_context, parent_process
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +17,7 @@ from numpy.typing import NDArray
 
 from skinlab.mechanics.fem.suction import SOLVER_VERSION
 from skinlab.tables.build_checkpoint import KeptRows
+from skinlab.workers import Pool
 
 Array = NDArray[np.float64]
 Compute = Callable[[int], Array]
@@ -62,7 +59,7 @@ def compute_rows(compute: Compute, what: str, entries: int, width: int, how: How
         count = entries - len(missing)
         if count:
             how.progress(count, entries)
-        for entry, row in _computed(partial(_row, compute), missing, how):
+        for entry, row in _computed(compute, missing, how):
             rows[entry] = row
             if kept is not None:
                 kept.add(entry, row)
@@ -75,41 +72,11 @@ def _row(compute: Compute, entry: int) -> tuple[int, Array]:
     return entry, compute(entry)
 
 
-def _computed(
-    compute: Callable[[int], tuple[int, Array]], entries: list[int], how: How
-) -> Iterator[tuple[int, Array]]:
+def _computed(compute: Compute, entries: list[int], how: How) -> Iterator[tuple[int, Array]]:
     if how.dask is not None:
         from skinlab.tables.dask_cluster import computed_on_cluster
 
-        yield from computed_on_cluster(compute, entries, how.dask, SOLVER_VERSION)
-    elif how.workers <= 1 or len(entries) <= 1:
-        yield from map(compute, entries)
-    else:
-        yield from _on_cores(compute, entries, min(how.workers, len(entries)))
-
-
-def _on_cores(
-    compute: Callable[[int], tuple[int, Array]], entries: Iterable[int], workers: int
-) -> Iterator[tuple[int, Array]]:
-    # One thread of linear algebra a process: the cores are shared out by entries.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    pool = ProcessPoolExecutor(
-        workers, mp_context=get_context("spawn"), initializer=_end_with_parent
-    )
-    try:
-        yield from pool.map(compute, entries)
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
-
-
-def _end_with_parent() -> None:
-    """End this process when the one that started it is killed: nothing else would tell it."""
-    parent = parent_process()
-    if parent is None:
+        yield from computed_on_cluster(partial(_row, compute), entries, how.dask, SOLVER_VERSION)
         return
-
-    def wait() -> None:
-        parent.join()
-        os._exit(1)
-
-    threading.Thread(target=wait, daemon=True).start()
+    with Pool(min(how.workers, len(entries)), compute) as pool:
+        yield from pool.map(_row, entries)

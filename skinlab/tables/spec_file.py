@@ -27,19 +27,40 @@
     thickness_mm = 1.0
 
 Decoded strictly. A MODEL.toml is a SPEC.toml that leaves all the rest to the defaults.
+
+With `[table] form = "dimensionless"` it is one table of the model's law for every opening,
+thickness and pressure; its axes are h/R and the law's ratios:
+
+    [model]
+    name = "rubber"
+    law = "mooney_rivlin"
+
+    [table]
+    form = "dimensionless"
+    scale_mpa = [0.01, 0.2]
+
+    [axis.C01_over_C10]
+    low = 0.01
+    high = 10.0
+    nodes = 12
+    spacing = "log"
 """
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 
+from skinlab.curves.program import MOST_PRESSURE_MBAR
 from skinlab.errors import InputError
+from skinlab.io.documents import read_toml
 from skinlab.mechanics.effects import get_effect
+from skinlab.mechanics.fem.suction import EXTENSION_BELOW_MBAR, MBAR
 from skinlab.mechanics.model_file import (
-    BASE_BOUNDS,
     EffectRange,
     Model,
     Normal,
@@ -48,29 +69,35 @@ from skinlab.mechanics.model_file import (
     plain,
     read_model,
 )
+from skinlab.parameters import Nodes, Parameter
 from skinlab.tables.axes import AxisRange, Spacing
-from skinlab.tables.model_spec import (
+from skinlab.tables.custom_spec import (
+    CustomSpec,
     Measurement,
     MeshChoice,
-    ModelSpec,
     Pressures,
     checked_spec,
     in_order,
     program_of,
 )
+from skinlab.tables.dimensionless_spec import Axis, DimensionlessSpec
+from skinlab.tables.meshes import MESHES
 
-# Where a file says no more: the paper's range of X1 and ν, and X2 about its own.
-_BASE_AXES = {
-    "X1_MPa": AxisRange(0.01, 0.1, 8, "log"),
-    "X2_MPa": AxisRange(0.1, 10.0, 10, "log"),
-    "nu": AxisRange(0.2, 0.48, 6, "linear"),
-}
+
+class TableForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """[table]: custom, or dimensionless with the range of the law's scale and nodes of the load."""
+
+    form: Literal["custom", "dimensionless"] = "custom"
+    scale_mpa: tuple[float, float] | None = None
+    load_nodes: int | None = None
+
+
 _EFFECT_NODES = 5
 _REACH = 4.0  # standard deviations of a normal prior
 _HISTORY_PROGRAM = "ramp:100@20,ramp:0@20"
 
 
-def read_spec(path: str | Path) -> ModelSpec:
+def read_spec(path: str | Path) -> CustomSpec | DimensionlessSpec:
     """Return the spec of this file.
 
     Raises:
@@ -83,7 +110,7 @@ def read_spec(path: str | Path) -> ModelSpec:
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from None
     try:
-        said = msgspec.toml.decode(raw)
+        said = read_toml(raw)
     except (ValueError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: {plain(str(error))}") from None
     named = _named_model(said, path)
@@ -110,8 +137,8 @@ def _named_model(said: dict[str, Any], path: Path) -> Model | None:
     return read_model(path.parent / file)
 
 
-def _spec_of(said: dict[str, Any], named: Model | None) -> ModelSpec:
-    own = {"axis", "pressures", "mesh", "measurement"}
+def _spec_of(said: dict[str, Any], named: Model | None) -> CustomSpec | DimensionlessSpec:
+    own = {"axis", "pressures", "mesh", "measurement", "table"}
     known = own | {"model", "parameters", "effects", "provenance"}
     for key in said:
         if key not in known:
@@ -120,7 +147,15 @@ def _spec_of(said: dict[str, Any], named: Model | None) -> ModelSpec:
     tables = said.get("axis", {})
     if not isinstance(tables, dict):
         raise InputError("axis: expected tables [axis.NAME]")
-    given = {name: check_entry(f"axis.{name}", table, AxisRange) for name, table in _flat(tables)}
+    given = {
+        name: check_entry(f"axis.{name}", table, AxisRange) for name, table in _flat(tables, model)
+    }
+    form = check_entry("table", said.get("table", {}), TableForm)
+    if form.form == "dimensionless":
+        return _dimensionless(said, model, given, form)
+    for key in ("scale_mpa", "load_nodes"):
+        if getattr(form, key) is not None:
+            raise InputError(f'table.{key} is known where table.form is "dimensionless" only')
     measurement = check_entry("measurement", said.get("measurement", {}), Measurement)
     pressures = check_entry("pressures", said.get("pressures", {}), Pressures)
     history = any(get_effect(name).needs_history for name in model.effects)
@@ -132,7 +167,7 @@ def _spec_of(said: dict[str, Any], named: Model | None) -> ModelSpec:
             top = program_of(measurement.program).max_pressure_mbar
         pressures = msgspec.structs.replace(pressures, high_mbar=top)
     return checked_spec(
-        ModelSpec(
+        CustomSpec(
             model,
             _filled(given, model),
             pressures,
@@ -142,11 +177,57 @@ def _spec_of(said: dict[str, Any], named: Model | None) -> ModelSpec:
     )
 
 
-def _flat(tables: dict[str, Any]) -> list[tuple[str, Any]]:
+def _dimensionless(
+    said: dict[str, Any], model: Model, given: dict[str, AxisRange], form: TableForm
+) -> DimensionlessSpec:
+    """Return the spec of a dimensionless table of the model's law.
+
+    Raises:
+        InputError: the model says more than a law, or a value is out of its range.
+    """
+    for key in ("effects", "parameters"):
+        if getattr(model, key):
+            raise InputError(f"{key}: a dimensionless table is of a law alone; expected none")
+    if "measurement" in said:
+        raise InputError("measurement: a dimensionless table is for every measurement")
+    mesh = check_entry("mesh", said.get("mesh", {}), MeshChoice)
+    if mesh.name not in MESHES:
+        raise InputError(f"mesh.name {mesh.name!r} is not known; expected of: {', '.join(MESHES)}")
+    axes = []
+    for name, at in given.items():
+        at.check(f"axis.{name}", 0.0, math.inf)
+        if at.spacing == "chebyshev" or at.nodes < 4:
+            raise InputError(f"axis.{name}: expected 4 nodes or more, linear or log")
+        axes.append((name, Axis(at.low, at.high, at.nodes, at.spacing)))
+    pressures = check_entry("pressures", said.get("pressures", {}), Pressures)
+    top = 500.0 if pressures.high_mbar is None else pressures.high_mbar
+    if not 0 < top <= MOST_PRESSURE_MBAR:
+        raise InputError(
+            f"pressures.high_mbar is {top:g}: expected more than 0, to {MOST_PRESSURE_MBAR:g}"
+        )
+    nodes = 84 if form.load_nodes is None else form.load_nodes
+    if not 8 <= nodes <= 1000:
+        raise InputError(f"table.load_nodes is {nodes}: expected 8 to 1000")
+    spec = DimensionlessSpec(
+        model.model.law, form.scale_mpa or (0.0, 0.0), tuple(axes), top,
+        load_nodes=nodes, mesh_name=mesh.name,
+    )  # fmt: skip
+    scale, (low, high) = model.law.parameters[0], spec.scale_mpa
+    if not scale.low <= low < high <= scale.high:
+        raise InputError(
+            f"table.scale_mpa is {low:g} to {high:g}: expected within {scale.low:g} to "
+            f"{scale.high:g}"
+        )
+    # Below zero, where a noisy channel goes, in the softest skin.
+    least = -EXTENSION_BELOW_MBAR * MBAR / low
+    return replace(spec, least_load=max(spec.least_load, 1.25 * least))
+
+
+def _flat(tables: dict[str, Any], model: Model) -> list[tuple[str, Any]]:
     """Return the axes' tables by name: [axis.effect.parameter] is [axis."effect.parameter"]."""
     found = []
     for name, table in tables.items():
-        inner = isinstance(table, dict) and table and name not in BASE_BOUNDS and "." not in name
+        inner = isinstance(table, dict) and table and name not in model.law.names
         if inner and all(isinstance(t, dict) for t in table.values()):
             found += [(f"{name}.{parameter}", t) for parameter, t in table.items()]
         else:
@@ -156,24 +237,25 @@ def _flat(tables: dict[str, Any]) -> list[tuple[str, Any]]:
 
 def _filled(given: dict[str, AxisRange], model: Model) -> dict[str, AxisRange]:
     """Return the axes in their order, defaults filled in."""
-    base = {name: _within(axis, *model.bounds(name)) for name, axis in _BASE_AXES.items()}
+    base = {p.name: _within(p, *model.bounds(p.name)) for p in model.law.parameters}
     if given:
-        return in_order(base | given)
+        return in_order(model, base | given)
     others = {
         f"{name}.{parameter}": _effect_axis(model, name, parameter, at)
         for name, ranges in model.effects.items()
         for parameter, at in ranges.items()
     }
-    return in_order(base | others)
+    return in_order(model, base | others)
 
 
-def _within(axis: AxisRange, low: float, high: float) -> AxisRange:
-    """Return a default axis inside a model's bounds; along these where they lie apart from it."""
+def _within(parameter: Parameter, low: float, high: float) -> AxisRange:
+    """Return a law's default axis inside a model's bounds; along these where they lie apart."""
+    axis = parameter.axis or Nodes(parameter.low, parameter.high, 8, parameter.spacing)
     inside = max(axis.low, low), min(axis.high, high)
     if not inside[0] < inside[1]:
         inside = low, high
     spacing = axis.spacing if inside[0] > 0 else "linear"
-    return AxisRange(*inside, axis.nodes, spacing)
+    return AxisRange(*inside, axis.count, spacing)
 
 
 def _effect_axis(model: Model, name: str, parameter: str, at: EffectRange) -> AxisRange:

@@ -17,6 +17,11 @@ def _knots_and_inverse(nodes: int) -> tuple[Array, Array]:
     return spline.t, spline.c
 
 
+def inverse(nodes: int) -> Array:
+    """Return the matrix (n, n) from values at even nodes to B-spline coefficients."""
+    return _knots_and_inverse(nodes)[1]
+
+
 def knots(nodes: Array) -> Array:
     """Return the knots (n + 4,) of the not-a-knot cubic spline through even nodes (n,)."""
     step = (nodes[-1] - nodes[0]) / (len(nodes) - 1)

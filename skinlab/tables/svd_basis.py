@@ -1,4 +1,9 @@
-"""What grids of curves share: the few dimensions these live in, and the cells that hold."""
+"""The few dimensions in which a table's curves live, and the cells that hold.
+
+With orthonormal components Q of the curves at the samples of a measured one,
+‖M − Ω‖² = ‖M⊥‖² + ‖c_M − c_Ω‖² exactly: a candidate costs a few multiplications instead of one per
+sample.
+"""
 
 from __future__ import annotations
 
@@ -21,11 +26,11 @@ def components(curves_mm: Array) -> Array:
     return np.ascontiguousarray(vt[:k].T)
 
 
-def cells_that_hold(nodes: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return which cells of a grid have corners that all hold."""
-    cells = nodes
-    for axis in range(nodes.ndim):
+def least_of_corners(values: Array) -> Array:
+    """Return the least of its corners' values for each cell of a grid."""
+    cells = values
+    for axis in range(values.ndim):
         low = np.take(cells, np.arange(cells.shape[axis] - 1), axis)
         high = np.take(cells, np.arange(1, cells.shape[axis]), axis)
-        cells = low & high
+        cells = np.minimum(low, high)
     return cells

@@ -1,51 +1,55 @@
-"""The application: keys and news in, orders to the bench out. It owns the board."""
+"""The application: keys and news in, orders to the probe session out. It owns the board."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
-from textual import on
+from textual import events, on
 from textual.app import App
 from textual.binding import Binding, BindingType
 from textual.filter import LineFilter
 from textual.message import Message
 from textual.screen import ModalScreen
-from textual.timer import Timer
 from textual.widgets import Input
 
 from drivers.errors import DriverError
 from drivers.events import InstrumentState
 from drivers.link import PortInfo, list_ports
+from skinlab.acquisition.measurement_request import Order, check_limits, read_order, with_opening
+from skinlab.acquisition.messages import Adopted, Connected, Disconnected, Done, Failed, Heard, News
+from skinlab.acquisition.probe_session import ProbeSession
+from skinlab.acquisition.replayer import Replayer, example_session, next_speed
+from skinlab.acquisition.settings import recall, remember
+from skinlab.acquisition.shutdown import INTERRUPTED
 from skinlab.errors import InputError, SkinlabError
 from skinlab.io.log import log_exception
+from skinlab.recording.curve_selection import Deed
 from skinlab.recording.session_fit import comparable
 from skinlab.recording.stream import Sampled
-from skinlab.tui.curve_selection import Deed
-from skinlab.tui.measurement_request import Order, check_limits, read_order, with_opening
-from skinlab.tui.messages import Adopted, Connected, Disconnected, Done, Failed, Heard, News
+from skinlab.tui.inert import InertText
 from skinlab.tui.no_color import StyledFirst
-from skinlab.tui.probe_session import Bench
-from skinlab.tui.replayer import Replayer, example_session, next_speed
 from skinlab.tui.screens.alarm import AlarmScreen
 from skinlab.tui.screens.help import HelpScreen
 from skinlab.tui.screens.main import MainScreen
 from skinlab.tui.screens.missing import MissingScreen
+from skinlab.tui.screens.over import ConfirmScreen
 from skinlab.tui.screens.ports import PortsScreen
 from skinlab.tui.screens.session import SessionScreen
 from skinlab.tui.screens.welcome import EXAMPLE, SIMULATED, WelcomeScreen
-from skinlab.tui.settings import recall, remember
-from skinlab.tui.shutdown import INTERRUPTED
-from skinlab.tui.ui_state import EXPLAINING, Board, Level, Missing, Playing, Series
+from skinlab.tui.text import adoption_lines
+from skinlab.tui.typing_guard import TypingGuard, is_typing
+from skinlab.tui.ui_state import EXPLAINING, MEASURING, Board, Level, Missing, Playing, Review
 from skinlab.tui.widgets.fields import Fields
 
 if TYPE_CHECKING:
     from skinlab.discrepancy.next_measurement import NextMeasurement
+    from skinlab.discrepancy.outcome import Outcome
     from skinlab.mechanics.model_file import Model
 
-_SHORTEST_S = 0.01  # rest between two repeats
 _DARK, _LIGHT = "textual-dark", "textual-light"
 
 
@@ -53,7 +57,7 @@ class SkinlabApp(App[None]):
     """The bedside terminal UI on the probe at `port`; sessions go to `folder`."""
 
     class Said(Message):
-        """News of the bench, on their way from a thread to the screen."""
+        """News of the probe session, on their way from a thread to the screen."""
 
         def __init__(self, news: News) -> None:
             super().__init__()
@@ -77,26 +81,29 @@ class SkinlabApp(App[None]):
         Binding("t", "theme", "Theme", show=False),
         Binding("q", "leave", "Quit"),
         Binding("f2", "ports", "Ports", key_display="F2", priority=True),
-        Binding("ctrl+q,ctrl+c", "leave", "Quit", show=False, priority=True),
+        Binding("ctrl+q", "leave", "Quit", show=False, priority=True),
+        Binding("ctrl+c", "stop", "Vent and quit", show=False, priority=True),
     ]
 
     def __init__(
         self,
         port: str | None,
         folder: Path,
-        make_bench: Callable[..., Bench] = Bench,
+        make_bench: Callable[..., ProbeSession] = ProbeSession,
         settings: Path | None = None,
         replay: Path | None = None,
         speed: float | None = 1.0,
         ports: Callable[[], tuple[PortInfo, ...]] = list_ports,
         model: Model | None = None,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         """Begin with a port, with the replay of a session, or (neither) by asking.
 
         Settings are kept for the next time in `settings`; None: nowhere. `model` is what curves
-        are identified with; None: the base law.
+        are identified with; None: the base law. `clock` (s) tells typing from confirming.
         """
         super().__init__()
+        self.guard = TypingGuard(clock)
         self.board = Board(port or SIMULATED)
         self._folder = folder
         self._ask = port is None and replay is None
@@ -104,37 +111,37 @@ class SkinlabApp(App[None]):
         self._speed = speed
         self._ports = ports
         self._settings = settings
-        self._rest: Timer | None = None  # until the next repeat
-        self.bench = make_bench(folder, self._post, model=model)
+        self.bench: ProbeSession | Replayer = make_bench(folder, self._post, model=model)
         if model is not None:
             self.board.model = model.model.name
         self.failure: Exception | None = None  # a bug that ended the app
-        self._queued: Order | None = None  # to be armed once its port is connected
+        self._queued: Order | None = None  # to be shown once its port is connected
+        self._unnamed: tuple[str, str] | None = None  # visit that may do without a subject
         self._next_port: str | None = None  # to be connected once the present one is closed
-        self._anew = False  # what is armed next begins another session
+        self._anew = False  # what is connected next begins another session
         self._leaving = False
 
     # ---- life ---------------------------------------------------------------------------------
 
     def get_default_screen(self) -> MainScreen:
         """Begin with the main screen."""
-        return MainScreen(self.board, recall(self._settings))
+        return MainScreen(self.board, recall(self._settings), self.guard)
 
     def on_ready(self) -> None:
         """Connect, and load what identification needs meanwhile."""
         self._main.begin()
         if self._ask:
-            self.push_screen(WelcomeScreen(self._ports()), self._welcomed)
+            self.push_screen(WelcomeScreen(self.board, self._ports()), self._welcomed)
         elif self._replay is not None:
             self._play(self._replay)
         else:
             self._connect(self.board.port)
-        self._perform("preparing", self.bench.prepare)
+        self._perform("preparing", self.bench.analysis.prepare)
 
     def _welcomed(self, choice: str | None) -> None:
         if choice is None:
-            self.action_leave()
-        elif choice == EXAMPLE:
+            return
+        if choice == EXAMPLE:
             self._play(example_session())
         else:
             self._fields.put("port", choice)
@@ -204,8 +211,8 @@ class SkinlabApp(App[None]):
         self._close_messages_no_wait()
 
     def get_line_filters(self) -> Sequence[LineFilter]:
-        """Return Textual's filters, safe for text without a style."""
-        return [StyledFirst(inner) for inner in super().get_line_filters()]
+        """Return Textual's filters, safe for text without a style, behind our own."""
+        return [InertText(), *(StyledFirst(inner) for inner in super().get_line_filters())]
 
     # ---- threads ------------------------------------------------------------------------------
 
@@ -244,7 +251,7 @@ class SkinlabApp(App[None]):
             case Connected():
                 self._connected(news)
             case Adopted():
-                self._anew = True  # a session is identified with one model
+                self._anew = news.anew  # a session is identified with one model
             case Disconnected() if self._next_port is not None:
                 port, self._next_port = self._next_port, None
                 self._connect(port)
@@ -256,52 +263,8 @@ class SkinlabApp(App[None]):
                 pass
         if self.board.alarm is not None:
             self._raise_alarm(self.board.alarm)
-        self._go_on()
         if self.screen is self._main and not _only_samples(news):
             self._main.draw()  # now, not with the next frame: it is waited for
-
-    # ---- repeats ------------------------------------------------------------------------------
-
-    def _go_on(self) -> None:
-        """Begin the rest before the next repeat, start it once it is armed, or give it up."""
-        board = self.board
-        series = board.series
-        if series is None:
-            return
-        if board.alarm is not None or board.level is Level.ERROR or board.hello is None:
-            self._give_up("the repeats that were left are given up")
-        elif series.starting and board.can_start:
-            series.starting = False
-            self._start()
-        elif series.finished(board):
-            order = series.order
-            cut = board.entry is not None and board.entry.cut is not None
-            if order.repeats == 1 or cut:
-                self._give_up("the curve was cut short: the repeats that were left are given up")
-                return
-            board.begin(
-                "resting",
-                f"{order.repeats - 1} more, the next after {order.rest_s:g} s of rest; v ends it",
-            )
-            # A timer of 0 s would never fire
-            self._rest = self.set_timer(max(order.rest_s, _SHORTEST_S), self._repeat)
-
-    def _repeat(self) -> None:
-        self._rest = None
-        series = self.board.series
-        if series is not None and self.board.doing == "resting":
-            self.board.series = Series(series.order.again(), len(self.board.entries), starting=True)
-            self._arm(self.board.series.order)
-
-    def _give_up(self, why: str) -> None:
-        """Let no further repeat follow."""
-        series, self.board.series = self.board.series, None
-        if self._rest is not None:
-            self._rest.stop()
-            self._rest = None
-            self.board.rested()
-        if series is not None and series.order.repeats > 1 and why:
-            self.board.say(Level.WARNING, why)
 
     def _connected(self, news: Connected) -> None:
         order, self._queued = self._queued, None
@@ -309,13 +272,17 @@ class SkinlabApp(App[None]):
         if self.board.playing is not None:
             return
         if order is not None and order.setup.aperture_mm == aperture_mm:
-            self._arm(order)
+            self._show(order)
+            return
+        if aperture_mm is None:  # it does not say; the field holds
+            if order is not None:
+                self._show(order)
             return
         self._fields.put("aperture_mm", f"{aperture_mm:g}")
         if order is not None:
             self.board.say(
                 Level.WARNING,
-                f"this probe has an opening of {aperture_mm:g} mm, as set now; Enter arms",
+                f"this probe has an opening of {aperture_mm:g} mm, as set now; F8 goes on",
             )
 
     def _raise_alarm(self, text: str) -> None:
@@ -323,9 +290,9 @@ class SkinlabApp(App[None]):
             if isinstance(screen, AlarmScreen):
                 screen.tell(text)
                 return
-        self.push_screen(AlarmScreen(text), self._acknowledged)
+        self.push_screen(AlarmScreen(self.board, self.guard, text), self._acknowledged)
 
-    def _acknowledged(self, _: None) -> None:
+    def _acknowledged(self, _: bool | None) -> None:
         try:
             self.bench.acknowledge(self.board.alarm or "")
         except SkinlabError as error:
@@ -335,6 +302,14 @@ class SkinlabApp(App[None]):
             self._leave()
 
     # ---- keys ---------------------------------------------------------------------------------
+
+    async def on_event(self, event: events.Event) -> None:
+        """Tell the guard of what is typed or pasted, before any key does anything."""
+        pasted = isinstance(event, events.Paste)
+        key = event if isinstance(event, events.Key) and not event.is_forwarded else None
+        if pasted or (key is not None and is_typing(key.key, printable=key.is_printable)):
+            self.guard.typed()
+        await super().on_event(event)
 
     @property
     def _main(self) -> MainScreen:
@@ -363,10 +338,12 @@ class SkinlabApp(App[None]):
         self.bench.vent("operator")
         if self.board.moving:
             self.board.say(Level.WARNING, "vent ordered")
-        self._give_up("vented: the repeats that were left are given up")
         self._queued = None
+        self.board.withdraw()
         if isinstance(self.screen, SessionScreen):
             self.screen.leave_line()
+        elif isinstance(self.screen, ConfirmScreen):
+            self.screen.dismiss(False)
         elif isinstance(self.screen, HelpScreen | PortsScreen | MissingScreen):
             self.pop_screen()
         self._main.set_focus(None)
@@ -376,21 +353,38 @@ class SkinlabApp(App[None]):
     def action_help(self) -> None:
         """Open the help."""
         if not isinstance(self.screen, ModalScreen):
-            self.push_screen(HelpScreen())
+            self.push_screen(HelpScreen(self.board))
 
     def action_ports(self) -> None:
         """Choose a port."""
-        self.push_screen(PortsScreen(), self._port_chosen)
+        self.board.withdraw()
+        self.push_screen(PortsScreen(self.board), self._port_chosen)
 
     def action_theme(self) -> None:
         """Change between dark and light."""
         self.theme = _LIGHT if self.current_theme.dark else _DARK
 
     def action_leave(self) -> None:
-        """Vent, finish the session, quit."""
-        self.bench.vent("quit")
-        if self._leaving:
+        """Ask whether to vent, finish the session and quit; where that was asked, press F9."""
+        if self._leaving or isinstance(self.screen, AlarmScreen):
             return
+        if isinstance(self.screen, ConfirmScreen):
+            return
+        saved = "the session is saved" if self.board.visit and not self.board.playing else ""
+        what = ", ".join(t for t in ("The probe vents", saved, "the program ends.") if t)
+        question = ConfirmScreen(self.board, self.guard, "Quit?", what)
+        self.push_screen(question, self._may_leave)
+
+    def action_stop(self) -> None:
+        """Vent at once, and ask whether to quit."""
+        self.bench.vent("operator")
+        self.board.withdraw()
+        self.action_leave()
+
+    def _may_leave(self, yes: bool | None) -> None:
+        if not yes or self._leaving:
+            return
+        self.bench.vent("quit")
         self._leaving = True
         self.board.begin("closing", "venting, saving the session …")
         self._perform("closing", self.bench.close)
@@ -402,12 +396,10 @@ class SkinlabApp(App[None]):
     @on(MainScreen.Wanted)
     def _wanted(self, message: MainScreen.Wanted) -> None:
         match message.what:
-            case "arm" if self.board.can_arm:
-                self._want_arm()
-            case "start" if self.board.can_start:
-                if self.board.order is not None:
-                    self.board.series = Series(self.board.order, len(self.board.entries))
-                self._start()
+            case "check" if self.board.can_arm:
+                self._check()
+            case "start" | "early" if self.board.can_arm:
+                self._confirm()
             case "play" | "step" | "faster" | "slower":
                 self._control(message.what)
             case "session":
@@ -416,6 +408,10 @@ class SkinlabApp(App[None]):
                 self._show_missing()
             case _:
                 pass
+
+    @on(Fields.Named)
+    def _named(self, message: Fields.Named) -> None:
+        self.board.name(message.who)
 
     @on(SessionScreen.Decided)
     def _decided(self, message: SessionScreen.Decided) -> None:
@@ -443,10 +439,10 @@ class SkinlabApp(App[None]):
         if not curves:
             board.refuse("no whole curve is there to be fitted")
         elif message.what == "joint":
-            self._perform("fitting", lambda: self.bench.fit_together(curves))
+            self._perform("fitting", lambda: self.bench.analysis.fit_together(curves))
         else:
             path = Path(message.path).expanduser()
-            self._perform("comparing", lambda: self.bench.compare(path, curves))
+            self._perform("comparing", lambda: self.bench.analysis.compare(path, curves))
 
     # ---- the missing effect -------------------------------------------------------------------
 
@@ -463,7 +459,7 @@ class SkinlabApp(App[None]):
             return
         board.missing = Missing(tuple(curve.name for curve in curves))
         board.touch()
-        self._perform(EXPLAINING, lambda: self.bench.explain(curves))
+        self._perform(EXPLAINING, lambda: self.bench.analysis.explain(curves))
 
     @on(MissingScreen.Wanted)
     def _missing_wanted(self, message: MissingScreen.Wanted) -> None:
@@ -471,19 +467,41 @@ class SkinlabApp(App[None]):
         outcome = None if missing is None else missing.outcome
         match message.what:
             case "begin":
-                self._look_for_it()
+                self._look_again()
             case "cancel":
-                self.bench.stop_explaining()
+                self.bench.analysis.stop_explaining()
             case "adopt" if outcome is not None:
-                session = Path(self.board.port) if self.board.playing else self.board.saved
-                self._perform("adopting", lambda: self.bench.adopt(outcome, session))
+                self._ask_to_adopt(outcome)
+            case "undo":
+                self._perform("undoing", self.bench.analysis.undo_adoption)
             case "load" if outcome is not None and outcome.next_measurement is not None:
                 self._load_next(outcome.next_measurement)
             case _:
                 pass
 
+    def _look_again(self) -> None:
+        """Look anew, unless the same curves would give the same answer."""
+        missing = self.board.missing
+        curves = tuple(curve.name for curve in self.board.used if not curve.partial)
+        if missing is not None and missing.outcome is not None and missing.curves == curves:
+            self.board.say(Level.INFO, "these curves have been looked at: measure another one")
+        else:
+            self._look_for_it()
+
+    def _ask_to_adopt(self, outcome: Outcome) -> None:
+        session = Path(self.board.port) if self.board.playing else self.board.saved
+
+        def answered(yes: bool | None) -> None:
+            if yes:
+                self._perform("adopting", lambda: self.bench.analysis.adopt(outcome, session))
+
+        lines = adoption_lines(outcome, "model" if session is None else session.stem)
+        title = "Identify with this model from now on?"
+        question = ConfirmScreen(self.board, self.guard, title, "\n".join(lines))
+        self.push_screen(question, answered)
+
     def _load_next(self, following: NextMeasurement) -> None:
-        """Put the measurement that would tell most into the fields; Enter arms it."""
+        """Put the measurement that would tell most into the fields; F8 shows it."""
         aperture = f"{following.aperture_mm:g}"
         self._fields.put("aperture_mm", aperture)
         self._fields.put("program", following.program)
@@ -491,20 +509,17 @@ class SkinlabApp(App[None]):
         while self.screen is not self._main:
             self.pop_screen()
         self.board.say(
-            Level.INFO, f"loaded: {following.program}, {aperture} mm opening; Enter arms"
+            Level.INFO, f"loaded: {following.program}, {aperture} mm opening; F8 goes on"
         )
 
-    def _start(self) -> None:
-        self.board.begin("starting", "")
-        vents = self.bench.vents
-        self._perform("starting", lambda: self.bench.start(vents))
-
-    def _want_arm(self) -> None:
-        self._give_up("")
+    def _check(self) -> None:
+        """Show what will happen; connect first where that must be. Nothing moves yet."""
+        self.board.withdraw()
         if self.board.instrument is InstrumentState.FAULT:
             self.board.begin("resetting", "the fault is acknowledged")
             self._perform("resetting", self.bench.reset)
             return
+        self._fields.follow()  # what was typed last may not have come through
         try:
             texts = self._fields.texts()
             order = read_order(texts)
@@ -515,15 +530,18 @@ class SkinlabApp(App[None]):
             self.board.refuse(str(error))
             wrong = self._fields.first_wrong()
             if wrong is not None:
-                wrong.focus()
+                self._main.set_focus(wrong)
+            return
+        if self._must_be_named(order):
             return
         remember(self._settings, texts)
         board = self.board
+        board.name(order.visit)
         if board.visit is not None and board.visit != order.visit:
             self._anew = True  # another person or site: another session
         if board.hello is None or order.port != board.port:
             self._reconnect(order.port, order)
-        elif order.setup.aperture_mm != board.hello.aperture_mm:
+        elif board.hello.aperture_mm not in {None, order.setup.aperture_mm}:
             # Another head was put on, so the instrument must be asked again
             port = with_opening(order.port, order.setup.aperture_mm)
             self._fields.put("port", port)
@@ -531,14 +549,61 @@ class SkinlabApp(App[None]):
         elif self._anew and board.visit is not None:
             self._reconnect(order.port, order)
         else:
-            self._arm(order)
+            self._show(order)
 
-    def _arm(self, order: Order) -> None:
-        self.board.order, self.board.visit = order, order.visit
-        self.board.begin("arming", "")
+    def _must_be_named(self, order: Order) -> bool:
+        """Ask for a subject where there is none, once a visit."""
+        if order.subject or order.visit in {self.board.visit, self._unnamed}:
+            return False
+        self._unnamed = order.visit
+        self._main.set_focus(self._fields.query_one("#subject", Input))
+        self.board.answer(
+            Level.WARNING, "whose skin is it? Type a pseudonym, or F8 goes on without one"
+        )
+        return True
+
+    def _show(self, order: Order) -> None:
+        """Show what will happen; `_confirm` does it."""
+        fields, board = self._fields, self.board
+        # The same once more after a lost link is what was left, not all from the beginning
+        goes_on = board.left is not None and order == board.asked
+        if goes_on and board.left is not None:
+            order = order.with_left(board.left)
+        review = Review(order, fields.texts(), goes_on, fields.assumed_thickness)
+        self._main.set_focus(None)
+        self.guard.hidden()
+        self.board.propose(review)
+        self._main.draw()
+
+    def _confirm(self) -> None:
+        """Arm and start what was shown, if it was read and nobody types."""
+        board, review = self.board, self.board.review
+        if review is None:
+            board.answer(Level.WARNING, "F8 first: it shows what F9 would start")
+            return
+        why = self.guard.refusal()
+        if not self._main.summary_in_view:
+            why = "the window does not show all that will happen: make it larger"
+        elif review.texts != self._fields.texts():
+            why = "the settings have changed: F8 shows them"
+        if why is not None:
+            board.answer(Level.WARNING, f"not started: {why}")
+            return
+        board.review = None
+        self._fields.accept()
+        self._run(review)
+
+    def _run(self, review: Review) -> None:
+        """Measure; repeats follow by themselves. A vent that is ordered later ends it."""
+        board, order, vents = self.board, review.order, self.bench.vents
+        board.series, board.order, board.visit = order, order, order.visit
+        board.begin("arming", "")
         self._main.close_fields(closed=True)
-        vents = self.bench.vents
-        self._perform("arming", lambda: self.bench.arm(order, vents))
+        if review.goes_on:  # `asked` stays
+            self._perform(MEASURING, lambda: self.bench.go_on(vents))
+        else:
+            board.asked = order
+            self._perform(MEASURING, lambda: self.bench.measure(order, vents))
 
     def _port_chosen(self, port: str | None) -> None:
         if port is not None:

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skinlab.mechanics.names import is_effects
 from skinlab.tui.canvas import Bits, dots, level, share
+from skinlab.tui.plot_data import round_up
 from skinlab.tui.text import digits, name_of
-from skinlab.tui.trace import round_up
 
 if TYPE_CHECKING:
     from skinlab.discrepancy.fit import Fit
@@ -26,7 +27,13 @@ _VALUE = 26  # cells of a value with its interval
 
 def outcome_lines(outcome: Outcome) -> list[str]:
     """Return verdict, gap, where, which, parameters before and after, and what to measure next."""
-    from skinlab.discrepancy.text import gap_words, next_words, verdict_words, where_words
+    from skinlab.discrepancy.text import (
+        gap_words,
+        limits_words,
+        next_words,
+        verdict_words,
+        where_words,
+    )
 
     lines = [verdict_words(outcome), gap_words(outcome), *next_words(outcome)]
     if outcome.where:
@@ -40,9 +47,7 @@ def outcome_lines(outcome: Outcome) -> list[str]:
             fits = "explains the data" if c.adequate else "does not explain the data"
             lines.append(f"  {_effects(c, outcome):<30}{c.log10_evidence - best:9.1f}  {fits}")
     lines += ["", *_parameter_lines(outcome)]
-    if outcome.verdict.name == "none" and outcome.detectable:
-        seen = ", ".join(f"{name} {size:.3g}" for name, size in outcome.detectable.items())
-        lines += ["", f"Smallest sizes that these data could have shown: {seen}"]
+    lines += ["", *limits_words(outcome)]
     if outcome.alike:
         pairs = "; ".join(f"{a} and {b}" for a, b in outcome.alike)
         lines += ["", f"With these measurements nobody could tell apart: {pairs}."]
@@ -55,13 +60,11 @@ def _effects(candidate: Candidate, outcome: Outcome) -> str:
 
 
 def _parameter_lines(outcome: Outcome) -> list[str]:
-    from skinlab.discrepancy.unknowns import BASE_NAMES
-
     before = outcome.parameters(outcome.found.base)
     after = outcome.parameters(outcome.best) if outcome.verdict.explanations else {}
     title = f"{'':<10}{'before':<{_VALUE}}{'after' if after else ''}"
     lines = [title.rstrip()]
-    for name in [*BASE_NAMES, *(n for n in {**before, **after} if n not in BASE_NAMES)]:
+    for name in sorted({**before, **after}, key=is_effects):  # the law's first
         label = name_of(name)
         values = f"{_value(before.get(name)):<{_VALUE}}{_value(after.get(name))}".rstrip()
         if len(label) < 10:
@@ -86,13 +89,13 @@ def missing_lines(missing: Missing | None) -> list[str]:
     if missing.outcome is not None:
         lines += ["", *outcome_lines(missing.outcome)]
         if missing.adopted is not None:
-            lines += ["", f"Adopted: {missing.adopted}"]
+            lines += ["", f"Adopted: {missing.adopted} (Ctrl+Z goes back to the model before)"]
         return lines
     done, last = missing.stages[:-1], missing.stages[-1:]
     lines += [f"  done: {stage}" for stage in done]
     if missing.running:
         lines += [f"  now:  {stage} …" for stage in last or ["beginning"]]
-        lines += ["", "This can take minutes. The probe can be used meanwhile; x gives up."]
+        lines += ["", "This can take minutes. The probe can be used meanwhile; Del gives up."]
     else:
         lines += ["", missing.failed or "Given up; d begins anew."]
     return lines

@@ -17,13 +17,15 @@ from pathlib import Path
 
 from textual.pilot import Pilot
 
+from skinlab.acquisition.probe_session import ProbeSession
+from skinlab.io.files import write_file
 from skinlab.tui.app import SkinlabApp
-from skinlab.tui.probe_session import Bench
 from skinlab.tui.screens.main import MainScreen
 from skinlab.tui.ui_state import Board
 from skinlab.tui.widgets.fields import Fields
 
 _PATIENCE_S = 120.0
+_READ_S = 0.5  # until F9 counts
 
 
 async def _until(pilot: Pilot[None], condition: Callable[[], bool]) -> None:
@@ -43,23 +45,24 @@ def _found(board: Board, curves: int) -> bool:
 async def draw(port: str, size: tuple[int, int], programs: list[str], theme: str) -> str:
     """Return the SVG of the screen after one measurement with each program."""
     # A name that is the same every time, in the working directory (see `main`)
-    bench = partial(Bench, now=lambda: datetime(2026, 1, 2, 10, 15))
+    bench = partial(ProbeSession, now=lambda: datetime(2026, 1, 2, 10, 15))
     app = SkinlabApp(port, Path("sessions"), bench)
     async with app.run_test(size=size) as pilot:
         app.theme = theme
-        board, fields = app.board, app.screen.query_one(Fields)
+        main = app.screen
+        assert isinstance(main, MainScreen)
+        board, fields = app.board, main.query_one(Fields)
         await _until(pilot, lambda: board.can_arm and board.hello is not None)
         fields.put("subject", "P07")
         fields.put("site", "forearm, volar")
         for number, program in enumerate(programs, start=1):
             fields.put("program", program)
             fields.put("cycle", str(number))
-            await pilot.press("enter")
-            await _until(pilot, lambda: board.can_start)
-            await pilot.press("space")
+            await pilot.press("f8")
+            await _until(pilot, lambda: main.summary_in_view)
+            await pilot.pause(_READ_S)
+            await pilot.press("f9")
             await _until(pilot, partial(_found, board, number))
-        main = app.screen
-        assert isinstance(main, MainScreen)
         main.draw()
         await pilot.pause()
         return app.export_screenshot(title="skinlab")
@@ -79,8 +82,7 @@ def main() -> None:
     size = (options.columns, options.rows)
     with tempfile.TemporaryDirectory() as folder, chdir(folder):
         svg = asyncio.run(draw(options.port, size, programs, options.theme))
-    options.out.parent.mkdir(parents=True, exist_ok=True)
-    options.out.write_text(svg, encoding="utf-8")
+    write_file(options.out, svg, replace=True)
 
 
 if __name__ == "__main__":

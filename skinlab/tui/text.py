@@ -2,95 +2,101 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from drivers.capabilities import READ_ONLY
 from drivers.events import (
-    Alarm,
-    Event,
     Hello,
-    HostVented,
-    InstrumentFault,
-    LinkLost,
     Sample,
-    VentConfirmed,
 )
 from skinlab.curves.curve import Setup
-from skinlab.curves.program import Program
+from skinlab.curves.program import Hold, Program, Ramp, Release, Segment
+from skinlab.inference.flags import CATALOGUE
 from skinlab.inference.result import Identification, Value
+from skinlab.mechanics.materials.base import NU_CONSISTENT
+from skinlab.mechanics.names import is_poisson, of_law, plain
 from skinlab.quality.gates.base import Finding
 from skinlab.report.text import explain
 from skinlab.tui.canvas import interval_bar, share
+from skinlab.tui.plot_data import noise_band
+from skinlab.tui.ui_state import Board, Entry, Live, Playing
 
 if TYPE_CHECKING:
-    from skinlab.tui.measurement_request import Order
-    from skinlab.tui.ui_state import Board, Entry, Live, Playing
+    from skinlab.acquisition.measurement_request import Order
+    from skinlab.discrepancy.outcome import Outcome
 
-_UNITS = {"X1_MPa": ("X1", "MPa"), "X2_MPa": ("X2", "MPa"), "nu": ("nu", "")}
-
-_FLAGS = {
-    "at_bound": "{} at the edge of its range",
-    "not_identifiable": "{} is not fixed by this curve",
-    "misfit_above_noise": "misfit above the noise",
-    "outside_database": "partly outside the database",
-    "not_converged": "not converged",
-    "partial_curve": "cut short",
-    "not_first_cycle": "not the first loading",
-}
 
 _LABEL = 5  # cells of a parameter's name
 _BAR = 12  # cells of the progress bar
 _PROGRAM = 24  # cells of a program in the list
+_WHOSE = 14  # cells of subject and site in the list
 
 
 def name_of(parameter: str) -> str:
     """Return a parameter's name without its unit."""
-    return _UNITS.get(parameter, (parameter, ""))[0]
+    return plain(parameter)[0]
 
 
 def flag_words(flag: str) -> str:
     """Return a flag of an identification in words."""
     kind, _, parameter = flag.partition(":")
-    words = _FLAGS.get(kind, kind.replace("_", " "))
+    words = CATALOGUE[kind].label if kind in CATALOGUE else kind.replace("_", " ")
     return words.format(name_of(parameter)) if "{}" in words else words
 
 
-def event_note(event: Event) -> tuple[str, str] | None:
-    """Return (level, sentence) for an event that the operator must know of, else None."""
-    match event:
-        case HostVented(reason) if reason == "operator":
-            return "warning", "vented"
-        case HostVented(reason) if reason in {"close", "quit"}:
-            return None
-        case HostVented(reason):
-            return "error", f"vented: {reason}"
-        case VentConfirmed():
-            return None
-        case InstrumentFault(code, text):
-            return "error", f"instrument fault {code}: {text}; Enter clears it"
-        case LinkLost(reason):
-            return "error", f"{reason}; plug it in again, it is being looked for"
-        case Alarm(text):
-            return "error", text
-        case _:
-            return None
-
-
 def where_text(board: Board) -> str:
-    """Return what is connected, for the header."""
+    """Return whose visit it is, since when, and what is connected, for the header."""
     hello = board.hello
     if board.playing is not None:
-        return f"replay of {board.port}"
-    if hello is None:
-        return board.port
-    return f"{hello.model} {hello.firmware}, {hello.aperture_mm:g} mm opening"
+        if board.visit is None:
+            return f"replay of {board.port}"
+        return f"{who_text(board.visit)}  replay of {board.port}"
+    who = board.who if board.elsewhere or board.visit is None else board.visit
+    since = "" if board.elsewhere or board.begun_at is None else f", since {clock(board.begun_at)}"
+    probe = board.port
+    if hello is not None:
+        opening = "" if hello.aperture_mm is None else f"{hello.aperture_mm:g} mm, "
+        probe = f"{opening}{hello.model}"
+    return f"{who_text(who)}{since}  {probe}{dose_text(board)}"
+
+
+def dose_text(board: Board) -> str:
+    """Return what the site has had in this visit; nothing where it had no suction."""
+    dose = board.dose.total
+    return f"; {dose.suction_mbar_s:.0f} mbar·s in {dose.time_s:.0f} s" if dose.time_s else ""
+
+
+def who_text(visit: tuple[str, str] | None) -> str:
+    """Return subject and site."""
+    subject, site = visit or ("", "")
+    return ", ".join(part for part in (subject or "no subject", site) if part)
+
+
+def clock(at: datetime | None) -> str:
+    """Return the time of day, or nothing where it is unknown."""
+    return "" if at is None else f"{at:%H:%M}"
+
+
+def suction_text(board: Board) -> str:
+    """Return whether there is suction, and how it is ended, for the top of every screen."""
+    if board.playing is not None:
+        return "no suction"
+    if board.suction and board.read_only:
+        return "SUCTION: end it at the instrument"
+    if board.suction:
+        return "SUCTION: v vents" if board.streaming else "SUCTION? v vents"
+    return "suction off" if board.hello is not None else "no probe"
 
 
 def banner_text(hello: Hello | None) -> str:
     """Return the warning above everything, or nothing."""
+    if hello is not None and hello.read_only:
+        return f"READ-ONLY: {READ_ONLY}"
     if hello is None or not hello.simulated:
         return ""
     return "SIMULATED: this is no patient; the numbers come from a model"
@@ -104,6 +110,15 @@ def pressure_text(sample: Sample | None) -> str:
 def deflection_text(sample: Sample | None) -> str:
     """Return the deflection, in mm, without its unit."""
     return "-.---" if sample is None else f"{sample.deflection_mm:.3f}"
+
+
+def last_text(board: Board) -> str:
+    """Return what was read last and when, where nothing streams; empty: nothing was read."""
+    sample = board.latest
+    if board.streaming or sample is None or board.elsewhere:
+        return ""
+    values = f"{pressure_text(sample)} mbar, {deflection_text(sample)} mm"
+    return f"last: {values}, {clock(board.latest_at)}".rstrip(", ")
 
 
 def timeline_text(playing: Playing, columns: int = _BAR) -> str:
@@ -130,13 +145,13 @@ def link_text(board: Board) -> str:
 def progress_text(board: Board) -> str:
     """Return how far the program is: points, segment, time."""
     if board.playing is not None:
-        n = 0 if board.live is None else len(board.live.pressure_mbar)
+        n = 0 if board.live is None else len(board.live.curve)
         return f"{n} points  {timeline_text(board.playing)}"
     live, entry = board.live, board.entry
     if live is not None:
         rate = "" if live.rate_hz is None else f" {live.rate_hz:.0f} Hz"
-        lost = f", {live.lost} lost" if live.lost else ""
-        return f"{len(live.pressure_mbar)} points{rate}{lost}  {_progress(live)}"
+        lost = f", {live.curve.lost} lost" if live.curve.lost else ""
+        return f"{len(live.curve)} points{rate}{lost}  {_progress(live)}"
     if entry is not None:
         lost = f", {entry.lost} lost" if entry.lost else ""
         return f"curve {entry.index}: {len(entry.curve)} points{lost}"
@@ -155,18 +170,21 @@ def _progress(live: Live) -> str:
     return f"{bar} {done:.1f}/{whole:.1f} s, part {number} of {len(program.segments)}"
 
 
-def order_lines(order: Order) -> list[str]:
-    """Return the settings once more, for a last look before the start."""
-    setup = order.setup
-    who = ", ".join(part for part in (order.subject, order.site) if part)
+def order_lines(order: Order, *, assumed_thickness: bool = False) -> list[str]:
+    """Return what will happen, for a last look before the start."""
+    setup, program = order.setup, order.setup.program
+    assumed = " (default, not measured)" if assumed_thickness else ""
+    repeats = f"{order.repeats}, {order.rest_s:g} s rest between" if order.repeats > 1 else "once"
     return [
+        f"subject  {order.subject or 'NONE GIVEN'}",
+        f"site     {order.site or 'none given'}",
         f"opening  {setup.aperture_mm:g} mm",
-        f"skin     {_thickness(setup)} thick",
-        f"program  {setup.program}",
-        *([] if setup.program is None else [f"         {program_extent(setup.program)}"]),
-        f"cycle    {setup.cycle}",
-        *([f"repeats  {order.repeats}, {order.rest_s:g} s rest"] if order.repeats > 1 else []),
-        f"subject  {who or 'none given'}",
+        f"skin     {_thickness(setup)} thick{assumed}",
+        f"program  {shortened(str(program), _MOST_PROGRAM)}",
+        *([] if program is None else [f"         {program_words(program)}"]),
+        *([] if program is None else [f"peak     {program_extent(program)}"]),
+        f"loading  {setup.cycle} of this site",
+        f"repeats  {repeats}",
     ]
 
 
@@ -176,7 +194,7 @@ def _thickness(setup: Setup) -> str:
 
 
 def settings_line(board: Board, texts: Mapping[str, str]) -> str:
-    """Return the settings in one line, where the fields are folded away.
+    """Return the settings, where the fields are folded away.
 
     Those of the fields; in a replay, where they mean nothing, those of the curve.
     """
@@ -184,13 +202,49 @@ def settings_line(board: Board, texts: Mapping[str, str]) -> str:
     if board.playing is not None and shown is not None:
         setup = shown.setup
         return f"{setup.aperture_mm:g} mm, {_thickness(setup)} of skin, {setup.program}"
-    who = ", ".join(t for t in (texts["subject"], texts["site"]) if t) or "no subject"
-    return f"{who}: {texts['aperture_mm']} mm, {texts['program']}"
+    who = who_text((texts["subject"].strip(), texts["site"].strip()))
+    return f"next: {who}: {texts['aperture_mm']} mm, {texts['program']}"
 
 
 def program_extent(program: Program) -> str:
-    """Return how far and how long a program goes."""
-    return f"up to {program.max_pressure_mbar:g} mbar, {program.duration_s:.3g} s"
+    """Return how far a program goes, and how long it holds suction."""
+    whole, longest = suction_s(program), program.longest_suction_s
+    pause = "" if whole <= longest * (1 + 1e-9) else f", {longest:.3g} s without a pause"
+    return f"up to {program.max_pressure_mbar:g} mbar, {whole:.3g} s under suction{pause}"
+
+
+def suction_s(program: Program) -> float:
+    """Return the time that a program spends away from zero pressure, s."""
+    times, pressures = program.knots()
+    away = zip(times, times[1:], pressures, pressures[1:], strict=False)
+    return sum(t1 - t0 for t0, t1, p0, p1 in away if p0 > 0 or p1 > 0)
+
+
+_MOST_PROGRAM = 100  # characters: all that will happen must fit into one window
+_MOST_PARTS = 4  # of a program that are told in words
+
+
+def program_words(program: Program) -> str:
+    """Return what a program does, in words; of a long one the beginning."""
+    parts = [_segment_words(segment) for segment in program.segments]
+    if len(parts) > _MOST_PARTS:
+        parts = [*parts[:_MOST_PARTS], f"… {len(program.segments)} parts in all"]
+    return ", ".join([*parts, "vent"])
+
+
+def _segment_words(segment: Segment) -> str:
+    match segment:
+        case Ramp(target, rate):
+            return f"go to {target:g} mbar at {rate:g} mbar/s"
+        case Hold(duration):
+            return f"hold {duration:g} s"
+        case Release():
+            return "release"
+        case _:
+            return f"rest {segment.duration_s:g} s"
+
+
+REVIEW_TITLE = "THIS WILL HAPPEN: F9 starts, Esc leaves it"
 
 
 @dataclass(frozen=True)
@@ -204,37 +258,50 @@ class CardText:
 
 def card_text(board: Board, columns: int) -> CardText:
     """Return what is armed, what is known so far of a running curve, or what was found."""
-    live, entry = board.live, board.entry
+    live, entry, review = board.live, board.entry, board.review
+    model = () if board.model is None else (f"model    {board.model}",)
+    if review is not None:
+        lines = order_lines(review.order, assumed_thickness=review.assumed_thickness)
+        return CardText(REVIEW_TITLE, (*lines, *model))
     if live is not None:
+        whose = who_text(board.visit)
         if live.estimate is None:
-            return CardText(f"curve {live.index}", ("measuring …",), final=False)
-        lines = (*result_lines(live.estimate, columns), *advice_lines(None, live.findings))
-        return CardText(f"curve {live.index}: so far, not final", lines, final=False)
+            return CardText(f"curve {live.index}", (whose, "measuring …"), final=False)
+        lines = [whose, *result_lines(live.estimate, columns), *advice_lines(None, live.findings)]
+        return CardText(f"curve {live.index}: so far, not final", tuple(lines), final=False)
     if entry is None and board.order is not None and board.moving:
-        hint = "Space starts, v vents" if board.can_start else "v vents"
-        model = () if board.model is None else (f"model    {board.model}",)
-        return CardText(f"{board.phase}: {hint}", (*order_lines(board.order), *model))
+        return CardText(
+            f"{board.phase}: v {'gives up' if board.read_only else 'vents'}",
+            (*order_lines(board.order), *model),
+        )
+    if entry is None and board.elsewhere:
+        whose = who_text(board.who)
+        return CardText("a new visit", (whose, "F8 begins it and shows what will happen"))
     if entry is None:
-        return CardText("result", ("Enter arms, Space starts",))
+        return CardText("result", ("F8 shows what will happen, F9 then starts it",))
+    title, whose = f"curve {entry.index}  {clock(entry.at)}".rstrip(), who_text(entry.visit)
     if entry.result is None:
-        return CardText(f"curve {entry.index}", ("identifying …",), final=False)
-    lines = (
-        *result_lines(entry.result, columns),
-        *advice_lines(entry.result, entry.findings, sample_noise_um(entry)),
+        return CardText(title, (whose, "identifying …"), final=False)
+    return CardText(
+        title,
+        (
+            whose,
+            *result_lines(entry.result, columns),
+            *advice_lines(entry.result, entry.findings, sample_noise_um(entry)),
+        ),
     )
-    return CardText(f"curve {entry.index}", lines)
 
 
 def result_lines(result: Identification, columns: int = 34) -> list[str]:
     """Return what was identified: values, intervals in numbers and as bars, and how well it fits.
 
-    A bar shows X1 and X2 from a third of the value to three times it, and nu over its range.
+    A bar shows a stiffness from a third of the value to three times it, and nu over its range.
     """
     if result.error is not None:
         return ["not identified:", result.error]
     lines = []
     for name, value in (result.parameters or {}).items():
-        label, unit = _UNITS.get(name, (name, ""))
+        label, unit = plain(name)
         if len(label) >= _LABEL:  # of an effect
             lines.append(label)
             label = ""
@@ -244,8 +311,9 @@ def result_lines(result: Identification, columns: int = 34) -> list[str]:
         bar = value_bar(name, value, columns - _LABEL)
         if bar:
             lines.append(f"{'':<{_LABEL}}{bar}".rstrip())
-        if name == "nu" and result.nu_consistent is not None:
-            lines.append(f"{'':<5}{digits(result.nu_consistent, 4):<8}true nu")
+        true_nu = result.derived.get(NU_CONSISTENT)
+        if is_poisson(name) and true_nu is not None:
+            lines.append(f"{'':<5}{digits(true_nu, 4):<8}true nu")
     if result.error_um is not None and result.rms_um is not None:
         lines.append(f"E {digits(result.error_um, 3)} µm, rms {digits(result.rms_um, 3)} µm")
     fitted = result.fitted_points
@@ -254,7 +322,7 @@ def result_lines(result: Identification, columns: int = 34) -> list[str]:
 
 
 _BAR_FACTOR = 3.0
-_NU_RANGE = (0.2, 0.5)
+_POISSON_RANGE = (0.2, 0.5)
 
 
 def value_bar(name: str, value: Value, columns: int) -> str:
@@ -262,8 +330,8 @@ def value_bar(name: str, value: Value, columns: int) -> str:
     if value.low is None or value.high is None:
         return ""
     numbers = np.array([value.low, value.value, value.high])
-    if name == "nu":
-        at = share(numbers, *_NU_RANGE)
+    if is_poisson(name):
+        at = share(numbers, *_POISSON_RANGE)
     elif value.low > 0:
         at = 0.5 + 0.5 * np.log(numbers / value.value) / np.log(_BAR_FACTOR)
     else:
@@ -272,7 +340,7 @@ def value_bar(name: str, value: Value, columns: int) -> str:
     return interval_bar(low, best, high, columns)
 
 
-_WHAT_TO_DO = {
+_WHAT_TO_DO = {  # with the screen's own keys; the rest is the catalogue's advice
     "not_identifiable": "Measure with another opening too and fit together (s, j), or go higher.",
     "misfit_above_noise": "What it misses: press d.",
     "at_bound": "Do not use the number as it is.",
@@ -285,8 +353,6 @@ _WHAT_TO_DO = {
 
 def sample_noise_um(entry: Entry) -> float | None:
     """Return the noise of one sample, root mean square over the fitted ones; None: unknown."""
-    from skinlab.tui.strips import noise_band
-
     _, sd_um = noise_band(entry)
     return float(np.sqrt(np.mean(sd_um**2))) if len(sd_um) else None
 
@@ -320,21 +386,55 @@ def interval_text(value: Value) -> str:
     return f"{digits(value.low, 3)}–{digits(value.high, 3)}"
 
 
-def row_texts(entry: Entry) -> tuple[str, ...]:
-    """Return the cells of the list: number, program, cycle, X1, X2, nu, E, remarks."""
+def value_columns(entries: Iterable[Entry]) -> tuple[str, ...]:
+    """Return the law's parameters that the list of these curves shows."""
+    return of_law((e.result.parameters or ()) if e.result is not None else () for e in entries)
+
+
+def column_title(name: str) -> str:
+    """Return the heading of a parameter's column: X1 MPa."""
+    return " ".join(plain(name)).rstrip()
+
+
+def row_texts(entry: Entry, names: Sequence[str] | None = None) -> tuple[str, ...]:
+    """Return the cells of the list: number, whose, when, program, cycle, parameters, E, remarks.
+
+    `names` are the parameters that have a column; None: those of the curve's own law.
+    """
+    names = value_columns([entry]) if names is None else names
     setup: Setup = entry.curve.setup
     result = entry.result
     values = (result.parameters if result is not None else None) or {}
-    numbers = [
-        digits(values[name].value, 4) if name in values else ""
-        for name in ("X1_MPa", "X2_MPa", "nu")
-    ]
+    numbers = [digits(values[name].value, 4) if name in values else "" for name in names]
     error = "" if result is None or result.error_um is None else digits(result.error_um, 3)
     remarks = "" if result is None else ", ".join(flag_words(flag) for flag in result.flags)
     if result is not None and result.error is not None:
         remarks = "not identified"
     program = shortened(str(setup.program))
-    return (str(entry.index), program, str(setup.cycle), *numbers, error, remarks)
+    whose, at = shortened(who_text(entry.visit), _WHOSE), clock(entry.at)
+    return (str(entry.index), whose, at, program, str(setup.cycle), *numbers, error, remarks)
+
+
+def adoption_lines(outcome: Outcome, file_stem: str) -> list[str]:
+    """Return what adopting the model with the missing effect will change."""
+    best = outcome.best
+    before, after = outcome.parameters(outcome.found.base), outcome.parameters(best)
+    names = [e for e in best.effects if e not in outcome.found.base.effects]
+    lines = [
+        f"Curves from the next one on are identified with {' and '.join(names)} as well.",
+        "What the curves looked at say, before and after:",
+    ]
+    for name, value in after.items():
+        old = before.get(name)
+        was = "" if old is None else f"{digits(old['value'], 3)} → "
+        interval = f"({digits(value['low'], 3)}–{digits(value['high'], 3)})"
+        lines.append(f"  {name_of(name)} {was}{digits(value['value'], 3)} {interval}")
+    return [
+        *lines,
+        "Results that are there already stay as they are; the next curve begins a new session.",
+        f"The model is written beside the session ({file_stem}-{'-'.join(names)}.toml).",
+        "Ctrl+Z on the screen of missing effects goes back to the model of now.",
+    ]
 
 
 def shortened(text: str, most: int = _PROGRAM) -> str:

@@ -2,37 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from datetime import datetime
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from drivers.dose import DoseMeter
 from drivers.events import (
     Alarm,
     Damaged,
     Event,
-    Gap,
     Hello,
     InstrumentState,
     LinkLost,
     Sample,
     State,
 )
-from skinlab.curves.curve import Curve, Setup
-from skinlab.inference.result import Identification
-from skinlab.quality.gates.base import Finding
-from skinlab.recording.stream import (
-    CurveCompleted,
-    CurveStarted,
-    Flagged,
-    Happened,
-    Identified,
-    Message,
-    Sampled,
-)
-from skinlab.tui.curve_selection import Ledger
-from skinlab.tui.measurement_request import Order
-from skinlab.tui.messages import (
+from skinlab.acquisition.measurement import Phase, Plan
+from skinlab.acquisition.measurement_request import Order
+from skinlab.acquisition.messages import (
     Adopted,
     Compared,
     Connected,
@@ -43,21 +33,45 @@ from skinlab.tui.messages import (
     Explaining,
     Failed,
     Fitted,
-    Found,
     Heard,
     News,
+    Over,
     Played,
     Recording,
     Saved,
-    Searching,
+    Went,
 )
-from skinlab.tui.text import event_note
+from skinlab.curves.curve import Curve, Setup
+from skinlab.curves.growing import GrowingCurve
+from skinlab.inference.result import Identification
+from skinlab.quality.gates.base import Finding
+from skinlab.recording.curve_selection import Ledger
+from skinlab.recording.stream import (
+    CurveCompleted,
+    CurveStarted,
+    Flagged,
+    Happened,
+    Identified,
+    Message,
+    Sampled,
+)
+from skinlab.report.outage import event_note
 
 if TYPE_CHECKING:
     from skinlab.discrepancy.outcome import Outcome
 
 _S = InstrumentState
 SEARCHING = "searching"  # for a link that was lost
+MEASURING = "measuring"  # asked for; the phases of the measurement tell what becomes of it
+_DOING = {
+    Phase.ARMING: "arming",
+    Phase.STARTING: "starting",
+    Phase.SETTLING: "venting",
+    Phase.RESTING: "resting",
+    Phase.VENTING: "venting",
+    Phase.SEARCHING: SEARCHING,
+    Phase.CHECKING: SEARCHING,
+}
 EXPLAINING = "explaining"  # what the model misses; everything else goes on beside it
 _RATE_SAMPLES = 41
 _MOVING = frozenset({_S.ARMED, _S.RUNNING, _S.VENTING})
@@ -76,23 +90,24 @@ _RANK = {Level.INFO: 0, Level.WARNING: 1, Level.ERROR: 2}
 
 @dataclass(slots=True)
 class Live:
-    """The curve that is being measured: all of its samples."""
+    """The curve that is being measured; it grows while it is drawn."""
 
     index: int
-    setup: Setup
-    time_s: list[float] = field(default_factory=list)
-    pressure_mbar: list[float] = field(default_factory=list)
-    deflection_mm: list[float] = field(default_factory=list)
+    curve: GrowingCurve
     last: Sample | None = None
-    lost: int = 0
     findings: list[Finding] = field(default_factory=list)
     estimate: Identification | None = None  # of what there is so far
 
     @property
+    def setup(self) -> Setup:
+        """What it is measured with."""
+        return self.curve.setup
+
+    @property
     def rate_hz(self) -> float | None:
         """Samples a second by the instrument's clock, over the last second or so; None: unknown."""
-        late = self.time_s[-_RATE_SAMPLES:]
-        return (len(late) - 1) / (late[-1] - late[0]) if len(late) > 1 else None
+        late = self.curve.time_s[-_RATE_SAMPLES:]
+        return float((len(late) - 1) / (late[-1] - late[0])) if len(late) > 1 else None
 
 
 @dataclass(slots=True)
@@ -105,6 +120,8 @@ class Entry:
     lost: int
     result: Identification | None = None
     findings: list[Finding] = field(default_factory=list)
+    visit: tuple[str, str] | None = None  # subject and site
+    at: datetime | None = None  # when it was complete, in local time
 
     @property
     def setup(self) -> Setup:
@@ -112,24 +129,14 @@ class Entry:
         return self.curve.setup
 
 
-@dataclass(slots=True)
-class Series:
-    """A run that was started, and the repeats that are to follow it by themselves."""
+@dataclass(frozen=True, slots=True)
+class Review:
+    """What will happen, as it is shown before it is confirmed."""
 
-    order: Order  # of the present repeat
-    before: int  # how many curves there were when it began
-    starting: bool = False  # to be started once it is armed
-
-    def finished(self, board: Board) -> bool:
-        """Whether the present repeat is over: identified, and nothing moves."""
-        last = board.entry
-        return (
-            not self.starting
-            and board.can_arm
-            and len(board.entries) > self.before
-            and last is not None
-            and last.result is not None
-        )
+    order: Order
+    texts: Mapping[str, str]  # of the fields
+    goes_on: bool = False  # with what a lost link has cut
+    assumed_thickness: bool = False  # nobody typed it for this subject and site
 
 
 @dataclass(slots=True)
@@ -163,13 +170,20 @@ class Board:
         self.hello: Hello | None = None  # of the connected probe
         self.instrument: InstrumentState | None = None
         self.doing: str | None = None  # connecting, arming, starting, resetting, searching, closing
+        self.review: Review | None = None  # in view, and not confirmed yet
+        self.asked: Order | None = None  # confirmed last, as the fields had it
         self.order: Order | None = None  # armed last
+        self.who = ("", "")  # subject and site in the fields
         self.visit: tuple[str, str] | None = None  # subject and site of the open session
         self.playing: Playing | None = None
-        self.series: Series | None = None
+        self.series: Order | None = None  # confirmed, and not over
+        self.left: Plan | None = None  # of it, where a lost link has cut it
         self.live: Live | None = None
         self.latest: Sample | None = None  # the final vent included
+        self.latest_at: datetime | None = None
+        self.begun_at: datetime | None = None  # the visit, in local time
         self.entries: dict[int, Entry] = {}
+        self.dose = DoseMeter()  # of the site, in this session
         self.ledger = Ledger()
         self.joint: Identification | None = None  # of the curves that are used
         self.compared: list[str] = []  # with another session, in sentences
@@ -190,25 +204,34 @@ class Board:
     @property
     def moving(self) -> bool:
         """Armed, running or venting, or about to: fields take no text, v always vents."""
-        return self.doing in {"arming", "starting", "resting"} or self.instrument in _MOVING
+        return (
+            self.doing in {"arming", "starting", "resting", "venting"} or self.instrument in _MOVING
+        )
 
     @property
     def can_arm(self) -> bool:
-        """Whether Enter means anything."""
+        """Whether something new may be asked for."""
         return (
             self.playing is None and self.doing is None and not self.moving and self.alarm is None
         )
 
     @property
     def can_start(self) -> bool:
-        """Whether Space starts."""
+        """Whether the instrument is armed and waits."""
         return self.doing is None and self.instrument is _S.ARMED and self.alarm is None
+
+    @property
+    def read_only(self) -> bool:
+        """Whether the instrument is started, and vented, by somebody there."""
+        return self.hello is not None and self.hello.read_only
 
     @property
     def phase(self) -> str:
         """One word for the header."""
         if self.playing is not None and self.doing != "closing":
             return "ENDED" if self.playing.ended else "PAUSED" if self.playing.paused else "REPLAY"
+        if self.read_only and self.doing == "starting":
+            return "WAITING"
         if self.doing is not None:
             return self.doing.upper()
         if self.hello is None:
@@ -218,9 +241,37 @@ class Board:
         return str(self.instrument).upper()
 
     @property
+    def elsewhere(self) -> bool:
+        """Whether the fields name another subject or site than the open visit has.
+
+        Then nothing of that visit is shown on the main screen: it would stand under a wrong name.
+        """
+        return self.playing is None and self.visit is not None and self.who != self.visit
+
+    @property
+    def streaming(self) -> bool:
+        """Whether readings come, so that the last one is what there is now."""
+        if self.playing is not None:
+            return self.live is not None and not self.playing.ended
+        running = self.instrument in {_S.RUNNING, _S.VENTING}
+        return self.hello is not None and (running or self.read_only)
+
+    @property
+    def suction(self) -> bool:
+        """Whether there is suction, or about to be, or nobody knows that it is gone."""
+        if self.playing is not None:
+            return False
+        return (
+            self.instrument in {_S.RUNNING, _S.VENTING}
+            or (self.doing == "starting" and not self.read_only)
+            or self.doing == SEARCHING
+            or self.alarm is not None
+        )
+
+    @property
     def entry(self) -> Entry | None:
         """The completed curve that is looked at."""
-        return None if self.shown is None else self.entries.get(self.shown)
+        return None if self.shown is None or self.elsewhere else self.entries.get(self.shown)
 
     @property
     def used(self) -> list[Curve]:
@@ -237,6 +288,25 @@ class Board:
             self.shown = None  # the plot is for the next curve
         self.version += 1
 
+    def propose(self, review: Review) -> None:
+        """Show what will happen, to be confirmed."""
+        self.review = review
+        what = "waits for you to start the instrument" if self.read_only else "starts suction"
+        self.note, self.level = f"read it; F9 {what}, v or Esc leaves it", Level.INFO
+        self.version += 1
+
+    def withdraw(self) -> None:
+        """Do not do what was shown."""
+        if self.review is not None:
+            self.review = None
+            self.version += 1
+
+    def name(self, who: tuple[str, str]) -> None:
+        """Take in the subject and the site that the fields name now."""
+        if who != self.who:
+            self.who = who
+            self.version += 1
+
     def touch(self) -> None:
         """Something was changed by hand: draw it."""
         self.version += 1
@@ -249,7 +319,11 @@ class Board:
 
     def refuse(self, note: str) -> None:
         """Say why what was asked for is not done."""
-        self.note, self.level = note, Level.ERROR
+        self.answer(Level.ERROR, note)
+
+    def answer(self, level: Level, note: str) -> None:
+        """Say what a key came to, whatever was said before."""
+        self.note, self.level = note, level
         self.version += 1
 
     def show(self, index: int) -> None:
@@ -257,11 +331,6 @@ class Board:
         if self.live is None and index in self.entries and self.shown != index:
             self.shown = index
             self.version += 1
-
-    def rested(self) -> None:
-        """No more is waited for before the next repeat."""
-        self._done("resting")
-        self.version += 1
 
     def acknowledge(self) -> None:
         """Take the alarm away."""
@@ -271,14 +340,21 @@ class Board:
     # ---- news ---------------------------------------------------------------------------------
 
     def see(self, news: News) -> None:
-        """Take in what the bench said."""
+        """Take in what the probe session said."""
         self.version += 1
+        self._take_in(news)
+        if not self.can_arm:
+            self.review = None  # what was shown is not what would happen now
+
+    def _take_in(self, news: News) -> None:
         match news:
             case Connected(port, hello, goes_on):
                 self._connected(port, hello, goes_on=goes_on)
-            case Heard(messages):
+                if self.playing is not None:
+                    self.visit = news.visit
+            case Heard(messages, at):
                 for message in messages:
-                    self._hear(message)
+                    self._hear(message, at)
             case Recording(path):
                 self.path = path
             case Estimated(index, result):
@@ -299,31 +375,29 @@ class Board:
                 if self.missing is not None:
                     self.missing.outcome, self.missing.running = outcome, False
                     self.say(Level.INFO, f"the search is over: {outcome.verdict.name} (d shows it)")
-            case Adopted(path, name):
-                self.model = name
+            case Adopted(path, name, anew):
+                self.model, self.review = name, None
                 if self.missing is not None:
                     self.missing.adopted = path
+                what = f"adopted: {path}" if path else f"undone: identified with {name or 'base'}"
+                then = "; the next curve begins a new session" if anew else ""
                 # More than a note: not to be covered by "saved"
-                self.say(Level.WARNING, f"adopted: {path}; the next curve begins a new session")
+                self.say(Level.WARNING, what + then)
             case Saved(path):
                 self.saved = path
                 self.say(Level.INFO, f"saved: {path}")
-            case Searching():
-                self.instrument = self.live = None
-                if self.doing is None:
-                    self.doing = SEARCHING
-            case Found():
-                self._done(SEARCHING)
-                # Plainly better news than what was said before
-                self.note, self.level = (
-                    "the link is back and the session goes on; Enter arms",
-                    Level.WARNING,
-                )
+            case Went(phase, left):
+                self._went(phase, left)
+            case Over(failed, given_up):
+                self._over(failed, given_up)
             case Disconnected():
                 self._done(SEARCHING)
-                self.hello = self.instrument = self.live = None
+                self.hello = self.instrument = self.live = self.series = self.left = None
             case Failed(doing, text):
                 self._done(doing)
+                if doing == MEASURING:
+                    self._done(_DOING[Phase.ARMING])
+                    self.series = self.left = None
                 if doing == EXPLAINING and self.missing is not None:
                     self.missing.running, self.missing.failed = False, text
                 self.refuse(text)
@@ -331,24 +405,59 @@ class Board:
                 self._done(doing)
                 if doing == EXPLAINING and self.missing is not None:
                     self.missing.running = False  # given up, where there is no answer
-                if doing == "arming":
-                    self.say(Level.INFO, "armed: Space starts, v vents")
+
+    def _went(self, phase: Phase, left: Plan | None) -> None:
+        """Take in the phase of the measurement; what the operator has asked for beside stays."""
+        searched = self.doing == SEARCHING
+        if self.doing is None or self.doing in _DOING.values():
+            self.doing = _DOING.get(phase)
+        self.left = left if phase is Phase.INTERRUPTED else None
+        if left is not None and self.order is not None:
+            self.order = self.order.with_left(left)
+        match phase:
+            case Phase.ARMING:
+                self.shown = None  # the plot is for the next curve
+            case Phase.STARTING if self.read_only:
+                self.say(Level.INFO, "start the instrument; v gives the curve up")
+            case Phase.RUNNING:
+                how = "end it at the instrument" if self.read_only else "v vents"
+                self.say(Level.INFO, f"suction; {how}")
+            case Phase.RESTING if left is not None and not self.read_only:
+                what = f"{left.repeats} more, the next after {left.rest_s:g} s of rest; v ends it"
+                self.say(Level.INFO, what)
+            case Phase.SEARCHING:
+                self.instrument = self.live = None
+            case Phase.INTERRUPTED:
+                # Plainly better news than what was said before
+                again = "the link is back; F8 shows the repeat that was cut, F9 takes it again"
+                self.note, self.level = again, Level.WARNING
+            case Phase.READY if searched:
+                again = "the link is back and the session goes on; F8 shows what comes next"
+                self.note, self.level = again, Level.WARNING
+            case _:
+                pass
+
+    def _over(self, failed: str | None, given_up: int) -> None:
+        self.series = self.left = None
+        if failed is not None and given_up > 1:
+            self.say(Level.WARNING, "vented: the repeats that were left are given up")
 
     def _connected(self, port: str, hello: Hello, *, goes_on: bool) -> None:
         self.port, self.hello = port, hello
-        self.live = self.latest = None
+        self.live = self.latest = self.latest_at = None
         self.damaged = 0
         if not goes_on:
-            self.visit = self.path = self.shown = None
+            self.visit = self.path = self.shown = self.begun_at = None
             self.entries.clear()
+            self.dose = DoseMeter()
             self.ledger, self.joint, self.compared = Ledger(), None, []
             self.missing = None
             self.session += 1
         self._done("connecting")
         if goes_on:
-            self.say(Level.INFO, "connected, the session goes on; Enter arms")
+            self.say(Level.INFO, "connected, the session goes on; F8 shows what comes next")
         elif self.playing is None:
-            self.say(Level.INFO, "connected; Enter arms")
+            self.say(Level.INFO, "connected; F8 shows what will happen")
         else:
             self.say(Level.INFO, "a replay: Space pauses, . steps, + and - change the speed")
 
@@ -356,18 +465,22 @@ class Board:
         if self.doing == doing:
             self.doing = None
 
-    def _hear(self, message: Message) -> None:
+    def _hear(self, message: Message, at: datetime | None) -> None:
         match message:
-            case CurveStarted(index, setup):
-                self.live = Live(index, setup)
+            case CurveStarted(index, curve):
+                self.live = Live(index, curve)
                 self.shown = None
+                self.begun_at = self.begun_at or at
             case Sampled(index, sample):
-                self.latest = sample
+                self.latest, self.latest_at = sample, at
+                self.dose.add(sample)
                 if self.live is not None and self.live.index == index:
-                    self._sample(self.live, sample)
+                    self.live.last = sample
             case CurveCompleted(index, curve, cut, lost):
                 found = [] if self.live is None else self.live.findings
-                self.entries[index] = Entry(index, curve, cut, lost, findings=found)
+                self.entries[index] = Entry(
+                    index, curve, cut, lost, findings=found, visit=self.visit, at=at
+                )
                 self.live, self.shown = None, index
                 if cut is not None:
                     self.say(Level.WARNING, f"curve {index} was cut short: {cut}")
@@ -382,13 +495,6 @@ class Board:
             case Happened(event):
                 self._happened(event)
 
-    def _sample(self, live: Live, sample: Sample) -> None:
-        live.last = sample
-        if live.setup.program is None or sample.segment < len(live.setup.program.segments):
-            live.time_s.append(sample.device_time_s)
-            live.pressure_mbar.append(sample.pressure_mbar)
-            live.deflection_mm.append(sample.deflection_mm)
-
     def _happened(self, event: Event) -> None:
         match event:
             case State(state):
@@ -400,8 +506,6 @@ class Board:
                 self.alarm = text
             case Damaged():
                 self.damaged += 1
-            case Gap(expected, received) if self.live is not None:
-                self.live.lost += received - expected
             case LinkLost():
                 self.live = None
             case _:

@@ -37,6 +37,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from patience import be_patient
 
+from drivers.dialects.reference import DIALECT
 from drivers.events import InstrumentState, Sample, State, TimedEvent
 from skinlab.cli.main import run
 from skinlab.errors import InputError
@@ -229,7 +230,7 @@ def settle(log: Path) -> None:
     end = time.monotonic() + 300.0
     while time.monotonic() < end:
         last = None
-        for item in recorded_items(sent(log, 0.0, end)):
+        for item in recorded_items(sent(log, 0.0, end), DIALECT):
             if isinstance(item, TimedEvent) and isinstance(item.event, State):
                 last = item.event.state
         if last in {InstrumentState.IDLE, InstrumentState.LOADED}:
@@ -252,7 +253,7 @@ def samples(records: list[Record] | tuple[Record, ...]) -> list[tuple[float, Sam
     """Samples of all runs, with the time of their bytes."""
     return [
         (item.host_time_s, item.event)
-        for item in recorded_items(records)
+        for item in recorded_items(records, DIALECT)
         if isinstance(item, TimedEvent) and isinstance(item.event, Sample)
     ]
 

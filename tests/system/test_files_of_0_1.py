@@ -57,6 +57,6 @@ def test_an_adopted_model_gives_the_same_curve(capsys):
 
 
 def test_the_screens_settings_are_taken_over():
-    from skinlab.tui.settings import recall
+    from skinlab.acquisition.settings import recall
 
     assert recall(OLD / "ui.json")["thickness_mm"] == "1.2"

@@ -18,7 +18,7 @@ import pytest
 from patience import patient_command
 
 from drivers.events import Sample, State, TimedEvent
-from skinlab.recording.recorded import recorded_items
+from skinlab.recording.recorded import dialect_of, recorded_items
 from skinlab.recording.session import read_session
 
 SKIN = ["--aperture-mm", "6", "--thickness-mm", "1.0"]
@@ -156,7 +156,7 @@ def test_an_interrupted_measurement_vents_and_saves(tmp_path, number):
     # state: at 20 Hz the pressure can fall from above 5 mbar to nothing between two samples.
     pressures = [
         item.event.pressure_mbar
-        for item in recorded_items(session.records)
+        for item in recorded_items(session.records, dialect_of(session.meta))
         if isinstance(item, TimedEvent)
         and isinstance(item.event, Sample | State)
         and item.event.pressure_mbar is not None

@@ -7,6 +7,8 @@ import re
 import signal
 import subprocess
 import sys
+import time
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -51,7 +53,7 @@ def hold(seconds):
 PULL = (ramp(60, 200), hold(50))
 PATIENCE_S = 300.0
 # Where something else is shown: another process that did not run for a while is no reason to vent
-PATIENT = Limits(stale_s=FORGIVING_S)
+PATIENT = Limits(stale_s=FORGIVING_S, clock_s=FORGIVING_S)
 
 
 def fault(kind, **numbers):
@@ -353,6 +355,137 @@ def test_power_lost(simulate):
     assert not [p for _, p, _ in again.rows() if p > 0]
 
 
+# ---- instruments that lie, each a process of its own --------------------------------------------
+
+LIAR = Path(__file__).parents[1] / "lying_instrument.py"
+TWO_S = (ramp(60, 1e5), hold(2))
+# A process that did not run for a while is forgiven, the clocks of both are real
+STRICT = Limits(stale_s=FORGIVING_S)
+
+
+@contextmanager
+def lying(lie, *, limits=STRICT, segments=TWO_S, pty=False, start=True):
+    """A probe at an instrument that runs and lies; gives the probe."""
+    process = subprocess.Popen(
+        [sys.executable, str(LIAR), *(["--pty"] if pty else []), lie],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        url = process.stdout.readline().strip()
+        with Probe(url, limits=limits, clock=time.monotonic) as probe:
+            probe.open()
+            probe.load(segments, 50)
+            probe.arm()
+            if start:
+                probe.start()
+            yield probe
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def caught(lie, **options):
+    """Why it was vented, and the time of the sample that gave it away, by its own clock."""
+    seen = []
+    with lying(lie, **options) as probe:
+        reason = until(probe, HostVented, seen).reason
+        until(probe, VentConfirmed, [])
+    return reason, max([event.device_time_s for event in seen if isinstance(event, Sample)] or [0])
+
+
+@pytest.mark.parametrize("pty", [pytest.param(True, marks=LINKS[0].marks), False])
+def test_a_program_that_does_not_end(pty):
+    """It accepted 2 s and goes on and on, with samples that are plausible."""
+    reason, at_s = caught("holds on", pty=pty)
+    assert "behind the program: still segment 1 (hold)" in reason
+    assert 2.0 < at_s <= 2.5
+
+
+def test_pressure_after_the_end():
+    """It says that it vents, and pulls."""
+    reason, at_s = caught("vents in words")
+    assert "overshoot: 60 mbar" in reason
+    assert 2.0 < at_s <= 2.5
+    reason, at_s = caught("done")
+    assert "suction of 60 mbar while loaded" in reason
+    assert 2.0 < at_s <= 2.5
+
+
+def test_pressure_beyond_the_moment():
+    """60 mbar are fine at first, and not after the ramp down, half a second later."""
+    program = (ramp(60, 1e5), hold(1), ramp(20, 1e5), hold(3))
+    reason, at_s = caught("stays high", segments=program)
+    assert "overshoot: 60 mbar" in reason
+    assert 1.0 < at_s <= 1.6
+
+
+@pytest.mark.parametrize(
+    ("lie", "said"),
+    [("past the end", "segment 7, past the end"), ("back again", "back in segment")],
+)
+def test_a_segment_that_cannot_be(lie, said):
+    reason, _ = caught(lie)
+    assert said in reason
+
+
+@pytest.mark.parametrize(
+    ("lie", "said"),
+    [("runs ahead", "ahead of the host's"), ("jumps", "ahead of the host's"),
+     ("slow", "late"), ("stops", "late")],
+)  # fmt: skip
+def test_the_clock_of_the_instrument(lie, said):
+    """Plausible samples for ever, by a clock that has nothing to do with the host's."""
+    reason, _ = caught(lie, segments=(ramp(60, 1e5), hold(50)))
+    assert said in reason
+
+
+def test_started_by_itself():
+    reason, _ = caught("starts by itself", start=False)
+    assert "running and nobody asked" in reason
+    reason, _ = caught("starts again")
+    assert "armed and nobody asked" in reason
+
+
+def test_another_program_than_was_asked_for():
+    """It reads back what was sent, and then once more: longer. The host follows its own."""
+    reason, _ = caught("another program")
+    assert "behind the program: still segment 1 (hold)" in reason
+
+
+def test_no_pause():
+    """It pulls on through a pause of the program, but for a sample below 5 mbar twice a second."""
+    program = (
+        ramp(60, 1e5),
+        hold(1.7),
+        Segment(SegmentKind.REST, duration_s=0.27),
+    ) * 3
+    limits = Limits(stale_s=FORGIVING_S, max_suction_s=2)
+    reason, _ = caught("no pause", segments=program, limits=limits)
+    assert "suction for more than" in reason
+    assert "without a pause" in reason
+
+
+def test_too_much_in_one_visit():
+    """What was allowed is refused the second time; what comes all the same is vented."""
+    limits = Limits(stale_s=FORGIVING_S, max_dose_mbar_s=150)
+    with lying("truth", limits=limits) as probe:
+        until(probe, VentConfirmed, [])
+        assert probe.dose.suction_mbar_s == pytest.approx(120, abs=2)
+        with pytest.raises(LocalProtocolError, match=r"needs a dose of 120.* more than the 150"):
+            probe.load(TWO_S, 50)
+        with pytest.raises(LocalProtocolError, match="load a program first"):
+            probe.arm()
+    with lying("truth", limits=limits) as probe:
+        until(probe, VentConfirmed, [])
+        with pytest.raises(LocalProtocolError, match="allowed in one visit"):
+            probe.arm()
+    allowed = Limits(stale_s=FORGIVING_S, max_dose_mbar_s=50)
+    low = (ramp(52, 1e5), hold(0.9))
+    reason, _ = caught("stays high", limits=allowed, segments=low)
+    assert "a dose of" in reason
+
+
 # ---- what a noisy line does to a whole measurement ----------------------------------------------
 
 
@@ -379,6 +512,9 @@ HAZARDS = (
     "link lost", "host killed", "host hung", "overshoot", "valve stuck", "leak", "no skin contact",
     "frozen sensor", "drifting sensor", "stale data", "wrong aperture", "wrong units",
     "wrong firmware", "clock jump", "disk full", "power lost",
+    "program that does not end", "suction that goes on", "too high for this moment",
+    "segment that cannot be", "the instrument's clock", "started by itself", "another program",
+    "suction without a pause", "too much in one visit",
 )  # fmt: skip
 
 

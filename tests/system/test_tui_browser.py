@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 import os
 import subprocess
+import time
 from collections.abc import Iterator
 
 import pytest
 from patience import patient_command
 
 from skinlab.recording.session import read_session
+from skinlab.tui.typing_guard import LOOK_S
 
 
 class Browser:
@@ -58,9 +60,12 @@ def browser(tmp_path) -> Iterator[Browser]:
 def test_a_closed_page_vents_and_saves(browser, tmp_path):
     browser.ready()
     browser.until(b"connected;")
-    browser.send(b"D", b"\r")
-    browser.until(b"armed: Space")
-    browser.send(b"D", b" ")
+    browser.send(b"D", b"\x1b[19~")
+    browser.until(b"whose skin")
+    browser.send(b"D", b"\x1b[19~")
+    browser.until(b"THIS WILL HAPPEN")
+    time.sleep(2 * LOOK_S)
+    browser.send(b"D", b"\x1b[20~")
     browser.until(b"not final")
     browser.send(b"M", json.dumps({"type": "quit"}).encode())
     while browser.program.stdout.read(4096):

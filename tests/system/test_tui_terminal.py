@@ -17,6 +17,7 @@ import pytest
 from patience import patient_command
 
 from skinlab.recording.session import Session, read_session
+from skinlab.tui.typing_guard import QUIET_S
 
 pytestmark = pytest.mark.skipif(shutil.which("tmux") is None, reason="tmux is not installed")
 
@@ -86,13 +87,27 @@ class Terminal:
         pairs = [[int(number) for number in line.split()] for line in listed.stdout.splitlines()]
         return next(pid for pid, parent in pairs if parent == shell)
 
+    def start(self) -> None:
+        """Check, look, and confirm."""
+        self.press("F8")
+        self.until(lambda screen: "whose skin" in screen)
+        self.press("F8")
+        self.until_all("THIS WILL HAPPEN", "up to 100 mbar", "repeats")
+        time.sleep(QUIET_S)
+        self.press("F9")
+
     def start_slow_run(self) -> None:
         """Start a run that takes long, and wait until its curve is drawn."""
         self.until(lambda screen: "READY" in screen)
-        self.press("Enter")
-        self.until(lambda screen: "ARMED" in screen)
-        self.press("Space")
+        self.start()
         self.until(lambda screen: re.search(r"RUNNING.*\b[1-9]\d points", screen, re.DOTALL))
+
+    def quit(self) -> None:
+        """Quit, and say yes."""
+        self.press("q")
+        self.until_all("Quit?", "F9 yes")
+        time.sleep(QUIET_S)
+        self.press("F9")
 
     def session(self) -> Session:
         """The session file, once it is there."""
@@ -136,12 +151,11 @@ def open_terminal(tmp_path: Path) -> Iterator[Callable[..., Terminal]]:
 def test_a_measurement_by_keys(open_terminal, size):
     terminal = open_terminal(size)
     terminal.until_all("READY", "SIMULATED")
-    terminal.press("Enter")
-    terminal.until_all("ARMED", "up to 100 mbar")
-    terminal.press("Space")
+    terminal.press("w", "o", "r", "d", "Enter", "Space", "Enter")
+    terminal.start()
     terminal.until_all("saved:", "true nu", "X1", "X2", "nu", "MPa", "measured", "fitted")
     terminal.until_all("deflection (mm)", "ramp:100@20")
-    terminal.press("q")
+    terminal.quit()
     last = terminal.until_all("exit status 0", "session:")
     assert "Traceback" not in last
     assert terminal.session().results[0]["parameters"] is not None
@@ -171,5 +185,5 @@ def test_a_closed_terminal_vents_and_saves(open_terminal):
 def test_a_missing_port_is_a_sentence(open_terminal):
     terminal = open_terminal(port="/dev/no-such-port")
     terminal.until_all("no such port", "NO PROBE")
-    terminal.press("q")
+    terminal.quit()
     terminal.until_all("exit status 0")

@@ -11,20 +11,34 @@ import pytest
 from textual.pilot import Pilot
 from textual.widgets import Input
 
+from drivers.probe import Probe
 from drivers.reconnect import Backoff
+from skinlab.acquisition.analysis import Explain, default_identifier
+from skinlab.acquisition.measurement import Policy
+from skinlab.acquisition.probe_session import ProbeSession
 from skinlab.inference.identify import Identifier
 from skinlab.tui.app import SkinlabApp
-from skinlab.tui.probe_session import Bench, Explain, default_identifier
+from skinlab.tui.screens.over import ConfirmScreen
 
 SIMULATED = "sim://?seed=1&speed=20"
 PATIENCE_S = 120.0
 
 
+class Clock:
+    """Time by which typing is told from confirming; passes where somebody says so."""
+
+    def __init__(self) -> None:
+        self.now_s = 0.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
 class Bedside:
     """An app that is driven by keys."""
 
-    def __init__(self, app: SkinlabApp, pilot: Pilot[None]) -> None:
-        self.app, self.board, self.pilot = app, app.board, pilot
+    def __init__(self, app: SkinlabApp, pilot: Pilot[None], clock: Clock) -> None:
+        self.app, self.board, self.pilot, self.clock = app, app.board, pilot, clock
 
     async def until(self, condition: Callable[[], object]) -> None:
         end = time.monotonic() + PATIENCE_S
@@ -43,6 +57,7 @@ class Bedside:
         box = self.app.screen.query_one(f"#{field}", Input)
         await self.until(lambda: box.focusable)  # not while the fields are closed
         box.value = text
+        await self.pilot.pause()
 
     async def type(self, field: str, text: str) -> None:
         box = self.app.screen.query_one(f"#{field}")
@@ -51,15 +66,40 @@ class Bedside:
         await self.until(lambda: box.has_focus)
         await self.press("ctrl+shift+a", *(_key(c) for c in text))
 
-    async def arm(self) -> None:
-        await self.press("enter")
-        await self.until(lambda: self.board.can_start)
+    async def check(self) -> None:
+        """Let what will happen be shown, and be read."""
+        await self.press("f8")
+        await self.until(lambda: self.board.review or "whose skin" in self.board.note)
+        if not self.board.review:
+            await self.press("f8")
+        await self.until(lambda: self.app.screen_stack[0].summary_in_view)
+        await self.pilot.pause()
+        self.clock.now_s += 2.0
+
+    async def start(self) -> None:
+        """Let what will happen be shown, and start it."""
+        await self.check()
+        entries = len(self.board.entries)
+        await self.press("f9")
+        await self.until(lambda: self.board.series or len(self.board.entries) > entries)
+
+    async def confirm(self) -> None:
+        """Answer yes, once the question can have been read."""
+        await self.pilot.pause()
+        self.clock.now_s += 2.0
+        await self.press("f9")
+
+    async def quit(self) -> None:
+        """Quit, and say yes."""
+        await self.press("q")
+        await self.until(lambda: isinstance(self.app.screen, ConfirmScreen))
+        await self.confirm()
+        await self.until(lambda: self.app._exit)
 
     async def run(self) -> None:
-        """Arm, start, and wait for the result."""
-        await self.arm()
+        """Start, and wait for the result."""
         entries = len(self.board.entries)
-        await self.press("space")
+        await self.start()
         await self.until(lambda: len(self.board.entries) > entries)
         await self.until(lambda: self.board.entry.result is not None and self.board.can_arm)
 
@@ -90,16 +130,22 @@ def bedside(tmp_path: Path, identifier: Identifier):
         port: str | None = SIMULATED,
         size: tuple[int, int] = (80, 24),
         explain: Explain | None = None,
+        make_probe: Callable[..., Probe] = Probe,
         **options,
     ) -> AsyncIterator[Bedside]:
         # Often, because the time of a simulated probe passes only where somebody looks
         backoff = Backoff(first_s=0.02, most_s=0.02, give_up_s=PATIENCE_S)
         make_bench = partial(
-            Bench, make_identifier=lambda: identifier, backoff=backoff, explain=explain
+            ProbeSession,
+            make_identifier=lambda: identifier,
+            make_probe=make_probe,
+            policy=Policy(backoff),
+            explain=explain,
         )
-        app = SkinlabApp(port, tmp_path, make_bench, **options)
+        clock = Clock()
+        app = SkinlabApp(port, tmp_path, make_bench, clock=clock, **options)
         async with app.run_test(size=size) as pilot:
-            bed = Bedside(app, pilot)
+            bed = Bedside(app, pilot, clock)
             await bed.until(lambda: app.board.version > 0)  # it has begun to connect
             yield bed
 

@@ -4,11 +4,13 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from drivers.events import Sample
 from skinlab.curves.curve import Curve, Setup
+from skinlab.curves.growing import GrowingCurve
 from skinlab.curves.program import parse_program
 from skinlab.inference.result import Identification
 from skinlab.tui.canvas import braille, dots, interval_bar, level, runs, share
-from skinlab.tui.strips import against_time, residual
+from skinlab.tui.plot_data import against_time, residual
 from skinlab.tui.ui_state import Entry, Live
 
 SETUP = Setup(6.0, 1.0, parse_program("ramp:100@20"))
@@ -101,12 +103,10 @@ def test_no_residual_without_a_model():
 
 
 def test_both_channels_rise_with_time():
-    live = Live(1, SETUP)
+    live = Live(1, GrowingCurve(SETUP))
     assert not against_time(live, 20, 4).main.any()
     for k in range(51):
-        live.time_s.append(0.05 * k)
-        live.pressure_mbar.append(1.0 * k)
-        live.deflection_mm.append(0.01 * k)
+        live.curve.append(Sample(k, 0.05 * k, 1.0 * k, 0.01 * k, 0))
     drawing = against_time(live, 20, 4)
     for layer in (drawing.main, drawing.second):
         columns = np.flatnonzero(layer.any(axis=0))

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from datetime import datetime
 from pathlib import Path
 
 import pytest
 from textual.widgets import Input
 
 from drivers.link import PortInfo
+from skinlab.acquisition.replayer import Replayer, example_session
 from skinlab.recording.session import read_session
-from skinlab.tui.replayer import Replayer, example_session
 from skinlab.tui.screens.session import SessionScreen
 from skinlab.tui.screens.welcome import WelcomeScreen
+from skinlab.tui.widgets.curves import Curves
 
 SLOW = "sim://?seed=1&speed=5"
 LONG = "ramp:100@2"
@@ -31,9 +33,9 @@ async def test_repeats_follow_by_themselves(bedside, session_files):
         await bed.connected()
         await bed.fill("repeats", "3")
         await bed.fill("rest_s", "0")
-        await bed.arm()
+        await bed.check()
         await bed.until(lambda: "repeats  3" in bed.text("#card-text"))
-        await bed.press("space")
+        await bed.press("f9")
         await bed.until(lambda: len(bed.board.entries) == 3 and bed.board.series is None)
         await bed.until(lambda: bed.board.can_arm)
         await session_screen(bed)
@@ -49,8 +51,7 @@ async def test_a_vent_during_the_rest_ends_the_repeats(bedside):
         await bed.connected()
         await bed.fill("repeats", "2")
         await bed.fill("rest_s", "3600")
-        await bed.arm()
-        await bed.press("space")
+        await bed.start()
         await bed.until(lambda: bed.board.phase == "RESTING")
         await bed.press("tab", "x")
         assert not isinstance(bed.app.focused, Input)
@@ -67,9 +68,8 @@ async def test_a_vent_in_a_repeat_ends_the_repeats(bedside):
         await bed.fill("program", LONG)
         await bed.fill("repeats", "2")
         await bed.fill("rest_s", "0")
-        await bed.arm()
-        await bed.press("space")
-        await bed.until(lambda: bed.board.live and len(bed.board.live.pressure_mbar) > 20)
+        await bed.start()
+        await bed.until(lambda: bed.board.live and len(bed.board.live.curve) > 20)
         await bed.press("escape")
         await bed.until(lambda: bed.board.entry and bed.board.entry.result and bed.board.can_arm)
         assert bed.board.series is None
@@ -87,15 +87,15 @@ async def test_the_last_settings_come_back_but_not_the_person(bedside, tmp_path)
             await bed.fill(field, text)
         await bed.fill("program", "mode2:50@20")
         await bed.fill("thickness_sd_mm", "0.1")
-        await bed.arm()
+        await bed.check()
         await bed.until(lambda: "1.3 ± 0.1 mm" in bed.text("#card-text"))
         await bed.press("v")
     async with bedside(settings=kept) as bed:
         await bed.connected()
         values = {str(f.id): f.value for f in bed.app.screen.query(Input)}
         assert values["program"] == "mode2:50@20"
-        assert values["thickness_mm"] == "1.3"
-        assert values["subject"] == values["site"] == ""
+        assert values["thickness_mm"] == "1.0"  # that was of P07's arm
+        assert values["subject"] == values["site"] == values["thickness_sd_mm"] == ""
     kept.write_text('{"program": "ramp:9999@1", "thickness_mm": 3, "rest_s": "7"}')
     async with bedside(settings=kept) as bed:
         await bed.connected()
@@ -115,7 +115,91 @@ async def test_f3_goes_to_the_settings_and_back(bedside):
         await bed.until(lambda: not bed.app.screen.query_one("#fields").display)
 
 
+# ---- whose result it is ----------------------------------------
+
+
+async def test_a_thickness_belongs_to_a_subject_and_a_site(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        thickness = bed.app.screen.query_one("#thickness_mm", Input)
+        await bed.fill("thickness_mm", "1.3")  # typed before the name: of whoever comes
+        await bed.fill("subject", "P01")
+        await bed.fill("site", "arm")
+        assert thickness.value == "1.3"
+        await bed.run()
+        await bed.fill("subject", "P02")
+        await bed.until(lambda: thickness.value == "1.0")
+        await bed.check()
+        assert "default, not measured" in bed.text("#card-text")
+        await bed.press("v")
+        await bed.until(lambda: bed.board.can_arm and bed.board.review is None)
+        await bed.fill("thickness_mm", "0.8")
+        await bed.check()
+        assert "default" not in bed.text("#card-text")
+        await bed.press("f9")
+        await bed.until(lambda: bed.board.entry and bed.board.entry.result and bed.board.can_arm)
+        await bed.fill("subject", "P01")
+        await bed.until(lambda: thickness.value == "1.3")
+        await bed.fill("site", "leg")
+        await bed.until(lambda: thickness.value == "1.0")
+        await bed.fill("subject", "P02")
+        await bed.fill("site", "arm")
+        await bed.until(lambda: thickness.value == "0.8")
+
+
+async def test_without_a_subject_it_asks_once(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        await bed.press("f8")
+        await bed.until(lambda: "whose skin" in bed.board.note)
+        assert bed.board.review is None
+        await bed.until(lambda: bed.app.screen.query_one("#subject").has_focus)
+        await bed.run()  # F8 again goes on without
+        assert bed.board.entry.visit == ("", "")
+        await bed.press("f8")
+        await bed.until(lambda: bed.board.review)  # not asked again
+        assert "NONE GIVEN" in bed.text("#card-text")
+
+
+async def test_card_rows_and_header_say_whose_and_when(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        await bed.fill("subject", "P07")
+        await bed.fill("site", "forearm")
+        await bed.run()
+        at = f"{bed.board.entry.at:%H:%M}"
+        await bed.until(lambda: "P07, forearm" in bed.text("#card-text"))
+        assert at in bed.text("#card-title")
+        assert bed.app.screen.query_one(Curves).get_row_at(0)[1:3] == ["P07, forearm", at]
+        await bed.until(lambda: "P07, forearm, since" in bed.text("#where"))
+        await session_screen(bed)
+        await bed.until(lambda: "P07, forearm, since" in bed.text("#session-title"))
+
+
+async def test_a_replay_says_whose_and_when_it_was(bedside):
+    async with bedside(None, replay=example_session(), speed=None) as bed:
+        await bed.until(lambda: bed.board.phase == "ENDED")
+        created = datetime.fromisoformat(read_session(example_session()).meta["created_utc"])
+        assert all(e.visit == ("SIM-1", "simulated forearm") for e in bed.board.entries.values())
+        assert all(abs((e.at - created).total_seconds()) < 120 for e in bed.board.entries.values())
+        await bed.until(lambda: "SIM-1, simulated forearm" in bed.text("#where"))
+
+
 # ---- live ----------------------------------------
+
+
+async def test_what_is_not_of_now_says_when_it_was(bedside):
+    async with bedside(SLOW) as bed:
+        await bed.connected()
+        assert "mbar" not in bed.text("#reading-line")  # nothing was read yet
+        await bed.fill("program", LONG)
+        await bed.start()
+        await bed.until(lambda: "mbar" in bed.text("#reading-line"))
+        assert "last" not in bed.text("#reading-line")
+        await bed.press("v")
+        await bed.until(lambda: bed.board.entry and bed.board.can_arm)
+        await bed.until(lambda: bed.text("#reading-line").strip().startswith("last: "))
+        assert f"mm, {bed.board.latest_at:%H:%M}" in bed.text("#reading-line")
 
 
 @pytest.mark.parametrize("size", [(60, 20), (80, 24)])
@@ -124,8 +208,7 @@ async def test_the_estimate_forms_in_grey_and_a_vent_ends_the_ramp(bedside, size
     async with bedside(SLOW, size=size) as bed:
         await bed.connected()
         await bed.fill("program", LONG)
-        await bed.arm()
-        await bed.press("space")
+        await bed.start()
         await bed.until(lambda: "so far" in bed.text("#card-title"))
         await bed.until(lambda: "X1" in bed.text("#card-text"))
         await bed.until(lambda: bed.app.screen.query_one("#card").has_class("-forming"))
@@ -147,13 +230,17 @@ async def test_excluding_noting_fitting_and_undoing(bedside, session_files):
         await bed.run()
         await bed.run()
         await session_screen(bed)
-        await bed.press("x")
+        await bed.press("delete")
         await bed.until(lambda: isinstance(bed.app.focused, Input))
-        await bed.press(*"bad", "enter")
+        await bed.press("enter")  # no answer: the question stays
+        await bed.until(lambda: "type an answer" in bed.board.note)
+        await bed.press(*"bad", "tab", "enter")
         await bed.until(lambda: bed.board.ledger.excluded)
         (number,) = bed.board.ledger.excluded
         assert bed.board.ledger.excluded[number] == "bad"
-        await bed.press("u")
+        await bed.press("u", "x")  # letters only look
+        assert bed.board.ledger.excluded
+        await bed.press("ctrl+z")
         await bed.until(lambda: not bed.board.ledger.excluded)
         await bed.press("n")
         await bed.until(lambda: isinstance(bed.app.focused, Input))
@@ -206,11 +293,12 @@ async def test_a_replay_plays_pauses_steps_and_ends(bedside):
         await bed.until(lambda: board.phase == "PAUSED")
         await bed.until(lambda: "x1" in bed.text("#reading-line"))
         control = bed.app.bench.control
-        before = len(board.live.pressure_mbar)
+        before = len(board.live.curve)
         await bed.press("full_stop")
-        await bed.until(lambda: len(board.live.pressure_mbar) > before)
-        await bed.press("enter", "f2")  # nothing can be armed
+        await bed.until(lambda: len(board.live.curve) > before)
+        await bed.press("enter", "f2", "f8", "f9")  # nothing can be started
         assert board.order is None
+        assert board.review is None
         await bed.press("plus")
         await bed.until(lambda: control.speed == 2.0)
         await bed.press("minus", "minus")
@@ -227,8 +315,8 @@ async def test_a_replay_plays_pauses_steps_and_ends(bedside):
         await bed.until(lambda: isinstance(bed.app.focused, Input))
         await bed.press("x", "enter")
         await bed.until(lambda: "replay" in board.note)
-        await bed.press("s", "q")
-        await bed.until(lambda: bed.app._exit)
+        await bed.press("s")
+        await bed.quit()
 
 
 async def test_the_replayed_results_are_those_of_the_session(bedside):
@@ -247,8 +335,7 @@ async def test_a_damaged_record_is_a_sentence(bedside, tmp_path):
     async with bedside(None, replay=bad) as bed:
         await bed.until(lambda: "bad.h5" in bed.board.note)
         assert "Traceback" not in bed.screenshot()
-        await bed.press("q")
-        await bed.until(lambda: bed.app._exit)
+        await bed.quit()
 
 
 async def test_without_a_port_it_offers_what_there_is(bedside):
@@ -257,7 +344,7 @@ async def test_without_a_port_it_offers_what_there_is(bedside):
 
     async with bedside(None, ports=ports, size=(60, 20)) as bed:
         await bed.until(lambda: isinstance(bed.app.screen, WelcomeScreen))
-        for word in ("Simulated probe", "Recorded example", "/dev/ttyX9", "vents", "Space"):
+        for word in ("Simulated probe", "Recorded example", "/dev/ttyX9", "vents", "F9"):
             await bed.until(lambda w=word: w in bed.screenshot().replace("&#160;", " "))
         await bed.press("down", "enter")
         await bed.until(lambda: isinstance(bed.app.bench, Replayer) and bed.board.live)

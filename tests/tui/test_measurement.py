@@ -30,12 +30,12 @@ async def test_whole_measurement_from_arming_to_replay(bedside, session_files):
         await bed.connected()
         await bed.until(lambda: "SIMULATED" in bed.text("#banner"))
         await bed.type("subject", "P07")
-        await bed.arm()
+        await bed.check()
         assert bed.app.screen.query_one("#program").disabled is False  # its parent is
         assert not bed.app.screen.query_one("#program").focusable
-        await bed.until(lambda: "up to 100 mbar, 5 s" in bed.text("#card-text"))
+        await bed.until(lambda: "up to 100 mbar, 5 s under suction" in bed.text("#card-text"))
         assert "ramp:100@20" in bed.text("#card-text")
-        await bed.press("space")
+        await bed.press("f9")
         await bed.until(lambda: bed.board.entry and bed.board.entry.result)
         await bed.until(lambda: "X1" in bed.text("#card-text"))
         card = bed.text("#card-text")
@@ -46,13 +46,13 @@ async def test_whole_measurement_from_arming_to_replay(bedside, session_files):
             lambda: {label for label in plot._labels if label} == {"measured", "fitted"}
         )
         await bed.until(lambda: curves.row_count == 1)
-        assert curves.get_row_at(0)[:3] == ["1", "ramp:100@20", "1"]
+        assert curves.get_row_at(0)[:2] == ["1", "P07"]
+        assert curves.get_row_at(0)[3:5] == ["ramp:100@20", "1"]
         # On disk before anybody quits
         await bed.until(lambda: bed.board.saved is not None)
         early = read_session(bed.board.saved)
         assert early.results[0]["parameters"] is not None
-        await bed.press("q")
-        await bed.until(lambda: bed.app._exit)
+        await bed.quit()
     (path,) = session_files()
     session = read_session(path)
     assert session.meta["subject"] == "P07"
@@ -66,8 +66,7 @@ async def test_the_curve_is_drawn_as_its_points_arrive(bedside):
     async with bedside(SLOW) as bed:
         await bed.connected()
         await bed.fill("program", LONG)
-        await bed.arm()
-        await bed.press("space")
+        await bed.start()
         plot = bed.app.screen.query_one(CurvePlot)
         for points in (10, 40, 80):
             await bed.until(lambda n=points: plot._datasets and len(plot._datasets[0].x) > n)
@@ -85,7 +84,7 @@ async def test_no_sample_is_lost_on_its_way_to_the_screen(bedside):
         def spy(news):
             see(news)
             if bed.board.live is not None:
-                seen[:] = bed.board.live.pressure_mbar
+                seen[:] = bed.board.live.curve.pressure_mbar
 
         bed.board.see = spy
         await bed.run()
@@ -99,9 +98,8 @@ async def test_vent_in_the_middle_keeps_the_partial_curve(bedside):
     async with bedside(SLOW) as bed:
         await bed.connected()
         await bed.fill("program", LONG)
-        await bed.arm()
-        await bed.press("space")
-        await bed.until(lambda: bed.board.live and len(bed.board.live.pressure_mbar) > 20)
+        await bed.start()
+        await bed.until(lambda: bed.board.live and len(bed.board.live.curve) > 20)
         await bed.press("v")
         await bed.until(lambda: bed.board.entries and bed.board.can_arm)
         entry = bed.board.entries[1]
@@ -113,28 +111,26 @@ async def test_vent_in_the_middle_keeps_the_partial_curve(bedside):
         await bed.until(lambda: "cut short" in bed.text("#card-text"))
 
 
-async def test_escape_vents_as_well_and_disarms(bedside, session_files):
+async def test_escape_vents_as_well_and_withdraws(bedside, session_files):
     async with bedside() as bed:
         await bed.connected()
-        await bed.arm()
+        await bed.check()
         await bed.press("escape")
-        await bed.until(lambda: "vented" in bed.board.note)
-        await bed.until(lambda: bed.board.can_arm)
-        assert bed.board.instrument is not InstrumentState.ARMED
-        await bed.press("q")
-        await bed.until(lambda: bed.app._exit)
-    assert session_files() == []  # armed only: nothing to keep
+        await bed.until(lambda: bed.app.bench.vents == 1 and bed.board.review is None)
+        await bed.press("f9")
+        await bed.until(lambda: "F8 first" in bed.board.note)
+        assert bed.board.instrument in {None, InstrumentState.IDLE}
+        await bed.quit()
+    assert session_files() == []  # shown only: nothing to keep
 
 
 async def test_quit_while_running_vents_and_saves_what_there_is(bedside, session_files):
     async with bedside(SLOW) as bed:
         await bed.connected()
         await bed.fill("program", LONG)
-        await bed.arm()
-        await bed.press("space")
-        await bed.until(lambda: bed.board.live and len(bed.board.live.pressure_mbar) > 20)
-        await bed.press("q")
-        await bed.until(lambda: bed.app._exit)
+        await bed.start()
+        await bed.until(lambda: bed.board.live and len(bed.board.live.curve) > 20)
+        await bed.quit()
     (path,) = session_files()
     session = read_session(path)
     assert len(session.curves) == 1
@@ -146,9 +142,8 @@ async def test_an_app_that_just_ends_vents_and_saves_too(bedside, session_files)
     async with bedside(SLOW) as bed:
         await bed.connected()
         await bed.fill("program", LONG)
-        await bed.arm()
-        await bed.press("space")
-        await bed.until(lambda: bed.board.live and len(bed.board.live.pressure_mbar) > 20)
+        await bed.start()
+        await bed.until(lambda: bed.board.live and len(bed.board.live.curve) > 20)
         bed.app.interrupt()
         await bed.until(lambda: bed.app._exit)
     assert bed.app.return_code == 130
@@ -182,10 +177,16 @@ async def test_another_subject_begins_another_session(bedside, session_files):
         await bed.fill("subject", "P01")
         await bed.run()
         await bed.fill("subject", "P02")
-        await bed.press("enter")
-        await bed.until(lambda: bed.board.session == 2 and bed.board.can_start)
+        await bed.until(lambda: bed.text("#card-title") == "a new visit")
+        assert bed.app.screen.query_one(Curves).row_count == 0  # nothing of P01 under this name
+        assert "P02" in bed.text("#where")
+        await bed.fill("subject", "P01")
+        await bed.until(lambda: "P01" in bed.text("#card-text"))
+        await bed.fill("subject", "P02")
+        await bed.check()
+        assert bed.board.session == 2
         assert bed.board.entries == {}
-        await bed.press("space")
+        await bed.press("f9")
         await bed.until(lambda: bed.board.entry and bed.board.entry.result and bed.board.can_arm)
     subjects = [read_session(path).meta["subject"] for path in session_files()]
     assert subjects == ["P01", "P02"]
@@ -197,16 +198,19 @@ async def test_a_link_that_is_lost_and_comes_back(bedside, tmp_path):
     faults.write_text('[[fault]]\nkind = "unplug"\nat_s = 2.0\nfor_s = 4.0\n')
     async with bedside(f"sim://?seed=1&speed=5&faults={faults}") as bed:
         await bed.connected()
-        await bed.arm()
-        await bed.press("space")
+        await bed.start()
         await bed.until(lambda: bed.board.alarm is not None)
         assert "lift the probe" in bed.board.alarm
         await bed.until(lambda: bed.board.phase == "READY")
         await bed.until(lambda: "the link is back" in bed.board.note)
         assert bed.board.entries[1].cut is not None
-        await bed.press("a")  # the alarm is acknowledged ...
+        await bed.confirm()  # the alarm is acknowledged ...
         await bed.until(lambda: bed.board.can_arm)
-        await bed.run()  # ... and the same session goes on
+        await bed.check()
+        await bed.until(lambda: "loading  2 of this site" in bed.text("#card-text"))
+        await bed.run()  # ... and the cut repeat is taken again, in the same session
         assert [bed.board.entries[n].cut is None for n in (1, 2)] == [False, True]
     (path,) = tmp_path.glob("*.h5")
-    assert [curve.partial for curve in read_session(path).curves] == [True, False]
+    curves = read_session(path).curves
+    assert [curve.partial for curve in curves] == [True, False]
+    assert [(c.setup.cycle, c.setup.repeat) for c in curves] == [(1, 1), (2, 1)]

@@ -11,18 +11,19 @@ import pytest
 from explained import UP, UP_AND_DOWN, campaign
 from textual.widgets import Input
 
+from skinlab.acquisition.adopting import write_adopted
+from skinlab.acquisition.explainer import Explainer
+from skinlab.acquisition.probe_session import ProbeSession
 from skinlab.discrepancy.next_measurement import NextMeasurement
 from skinlab.discrepancy.verdict import Verdict
 from skinlab.errors import InputError, SkinlabError
 from skinlab.mechanics.model_file import BASE, read_model
 from skinlab.recording.audit import entries
 from skinlab.recording.session import read_session
-from skinlab.tui.adopting import write_adopted
-from skinlab.tui.explainer import Explainer
 from skinlab.tui.missing import hints, missing_lines, outcome_lines, residual_picture
-from skinlab.tui.probe_session import Bench
 from skinlab.tui.screens.main import MainScreen
 from skinlab.tui.screens.missing import MissingScreen
+from skinlab.tui.screens.over import ConfirmScreen
 from skinlab.tui.ui_state import Missing
 
 
@@ -83,7 +84,7 @@ async def test_the_search_blocks_nothing_and_the_next_measurement_is_one_key_awa
         await looking(bed)
         (asked,) = search.asked
         assert [curve.name for curve in asked.curves] == ["curve 1"]
-        await bed.press("a", "l")  # nothing to adopt or to load yet
+        await bed.press("a", "f7")  # nothing to adopt or to load yet
         vents = bed.app.bench.vents
         await bed.press("v")  # vents, and goes back
         await bed.until(lambda: bed.app.bench.vents > vents)
@@ -98,13 +99,13 @@ async def test_the_search_blocks_nothing_and_the_next_measurement_is_one_key_awa
         await bed.until(lambda: "tied" in bed.text("#missing-text"))
         assert len(search.asked) == 1  # shown, not looked for again
         await bed.until(lambda: bed.app.screen.query_one("#missing-picture").display)
-        await bed.press("l")
+        await bed.press("f7")
         await bed.until(lambda: isinstance(bed.app.screen, MainScreen))
         values = {str(f.id): f.value for f in bed.app.screen.query(Input)}
         assert values["aperture_mm"] == "8"
         assert values["program"] == ambiguous.next_measurement.program
         assert len(bed.board.entries) == 2
-        await bed.arm()  # the other head, in the same session
+        await bed.check()  # the other head, in the same session
         assert bed.board.hello.aperture_mm == 8
         assert len(bed.board.entries) == 2
 
@@ -113,7 +114,7 @@ async def test_giving_up_and_looking_again(bedside, named):
     search = Search(named)
     async with bedside(explain=search, size=(60, 20)) as bed:
         await looking(bed)
-        await bed.press("x")
+        await bed.press("delete")
         await bed.until(lambda: "Given up" in bed.text("#missing-text"))
         search.answer = named
         await bed.press("d")
@@ -131,11 +132,11 @@ async def test_adopting_writes_a_model_and_goes_on_with_it(bedside, named, tmp_p
         await bed.press("d")
         await bed.until(lambda: bed.board.missing and bed.board.missing.outcome)
         await bed.until(lambda: "Missing: deflection_offset" in bed.text("#missing-text"))
-        await bed.press("a")
-        await bed.until(lambda: bed.board.model == "base with deflection_offset")
+        await adopt(bed)
         await bed.until(lambda: "Adopted:" in bed.text("#missing-text"))
         await bed.press("b")
-        await bed.arm()
+        await bed.until(lambda: isinstance(bed.app.screen, MainScreen))
+        await bed.check()
         assert bed.board.entries == {}  # of another session: one session, one model
         await bed.until(lambda: "base with deflection_offset" in bed.text("#card-text"))
         await bed.press("v")
@@ -147,6 +148,46 @@ async def test_adopting_writes_a_model_and_goes_on_with_it(bedside, named, tmp_p
     assert "model adopted" in deeds
 
 
+async def adopt(bed):
+    await bed.press("a")
+    await bed.until(lambda: isinstance(bed.app.screen, ConfirmScreen))
+    for words in ("deflection_offset", "X1", "→", "new session", "Ctrl+Z"):
+        assert words in bed.text("#question-text")
+    await bed.press(*"yes", "enter", "space")  # typing answers nothing
+    assert isinstance(bed.app.screen, ConfirmScreen)
+    assert bed.board.model is None
+    await bed.confirm()
+    await bed.until(lambda: bed.board.model == "base with deflection_offset")
+
+
+async def test_what_was_adopted_can_be_undone(bedside, named, tmp_path):
+    search = Search(named)
+    search.go.set()
+    async with bedside(explain=search) as bed:
+        await bed.connected()
+        await bed.run()
+        await bed.press("d")
+        await bed.until(lambda: bed.board.missing and bed.board.missing.outcome)
+        await bed.press("a")
+        await bed.until(lambda: isinstance(bed.app.screen, ConfirmScreen))
+        await bed.press("f8")
+        await bed.until(lambda: isinstance(bed.app.screen, MissingScreen))
+        assert bed.board.model is None
+        await adopt(bed)
+        await bed.until(lambda: isinstance(bed.app.screen, MissingScreen))
+        await bed.press("ctrl+z")
+        await bed.until(lambda: bed.board.model is None)
+        await bed.until(lambda: "Adopted" not in bed.text("#missing-text"))
+        await bed.press("b")
+        await bed.until(lambda: isinstance(bed.app.screen, MainScreen))
+        await bed.run()
+        assert len(bed.board.entries) == 2  # the session goes on, with the model of before
+        assert "deflection_offset" not in str(bed.board.entry.result.parameters)
+    (path,) = tmp_path.glob("*.h5")
+    deeds = [entry.what for entry in entries(read_session(path).records)]
+    assert deeds.index("model adopted") < deeds.index("model adoption undone")
+
+
 async def test_without_a_curve_there_is_nothing_to_look_at(bedside):
     async with bedside() as bed:
         await bed.connected()
@@ -156,13 +197,11 @@ async def test_without_a_curve_there_is_nothing_to_look_at(bedside):
 
 
 async def test_a_search_that_fails_is_a_sentence(bedside):
-    def fail(*_):
-        raise InputError("curve 1: 3 samples; expected 20 or more")
+    class Fails(Search):
+        def __call__(self, *_):
+            raise InputError("curve 1: 3 samples; expected 20 or more")
 
-    search = Search()
-    async with bedside(explain=search) as bed:
-        bed.app.bench._explain = fail
-        fail.cancel = lambda: None
+    async with bedside(explain=Fails()) as bed:
         await bed.connected()
         await bed.run()
         await bed.press("d")
@@ -260,6 +299,7 @@ def test_what_the_search_refuses_is_said(table):
 
 def test_closing_ends_the_search(tmp_path, identifier):
     search = Search()
-    bench = Bench(tmp_path, lambda _: None, make_identifier=lambda: identifier, explain=search)
-    bench.close()
+    ProbeSession(
+        tmp_path, lambda _: None, make_identifier=lambda: identifier, explain=search
+    ).close()
     assert search.go.is_set()

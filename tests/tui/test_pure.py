@@ -8,16 +8,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.events import Hello, HostVented, InstrumentState, Sample, State
+from skinlab.acquisition.measurement_request import DEFAULTS, complaint, read_order, with_opening
+from skinlab.acquisition.messages import Connected, Disconnected, Failed, Heard
 from skinlab.curves.curve import Curve, Setup
+from skinlab.curves.growing import GrowingCurve
 from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
 from skinlab.inference.result import Identification, Value
 from skinlab.recording.recorder import new_session_path
 from skinlab.recording.stream import CurveCompleted, CurveStarted, Happened, Identified, Sampled
-from skinlab.tui.measurement_request import DEFAULTS, complaint, read_order, with_opening
-from skinlab.tui.messages import Connected, Disconnected, Failed, Heard
-from skinlab.tui.text import digits, flag_words, interval_text, result_lines, row_texts
-from skinlab.tui.trace import (
+from skinlab.tui.plot_data import (
     Trace,
     box_around,
     fitted,
@@ -27,6 +27,7 @@ from skinlab.tui.trace import (
     spaced,
     thin,
 )
+from skinlab.tui.text import digits, flag_words, interval_text, result_lines, row_texts
 from skinlab.tui.ui_state import Board, Entry, Level
 
 HELLO = Hello("reference", 1, "rig", "1.0", "7", 6.0, 500.0, 60.0, 1.0, 1000.0, simulated=False)
@@ -46,7 +47,7 @@ def result(n=20, **changes):
             "X2_MPa": Value(2.9),
             "nu": Value(0.28, 0.21, 0.46),
         },
-        "nu_consistent": 0.324,
+        "derived": {"nu_consistent": 0.324, "kappa_MPa": 0.135},
         "error_um": 0.42,
         "rms_um": 3.0,
         "flags": ("not_identifiable:nu", "frozen_sensor"),
@@ -109,9 +110,11 @@ def test_no_result_says_why():
 
 def test_rows_of_the_list():
     entry = Entry(1, curve(), None, 0)
-    assert row_texts(entry) == ("1", "ramp:100@20", "1", "", "", "", "", "")
+    assert row_texts(entry) == ("1", "no subject", "", "ramp:100@20", "1", "", "", "", "", "")
+    entry.visit, entry.at = ("P07", "forearm"), datetime(2026, 1, 2, 14, 32)
+    assert row_texts(entry)[1:3] == ("P07, forearm", "14:32")
     entry.result = result()
-    assert row_texts(entry)[3:7] == ("0.02500", "2.900", "0.2800", "0.420")
+    assert row_texts(entry)[5:9] == ("0.02500", "2.900", "0.2800", "0.420")
 
 
 def test_unknown_flags_are_readable():
@@ -177,7 +180,8 @@ def running_board():
     board = Board("p")
     board.begin("connecting", "")
     board.see(Connected("p", HELLO))
-    board.see(Heard((CurveStarted(1, SETUP), Happened(State(InstrumentState.RUNNING, "")))))
+    growing = GrowingCurve(SETUP)
+    board.see(Heard((CurveStarted(1, growing), Happened(State(InstrumentState.RUNNING, "")))))
     return board
 
 
@@ -185,9 +189,11 @@ def test_the_board_follows_a_run():
     board = running_board()
     assert board.phase == "RUNNING"
     assert board.moving
-    board.see(Heard((Sampled(1, Sample(0, 0.0, 1.0, 0.1, 0)),)))
+    sample = Sample(0, 0.0, 1.0, 0.1, 0)
+    board.live.curve.append(sample)
+    board.see(Heard((Sampled(1, sample),)))
     board.see(Heard((Sampled(1, Sample(1, 5.0, 9.0, 0.2, 1)),)))  # of the vent: not the curve's
-    assert board.live.pressure_mbar == [1.0]
+    assert board.live.curve.pressure_mbar.tolist() == [1.0]
     assert board.latest.pressure_mbar == 9.0
     done = curve()
     board.see(Heard((CurveCompleted(1, done, None, 0), Identified(1, done, result()))))

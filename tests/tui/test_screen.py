@@ -1,17 +1,18 @@
 from __future__ import annotations
 
 import pytest
+from textual import events
 from textual.widgets import Input, OptionList
 
 from drivers.events import Alarm
+from skinlab.acquisition.messages import Heard
 from skinlab.recording.stream import Happened
-from skinlab.tui.messages import Heard
 from skinlab.tui.screens.alarm import AlarmScreen
 from skinlab.tui.screens.help import HelpScreen
 from skinlab.tui.screens.main import MainScreen
 from skinlab.tui.screens.ports import PortsScreen
 
-SMALL_AND_LARGE = [(80, 24), (60, 20), (160, 50), (30, 8)]
+SMALL_AND_LARGE = [(80, 24), (60, 20), (160, 50)]
 
 
 async def test_a_bad_program_is_said_under_its_field_and_is_not_armed(bedside):
@@ -20,13 +21,13 @@ async def test_a_bad_program_is_said_under_its_field_and_is_not_armed(bedside):
         await bed.type("program", "ramp:900@20")
         await bed.until(lambda: "0–500 mbar" in bed.text("#wrong-program"))
         assert bed.app.screen.query_one("#wrong-program").display
-        await bed.press("escape", "enter")
+        await bed.press("escape", "f8")
         await bed.until(lambda: "0–500 mbar" in bed.board.note)
         assert not bed.board.moving
         await bed.until(lambda: bed.app.screen.query_one("#program").has_focus)
         await bed.fill("program", "ramp:50@20")
         await bed.until(lambda: not bed.app.screen.query_one("#wrong-program").display)
-        await bed.arm()
+        await bed.check()
 
 
 async def test_other_fields_are_checked_as_they_are_typed(bedside):
@@ -54,7 +55,7 @@ async def test_a_missing_port_is_a_sentence_and_another_one_can_be_tried(bedside
         assert not bed.app.screen.query_one("#banner").display
         assert "Traceback" not in bed.screenshot()
         await bed.fill("port", "sim://?seed=1&speed=20")
-        await bed.arm()  # connects first
+        await bed.check()  # connects first
         assert bed.board.hello is not None
 
 
@@ -62,12 +63,12 @@ async def test_a_probe_with_another_opening_is_not_armed_by_mistake(bedside):
     async with bedside("/dev/no-such-port") as bed:
         await bed.until(lambda: bed.board.doing is None)
         await bed.fill("port", "sim://?seed=1&speed=20&aperture_mm=2")
-        await bed.press("enter")
+        await bed.press("f8", "f8")
         await bed.connected()
         assert "2 mm" in bed.board.note
         assert not bed.board.moving
         assert bed.app.screen.query_one("#aperture_mm", Input).value == "2"
-        await bed.arm()
+        await bed.check()
 
 
 async def test_letters_are_text_in_a_field_and_keys_elsewhere(bedside):
@@ -83,26 +84,25 @@ async def test_letters_are_text_in_a_field_and_keys_elsewhere(bedside):
         await bed.until(lambda: bed.app.bench.vents == 2)
 
 
-async def test_fields_take_no_text_while_armed(bedside):
+async def test_fields_take_no_text_while_it_is_shown_what_will_happen(bedside):
     async with bedside() as bed:
         await bed.connected()
         await bed.type("site", "arm")
-        await bed.press("enter")
-        await bed.press("x", "y", "z")  # at once: arming has begun
-        await bed.until(lambda: bed.board.can_start)
-        await bed.press("tab", "x")
+        await bed.check()
+        await bed.press("x", "y", "z", "tab", "x")
         assert bed.app.screen.query_one("#site", Input).value == "arm"
         assert not isinstance(bed.app.focused, Input)
         await bed.press("v")
-        await bed.until(lambda: bed.board.can_arm)
+        await bed.until(lambda: bed.board.review is None)
         await bed.type("site", "leg")
         await bed.until(lambda: bed.app.screen.query_one("#site", Input).value == "leg")
 
 
-async def test_space_without_arming_starts_nothing(bedside):
+async def test_enter_and_space_start_nothing(bedside):
     async with bedside() as bed:
         await bed.connected()
-        await bed.press("space")
+        await bed.press("enter", "space", "f9")
+        await bed.until(lambda: "F8 first" in bed.board.note)
         assert bed.board.doing is None
         assert bed.board.live is None
 
@@ -121,7 +121,7 @@ async def test_help_opens_and_closes(bedside, key):
 async def test_v_vents_through_the_help(bedside):
     async with bedside() as bed:
         await bed.connected()
-        await bed.arm()
+        await bed.check()
         await bed.press("f1")
         await bed.until(lambda: isinstance(bed.app.screen, HelpScreen))
         await bed.press("v")
@@ -136,11 +136,11 @@ async def test_the_alarm_stays_until_it_is_acknowledged(bedside):
         bed.app.post_message(bed.app.Said(alarm))
         await bed.until(lambda: isinstance(bed.app.screen, AlarmScreen))
         bed.app.post_message(bed.app.Said(alarm))
-        await bed.press("enter", "space", "escape", "v", "f1", "q")
+        await bed.press("enter", "space", "escape", "v", "f1", "q", "a", "f8", "f9")
         await bed.until(lambda: bed.app.bench.vents >= 2)
         assert isinstance(bed.app.screen, AlarmScreen)
         assert not bed.board.can_arm
-        await bed.press("a")
+        await bed.confirm()
         await bed.until(lambda: isinstance(bed.app.screen, MainScreen))
         await bed.until(lambda: bed.board.alarm is None)
         await bed.connected()
@@ -167,9 +167,7 @@ async def test_every_size_shows_a_measurement(bedside, size):
         await bed.until(lambda: "X1" in bed.text("#card-text"))
         await bed.until(lambda: "READY" in bed.text("#phase"))
         await bed.pilot.pause()
-        if size[0] < 60:
-            return
-        for word in ("SIMULATED", "READY", "X1", "X2", "nu", "mbar", "Enter", "Vent", "Quit"):
+        for word in ("SIMULATED", "READY", "X1", "X2", "nu", "mbar", "Check", "Vent", "Quit"):
             await bed.until(lambda w=word: w in bed.screenshot().replace("&#160;", " "))
         main = bed.app.screen
         parts = ("#settings-line", "#card", "#plot-panel", "#strip", "#reading", "#curves", "#note")
@@ -180,19 +178,69 @@ async def test_every_size_shows_a_measurement(bedside, size):
             assert main.region.contains_region(region), part
 
 
+async def test_nothing_starts_where_what_will_happen_does_not_fit(bedside):
+    async with bedside(size=(30, 8)) as bed:
+        await bed.connected()
+        await bed.press("f8", "f8")
+        await bed.until(lambda: bed.board.review)
+        await bed.pilot.pause()
+        bed.clock.now_s += 2.0
+        await bed.press("f9")
+        await bed.until(lambda: "make it larger" in bed.board.note)
+        assert not bed.board.moving
+        await bed.pilot.resize_terminal(80, 24)
+        await bed.start()
+
+
+async def test_a_program_of_many_parts_fits_too(bedside):
+    async with bedside(size=(60, 20)) as bed:
+        await bed.connected()
+        await bed.fill("program", "mode1:100,0.1,0.1,30")
+        await bed.check()
+        assert "120 parts in all" in bed.text("#card-text")
+        await bed.press("f9")
+        await bed.until(lambda: bed.board.live or bed.board.entries)
+
+
+async def test_tab_and_enter_go_round_in_the_fields(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        count = len(bed.app.screen.query(Input))
+        for key, steps in (("tab", count), ("shift+tab", count), ("enter", count)):
+            await bed.press("f3")
+            await bed.until(lambda: bed.app.screen.query_one("#program").has_focus)
+            seen = []
+            for _ in range(steps):
+                await bed.press(key)
+                seen.append(bed.app.focused.id)
+            assert len(set(seen)) == count
+            assert seen[-1] == "program"
+            await bed.press("f3")
+        assert not bed.board.moving
+
+
+async def test_what_is_typed_at_once_behind_a_tab_goes_to_the_next_field(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        await bed.press("f8")  # asks for a subject
+        await bed.until(lambda: bed.app.screen.query_one("#subject").has_focus)
+        for key in ("P", "7", "tab", "a", "r", "m"):
+            bed.app.post_message(events.Key(key, key if len(key) == 1 else None))
+        site, subject = (bed.app.screen.query_one(f, Input) for f in ("#site", "#subject"))
+        await bed.until(lambda: site.value == "arm")
+        assert subject.value == "P7"
+
+
 async def test_resizing_while_the_curve_is_drawn(bedside):
     async with bedside("sim://?seed=1&speed=10") as bed:
         await bed.connected()
         await bed.fill("program", "ramp:100@2")
-        await bed.arm()
-        await bed.press("space")
+        await bed.start()
         await bed.until(lambda: bed.board.live or bed.board.entries)
         for size in [(60, 20), (20, 5), (120, 40)]:
-            before = len(bed.board.live.pressure_mbar) if bed.board.live else 0
+            before = len(bed.board.live.curve) if bed.board.live else 0
             await bed.pilot.resize_terminal(*size)
-            await bed.until(
-                lambda n=before: not bed.board.live or len(bed.board.live.pressure_mbar) > n
-            )
+            await bed.until(lambda n=before: not bed.board.live or len(bed.board.live.curve) > n)
         await bed.until(lambda: bed.board.entry and bed.board.entry.result)
         assert bed.board.entry.cut is None
 
@@ -215,10 +263,10 @@ async def test_a_bug_in_a_handler_vents_and_shows_no_traceback(bedside, capsys):
     async def start_with_the_bug():
         async with bedside() as bed:
             await bed.connected()
-            await bed.arm()
+            await bed.check()
             bed.board.see = broken
             found.append(bed)
-            await bed.press("space")
+            await bed.press("f9")
             await bed.until(lambda: bed.app.failure is not None)
 
     found = []

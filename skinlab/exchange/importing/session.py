@@ -15,7 +15,7 @@ from skinlab.exchange.importing.reader import Imported
 from skinlab.inference.identify import Identifier
 from skinlab.inference.result import Identification
 from skinlab.recording.audit import Chain, note, operator
-from skinlab.recording.pseudonym import check_subject
+from skinlab.recording.pseudonym import check_site, check_subject
 from skinlab.recording.recorder import identification_settings
 from skinlab.recording.session import Session, write_session
 from skinlab.versions import versions
@@ -26,7 +26,7 @@ class Who:
     """Whose curves they are, who imports them, and the two clocks: monotonic and Unix time, in s.
 
     Raises:
-        InputError: the subject is no pseudonym.
+        InputError: the subject is no pseudonym, or the site names a person.
     """
 
     subject: str = ""
@@ -38,6 +38,7 @@ class Who:
     def __post_init__(self) -> None:
         """Refuse what looks like a name."""
         check_subject(self.subject)
+        check_site(self.site)
 
 
 def imported_session(

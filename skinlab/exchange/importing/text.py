@@ -73,7 +73,10 @@ def _cut(raw: Sequence[str], separator: str) -> list[Line]:
             cells = re.sub(r"\s+(?=[(\[])", "", bare).split()
             loose = re.split(r"\s{2,}|\t", bare.strip())
         else:
-            cells = next(csv.reader([text], delimiter=SEPARATORS[separator]), [])
+            try:
+                cells = next(csv.reader([text], delimiter=SEPARATORS[separator]), [])
+            except csv.Error as error:
+                raise InputError(f"line {number}: {error}; expected rows of a table") from None
         while cells and not cells[-1].strip():
             cells.pop()
         if cells:

@@ -13,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from skinlab.inference.methods.base import Method
 from skinlab.inference.optimise import polish
 from skinlab.inference.problem import Estimate, Options, Problem, check
 
@@ -79,4 +80,9 @@ def _distinct(unit: Array, apart: float) -> Array:
     return np.array(kept).reshape(-1, unit.shape[1])
 
 
-METHOD = ("auto", identify)
+METHOD = Method(
+    "auto",
+    identify,
+    "many random candidates over all that is possible, the best ones of every part of it walked "
+    "down to the bottom of their valley by least squares; the lowest is the answer",
+)

@@ -13,6 +13,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from skinlab.inference.methods.base import Method
 from skinlab.inference.optimise import unit_slopes
 from skinlab.inference.problem import Estimate, Options, Problem
 
@@ -134,4 +135,4 @@ class Search:
         return Estimate(parameters, error_um, iterations, self.evaluations, converged)
 
 
-METHOD = ("gn", identify)
+METHOD = Method("gn", identify, "Gauss-Newton from the lowest values", in_papers_box=True)

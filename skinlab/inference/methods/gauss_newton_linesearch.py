@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from skinlab.inference.methods.base import Method
 from skinlab.inference.methods.gauss_newton import Search
 from skinlab.inference.problem import Estimate, Options, Problem
 
@@ -45,4 +46,9 @@ def identify(
     return search.end(unit, error, options.most_iterations, converged=False)
 
 
-METHOD = ("gn-linesearch", identify)
+METHOD = Method(
+    "gn-linesearch",
+    identify,
+    "Gauss-Newton with a line search, from the lowest values",
+    in_papers_box=True,
+)

@@ -10,6 +10,10 @@ the Gaussian starts in the middle of the box with one sixth of its width for S.
 
 Two things differ. Unknowns are points of the space's unit cube, because the slowdown mixes their
 variances, which X1 in MPa and ν do not share. What is drawn outside of the cube is no candidate.
+
+Unverified: whether the slowdown's max W is of variances, as here, or of standard deviations, as
+W = √P in the source would have it, as far as remembered. The papers could not be read again. With
+S at most 1/6 variances are the smaller, and the Gaussian shrinks sooner.
 """
 
 from __future__ import annotations
@@ -17,9 +21,18 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from skinlab.inference.methods.base import Method, Option
 from skinlab.inference.problem import Estimate, Options, Problem, check
 
 Array = NDArray[np.float64]
+
+SLOWDOWN = Option(  # α, how fast the Gaussian may shrink
+    "slowdown",
+    0.4,
+    "the lower, the slower it narrows, 0 to 1",
+    "more than 0, at most 1",
+    lambda value: 0.0 < value <= 1.0,
+)
 
 
 def identify(problem: Problem, options: Options, rng: np.random.Generator) -> Estimate:
@@ -31,6 +44,7 @@ def identify(problem: Problem, options: Options, rng: np.random.Generator) -> Es
         InputError: an option is out of its range.
     """
     check(options)
+    slowdown = SLOWDOWN.of(options)
     space = problem.space
     n = len(space.names)
     mean, deviation = np.full(n, 0.5), np.full(n, 1.0 / 6.0)
@@ -49,7 +63,7 @@ def identify(problem: Problem, options: Options, rng: np.random.Generator) -> Es
             answer, least = candidates[order[0]], float(error[order[0]])
         if error[order[-1]] - error[order[0]] <= options.tolerance_um:
             return Estimate(space.from_unit(answer), least, iteration, evaluations, converged=True)
-        mean, deviation = update(mean, deviation, candidates[order], options.slowdown)
+        mean, deviation = update(mean, deviation, candidates[order], slowdown)
     return Estimate(
         space.from_unit(answer), least, options.most_iterations, evaluations, converged=False
     )
@@ -71,4 +85,11 @@ def update(mean: Array, deviation: Array, best: Array, slowdown: float) -> tuple
     )
 
 
-METHOD = ("hka", identify)
+METHOD = Method(
+    "hka",
+    identify,
+    "the heuristic Kalman algorithm: random candidates from a Gaussian, which is drawn towards the "
+    "best ones",
+    (SLOWDOWN,),
+    in_papers_box=True,
+)

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
+from skinlab.inference.methods.base import Method
 from skinlab.inference.methods.gauss_newton import Search
 from skinlab.inference.problem import Estimate, Options, Problem, check
 
@@ -29,6 +29,8 @@ def identify(
     Raises:
         InputError: an option is out of its range.
     """
+    from scipy.optimize import least_squares  # slow to import, and seldom asked for
+
     check(options)
     search = Search(problem)
     if start is None:
@@ -41,7 +43,7 @@ def identify(
     iterations = 0
 
     def residuals(theta: Array) -> Array:
-        r = search.residuals(np.sin(theta) ** 2)
+        r = _as_many(search.residuals(np.sin(theta) ** 2), len(theta))
         return r if np.isfinite(r).all() else np.full(len(r), _NO_MODEL_MM)
 
     def jacobian(theta: Array) -> Array:
@@ -49,7 +51,7 @@ def identify(
         iterations += 1
         # Next to where the model ends a difference may have no value: that way is no way.
         slopes = search.jacobian(np.sin(theta) ** 2) * np.sin(2.0 * theta)
-        return np.nan_to_num(slopes, nan=0.0)
+        return _as_many(np.nan_to_num(slopes, nan=0.0), len(theta))
 
     fit = least_squares(
         residuals,
@@ -69,4 +71,13 @@ def identify(
     return search.end(found, at_found, iterations, converged=converged)
 
 
-METHOD = ("lm", identify)
+def _as_many(rows: Array, least: int) -> Array:
+    """Return rows with zeros behind them: MINPACK wants as many residuals as parameters.
+
+    A curve without suction has fewer: one number says all of it.
+    """
+    missing = max(0, least - len(rows))
+    return np.concatenate([rows, np.zeros((missing, *rows.shape[1:]))])
+
+
+METHOD = Method("lm", identify, "Levenberg-Marquardt from the best of random candidates")

@@ -15,17 +15,35 @@ and a curve that the model does not fit to the last µm can make the estimates s
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from skinlab.inference.methods.base import Method, Option
 from skinlab.inference.methods.gauss_newton import Search
 from skinlab.inference.optimise import unit_slopes
 from skinlab.inference.problem import Estimate, Options, Problem, check
 
 Array = NDArray[np.float64]
+
+FORGETTING = Option(  # λ0
+    "forgetting",
+    0.9,
+    "lambda0, 1 forgets nothing",
+    "more than 0, at most 1",
+    lambda value: 0.0 < value <= 1.0,
+)
+COVARIANCE = Option(
+    "covariance",
+    1.0,
+    "diagonal of P at the start; more is bolder",
+    "more than 0",
+    lambda value: 0.0 < value < math.inf,
+)
+PASSES = Option("passes", 100, "most runs over a curve", "1 or more", lambda value: value >= 1)
 
 _WOUND_UP = 1e100  # trace of P: a direction that no sample speaks of, forgotten too often
 
@@ -57,23 +75,24 @@ def identify(
     """
     del rng  # nothing is drawn
     check(options)
+    forgetting, passes = FORGETTING.of(options), PASSES.of(options)
     search = Search(problem)
     unit, error = search.begin(start)
     if not np.isfinite(error):
         return search.end(unit, error, 0, converged=False)
     to_unit = np.linalg.inv(unit_slopes(problem.space, unit))
-    P = options.covariance * to_unit @ to_unit.T
-    for iteration in range(1, options.passes + 1):
+    P = COVARIANCE.of(options) * to_unit @ to_unit.T
+    for iteration in range(1, passes + 1):
         if not np.isfinite(_sample(problem, search, unit, 0)[1]).all():  # the model ends right here
             return search.end(unit, error, iteration, converged=False)
-        unit, P = _one_pass(problem, search, unit, P, options.forgetting)
+        unit, P = _one_pass(problem, search, unit, P, forgetting)
         previous, error = error, float(search.error_um(unit[None])[0])
         watch(problem.space.from_unit(unit), error)
         if abs(previous - error) <= options.tolerance_um:
             return search.end(unit, error, iteration, converged=True)
         if not np.trace(P) < _WOUND_UP:
             return search.end(unit, error, iteration, converged=False)
-    return search.end(unit, error, options.passes, converged=False)
+    return search.end(unit, error, passes, converged=False)
 
 
 def _one_pass(
@@ -111,4 +130,10 @@ def _sample(problem: Problem, search: Search, unit: Array, t: int) -> tuple[floa
     return difference, by_parameters @ unit_slopes(problem.space, unit)
 
 
-METHOD = ("rls", identify)
+METHOD = Method(
+    "rls",
+    identify,
+    "recursive least squares with forgetting, sample by sample, in repeated passes",
+    (FORGETTING, COVARIANCE, PASSES),
+    in_papers_box=True,
+)

@@ -7,52 +7,21 @@ own file asks which effect it is.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.errors import InputError
 from skinlab.mechanics.fem.skin import SkinProblem
+from skinlab.parameters import Parameter
+
+__all__ = ["Array", "Effect", "Parameter", "Values"]
+from skinlab.plugins import needs
 
 Array = NDArray[np.float64]
 Values = Mapping[str, float]
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """One number of an effect.
-
-    `zero` is the value at which the effect is not there, whatever its other parameters say; None
-    where this parameter has no such value (a time constant). `typical` is a size that is seen in
-    practice. `default` is taken where a file does not give the parameter; None: it must be given.
-    """
-
-    name: str
-    unit: str
-    meaning: str
-    low: float
-    high: float
-    zero: float | None
-    typical: float
-    source: str
-    spacing: Literal["linear", "log"] = "linear"
-    default: float | None = None
-
-    def check(self, value: float, where: str) -> None:
-        """Refuse a value out of bounds.
-
-        Raises:
-            InputError: names the field, and what was expected.
-        """
-        if not (math.isfinite(value) and self.low <= value <= self.high):
-            unit = f" {self.unit}" if self.unit else ""
-            raise InputError(
-                f"{where}.{self.name} is {value:g}: expected {self.low:g} to {self.high:g}{unit}"
-            )
 
 
 class Effect:
@@ -117,3 +86,18 @@ class Effect:
     def typical(self) -> dict[str, float]:
         """A size that is seen in practice."""
         return {p.name: p.typical for p in self.parameters}
+
+
+def check_effect(one: object) -> None:
+    """Check that an extension is an effect.
+
+    Raises:
+        TypeError: it is not.
+    """
+    needs(one, "meaning", "formula", "parameters", "source", "physical")
+    if not isinstance(one, Effect):
+        raise TypeError(
+            f"it is a {type(one).__name__}; expected a skinlab.mechanics.effects.base.Effect"
+        )
+    if not any(p.zero is not None for p in one.parameters):
+        raise TypeError("none of its parameters has a zero; expected one, the effect's size")

@@ -35,7 +35,7 @@ class Hypodermis(Effect):
         if values["X1_kPa"] == 0.0:
             return problem
         x1 = 1e-3 * values["X1_kPa"]
-        layer = Layer(values["thickness_mm"], x1, x1 * float(kappa_ratio(NU, problem.kappa)))
+        layer = Layer(values["thickness_mm"], x1, x1 * float(kappa_ratio(NU, problem.skin.kappa)))
         return replace(problem, below=(*problem.below, layer))
 
 

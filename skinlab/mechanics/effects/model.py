@@ -15,10 +15,10 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicHermiteSpline
 
 from skinlab.curves.pressure_path import PressurePath
+from skinlab.mechanics.effects import checked, get_effect
 from skinlab.mechanics.effects.base import Effect
-from skinlab.mechanics.effects.registry import checked, get_effect
 from skinlab.mechanics.fem.relaxation import RelaxingCurve, relax
-from skinlab.mechanics.fem.skin import SkinProblem, prepare
+from skinlab.mechanics.fem.skin import Skin, SkinProblem, prepare
 from skinlab.mechanics.fem.suction import (
     EXTENSION_ABOVE,
     EXTENSION_BELOW_MBAR,
@@ -27,21 +27,9 @@ from skinlab.mechanics.fem.suction import (
     Geometry,
     trace,
 )
-from skinlab.mechanics.materials.compressibility import KappaConvention
 
 Array = NDArray[np.float64]
 Effects = Mapping[str, Mapping[str, float]]  # name of the effect -> parameter -> value
-
-
-@dataclass(frozen=True)
-class Skin:
-    """The base law's parameters of one skin."""
-
-    X1_MPa: float
-    X2_MPa: float
-    nu: float
-    kappa: KappaConvention = "paper"
-    law: str = "extended_neo_hookean"
 
 
 @dataclass(frozen=True)
@@ -99,7 +87,7 @@ def problem_of(skin: Skin, effects: Effects, geometry: Geometry, cycle: int = 1)
     Raises:
         InputError: a value is out of its range.
     """
-    problem = SkinProblem(geometry, skin.X1_MPa, skin.X2_MPa, skin.nu, skin.kappa, skin.law)
+    problem = SkinProblem(geometry, skin)
     for name, values in checked(effects).items():
         problem = get_effect(name).change(problem, values, cycle)
     return problem

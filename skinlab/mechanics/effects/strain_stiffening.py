@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from skinlab.mechanics.effects.base import Effect, Parameter, Values
 from skinlab.mechanics.fem.skin import SkinProblem, Term
-from skinlab.mechanics.materials.base import Array, Potential
+from skinlab.mechanics.materials.base import Array, Energy, Potential
 
 
-@dataclass(frozen=True)
-class Cubic:
+class Cubic(Energy):
     """W = X3 (J1 − 3)³, the third term of Yeoh's law."""
 
-    name: str = "cubic"
-    parameter_names: tuple[str, ...] = ("X3_MPa",)
-    source: str = "Yeoh 1993"
+    name = "cubic"
+    parameter_names = ("X3_MPa",)
+    source = "Yeoh 1993"
 
-    def potential(self, i1: Array, i2: Array, j: Array, parameters: Mapping[str, Any]) -> Potential:
+    def isochoric(self, i1: Array, i2: Array, j: Array, parameters: Mapping[str, Any]) -> Potential:
         """Return energy and derivatives; X3_MPa in MPa."""
         x3 = parameters["X3_MPa"]
         a = j ** (-2.0 / 3.0)  # J1 = a I1

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 from skinlab.mechanics.effects.base import Effect, Parameter, Values
 from skinlab.mechanics.fem.skin import Layer, SkinProblem
-from skinlab.mechanics.materials.compressibility import kappa_ratio
 
 
 class SurfaceLayer(Effect):
@@ -33,7 +32,7 @@ class SurfaceLayer(Effect):
         if values["thickness_um"] == 0.0:
             return problem
         x1 = values["X1_MPa"]
-        kappa = x1 * float(kappa_ratio(problem.nu, problem.kappa))
+        kappa = x1 * problem.skin.dilatation_ratio
         layer = Layer(1e-3 * values["thickness_um"], x1, kappa)
         return replace(problem, above=(*problem.above, layer))
 

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from skinlab.mechanics.fem.element import Element, dilatation_basis, line_shape, quadrature, shape
 from skinlab.mechanics.fem.mesh import Mesh
-from skinlab.mechanics.materials.base import Law
+from skinlab.mechanics.materials.base import HasPotential
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -48,7 +48,7 @@ class State:
 class Assembly:
     """The discrete suction problem of one mesh and law: evaluates a State at given unknowns."""
 
-    def __init__(self, mesh: Mesh, element: Element, law: Law, fixed: Index) -> None:
+    def __init__(self, mesh: Mesh, element: Element, law: HasPotential, fixed: Index) -> None:
         """Prepare gradients and the sparsity pattern.
 
         `fixed` are the degrees of freedom (2 node + direction) that do not move.
@@ -363,7 +363,9 @@ def _gather(slots: Index, values: Array, length: int) -> Array:
     return np.asarray(np.bincount(slots, values.ravel(), minlength=length), dtype=float)
 
 
-def dilatation(law: Law, j: Array, parameters: Mapping[str, Any]) -> tuple[Array, Array, Array]:
+def dilatation(
+    law: HasPotential, j: Array, parameters: Mapping[str, Any]
+) -> tuple[Array, Array, Array]:
     """Return U(J), the law's energy at F = J^(1/3) 1, and its first and second derivative."""
     third = np.cbrt(j)
     p = law.potential(3 * third**2, 3 * third**4, j, parameters)
@@ -380,7 +382,7 @@ def dilatation(law: Law, j: Array, parameters: Mapping[str, Any]) -> tuple[Array
 
 
 def stress_and_tangent(
-    f: Array, law: Law, parameters: Mapping[str, Any]
+    f: Array, law: HasPotential, parameters: Mapping[str, Any]
 ) -> tuple[Array, Array, Array, Array]:
     """Return energy (...), first Piola-Kirchhoff stress (5, ...), tangent (5, 5, ...) and det F.
 

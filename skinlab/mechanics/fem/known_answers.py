@@ -24,7 +24,9 @@ from skinlab.mechanics.fem.element import Element
 from skinlab.mechanics.fem.mesh import Mesh, graded_sizes, grid_mesh
 from skinlab.mechanics.fem.newton import EquilibriumPath, StepSettings, follow
 from skinlab.mechanics.fem.suction import Geometry, SuctionCurve
-from skinlab.mechanics.materials import Law, get_law
+from skinlab.mechanics.materials import DEFAULT_LAW, Law, get_law
+from skinlab.mechanics.materials import extended_neo_hookean as eq_1
+from skinlab.mechanics.materials.base import KAPPA
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -64,12 +66,8 @@ class Problem:
 
 
 def neo_hookean(mu_mpa: float, nu: float) -> dict[str, float]:
-    """Return the parameters of eq. (1) with X2 = 0 that are, at small strain, μ and ν."""
-    return {
-        "X1_MPa": 0.5 * mu_mpa,
-        "X2_MPa": 0.0,
-        "kappa_MPa": 2.0 * mu_mpa * (1 + nu) / (3 * (1 - 2 * nu)),
-    }
+    """Return the parameters of the neo-Hookean law that are, at small strain, μ and ν."""
+    return eq_1.neo_hookean(0.5 * mu_mpa, 2.0 * mu_mpa * (1 + nu) / (3 * (1 - 2 * nu)))
 
 
 # ---- thick shells ----
@@ -99,9 +97,7 @@ def thick_shell(
         fixed = np.concatenate([2 * last, 2 * first + 1])
     else:
         fixed = np.concatenate([2 * first + 1, 2 * last + 1])
-    assembly = Assembly(
-        replace(mesh, loaded_edges=edges), element, get_law("extended_neo_hookean"), fixed
-    )
+    assembly = Assembly(replace(mesh, loaded_edges=edges), element, get_law(DEFAULT_LAW), fixed)
     return Problem(assembly, int(assembly.equation[2 * inside[-1]]), inner)
 
 
@@ -159,7 +155,7 @@ def disc(
     radius: float,
     thickness: float,
     element: Element,
-    law: str = "extended_neo_hookean",
+    law: str = DEFAULT_LAW,
     *,
     held: str = "clamped",
     through: int = 2,
@@ -331,9 +327,9 @@ def reference_curves(folder: Path) -> list[ReferenceCurve]:
             ReferenceCurve(
                 file=folder / entry["file"],
                 parameters={
-                    "X1_MPa": entry["X1"],
-                    "X2_MPa": entry["X2"],
-                    "kappa_MPa": entry["kappa_MPa"],
+                    eq_1.X1: entry["X1"],
+                    eq_1.X2: entry["X2"],
+                    KAPPA: entry[KAPPA],
                 },
                 nu=entry["nu"],
                 geometry=GeometryTo(2 * entry["R"], entry["h"], entry["r_out"]),

@@ -118,11 +118,12 @@ def isochoric_stress(prepared: Prepared, unknowns: Array) -> Array:
     minor = c[0] * c[2] - c[1] * c[1]
     i1 = c[0] + c[2] + c[3]
     i2 = minor + (c[0] + c[2]) * c[3]
-    p = assembly.law.potential(i1, i2, det, prepared.isochoric_parameters())
+    p = prepared.isochoric(i1, i2, det)
     inverse = np.stack([c[2] / minor, -c[1] / minor, c[0] / minor, 1 / c[3]])
     identity = np.array([1.0, 0.0, 1.0, 1.0])[:, None, None]
     s = 2 * ((p.d_i1 + p.d_i2 * i1) * identity - p.d_i2 * c) + det * p.d_j * inverse
-    return np.asarray(s * prepared.own if prepared.layered else s)
+    own = prepared.body.own
+    return np.asarray(s if own is None else s * own[:, None])
 
 
 def step_factors(x: float) -> tuple[float, float, float]:

@@ -1,6 +1,6 @@
 """The mechanical problem of a skin under the probe, with all that can differ from the plain one.
 
-One layer of the paper's law with a held rim is the plain problem. Besides, there may be layers of
+One layer of a law with a held rim is the plain problem. Besides, there may be layers of
 other stiffness in it and under it, a stretch in its plane before the tape was put on, a rim that
 slips, energy that the law lacks, tissue that is softer than at first, stress that relaxes, and a
 dome that was there before the suction. What each of these means physically is told where it is
@@ -10,8 +10,8 @@ used: `skinlab/mechanics/effects/`.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from typing import Any
 
@@ -22,29 +22,64 @@ from scipy.optimize import brentq
 from skinlab.errors import InputError
 from skinlab.mechanics.fem.assembly import Assembly, stress_and_tangent
 from skinlab.mechanics.fem.suction import MESH_OF_RECORD, Discretisation, Geometry
-from skinlab.mechanics.materials import Law, get_law
-from skinlab.mechanics.materials.compressibility import KappaConvention, kappa_ratio
-from skinlab.mechanics.materials.total import Total
+from skinlab.mechanics.materials import DEFAULT_LAW, Energy, Law, Potential, get_law
+from skinlab.mechanics.materials.base import HasPotential
+from skinlab.mechanics.materials.compressibility import KappaConvention
+from skinlab.mechanics.materials.extended_neo_hookean import LAW as LAYERS_LAW
+from skinlab.mechanics.materials.extended_neo_hookean import neo_hookean
 
 Array = NDArray[np.float64]
 
-KAPPA = "kappa_MPa"  # all that depends on J alone, in every law: the rest is the isochoric part
+
+@dataclass(frozen=True)
+class Skin:
+    """A law, and values of its parameters in their order.
+
+    Raises:
+        InputError: there is no such law, or a value is out of its bounds.
+    """
+
+    values: tuple[float, ...]
+    kappa: KappaConvention = "paper"
+    law: str = DEFAULT_LAW
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be."""
+        law = get_law(self.law)
+        if len(self.values) != len(law.names):
+            raise InputError(f"law {self.law!r} has the parameters {', '.join(law.names)}")
+        law.ordered(self.named)
+
+    @property
+    def named(self) -> dict[str, float]:
+        """Values by name."""
+        return get_law(self.law).named(self.values)
+
+    @property
+    def coefficients(self) -> dict[str, float]:
+        """What the law's potential needs."""
+        return get_law(self.law).coefficients(self.named, self.kappa)
+
+    @property
+    def dilatation_ratio(self) -> float:
+        """κ/(μ/2)."""
+        return get_law(self.law).dilatation_ratio(self.named, self.kappa)
 
 
 @dataclass(frozen=True)
 class Layer:
-    """Elastic, neo-Hookean tissue: the paper's law with X2 = 0."""
+    """Elastic, neo-Hookean tissue."""
 
     thickness_mm: float
-    X1_MPa: float
-    kappa_MPa: float
+    half_shear_mpa: float
+    kappa_mpa: float
 
 
 @dataclass(frozen=True)
 class Term:
-    """Energy that is added to the law's: a Law with values of its own parameters (name, value)."""
+    """Energy that is added to the law's, with values of its own parameters (name, value)."""
 
-    law: Law
+    law: Energy
     parameters: tuple[tuple[str, float], ...]
 
 
@@ -65,11 +100,7 @@ class SkinProblem:
     """
 
     geometry: Geometry  # the true thickness, surface layers included
-    X1_MPa: float
-    X2_MPa: float
-    nu: float
-    kappa: KappaConvention = "paper"
-    law: str = "extended_neo_hookean"
+    skin: Skin
     terms: tuple[Term, ...] = ()
     above: tuple[Layer, ...] = ()  # inside the thickness, from the top down
     below: tuple[Layer, ...] = ()  # under the skin; the lowest one's base is held
@@ -82,8 +113,6 @@ class SkinProblem:
     def __post_init__(self) -> None:
         """Refuse what cannot be."""
         for name, positive in (
-            ("X1_MPa", True),
-            ("X2_MPa", False),
             ("stretch", True),
             ("slip_mm", False),
             ("stiffness", True),
@@ -93,9 +122,6 @@ class SkinProblem:
             if not (math.isfinite(value) and value >= 0 and (value > 0 or not positive)):
                 wanted = "positive" if positive else "zero or more"
                 raise InputError(f"{name} {value:g}: expected a finite number, {wanted}")
-        kappa_ratio(self.nu, self.kappa)
-        if set(get_law(self.law).parameter_names) != {"X1_MPa", "X2_MPa", KAPPA}:
-            raise InputError(f"law {self.law!r} is not a skin's; expected extended_neo_hookean")
         inside = sum(layer.thickness_mm for layer in self.above)
         if inside >= self.geometry.thickness_mm:
             raise InputError(
@@ -109,80 +135,112 @@ class SkinProblem:
             raise InputError("the shares g of the stress that relaxes: expected a sum below 1")
 
     @property
-    def kappa_MPa(self) -> float:  # noqa: N802 -- the field's name
-        """Compressibility constant of the skin."""
-        return self.X1_MPa * float(kappa_ratio(self.nu, self.kappa))
-
-    @property
     def elastic(self) -> SkinProblem:
         """The same skin without a memory: what it is in an instant."""
         return replace(self, prony=())
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+class Body:
+    """The energy of a skin: its law and what is added to that, and of other layers beside it.
+
+    Its `potential` takes `{"own": (…), "isochoric": factor, "layers": {…}}`: parameters of the law
+    and of the terms, what multiplies their isochoric part, and those of the other layers.
+    """
+
+    law: Law
+    terms: tuple[Energy, ...]
+    own: NDArray[np.bool_] | None  # (m,) elements of the skin's own tissue; None: all
+
+    def potential(self, i1: Array, i2: Array, j: Array, parameters: Mapping[str, Any]) -> Potential:
+        """Return energy and derivatives at invariants (m, q)."""
+        own = self.own
+        if own is None:
+            return self._skin(i1, i2, j, parameters)
+        skin = self._skin(i1[own], i2[own], j[own], parameters)
+        other = LAYERS_LAW.potential(i1[~own], i2[~own], j[~own], parameters["layers"])
+        together = []
+        for field in fields(Potential):
+            values = np.empty_like(j)
+            values[own], values[~own] = getattr(skin, field.name), getattr(other, field.name)
+            together.append(values)
+        return Potential(*together)
+
+    def isochoric(
+        self, i1: Array, i2: Array, j: Array, own: Sequence[Mapping[str, float]]
+    ) -> Potential:
+        """Return the isochoric energy of the skin's own tissue and its derivatives."""
+        found = self.law.isochoric(i1, i2, j, own[0])
+        for term, parameters in zip(self.terms, own[1:], strict=True):
+            found = found + term.isochoric(i1, i2, j, parameters)
+        return found
+
+    def _skin(self, i1: Array, i2: Array, j: Array, parameters: Mapping[str, Any]) -> Potential:
+        own, factor = parameters["own"], parameters["isochoric"]
+        found = self.law.potential(i1, i2, j, own[0], factor)
+        for term, each in zip(self.terms, own[1:], strict=True):
+            found = found + term.potential(i1, i2, j, each, factor)
+        return found
+
+
+@dataclass(frozen=True, eq=False)
 class Prepared:
     """A problem on its mesh: what Newton's method is given."""
 
     assembly: Assembly
     apex: int  # the unknown that is the apex deflection
-    own: Array  # (m, 1): 1 in the skin's own tissue, 0 in other layers
-    _parameters: Mapping[str, Any]
-    layered: bool
+    body: Body
+    _own: tuple[Mapping[str, float], ...]
+    _layers: Mapping[str, Array]
 
     def parameters(self, isochoric: float = 1.0) -> dict[str, Any]:
-        """Return the law's parameters, the isochoric energy of the skin's own tissue scaled."""
-        if isochoric == 1.0:
-            return dict(self._parameters)
-        factor = 1.0 - (1.0 - isochoric) * self.own if self.layered else isochoric
-        return {k: v if k == KAPPA else v * factor for k, v in self._parameters.items()}
+        """Return what the body's energy needs, the skin's isochoric energy times a factor."""
+        return {"own": self._own, "isochoric": float(isochoric), "layers": self._layers}
 
-    def isochoric_parameters(self) -> dict[str, Any]:
-        """Return the parameters of the isochoric energy alone."""
-        return {k: 0.0 * v if k == KAPPA else v for k, v in self._parameters.items()}
+    def isochoric(self, i1: Array, i2: Array, j: Array) -> Potential:
+        """Return the isochoric energy at invariants (m, q); it has a meaning in the skin alone."""
+        return self.body.isochoric(i1, i2, j, self._own)
 
 
 def prepare(problem: SkinProblem, discretisation: Discretisation = MESH_OF_RECORD) -> Prepared:
     """Return the problem on its mesh."""
-    assembly, apex = _assembly(
+    assembly, apex, body = _assembly(
         problem.geometry,
         discretisation,
-        problem.law,
+        problem.skin.law,
         tuple(term.law for term in problem.terms),
         problem.slip_mm,
         tuple(layer.thickness_mm for layer in problem.above),
         tuple(layer.thickness_mm for layer in problem.below),
     )
-    layer = assembly.mesh.layer
-    own_layer = len(problem.above)
-    own = (layer == own_layer).astype(float)[:, None]
-    skin = {"X1_MPa": problem.X1_MPa, "X2_MPa": problem.X2_MPa, KAPPA: problem.kappa_MPa}
-    skin |= {name: value for term in problem.terms for name, value in term.parameters}
+    layer, own_layer = assembly.mesh.layer, len(problem.above)
+    own = (problem.skin.coefficients, *(dict(term.parameters) for term in problem.terms))
     others = [
-        {"X1_MPa": other.X1_MPa, KAPPA: other.kappa_MPa}
+        neo_hookean(other.half_shear_mpa, other.kappa_mpa)
         for other in (*problem.above, *problem.below)
     ]
-    by_layer = [*others[:own_layer], skin, *others[own_layer:]]
-    layered = len(by_layer) > 1
-    parameters: dict[str, Any] = dict(skin)
-    if layered:
-        parameters = {
-            name: np.array([of.get(name, 0.0) for of in by_layer])[layer][:, None] for name in skin
-        }
+    layers: dict[str, Array] = {}
+    if body.own is not None:
+        place = layer[~body.own]
+        place = np.where(place > own_layer, place - 1, place)  # the skin is none of the others
+        layers = {name: np.array([of[name] for of in others])[place][:, None] for name in others[0]}
     if problem.stretch != 1.0 or problem.stiffness != 1.0:
         relaxed = 1.0 - sum(term.g for term in problem.prony)
-        through = np.ones(len(by_layer))
-        plane = np.ones(len(by_layer))
-        for k, of in enumerate(by_layer[: own_layer + 1]):
-            scaled = of if k != own_layer else _scaled(of, relaxed)
-            full = {name: scaled.get(name, 0.0) for name in skin}
-            plane[k] = problem.stretch
-            through[k] = through_thickness(problem.stretch, assembly.law, full)
-        factor = 1.0 + (problem.stiffness - 1.0) * own[:, 0]
+        through, plane = np.ones(len(others) + 1), np.ones(len(others) + 1)
+        plane[: own_layer + 1] = problem.stretch
+        for k in range(own_layer):
+            through[k] = through_thickness(problem.stretch, LAYERS_LAW, others[k])
+        alone = replace(body, own=None)
+        through[own_layer] = through_thickness(
+            problem.stretch, alone, {"own": own, "isochoric": relaxed}
+        )
+        mine = np.ones(len(layer)) if body.own is None else body.own.astype(float)
+        factor = 1.0 + (problem.stiffness - 1.0) * mine
         assembly = assembly.prestrained(np.stack([plane[layer], through[layer]]), factor)
-    return Prepared(assembly, apex, own, parameters, layered)
+    return Prepared(assembly, apex, body, own, layers)
 
 
-def through_thickness(stretch: float, law: Law, parameters: Mapping[str, float]) -> float:
+def through_thickness(stretch: float, energy: HasPotential, parameters: Mapping[str, Any]) -> float:
     """Return the stretch through the thickness that leaves no stress there, under one in the plane.
 
     Raises:
@@ -193,7 +251,7 @@ def through_thickness(stretch: float, law: Law, parameters: Mapping[str, float])
 
     def stress(through: float) -> float:
         f = np.array([stretch, 0.0, 0.0, through, stretch])[:, None]
-        return float(stress_and_tangent(f, law, parameters)[1][3, 0])
+        return float(stress_and_tangent(f, energy, parameters)[1][3, 0])
 
     try:
         return float(brentq(stress, 0.2, 5.0, xtol=1e-15, rtol=1e-14))
@@ -201,26 +259,21 @@ def through_thickness(stretch: float, law: Law, parameters: Mapping[str, float])
         raise InputError(f"stretch {stretch:g}: no equilibrium through the thickness") from None
 
 
-def _scaled(parameters: Mapping[str, float], isochoric: float) -> dict[str, float]:
-    return {k: v if k == KAPPA else v * isochoric for k, v in parameters.items()}
-
-
 @lru_cache(maxsize=32)
 def _assembly(
     geometry: Geometry,
     discretisation: Discretisation,
     law_name: str,
-    terms: tuple[Law, ...],
+    terms: tuple[Energy, ...],
     slip_mm: float,
     above_mm: tuple[float, ...],
     below_mm: tuple[float, ...],
-) -> tuple[Assembly, int]:
+) -> tuple[Assembly, int, Body]:
     mesh = discretisation.mesh(geometry, slip_mm, above_mm, below_mm)
     fixed = [2 * mesh.axis, 2 * mesh.tape, 2 * mesh.tape + 1, 2 * mesh.outer]
     if below_mm:
         fixed += [2 * mesh.bottom, 2 * mesh.bottom + 1]
-    law: Law = get_law(law_name)
-    if terms:
-        law = Total((law, *terms))
-    assembly = Assembly(mesh, discretisation.element, law, np.unique(np.concatenate(fixed)))
-    return assembly, int(assembly.equation[2 * mesh.apex + 1])
+    own = mesh.layer == len(above_mm) if above_mm or below_mm else None
+    body = Body(get_law(law_name), terms, own)
+    assembly = Assembly(mesh, discretisation.element, body, np.unique(np.concatenate(fixed)))
+    return assembly, int(assembly.equation[2 * mesh.apex + 1]), body

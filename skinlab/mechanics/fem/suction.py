@@ -27,7 +27,7 @@ from skinlab.mechanics.fem.element import (
 )
 from skinlab.mechanics.fem.mesh import Grading, Mesh, suction_mesh
 from skinlab.mechanics.fem.newton import EquilibriumPath, StepSettings, follow
-from skinlab.mechanics.materials import get_law
+from skinlab.mechanics.materials import DEFAULT_LAW, get_law
 
 Array = NDArray[np.float64]
 
@@ -70,7 +70,7 @@ class Discretisation:
 
     Except `outside`, of the taped width r_out − R, and `through`, of the thickness.
 
-    All sizes scale with the geometry, so that w/R depends on p/X1, X2/X1, ν and h/R alone.
+    All sizes scale with the geometry, so that w/R depends on h/R and the law's ratios alone.
     """
 
     name: str
@@ -191,7 +191,7 @@ def solve(
     parameters: Mapping[str, float],
     goal_mbar: float,
     *,
-    law: str = "extended_neo_hookean",
+    law: str = DEFAULT_LAW,
     discretisation: Discretisation = MESH_OF_RECORD,
     settings: StepSettings | None = None,
     below_mbar: float = 0.0,
@@ -199,7 +199,7 @@ def solve(
     """Return the curve from 0 to `goal_mbar`, or as far as the model holds.
 
     With `below_mbar` it starts that far below zero, where the probe would blow.
-    `parameters` are what the law asks for, in MPa (for the paper's law: X1_MPa, X2_MPa, kappa_MPa).
+    `parameters` are what the law's potential asks for: its `parameter_names`.
 
     Raises:
         InputError: a parameter or the pressure is out of its physical range.
@@ -207,10 +207,12 @@ def solve(
     if not (math.isfinite(goal_mbar) and goal_mbar > 0):
         raise InputError(f"pressure_mbar must be a positive number of mbar, got {goal_mbar}")
     assembly, apex = assembly_for(geometry, discretisation, law)
-    for name in assembly.law.parameter_names:
-        value = parameters[name]
-        if not (math.isfinite(value) and value >= 0) or (name != "X2_MPa" and value == 0):
-            raise InputError(f"{name} must be a positive number of MPa, got {value}")
+    its_law = get_law(law)
+    least = {p.name: p.low for p in its_law.parameters}
+    for name in its_law.parameter_names:
+        value, low = parameters[name], least.get(name, 1.0)  # κ is positive
+        if not math.isfinite(value) or (low >= 0 > value) or (low > 0 and value == 0):
+            raise InputError(f"{name} must be a positive number, got {value}")
     return trace(
         assembly, apex, parameters, goal_mbar, geometry.radius_mm, settings, below_mbar=below_mbar
     )

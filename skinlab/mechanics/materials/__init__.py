@@ -1,6 +1,22 @@
-"""Constitutive laws, one a file, found by looking in this folder."""
+"""Constitutive laws, one a file, found by looking: every module here that defines LAW."""
 
-from skinlab.mechanics.materials.base import Law, Potential
-from skinlab.mechanics.materials.registry import get_law, law_names
+from skinlab.mechanics.materials.base import Energy, Law, Potential, check_law
+from skinlab.plugins import Registry
 
-__all__ = ["Law", "Potential", "get_law", "law_names"]
+DEFAULT_LAW = "extended_neo_hookean"  # where a model says no more
+
+LAWS: Registry[Law] = Registry("law", __name__, "LAW", "skinlab.laws", check_law)
+
+law_names, with_law = LAWS.names, LAWS.lent
+
+
+def get_law(name: str = DEFAULT_LAW) -> Law:
+    """Return the law of that name.
+
+    Raises:
+        InputError: there is none; the message lists those that there are.
+    """
+    return LAWS.get(name)
+
+
+__all__ = ["DEFAULT_LAW", "LAWS", "Energy", "Law", "Potential", "get_law", "law_names", "with_law"]

@@ -1,15 +1,35 @@
-"""What the finite elements ask of a constitutive law."""
+"""What a constitutive law is: its parameters, and the energy that the finite elements ask for.
+
+A law of skin declares its own parameters; nothing outside of its file names them. The first is its
+stiffness scale: the energy is that many MPa times a function of the others, where those in MPa
+count by their ratio to it. So the dome depends on p/scale, on the ratios and on what has no unit.
+Where a law has Poisson's ratio, its compressibility is κ = (μ/2) · ratio(ν), see
+`compressibility.py`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, Protocol
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from skinlab.errors import InputError
+from skinlab.mechanics.materials.compressibility import (
+    KappaConvention,
+    kappa_ratio,
+    nu_consistent,
+)
+from skinlab.parameters import Parameter, Search, Space
+
 Array = NDArray[np.float64]
+
+NU_CONSISTENT = "nu_consistent"  # the ν of linear elasticity
+KAPPA = "kappa_MPa"  # multiplies ½ (J − 1)², all that depends on J alone
+DILATATION_SCALE = "kappa_over_half_shear"  # the name of a table's axis along κ/(μ/2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,31 +51,203 @@ class Potential:
     d_i2_j: Array
     d_j_j: Array
 
+    def __add__(self, other: Potential) -> Potential:
+        return Potential(*(getattr(self, f) + getattr(other, f) for f in self.__slots__))
 
-class Law(Protocol):
-    """An isotropic hyperelastic law: a name, its parameters, and its potential.
+    def scaled(self, factor: Any) -> Potential:
+        """Return the potential times a factor: a number, or an array that broadcasts."""
+        return Potential(*(getattr(self, f) * factor for f in self.__slots__))
 
-    The energy is linear in the parameters, and `kappa_MPa` multiplies all that depends on J alone.
+
+class HasPotential(Protocol):
+    """What the finite elements ask of an energy."""
+
+    def potential(self, i1: Array, i2: Array, j: Array, parameters: Any) -> Potential:
+        """Return energy and derivatives; the parameters are what this energy understands."""
+        ...
+
+
+class Energy:
+    """An isotropic hyperelastic energy W = W_iso + κ/2 (J − 1)²; subclasses give W_iso.
+
+    `potential` takes what is in `parameter_names`, in MPa or without unit.
     """
 
-    @property
-    def name(self) -> str:
-        """How it is called in files and options."""
-        ...
+    name: ClassVar[str]
+    source: ClassVar[str]
+    parameter_names: tuple[str, ...]
 
-    @property
-    def parameter_names(self) -> tuple[str, ...]:
-        """What `potential` needs, e.g. ("X1_MPa", ..., "kappa_MPa")."""
-        ...
+    def isochoric(self, i1: Array, i2: Array, j: Array, parameters: Mapping[str, Any]) -> Potential:
+        """Return W_iso and its derivatives. It may depend on its parameters in any way."""
+        raise NotImplementedError
 
-    @property
-    def source(self) -> str:
-        """Where it was published."""
-        ...
+    def potential(
+        self,
+        i1: Array,
+        i2: Array,
+        j: Array,
+        parameters: Mapping[str, Any],
+        isochoric: Any = 1.0,
+    ) -> Potential:
+        """Return energy and derivatives, W_iso times a factor.
 
-    def potential(self, i1: Array, i2: Array, j: Array, parameters: Mapping[str, Any]) -> Potential:
-        """Return energy and derivatives.
-
-        Parameters are floats, or arrays that broadcast against the invariants (layers).
+        Parameters and the factor are floats, or arrays that broadcast against the invariants.
         """
-        ...
+        iso = self.isochoric(i1, i2, j, parameters)
+        if not (isinstance(isochoric, float) and isochoric == 1.0):
+            iso = iso.scaled(isochoric)
+        kappa = parameters.get(KAPPA)
+        if kappa is None:
+            return iso
+        return replace(
+            iso,
+            energy=iso.energy + 0.5 * kappa * (j - 1.0) ** 2,
+            d_j=iso.d_j + kappa * (j - 1.0),
+            d_j_j=iso.d_j_j + kappa,
+        )
+
+
+class Law(Energy):
+    """A law of skin: an energy whose parameters users name, bound and identify."""
+
+    formula: ClassVar[str]
+    meaning: ClassVar[str] = ""  # of the parameters, in a clause for reports
+    parameters: ClassVar[tuple[Parameter, ...]]
+    poisson: ClassVar[str | None] = None  # the parameter that is Poisson's ratio
+    dilatation_scale: ClassVar[str] = DILATATION_SCALE
+    derived_names: ClassVar[tuple[str, ...]] = (NU_CONSISTENT, KAPPA)
+
+    def half_shear_modulus(self, values: Mapping[str, Any]) -> Any:
+        """Return μ/2 at rest, MPa, from the parameters by name."""
+        raise NotImplementedError
+
+    # ---- the same for all ----
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters, in order."""
+        return tuple(p.name for p in self.parameters)
+
+    @cached_property
+    def parameter_names(self) -> tuple[str, ...]:  # type: ignore[override]
+        """What the potential needs: the parameters, κ in place of Poisson's ratio."""
+        if self.poisson is None:
+            return self.names
+        return (*(name for name in self.names if name != self.poisson), KAPPA)
+
+    @property
+    def scale(self) -> str:
+        """The parameter that the energy is proportional to."""
+        return self.names[0]
+
+    def parameter(self, name: str) -> Parameter:
+        """Return the parameter of that name.
+
+        Raises:
+            InputError: there is none; lists those that there are.
+        """
+        for one in self.parameters:
+            if one.name == name:
+                return one
+        raise InputError(f"{name} is not known; expected of: {', '.join(self.names)}")
+
+    def named(self, values: Sequence[float]) -> dict[str, float]:
+        """Return values in the parameters' order by name."""
+        return {name: float(v) for name, v in zip(self.names, values, strict=True)}
+
+    def ordered(self, values: Mapping[str, float]) -> tuple[float, ...]:
+        """Return values by name in the parameters' order, checked.
+
+        Raises:
+            InputError: one is not known, is missing or out of bounds.
+        """
+        for name in values:
+            self.parameter(name)
+        for one in self.parameters:
+            if one.name not in values:
+                raise InputError(f"{one.name} is missing; {self.name} has {', '.join(self.names)}")
+            one.check(values[one.name])
+        return tuple(float(values[name]) for name in self.names)
+
+    def coefficients(
+        self, values: Mapping[str, Any], convention: KappaConvention
+    ) -> dict[str, Any]:
+        """Return what the potential needs, from the parameters by name (floats or arrays).
+
+        Raises:
+            InputError: Poisson's ratio lies outside [0, 0.5).
+        """
+        if self.poisson is None:
+            return dict(values)
+        ratio = kappa_ratio(values[self.poisson], convention)
+        return self.with_ratio({k: v for k, v in values.items() if k != self.poisson}, ratio)
+
+    def with_ratio(self, values: Mapping[str, Any], ratio: Any) -> dict[str, Any]:
+        """Return what the potential needs, given κ/(μ/2) in place of Poisson's ratio."""
+        return {**values, KAPPA: self.half_shear_modulus(values) * ratio}
+
+    def dilatation_ratio(self, values: Mapping[str, float], convention: KappaConvention) -> float:
+        """Return κ/(μ/2) of the parameters by name."""
+        if self.poisson is not None:
+            return float(kappa_ratio(values[self.poisson], convention))
+        return float(values[KAPPA] / self.half_shear_modulus(values))
+
+    def derived(self, values: Mapping[str, float], convention: KappaConvention) -> dict[str, float]:
+        """Return what a report shows besides: the ν of linear elasticity, and κ."""
+        ratio = self.dilatation_ratio(values, convention)
+        kappa = ratio * float(self.half_shear_modulus(values))
+        return dict(zip(self.derived_names, (float(nu_consistent(ratio)), kappa), strict=True))
+
+    @property
+    def search(self) -> tuple[Search, ...]:
+        """Where fits look for each parameter."""
+        return tuple(search_of(p) for p in self.parameters)
+
+    @cached_property
+    def space(self) -> Space:
+        """Where fits look, all parameters together."""
+        each = self.search
+        return Space(
+            self.names,
+            tuple(s.low for s in each),
+            tuple(s.high for s in each),
+            tuple(s.transform for s in each),
+        )
+
+    @cached_property
+    def published_space(self) -> Space | None:
+        """The box in which the source's own algorithms search; None where it has none."""
+        nodes = [p.published for p in self.parameters]
+        if not all(nodes):
+            return None
+        return Space.box(self.names, [n[0] for n in nodes], [n[-1] for n in nodes])
+
+
+def search_of(parameter: Parameter) -> Search:
+    """Return where fits look for a parameter: all of its bounds, where it does not say."""
+    if parameter.search is not None:
+        return parameter.search
+    log = parameter.spacing == "log"
+    return Search(parameter.low, parameter.high, "log" if log else "linear")
+
+
+def check_law(law: Law) -> None:
+    """Refuse a law whose declaration cannot work.
+
+    Raises:
+        ValueError: says what is wrong with it.
+    """
+    if len(set(law.names)) != len(law.names):
+        raise ValueError(f"law {law.name!r}: two of its parameters have one name")
+    unit = law.parameter(law.scale).unit
+    for one in law.parameters:
+        search = search_of(one)
+        if one.name == law.scale and search.transform != "log":
+            raise ValueError(f"law {law.name!r}: the scale {one.name} is searched in its logarithm")
+        if one.name not in (law.scale, law.poisson) and (
+            (one.unit == unit) != (search.transform == "ratio")
+        ):
+            raise ValueError(
+                f"law {law.name!r}: {one.name}: expected the transform ratio for what has the "
+                f"scale's unit, {unit}, and for nothing else"
+            )

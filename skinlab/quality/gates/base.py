@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.curves.curve import Curve, Setup
+from skinlab.plugins import needs
 from skinlab.quality.gates.asked import asked_band_mbar
 
 Array = NDArray[np.float64]
@@ -90,10 +91,23 @@ class CurveSoFar:
 
 @dataclass(frozen=True)
 class Gate:
-    """A named check. Raises nothing."""
+    """A named check, which raises nothing; `meaning` ends the sentence "it fails where …"."""
 
     name: str
     check: Callable[[CurveSoFar], Finding | None]
+    meaning: str
+    threshold: str  # the numbers that decide, and why these
+
+
+def check_gate(one: object) -> None:
+    """Check that an extension is a gate.
+
+    Raises:
+        TypeError: it is not.
+    """
+    needs(one, "check", "meaning", "threshold")
+    if not isinstance(one, Gate):
+        raise TypeError(f"it is a {type(one).__name__}; expected a skinlab.quality.gates.base.Gate")
 
 
 def whole(curve: Curve, earlier: tuple[Curve, ...] = ()) -> CurveSoFar:

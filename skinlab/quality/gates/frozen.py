@@ -46,4 +46,10 @@ def _pressure(view: CurveSoFar) -> Finding | None:
     return None
 
 
-GATE = Gate("frozen", _check)
+GATE = Gate(
+    "frozen",
+    _check,
+    meaning="a reading stands still while the suction changes",
+    threshold="0.5 s, as the driver's limit; only where such a stiff skin would have moved three "
+    "steps of the sensor",
+)

@@ -48,4 +48,10 @@ def _rise(view: CurveSoFar, i: int, j: int) -> float:
     return float(slope * (view.time_s[j - 1] - view.time_s[i]))
 
 
-GATE = Gate("leak", _check)
+GATE = Gate(
+    "leak",
+    _check,
+    meaning="the pressure stays behind what was asked for, and does not catch up",
+    threshold="3 mbar or 3 % for 0.3 s: 15 standard deviations of a pressure sensor (0.2 mbar), "
+    "tighter than what makes the driver vent",
+)

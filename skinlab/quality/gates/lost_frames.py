@@ -17,4 +17,9 @@ def _check(view: CurveSoFar) -> Finding | None:
     )
 
 
-GATE = Gate("lost_frames", _check)
+GATE = Gate(
+    "lost_frames",
+    _check,
+    meaning="the counter of samples has gaps",
+    threshold="any",
+)

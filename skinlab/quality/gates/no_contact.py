@@ -69,4 +69,10 @@ def _middle(values: Array) -> float:
     return float(sorted(values.tolist())[len(values) // 2])
 
 
-GATE = Gate("no_contact", _check)
+GATE = Gate(
+    "no_contact",
+    _check,
+    meaning="no suction builds up, or the skin does not move with it",
+    threshold="20 % of the suction asked for; a quarter of what a skin three times as stiff as "
+    "the stiffest of the paper's database would move",
+)

@@ -16,4 +16,9 @@ def _check(view: CurveSoFar) -> Finding | None:
     )
 
 
-GATE = Gate("not_first_cycle", _check)
+GATE = Gate(
+    "not_first_cycle",
+    _check,
+    meaning="the site was loaded before",
+    threshold="the elastic law describes first loadings",
+)

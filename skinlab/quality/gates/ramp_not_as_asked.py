@@ -87,4 +87,10 @@ def _line(t: Array, p: Array) -> tuple[float, float]:
     return slope, float(np.sqrt(left @ left / (len(t) - 2) / (x @ x)))
 
 
-GATE = Gate("ramp_not_as_asked", _check)
+GATE = Gate(
+    "ramp_not_as_asked",
+    _check,
+    meaning="the pressure rises at another rate, comes late or goes too far",
+    threshold="10 % of the rate (and 4 standard errors of it); 3 mbar or 3 % for 0.3 s beyond a "
+    "pump's lag of 0.25 s (0.5 s after a step)",
+)

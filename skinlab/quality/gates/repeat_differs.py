@@ -59,4 +59,11 @@ def _noise_mm(w: np.ndarray) -> float:
     )
 
 
-GATE = Gate("repeat_differs", _check)
+GATE = Gate(
+    "repeat_differs",
+    _check,
+    meaning="the dome is another one than in the repeats before it",
+    threshold="10 % of the deflection (and 4 standard deviations of its noise), where the "
+    "pressure is above a fifth of its highest. First and later loadings are compared "
+    "apart",
+)

@@ -21,4 +21,10 @@ def _check(view: CurveSoFar) -> Finding | None:
     return None
 
 
-GATE = Gate("saturated", _check)
+GATE = Gate(
+    "saturated",
+    _check,
+    meaning="the deflection stays at its highest reading while the pressure rises",
+    threshold="as for `frozen`; a sensor that comes back where it stopped is saturated, not "
+    "frozen. Until then both are said",
+)

@@ -32,4 +32,9 @@ def _check(view: CurveSoFar) -> Finding | None:
     )
 
 
-GATE = Gate("time_gaps", _check)
+GATE = Gate(
+    "time_gaps",
+    _check,
+    meaning="time is missing between samples, or the instrument's clock went back",
+    threshold="2.5 intervals: one lost frame makes 2",
+)

@@ -2,32 +2,21 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
-from textual.app import ComposeResult
-from textual.binding import Binding, BindingType
-from textual.containers import Vertical
-from textual.screen import ModalScreen
 from textual.widgets import Static
 
+from skinlab.tui.screens.over import AskingScreen
+from skinlab.tui.typing_guard import TypingGuard
+from skinlab.tui.ui_state import Board
 
-class AlarmScreen(ModalScreen[None]):
-    """Lift the probe. Only `a` takes it away; v and Esc vent again."""
 
-    BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("a", "dismiss", "Acknowledge", priority=True),
-    ]
+class AlarmScreen(AskingScreen):
+    """Lift the probe. Only F9 takes it away; v and Esc vent again."""
 
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self._text = text
+    _hint = "v vents again      F9 acknowledges"
+    _box = "alarm"
 
-    def compose(self) -> ComposeResult:
-        """Yield the text."""
-        with Vertical(id="alarm"):
-            yield Static("ALARM: LIFT THE PROBE", classes="title", markup=False)
-            yield Static(self._text, id="alarm-text", markup=False)
-            yield Static("v vents again      a acknowledges", classes="hint", markup=False)
+    def __init__(self, board: Board, guard: TypingGuard, text: str) -> None:
+        super().__init__(board, guard, "ALARM: LIFT THE PROBE", text)
 
     def on_mount(self) -> None:
         """Be heard as well."""
@@ -39,3 +28,7 @@ class AlarmScreen(ModalScreen[None]):
             self._text = text
             for line in self.query("#alarm-text").results(Static):  # none before it is composed
                 line.update(text)
+            self.on_screen_resume()
+
+    def action_answer_no(self) -> None:
+        """Stay: an alarm cannot be declined."""

@@ -16,7 +16,8 @@ from textual.screen import Screen
 from textual.widgets import DataTable, Footer, Input, Static
 
 from skinlab.tui.text import settings_line
-from skinlab.tui.ui_state import Board
+from skinlab.tui.typing_guard import CHECK_KEY, CONFIRM_KEY, TypingGuard
+from skinlab.tui.ui_state import Board, Level, Review
 from skinlab.tui.widgets.card import Card
 from skinlab.tui.widgets.curve_plot import CurvePlot
 from skinlab.tui.widgets.curves import Curves
@@ -33,7 +34,7 @@ class MainScreen(Screen[None]):
     """Shows the board, so often a second; says what the operator wants."""
 
     class Wanted(Message):
-        """A key asked for something: arm, start, session, missing, or a replay's controls."""
+        """A key asked for something: check, start, edit, session, missing, a replay's controls."""
 
         def __init__(self, what: str) -> None:
             super().__init__()
@@ -42,20 +43,31 @@ class MainScreen(Screen[None]):
     AUTO_FOCUS = ""
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("v", "app.vent_key", "Vent", priority=True),
-        Binding("enter", "want('arm')", "Arm", key_display="Enter", priority=True),
-        Binding("space", "want('start')", "Start", key_display="Space", priority=True),
+        # No word contains these two, so that nothing that is typed can start anything
+        Binding(CHECK_KEY, "want('check')", "Check", key_display="F8", priority=True),
+        Binding(CONFIRM_KEY, "want('start')", "Start", key_display="F9", priority=True),
+        Binding(CONFIRM_KEY, "want('early')", show=False, priority=True),
         Binding("space", "play", "Play", key_display="Space", priority=True),
+        Binding("enter,space", "nothing", show=False),
         Binding("full_stop", "step", "Step", key_display="."),
         Binding("plus,equals_sign", "speed(1)", "Faster", key_display="+"),
         Binding("minus", "speed(-1)", "Slower", key_display="-"),
         Binding("f3", "settings", "Edit", key_display="F3", priority=True),
+        # With priority: keys that wait behind one of these already go to the next field
+        Binding("tab", "form(1)", show=False, priority=True),
+        Binding("shift+tab", "form(-1)", show=False, priority=True),
+        Binding("enter", "next", show=False, priority=True),
+        Binding("up", "look(-1)", show=False),
+        Binding("down", "look(1)", show=False),
         Binding("s", "want('session')", "Session"),
         Binding("d,D", "want('missing')", "Missing", key_display="d"),
     ]
 
-    def __init__(self, board: Board, settings: Mapping[str, str]) -> None:
+    def __init__(self, board: Board, settings: Mapping[str, str], guard: TypingGuard) -> None:
         super().__init__()
         self._board = board
+        self._guard = guard
+        self._asked: Review | None = None  # what is in view to be confirmed, and since when is told
         self._settings = settings
         self._drawn = -1  # version of the board
         self._noted = ("", "")
@@ -64,7 +76,7 @@ class MainScreen(Screen[None]):
 
     def compose(self) -> ComposeResult:
         """Yield the parts, from top to bottom."""
-        yield Top(id="top")
+        yield Top(self._board)
         with Horizontal(id="middle"):
             with Vertical(id="left"):
                 yield Static("", id="settings-line", markup=False)
@@ -88,20 +100,49 @@ class MainScreen(Screen[None]):
         if not self.display or board.version == self._drawn or self._answer_is_near():
             return
         self._drawn = board.version
-        self.close_fields(closed=board.moving)
-        self.query_one(Top).show(board)
+        self.close_fields(closed=board.moving or board.review is not None)
+        self.set_class(board.review is not None, "-review")
+        self.query_one(Top).draw()
         self.query_one(Card).show(board)
         self.fold()
+        self._ask()
         self.query_one(Fields).know(board.hello)
         self.query_one(CurvePlot).show(board)
         self.query_one(Strip).show(board)
         self.query_one(Reading).show(board)
         self.query_one(Curves).show(board)
         self._write_note(board.note, str(board.level))
-        keys = (board.can_arm, board.can_start, board.playing is not None, bool(board.entries))
+        keys = (board.can_arm, board.review is None, board.playing is not None, bool(board.entries))
         if keys != self._keys:
             self._keys = keys
             self.refresh_bindings()
+
+    def _ask(self) -> None:
+        """Tell the guard once what will happen is in view, to the last line."""
+        review = self._board.review
+        if review is None or review is not self._asked:
+            self._asked = None
+            if self.app.screen is self:  # else another question is in view
+                self._guard.hidden()
+        if review is not None and self._asked is None:
+            self.call_after_refresh(self._look)
+
+    def _look(self) -> None:
+        if self._asked is None and self.summary_in_view:
+            self._asked = self._board.review
+            self._guard.asked()
+
+    def on_screen_resume(self) -> None:
+        """Count from now on: something else was in view."""
+        self._asked = None
+        if self._board.review is not None:
+            self._ask()
+
+    @property
+    def summary_in_view(self) -> bool:
+        """Whether all of what will happen can be read on this screen, and nothing lies over it."""
+        reviewed = self._board.review is not None and self.app.screen is self
+        return reviewed and self.query_one(Card).shows_whole(self._board)
 
     def _answer_is_near(self) -> bool:
         """Whether a curve is complete and its answer due: what is drawn meanwhile delays it."""
@@ -123,7 +164,7 @@ class MainScreen(Screen[None]):
     def fold(self) -> None:
         """Leave the room, and the time of a frame, to what is measured and found; F3 unfolds."""
         board = self._board
-        busy = board.moving or board.live is not None or board.entry is not None
+        busy = board.moving or any((board.live, board.entry, board.review))
         folded = busy and not isinstance(self.focused, Input)
         self.set_class(folded, "-folded")
         if folded:
@@ -140,8 +181,28 @@ class MainScreen(Screen[None]):
         """Go to the fields, or leave them."""
         if isinstance(self.focused, Input):
             self.set_focus(None)
-        else:
-            self.query_one("#program", Input).focus()
+            return
+        self._board.withdraw()
+        self.close_fields(closed=False)
+        self.set_focus(self.query_one("#program", Input))
+
+    def action_form(self, by: int) -> None:
+        """Go to the fields, and round in them."""
+        self.query_one(Fields).go_round(by)
+
+    def action_next(self) -> None:
+        """Go to the next field."""
+        self.action_form(1)
+
+    def action_look(self, by: int) -> None:
+        """Look at the curve before or after."""
+        curves = self.query_one(Curves)
+        curves.move_cursor(row=curves.cursor_row + by)
+
+    def action_nothing(self) -> None:
+        """Say which key means what Enter and Space do not."""
+        if self._board.can_arm:
+            self._board.say(Level.INFO, "F8 shows what will happen; F9 then starts it")
 
     def close_fields(self, *, closed: bool) -> None:
         """Let the fields take no text, or text again."""
@@ -151,13 +212,13 @@ class MainScreen(Screen[None]):
         fields.disabled = closed
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Enter and Space are left to the fields where they mean nothing here."""
+        """Let keys pass where they mean nothing here."""
         if action in {"play", "step", "speed"}:
             return self._board.playing is not None
         if action == "want":
             what = parameters[0]
             if what == "start":
-                return self._board.can_start
+                return self._board.review is not None
             if what == "session":
                 return not self.typing
             if what == "missing":
@@ -165,6 +226,10 @@ class MainScreen(Screen[None]):
             return self._board.can_arm
         if action == "settings":
             return self._board.can_arm
+        if action == "next":
+            return self.typing
+        if action == "form":  # Tab is typing: it does not leave what is shown
+            return self._board.can_arm and self._board.review is None
         return super().check_action(action, parameters)
 
     def action_play(self) -> None:
@@ -185,8 +250,10 @@ class MainScreen(Screen[None]):
 
     @on(DataTable.RowHighlighted)
     def _look_at(self, event: DataTable.RowHighlighted) -> None:
-        if event.row_key.value is not None:
-            self._board.show(int(event.row_key.value))
+        # The key is None where the rows are gone by now, whatever its type says
+        index: str | None = getattr(event.row_key, "value", None)
+        if index is not None:
+            self._board.show(int(index))
 
     @property
     def typing(self) -> bool:

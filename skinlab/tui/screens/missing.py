@@ -15,6 +15,7 @@ from textual.widgets import Footer, Static
 from skinlab.tui.canvas import runs
 from skinlab.tui.missing import hints, missing_lines, residual_picture
 from skinlab.tui.ui_state import Board, Missing
+from skinlab.tui.widgets.header import Top
 
 _FRAMES_PER_S = 8
 
@@ -53,7 +54,7 @@ class MissingScreen(Screen[None]):
     """Shows the board's search; says what is wanted of it."""
 
     class Wanted(Message):
-        """A key asked for something: begin, cancel, load or adopt."""
+        """A key asked for something: begin, cancel, load, adopt or undo."""
 
         def __init__(self, what: str) -> None:
             super().__init__()
@@ -62,9 +63,10 @@ class MissingScreen(Screen[None]):
     AUTO_FOCUS = "#missing-says"
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("v", "app.vent_key", "Vent", priority=True),
-        Binding("l", "want('load')", "Load next"),
+        Binding("f7", "want('load')", "Load next", key_display="F7"),
         Binding("a", "want('adopt')", "Adopt"),
-        Binding("x", "want('cancel')", "Give up"),
+        Binding("ctrl+z", "want('undo')", "Undo", key_display="^z", priority=True),
+        Binding("delete", "want('cancel')", "Give up", key_display="Del"),
         Binding("d,D", "want('begin')", "Look again", key_display="d"),
         Binding("b,q,s", "back", "Back", key_display="b"),
     ]
@@ -77,6 +79,7 @@ class MissingScreen(Screen[None]):
 
     def compose(self) -> ComposeResult:
         """Yield the parts, from top to bottom."""
+        yield Top(self._board)
         yield Static("", id="missing-title", markup=False)
         with VerticalScroll(id="missing-says"):
             yield Static("", id="missing-text", markup=False)
@@ -102,11 +105,11 @@ class MissingScreen(Screen[None]):
         missing = board.missing
         state = "" if missing is None else "looking …" if missing.running else "done"
         title = f"What is missing in the model? {state}"
-        self.query_one("#missing-title", Static).update(f"{title}  [{board.phase}]")
+        self.query_one("#missing-title", Static).update(title)
         self.query_one("#missing-text", Static).update("\n".join(missing_lines(missing)))
         self.query_one("#missing-note", Static).update(board.note)
         picture.draw(missing)
-        keys = (missing and missing.running, hints(missing))
+        keys = (missing and missing.running, missing and missing.adopted, hints(missing))
         if keys != self._keys:
             self._keys = keys
             self.refresh_bindings()
@@ -118,9 +121,9 @@ class MissingScreen(Screen[None]):
         missing = self._board.missing
         running = missing is not None and missing.running
         load, adopt = hints(missing)
-        return {"load": load, "adopt": adopt, "cancel": running, "begin": not running}[
-            str(parameters[0])
-        ]
+        undo = missing is not None and missing.adopted is not None
+        allowed = {"load": load, "adopt": adopt, "cancel": running, "undo": undo}
+        return allowed.get(str(parameters[0]), not running)
 
     def action_want(self, what: str) -> None:
         """Pass on what a key asked for."""

@@ -8,12 +8,12 @@ from textual import on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Vertical
-from textual.screen import ModalScreen
 from textual.widgets import OptionList, Static
 from textual.widgets.option_list import Option
 
 from drivers.link import list_ports
 from skinlab.curves.curve import APERTURES_MM
+from skinlab.tui.screens.over import OverScreen
 
 
 def choices() -> list[tuple[str, str]]:
@@ -26,14 +26,14 @@ def choices() -> list[tuple[str, str]]:
     return found + simulated
 
 
-class PortsScreen(ModalScreen[str | None]):
+class PortsScreen(OverScreen[str | None]):
     """A list of ports; gives the chosen URL, or None."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("f2,q", "dismiss(None)", "Close", priority=True),
+        Binding("f2,f8", "dismiss(None)", "Close", priority=True),
     ]
 
-    def compose(self) -> ComposeResult:
+    def compose_box(self) -> ComposeResult:
         """Yield the list."""
         with Vertical(id="ports"):
             yield Static("Port", classes="title", markup=False)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import ClassVar
 
+from rich.text import Text
 from textual import on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
@@ -13,12 +14,24 @@ from textual.message import Message
 from textual.screen import Screen
 from textual.widgets import DataTable, Footer, Input, Static
 
-from skinlab.tui.curve_selection import Deed
+from skinlab.errors import InputError
+from skinlab.recording.curve_selection import Deed
+from skinlab.recording.pseudonym import check_note
 from skinlab.tui.summary import repeats, repeats_lines
-from skinlab.tui.text import result_lines, row_texts
+from skinlab.tui.text import (
+    clock,
+    column_title,
+    result_lines,
+    row_texts,
+    value_columns,
+    who_text,
+)
+from skinlab.tui.typing_guard import CHECK_KEY
 from skinlab.tui.ui_state import Board
+from skinlab.tui.widgets.header import Top
 
-_COLUMNS = ("#", "mm", "program", "cycle", "X1 MPa", "X2 MPa", "nu", "E µm", "used")
+_BEFORE = ("#", "whose", "time", "mm", "program", "cycle")
+_AFTER = ("E µm", "used")
 _FRAMES_PER_S = 8
 
 
@@ -44,12 +57,14 @@ class SessionScreen(Screen[None]):
     AUTO_FOCUS = "#session-curves"
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("v", "app.vent_key", "Vent", priority=True),
-        Binding("x", "exclude", "Use"),
+        Binding("delete", "exclude", "Use", key_display="Del"),
         Binding("j", "joint", "Joint"),
         Binding("c", "compare", "Compare"),
         Binding("n", "note", "Note"),
         Binding("d,D", "missing", "Missing", key_display="d"),
-        Binding("u", "undo", "Undo"),
+        Binding("ctrl+z", "undo", "Undo", key_display="^z", priority=True),
+        Binding(CHECK_KEY, "cancel", "No", key_display="F8", priority=True),
+        Binding("tab,shift+tab", "stay", show=False, priority=True),
         Binding("s,b,q", "back", "Back", key_display="s"),
     ]
 
@@ -61,6 +76,7 @@ class SessionScreen(Screen[None]):
 
     def compose(self) -> ComposeResult:
         """Yield the parts, from top to bottom."""
+        yield Top(self._board)
         yield Static("", id="session-title", markup=False)
         yield DataTable(id="session-curves", cursor_type="row", zebra_stripes=True)
         with VerticalScroll(id="session-says", can_focus=False):
@@ -71,7 +87,7 @@ class SessionScreen(Screen[None]):
 
     def on_mount(self) -> None:
         """Begin to draw."""
-        self.query_one(DataTable).add_columns(*_COLUMNS)
+        self._names: tuple[str, ...] = ()
         self.query_one(Input).display = False
         self.draw()
         self.set_interval(1 / _FRAMES_PER_S, self.draw)
@@ -82,19 +98,24 @@ class SessionScreen(Screen[None]):
         if not self.display or board.version == self._drawn:
             return
         self._drawn = board.version
-        who = board.order and ", ".join(t for t in (board.order.subject, board.order.site) if t)
+        since = f", since {clock(board.begun_at)}" if board.begun_at else ""
         self.query_one("#session-title", Static).update(
-            f"Session: {who or 'no subject'}, {len(board.entries)} curves"
+            f"Session: {who_text(board.visit)}{since}, {len(board.entries)} curves"
         )
         table = self.query_one(DataTable)
         at = table.cursor_row
-        table.clear()
+        names = value_columns(board.entries.values())
+        table.clear(columns=names != self._names)
+        if names != self._names:
+            table.add_columns(*_BEFORE, *map(column_title, names), *_AFTER)
+            self._names = names
         for index, entry in board.entries.items():
-            number, program, cycle, *values, _ = row_texts(entry)
+            number, whose, at_time, program, cycle, *values, _ = row_texts(entry, names)
             reason = board.ledger.excluded.get(index)
             used = "yes" if reason is None else f"no: {reason}"
             opening = f"{entry.curve.setup.aperture_mm:g}"
-            table.add_row(number, opening, program, cycle, *values, used, key=str(index))
+            cells = (number, whose, at_time, opening, program, cycle, *values, Text(used))
+            table.add_row(*cells, key=str(index))
         if board.entries:
             table.move_cursor(row=min(at, len(board.entries) - 1))
         self.query_one("#session-text", Static).update("\n".join(self._lines()))
@@ -114,9 +135,11 @@ class SessionScreen(Screen[None]):
     # ---- keys ---------------------------------------------------------------------------------
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Letters are text while a line is typed."""
+        """Letters are text while a line is typed, until it is answered or cancelled."""
         if action in {"exclude", "joint", "compare", "note", "undo", "back", "missing"}:
-            return not isinstance(self.focused, Input)
+            return self._then is None
+        if action in {"cancel", "stay"}:
+            return self._then is not None
         return super().check_action(action, parameters)
 
     @property
@@ -135,12 +158,12 @@ class SessionScreen(Screen[None]):
         else:
             self._ask(
                 f"why is curve {index} left out?",
-                lambda text: self._decided(self._board.ledger.exclude(index, text)),
+                lambda text: self._decided(self._board.ledger.exclude(index, check_note(text))),
             )
 
     def action_note(self) -> None:
         """Write something down."""
-        self._ask("note", lambda text: self._decided(self._board.ledger.note(text)))
+        self._ask("note", lambda text: self._decided(self._board.ledger.note(check_note(text))))
 
     def action_compare(self) -> None:
         """Compare with another session."""
@@ -181,18 +204,35 @@ class SessionScreen(Screen[None]):
         self._then = then
         line = self.query_one(Input)
         line.value, line.placeholder, line.display = "", what, True
-        line.focus()
+        self.query_one(DataTable).disabled = True  # a click there would make letters keys again
+        self.set_focus(line)  # at once: what is typed behind the key belongs here
+        self.refresh_bindings()
 
     def leave_line(self) -> None:
         """Ask no more."""
         self._then = None
         self.query_one(Input).display = False
-        self.query_one(DataTable).focus()
+        table = self.query_one(DataTable)
+        table.disabled = False
+        self.set_focus(table)
+        self.refresh_bindings()
+
+    def action_cancel(self) -> None:
+        """Leave the line without an answer."""
+        self.leave_line()
+
+    def action_stay(self) -> None:
+        """Stay in the line."""
 
     @on(Input.Submitted)
     def _answered(self, event: Input.Submitted) -> None:
         event.stop()
         text, then = event.value.strip(), self._then
+        if not text or then is None:
+            self._board.refuse(f"{event.input.placeholder}: type an answer, or F8 leaves it")
+            return
         self.leave_line()
-        if text and then is not None:
+        try:
             then(text)
+        except InputError as error:
+            self._board.refuse(str(error))

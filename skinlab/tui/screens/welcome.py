@@ -8,36 +8,35 @@ from textual import on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Vertical
-from textual.screen import ModalScreen
 from textual.widgets import OptionList, Static
 from textual.widgets.option_list import Option
 
 from drivers.link import PortInfo
+from skinlab.tui.screens.over import OverScreen
+from skinlab.tui.ui_state import Board
 
 SIMULATED = "sim://?seed=1"
 EXAMPLE = "example"
 
 _TOUR = """\
-Enter  checks the settings and arms
-Space  starts
+F8     checks the settings and shows what will happen
+F9     starts it
 v      vents, always and at once
 F3     goes to the settings and back
 ?      lists all keys
 """
 
 
-class WelcomeScreen(ModalScreen[str | None]):
-    """Gives the URL that was chosen, `EXAMPLE`, or None to quit."""
+class WelcomeScreen(OverScreen[str]):
+    """Gives the URL that was chosen, or `EXAMPLE`."""
 
-    BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("q", "dismiss(None)", "Quit", priority=True),
-    ]
+    BINDINGS: ClassVar[list[BindingType]] = [Binding("q", "app.leave", "Quit", priority=True)]
 
-    def __init__(self, ports: tuple[PortInfo, ...]) -> None:
-        super().__init__()
+    def __init__(self, board: Board, ports: tuple[PortInfo, ...]) -> None:
+        super().__init__(board)
         self._ports = ports
 
-    def compose(self) -> ComposeResult:
+    def compose_box(self) -> ComposeResult:
         """Yield what there is to choose from, and the tour."""
         with Vertical(id="welcome"):
             yield Static("skinlab: measure skin with a suction probe", classes="title")

@@ -34,8 +34,16 @@ class Card(VerticalScroll, can_focus=False):
             self._written = text
             self.query_one("#card-title", Static).update(text.title, layout=False)
             self.query_one("#card-text", Static).update("\n".join(text.lines), layout=not same)
-        self.set_class(board.can_start, "-armed")
+        self.set_class(board.review is not None or board.can_start, "-armed")
         self.set_class(not text.final, "-forming")
+
+    def shows_whole(self, board: Board) -> bool:
+        """Whether what is on the screen is what the board says, to the last line."""
+        columns = self.query_one("#card-text").size.width or _USUAL_COLUMNS
+        if card_text(board, columns) != self._written or not self.size.height:
+            return False
+        rows = self.virtual_size.height <= self.size.height
+        return rows and self.screen.region.contains_region(self.region)
 
 
 def _shape(text: CardText, columns: int) -> list[str]:

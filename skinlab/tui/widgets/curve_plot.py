@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from textual_plot import HiResMode, LegendLocation, PlotWidget
 
-from skinlab.tui.trace import Trace, box_around, fitted, measured, nice_ticks, spaced
+from skinlab.tui.plot_data import Trace, box_around, fitted, measured, nice_ticks, spaced
 from skinlab.tui.ui_state import Board, Entry, Live
 
 _TICK_ROWS = 3  # of the plot for each label
@@ -108,7 +108,7 @@ class CurvePlot(PlotWidget, can_focus=False):
 
 def _identity(shown: Live | Entry | None) -> tuple[object, ...]:
     if isinstance(shown, Live):
-        return ("live", shown.index, len(shown.pressure_mbar))
+        return ("live", shown.index, len(shown.curve))
     if isinstance(shown, Entry):
         return ("entry", shown.index, shown.result is not None)
     return ("nothing",)

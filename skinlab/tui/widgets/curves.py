@@ -4,20 +4,24 @@ from __future__ import annotations
 
 from textual.widgets import DataTable
 
-from skinlab.tui.text import row_texts
+from skinlab.mechanics.names import unit_of
+from skinlab.tui.text import column_title, row_texts, value_columns
 from skinlab.tui.ui_state import Board
 
 # Columns, and the widths of those whose cells are filled later: a table does not always make room.
-_WIDTHS = {
+_BEFORE: dict[str, int | None] = {
     "#": None,
+    "whose": 14,
+    "time": 5,
     "program": None,
     "cycle": None,
-    "X1 MPa": 7,
-    "X2 MPa": 7,
-    "nu": 6,
-    "E µm": 6,
-    "remarks": 60,
 }
+_VALUE = 7
+_AFTER: dict[str, int | None] = {"E µm": 6, "remarks": 60}
+
+
+def _widths(names: tuple[str, ...]) -> dict[str, int | None]:
+    return {**_BEFORE, **{column_title(n): _VALUE - (not unit_of(n)) for n in names}, **_AFTER}
 
 
 class Curves(DataTable[str]):
@@ -25,29 +29,41 @@ class Curves(DataTable[str]):
 
     def __init__(self) -> None:
         super().__init__(id="curves", cursor_type="row", zebra_stripes=True)
-        self._session = 0
+        self._shown = (0, False)
         self._rows: dict[int, tuple[str, ...]] = {}
         self._cursor_at: int | None = None
+        self._names: tuple[str, ...] = ()
 
     def on_mount(self) -> None:
         """Make the columns."""
-        for name, width in _WIDTHS.items():
-            self.add_column(name, key=name, width=width)
+        self._make_columns(value_columns(()))
+
+    def _make_columns(self, names: tuple[str, ...]) -> None:
+        self._names = names
+        for title, width in _widths(names).items():
+            self.add_column(title, key=title, width=width)
 
     def show(self, board: Board) -> None:
         """Add what is new, update what changed, and stand on the shown curve."""
-        if board.session != self._session:
-            self._session, self._cursor_at = board.session, None
+        # Under the name of somebody else nothing stands
+        shown = (board.session, board.elsewhere)
+        if shown != self._shown:
+            self._shown, self._cursor_at = shown, None
             self._rows.clear()
             self.clear()
-        for index, entry in board.entries.items():
-            texts = row_texts(entry)
+        names = value_columns(board.entries.values())
+        if names != self._names:  # of another law
+            self._rows.clear()
+            self.clear(columns=True)
+            self._make_columns(names)
+        for index, entry in () if board.elsewhere else board.entries.items():
+            texts = row_texts(entry, names)
             if index not in self._rows:
                 self.add_row(*texts, key=str(index))
             elif texts != self._rows[index]:
-                for column, text in zip(_WIDTHS, texts, strict=True):
+                for column, text in zip(_widths(names), texts, strict=True):
                     self.update_cell(str(index), column, text)
             self._rows[index] = texts
-        if board.shown is not None and board.shown != self._cursor_at:
+        if board.entry is not None and board.shown != self._cursor_at:
             self._cursor_at = board.shown
             self.move_cursor(row=self.get_row_index(str(board.shown)))

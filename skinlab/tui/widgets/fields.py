@@ -7,10 +7,11 @@ from collections.abc import Mapping
 from textual import on
 from textual.app import ComposeResult
 from textual.containers import Horizontal, Vertical
+from textual.message import Message
 from textual.widgets import Input, Label, Static
 
 from drivers.events import Hello
-from skinlab.tui.measurement_request import DEFAULTS, complaint
+from skinlab.acquisition.measurement_request import DEFAULTS, complaint
 
 # Rows of (field, label, most characters); fields of one row stand side by side.
 _ROWS: tuple[tuple[tuple[str, str, int], ...], ...] = (
@@ -21,6 +22,7 @@ _ROWS: tuple[tuple[tuple[str, str, int], ...], ...] = (
     (("cycle", "Cycle", 3), ("repeats", "Times", 2), ("rest_s", "Rest s", 4)),
     (("program", "Program", 200),),
 )
+_THICKNESS = ("thickness_mm", "thickness_sd_mm")
 _HINTS = {
     "subject": "pseudonym, never a name",
     "site": "e.g. forearm",
@@ -30,12 +32,27 @@ _HINTS = {
 
 
 class Fields(Vertical):
-    """Who, where, which probe, which program, how often; the complaint stands under each row."""
+    """Who, where, which probe, which program, how often; the complaint stands under each row.
+
+    A thickness belongs to a subject and a site: where these change,
+    it becomes the one that they had before, or the default, which is then marked as assumed.
+    """
+
+    class Named(Message):
+        """The fields name this subject and this site now."""
+
+        def __init__(self, who: tuple[str, str]) -> None:
+            super().__init__()
+            self.who = who
 
     def __init__(self, port: str, start: Mapping[str, str]) -> None:
         super().__init__(id="fields")
         self._start = {**DEFAULTS, **start, "port": port}
         self._hello: Hello | None = None
+        self._who = (self._start["subject"], self._start["site"])
+        self._known: dict[tuple[str, str], tuple[str, ...]] = {}  # thickness, by who it is of
+        self._put = self._thickness_start  # by the program, not by hand
+        self._by_program = True  # what is in the field now
 
     def compose(self) -> ComposeResult:
         """Yield a line of fields and a line for complaints for each row."""
@@ -60,6 +77,49 @@ class Fields(Vertical):
         """Fill in a field."""
         self.query_one(f"#{name}", Input).value = text
 
+    @property
+    def _thickness_start(self) -> tuple[str, ...]:
+        return tuple(self._start[name] for name in _THICKNESS)
+
+    @property
+    def _thickness(self) -> tuple[str, ...]:
+        return tuple(self.query_one(f"#{name}", Input).value for name in _THICKNESS)
+
+    @property
+    def assumed_thickness(self) -> bool:
+        """Whether nobody typed the thickness for this subject and site."""
+        return self._who not in self._known and self._by_program
+
+    def accept(self) -> None:
+        """Let the thickness be that of this subject and site from here on."""
+        if not self.assumed_thickness:
+            self._known[self._who] = self._put = self._thickness
+            self._by_program = True
+
+    def follow(self) -> None:
+        """Let the thickness follow where subject or site have changed."""
+        if self._thickness != self._put:
+            self._by_program = False
+        who = (
+            self.query_one("#subject", Input).value.strip(),
+            self.query_one("#site", Input).value.strip(),
+        )
+        if who == self._who:
+            return
+        self._who = who
+        if self._by_program:  # else it was typed for whoever is typed now
+            self._put = self._known.get(who, self._thickness_start)
+            for name, text in zip(_THICKNESS, self._put, strict=True):
+                self.put(name, text)
+        self.post_message(self.Named(who))
+
+    def go_round(self, by: int) -> None:
+        """Go to the next field; after the last one comes the first."""
+        fields = list(self.query(Input))
+        at = next((i for i, field in enumerate(fields) if field.has_focus), -1 if by > 0 else 0)
+        # Not `focus()`, which comes behind keys that wait already: they would go to the old field
+        self.screen.set_focus(fields[(at + by) % len(fields)])
+
     def first_wrong(self) -> Input | None:
         """Return the first field with a complaint."""
         return next((f for f in self.query(Input) if self._complaint(f)), None)
@@ -76,6 +136,7 @@ class Fields(Vertical):
     @on(Input.Changed)
     def _check(self, event: Input.Changed) -> None:
         event.stop()
+        self.follow()
         for row in _ROWS:
             if event.input.id in [name for name, _, _ in row]:
                 self._judge(row)

@@ -1,4 +1,4 @@
-"""The top of the screen: what goes on, with which probe, and whether it is simulated."""
+"""The top of every screen: what goes on, whether there is suction, whose visit, and SIMULATED."""
 
 from __future__ import annotations
 
@@ -6,30 +6,54 @@ from textual.app import ComposeResult
 from textual.containers import Horizontal, Vertical
 from textual.widgets import Static
 
-from skinlab.tui.text import banner_text, where_text
+from skinlab.tui.text import banner_text, suction_text, where_text
 from skinlab.tui.ui_state import Board
 
 _CLASSES = {"ARMED": "-armed", "RUNNING": "-running", "FAULT": "-fault", "NO PROBE": "-fault"}
+_FRAMES_PER_S = 10
 
 
 class Top(Vertical):
-    """Phase, probe, and the SIMULATED banner."""
+    """State, suction with its key, whose visit, probe, and the SIMULATED banner.
+
+    It draws itself: whichever screen it is on, it says what is.
+    """
+
+    def __init__(self, board: Board) -> None:
+        super().__init__(classes="top")
+        self._board = board
+        self._seen = -1  # version of the board
+        self._drawn: tuple[str, ...] = ()
 
     def compose(self) -> ComposeResult:
         """Yield the parts."""
         with Horizontal(id="headline"):
             yield Static("", id="phase", markup=False)
+            yield Static("", id="suction", markup=False)
             yield Static("", id="where", markup=False)
-            yield Static("skinlab", id="brand", markup=False)
         yield Static("", id="banner", markup=False)
 
-    def show(self, board: Board) -> None:
-        """Draw."""
-        phase = self.query_one("#phase", Static)
-        phase.update(board.phase, layout=False)
-        phase.set_classes(_CLASSES.get(board.phase, ""))
-        self.query_one("#where", Static).update(where_text(board), layout=False)
-        banner = self.query_one("#banner", Static)
-        text = banner_text(board.hello)
-        banner.display = bool(text)
-        banner.update(text, layout=False)
+    def on_mount(self) -> None:
+        """Begin to draw."""
+        self.draw()
+        self.set_interval(1 / _FRAMES_PER_S, self.draw)
+
+    def draw(self) -> None:
+        """Draw where something changed."""
+        board = self._board
+        if board.version == self._seen or not self.is_mounted:
+            return
+        self._seen = board.version
+        drawn = (board.phase, suction_text(board), where_text(board), banner_text(board.hello))
+        if drawn == self._drawn:
+            return
+        self._drawn = drawn
+        phase, suction, where, banner = drawn
+        self.query_one("#phase", Static).update(phase, layout=False)
+        self.query_one("#phase").set_classes(_CLASSES.get(phase, ""))
+        self.query_one("#suction", Static).update(suction, layout=False)
+        self.query_one("#suction").set_class(board.suction, "-on")
+        self.query_one("#where", Static).update(where, layout=False)
+        line = self.query_one("#banner", Static)
+        line.display = bool(banner)
+        line.update(banner, layout=False)

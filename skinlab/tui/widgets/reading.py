@@ -6,7 +6,13 @@ from textual.app import ComposeResult
 from textual.containers import Horizontal, Vertical
 from textual.widgets import Digits, Label, Static
 
-from skinlab.tui.text import deflection_text, link_text, pressure_text, progress_text
+from skinlab.tui.text import (
+    deflection_text,
+    last_text,
+    link_text,
+    pressure_text,
+    progress_text,
+)
 from skinlab.tui.ui_state import Board
 
 
@@ -25,12 +31,14 @@ class Reading(Vertical):
 
     def show(self, board: Board) -> None:
         """Draw."""
-        pressure, deflection = pressure_text(board.latest), deflection_text(board.latest)
-        progress = f"{progress_text(board)}  {link_text(board)}".strip()
+        # Numbers only while they are those of now; else what was last, and when
+        now = board.latest if board.streaming else None
+        pressure, deflection = pressure_text(now), deflection_text(now)
+        texts = (last_text(board), progress_text(board), link_text(board))
+        progress = "  ".join(text for text in texts if text)
         # Of one width, so that no frame moves the layout
         self.query_one("#pressure-large", Digits).update(f"{pressure:>6}")
         self.query_one("#deflection-large", Digits).update(f"{deflection:>6}")
         self.query_one("#progress-large", Static).update(progress, layout=False)
-        self.query_one("#reading-line", Static).update(
-            f"{pressure:>6} mbar  {deflection:>6} mm  {progress}", layout=False
-        )
+        values = f"{pressure:>6} mbar  {deflection:>6} mm  " if board.streaming else ""
+        self.query_one("#reading-line", Static).update(values + progress, layout=False)

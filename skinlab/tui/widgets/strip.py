@@ -8,7 +8,7 @@ from rich.text import Text
 from textual.widgets import Static
 
 from skinlab.tui.canvas import runs
-from skinlab.tui.strips import Drawing, against_time, residual
+from skinlab.tui.plot_data import Drawing, against_time, residual
 from skinlab.tui.ui_state import Board, Entry, Live
 
 _LEFT = 7  # as the plot above
@@ -26,7 +26,7 @@ class Strip(Static):
     def show(self, board: Board) -> None:
         """Draw what the board shows, only where that changed."""
         shown = board.live or board.entry
-        n = len(shown.pressure_mbar) if isinstance(shown, Live) else 0
+        n = len(shown.curve) if isinstance(shown, Live) else 0
         done = isinstance(shown, Entry) and shown.result is not None
         key = (board.session, type(shown), shown and shown.index, n, done, self.size)
         if key == self._drawn:

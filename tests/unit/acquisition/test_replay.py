@@ -10,7 +10,8 @@ import pytest
 
 from drivers.events import Sample, TimedEvent
 from drivers.probe import Probe
-from skinlab.acquisition.measure import Plan, measure
+from skinlab.acquisition.measure import measure
+from skinlab.acquisition.measurement import Plan
 from skinlab.acquisition.pipeline import Pipeline
 from skinlab.acquisition.replay import identifier_of, reasons, replay
 from skinlab.acquisition.replay_control import ReplayControl
@@ -20,7 +21,7 @@ from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
 from skinlab.inference.identify import Identifier
 from skinlab.inference.problem import Options
-from skinlab.recording.recorded import recorded_items
+from skinlab.recording.recorded import dialect_of, recorded_items
 from skinlab.recording.recorder import Recording
 from skinlab.recording.session import Session, read_session, write_session
 from skinlab.recording.stream import CurveCompleted, Identified, Sampled
@@ -75,7 +76,7 @@ def session(path) -> Session:
 def sample_times(session: Session) -> list[float]:
     return [
         item.host_time_s
-        for item in recorded_items(session.records)
+        for item in recorded_items(session.records, dialect_of(session.meta))
         if isinstance(item, TimedEvent) and isinstance(item.event, Sample)
     ]
 
@@ -93,7 +94,11 @@ def test_times_are_kept_at_every_speed(session, speed):
     heard = play(session, ReplayControl(speed, clock=clock, sleep=clock.sleep), clock)
     told = [now for now, message in heard if isinstance(message, Sampled)]
     recorded = sample_times(session)
-    events = [i for i in recorded_items(session.records) if isinstance(i, TimedEvent)]
+    events = [
+        i
+        for i in recorded_items(session.records, dialect_of(session.meta))
+        if isinstance(i, TimedEvent)
+    ]
     first = events[0].host_time_s
     assert len(told) == len(recorded) > 60
     assert told == pytest.approx([100.0 + (t - first) / speed for t in recorded], abs=1e-6)
@@ -108,7 +113,11 @@ def test_slow_listeners_do_not_add_up(session):
             clock.now += 1e-4
 
     replay(session, None, [dawdle], control)
-    events = [i for i in recorded_items(session.records) if isinstance(i, TimedEvent)]
+    events = [
+        i
+        for i in recorded_items(session.records, dialect_of(session.meta))
+        if isinstance(i, TimedEvent)
+    ]
     assert clock.now - 100.0 == pytest.approx(
         events[-1].host_time_s - events[0].host_time_s, abs=0.01
     )

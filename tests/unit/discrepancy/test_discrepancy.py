@@ -23,20 +23,22 @@ from skinlab.discrepancy.next_measurement import MENU, advise
 from skinlab.discrepancy.records import by_geometry, records_of
 from skinlab.discrepancy.screen import alike, signature
 from skinlab.discrepancy.search import Candidate, Found
-from skinlab.discrepancy.search_workers import fit_elsewhere, fit_from, fit_one, pool_of
+from skinlab.discrepancy.search_workers import fit_elsewhere, fit_from, fit_one
 from skinlab.discrepancy.space_mapping import MappedModel
 from skinlab.discrepancy.table_domes import TableDomes, relaxed_pressure
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.discrepancy.verdict import decide
 from skinlab.errors import InputError
 from skinlab.inference.noise import MESH_REST, legendre, slope_mm_per_mbar
+from skinlab.mechanics.effects import all_effects
 from skinlab.mechanics.effects.model import Skin, response, solve_skin
-from skinlab.mechanics.effects.registry import all_effects
 from skinlab.mechanics.fem.skin import Prony, SkinProblem
 from skinlab.mechanics.fem.suction import Geometry
+from skinlab.workers import Pool
 
-SKIN = Skin(0.035, 1.2, 0.32)
-TRUE = np.array([np.log(SKIN.X1_MPa), np.log(SKIN.X2_MPa / SKIN.X1_MPa), SKIN.nu])
+SKIN = Skin((0.035, 1.2, 0.32))
+X1, X2, NU = SKIN.values
+TRUE = np.array([np.log(X1), np.log(X2 / X1), NU])
 RAMPS = (
     (6.0, "ramp:100@20,ramp:0@20", 1),
     (2.0, "ramp:300@60,ramp:0@60", 1),
@@ -174,7 +176,7 @@ def test_whitening_is_that_of_the_dense_covariance():
     assert [len(part) for part in errors.split(r)] == [len(x.curve) for x in records]
     # What is left of r when the mesh's most probable share is taken off: σ² Σ⁻¹ r.
     left = errors.sigma_mm * np.linalg.solve(covariance, r[:, 0])
-    np.testing.assert_allclose(errors.without_mesh(r[:, 0]), left, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(errors.without_columns(r[:, 0]), left, rtol=1e-6, atol=1e-9)
 
 
 # ---- the fast model ------------------------------------------------------------------------------
@@ -184,15 +186,15 @@ def test_domes_are_the_databases(table):
     geometry = Geometry(6.0, 1.1)
     pressure = np.linspace(0.0, 100.0, 41)
     for thickness in (1.1, 1.23):
-        problem = SkinProblem(Geometry(6.0, thickness), SKIN.X1_MPa, SKIN.X2_MPa, SKIN.nu)
+        problem = SkinProblem(Geometry(6.0, thickness), SKIN)
         dome = TableDomes(table)(problem, geometry, 100.0)
         direct = table.model(Geometry(6.0, thickness), pressure)
-        exact = direct.deflection_mm(np.array([[SKIN.X1_MPa, SKIN.X2_MPa, SKIN.nu]]))[0]
+        exact = direct.deflection_mm(np.array([SKIN.values]))[0]
         np.testing.assert_allclose(dome(pressure), exact, atol=3e-5)
 
 
 def test_a_dome_is_straight_beyond_its_ends(table):
-    problem = SkinProblem(Geometry(6.0, 1.1), SKIN.X1_MPa, SKIN.X2_MPa, SKIN.nu)
+    problem = SkinProblem(Geometry(6.0, 1.1), SKIN)
     dome = TableDomes(table)(problem, Geometry(6.0, 1.1), 100.0)
     w = dome(np.array([201.0, 202.0, 203.0, 204.0]))  # its spline ends at twice what was asked
     np.testing.assert_allclose(np.diff(w, 2), 0.0, atol=1e-9)
@@ -200,7 +202,7 @@ def test_a_dome_is_straight_beyond_its_ends(table):
 
 
 def test_outside_the_table_there_is_no_dome(table):
-    problem = SkinProblem(Geometry(8.0, 0.11), SKIN.X1_MPa, SKIN.X2_MPa, SKIN.nu)
+    problem = SkinProblem(Geometry(8.0, 0.11), SKIN)
     assert TableDomes(table)(problem, Geometry(8.0, 0.11), 100.0) is None
 
 
@@ -313,7 +315,7 @@ def test_wherever_a_fit_begins_it_comes_to_the_same_optimum(table, effect):
     fitter = fitter_of(measured({effect: values}, RAMPS), table)
     base = fitter.fit(Unknowns(()), TRUE)
     seen = signature(fitter, base, effect)
-    pool = pool_of(fitter, 1)
+    pool = Pool(1, fitter)
     (one,) = pool.map(fit_one, [(base, seen, np.inf)])
     (other,) = pool.map(fit_elsewhere, [(base, seen)])
     true = np.append(TRUE, one.unknowns.axes[0].to_u(next(iter(values.values()))))
@@ -484,7 +486,7 @@ def test_the_advice_separates_what_one_ramp_leaves_tied(table):
 
 def test_the_finite_elements_and_the_table_agree_on_the_plain_skin(table):
     geometry = Geometry(6.0, 1.1)
-    problem = SkinProblem(geometry, SKIN.X1_MPa, SKIN.X2_MPa, SKIN.nu)
+    problem = SkinProblem(geometry, SKIN)
     dome = TableDomes(table)(problem, geometry, 100.0)
     p = np.linspace(5.0, 100.0, 20)
     solved = solve_skin(problem, PressurePath((0.0, 1.0), (0.0, 100.0))).at(p / 100.0, p)

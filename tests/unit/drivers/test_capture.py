@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 from drivers.capture import CaptureWriter, Chunk, Side, decode_capture, read_capture
-from drivers.connection import Connection
-from drivers.errors import LinkError
+from drivers.errors import LinkError, LocalProtocolError
 from drivers.events import Damaged, Hello, Identify, InstrumentState, Sample, Start, State, Vent
 from drivers.link import open_link
 from drivers.passthrough import listen, open_software_side
+from drivers.stream import StreamConnection, connect
 
 HERE = Path(__file__).parent
 CHUNKS = [
@@ -178,9 +178,10 @@ def test_the_toy_capture_says_what_the_docs_say():
     assert damaged.data == b"\x00\x7fN 3 P 30.2 D 0.207\n"
 
 
-def test_a_connection_speaks_the_toy_dialect():
+def test_a_connection_reads_the_toy_dialect():
     _, chunks = read_capture(HERE / "toy_capture.jsonl")
-    connection = Connection(toy_dialect())
+    connection = connect(toy_dialect())
+    assert isinstance(connection, StreamConnection)
     samples = []
     for chunk in chunks:
         if chunk.side is Side.INSTRUMENT and chunk.time_s < 1.9:
@@ -188,8 +189,9 @@ def test_a_connection_speaks_the_toy_dialect():
             while (event := connection.next_event()) is not None:
                 samples += [event] if isinstance(event, Sample) else []
     assert samples == SAMPLES
-    assert connection.state is InstrumentState.RUNNING
     assert connection.send(Vent()) == b"STOP\n"
+    with pytest.raises(LocalProtocolError, match="not under our control"):
+        connection.send(Start())
 
 
 def test_the_toys_own_frames_round_trip():

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 
+from drivers.capabilities import Capabilities, Stream
 from drivers.errors import LocalProtocolError, RemoteProtocolError
 from drivers.events import (
     Command,
@@ -33,6 +34,8 @@ class Toy:
 
     name = "toy"
     protocol_version = 3
+    capabilities = Capabilities(vent=True)  # it takes no program: it is read only
+    stream = Stream(model="toy", aperture_mm=6.0)
 
     def take(self, buffer: bytearray) -> bytes | Damaged | None:
         """Frames end with a line feed; what is longer than any frame is damaged."""

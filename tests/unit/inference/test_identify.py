@@ -9,11 +9,11 @@ from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
 from skinlab.inference.identify import Identifier
-from skinlab.inference.methods import stochastic
-from skinlab.inference.methods.registry import get_method, method_names
+from skinlab.inference.methods import get_method, method_names, stochastic
 from skinlab.inference.problem import Options, Problem, check
 from skinlab.inference.result import document
-from skinlab.parameters import BoxSpace, contains
+from skinlab.mechanics.fem.skin import Skin
+from skinlab.parameters import Space
 from skinlab.tables.forward import simulate
 
 SETUP = Setup(6.0, 1.0, parse_program("ramp:100@20"))
@@ -42,12 +42,12 @@ class Bowl:
         return np.tile(np.diag(1.0 / self.scales), (len(parameters), 1, 1))
 
 
-UNIT = BoxSpace(("a", "b"), (0.0, 0.0), (1.0, 1.0))
+UNIT = Space.box(("a", "b"), (0.0, 0.0), (1.0, 1.0))
 
 
 @pytest.fixture(scope="module")
 def blind_curve() -> Curve:
-    curve, warning = simulate(*TRUE, SETUP, direct=True)
+    curve, warning = simulate(Skin(tuple(TRUE)), SETUP, direct=True)
     assert warning is None
     return curve
 
@@ -72,7 +72,7 @@ class TestEveryMethod:
     def test_stays_inside_the_space(self, name):
         problem = Problem(UNIT, Bowl([1.5, -0.5], [1.0, 1.0]), 10)
         estimate = get_method(name)(problem, Options(), np.random.default_rng(0))
-        assert contains(UNIT, estimate.parameters)
+        assert UNIT.contains(estimate.parameters)
         np.testing.assert_allclose(estimate.parameters, [1.0, 0.0], atol=0.05)
 
 
@@ -116,8 +116,10 @@ def test_the_papers_blind_test_twenty_seeds(grid, blind_curve):
 
 def test_auto_finds_the_truth_of_a_noise_free_curve(grid, blind_curve):
     result = Identifier(grid)(blind_curve)
-    values = [v.value for v in result.parameters.values()]
-    np.testing.assert_allclose(values, TRUE, rtol=2e-3)
+    # Medians, since the mesh may err: in this direction a sensor without noise does not help.
+    values = list(result.parameters.values())
+    np.testing.assert_allclose([v.value for v in values], TRUE, rtol=0.015)
+    assert all(v.low < t < v.high for v, t in zip(values, TRUE, strict=True))
     assert result.error_um < 0.002
     assert result.rms_um == pytest.approx(result.error_um * np.sqrt(len(blind_curve)))
     assert result.flags == ()
@@ -126,7 +128,7 @@ def test_auto_finds_the_truth_of_a_noise_free_curve(grid, blind_curve):
 
 def test_only_the_first_loading_is_fitted(grid):
     setup = dataclasses.replace(SETUP, program=parse_program("ramp:100@20,ramp:0@20"))
-    curve, _ = simulate(*TRUE, setup)
+    curve, _ = simulate(Skin(tuple(TRUE)), setup)
     result = Identifier(grid)(curve)
     assert result.points == 201
     assert result.fitted.sum() == 101
@@ -135,7 +137,9 @@ def test_only_the_first_loading_is_fitted(grid):
 
 
 def test_samples_beyond_the_database_are_left_out_and_flagged(grid):
-    curve, _ = simulate(*TRUE, dataclasses.replace(SETUP, program=parse_program("ramp:100@20")))
+    curve, _ = simulate(
+        Skin(tuple(TRUE)), dataclasses.replace(SETUP, program=parse_program("ramp:100@20"))
+    )
     far = Curve(
         "far",
         SETUP,
@@ -149,7 +153,9 @@ def test_samples_beyond_the_database_are_left_out_and_flagged(grid):
 
 
 def test_another_skin_geometry_is_an_error_with_its_flag(grid):
-    curve, _ = simulate(*TRUE, dataclasses.replace(SETUP, thickness_mm=1.2), direct=True)
+    curve, _ = simulate(
+        Skin(tuple(TRUE)), dataclasses.replace(SETUP, thickness_mm=1.2), direct=True
+    )
     result = Identifier(grid)(curve)
     if result.error is not None:  # a database of one geometry only
         assert result.flags == ("outside_database",)
@@ -157,7 +163,7 @@ def test_another_skin_geometry_is_an_error_with_its_flag(grid):
 
 
 def test_a_skin_outside_the_grid_ends_at_its_bound(grid):
-    curve, _ = simulate(0.15, 1.0, 0.32, SETUP, direct=True)
+    curve, _ = simulate(Skin((0.15, 1.0, 0.32)), SETUP, direct=True)
     result = Identifier(grid)(curve)
     assert any(flag.startswith("at_bound:") for flag in result.flags)
 
@@ -174,7 +180,8 @@ def test_the_document_has_the_contracts_fields(grid, blind_curve):
     assert set(entry) == {
         "file", "error", "points", "fitted_points", "phases", "aperture_mm", "thickness_mm",
         "parameters", "nu_consistent", "kappa_MPa", "order", "correlation", "error_um", "rms_um",
-        "noise_um", "iterations", "evaluations", "seconds", "flags",
+        "noise_um", "iterations", "evaluations", "seconds", "flags", "error_model",
+        "placement", "optimum", "outliers",
     }  # fmt: skip
     assert entry["order"] == ["X1_MPa", "X2_MPa", "nu"]
     assert set(entry["parameters"]["nu"]) == {"value", "low", "high"}

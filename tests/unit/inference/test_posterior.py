@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skinlab.inference.intervals import correlation, interval, most_of_the_range
+from skinlab.inference.intervals import correlation, most_of_the_range, summary
 from skinlab.inference.joint import GaussianPrior, JointMisfit
 from skinlab.inference.optimise import polish
 from skinlab.inference.posterior import sample
-from skinlab.parameters import BoxSpace, RatioSpace, WithFactor
+from skinlab.parameters import Space
 
-CUBE = BoxSpace(("a", "b", "c"), (0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
+CUBE = Space.box(("a", "b", "c"), (0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
 
 
 class Residuals:
@@ -96,18 +96,19 @@ def test_an_optimum_on_the_boundary_keeps_its_half():
     assert quantile(draws.unit[:, 2], draws.weight, 0.1) == pytest.approx(1 - half, rel=0.05)
 
 
-def test_a_larger_error_widens_by_its_root():
-    J = np.diag([1 / 0.02] * 3)
-    centre = np.full(3, 0.5)
+def test_draws_are_from_the_density_that_is_asked_for():
+    """χ² is only what it resembles: here one that is twice as narrow."""
+    J, centre = np.diag([1 / 0.02] * 3), np.full(3, 0.5)
 
-    def width(factor):
-        draws = sample(
-            CUBE, linear(J, centre), centre[None], np.random.default_rng(3), factor=factor
-        )
-        mean = draws.weight @ draws.unit
-        return np.sqrt(draws.weight @ (draws.unit - mean) ** 2)
+    def log_density(p):
+        return -0.125 * (((p - centre) @ J.T) ** 2).sum(axis=1)
 
-    np.testing.assert_allclose(width(4.0) / width(1.0), 2.0, rtol=0.08)
+    draws = sample(
+        CUBE, linear(J, centre), centre[None], np.random.default_rng(3), log_density=log_density
+    )
+    mean = draws.weight @ draws.unit
+    sd = np.sqrt(draws.weight @ (draws.unit - mean) ** 2)
+    np.testing.assert_allclose(sd, 0.04, rtol=0.08)
 
 
 def test_same_seed_same_bits():
@@ -158,26 +159,43 @@ class TestPolish:
         assert np.isinf(found.cost[1])
 
 
-class TestInterval:
-    def test_is_the_shortest_of_an_uneven_distribution(self):
-        values = np.random.default_rng(0).exponential(1.0, 200_000)
-        low, high = interval(values, np.full(len(values), 1 / len(values)), 0.1, (0.0, 50.0))
-        assert low == 0.0
-        assert high == pytest.approx(np.log(10), rel=0.02)
+class TestSummary:
+    def drawn(self, seed=0, n=40_000):
+        x = np.random.default_rng(seed).normal(0, 1, n)
+        return x, np.full(n, 1 / n), -0.5 * x**2
 
-    def test_always_holds_the_best_fit(self):
-        values = np.random.default_rng(1).normal(0, 1, 10_000)
-        weight = np.full(len(values), 1e-4)
-        for best in (-5.0, 0.0, 5.0):
-            low, high = interval(values, weight, best)
-            assert low <= best <= high
+    def test_of_a_gaussian_is_the_textbooks(self):
+        middle, low, high = summary(*self.drawn())
+        np.testing.assert_allclose([low, middle, high], [-1.645, 0, 1.645], atol=0.03)
 
-    def test_weights_count(self):
-        values, weight = np.linspace(0, 1, 10_001), np.ones(10_001)
-        weight[values > 0.5] = 0
-        low, high = interval(values, weight / weight.sum(), 0.25)
-        assert high - low == pytest.approx(0.45, abs=0.01)
-        assert high <= 0.5
+    def test_of_a_gaussian_at_a_bound_goes_to_the_bound(self):
+        x, weight, log_density = (v[self.drawn()[0] > 0.3] for v in self.drawn())
+        middle, low, high = summary(x, weight / weight.sum(), log_density, (0.3, 30.0))
+        assert low == 0.3
+        assert low < middle < high
+        inside = (x >= low) & (x <= high)
+        assert inside.mean() == pytest.approx(0.9, abs=0.05)
+
+    def test_a_value_at_the_end_of_the_range_is_not_left_out(self):
+        """Flat beyond: the end is as likely as any, and was left out by the shortest interval."""
+        u = np.random.default_rng(1).random(20_000)
+        x = 0.2 + 0.29 * np.sqrt(u)  # density rises away from 0.2, likelihood is nearly flat
+        log_density = -0.5 * ((x - 0.4) / 0.15) ** 2
+        _, low, high = summary(x, np.full(len(x), 1 / len(x)), log_density, (0.2, 0.49))
+        assert low == 0.2
+        assert high == 0.49
+
+    def test_the_scale_does_not_matter(self):
+        x, weight, log_density = self.drawn(2)
+        middle, low, high = summary(x, weight, log_density)
+        other = summary(np.exp(x), weight, log_density, logarithmic=True)
+        np.testing.assert_allclose(np.log(other), [middle, low, high], atol=1e-9)
+
+    def test_all_weight_on_one_draw_is_an_answer(self):
+        x = np.array([0.2, 0.3, 0.4])
+        middle, low, high = summary(x, np.array([0.0, 1.0, 0.0]), np.array([-9e9, 0.0, -np.inf]))
+        assert low <= middle <= high
+        assert np.isfinite([low, middle, high]).all()
 
     def test_most_of_the_range(self):
         prior = np.random.default_rng(2).random(2000)
@@ -215,7 +233,9 @@ def test_joint_misfits_add_up():
 
 
 def test_a_space_with_a_factor_goes_there_and_back():
-    space = WithFactor(RatioSpace((0.01, 0.1), (1.0, 100.0), (0.2, 0.48)), "ratio", 0.5, 2.0)
+    space = Space(
+        ("a_MPa", "b_MPa", "c"), (0.01, 1.0, 0.2), (0.1, 100.0, 0.48), ("log", "ratio", "linear")
+    ).extended("ratio", 0.5, 2.0)
     unit = np.random.default_rng(5).random((6, 4))
     np.testing.assert_allclose(space.to_unit(space.from_unit(unit)), unit, atol=1e-12)
     assert space.names[-1] == "ratio"

@@ -21,7 +21,7 @@ def test_nothing_is_left_but_noise(curve):
     path = PressurePath.of_program(parse_program(curve["program"]))
     time = np.array(curve["time_s"])
     found = response(
-        Skin(curve["X1_MPa"], curve["X2_MPa"], curve["nu"], curve["kappa"]),
+        Skin((curve["X1_MPa"], curve["X2_MPa"], curve["nu"]), curve["kappa"]),
         curve["effects"],
         Geometry(curve["aperture_mm"], curve["thickness_mm"]),
         path,
@@ -38,7 +38,7 @@ def test_nothing_is_left_but_noise(curve):
     assert abs(left.mean()) < model_um + 4 * NOISE_UM / np.sqrt(n)
     assert np.mean(left**2) < NOISE_UM**2 * (1 + 4 * np.sqrt(2 / n)) + model_um**2
     without = response(
-        Skin(curve["X1_MPa"], curve["X2_MPa"], curve["nu"], curve["kappa"]), {},
+        Skin((curve["X1_MPa"], curve["X2_MPa"], curve["nu"]), curve["kappa"]), {},
         Geometry(curve["aperture_mm"], curve["thickness_mm"]), path, time,
     )  # fmt: skip
     off = np.array(curve["deflection_um"]) - 1e3 * without.deflection_mm

@@ -91,7 +91,7 @@ def test_names_that_need_quoting_survive(tmp_path):
         ("[model]", "[modell]", "modell|model"),
         ('"consistent"', '"other"', "model.kappa"),
         ('"extended_neo_hookean"', '"rubber"', "law 'rubber' is not known"),
-        ('"extended_neo_hookean"', '"mooney_rivlin"', "model.law 'mooney_rivlin' is not a skin's"),
+        ('"extended_neo_hookean"', '"mooney_rivlin"', "X1_MPa is not known; expected of: C10_MPa"),
         ("[parameters.nu]", "[parameters.mu]", "parameters.mu is not known; expected of: X1_MPa"),
         ("high = 0.48", "high = 0.6", "parameters.nu.high is 0.6: expected 0 to 0.499"),
         ("high = 0.48", "high = 0.1", "parameters.nu: low 0.2 is not below high 0.1"),
@@ -156,7 +156,7 @@ def test_forward_with_physical_effects_needs_no_direct(capsys, tmp_path):
     program = parse_program("ramp:40@40,hold:1,ramp:0@40")
     np.testing.assert_allclose(pressure, program.pressure_mbar(time), atol=1e-4)
     expected = response(
-        Skin(0.03, 1.0, 0.32, "consistent"), read_model(path).values, Geometry(6.0, 1.0),
+        Skin((0.03, 1.0, 0.32), "consistent"), read_model(path).values, Geometry(6.0, 1.0),
         PressurePath.of_program(program), time,
     )  # fmt: skip
     np.testing.assert_allclose(deflection, expected.deflection_mm, atol=2e-6)

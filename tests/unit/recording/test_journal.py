@@ -24,7 +24,8 @@ def test_records_keep_their_order_times_and_kind(tmp_path):
     journal.raw("rx", 0.5, b"before", utc_s=900.0)
     journal.result(4.0, 1, {"error": None})
     journal.close()
-    meta, records = read_journal(tmp_path / "j")
+    read = read_journal(tmp_path / "j")
+    meta, records = read.meta, read.records
     assert meta == {"subject": "P-7"}
     assert [(r.kind, r.host_time_s, r.utc_s) for r in records] == [
         (Kind.RECEIVED, 1.0, 1000.0),
@@ -101,7 +102,7 @@ def test_what_could_not_be_committed_is_tried_again_at_the_end(tmp_path, monkeyp
             attempt()
     monkeypatch.setattr(journal, "_commit", commit)
     journal.close()
-    assert [r.data for r in read_journal(tmp_path / "j")[1]] == [b"first", b"second"]
+    assert [r.data for r in read_journal(tmp_path / "j").records] == [b"first", b"second"]
 
 
 def test_the_space_that_a_run_needs_is_not_underestimated(tmp_path):
@@ -146,7 +147,7 @@ def test_audit_entries_are_chained_in_the_order_of_the_file(tmp_path):
     journal.raw("rx", 2.0, b"x")
     journal.audit(3.0, "me", "closed")
     journal.close()
-    found = entries(read_journal(tmp_path / "j")[1])
+    found = entries(read_journal(tmp_path / "j").records)
     assert [(e.number, e.who, e.what, e.detail) for e in found] == [
         (1, "me", "opened", {"file": "x"}),
         (2, "me", "closed", {}),

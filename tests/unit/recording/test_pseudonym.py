@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from skinlab.errors import InputError
-from skinlab.recording.pseudonym import check_subject
+from skinlab.recording.pseudonym import check_note, check_site, check_subject
 
 
 @pytest.mark.parametrize(
@@ -14,7 +14,7 @@ from skinlab.recording.pseudonym import check_subject
         "", "P-7", "P07", "P-017", "S001", "VOL12", "subject-12", "Subject_12", "patient7", "AB-12",
         "7", "0042", "12345", "P1234567", "KX-93-Q", "01-02-003", "S01-V2", "CTRL-04", "control4",
         "proband_3_B", "2024-17", "P2024-017", "A1B2C3", "S-12-2024-001", "pilot-1",
-        "1987", "P999999",
+        "1987", "P999999", "800312", "P-120380",
     ],
 )  # fmt: skip
 def test_a_code_is_taken(subject):
@@ -40,7 +40,7 @@ def test_what_looks_like_a_name_is_refused(subject):
     [
         "1980-03-12", "12.03.1980", "12/03/1980", "P-1980-03-12", "12-03-80",
         "19800312", "12031980",
-        "P19800312", "800312", "120380", "P-120380", "12mar1980", "12-Mar-80", "3-12-1980",
+        "P19800312", "12mar1980", "12-Mar-80", "3-12-1980",
         "19870412-1234", "8704121234",
     ],
 )  # fmt: skip
@@ -57,15 +57,56 @@ def test_counters_are_not_taken_for_dates():
             assert check_subject(f"S{number:0{digits}d}")
 
 
-def test_how_often_a_number_of_six_digits_is_taken_for_a_date():
-    """The price of the rule: 010203 may be a birth date, and is refused; most numbers are not."""
-    refused = 0
-    for number in range(0, 1_000_000, 97):
-        try:
-            check_subject(f"{number:06d}")
-        except InputError:
-            refused += 1
-    assert 0.02 < refused / len(range(0, 1_000_000, 97)) < 0.12
+def test_how_often_a_plain_number_is_taken_for_a_date():
+    """One in two hundred at most, of any length that a pseudonym may have."""
+    for digits in range(1, 9):
+        numbers = range(0, 10**digits, max(1, 10**digits // 20011))
+        refused = sum(not taken(check_subject, f"{number:0{digits}d}") for number in numbers)
+        assert refused <= len(numbers) / 200
+        refused = sum(not taken(check_note, f"code {number:0{digits}d}") for number in numbers)
+        assert refused <= len(numbers) / 200
+
+
+def taken(check, text):
+    try:
+        check(text)
+    except InputError:
+        return False
+    return True
+
+
+@pytest.mark.parametrize("check", [check_site, check_note])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "", "forearm", "left forearm", "Left Forearm", "LEFT FOREARM",
+        "volar forearm, 5 cm from wrist",
+        "Linker Unterarm", "rechter Unterarm innen", "Avant bras gauche", "site 3, 10 20 30 mbar",
+        "0.5-1.25 mm", "P-17", "tape came off at 12:30", "Probe moved. Repeated with new tape",
+        "120380", "near 12 mm", "3 decreased 5 times",
+        "may be wet", "mark at 3 cm", "the 2nd of 3", "<b>x</b>", "\x1b[31mred",
+    ],
+)  # fmt: skip
+def test_sites_and_notes_are_taken(check, text):
+    assert check(text) == text
+
+
+@pytest.mark.parametrize("check", [check_site, check_note])
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("Anna", "name"), ("forearm of Anna", "name"), ("Mrs Schmidt, left arm", "name"),
+        ("Dr. Okonkwo asked to stop", "name"), ("Jadwiga Kowalska", "name"),
+        ("Kowalska, Jadwiga", "name"),
+        ("forearm 1980-03-12", "date"), ("born 800312", "date"), ("12.03.1980", "date"),
+        ("measured 19800312", "date"), ("12 March 1980", "date"), ("March 12, 1980", "date"),
+        ("a.b@example.org", "address"),
+        ("insured as 123456789", "register"),
+    ],
+)  # fmt: skip
+def test_sites_and_notes_name_nobody(check, text, why):
+    with pytest.raises(InputError, match=why):
+        check(text)
 
 
 def test_a_number_of_a_register_is_refused():

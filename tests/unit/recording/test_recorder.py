@@ -21,7 +21,8 @@ from drivers.events import (
     TimedEvent,
 )
 from drivers.probe import Probe
-from skinlab.acquisition.measure import Plan, measure
+from skinlab.acquisition.measure import measure
+from skinlab.acquisition.measurement import Plan
 from skinlab.acquisition.pipeline import Pipeline
 from skinlab.acquisition.replay import differences, identifier_of, replay
 from skinlab.acquisition.sources import LiveSource
@@ -72,7 +73,7 @@ def test_the_session_holds_what_was_measured(recorded):
     assert [c.setup.repeat for c in session.curves] == [1, 2]
     assert session.meta["subject"] == "P-7"
     assert session.meta["instrument"]["simulated"] is True
-    assert {r.kind for r in session.records} == set(Kind)
+    assert {r.kind for r in session.records} == set(Kind) - {Kind.MARK}
     assert all(abs(r.utc_s - session.records[0].utc_s) < 600 for r in session.records)
 
 
@@ -97,20 +98,42 @@ def test_a_replay_gives_the_same_bits(recorded):
 
 
 def test_a_session_knows_the_options_of_its_method(grid, tmp_path):
-    options = Options(samples=77, sampling="lhs", slowdown=0.7, forgetting=0.8, covariance=3.0)
-    identifier = Identifier(grid, method="sto", options=options)
-    settings = identification_settings(identifier)
+    for method, own in [
+        ("sto", {"sampling": "lhs"}),
+        ("hka", {"slowdown": 0.7}),
+        ("rls", {"covariance": 3.0, "forgetting": 0.8, "passes": 7}),
+    ]:
+        options = Options(samples=77).having(**own)
+        identifier = Identifier(grid, method=method, options=options)
+        settings = identification_settings(identifier)
+        assert settings["options"] == own
+        session = session_from_records({"identification": settings}, [])
+        assert identifier_of(session)[0].options == options
+
+
+def test_a_session_whose_method_is_not_installed_here_says_so(grid):
+    settings = identification_settings(Identifier(grid, method="rls")) | {"method": "mine"}
     session = session_from_records({"identification": settings}, [])
-    assert identifier_of(session)[0].options == options
+    with pytest.raises(InputError, match="method 'mine' is not known; expected one of: auto"):
+        identifier_of(session)
+
+
+def test_a_session_that_records_the_options_of_all_methods_is_still_read(grid):
+    settings = identification_settings(Identifier(grid, method="rls"))
+    del settings["options"]
+    settings |= {"sampling": "uniform", "slowdown": 0.4}
+    settings |= {"forgetting": 0.8, "covariance": 1.0, "passes": 100}
+    session = session_from_records({"identification": settings}, [])
+    own = {"forgetting": 0.8, "covariance": 1.0, "passes": 100}
+    assert identifier_of(session)[0].options == Options().having(**own)
 
 
 def test_a_session_from_before_single_options_replays_as_then(grid):
     """Those did not record them; rls then ran 500 passes at most."""
     settings = identification_settings(Identifier(grid, method="rls"))
-    for name in ("sampling", "slowdown", "forgetting", "covariance", "passes"):
-        del settings[name]
+    del settings["options"]
     session = session_from_records({"identification": settings}, [])
-    assert identifier_of(session)[0].options == Options(passes=500)
+    assert identifier_of(session)[0].options == Options().having(passes=500)
 
 
 def test_differences_are_told_in_words(recorded):
@@ -165,8 +188,8 @@ def test_what_a_crash_leaves_is_recovered(tmp_path, recorded):
     for record in half:
         journal._put(record.kind, record.host_time_s, record.data, record.utc_s)
     journal.close()
-    assert read_journal(journal.path)[1] == list(half)
-    assert len(recover(journal.path, tmp_path / "s.h5").curves) == 2
+    assert read_journal(journal.path).records == list(half)
+    assert len(recover(journal.path, tmp_path / "s.h5")[0].curves) == 2
     again = read_session(tmp_path / "s.h5")
     assert [c.partial for c in again.curves] == [False, True]
     assert again.results[0] == session.results[0]

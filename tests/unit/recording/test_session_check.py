@@ -10,7 +10,8 @@ import h5py
 import pytest
 
 from drivers.probe import Probe
-from skinlab.acquisition.measure import Plan, measure
+from skinlab.acquisition.measure import measure
+from skinlab.acquisition.measurement import Plan
 from skinlab.acquisition.pipeline import Pipeline
 from skinlab.acquisition.sources import LiveSource
 from skinlab.cli.main import run

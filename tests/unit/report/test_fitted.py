@@ -11,13 +11,13 @@ from skinlab.curves.program import parse_program
 from skinlab.discrepancy.model_identifier import with_model
 from skinlab.errors import InputError
 from skinlab.inference.identify import Identifier
+from skinlab.inference.stored import StoredResult, StoredValue
 from skinlab.inference.uncertainty import Sensor
 from skinlab.mechanics.effects.model import Skin, response
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.mechanics.model_file import EffectRange, Header, Model, Range
 from skinlab.report.fitted import fit_again
 from skinlab.report.methods import assumptions, how
-from skinlab.report.stored import StoredResult, StoredValue
 
 NOISE_UM = 2.0
 PHASES = ("load", "hold", "unload", "rest")
@@ -44,7 +44,7 @@ def curve(noise_mm) -> Curve:
     time_s = np.arange(120) / 20.0
     path = PressurePath.of_program(program)
     truth = {"viscoelasticity": {"g": 0.3, "tau_s": 1.0}, "deflection_gain": {"gain": 1.05}}
-    w = response(Skin(0.025, 2.95, 0.28), truth, Geometry(6.0, 1.0), path, time_s).deflection_mm
+    w = response(Skin((0.025, 2.95, 0.28)), truth, Geometry(6.0, 1.0), path, time_s).deflection_mm
     return Curve("creep", Setup(6.0, 1.0, program), time_s, path(time_s), w + noise_mm)
 
 

@@ -14,7 +14,6 @@ import pytest
 from skinlab.cli.main import run
 from skinlab.errors import InputError
 from skinlab.inference.problem import Options
-from skinlab.parameters import PAPER_BOX
 from skinlab.reproduction import jobs, many_curves, output, page, tables
 from skinlab.reproduction.cases import (
     BLIND_TRUTH,
@@ -29,6 +28,7 @@ from skinlab.reproduction.cases import (
 )
 from skinlab.reproduction.jobs import BestAtNu, Identify, NeoHookean, Plane, execute
 from skinlab.reproduction.part import Comparison, Part, Table
+from skinlab.reproduction.published_values import PAPER_BOX
 from skinlab.reproduction.reproduce import ORDER, reproduce
 from skinlab.reproduction.scatter import Scatter
 from skinlab.reproduction.study import Study

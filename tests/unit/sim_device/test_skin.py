@@ -47,7 +47,7 @@ def test_it_is_the_forward_model_on_its_own_mesh():
     path = planned(LOAD)
     times = np.linspace(0, path.time_s[-1], 40)
     expected = response(
-        Skin(LAW.X1_MPa, LAW.X2_MPa, LAW.nu), SLOW, Geometry(6.0, 1.0), path, times,
+        Skin((LAW.X1_MPa, LAW.X2_MPa, LAW.nu)), SLOW, Geometry(6.0, 1.0), path, times,
         discretisation=MESH,
     )  # fmt: skip
     found = readings(skin, times, path(times))
@@ -64,7 +64,7 @@ def test_a_deviation_from_the_plan_is_answered_at_once():
     times = np.array([0.5, 1.0, 1.7, 1.8])
     found = readings(skin, times, real(times))
     expected = response(
-        Skin(LAW.X1_MPa, LAW.X2_MPa, LAW.nu), SLOW, Geometry(6.0, 1.0), real, times,
+        Skin((LAW.X1_MPa, LAW.X2_MPa, LAW.nu)), SLOW, Geometry(6.0, 1.0), real, times,
         discretisation=MESH,
     ).deflection_mm  # fmt: skip
     np.testing.assert_allclose(found, expected, atol=0.008)  # mm, of a change of 0.2

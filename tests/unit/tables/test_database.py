@@ -9,13 +9,11 @@ import pytest
 from skinlab.errors import InputError, NotTrustworthyError
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.mechanics.materials.compressibility import kappa_ratio, nu_from_ratio
-from skinlab.tables.build import build_grid
-from skinlab.tables.grid import GridSpec
-from skinlab.tables.grid_model import GridModel
+from skinlab.tables.build import build, rebuilt_differences
+from skinlab.tables.grid_spec import GridSpec
 from skinlab.tables.lagrange import TensorLagrange, matrix
 from skinlab.tables.parallel_build import How
-from skinlab.tables.store import read_grid, write_grid
-from skinlab.tables.verify import rebuilt_differences
+from skinlab.tables.store import read, write
 
 GEOMETRY = Geometry(6.0, 1.0)
 
@@ -46,24 +44,23 @@ def test_tensor_interpolation_is_exact_for_products_of_cubics():
 
 def test_the_shipped_grid_is_the_papers(grid):
     spec = grid.spec
-    assert spec.shape == (10, 17, 8, 51)
-    assert (spec.X1_MPa[0], spec.X1_MPa[-1]) == (0.01, 0.1)
-    assert (spec.X2_MPa[0], spec.X2_MPa[-1]) == (0.1, 4.9)
-    assert (spec.nu[0], spec.nu[-1]) == (0.2, 0.48)
+    assert spec.shape == (10, 17, 8)
+    ends = {name: (nodes[0], nodes[-1]) for name, nodes in spec.axis}
+    assert ends == {"X1_MPa": (0.01, 0.1), "X2_MPa": (0.1, 4.9), "nu": (0.2, 0.48)}
     assert spec.pressure_mbar == tuple(2.0 * i for i in range(51))
-    assert (grid.iterations > 0).all()
-    assert (np.diff(grid.deflection_mm, axis=-1) > 0).all()
+    assert (grid.extra["newton_iterations"] > 0).all()
+    assert (np.diff(grid.values, axis=-1) > 0).all()
 
 
 def test_no_answer_comes_from_a_cell_with_a_creased_corner(grid):
-    creased = np.argwhere(grid.holds_to_mbar < 100)
+    creased = np.argwhere(grid.holds_to < 100)
     assert len(creased) > 0
-    axes = (grid.spec.X1_MPa, grid.spec.X2_MPa, grid.spec.nu)
+    axes = grid.spec.nodes
     at = np.array([[axis[k] for axis, k in zip(axes, node, strict=True)] for node in creased])
-    to_the_top = GridModel(grid, GEOMETRY, np.linspace(0, 100, 11)).deflection_mm(at)
+    to_the_top = grid.model(GEOMETRY, np.linspace(0, 100, 11)).deflection_mm(at)
     assert np.isnan(to_the_top).all()
-    lowest = float(grid.holds_to_mbar.min())
-    low = GridModel(grid, GEOMETRY, np.linspace(0, lowest, 11)).deflection_mm(at)
+    lowest = float(grid.holds_to.min())
+    low = grid.model(GEOMETRY, np.linspace(0, lowest, 11)).deflection_mm(at)
     assert np.isfinite(low).all()
 
 
@@ -72,52 +69,54 @@ def test_random_entries_rebuild_to_the_same_numbers(grid):
 
 
 def test_a_changed_number_is_found(grid):
-    spoiled = grid.deflection_mm.copy()
+    spoiled = grid.values.copy()
     spoiled += 1e-5
-    assert rebuilt_differences(dataclasses.replace(grid, deflection_mm=spoiled), 1, 0)
+    assert rebuilt_differences(dataclasses.replace(grid, values=spoiled), 1, 0)
 
 
 def small_spec() -> GridSpec:
     return GridSpec(
-        X1_MPa=(0.03, 0.04, 0.05, 0.06),
-        X2_MPa=(0.7, 1.0, 1.3, 1.6),
-        nu=(0.28, 0.32, 0.36, 0.4),
+        axis=(
+            ("X1_MPa", (0.03, 0.04, 0.05, 0.06)),
+            ("X2_MPa", (0.7, 1.0, 1.3, 1.6)),
+            ("nu", (0.28, 0.32, 0.36, 0.4)),
+        ),
         pressure_mbar=(0.0, 5.0, 10.0, 15.0, 20.0),
     )
 
 
 def test_building_gives_the_same_bits_for_any_number_of_workers(tmp_path):
     calls = []
-    one = build_grid(small_spec(), How(progress=lambda *at: calls.append(at)))
+    one = build(small_spec(), How(progress=lambda *at: calls.append(at)))
     assert calls[-1] == (64, 64)
-    two = build_grid(small_spec(), How(workers=2))
+    two = build(small_spec(), How(workers=2))
     assert one.content_hash == two.content_hash
     path = tmp_path / "grid.h5"
-    write_grid(path, one)
-    assert read_grid(path).content_hash == one.content_hash
+    write(path, one)
+    assert read(path).content_hash == one.content_hash
 
 
 def test_a_damaged_file_is_told(tmp_path, grid):
     path = tmp_path / "grid.h5"
-    write_grid(path, grid)
+    write(path, grid)
     whole = path.read_bytes()
     path.write_bytes(whole[: len(whole) // 2])
     with pytest.raises(InputError, match=r"truncated|damaged|not readable"):
-        read_grid(path)
+        read(path)
     path.write_bytes(b"")
     with pytest.raises(InputError, match="HDF5"):
-        read_grid(path)
+        read(path)
     path.write_bytes(whole)
     with h5py.File(path, "r+") as file:
         file["deflection_mm"][3, 3, 3, 3] += 1e-9
     with pytest.raises(InputError, match="does not agree with its hash"):
-        read_grid(path)
+        read(path)
 
 
 def test_the_misfit_equals_the_sum_over_all_points(grid):
     rng = np.random.default_rng(1)
     pressure = np.sort(rng.uniform(-1.5, 101.5, 77))
-    model = GridModel(grid, GEOMETRY, pressure)
+    model = grid.model(GEOMETRY, pressure)
     low, high = model.space.bounds
     candidates = low + (high - low) * rng.random((200, 3))
     measured = model.deflection_mm(candidates[:1])[0] + rng.normal(0, 0.003, 77)
@@ -133,20 +132,20 @@ def test_the_misfit_equals_the_sum_over_all_points(grid):
 def test_a_similar_geometry_scales(grid):
     pressure = np.linspace(0, 100, 11)
     at = np.array([[0.03, 1.0, 0.32]])
-    six = GridModel(grid, GEOMETRY, pressure).deflection_mm(at)
-    two = GridModel(grid, Geometry(2.0, 1.0 / 3.0), pressure).deflection_mm(at)
+    six = grid.model(GEOMETRY, pressure).deflection_mm(at)
+    two = grid.model(Geometry(2.0, 1.0 / 3.0), pressure).deflection_mm(at)
     np.testing.assert_allclose(two, six / 3, rtol=1e-12, atol=1e-15)
 
 
 def test_another_geometry_is_refused(grid):
     with pytest.raises(NotTrustworthyError, match="thickness/radius"):
-        GridModel(grid, Geometry(6.0, 1.1), np.linspace(0, 100, 11))
+        grid.model(Geometry(6.0, 1.1), np.linspace(0, 100, 11))
 
 
 def test_both_conventions_give_the_same_curve_at_the_same_kappa(grid):
     pressure = np.linspace(0, 100, 11)
-    paper = GridModel(grid, GEOMETRY, pressure, "paper")
-    consistent = GridModel(grid, GEOMETRY, pressure, "consistent")
+    paper = grid.model(GEOMETRY, pressure, "paper")
+    consistent = grid.model(GEOMETRY, pressure, "consistent")
     nu = nu_from_ratio(kappa_ratio(0.32, "paper"), "consistent")
     np.testing.assert_allclose(
         consistent.deflection_mm(np.array([[0.033, 1.1, nu]])),
@@ -158,4 +157,4 @@ def test_both_conventions_give_the_same_curve_at_the_same_kappa(grid):
 
 def test_readings_a_little_out_of_range_are_still_modelled(grid):
     at = np.array([-2.1, -2.0, 0.0, 100.0, 102.0, 102.1])
-    assert grid.covered(at).tolist() == [False, True, True, True, True, False]
+    assert grid.spec.covered(at).tolist() == [False, True, True, True, True, False]

@@ -76,7 +76,9 @@ def test_an_imported_session_is_one_like_any_other(call):
         assert values(replayed) == values(identified)
     assert call("export", "s.h5", "--to", "csv", "tidy")[0] == 0
     status, out, _ = call("identify", "tidy", "--json")
-    assert values(json.loads(out)["curves"]) == values(identified)
+    # Repeats of a campaign say more of the noise than each curve of a session alone.
+    again = json.loads(out)["curves"]
+    assert [entry["optimum"] for entry in again] == [entry["optimum"] for entry in identified]
 
 
 def test_the_good_ones_come_first_and_the_json_says_which_failed(call):

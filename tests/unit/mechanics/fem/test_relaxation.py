@@ -9,12 +9,12 @@ from numpy.polynomial import Polynomial
 from skinlab.errors import InputError
 from skinlab.mechanics.fem.element import QUAD8_FULL, QUAD9_LINEAR_DILATATION
 from skinlab.mechanics.fem.relaxation import SETTINGS, isochoric_stress, relax, step_factors
-from skinlab.mechanics.fem.skin import Prony, SkinProblem, prepare
+from skinlab.mechanics.fem.skin import Prony, Skin, SkinProblem, prepare
 from skinlab.mechanics.fem.suction import Discretisation, Geometry, trace
 from skinlab.mechanics.materials.compressibility import nu_from_ratio
 
 COARSE = Discretisation("coarse", QUAD8_FULL, 0.05, 2.0, 0.3, 0.5, 0.5, True, (5, 4, 3))
-SKIN = SkinProblem(Geometry(6.0, 1.0), 0.04, 1.5, 0.32)
+SKIN = SkinProblem(Geometry(6.0, 1.0), Skin((0.04, 1.5, 0.32)))
 
 
 def course(problem, times, pressures, preload=0.0, **settings):
@@ -34,11 +34,9 @@ def elastic(problem, top):
 def long_term(problem):
     """The elastic skin with W_vol + (1 − g) W_iso: the same κ, all else less."""
     left = 1 - sum(term.g for term in problem.prony)
-    ratio = problem.kappa_MPa / (left * problem.X1_MPa)
-    return replace(
-        problem, X1_MPa=left * problem.X1_MPa, X2_MPa=left * problem.X2_MPa,
-        nu=float(nu_from_ratio(ratio, problem.kappa)), prony=(),
-    )  # fmt: skip
+    x1, x2, _ = problem.skin.values
+    nu = float(nu_from_ratio(problem.skin.dilatation_ratio / left, problem.skin.kappa))
+    return replace(problem, skin=Skin((left * x1, left * x2, nu)), prony=())
 
 
 @pytest.mark.parametrize("x", [0.0, 1e-9, 1e-3, 0.0999, 0.1, 1.0, 30.0])
@@ -85,7 +83,7 @@ def creep_compliance(prony, times):
 def test_creep_of_a_small_dome_is_that_of_linear_theory(prony):
     """Incompressible, little suction: w(t)/w(0) is the creep compliance of the shear alone."""
     mesh = replace(COARSE, element=QUAD9_LINEAR_DILATATION)
-    skin = replace(SKIN, nu=0.49999, prony=prony)
+    skin = replace(SKIN, skin=Skin((0.04, 1.5, 0.49999)), prony=prony)
     times = np.array([0.0, 0.1, 0.3, 1.0, 3.0, 10.0])
     curve = relax(
         prepare(skin, mesh), prony, np.array([0.0, 0.0, 10.0]), np.array([0.0, 1e-3, 1e-3]), 3.0,
@@ -153,7 +151,7 @@ def test_the_isochoric_stress_does_no_work_on_a_change_of_volume():
 
 
 def test_where_it_does_not_hold_there_is_no_number():
-    soft = replace(SKIN, X1_MPa=0.004, X2_MPa=0.0, nu=0.2, prony=(Prony(0.3, 1.0),))
+    soft = replace(SKIN, skin=Skin((0.004, 0.0, 0.2)), prony=(Prony(0.3, 1.0),))
     times, pressures = np.array([0.0, 1.0, 2.0]), np.array([0.0, 100.0, 0.0])
     found = relax(prepare(soft, COARSE), soft.prony, times, pressures, 3.0)
     assert "beyond" in found.stopped

@@ -1,0 +1,124 @@
+"""Skins drawn from the prior by direct finite elements alone, kept in a file.
+
+    OPENBLAS_NUM_THREADS=1 python benchmarks/prior_skins.py [--count 1000] [--ends]
+
+Flat in log X1, log X2/X1 and ν over the shipped table's range, openings of 2, 4, 6 and 8 mm,
+thicknesses of 0.8 to 1.6 mm. A skin is drawn again only where the finite elements themselves, on
+the finer 9-node mesh of verification, do not reach 100 mbar: the table neither accepts nor rejects
+any. With `--ends` ν is 0.2, 0.45 to 0.49, or 0.49, in turn. Skins are appended to
+benchmarks/cache/prior_skins[_ends].jsonl as they are found; running again goes on.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline
+
+from skinlab.curves.curve import Setup
+from skinlab.mechanics.fem.suction import VERIFICATION_MESH, Geometry, solve
+from skinlab.mechanics.materials.compressibility import kappa_ratio
+
+Array = NDArray[np.float64]
+
+CACHE = Path(__file__).parent / "cache"
+SEED = 8
+TOP_MBAR = 100.0
+X1_MPA, X2_OVER_X1, NU = (0.005, 0.2), (0.5, 1000.0), (0.2, 0.49)
+
+
+@dataclass(frozen=True)
+class Skin:
+    """A drawn skin and its curve without errors, from 2 mbar below zero to 102 mbar."""
+
+    number: int
+    setup: Setup
+    truth: Array  # X1_MPa, X2_MPa, nu
+    pressure_mbar: Array
+    deflection_mm: Array
+    slope_mm_per_mbar: Array
+
+    def deflection(self, pressure_mbar: Array) -> Array:
+        """Return the apex deflection (u,) in mm."""
+        spline = CubicHermiteSpline(self.pressure_mbar, self.deflection_mm, self.slope_mm_per_mbar)
+        return np.asarray(spline(pressure_mbar))
+
+
+def draw(number: int, *, ends: bool = False) -> dict[str, Any]:
+    """Return skin `number` as a row of the file."""
+    rng = np.random.default_rng([SEED, int(ends), number])
+    refused = 0
+    while True:
+        setup = Setup(float(rng.choice([2.0, 4.0, 6.0, 8.0])), float(rng.uniform(0.8, 1.6)))
+        at = rng.random(3)
+        x1 = X1_MPA[0] * (X1_MPA[1] / X1_MPA[0]) ** at[0]
+        x2 = x1 * X2_OVER_X1[0] * (X2_OVER_X1[1] / X2_OVER_X1[0]) ** at[1]
+        nu = NU[0] + (NU[1] - NU[0]) * at[2]
+        if ends:
+            nu = (0.2, 0.45 + 0.04 * at[2], 0.49)[number % 3]
+        found = solve(
+            Geometry(setup.aperture_mm, setup.thickness_mm),
+            {"X1_MPa": x1, "X2_MPa": x2, "kappa_MPa": x1 * float(kappa_ratio(nu, "paper"))},
+            TOP_MBAR,
+            discretisation=VERIFICATION_MESH,
+            below_mbar=2.0,
+        )
+        if not found.stopped:
+            break
+        refused += 1
+    return {
+        "number": number,
+        "aperture_mm": setup.aperture_mm,
+        "thickness_mm": setup.thickness_mm,
+        "truth": [x1, x2, nu],
+        "drawn_before": refused,
+        "pressure_mbar": found.pressure_mbar.tolist(),
+        "deflection_mm": found.deflection_mm.tolist(),
+        "slope_mm_per_mbar": found.slope_mm_per_mbar.tolist(),
+    }
+
+
+def skins(count: int, *, ends: bool = False) -> Iterator[Skin]:
+    """Yield the first `count` skins, from the file or, where it ends, from the finite elements."""
+    CACHE.mkdir(exist_ok=True)
+    path = CACHE / f"prior_skins{'_ends' if ends else ''}.jsonl"
+    rows = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
+    for number in range(count):
+        if number < len(rows):
+            row = rows[number]
+        else:
+            row = draw(number, ends=ends)
+            with path.open("a") as stream:
+                stream.write(json.dumps(row) + "\n")
+        yield Skin(
+            number,
+            Setup(row["aperture_mm"], row["thickness_mm"]),
+            np.array(row["truth"]),
+            np.array(row["pressure_mbar"]),
+            np.array(row["deflection_mm"]),
+            np.array(row["slope_mm_per_mbar"]),
+        )
+
+
+def main() -> None:
+    """Fill the file."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--count", type=int, default=1000)
+    parser.add_argument("--ends", action="store_true")
+    arguments = parser.parse_args()
+    for _ in skins(arguments.count, ends=arguments.ends):
+        pass
+
+
+if __name__ == "__main__":
+    main()

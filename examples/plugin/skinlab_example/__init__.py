@@ -1,0 +1,1 @@
+"""One extension of each kind for skinlab: docs/extending.md of skinlab explains them."""

@@ -1,0 +1,65 @@
+"""Writes the model with the effect that was missing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from importlib.metadata import version
+from itertools import count
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from skinlab.errors import InputError
+from skinlab.io.files import write_file
+from skinlab.mechanics.model_file import Model
+
+if TYPE_CHECKING:
+    from skinlab.discrepancy.outcome import Outcome
+    from skinlab.tables.base import Database
+
+
+def write_adopted(
+    outcome: Outcome,
+    base: Model,
+    folder: Path,
+    session: Path | None,
+    database: Database,
+    now: datetime,
+) -> tuple[Path, Model]:
+    """Return the path of a new MODEL.toml in `folder`, and the model; it tells the session's hash.
+
+    Raises:
+        InputError: the verdict names no effect, or the file cannot be written.
+    """
+    from skinlab.discrepancy.adopt import adopted, hashes  # slow to import
+
+    if outcome.verdict.name != "named":
+        raise InputError(f"the verdict is {outcome.verdict.name}: there is nothing to adopt")
+    found = session is not None and session.is_file()
+    model = adopted(
+        base,
+        outcome.posteriors[outcome.best.effects],
+        verdict=outcome.verdict.name,
+        data=hashes([session]) if session is not None and found else {},
+        database_hash=database.content_hash,
+        version=version("skinlab"),
+        date=now.astimezone(UTC).date().isoformat(),
+    )
+    names = "-".join(e for e in outcome.best.effects if e not in outcome.found.base.effects)
+    stem = "model" if session is None else session.stem
+    return _write_new(folder, f"{stem}-{names}", model.to_toml()), model
+
+
+def _write_new(folder: Path, stem: str, text: str) -> Path:
+    """Write a file whose name is free; nothing is overwritten."""
+    for path in _names(folder, stem):
+        if not path.exists():
+            write_file(path, text)
+            return path
+    raise AssertionError  # names do not end
+
+
+def _names(folder: Path, stem: str) -> Iterator[Path]:
+    yield folder / f"{stem}.toml"
+    for number in count(2):
+        yield folder / f"{stem}-{number}.toml"

@@ -1,0 +1,63 @@
+"""The one way out of a command: text that came from outside is inert when it is printed."""
+
+from __future__ import annotations
+
+import errno
+import os
+import sys
+from typing import Any, TextIO
+
+from skinlab.text import inert, inert_lines, json_text
+
+
+def echo(line: str, *, err: bool = False) -> None:
+    """Print one line; `err`: to standard error, which never fails.
+
+    Raises:
+        OSError: standard output cannot be written, for another reason than a closed terminal.
+    """
+    _write(inert(line) + "\n", err)
+
+
+def echo_text(text: str, *, err: bool = False) -> None:
+    """Print several lines.
+
+    Raises:
+        OSError: as `echo`.
+    """
+    _write(inert_lines(text) + "\n", err)
+
+
+def print_json(document: dict[str, Any]) -> None:
+    """Print one JSON document; nothing in it may be NaN or infinite.
+
+    Raises:
+        OSError: as `echo`.
+    """
+    _write(json_text(document) + "\n", err=False)
+
+
+def status_line(text: str) -> None:
+    """Replace the line that the cursor of a terminal is in."""
+    _write(f"\r\x1b[K{inert(text)}", err=True)
+
+
+def _write(text: str, err: bool) -> None:
+    stream = sys.stderr if err else sys.stdout
+    encoding = getattr(stream, "encoding", None) or "utf-8"
+    try:
+        stream.write(text.encode(encoding, "backslashreplace").decode(encoding))
+        stream.flush()
+    except OSError as error:
+        if not err and error.errno != errno.EIO:
+            raise
+        _forget(stream)  # the terminal was closed: nobody reads it, and nothing else may fail
+
+
+def _forget(stream: TextIO) -> None:
+    """Let what is still in the stream, and all that follows, go nowhere."""
+    number = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(number, stream.fileno())
+    finally:
+        os.close(number)

@@ -1,0 +1,205 @@
+"""Rules of effects."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from skinlab.curves.pressure_path import PressurePath
+from skinlab.curves.program import parse_program
+from skinlab.errors import InputError
+from skinlab.extensions.rules import Kind, expect
+from skinlab.mechanics.effects import EFFECTS, Effect, Parameter
+from skinlab.mechanics.effects.base import Array, Values
+from skinlab.mechanics.effects.model import problem_of, response
+from skinlab.mechanics.fem.element import QUAD8_FULL
+from skinlab.mechanics.fem.skin import Skin, prepare
+from skinlab.mechanics.fem.suction import (
+    MBAR,
+    MESH_OF_RECORD,
+    SCREENING_MESH,
+    Discretisation,
+    Geometry,
+)
+
+_SKIN = Skin((0.04, 1.5, 0.32))
+_GEOMETRY = Geometry(6.0, 1.0)
+_TIMES = np.linspace(0.0, 6.0, 61)
+_COARSE = Discretisation("coarse", QUAD8_FULL, 0.05, 2.0, 0.3, 0.5, 0.5, True, (5, 4, 3))
+_SEEN_MM = 2e-3  # what a typical size changes at least
+_UNITS = {"µm": "um", "µm/s": "um_per_s"}  # of names
+
+
+def curve(effects: Mapping[str, Values], cycle: int = 2, mesh: Discretisation = _COARSE) -> Array:
+    """Return the deflection (61,), mm, of a load, a hold, an unload and a rest.
+
+    Raises:
+        BrokenRuleError: the model does not hold up to the highest pressure.
+    """
+    path = PressurePath.of_program(parse_program("ramp:60@40,hold:2,ramp:0@40,hold:1"))
+    found = response(_SKIN, effects, _GEOMETRY, path, _TIMES, cycle=cycle, discretisation=mesh)
+    expect(found.stopped == "", f"with {dict(effects)} the model stops: {found.stopped}")
+    expect(np.isfinite(found.deflection_mm).all(), f"with {dict(effects)} the curve is not finite")
+    return found.deflection_mm
+
+
+def _apart(a: Array, b: Array) -> float:
+    return float(np.sqrt(np.mean((a - b) ** 2)))
+
+
+def it_says_what_it_is(effect: Effect) -> None:
+    """It says what it is, and each parameter its unit, bounds, zero and source."""
+    for name in ("meaning", "formula", "source"):
+        text = getattr(effect, name)
+        expect(text and text.strip() == text, f"{name} is empty, or has blanks around it")
+        expect("\n" not in text, f"{name} has more than one line")
+    size = next((p for p in effect.parameters if p.zero is not None), None)
+    expect(size is not None, "no parameter has a zero")
+    expect(size and size.typical != size.zero, "the typical size of it is its zero")
+    for p in effect.parameters:
+        expect(p.meaning and p.source, f"{p.name} has no meaning or no source")
+        numbers = (p.low, p.high, p.typical)
+        expect(all(math.isfinite(v) for v in numbers), f"{p.name} has a bound that is not finite")
+        for value in (p.typical, p.zero, p.default):
+            inside = value is None or p.low <= value <= p.high
+            expect(inside, f"{p.name}: {value} is outside of {p.low:g} to {p.high:g}")
+        expect(p.low < p.high, f"{p.name}: low is not below high")
+        expect(p.spacing == "linear" or p.low > 0, f"{p.name}: log needs a positive low")
+        unit = _UNITS.get(p.unit, p.unit)
+        named = p.name.endswith(f"_{unit}") if unit else "_" not in p.name
+        expect(named, f"{p.name} does not end with its unit, {unit or 'none'}")
+
+
+def at_its_zero_it_is_not_there(effect: Effect) -> None:
+    """At its zero it is the base model, whatever its other parameters are."""
+    for cycle in (1, 2):
+        off = _apart(curve({effect.name: effect.zero}, cycle), curve({}, cycle))
+        expect(off < 1e-12, f"at its zero the curve is off by {off:g} mm")
+    for extreme in ("low", "high"):
+        others = {p.name: getattr(p, extreme) for p in effect.parameters if p.zero is None}
+        off = _apart(curve({effect.name: effect.zero | others}), curve({}))
+        expect(off < 1e-12, f"at its zero, with {others}, the curve is off by {off:g} mm")
+
+
+def more_of_it_does_more(effect: Effect) -> None:
+    """A larger size changes the curve more, and a typical one can be seen."""
+    base, zero, typical = curve({}), effect.zero, effect.typical
+    off = []
+    for share in (0.05, 0.5, 1.0):
+        values = {n: (1 - share) * zero[n] + share * typical[n] for n in zero}
+        off.append(_apart(curve({effect.name: values}), base))
+    expect(off[0] < off[1] < off[2], f"a larger size does not change the curve more: {off} mm")
+    expect(off[2] > _SEEN_MM, f"a typical size changes the curve by {1e3 * off[2]:.2g} µm only")
+
+
+def what_it_cannot_be_is_refused(effect: Effect) -> None:
+    """Values out of bounds are refused, with the field."""
+    good = effect.typical
+    wrong = [
+        good | {p.name: value}
+        for p in effect.parameters
+        for value in (p.low - 1, p.high * 1.01 + 1, math.nan, math.inf)
+    ]
+    for values in [*wrong, good | {"nothing of the kind": 1.0}]:
+        try:
+            effect.full(values)
+        except InputError as error:
+            expect(f"effects.{effect.name}." in str(error), f"{error}: does not name the field")
+        else:
+            expect(False, f"{values} is not refused")
+
+
+def the_screening_mesh_sees_it(effect: Effect) -> None:
+    """The mesh that effects are screened on sees what it does to within 1 %."""
+
+    def change(mesh: Discretisation) -> Array:
+        return curve({effect.name: effect.typical}, mesh=mesh) - curve({}, mesh=mesh)
+
+    exact = change(MESH_OF_RECORD)
+    off = _apart(change(SCREENING_MESH), exact) / _apart(exact, np.zeros_like(exact))
+    expect(off < 0.01, f"the screening mesh is off by {100 * off:.2g} %")
+
+
+def the_tangent_is_exact(effect: Effect) -> None:
+    """The tangent is the derivative of the forces."""
+    off, orders = tangent_error({effect.name: effect.typical})
+    expect(abs(orders - 2) < 0.1, f"differences approach the tangent by order {orders:.2f}, not 2")
+    expect(off < 1e-3, f"the tangent is off by {100 * off:.2g} %")
+
+
+def tangent_error(effects: Mapping[str, Values]) -> tuple[float, float]:
+    """Return by which share the tangent is off central differences, and the order of that."""
+    prepared = prepare(problem_of(_SKIN, effects, _GEOMETRY, cycle=2), _COARSE)
+    assembly, pressure = prepared.assembly, 100 * MBAR
+    rng = np.random.default_rng(3)
+    small = 0.02 * np.diff(np.unique(assembly.mesh.nodes[:, 1])).min()  # of the thinnest row
+    r, z = assembly.mesh.nodes.T
+    smooth = np.column_stack([0.03 * r * z, 0.1 * z]).ravel()  # none at the tape
+    u = np.zeros(assembly.n)
+    u[assembly.equation[assembly.equation < assembly.n]] = smooth[assembly.equation < assembly.n]
+    u, v = u + small * rng.normal(size=assembly.n), small * rng.normal(size=assembly.n)
+    f = assembly.deformation_gradients(assembly.full(u))
+    stress = 0.01 * rng.normal(size=(4, *f.shape[1:]))  # what relaxation may have left
+    parameters = prepared.parameters(0.8)
+
+    def forces(at: Array) -> Array:
+        state = assembly.evaluate(at, pressure, parameters, stress)
+        assert state is not None
+        return state.residual
+
+    state = assembly.evaluate(u, pressure, parameters, stress)
+    assert state is not None
+    exact = state.tangent[:, 0] * v
+    for k in range(1, state.tangent.shape[1]):
+        exact[k:] += state.tangent[: assembly.n - k, k] * v[: assembly.n - k]
+        exact[: assembly.n - k] += state.tangent[: assembly.n - k, k] * v[k:]
+    if state.skew is not None:
+        e_r, e_z, size = state.skew
+        exact -= pressure * size * (e_z * (e_r @ v) - e_r * (e_z @ v))
+    steps = np.array([0.2, 0.1, 0.05])
+    errors = [
+        np.abs((forces(u + h * v) - forces(u - h * v)) / (2 * h) - exact).max() for h in steps
+    ]
+    order = float(np.polyfit(np.log(steps), np.log(errors), 1)[0])
+    return float(errors[-1] / np.abs(exact).max()), order
+
+
+def _row(effect: Effect) -> tuple[str, ...]:
+    acts_on = "the skin" if effect.physical else "the record"
+    parameters = "<br>".join(_parameter(p) for p in effect.parameters)
+    sources = "; ".join(dict.fromkeys([effect.source, *(p.source for p in effect.parameters)]))
+    return f"`{effect.name}`", effect.meaning, effect.formula, acts_on, parameters, sources
+
+
+def _parameter(p: Parameter) -> str:
+    unit = f" {p.unit}" if p.unit else ""
+    zero = "no zero" if p.zero is None else f"zero {p.zero:g}"
+    optional = "" if p.default is None else f", {p.default:g} where it is not given"
+    return (
+        f"`{p.name}` {p.meaning}: {p.low:g} to {p.high:g}{unit}, {zero}, "
+        f"typical {p.typical:g}{optional}"
+    )
+
+
+KIND = Kind(
+    EFFECTS,
+    (
+        it_says_what_it_is,
+        at_its_zero_it_is_not_there,
+        more_of_it_does_more,
+        what_it_cannot_be_is_refused,
+        the_screening_mesh_sees_it,
+        the_tangent_is_exact,
+    ),
+    (
+        "name",
+        "what it is",
+        "definition",
+        "acts on",
+        "parameters: bounds, zero, typical",
+        "source",
+    ),
+    _row,
+)

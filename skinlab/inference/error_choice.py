@@ -1,0 +1,430 @@
+"""Which errors do the samples have? Combinations of error models, weighed by their evidence.
+
+Beginning with what is always there, each model is tried beside the best combination so far, and the
+best is kept, until none gains. All combinations that were tried stay, with their evidence and their
+odds: intervals average over the doubt. Within a combination the parameters are integrated out: the
+marginal likelihood is explored from its mode by a Student distribution as wide as its curvature,
+and by the prior (a defensive mixture: Hesterberg 1995, Technometrics 37:185).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import gammaln, logsumexp, ndtri
+from scipy.stats import qmc
+
+from skinlab.inference.covariance import Covariance
+from skinlab.inference.error_models import ERROR_MODELS
+from skinlab.inference.error_models.base import ErrorModel, Look, Part
+from skinlab.inference.likelihood import LinearModel
+
+Array = NDArray[np.float64]
+
+_STEP = 0.05  # of a logarithm, for derivatives
+_MOST_STEPS = 6
+_FAR = 1.5  # the longest step in a logarithm
+_LEAST_CURVATURE = 0.4  # of the log density: wider than 1.6 in a logarithm is left to the prior
+_SETTLED = 0.05  # of the log density
+_WIDER = 1.2
+_FREEDOM = 6.0  # of the Student distribution
+_NODES = {0: 1, 1: 10, 2: 24, 3: 40}  # by the number of parameters
+_MOST_NODES = 64
+_FROM_PRIOR = 0.2  # of the nodes
+_NO_GAIN = 0.0  # of the log evidence with odds: below, no more models are added
+_MOST_MODELS = 4  # beside those that are always there
+_NEGLIGIBLE = 1e-3  # of all weight: nodes that carry less are dropped
+_MIXTURE_ROUNDS = 6
+
+
+@dataclass(frozen=True, eq=False)
+class Combination:
+    """Error models together."""
+
+    parts: tuple[Part, ...]
+    samples_time_s: Array
+    ends: tuple[int, ...]
+    fixed_mm: Array  # (u, m) columns that are there whatever the parameters
+    fixed_mm2: Array  # (u,) variances, likewise
+
+    @property
+    def name(self) -> str:
+        """Names of the parts."""
+        return "+".join(part.name for part in self.parts)
+
+    @cached_property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        return tuple(p.name for part in self.parts for p in part.parameters)
+
+    @property
+    def log_odds(self) -> float:
+        """Before the data, against the parts that are always there."""
+        return sum(part.log_odds for part in self.parts)
+
+    @property
+    def bound(self) -> float:
+        """What the parts that are scale mixtures add to the log evidence."""
+        return sum(part.bound for part in self.parts)
+
+    def log_prior(self, log_values: Array) -> float:
+        """Return the log prior density of the parameters' logarithms (d,)."""
+        each = [p for part in self.parts for p in part.parameters]
+        return float(sum(p.log_prior(v) for p, v in zip(each, log_values, strict=True)))
+
+    def sizes_um(self, log_values: Array) -> dict[str, float]:
+        """Return the root mean square over samples of each part's errors, µm, by its name."""
+        values, at = np.exp(log_values).tolist(), 0
+        found = {}
+        for part in self.parts:
+            terms = part.terms(values[at : at + len(part.parameters)])
+            at += len(part.parameters)
+            total = float(np.mean(terms.variance_mm2))
+            if terms.ou is not None:
+                total += terms.ou.size_mm**2
+            if terms.columns_mm is not None:
+                total += float(np.square(terms.columns_mm).sum(axis=1).mean())
+            found[part.name] = 1e3 * math.sqrt(total)
+        return found
+
+    def covariance(self, log_values: Array, *, spread: bool = True) -> Covariance:
+        """Return the covariance at these logarithms (d,)."""
+        values = np.exp(log_values).tolist()
+        variance, ou = self.fixed_mm2, None
+        columns = [self.fixed_mm]
+        stretch: Array | float = 1.0
+        at = 0
+        for part in self.parts:
+            terms = part.terms(values[at : at + len(part.parameters)])
+            at += len(part.parameters)
+            variance = variance + terms.variance_mm2
+            ou = terms.ou or ou
+            if terms.columns_mm is not None:
+                columns.append(terms.columns_mm)
+            if terms.stretch is not None:
+                stretch = stretch * terms.stretch * (part.spread if spread else 1.0)
+        whole = columns[0] if len(columns) == 1 else np.hstack(columns)
+        return Covariance(variance * stretch, whole, self.ends, ou, self.samples_time_s)
+
+
+@dataclass(frozen=True, eq=False)
+class Node:
+    """One setting of the errors' parameters: part of a quadrature over all that is possible."""
+
+    combination: Combination
+    log_values: Array  # (d,)
+    covariance: Covariance
+    log_prior: float  # log weight without the data: prior and odds over the density it is from
+    log_marginal: float  # of the linearised model
+
+    @cached_property
+    def sizes_um(self) -> dict[str, float]:
+        """Root mean square of each part's errors, µm, by its name."""
+        return self.combination.sizes_um(self.log_values)
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorChoice:
+    """What the samples say of their errors. `nodes` with the heaviest first."""
+
+    nodes: tuple[Node, ...]
+    mode: Covariance  # of the best combination
+    weight: Array = field(repr=False)  # (nodes,) sums up to 1, by the linearised model
+
+    @property
+    def best(self) -> Combination:
+        """The combination with most weight."""
+        total: dict[int, float] = {}
+        for node, w in zip(self.nodes, self.weight, strict=True):
+            total[id(node.combination)] = total.get(id(node.combination), 0.0) + float(w)
+        chosen = max(total, key=lambda key: total[key])
+        return next(n.combination for n in self.nodes if id(n.combination) == chosen)
+
+    def probability(self, name: str) -> float:
+        """Return the probability that the errors have a part of this name."""
+        return float(
+            sum(
+                w
+                for node, w in zip(self.nodes, self.weight, strict=True)
+                if any(part.name == name for part in node.combination.parts)
+            )
+        )
+
+    def median(self, function: Callable[[Node], float]) -> float:
+        """Return the weighted median of a function of the nodes."""
+        return self.quantile(function, 0.5)
+
+    def quantile(self, function: Callable[[Node], float], share: float) -> float:
+        """Return a weighted quantile of a function of the nodes."""
+        values = np.array([function(node) for node in self.nodes])
+        order = np.argsort(values, kind="stable")
+        below = np.cumsum(self.weight[order]) - 0.5 * self.weight[order]
+        return float(np.interp(share, below, values[order]))
+
+    def parameters(self) -> dict[str, float]:
+        """Return medians of the best combination's parameters, and what was found with them."""
+        best = self.best
+        own = np.array([node.combination is best for node in self.nodes])
+        weight = self.weight[own] / self.weight[own].sum()
+        values = np.array([n.log_values for n in self.nodes if n.combination is best])
+        found: dict[str, float] = {}
+        for i, name in enumerate(best.parameters):
+            order = np.argsort(values[:, i], kind="stable")
+            below = np.cumsum(weight[order]) - 0.5 * weight[order]
+            found[name] = float(np.exp(np.interp(0.5, below, values[order, i])))
+        for part in best.parts:
+            found.update(part.stated)
+        return found
+
+
+def choose_errors(
+    look: Look,
+    linear: LinearModel,
+    fixed_mm: Array,
+    fixed_mm2: Array,
+    models: Sequence[ErrorModel] | None = None,
+) -> ErrorChoice:
+    """Return what errors these samples have.
+
+    `linear` is the model about its fit; `fixed_mm` (u, m) and `fixed_mm2` (u,) are columns and
+    variances of errors that are known beforehand: the mesh's. `models` are those to choose from,
+    all that there are if it is None.
+    """
+    models = ERROR_MODELS.all() if models is None else models
+    offered = [part for model in models if (part := model.part(look)) is not None]
+    always = tuple(sorted((p for p in offered if p.always), key=lambda p: p.name != "white"))
+    others = [p for p in offered if not p.always]
+
+    def combine(parts: tuple[Part, ...]) -> Combination:
+        return Combination(parts, look.samples.time_s, look.samples.ends, fixed_mm, fixed_mm2)
+
+    starts = _starts(look, linear)
+    best = _explore(combine(always), linear, starts)
+    tried = [best]
+    for _ in range(_MOST_MODELS):
+        names = {part.name for part in best.combination.parts}
+        more = [p for p in others if p.name not in names]
+        known = {frozenset(e.combination.name.split("+")) for e in tried}
+        found = [
+            _explore(combine((*best.combination.parts, part)), linear, {**starts, **best.mode})
+            for part in more
+            if frozenset((*names, part.name)) not in known
+        ]
+        tried += found
+        if not found:
+            break
+        leader = max(found, key=lambda e: e.log_evidence)
+        if leader.log_evidence <= best.log_evidence + _NO_GAIN:
+            break
+        best = leader
+    mixture = _scale_mixture(look, linear, best, combine, models)
+    if mixture is not None:
+        tried.append(mixture)
+        if mixture.log_evidence > best.log_evidence:
+            best = mixture
+    return _collect(tried, best)
+
+
+def _collect(tried: Sequence[_Explored], best: _Explored) -> ErrorChoice:
+    nodes = [node for e in tried for node in e.nodes]
+    log_weight = np.array([n.log_prior + n.log_marginal for n in nodes])
+    weight = np.exp(log_weight - logsumexp(log_weight))
+    order = np.argsort(-weight, kind="stable")
+    order = order[np.cumsum(weight[order]) - weight[order] < 1.0 - _NEGLIGIBLE]
+    kept = weight[order] / weight[order].sum()
+    return ErrorChoice(tuple(nodes[i] for i in order), best.mode_covariance, kept)
+
+
+@dataclass(frozen=True, eq=False)
+class _Explored:
+    """A combination at its mode, its nodes, and its evidence with the odds."""
+
+    combination: Combination
+    log_mode: Array
+    nodes: tuple[Node, ...]
+    log_evidence: float
+
+    @property
+    def mode(self) -> dict[str, float]:
+        return dict(zip(self.combination.parameters, self.log_mode.tolist(), strict=True))
+
+    @property
+    def mode_covariance(self) -> Covariance:
+        return self.combination.covariance(self.log_mode)
+
+
+def _starts(look: Look, linear: LinearModel) -> dict[str, float]:
+    """Return logarithms to start from where the data say more than the prior."""
+    freedom = max(len(look.samples) - linear.slopes_mm.shape[1], 1)
+    left = linear.residual_mm
+    size = 1e3 * math.sqrt(max(float(left @ left) / freedom, 1e-10))
+    return {"white_um": math.log(size)}
+
+
+def _explore(combination: Combination, linear: LinearModel, starts: dict[str, float]) -> _Explored:
+    each = [p for part in combination.parts for p in part.parameters]
+    at = np.array([starts.get(p.name, math.log(p.median)) for p in each])
+
+    def density(log_values: Array, *, spread: bool = False) -> float:
+        found = linear.log_marginal(combination.covariance(log_values, spread=spread))
+        return found + combination.log_prior(log_values)
+
+    mode, root = _mode(density, at)
+    nodes: list[Node] = []
+    values, log_drawn = _draws(combination, mode, root)
+    log_share = -math.log(len(values))
+    for value, drawn in zip(values, log_drawn, strict=True):
+        covariance = combination.covariance(value)
+        nodes.append(
+            Node(
+                combination,
+                value,
+                covariance,
+                combination.log_prior(value) - drawn + log_share + combination.log_odds,
+                linear.log_marginal(covariance),
+            )
+        )
+    evidence = float(logsumexp([n.log_prior + n.log_marginal for n in nodes]))
+    if combination.bound:
+        # The evidence is that of the mixture's own variances; the nodes' are spread.
+        right = density(mode) - density(mode, spread=True) + combination.bound
+        nodes = [replace(n, log_prior=n.log_prior + right) for n in nodes]
+        evidence += right
+    return _Explored(combination, mode, tuple(nodes), evidence)
+
+
+def _mode(density: Callable[[Array], float], start: Array) -> tuple[Array, Array]:
+    """Return the mode (d,), by Newton's method, and a root (d, d) of the covariance there."""
+    at, d = start, len(start)
+    here = density(at)
+    if not d:
+        return at, np.zeros((0, 0))
+    values = np.eye(d)
+    for _ in range(_MOST_STEPS):
+        slope, curvature = _derivatives(density, at, here)
+        curve, vectors = np.linalg.eigh(-curvature)
+        curve = np.maximum(np.where(curve > 0, curve, -0.3 * curve), _LEAST_CURVATURE)
+        values = vectors / np.sqrt(curve)
+        step = values @ (values.T @ slope)
+        step *= min(1.0, _FAR / max(float(np.abs(step).max()), 1e-12))
+        expected = float(slope @ step)
+        if expected < _SETTLED:
+            break
+        for _ in range(4):
+            there = density(at + step)
+            if there > here:
+                at, here = at + step, there
+                break
+            step = 0.3 * step
+        else:
+            break
+    return at, values
+
+
+def _derivatives(density: Callable[[Array], float], at: Array, here: float) -> tuple[Array, Array]:
+    d, h = len(at), _STEP
+    steps = h * np.eye(d)
+    up = np.array([density(at + s) for s in steps])
+    down = np.array([density(at - s) for s in steps])
+    slope = (up - down) / (2.0 * h)
+    curvature = np.diag((up - 2.0 * here + down) / h**2)
+    for i in range(d):
+        for j in range(i):
+            both = density(at + steps[i] + steps[j])
+            curvature[i, j] = curvature[j, i] = (both - up[i] - up[j] + here) / h**2
+    return slope, curvature
+
+
+@lru_cache(maxsize=32)
+def _even(count: int, d: int) -> Array:
+    """Return points (count, d) of the unit cube, spread evenly: a fixed Sobol' sequence."""
+    points = qmc.Sobol(d, scramble=True, rng=np.random.default_rng(0)).random(
+        1 << max(count - 1, 1).bit_length()
+    )
+    return np.clip(points[:count], 1e-3, 1 - 1e-3)
+
+
+def _draws(combination: Combination, mode: Array, root: Array) -> tuple[Array, Array]:
+    """Return logarithms (n, d) to integrate over, and the log density (n,) that they are from."""
+    d = len(mode)
+    if not d:
+        return np.zeros((1, 0)), np.zeros(1)
+    each = [p for part in combination.parts for p in part.parameters]
+    median, sd = np.log([p.median for p in each]), np.array([p.log_sd for p in each])
+    count = _NODES.get(d, _MOST_NODES)
+    first = round((1.0 - _FROM_PRIOR) * count) if d > 1 else count
+    wide = _WIDER * root
+    near = mode + _student(_even(first, d + 1)) @ wide.T
+    values = near
+    share = first / count
+    if first < count:
+        # As wide as the prior, except where the mode is narrow: of white noise all is known.
+        sure = np.sqrt(np.square(root).sum(axis=1)) < 0.3 * sd
+        middle, width = np.where(sure, mode, median), np.where(sure, 1.0, sd)
+        other = ndtri(_even(count - first, d)) * width
+        own = np.sqrt(np.square(wide).sum(axis=1))
+        other = middle + np.where(sure, 1.5 * own * ndtri(_even(count - first, d)), other)
+        values = np.vstack([near, other])
+        width = np.where(sure, 1.5 * own, width)
+    z = np.linalg.solve(wide, (values - mode).T).T
+    log_near = (
+        gammaln(0.5 * (_FREEDOM + d))
+        - gammaln(0.5 * _FREEDOM)
+        - 0.5 * d * math.log(_FREEDOM * math.pi)
+        - float(np.linalg.slogdet(wide)[1])
+        - 0.5 * (_FREEDOM + d) * np.log1p(np.square(z).sum(axis=1) / _FREEDOM)
+    )
+    if first == count:
+        return values, log_near
+    off = (values - middle) / width
+    log_far = -0.5 * np.square(off).sum(axis=1) - np.log(width * math.sqrt(2 * math.pi)).sum()
+    return values, np.logaddexp(math.log(share) + log_near, math.log(1.0 - share) + log_far)
+
+
+def _student(points: Array) -> Array:
+    """Return Student distributed points (n, d) from points (n, d + 1) of the unit cube."""
+    from scipy.stats import chi2
+
+    stretch = np.sqrt(_FREEDOM / chi2.ppf(points[:, -1], _FREEDOM))
+    return np.asarray(ndtri(points[:, :-1]) * stretch[:, None])
+
+
+def _scale_mixture(
+    look: Look,
+    linear: LinearModel,
+    best: _Explored,
+    combine: Callable[[tuple[Part, ...]], Combination],
+    models: Sequence[ErrorModel],
+) -> _Explored | None:
+    """Return the best combination with heavy tails; None where none are seen.
+
+    The errors' sizes and the samples' weights are found by turns, each of the other's last.
+    """
+    plain, at = best.combination.parts, best.log_mode
+    seen = replace(look, white_square=linear.white_square(best.mode_covariance))
+    mixtures = (model.part(seen) for model in models)
+    part = next((p for p in mixtures if p is not None and p.again is not None), None)
+    if part is None or part.again is None:
+        return None
+    for _ in range(_MIXTURE_ROUNDS):
+        combination = combine((*plain, part))
+
+        def density(log_values: Array, of: Combination = combination) -> float:
+            found = linear.log_marginal(of.covariance(log_values, spread=False))
+            return found + of.log_prior(log_values)
+
+        at, _ = _mode(density, at)
+        stretch = part.terms(()).stretch
+        assert stretch is not None
+        # White errors' squares by the variance that the weights are of: that without stretch.
+        square = linear.white_square(combination.covariance(at, spread=False)) * stretch
+        part = part.again(square)
+        assert part.again is not None
+    combination = combine((*plain, part))
+    starts = dict(zip(combination.parameters, at.tolist(), strict=True))
+    return _explore(combination, linear, starts)

@@ -1,0 +1,113 @@
+"""What the errors of a curve mean for its answer: noise, flags, and a sentence why."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from skinlab.inference.error_choice import ErrorChoice, Node
+
+LASTING = frozenset({"ou", "breathing", "pulse"})  # parts that are correlated in time
+_SURE = 0.9
+_CONTRADICTED = 1.3
+_DOUBT = 0.05  # the stated noise is that improbable
+_MOST_UM = 8.0  # of errors that last: more is no tremor, but something that the model misses
+_SHOWS = 0.3  # of the white noise: errors that last and are smaller are not worth a word
+
+
+@dataclass(frozen=True)
+class ErrorModelSummary:
+    """The errors of the samples in a few numbers, medians of the likeliest combination."""
+
+    name: str
+    parameters: dict[str, float]
+    why: str
+
+
+@dataclass(frozen=True)
+class PlacementSummary:
+    """How placements differ: medians with 90 % intervals; `count` of them."""
+
+    scatter: dict[str, float]
+    offset_um: dict[str, float]
+    count: int
+
+
+@dataclass(frozen=True)
+class Judged:
+    """`noise_um` is the standard deviation of one deflection sample's errors."""
+
+    summary: ErrorModelSummary
+    noise_um: float
+    flags: tuple[str, ...]
+    placement: PlacementSummary | None = None
+
+
+def judge_errors(errors: ErrorChoice, stated_um: float | None) -> Judged:
+    """Return what these errors say, next to a noise that was stated."""
+    flags: list[str] = []
+    lasting = errors.median(_lasting_um)
+    misses = lasting > _MOST_UM
+    noise = errors.median(lambda node: noise_um(node, LASTING if misses else frozenset()))
+    lasts = sum(
+        float(weight)
+        for node, weight in zip(errors.nodes, errors.weight, strict=True)
+        if _lasting_um(node) > _SHOWS * noise_um(node, LASTING)
+    )
+    if lasts >= _SURE:
+        flags.append("correlated_noise")
+    why = [part.why for part in errors.best.parts if part.why]
+    if stated_um is not None:
+        all_um = errors.median(noise_um)
+        ratio = max(all_um / stated_um, stated_um / all_um)
+        ends = [errors.quantile(noise_um, q) for q in (_DOUBT, 1.0 - _DOUBT)]
+        if ratio > _CONTRADICTED and not ends[0] <= stated_um <= ends[1]:
+            flags.append("stated_noise_contradicted")
+            why.append(f"stated {stated_um:.3g} µm, found {all_um:.3g} µm")
+            misses = misses or all_um > stated_um
+    if misses:
+        flags.append("misfit_above_noise")
+    sentence = "; ".join(why) or "residuals are as white noise's"
+    best = errors.best
+    name = "+".join(part.name for part in best.parts if part.name != "placement")
+    numbers = {k: v for k, v in errors.parameters().items() if not k.startswith("placement_")}
+    summary = ErrorModelSummary(name, numbers, sentence)
+    return Judged(summary, noise, tuple(flags), _placement(errors))
+
+
+def _placement(errors: ErrorChoice) -> PlacementSummary | None:
+    part = next((p for p in errors.best.parts if p.name == "placement"), None)
+    if part is None:
+        return None
+    columns = part.terms([1.0] * len(part.parameters)).columns_mm
+    assert columns is not None
+
+    def interval(name: str) -> dict[str, float]:
+        def value(node: Node) -> float:
+            at = node.combination.parameters.index(name)
+            return float(np.exp(node.log_values[at]))
+
+        if name in part.stated:
+            return dict.fromkeys(("value", "low", "high"), part.stated[name])
+        shares = {"value": 0.5, "low": 0.05, "high": 0.95}
+        return {key: errors.quantile(value, share) for key, share in shares.items()}
+
+    return PlacementSummary(
+        interval("placement_scatter"), interval("placement_offset_um"), columns.shape[1] // 2
+    )
+
+
+def _lasting_um(node: Node) -> float:
+    return float(np.sqrt(sum(v**2 for k, v in node.sizes_um.items() if k in LASTING)))
+
+
+def noise_um(node: Node, without: frozenset[str] = frozenset()) -> float:
+    """Return the standard deviation of a deflection sample's errors, µm.
+
+    The pressure's noise is not among them, nor are the parts that are named in `without`.
+    """
+    left = {name: size for name, size in node.sizes_um.items() if name not in without}
+    left.pop("pressure", None)
+    left.pop("placement", None)
+    return float(np.sqrt(sum(size**2 for size in left.values())))

@@ -1,0 +1,107 @@
+"""What an error model is: a part of the covariance of the errors, with parameters of its own.
+
+A model looks at the samples and at what a first fit leaves, and gives a `Part` where it has
+something to say. The parts of several models add up to one covariance. Parameters are positive and
+searched in their logarithms; their priors are lognormal and weak, of the sizes that
+docs/intervals.md lists.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinlab.inference.covariance import OrnsteinUhlenbeck
+from skinlab.inference.samples import Samples
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Hyperparameter:
+    """One positive number of an error model, whose name carries its unit: white_um.
+
+    Before the data its logarithm is Gaussian about that of `median`. With `outlying`, a share of
+    the prior, it is that of `outlying_sd` instead: a statement that may be wrong.
+    """
+
+    name: str
+    median: float
+    log_sd: float
+    outlying: float = 0.0
+    outlying_sd: float = 1.5
+
+    def log_prior(self, log_value: float) -> float:
+        """Return the log density of the logarithm."""
+        off = log_value - math.log(self.median)
+        found = _log_normal(off, self.log_sd)
+        if not self.outlying:
+            return found
+        other = math.log(self.outlying) + _log_normal(off, self.outlying_sd)
+        return float(np.logaddexp(math.log1p(-self.outlying) + found, other))
+
+
+def _log_normal(off: float, sd: float) -> float:
+    return -0.5 * (off / sd) ** 2 - math.log(sd * math.sqrt(2.0 * math.pi))
+
+
+@dataclass(frozen=True, eq=False)
+class Terms:
+    """What a part adds to the covariance of the samples (u,)."""
+
+    variance_mm2: Array | float = 0.0  # (u,) independent
+    ou: OrnsteinUhlenbeck | None = None
+    columns_mm: Array | None = None  # (u, m), each as large as its standard deviation
+    stretch: Array | None = None  # (u,) by which the independent parts' variance is multiplied
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """An error model for these samples: `terms` of the values of its parameters, in order."""
+
+    name: str
+    parameters: tuple[Hyperparameter, ...]
+    terms: Callable[[Sequence[float]], Terms]
+    log_odds: float = 0.0  # before the data, of its being there; 0 of one that always is
+    always: bool = False
+    stated: dict[str, float] = field(default_factory=dict)  # values that were found, not fitted
+    why: str = ""
+    bound: float = 0.0  # what `stretch` costs or gains in log evidence (scale mixtures)
+    spread: float = 1.0  # by which `stretch` is to be multiplied for the information to be right
+    again: Callable[[Array], Part] | None = None  # a scale mixture, given other `white_square`
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """What an error model is shown: the samples, and the best that is known of their errors."""
+
+    samples: Samples
+    deflection_mm: Array  # (u,) of the fitted model
+    slope_mm_per_mbar: Array  # (u,) dw/dp there
+    residual_mm: Array  # (u,) measured − model
+    slopes: Array  # (u, k) of the model by unknowns, which absorb a part of any error
+    noise_um: float | None  # as stated
+    pressure_sd_mbar: Array  # (u,) of the readings
+    placement_scatter: float | None = 0.0
+    """Standard deviation of log stiffness between placements; None: to be learned, 0: none."""
+    white_square: Array | None = None
+    """(u,) expected squares of the white parts of the errors, in their own variances, by the best
+    combination so far: what models of heavy tails look at."""
+
+
+class ErrorModel(Protocol):
+    """One kind of error; a module of this folder declares one as ERROR_MODEL."""
+
+    @property
+    def name(self) -> str:
+        """Name, as in the names of combinations: white+ou."""
+        ...
+
+    def part(self, look: Look) -> Part | None:
+        """Return its part for these samples, None where it has nothing to say."""
+        ...

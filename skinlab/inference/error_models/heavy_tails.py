@@ -1,0 +1,81 @@
+"""Heavy tails: the sensor's noise as Student's t, a mixture of Gaussians of many sizes.
+
+λ ~ Gamma(ν/2, ν/2), e | λ ~ N(0, σ²/λ): Lange, Little and Taylor 1989, J. Am. Stat. Assoc. 84:881.
+Weights E λ given the rest are found by iteration; the evidence is then a variational bound (Jordan
+et al. 1999, Machine Learning 37:183), exact where there is nothing but white noise. Weights that
+were found, taken as known, say more than the data do: the variances are stretched by (ν+3)/(ν+1),
+so that they sum up to the Fisher information of Student's t.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from scipy.special import digamma, gammaln
+
+from skinlab.inference.error_models.base import Array, Look, Part, Terms
+
+_FREEDOMS = (3.0, 6.0)
+_ODDS = 0.2
+_FEWEST = 20
+_SUSPECT = 2.0  # standard deviations of the mean fourth power of Gaussian errors
+
+
+@dataclass(frozen=True)
+class HeavyTails:
+    """Student's t for the independent errors."""
+
+    name: str = "heavy_tails"
+
+    def part(self, look: Look) -> Part | None:
+        """Return its part where the tails are heavier than Gaussian."""
+        square = look.white_square
+        if square is None or len(square) < _FEWEST or not square.mean() > 0.0:
+            return None
+        scaled = square / square.mean()
+        if np.mean(scaled**2) < 3.0 + _SUSPECT * math.sqrt(96.0 / len(square)):
+            return None
+        found = [(float(bound(square, f).sum()), f) for f in _FREEDOMS]
+        freedom = max(found)[1]
+        return student(square, freedom)
+
+
+def student(square: Array, freedom: float) -> Part:
+    """Return the part of so many degrees of freedom, given squares (u,) in units of σ²."""
+    stretch = 1.0 / weights(square, freedom)
+
+    def terms(values: Sequence[float]) -> Terms:
+        del values
+        return Terms(stretch=stretch)
+
+    return Part(
+        "heavy_tails", (), terms, math.log(_ODDS), stated={"freedom": freedom},
+        why="residuals have heavy tails", bound=float(bound(square, freedom).sum()),
+        spread=(freedom + 3.0) / (freedom + 1.0), again=partial(student, freedom=freedom),
+    )  # fmt: skip
+
+
+def weights(square: Array, freedom: float) -> Array:
+    """Return E λ (u,)."""
+    return np.asarray((freedom + 1.0) / (freedom + square))
+
+
+def bound(square: Array, freedom: float) -> Array:
+    """Return what is to be added (u,) to the Gaussian log density with variances σ²/E λ.
+
+    ½ (E log λ − log E λ) less the divergence of λ's distribution from its prior.
+    """
+    a, b = 0.5 * (freedom + 1.0), 0.5 * (freedom + square)
+    a0 = b0 = 0.5 * freedom
+    mean_log = digamma(a) - np.log(b)
+    apart = (
+        (a - a0) * digamma(a) - gammaln(a) + gammaln(a0) + a0 * np.log(b / b0) + a * (b0 - b) / b
+    )
+    return np.asarray(0.5 * (mean_log - np.log(a / b)) - apart)
+
+
+ERROR_MODEL = HeavyTails()

@@ -1,0 +1,92 @@
+"""A sine of a found frequency, its amplitude and phase unknown: what breathing and pulse share.
+
+The frequency is the one whose sine and cosine, less what the skin's unknowns absorb, take most off
+the residuals' squares (a Lomb-Scargle periodogram with the model's slopes as nuisance: Scargle
+1982, Astrophys. J. 263:835). Both, and those of the frequencies that the record cannot tell from
+it, are columns of the covariance; the model's size is their common standard deviation.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinlab.inference.error_models.base import Hyperparameter, Look, Part, Terms
+from skinlab.inference.samples import Samples
+
+Array = NDArray[np.float64]
+
+_ODDS = 0.2
+_FEWEST_PERIODS = 1.0
+_PER_PERIOD = 6.0  # samples, at least
+_FINEST = 0.15  # of a period over the whole record: the grid of frequencies
+_MOST = 60
+_STANDS_OUT = 3.0  # times what white noise gives to one frequency
+
+
+def spectrum(look: Look, frequencies_hz: Array) -> Array:
+    """Return the share (f,) of the residuals' squares that a sine of each frequency takes away."""
+    basis, _ = np.linalg.qr(look.slopes)
+    left = look.residual_mm - basis @ (basis.T @ look.residual_mm)
+    total = float(left @ left)
+    found = np.zeros(len(frequencies_hz))
+    for i, frequency in enumerate(frequencies_hz):
+        waves = columns(look.samples, float(frequency))
+        q, _ = np.linalg.qr(waves - basis @ (basis.T @ waves))
+        found[i] = float(np.square(q.T @ left).sum()) / max(total, 1e-300)
+    return found
+
+
+def columns(samples: Samples, frequency_hz: float) -> Array:
+    """Return sine and cosine (u, 2 × curves), of each curve alone: it has a phase of its own."""
+    angle = 2.0 * np.pi * frequency_hz * samples.time_s
+    one = samples.curve[:, None] == np.arange(samples.curves)
+    return np.hstack([np.sin(angle)[:, None] * one, np.cos(angle)[:, None] * one])
+
+
+@dataclass(frozen=True)
+class Periodic:
+    """A sine within a band of frequencies."""
+
+    name: str
+    low_hz: float
+    high_hz: float
+    median_um: float
+    meaning: str
+
+    def part(self, look: Look) -> Part | None:
+        """Return its part where the record lasts a period and a frequency stands out."""
+        samples = look.samples
+        lasts = samples.longest_s
+        spacing = lasts / max(len(samples) / max(samples.curves, 1) - 1, 1)
+        if lasts * self.high_hz < _FEWEST_PERIODS or spacing * self.low_hz * _PER_PERIOD > 1.0:
+            return None
+        count = int(np.clip((self.high_hz - self.low_hz) * lasts / _FINEST + 2, 3, _MOST))
+        grid = np.linspace(self.low_hz, self.high_hz, count)
+        share = spectrum(look, grid)
+        best = int(np.argmax(share))
+        # White residuals: the largest of several shares, each of mean 2/u.
+        if share[best] * 0.5 * len(samples) < _STANDS_OUT * samples.curves:
+            return None
+        frequency = float(grid[best])
+        tried = 1.0 + (self.high_hz - self.low_hz) * lasts  # frequencies that can be told apart
+        # As far beside it as the record cannot tell: the truth may be there.
+        near = np.clip(frequency + 0.5 / lasts * np.arange(-1, 2), self.low_hz, self.high_hz)
+        waves = np.hstack([columns(samples, float(f)) for f in near]) / math.sqrt(len(near))
+        size = Hyperparameter(f"{self.name}_um", self.median_um, 0.7)
+
+        def terms(values: Sequence[float]) -> Terms:
+            return Terms(columns_mm=1e-3 * values[0] * waves)
+
+        return Part(
+            self.name,
+            (size,),
+            terms,
+            math.log(_ODDS / tried),
+            stated={f"{self.name}_hz": frequency},
+            why=f"{self.meaning} at {frequency:.2g} Hz",
+        )

@@ -1,0 +1,47 @@
+"""How the probe was put on: each placement has a stiffness and a zero of its own.
+
+Contact force, tilt and tension make the skin look stiffer or softer by some per cent: published
+reproducibilities are 6 to 12 % (Diridollou 2000). A change of log stiffness by s moves the curve by
+−s p dw/dp; the zero is off by a few µm. Both are random effects, one of each per placement, whose
+scales are learned where there are several placements.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from skinlab.inference.error_models.base import Hyperparameter, Look, Part, Terms
+
+_SCATTER = Hyperparameter("placement_scatter", 0.05, 0.8)
+_OFFSET = Hyperparameter("placement_offset_um", 4.0, 0.7)
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Random effects of stiffness and zero, common to all samples of a placement."""
+
+    name: str = "placement"
+
+    def part(self, look: Look) -> Part | None:
+        """Return its part for several curves together, unless there is said to be no scatter."""
+        samples, stated = look.samples, look.placement_scatter
+        if stated == 0.0 or samples.curves < 2:
+            return None
+        numbers = np.unique(samples.placement)
+        one = (samples.placement[:, None] == numbers).astype(float)
+        stiffness = (samples.pressure_mbar * look.slope_mm_per_mbar)[:, None] * one
+
+        def terms(values: Sequence[float]) -> Terms:
+            offset_um, *learned = values
+            scatter = learned[0] if stated is None else stated
+            return Terms(columns_mm=np.hstack([scatter * stiffness, 1e-3 * offset_um * one]))
+
+        parameters = (_OFFSET, _SCATTER) if stated is None else (_OFFSET,)
+        known = {} if stated is None else {"placement_scatter": stated}
+        return Part("placement", parameters, terms, always=True, stated=known)
+
+
+ERROR_MODEL = Placement()

@@ -1,0 +1,122 @@
+"""The flags of an answer: one catalogue of their names and words, and one set of rules.
+
+A flag may carry what it is about behind a colon: a parameter's name, or a number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinlab.curves.curve import Curve
+
+Array = NDArray[np.float64]
+
+_AT_BOUND = 1e-5  # of a parameter's range
+
+
+@dataclass(frozen=True)
+class Flag:
+    """`label` in a few words, `meaning` and `advice` a sentence each; {} is what it is about."""
+
+    label: str
+    meaning: str
+    advice: str
+
+
+CATALOGUE = {
+    "at_bound": Flag(
+        "{} at the edge of its range",
+        "The best fit has {} at the end of what was searched: the truth may lie beyond.",
+        "Check opening and thickness, and do not trust the number.",
+    ),
+    "not_identifiable": Flag(
+        "{} is not fixed by this curve",
+        "This curve hardly fixes {}: its interval covers most of what is possible, so do not use "
+        "the number.",
+        "Measure with another opening or a higher pressure as well (“skinlab identify --advise” "
+        "says which).",
+    ),
+    "misfit_above_noise": Flag(
+        "misfit above the noise",
+        "The residual is clearly more than noise: the model misses something here, and the "
+        "intervals mean less.",
+        "Repeat the measurement, look for contact, tape and movement; “skinlab discrepancy” looks "
+        "for the effect.",
+    ),
+    "correlated_noise": Flag(
+        "errors that last",
+        "Errors of neighbouring samples go together, as those of tremor and breathing do: more "
+        "samples tell less than their number says, and the intervals count with that.",
+        "Nothing is wrong by itself; a calmer measurement narrows the intervals.",
+    ),
+    "stated_noise_contradicted": Flag(
+        "another noise than stated",
+        "The residuals speak of another noise than the one that was stated; the intervals follow "
+        "the residuals.",
+        "Check the statement; if it is right, look for movement and contact.",
+    ),
+    "outliers": Flag(
+        "{} samples left out",
+        "Samples that do not belong to the curve were left out: {}.",
+        "Look where they are; if there are many, hold the probe still and measure again.",
+    ),
+    "crease": Flag(
+        "creases",
+        "The surface creases at the opening's edge; the answer counts with what that leaves open.",
+        "Compare such a curve with care, or measure with less suction.",
+    ),
+    "outside_database": Flag(
+        "partly outside the database",
+        "Samples, or the whole curve, lie where nothing was computed, and were not fitted.",
+        "Use a thickness and a pressure inside the database.",
+    ),
+    "not_converged": Flag(
+        "not converged",
+        "The search did not end by itself: the values are where it was stopped.",
+        "Identify again with other options, or measure again.",
+    ),
+    "unlike_cohort": Flag(
+        "unlike the population",
+        "This curve says that its skin is unlike the population that was given as prior, so that "
+        "the prior was not used.",
+        "Check subject, site, opening and thickness; if they are right, use the numbers as they "
+        "are.",
+    ),
+    "partial_curve": Flag(
+        "cut short",
+        "The curve was cut short, and only what there is was fitted.",
+        "Measure again.",
+    ),
+    "not_first_cycle": Flag(
+        "not the first loading",
+        "The site was loaded before: skin is softer from the second loading on, and the elastic "
+        "law describes the first.",
+        "Compare it with later loadings only.",
+    ),
+}
+
+
+def of_curves(curves: Sequence[Curve], left_out: Sequence[int]) -> list[str]:
+    """Return what there is to say of the curves; `left_out` are samples beyond the database."""
+    flags = []
+    if any(left_out):
+        flags.append("outside_database")
+    if any(c.setup.cycle != 1 for c in curves):
+        flags.append("not_first_cycle")
+    if any(c.partial for c in curves):
+        flags.append("partial_curve")
+    return flags
+
+
+def of_optimum(names: Sequence[str], unit: Array, *, converged: bool) -> list[str]:
+    """Return what there is to say of an optimum (k,) in its space's unit cube."""
+    flags = [
+        f"at_bound:{name}"
+        for name, at in zip(names, unit, strict=False)
+        if min(at, 1.0 - at) <= _AT_BOUND
+    ]
+    return flags if converged else [*flags, "not_converged"]

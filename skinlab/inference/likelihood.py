@@ -1,0 +1,101 @@
+"""The likelihood of errors' parameters, with the skin's unknowns integrated out.
+
+Near a fit the model is linear: r = J δ + e, with a Gaussian (all but flat) prior of δ. Integrating
+δ and the columns of V out leaves a marginal likelihood of the covariance's own parameters, as in
+restricted maximum likelihood (Patterson and Thompson 1971, Biometrika 58:545).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg.lapack import dpotrf, dpotrs
+
+from skinlab.inference.covariance import Covariance
+
+Array = NDArray[np.float64]
+
+_LOG_2PI = float(np.log(2.0 * np.pi))
+_DENSE = 250  # samples that a dense inverse is taken of at once
+
+
+@dataclass(frozen=True, eq=False)
+class LinearModel:
+    """Residuals (u,) of a fit, slopes (u, k) of its model, and the prior precision (k, k) of δ."""
+
+    residual_mm: Array
+    slopes_mm: Array
+    precision: Array
+
+    def log_marginal(self, covariance: Covariance) -> float:
+        """Return log p(r) with δ and the covariance's columns integrated out."""
+        whole, gram, log_base = self._normal(covariance)
+        root, failed = dpotrf(whole, lower=1)
+        if failed:
+            return -np.inf
+        k = len(self.precision)
+        solved, _ = dpotrs(root, gram[1:, 0], lower=1)
+        chi2 = gram[0, 0] - gram[1:, 0] @ solved
+        log_det = 2.0 * float(np.log(np.diag(root)).sum())
+        log_prior = float(np.linalg.slogdet(self.precision)[1]) if k else 0.0
+        u = len(self.residual_mm)
+        return -0.5 * float(u * _LOG_2PI + log_base + log_det - log_prior + chi2)
+
+    def _normal(self, covariance: Covariance) -> tuple[Array, Array, float]:
+        """Return the effects' information (k + m,)², the Gram matrix of all, log |D + B|."""
+        k = self.slopes_mm.shape[1]
+        columns = np.column_stack([self.residual_mm, self.slopes_mm, covariance.columns_mm])
+        white = covariance.whiten_without_columns(columns)
+        gram = white.T @ white
+        whole = gram[1:, 1:].copy()
+        whole[:k, :k] += self.precision
+        whole.flat[k * (len(whole) + 1) :: len(whole) + 1] += 1.0
+        return whole, gram, covariance.log_determinant_without_columns
+
+    def left_out(self, covariance: Covariance) -> tuple[Array, Array]:
+        """Return each sample's deviation (u,) from what all others predict, and its variance.
+
+        r_i − E(r_i | the others) = (S⁻¹ r)_i / (S⁻¹)_ii with S all of the covariance, that of the
+        unknowns included.
+        """
+        score, diagonal = self.scores(covariance)
+        return score / diagonal, 1.0 / diagonal
+
+    def scores(self, covariance: Covariance) -> tuple[Array, Array]:
+        """Return S⁻¹ r (u,) and the diagonal (u,) of S⁻¹."""
+        whole, gram, _ = self._normal(covariance)
+        effects = np.column_stack([self.slopes_mm, covariance.columns_mm])
+        shift = np.linalg.solve(whole, gram[1:, 0])
+        inner = _inverse_times(covariance, np.column_stack([self.residual_mm, effects]))
+        score = inner[:, 0] - inner[:, 1:] @ shift
+        taken = np.einsum("ui,ij,uj->u", inner[:, 1:], np.linalg.inv(whole), inner[:, 1:])
+        diagonal = _inverse_diagonal(covariance) - taken
+        return score, np.maximum(diagonal, 1e-12 * diagonal.max())
+
+    def white_square(self, covariance: Covariance) -> Array:
+        """Return E e² (u,) of the independent part of the errors, in its own variances."""
+        score, diagonal = self.scores(covariance)
+        d = covariance.variance_mm2
+        return np.asarray(d * score**2 + 1.0 - d * diagonal)
+
+
+def _inverse_times(covariance: Covariance, values: Array) -> Array:
+    """Return (D + B)⁻¹ r (u, m): the whitening, and its transpose by turning time around."""
+    if covariance.ou is None:
+        return np.asarray(values / covariance.variance_mm2[:, None])
+    return covariance.transposed_without_columns(covariance.whiten_without_columns(values))
+
+
+def _inverse_diagonal(covariance: Covariance) -> Array:
+    """Return the diagonal (u,) of (D + B)⁻¹; piece by piece, since what is far says nothing."""
+    if covariance.ou is None:
+        return 1.0 / covariance.variance_mm2
+    found = np.empty(covariance.count)
+    for begin in range(0, covariance.count, _DENSE):
+        here = np.zeros(covariance.count, dtype=bool)
+        here[begin : begin + _DENSE] = True
+        part = covariance.only(here)
+        found[here] = np.square(part.whiten_without_columns(np.eye(part.count))).sum(axis=0)
+    return found

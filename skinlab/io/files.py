@@ -1,0 +1,137 @@
+"""Files that appear whole or not at all, and are for their owner only: they are about persons."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import stat
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TextIO
+
+from skinlab.errors import InputError
+
+_PRIVATE = 0o600
+
+
+def write_file(path: Path, content: bytes | memoryview | str, *, replace: bool = False) -> None:
+    """Write a file; it is on the disk when this returns, and text is UTF-8.
+
+    A device or pipe (`/dev/stdout`) is written to as it is.
+
+    Raises:
+        InputError: it cannot be written, or exists and is not to be replaced.
+    """
+    raw = content.encode() if isinstance(content, str) else content
+    with cannot_write(path):
+        if replace and path.exists() and not stat.S_ISREG(path.stat().st_mode):
+            with path.open("wb") as stream:
+                stream.write(raw)
+            return
+        with _whole(path, replace) as partial, partial.open("wb") as file:
+            file.write(raw)
+
+
+@contextmanager
+def whole_file(path: Path, *, replace: bool = False) -> Iterator[Path]:
+    """Give the path of an empty file to fill, which takes its name at the end.
+
+    Raises:
+        InputError: it cannot be written, or exists and is not to be replaced.
+    """
+    with cannot_write(path), _whole(path, replace) as partial:
+        yield partial
+
+
+@contextmanager
+def whole_text(path: Path) -> Iterator[TextIO]:
+    """Give a stream for text that is too much to be held; the file takes its name at the end.
+
+    Raises:
+        InputError: it cannot be written.
+    """
+    with (
+        whole_file(path, replace=True) as partial,
+        partial.open("w", encoding="utf-8", newline="") as stream,
+    ):
+        yield stream
+
+
+@contextmanager
+def _whole(path: Path, replace: bool) -> Iterator[Path]:
+    path = Path(os.path.realpath(path)) if replace else path  # not the link: what it leads to
+    if not replace and os.path.lexists(path):
+        raise FileExistsError
+    path.parent.mkdir(parents=True, exist_ok=True)
+    number, name = tempfile.mkstemp(".partial", ".skinlab-", path.parent)  # 0600
+    os.close(number)
+    partial = Path(name)
+    try:
+        yield partial
+        _to_disk(partial)
+        if replace:
+            os.replace(partial, path)
+        else:
+            _take_name(partial, path)
+        if hasattr(os, "O_DIRECTORY"):
+            _to_disk(path.parent)  # the name too survives a power cut
+    finally:
+        with contextlib.suppress(OSError):
+            partial.unlink(missing_ok=True)
+
+
+def _to_disk(path: Path) -> None:
+    number = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)
+    try:
+        os.fsync(number)
+    finally:
+        os.close(number)
+
+
+def _take_name(partial: Path, path: Path) -> None:
+    """Give the whole file its name, which must be free."""
+    try:
+        os.link(partial, path)
+    except FileExistsError:
+        raise
+    except OSError:  # a file system without links
+        if path.exists():
+            raise FileExistsError from None
+        os.replace(partial, path)
+
+
+def private(path: str, flags: int) -> int:
+    """Open for the owner only; the `opener` of files that grow: logs, kept rows, traces."""
+    return os.open(path, flags, _PRIVATE)
+
+
+def append_text(path: Path, text: str) -> None:
+    """Add text to a file that grows.
+
+    Raises:
+        InputError: it cannot be written.
+    """
+    with cannot_write(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with open(path, "a", encoding="utf-8", opener=private) as file:
+            with contextlib.suppress(OSError, AttributeError):
+                os.fchmod(file.fileno(), _PRIVATE)  # one of an older version
+            file.write(text)
+
+
+@contextmanager
+def cannot_write(path: Path) -> Iterator[None]:
+    """Say in a sentence why a file cannot be written.
+
+    Raises:
+        InputError: in the place of an OSError.
+    """
+    try:
+        yield
+    except OSError as error:
+        if isinstance(error, FileExistsError) and os.path.lexists(path):  # not: its folder is one
+            raise InputError(f"{path}: exists already and is never overwritten") from None
+        why = error.strerror or str(error)
+        raise InputError(f"{path}: cannot be written ({why})") from None

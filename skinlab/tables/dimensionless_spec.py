@@ -1,0 +1,525 @@
+"""One table for every aperture, thickness and pressure.
+
+By dimensional analysis w/R = f(q, …, κ/(μ/2), h/R) with q = p/scale, the law's stiffness scale, and
+… its other parameters, those in MPa by their ratio to the scale (for the paper's law q = p/X1,
+X2/X1, κ/X1). The table holds log(f/q), the logarithm of the secant compliance, on coordinates in
+which it is smooth: the logarithms of the ratios and of h/R, and asinh(c(h/R) q / y0), where c(h/R)
+is about the compliance of a skin of that thickness under a small load. With it the bends of the
+curves, from plate to membrane and to stiffening, stand at the same place for all thicknesses;
+without it the interpolation along h/R is fifty times worse. Each entry knows the q up to which it
+holds.
+
+At given pressures and h/R the table becomes a function of the law's parameters, which is tabulated
+on a small grid. Where the thickness is uncertain, its ratio to the stated one is one more parameter
+and axis. A curve of more samples than `_MOST_SAMPLES` is tabulated at that many pressures, between
+which it is a cubic spline.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from itertools import pairwise
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import BSpline
+
+from skinlab.curves.curve import Curve
+from skinlab.errors import InputError, NotTrustworthyError
+from skinlab.mechanics.effects.model import Effects
+from skinlab.mechanics.fem.newton import StepSettings
+from skinlab.mechanics.fem.suction import (
+    EXTENSION_ABOVE,
+    EXTENSION_BELOW_MBAR,
+    MBAR,
+    MESH_OF_RECORD,
+    Geometry,
+    solve,
+)
+from skinlab.mechanics.materials import DEFAULT_LAW, Law, get_law
+from skinlab.mechanics.materials.compressibility import KappaConvention, kappa_ratio, nu_from_ratio
+from skinlab.mechanics.model_file import Model
+from skinlab.parameters import Parameter, Space, stem
+from skinlab.tables.axes import Coordinate, TableAxis
+from skinlab.tables.evaluator import Evaluator, TensorSpline
+from skinlab.tables.extrapolate import fill_ratios
+from skinlab.tables.grid_spec import plain_point
+from skinlab.tables.meshes import MESHES
+from skinlab.tables.splines import basis, coefficients, knots
+from skinlab.tables.svd_basis import components, least_of_corners
+from skinlab.tables.table import Dataset, Table
+
+Array = NDArray[np.float64]
+
+TOLERANCE_LOG = 1e-6  # other processors round differently
+_SCALE_NODES = 24  # along the logarithm of the scale, between the table's bounds
+_MOST_SAMPLES = 110
+_PRESSURE_NODES = 72
+_THICKNESS_STEP = 0.07  # along log h/R; 7 nodes or more
+_THICKNESS_REACH = 3.5  # standard deviations, or as far as the table goes
+
+# Steps in the table's own units: R = 1 mm, scale = 1 MPa, so that 1 mbar is q = 1e-4.
+_SETTINGS = StepSettings(extrapolation_error=3e-5, smallest_step_mbar=0.5, limit_mbar=20.0)
+
+THICKNESS = "thickness_over_radius"
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Nodes of one coordinate, evenly spaced in its logarithm, or as `spacing` says."""
+
+    low: float
+    high: float
+    nodes: int
+    spacing: Literal["log", "linear"] = field(default="log", repr=False)
+
+    def coordinates(self) -> Array:
+        """Return the nodes, in the coordinate: their logarithms."""
+        if self.spacing == "linear":
+            return np.linspace(self.low, self.high, self.nodes)
+        return np.linspace(np.log(self.low), np.log(self.high), self.nodes)
+
+    def value(self, coordinate: float) -> float:
+        """Return the value at a coordinate."""
+        return float(coordinate if self.spacing == "linear" else np.exp(coordinate))
+
+
+def axis_name(law: Law, parameter: Parameter) -> str:
+    """Return the name of the table's axis along a parameter: X2_over_X1, kappa_over_X1, C2."""
+    if parameter.name == law.poisson:
+        return law.dilatation_scale
+    scale = law.parameters[0]
+    if parameter.unit != scale.unit:
+        return parameter.name
+    return f"{stem(parameter.name, parameter.unit)}_over_{stem(scale.name, scale.unit)}"
+
+
+def default_axes(law: Law) -> tuple[tuple[str, Axis], ...]:
+    """Return the axes of what ships, for any law: h/R, then those of its parameters."""
+    found = [(THICKNESS, Axis(0.125, 3.0, 18))]  # 0.5 mm under 8 mm … 3 mm under 2 mm
+    for parameter, search in zip(law.parameters[1:], law.search[1:], strict=True):
+        if parameter.name == law.poisson:
+            # ν of 0.2 to 0.49 in both conventions
+            axis = Axis(2.66, 100.2, 18)
+        else:
+            linear = search.transform == "linear"
+            axis = Axis(search.low, search.high, 26, "linear" if linear else "log")
+        found.append((axis_name(law, parameter), axis))
+    return tuple(found)
+
+
+@dataclass(frozen=True)
+class DimensionlessSpec:
+    """What is computed; the defaults are what ships.
+
+    `scale_mpa` is the range of the law's scale, along which it is exact: it only scales. None: as
+    the law says; so with `axis`.
+    """
+
+    law: str = DEFAULT_LAW
+    scale_mpa: tuple[float, float] = (0.0, 0.0)
+    axis: tuple[tuple[str, Axis], ...] = ()
+    pressure_mbar: float = 500.0
+    load_nodes: int = 84  # along asinh(c q / y0)
+    load_scale: float = 0.03  # y0
+    least_load: float = -0.05  # a noisy channel goes below zero
+    mesh_name: str = MESH_OF_RECORD.name
+
+    kind: ClassVar[str] = "dimensionless"
+    model: ClassVar[Model | None] = None
+    fixed_geometry: ClassVar[Geometry | None] = None
+
+    def __post_init__(self) -> None:
+        """Fill in what the law says."""
+        law = get_law(self.law)
+        if not any(self.scale_mpa):
+            object.__setattr__(self, "scale_mpa", (law.search[0].low, law.search[0].high))
+        given = dict(self.axis)
+        expected = default_axes(law)
+        for name in given:
+            if name not in dict(expected):
+                raise InputError(
+                    f"axis.{name} is not known; expected of: {', '.join(dict(expected))}"
+                )
+        axes = tuple((name, given.get(name, axis)) for name, axis in expected)
+        object.__setattr__(self, "axis", axes)
+
+    @property
+    def axes(self) -> dict[str, Axis]:
+        """The axes by name, in the order of the arrays."""
+        return dict(self.axis)
+
+    @property
+    def thickness(self) -> Axis:
+        """The axis of h/R."""
+        return self.axis[0][1]
+
+    @property
+    def most_load(self) -> float:
+        """Largest q: the softest skin at the highest pressure, its small extension included."""
+        return self.pressure_mbar * MBAR * (1 + EXTENSION_ABOVE) / self.scale_mpa[0]
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Nodes along h/R and the ratios."""
+        return tuple(axis.nodes for _, axis in self.axis)
+
+    @property
+    def entries(self) -> int:
+        """Number of curves."""
+        return int(np.prod(self.shape))
+
+    def coordinate(self, load: Array, thickness_over_radius: float) -> Array:
+        """Return asinh(c q / y0) of loads q."""
+        return np.asarray(np.arcsinh(_compliance(thickness_over_radius) * load / self.load_scale))
+
+    def load(self, coordinate: Array, thickness_over_radius: float) -> Array:
+        """Return the loads q at coordinates: the inverse of `coordinate`."""
+        return self.load_scale * np.sinh(coordinate) / _compliance(thickness_over_radius)
+
+    def load_coordinates(self) -> Array:
+        """Return the nodes along asinh(c q / y0): wide enough for the thinnest skin."""
+        ends = np.array([self.least_load, self.most_load])
+        low, high = self.coordinate(ends, self.thickness.low)
+        return np.linspace(low, high, self.load_nodes)
+
+    @property
+    def summary(self) -> str:
+        """What will be computed, in a line."""
+        axes = ", ".join(f"{n} {a.low:g}–{a.high:g} × {a.nodes}" for n, a in self.axis)
+        return f"{self.entries} curves for every opening, law {self.law}: {axes}"
+
+    # ---- build ----
+
+    @property
+    def identity(self) -> str:
+        """All that the numbers depend on but the solver's version."""
+        return f"{self._text} {self.mesh_name}"
+
+    @property
+    def rows(self) -> tuple[int, int]:
+        """Rows, and numbers in each: log compliances, and the q to which it holds."""
+        return self.entries, self.load_nodes + 1
+
+    def row(self, entry: int) -> Array:
+        """Return one entry: log compliance (load,), NaN beyond the q to which it holds; that q.
+
+        By finite elements with R = 1 mm and a scale of 1 MPa.
+        """
+        law = get_law(self.law)
+        at = np.unravel_index(entry, self.shape)
+        thickness, *others = (
+            axis.value(axis.coordinates()[i]) for (_, axis), i in zip(self.axis, at, strict=True)
+        )
+        values, ratio = {law.scale: 1.0}, None
+        for parameter, value in zip(law.parameters[1:], others, strict=True):
+            if parameter.name == law.poisson:
+                ratio = value
+            else:
+                values[parameter.name] = value
+        curve = solve(
+            Geometry(2.0, thickness),
+            values if ratio is None else law.with_ratio(values, ratio),
+            self.most_load / MBAR,
+            law=self.law,
+            discretisation=MESHES[self.mesh_name],
+            settings=_SETTINGS,
+            below_mbar=-self.least_load / MBAR,
+        )
+        nodes = self.load_coordinates()
+        load = self.load_scale * np.sinh(nodes) / _compliance(thickness)
+        holds_to = curve.holds_to_mbar * MBAR
+        held = np.flatnonzero((load >= self.least_load) & (load <= holds_to))
+        q = load[held]
+        dome = curve.spline
+        with np.errstate(invalid="ignore"):
+            secant = dome(q / MBAR) / q
+        secant[np.abs(q) < 1e-9] = dome(0.0, 1) / MBAR  # at zero the secant is the tangent
+        row = np.full(len(nodes), np.nan)
+        row[held] = np.log(secant)
+        return np.append(row, holds_to)
+
+    def table(self, rows: Array, solver_version: str, versions: dict[str, str]) -> Table:
+        """Return the table made of all rows."""
+        del versions
+        compliance = rows[:, :-1].reshape(*self.shape, -1)
+        filled = fill_ratios(compliance, self.load_coordinates()).astype(np.float32)
+        holds = np.ascontiguousarray(rows[:, -1]).reshape(self.shape)
+        return Table(self, filled, holds, self.mesh_name, solver_version)
+
+    def difference(self, table: Table, entry: int) -> str:
+        """Compute an entry again; return how it differs in a sentence, or ''."""
+        *computed, holds_to = self.row(entry)
+        at = np.unravel_index(entry, self.shape)
+        off = np.abs(np.array(computed) - table.values[at])  # NaN: filled, not computed
+        worst, stored = float(np.nanmax(off)), float(table.holds_to[at])
+        if worst <= TOLERANCE_LOG and abs(holds_to - stored) <= 5e-3 * stored:
+            return ""
+        return f"entry {tuple(int(k) for k in at)} differs by {worst:.3g} of its deflection"
+
+    # ---- use ----
+
+    def space(self, table: Table, kappa: KappaConvention) -> Space:
+        """Return where the law says that fits look, as far as the table goes."""
+        del table
+        law = get_law(self.law)
+        low, high = [self.scale_mpa[0]], [self.scale_mpa[1]]
+        for parameter, search, (_, axis) in zip(
+            law.parameters[1:], law.search[1:], self.axis[1:], strict=True
+        ):
+            first, last = axis.low, axis.high
+            if parameter.name == law.poisson:
+                own = kappa_ratio(search.low, kappa), kappa_ratio(search.high, kappa)
+                first = search.low if own[0] >= first else float(nu_from_ratio(first, kappa))
+                last = search.high if own[1] <= last else float(nu_from_ratio(last, kappa))
+            low.append(first)
+            high.append(last)
+        return replace(law.space, low=tuple(low), high=tuple(high))
+
+    def covered(self, pressure_mbar: Array) -> NDArray[np.bool_]:
+        """Return which pressures (n,) the table speaks of, its small extensions included."""
+        high = self.pressure_mbar * (1 + EXTENSION_ABOVE)
+        return np.asarray((pressure_mbar >= -EXTENSION_BELOW_MBAR) & (pressure_mbar <= high))
+
+    def covers(self, curve: Curve) -> NDArray[np.bool_]:
+        """Return which samples (n,) of a curve it speaks of."""
+        return self.covered(curve.pressure_mbar)
+
+    def point(self, base: Mapping[str, float], effects: Effects) -> Array:
+        """Return the parameters (p,).
+
+        Raises:
+            InputError: there are effects.
+        """
+        return plain_point(self.law, base, effects)
+
+    def evaluator(
+        self,
+        table: Table,
+        geometry: Geometry,
+        pressure_mbar: Array,
+        kappa: KappaConvention,
+        thickness_sd_mm: float,
+        time_s: Array | None,
+    ) -> Evaluator:
+        """Return the table at this geometry and these pressures.
+
+        Raises:
+            NotTrustworthyError: the thickness is outside the table.
+        """
+        del time_s
+        asked = geometry.thickness_mm / geometry.radius_mm
+        ends = self.thickness
+        if not ends.low * (1 - 1e-12) <= asked <= ends.high * (1 + 1e-12):
+            raise NotTrustworthyError(
+                f"thickness/radius {asked:.4g} is outside the database "
+                f"({ends.low:g}–{ends.high:g}): {geometry.thickness_mm:g} mm of skin under a "
+                f"{geometry.aperture_mm:g} mm opening"
+            )
+        log_thickness = math.log(asked)
+        axes, space = self._axes(kappa), self.space(table, kappa)
+        thicknesses = np.array([log_thickness])
+        if thickness_sd_mm > 0.0:
+            thicknesses = self._around(log_thickness, thickness_sd_mm / geometry.thickness_mm)
+            log_ratio = thicknesses - log_thickness
+            axes.append(TableAxis(Coordinate("log"), log_ratio))
+            low, high = math.exp(log_ratio[0]), math.exp(log_ratio[-1])
+            space = space.extended("thickness_ratio", low, high)
+        at_mbar, spread = self._nodes_for(log_thickness, pressure_mbar)
+        curves = np.stack(
+            [
+                geometry.radius_mm * self._tabulate(table, t, at_mbar, axes[0].nodes)
+                for t in thicknesses
+            ],
+            axis=1,
+        ).reshape(-1, len(at_mbar))
+        wide = None
+        if spread is not None:
+            wide, turn = np.linalg.qr(spread)
+            curves = curves @ turn.T
+        q = components(curves)  # (nodes, k), orthonormal
+        grid = (curves @ q).reshape(*(len(axis.nodes) for axis in axes), -1)
+        return Evaluator(
+            space,
+            axes,
+            TensorSpline(axes, grid),
+            q if wide is None else wide @ q,
+            self._cells_hold_to(table, thicknesses),
+            max(float(pressure_mbar.max(initial=0.0)), 1e-8),
+            load_mbar=1.0 / MBAR,
+        )
+
+    def _axes(self, kappa: KappaConvention) -> list[TableAxis]:
+        """Return the small grid's axes along the law's parameters."""
+        law = get_law(self.law)
+        low, high = self.scale_mpa
+        axes = [
+            TableAxis(Coordinate("log"), np.linspace(math.log(low), math.log(high), _SCALE_NODES))
+        ]
+        for parameter, search, (_, axis) in zip(
+            law.parameters[1:], law.search[1:], self.axis[1:], strict=True
+        ):
+            dilatation = parameter.name == law.poisson
+            coordinate = (
+                Coordinate("dilatation", kappa) if dilatation else Coordinate(search.transform)
+            )
+            axes.append(TableAxis(coordinate, axis.coordinates()))
+        return axes
+
+    def _tabulate(
+        self, table: Table, log_thickness: float, pressure_mbar: Array, log_scales: Array
+    ) -> Array:
+        """Return w/R on the grid (scale · ratios, u)."""
+        stored = _load_coefficients(table)
+        weights = basis(self.thickness.coordinates(), np.array([log_thickness]))[0]
+        at_thickness = np.tensordot(weights, stored, axes=1)  # (ratios…, load)
+        load = np.outer(np.exp(-log_scales), pressure_mbar * MBAR)  # (scale, u)
+        axis = self.load_coordinates()
+        spline = knots(axis)
+        at = np.clip(self.coordinate(load, math.exp(log_thickness)), spline[0], spline[-1])
+        design = BSpline.design_matrix(at.ravel(), spline, 3)
+        flat = at_thickness.reshape(-1, len(axis))
+        log_compliance = design @ np.ascontiguousarray(flat.T)  # (scale · u, ratios)
+        curves = np.exp(log_compliance, out=log_compliance)
+        curves *= load.ravel()[:, None]
+        n1, u = load.shape
+        return np.ascontiguousarray(curves.reshape(n1, u, -1).transpose(0, 2, 1)).reshape(-1, u)
+
+    def _around(self, log_thickness: float, relative_sd: float) -> Array:
+        """Return log h/R nodes about a thickness, as far as it is likely and the table goes."""
+        axis = self.thickness
+        low = log_thickness + math.log(max(1.0 - _THICKNESS_REACH * relative_sd, 0.2))
+        high = log_thickness + math.log(1.0 + _THICKNESS_REACH * relative_sd)
+        low, high = max(low, math.log(axis.low)), min(high, math.log(axis.high))
+        return np.linspace(low, high, max(7, math.ceil((high - low) / _THICKNESS_STEP) + 1))
+
+    def _nodes_for(self, log_thickness: float, pressure_mbar: Array) -> tuple[Array, Array | None]:
+        """Return the pressures to tabulate, and the matrix (u, nodes) from there to the samples.
+
+        Between the nodes curves are cubic splines in the table's own coordinate of the softest
+        skin.
+        """
+        if len(pressure_mbar) <= _MOST_SAMPLES:
+            return pressure_mbar, None
+        softest, thickness = self.scale_mpa[0], math.exp(log_thickness)
+        ends = np.array([pressure_mbar.min(), max(float(pressure_mbar.max()), 1e-6)])
+        low, high = self.coordinate(ends * MBAR / softest, thickness)
+        nodes = np.linspace(low, high, _PRESSURE_NODES)
+        at = self.coordinate(pressure_mbar * MBAR / softest, thickness)
+        spread = basis(nodes, at) @ coefficients(np.eye(_PRESSURE_NODES), 0)
+        return softest / MBAR * self.load(nodes, thickness), spread
+
+    def _cells_hold_to(self, table: Table, log_thicknesses: Array) -> Array:
+        """Return the load to which each cell (scale, ratios…[, thickness]) holds."""
+        nodes = self.thickness.coordinates()
+        at_nodes = []
+        for t in log_thicknesses:
+            i = int(np.clip(np.searchsorted(nodes, t, side="right") - 1, 0, len(nodes) - 2))
+            at_nodes.append(least_of_corners(table.holds_to[i : i + 2].min(axis=0)))
+        cells = at_nodes[0]
+        if len(at_nodes) > 1:
+            cells = np.stack([np.minimum(a, b) for a, b in pairwise(at_nodes)], axis=-1)
+        return np.broadcast_to(cells, (_SCALE_NODES - 1, *cells.shape))
+
+    def describe(self, table: Table) -> list[str]:
+        """Return what is in it."""
+        lines = ["dimensionless: every aperture, thickness and pressure within"]
+        for name, axis in self.axis:
+            lines.append(f"  {name:<22}{axis.low:g} to {axis.high:g}, {axis.nodes} nodes")
+        scale = get_law(self.law).parameters[0]
+        low, high = self.scale_mpa
+        lines.append(f"  {scale.name:<22}{low:g} to {high:g}, exact")
+        lines.append(f"  {'pressure_mbar':<22}0 to {self.pressure_mbar:g}")
+        median = float(np.median(table.holds_to))
+        some = math.exp(0.5 * math.log(low * high))
+        shown = 0.025 if low < 0.025 < high else some
+        lines.append(
+            f"{self.entries} curves; half of them hold to p/{scale.label} = {median:.3g} or more "
+            f"({median * shown / MBAR:.0f} mbar at {scale.label} {shown:.3g} {scale.unit})"
+        )
+        return lines
+
+    # ---- files ----
+
+    @property
+    def _text(self) -> str:
+        axes = "".join(f"{name}={axis!r}, " for name, axis in self.axis)
+        linear = [name for name, axis in self.axis if axis.spacing == "linear"]
+        return (
+            f"DimensionlessSpec(law={self.law!r}, {get_law(self.law).scale}={self.scale_mpa!r}, "
+            f"pressure_mbar={self.pressure_mbar!r}, {axes}load_nodes={self.load_nodes!r}, "
+            f"load_scale={self.load_scale!r}, least_load={self.least_load!r}"
+            f"{f', linear={linear!r}' if linear else ''})"
+        )
+
+    def head(self, table: Table) -> str:
+        """Return what the content hash begins with."""
+        return f"({self._text}, {table.mesh_name!r}, {table.solver_version!r})"
+
+    def attributes(self, table: Table) -> dict[str, Any]:
+        """Return what a file says besides the arrays."""
+        return {
+            "law": self.law,
+            "mesh": table.mesh_name,
+            get_law(self.law).scale: self.scale_mpa,
+            "pressure_mbar": self.pressure_mbar,
+            "load_nodes": self.load_nodes,
+            "load_scale": self.load_scale,
+            "least_load": self.least_load,
+            **{name: (axis.low, axis.high, axis.nodes) for name, axis in self.axis},
+        }
+
+    def datasets(self, table: Table) -> list[Dataset]:
+        """Return the arrays of a file."""
+        axes = ", ".join([*(name for name, _ in self.axis), "load"])
+        # Not compressed: it must load at once, and it is small.
+        return [
+            Dataset("log_compliance", table.values, "1", axes),
+            Dataset("holds_to_load", table.holds_to, "1"),
+        ]
+
+    @classmethod
+    def read(cls, file: Any) -> Table:
+        """Return the table in an HDF5 file."""
+        attrs = file.attrs
+        law = get_law(str(attrs["law"]))
+        axes = tuple(
+            (name, replace(axis, low=float(at[0]), high=float(at[1]), nodes=int(at[2])))
+            for name, axis in default_axes(law)
+            for at in [attrs[name]]
+        )
+        low, high = attrs[law.scale]
+        spec = cls(
+            law=law.name,
+            scale_mpa=(float(low), float(high)),
+            axis=axes,
+            pressure_mbar=float(attrs["pressure_mbar"]),
+            load_nodes=int(attrs["load_nodes"]),
+            load_scale=float(attrs["load_scale"]),
+            least_load=float(attrs["least_load"]),
+            mesh_name=str(attrs["mesh"]),
+        )
+        return Table(
+            spec,
+            file["log_compliance"][:],
+            file["holds_to_load"][:],
+            str(attrs["mesh"]),
+            str(attrs["solver_version"]),
+        )
+
+
+def _compliance(thickness_over_radius: float) -> float:
+    """Return w/R / q for small q, within 2 % for the paper's law, X2/X1 = 7, κ/X1 = 10 (a fit)."""
+    t = thickness_over_radius
+    return 0.0246 / t**3 + 0.0803 / t**2 - 0.0072 / t + 0.182
+
+
+@lru_cache(maxsize=4)
+def _load_coefficients(table: Table) -> Array:
+    """Return the B-spline coefficients of the table along h/R and the load."""
+    values = table.values.astype(np.float64)
+    return np.ascontiguousarray(coefficients(coefficients(values, 0), values.ndim - 1))

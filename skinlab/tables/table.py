@@ -1,0 +1,214 @@
+"""A table of precomputed curves: what was computed of what, and the numbers.
+
+There is one kind of table. What differs is the spec: the paper's grid (`grid_spec.py`), the
+dimensionless table (`dimensionless_spec.py`), a law with effects on axes of one's own
+(`custom_spec.py`). A spec says which entries there are and how to compute one, how far it speaks,
+and along which coordinates its values run; nothing else asks which spec it is.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinlab.curves.curve import Curve
+from skinlab.mechanics.effects.model import Effects
+from skinlab.mechanics.fem.suction import Geometry
+from skinlab.mechanics.materials.compressibility import KappaConvention
+from skinlab.mechanics.model_file import Model
+from skinlab.parameters import Space
+from skinlab.tables.evaluator import Evaluator
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """One array as a file holds it."""
+
+    name: str
+    values: NDArray[Any]
+    unit: str = ""
+    axes: str = ""
+    compression: int | None = None
+
+
+class Spec(Protocol):
+    """What is computed, and what the numbers mean."""
+
+    kind: ClassVar[str]  # how a file calls it
+
+    @property
+    def law(self) -> str:
+        """Name of the constitutive law."""
+        ...
+
+    @property
+    def mesh_name(self) -> str:
+        """Name of the discretisation."""
+        ...
+
+    @property
+    def model(self) -> Model | None:
+        """The model that it is of, its effects and convention; None: the law itself, any."""
+        ...
+
+    @property
+    def fixed_geometry(self) -> Geometry | None:
+        """The only opening and thickness that it speaks of; None: a range."""
+        ...
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Nodes along each axis."""
+        ...
+
+    @property
+    def entries(self) -> int:
+        """Number of curves."""
+        ...
+
+    # ---- build ----
+
+    @property
+    def identity(self) -> str:
+        """All that the numbers depend on but the solver's version, in words."""
+        ...
+
+    @property
+    def rows(self) -> tuple[int, int]:
+        """Number of rows to compute and numbers in each; those behind the entries are checks."""
+        ...
+
+    def row(self, entry: int) -> Array:
+        """Return one row, by finite elements."""
+        ...
+
+    def table(self, rows: Array, solver_version: str, versions: dict[str, str]) -> Table:
+        """Return the table made of all rows."""
+        ...
+
+    def difference(self, table: Table, entry: int) -> str:
+        """Compute an entry again; return how it differs from the table's in a sentence, or ''."""
+        ...
+
+    # ---- use ----
+
+    def space(self, table: Table, kappa: KappaConvention) -> Space:
+        """Return where it holds at all."""
+        ...
+
+    def covers(self, curve: Curve) -> NDArray[np.bool_]:
+        """Return which samples (n,) of a curve it speaks of.
+
+        Raises:
+            NotTrustworthyError: it does not speak of such a curve at all; says why.
+        """
+        ...
+
+    def point(self, base: Mapping[str, float], effects: Effects) -> Array:
+        """Return the parameters (p,) of the law's by name and effects' values.
+
+        Raises:
+            InputError: a value is none of this table's; says which.
+        """
+        ...
+
+    def evaluator(
+        self,
+        table: Table,
+        geometry: Geometry,
+        pressure_mbar: Array,
+        kappa: KappaConvention,
+        thickness_sd_mm: float,
+        time_s: Array | None,
+    ) -> Evaluator:
+        """See `Table.model`."""
+        ...
+
+    def describe(self, table: Table) -> list[str]:
+        """Return what is in it, in a few lines."""
+        ...
+
+    # ---- files ----
+
+    def head(self, table: Table) -> str:
+        """Return what the content hash begins with."""
+        ...
+
+    def attributes(self, table: Table) -> dict[str, Any]:
+        """Return what a file says besides the arrays."""
+        ...
+
+    def datasets(self, table: Table) -> list[Dataset]:
+        """Return the arrays of a file; those under `axes/` are for readers."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """What was built of a spec.
+
+    `values` (axes…, width) is a row for every entry; `holds_to` (axes…) how far it is an answer,
+    along what the spec holds its curves. Beyond, a row supports the interpolation of neighbours.
+    `extra` are further arrays and `facts` further numbers, by name, that the spec keeps.
+    """
+
+    spec: Spec
+    values: NDArray[Any]
+    holds_to: Array
+    mesh_name: str
+    solver_version: str
+    extra: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    facts: Mapping[str, Any] = field(default_factory=dict)
+
+    @cached_property
+    def content_hash(self) -> str:
+        """`sha256:…` over what was computed from what, and the numbers."""
+        digest = hashlib.sha256(self.spec.head(self).encode())
+        for array in (self.values, self.holds_to, *self.extra.values()):
+            digest.update(np.ascontiguousarray(array).tobytes())
+        return f"sha256:{digest.hexdigest()}"
+
+    @property
+    def law(self) -> str:
+        """Name of the constitutive law."""
+        return self.spec.law
+
+    @property
+    def fixed_geometry(self) -> Geometry | None:
+        """The only opening and thickness that it speaks of; None: a range."""
+        return self.spec.fixed_geometry
+
+    def covers(self, curve: Curve) -> NDArray[np.bool_]:
+        """Return which samples (n,) of a curve it speaks of, its small extensions included.
+
+        Raises:
+            NotTrustworthyError: it does not speak of such a curve at all; says why.
+        """
+        return self.spec.covers(curve)
+
+    def model(
+        self,
+        geometry: Geometry,
+        pressure_mbar: Array,
+        kappa: KappaConvention = "paper",
+        thickness_sd_mm: float = 0.0,
+        time_s: Array | None = None,
+    ) -> Evaluator:
+        """Return the table at this geometry and these pressures (u,).
+
+        `time_s` (u,) are the times since the curve began, for tables that depend on them. With a
+        standard deviation of the thickness, its ratio to the stated one is one more parameter at
+        the end, `thickness_ratio`.
+
+        Raises:
+            NotTrustworthyError: it does not speak of this geometry, uncertainty or convention.
+        """
+        return self.spec.evaluator(self, geometry, pressure_mbar, kappa, thickness_sd_mm, time_s)

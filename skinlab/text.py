@@ -1,0 +1,86 @@
+"""Text from outside, made inert: what a terminal would obey, or nobody would see, becomes visible.
+
+Instruments, file names, notes and imported cells may hold anything. Whatever shows or writes such
+text as text passes it through `inert`; what must read back as it was (JSON, TOML) uses `escaped`.
+"""
+
+from __future__ import annotations
+
+import json
+import unicodedata
+from typing import Any
+
+# Control, format (directions, zero widths), surrogate, line and paragraph separator.
+_UNSEEN = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
+_FORMULA = ("=", "+", "-", "@", "＝", "＋", "－", "＠")
+
+
+class _Symbols(dict[int, str | int]):
+    """A table for `str.translate` that looks each character up once."""
+
+    def __missing__(self, code: int) -> str | int:
+        self[code] = shown = _symbol(code) if _unseen(code) else code
+        return shown
+
+
+def _unseen(code: int) -> bool:
+    # The last two of each plane are no characters, and not allowed in XML.
+    return unicodedata.category(chr(code)) in _UNSEEN or code & 0xFFFE == 0xFFFE
+
+
+def _symbol(code: int) -> str:
+    if code < 0x20:
+        return chr(0x2400 + code)
+    if code == 0x7F:
+        return "\u2421"
+    if 0xDC80 <= code <= 0xDCFF:  # a byte of a file name that is no UTF-8
+        return f"\\x{code - 0xDC00:02x}"
+    return f"\\x{code:02x}" if code < 0x100 else _u(code)
+
+
+def _u(code: int) -> str:
+    return f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"
+
+
+class _Escapes(dict[int, str | int]):
+    """The same, as escapes of TOML's strings; below U+0020 the writer did it, but for the tab."""
+
+    def __missing__(self, code: int) -> str | int:
+        self[code] = shown = _u(code) if code >= 0x7F and _unseen(code) else code
+        return shown
+
+
+_SYMBOLS, _LINES, _ESCAPES = _Symbols(), _Symbols({10: 10}), _Escapes({9: "\\t"})
+
+
+def inert(text: str) -> str:
+    r"""Return one line of text in which every character can be seen: ESC as ␛, or as \u202e."""
+    return text if text.isprintable() else text.translate(_SYMBOLS)
+
+
+def inert_lines(text: str) -> str:
+    """Return the same of a text of several lines, which stay lines."""
+    return text if text.isprintable() else text.translate(_LINES)
+
+
+def escaped(text: str) -> str:
+    """Return TOML's text with what cannot be seen as escapes; its strings read back the same."""
+    return text if text.isprintable() else text.translate(_ESCAPES)
+
+
+def json_text(document: Any) -> str:
+    """Return a document as JSON of ASCII characters, none of which a terminal obeys.
+
+    Raises:
+        ValueError: a number in it is not finite.
+    """
+    return json.dumps(document, indent=1, allow_nan=False).replace("\x7f", "\\u007f")
+
+
+def csv_cell(value: Any) -> Any:
+    """Return a cell of a CSV: text is inert, and no spreadsheet takes it for a formula."""
+    if not isinstance(value, str):
+        return value
+    shown = inert(value)
+    quoted = shown.lstrip().startswith(_FORMULA) or value[:1] in ("\t", "\r", "\n")
+    return f"'{shown}" if quoted else shown

@@ -1,0 +1,83 @@
+"""What opens over another screen: a box, under the line that stands on every screen."""
+
+from __future__ import annotations
+
+from typing import ClassVar, TypeVar
+
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Vertical
+from textual.screen import ModalScreen
+from textual.widgets import Static
+
+from skinlab.tui.typing_guard import CHECK_KEY, CONFIRM_KEY, TypingGuard
+from skinlab.tui.ui_state import Board
+from skinlab.tui.widgets.header import Top
+
+Answer = TypeVar("Answer")
+
+
+class OverScreen(ModalScreen[Answer]):
+    """Shows state, suction and SIMULATED above what it yields in `compose_box`."""
+
+    def __init__(self, board: Board) -> None:
+        super().__init__()
+        self._board = board
+
+    def compose(self) -> ComposeResult:
+        """Yield the top, and the box."""
+        yield Top(self._board)
+        yield from self.compose_box()
+
+    def compose_box(self) -> ComposeResult:
+        """Yield the box."""
+        raise NotImplementedError
+
+
+class AskingScreen(OverScreen[bool]):
+    """A question that stays until F9 (yes) or F8 (no); no letter, Enter or Space answers it.
+
+    `_hint` says what the keys do; `_fresh` is whether F9 counts only where nobody types.
+    """
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding(CONFIRM_KEY, "answer_yes", "Yes", priority=True),
+        Binding(CHECK_KEY, "answer_no", "No", priority=True),
+    ]
+    _hint = "F9 yes      F8 no"
+    _box = "question"
+
+    def __init__(self, board: Board, guard: TypingGuard, title: str, text: str) -> None:
+        super().__init__(board)
+        self._guard = guard
+        self._title = title
+        self._text = text
+        guard.hidden()
+
+    def compose_box(self) -> ComposeResult:
+        """Yield the question."""
+        with Vertical(id=self._box):
+            yield Static(self._title, classes="title", markup=False)
+            yield Static(self._text, id=f"{self._box}-text", markup=False)
+            yield Static(self._hint, id=f"{self._box}-hint", classes="hint", markup=False)
+
+    def on_screen_resume(self) -> None:
+        """Count from when it can be read, also where something lay over it."""
+        self._guard.hidden()
+        self.call_after_refresh(self._guard.asked)
+
+    def action_answer_yes(self) -> None:
+        """Answer yes, unless somebody types, or nobody can have read it."""
+        why = self._guard.refusal()
+        if why is None:
+            self.dismiss(True)
+        else:
+            self.query_one(f"#{self._box}-hint", Static).update(f"{self._hint}\n({why})")
+
+    def action_answer_no(self) -> None:
+        """Answer no."""
+        self.dismiss(False)
+
+
+class ConfirmScreen(AskingScreen):
+    """Asks before something is done that is not only looking."""

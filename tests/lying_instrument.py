@@ -1,0 +1,154 @@
+"""An instrument that lies, as a process of its own: it says what it likes.
+
+`python tests/lying_instrument.py [--pty] LIE` prints its URL and serves one host after the other.
+It speaks the reference dialect on the real clock and does what a good instrument does, but for its
+lie. It has no chamber: the pressure is what it says.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from drivers.dialects.reference import DIALECT
+from drivers.events import (
+    PROGRAM_DONE,
+    PROGRAM_END,
+    Arm,
+    Damaged,
+    Hello,
+    Identify,
+    InstrumentEvent,
+    Load,
+    Loaded,
+    Sample,
+    Start,
+    State,
+    Vent,
+)
+from drivers.events import InstrumentState as S
+from sim_device.program import Run
+from sim_device.serve import PtyHost, TcpHost
+
+INTERVAL_S = 0.02
+HELLO = Hello("reference", 1, "liar", "1", "1", 6.0, 500.0, 60.0, 1.0, 1000.0, simulated=False)
+
+# What becomes of time, pressure and segment of a sample; the time is the true one
+Lie = Callable[[float, float, int], tuple[float, float, int]]
+ENDLESS: dict[str, Lie] = {  # it never says that the program is over
+    "holds on": lambda t, p, s: (t, 60.0, 1),
+    "vents in words": lambda t, p, s: (t, 60.0, s),
+    "past the end": lambda t, p, s: (t, 60.0, s if t < 1.0 else 7),
+    "back again": lambda t, p, s: (t, p, s if t < 1.0 else 0),
+    "runs ahead": lambda t, p, s: (2 * t, 60.0, 1),
+    "jumps": lambda t, p, s: (t if t < 1.0 else t + 1.5, 60.0, 1),
+    "slow": lambda t, p, s: (0.5 * t, 60.0, 1),
+    "another program": lambda t, p, s: (t, 60.0, 1),
+    "stops": lambda t, p, s: (t if t < 1.0 else 1.0 + 1e-3 * t, 60.0, 1),
+}
+OTHERS: dict[str, Lie] = {
+    "truth": lambda t, p, s: (t, p, s),
+    "stays high": lambda t, p, s: (t, max(p, 60.0), s),
+    "no pause": lambda t, p, s: (t, 3.0 if t % 0.5 < INTERVAL_S else 60.0, s),
+    "starts by itself": lambda t, p, s: (t, p, s),
+    "starts again": lambda t, p, s: (t, p, s),
+    "done": lambda t, p, s: (t, 60.0, s),
+}
+
+
+class Liar:
+    """The instrument; `out` is what it wants to send."""
+
+    def __init__(self, lie: str) -> None:
+        self.lie = lie
+        self.alter = {**ENDLESS, **OTHERS}[lie]
+        self.state = S.IDLE
+        self.load: Load | None = None
+        self.run: Run | None = None
+        self.started = 0.0
+        self.count = 0
+        self.out = bytearray()
+
+    def say(self, event: InstrumentEvent, number: int | None = None) -> None:
+        self.out += DIALECT.encode_event(event, number)
+
+    def enter(self, state: S, reason: str) -> None:
+        self.state = state
+        self.say(State(state, reason, 0.0))
+
+    def obey(self, frame: bytes) -> None:
+        command, number = DIALECT.decode_command(frame)
+        match command:
+            case Identify():
+                self.say(HELLO)
+                self.say(State(self.state, "identify", 0.0))
+            case Load(segments, rate_hz, pressure, suction):
+                self.load = command
+                self.say(Loaded(segments, rate_hz, pressure, suction), number)
+                self.enter(S.LOADED, "loaded")
+                if self.lie == "another program":  # said again, and longer
+                    self.say(Loaded((*segments, *segments[-1:] * 5), rate_hz, 500.0, 60.0), number)
+            case Arm():
+                self.enter(S.ARMED, "armed")
+                if self.lie == "starts by itself":
+                    self.start()
+            case Start() if self.state is S.ARMED:
+                self.start()
+            case Vent():
+                self.run = None
+                self.enter(S.VENTING, "host")
+                self.enter(S.LOADED, "vented")
+            case _:
+                pass
+
+    def start(self) -> None:
+        assert self.load is not None
+        self.run, self.started, self.count = Run(self.load), time.monotonic(), 0
+        self.enter(S.RUNNING, "started")
+
+    def live(self) -> None:
+        """Say the samples that are due."""
+        while self.run is not None and time.monotonic() - self.started >= self.count * INTERVAL_S:
+            at_s = self.count * INTERVAL_S
+            self.run.advance(round(1e6 * at_s), 0.0)
+            if self.run.ended and self.lie not in ENDLESS and self.state is S.RUNNING:
+                self.end()
+                continue
+            time_s, pressure, segment = self.alter(at_s, self.run.set_point_mbar, self.run.index)
+            pressure = pressure if self.count else 0.0  # nothing can be there at once
+            self.say(Sample(self.count, time_s, pressure, 1e-4 * self.count, segment))
+            self.count += 1
+
+    def end(self) -> None:
+        self.enter(S.VENTING, PROGRAM_END)
+        if self.lie != "stays high":
+            self.enter(S.LOADED, PROGRAM_DONE)
+        if self.lie == "starts again":
+            self.enter(S.ARMED, "armed")
+            self.start()
+        elif self.lie not in {"stays high", "done"}:
+            self.run = None
+
+
+def main() -> None:
+    liar = Liar(sys.argv[-1])
+    waiting = bytearray()
+    with PtyHost() if "--pty" in sys.argv else TcpHost(0) as host:
+        sys.stdout.write(f"{host.url}\n")
+        sys.stdout.flush()
+        while True:
+            waiting += host.wait(0.005)
+            while (frame := DIALECT.take(waiting)) is not None:
+                if not isinstance(frame, Damaged):
+                    liar.obey(frame)
+            liar.live()
+            host.send(bytes(liar.out))
+            liar.out.clear()
+
+
+if __name__ == "__main__":
+    main()

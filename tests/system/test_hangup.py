@@ -1,0 +1,63 @@
+"""A closed terminal: the command vents, saves, and ends with 130 like any interrupted one."""
+
+from __future__ import annotations
+
+import os
+import pty
+import signal
+import subprocess
+import time
+
+import pytest
+from patience import module_command
+
+from skinlab.recording.session import read_session
+
+PATIENCE_S = 120.0
+
+
+def start(*arguments, cwd):
+    """Run a command on a terminal of its own, as the leader of its session."""
+    master, slave = pty.openpty()
+    process = subprocess.Popen(
+        module_command("skinlab", *arguments),
+        stdin=slave, stdout=slave, stderr=slave, start_new_session=True, cwd=cwd,
+        preexec_fn=lambda: os.login_tty(slave),  # noqa: PLW1509 -- no thread runs here
+        env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+    )  # fmt: skip
+    os.close(slave)
+    return master, process
+
+
+def until(condition):
+    end = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def test_the_terminal_of_a_measurement_is_closed(tmp_path):
+    out = tmp_path / "s.h5"
+    master, process = start(
+        "measure", "--port", "sim://?seed=1", "--aperture-mm", "6", "--thickness-mm", "1",
+        "--program", "ramp:100@5", "--out", str(out), cwd=tmp_path,
+    )  # fmt: skip
+    journal = tmp_path / "s.h5.journal-wal"
+    until(lambda: journal.exists() and journal.stat().st_size > 150_000)
+    os.close(master)  # the system sends SIGHUP, and every write fails from now on
+    assert process.wait(PATIENCE_S) == 130
+    assert read_session(out).curves[0].partial
+
+
+@pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGTERM])
+def test_a_command_that_measures_nothing_ends_the_same_way(tmp_path, number):
+    (tmp_path / "exports").mkdir()
+    process = subprocess.Popen(
+        module_command("skinlab", "database", "build", "--workers", "1", "--out", "d.h5"),
+        cwd=tmp_path, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    until(lambda: (tmp_path / "d.h5.rows").exists() or process.poll() is not None)
+    process.send_signal(number)
+    _, said = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 130
+    assert "Traceback" not in said

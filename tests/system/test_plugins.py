@@ -1,0 +1,436 @@
+"""Plugins that are installed for real: one of each kind, and all the ways to be broken."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).parents[2]
+SKIN = ["--aperture-mm", "6", "--thickness-mm", "1"]
+FORWARD = ["forward", "--x1-mpa", "0.03", "--x2-mpa", "1", "--nu", "0.32", *SKIN]
+NAME = "skinlab-example"
+KINDS = {
+    "law": "veronda_westmann",
+    "effect": "warm_up",
+    "method": "pattern_search",
+    "gate": "house_limit",
+    "dialect": "json_lines",
+}
+
+
+class Place:
+    """An environment of its own: this Python and its packages, and what is in a folder."""
+
+    def __init__(self, *folders: Path) -> None:
+        self.environment = {
+            **os.environ,
+            "PYTHONPATH": os.pathsep.join(map(str, folders)),
+            "OPENBLAS_NUM_THREADS": "1",
+        }
+
+    def run(self, *command: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [sys.executable, *map(str, command)],
+            env=self.environment,
+            cwd=cwd,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+
+    def skinlab(self, *arguments: object, cwd: Path | None = None):
+        return self.run("-m", "skinlab", *arguments, cwd=cwd)
+
+    def says(self, code: str, tmp_path: Path, *arguments: object) -> str:
+        """What a program prints, which is a file, because its workers import it."""
+        script = tmp_path / "program.py"
+        script.write_text(code)
+        done = self.run(script, *arguments)
+        assert (done.returncode, done.stderr) == (0, "")
+        return done.stdout.strip()
+
+
+@pytest.fixture(scope="module")
+def example(tmp_path_factory) -> Place:
+    """`pip install examples/plugin`, without a network, into a folder."""
+    source, target = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("target")
+    shutil.copytree(REPOSITORY / "examples" / "plugin", source, dirs_exist_ok=True)
+    pip = "-m pip install --quiet --no-deps --no-build-isolation --disable-pip-version-check"
+    done = Place().run(*pip.split(), "--no-index", "--target", target, source)
+    assert done.returncode == 0, done.stderr
+    return Place(target)
+
+
+def package(folder: Path, name: str, points: dict[str, dict[str, str]], **modules: str) -> Path:
+    """What an installer leaves of a package: its modules, and metadata beside them."""
+    info = folder / f"{name}-1.0.dist-info"
+    info.mkdir(parents=True)
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text(
+        "".join(
+            f"[{group}]\n" + "".join(f"{k} = {v}\n" for k, v in entries.items())
+            for group, entries in points.items()
+        )
+    )
+    for module, text in modules.items():
+        (folder / f"{module}.py").write_text(text)
+    return folder
+
+
+# ---- one of each kind ----------------------------------------------------------------------------
+
+
+def test_the_example_is_listed_with_its_package_and_version(example):
+    done = example.skinlab("plugins", "--json")
+    assert (done.returncode, done.stderr) == (0, "")
+    listed = json.loads(done.stdout)["plugins"]
+    assert {p["kind"]: p["name"] for p in listed if p["distribution"] == NAME} == KINDS
+    assert {p["version"] for p in listed if p["distribution"] == NAME} == {"0.1.0"}
+    text = example.skinlab("plugins").stdout
+    assert "warm_up                   skinlab-example 0.1.0" in text
+    assert "viscoelasticity           built in" in text
+
+
+def test_the_example_obeys_the_rules_of_its_kinds(example):
+    done = example.skinlab("plugins", "check", *KINDS.values(), "--json")
+    assert (done.returncode, done.stderr) == (0, ""), done.stdout
+    rules = json.loads(done.stdout)["rules"]
+    assert {row["kind"]: row["name"] for row in rules} == KINDS
+    assert all(row["broken"] is None for row in rules)
+    assert len(rules) > 20
+
+
+def test_a_name_that_nothing_has_is_wrong_usage():
+    done = Place().skinlab("plugins", "check", "warm_up")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "nothing is called warm_up" in done.stderr
+
+
+def test_a_method_brings_its_options(example, tmp_path):
+    csv = tmp_path / "c.csv"
+    program = ["--program", "ramp:100@20"]
+    assert example.skinlab(*FORWARD, *program, "--csv", csv).returncode == 0
+    identify = ["identify", csv, *SKIN, "--json", "--method"]
+
+    def found(*arguments):
+        done = example.skinlab(*identify, *arguments)
+        assert (done.returncode, done.stderr) == (0, "")
+        document = json.loads(done.stdout)
+        assert document["method"] == "pattern_search"
+        return document["curves"][0]
+
+    first, other = found("pattern_search"), found("pattern_search", "--shrink", "0.8")
+    assert first["error_um"] < 5
+    assert first["iterations"] != other["iterations"]
+    for arguments, status, says in [
+        (["pattern_search", "--shrink", "1"], 3, "shrink 1.0: expected more than 0, less than 1"),
+        (["pattern_search", "--shrink", "much"], 2, "'much' is no number"),
+        (["auto", "--shrink", "0.4"], 2, "--shrink belongs to --method pattern_search"),
+        (["pattern_search", "--passes", "3"], 2, "--passes belongs to --method rls"),
+    ]:
+        done = example.skinlab(*identify, *arguments)
+        assert (done.returncode, done.stdout) == (status, "")
+        assert says in done.stderr
+    assert "--shrink NUMBER" in example.skinlab("measure", "--help").stdout
+
+
+def test_an_effect_is_in_the_model_and_in_the_search_for_what_is_missing(example, tmp_path):
+    model = tmp_path / "m.toml"
+    model.write_text(
+        '[model]\nname = "warm"\n[effects.warm_up]\n'
+        "rise_um = { value = 50.0 }\ntau_s = { value = 1.0 }\n"
+    )
+    program = ["--program", "ramp:100@20,ramp:0@20"]
+    plain = example.skinlab(*FORWARD, *program, "--direct").stdout
+    warm = example.skinlab(*FORWARD, *program, "--direct", "--model", model)
+    assert (warm.returncode, warm.stderr) == (0, "")
+    last = [float(text.splitlines()[-1].split(",")[2]) for text in (plain, warm.stdout)]
+    assert last[1] - last[0] == pytest.approx(0.05, rel=1e-3)
+    refused = Place().skinlab(*FORWARD, *program, "--model", model)
+    assert refused.returncode == 3
+    assert "effects.warm_up is not known; expected one of: " in refused.stderr
+
+
+WORKERS = """
+import multiprocessing, sys
+from concurrent.futures import ProcessPoolExecutor
+from drivers.dialects import get_dialect
+from skinlab.inference.methods import get_method
+from skinlab.mechanics.effects import get_effect
+from skinlab.mechanics.materials import get_law
+from skinlab.quality.gates import GATES
+
+def told(_):
+    return (get_law("veronda_westmann").name, get_effect("warm_up").name,
+            get_method("pattern_search").name, GATES.get("house_limit").name,
+            get_dialect("json_lines").name)
+
+if __name__ == "__main__":
+    for how in ("spawn", "fork", "forkserver"):
+        with ProcessPoolExecutor(2, multiprocessing.get_context(how)) as pool:
+            print(how, len(set(pool.map(told, range(4)))))
+"""
+
+
+def test_worker_processes_find_them_by_themselves(example, tmp_path):
+    assert example.says(WORKERS, tmp_path) == "spawn 1\nfork 1\nforkserver 1"
+
+
+HIDDEN = """
+import numpy as np
+from skinlab.curves.campaign import Campaign
+from skinlab.curves.curve import Curve, Setup
+from skinlab.curves.pressure_path import PressurePath
+from skinlab.curves.program import parse_program
+from skinlab.discrepancy.workflow import explain
+from skinlab.mechanics.effects.model import Skin, response
+from skinlab.mechanics.fem.suction import Geometry
+from skinlab.tables.store import shipped_table
+
+if __name__ == "__main__":
+    rng, curves = np.random.default_rng(1), []
+    for aperture, text in ((6.0, "ramp:100@20,ramp:0@20"), (2.0, "ramp:200@40,ramp:0@40")):
+        program = parse_program(text)
+        t = np.arange(int(program.duration_s * 20 + 1e-9) + 1) / 20
+        path = PressurePath.of_program(program)
+        effects = {"warm_up": {"rise_um": 60.0, "tau_s": 2.0}}
+        w = response(Skin(0.04, 1.5, 0.32), effects, Geometry(aperture, 1.0), path, t)
+        w = w.deflection_mm + rng.normal(0, 3e-3, len(t))
+        curves.append(Curve(f"{aperture}.csv", Setup(aperture, 1.0, program), t, path(t), w))
+    campaign = Campaign("hidden", 3.0, 0.0, tuple(curves))
+    found = explain(campaign, shipped_table(), workers=2, finite_elements=False).to_json()
+    print(found["verdict"], found["effects"])
+    shown = {name.split(".")[0] for name in found["detectable"]}
+    print(found["not_screened"])
+    print(*sorted(shown))
+"""
+
+
+def test_a_gate_judges_and_the_session_knows_the_plugin(example, tmp_path):
+    measure = ["measure", "--port", "sim://?seed=1&speed=50", "--program", "ramp:200@100"]
+    measure += [*SKIN, "--method", "pattern_search", "--shrink", "0.6", "--json"]
+    done = example.skinlab(*measure, "--out", "s.h5", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "house_limit: the suction reached 1" in done.stderr
+    assert "house_limit" in json.loads(done.stdout)["curves"][0]["flags"]
+    again = example.skinlab("replay", "s.h5", "--verify", "--speed", "max", cwd=tmp_path)
+    assert again.returncode == 0, again.stderr
+    page = example.skinlab("export", "s.h5", "--to", "html", "out", cwd=tmp_path)
+    assert page.returncode == 0, page.stderr
+    text = next((tmp_path / "out").glob("*.html")).read_text("utf-8")
+    assert "pattern search from the best of random candidates" in text
+    assert "plugin skinlab-example" in text
+    # Where the plugin is not installed, the session says by which method it was identified.
+    without = Place().skinlab("replay", "s.h5", "--verify", cwd=tmp_path)
+    assert without.returncode == 3
+    assert "method 'pattern_search' is not known" in without.stderr
+
+
+PROVENANCE = """
+from skinlab.discrepancy.cache import key
+from skinlab.versions import versions
+print(key(["data"]), versions().get("plugin skinlab-example", "none"))
+"""
+
+
+def test_versions_and_cache_keys_know_the_plugin_and_its_source(example, tmp_path):
+    (target,) = example.environment["PYTHONPATH"].split(os.pathsep)
+    changed = tmp_path / "changed"
+    shutil.copytree(target, changed)
+    with (changed / "skinlab_example" / "warm_up.py").open("a") as stream:
+        stream.write("# changed, under the same version\n")
+    found = [
+        place.says(PROVENANCE, tmp_path).split(maxsplit=1)
+        for place in (example, example, Place(changed), Place())
+    ]
+    assert found[0] == found[1]
+    assert len({key for key, _ in found}) == 3
+    assert found[0][1].startswith("0.1.0 ")
+    assert found[2][1].startswith("0.1.0 ")
+    assert found[3][1] == "none"
+
+
+def test_a_simulated_probe_speaks_an_installed_dialect(example, tmp_path):
+    code = """
+from drivers.connection import Connection
+from drivers.dialects import dialect_names, dialect_origin, get_dialect
+from drivers.events import Identify
+from sim_device.device import Device
+from sim_device.files import SensorSection, SkinSection
+from sim_device.skin import make_skin
+
+dialect = get_dialect("json_lines")
+device = Device(make_skin(SkinSection(), {}), SensorSection(), dialect=dialect)
+connection = Connection(dialect)
+device.receive(connection.send(Identify()))
+connection.receive_data(device.transmit())
+print(connection.next_event().dialect, dialect_origin("json_lines"), dialect_names())
+"""
+    said = example.says(code, tmp_path)
+    assert said == ("json_lines ('skinlab-example', '0.1.0') ('json_lines', 'reference')")
+
+
+# ---- all the ways to be broken -------------------------------------------------------------------
+
+EFFECT = """
+from skinlab.mechanics.effects.base import Effect, Parameter
+class Mine(Effect):
+    name = {name!r}
+    meaning, formula, source, physical = "m", "f", "s", False
+    parameters = (Parameter("size_um", "µm", "m", 0.0, 9.0, 0.0, 1.0, "s"),)
+EFFECT = Mine()
+"""
+BROKEN = {
+    "no_module": ("not_there:EFFECT", "ModuleNotFoundError: No module named 'not_there'"),
+    "no_object": ("good:NOTHING", "AttributeError: module 'good' has no attribute 'NOTHING'"),
+    "raises": ("raises:EFFECT", "ZeroDivisionError: division by zero (raises.py line 1)"),
+    "leaves": ("leaves:EFFECT", "SystemExit: 3"),
+    "no_effect": ("good:NUMBER", "TypeError: int has no name, meaning"),
+    "half": ("half:EFFECT", "TypeError: it is a Half; expected a skinlab.mechanics.effects.base"),
+    "other_name": ("good:EFFECT", "it calls itself 'good'; expected its entry point's name"),
+}
+
+
+@pytest.fixture
+def wreck(tmp_path) -> Place:
+    points = {name: value for name, (value, _) in BROKEN.items()}
+    points |= {"good": "good:EFFECT", "viscoelasticity": "taken:EFFECT"}
+    package(
+        tmp_path / "site",
+        "wreck",
+        {"skinlab.effects": points},
+        good=EFFECT.format(name="good") + "NUMBER = 1\n",
+        taken=EFFECT.format(name="viscoelasticity"),
+        raises="1 / 0\n",
+        leaves="import sys\nsys.exit(3)\n",
+        half="class Half:\n    name = meaning = formula = source = 'x'\n    physical = False\n"
+        "    parameters = ()\nEFFECT = Half()\n",
+    )
+    package(tmp_path / "site", "zwilling", {"skinlab.effects": {"good": "good:EFFECT"}})
+    return Place(tmp_path / "site")
+
+
+def test_each_broken_plugin_is_one_warning_that_names_it(wreck):
+    done = wreck.skinlab("plugins", "--json")
+    assert done.returncode == 0
+    listed = json.loads(done.stdout)["plugins"]
+    effects = {p["name"]: p for p in listed if p["kind"] == "effect" and p["error"] is None}
+    assert effects["good"]["distribution"] == "wreck"
+    assert effects["viscoelasticity"]["distribution"] is None  # the built-in one stays
+    lines = done.stderr.splitlines()
+    expected = {
+        f"skinlab: plugin wreck, effect {name!r}: left out, because it is broken: ": says
+        for name, (_, says) in BROKEN.items()
+    }
+    expected["skinlab: plugin wreck, effect 'viscoelasticity': left out, because "] = (
+        "one of this name is built in"
+    )
+    expected["skinlab: plugin zwilling, effect 'good': left out, because "] = (
+        "one of this name comes from wreck"
+    )
+    assert len(lines) == len(expected)
+    for begin, says in expected.items():
+        (line,) = [line for line in lines if line.startswith(begin)]
+        assert says in line
+    refused = {p["name"]: p["error"] for p in listed if p["error"] is not None}
+    assert set(refused) == {*BROKEN, "viscoelasticity", "good"}
+    assert wreck.skinlab("plugins", "check", "raises").returncode == 1
+
+
+def test_who_asks_for_a_broken_one_hears_why(wreck, tmp_path):
+    model = tmp_path / "m.toml"
+    model.write_text('[model]\nname = "a"\n[effects.raises.size_um]\nvalue = 1.0\n')
+    done = wreck.skinlab(*FORWARD, "--program", "ramp:50@20", "--model", model)
+    assert done.returncode == 3
+    last = done.stderr.splitlines()[-1]
+    assert "effects.raises is not known (plugin wreck, effect 'raises': left out" in last
+
+
+def test_workers_do_not_warn_again(wreck, tmp_path):
+    script = tmp_path / "program.py"
+    script.write_text(
+        "import multiprocessing\n"
+        "from concurrent.futures import ProcessPoolExecutor\n"
+        "from skinlab.mechanics.effects import effect_names\n"
+        "def count(_):\n    return len(effect_names())\n"
+        "if __name__ == '__main__':\n"
+        "    effect_names()\n"
+        "    for how in ('spawn', 'fork'):\n"
+        "        with ProcessPoolExecutor(2, multiprocessing.get_context(how)) as pool:\n"
+        "            print(len(set(pool.map(count, range(4)))))\n"
+    )
+    done = wreck.run(script)
+    assert done.stdout == "1\n1\n"
+    assert len(done.stderr.splitlines()) == len(BROKEN) + 2
+
+
+HELP = """
+from skinlab.cli.main import run
+for command in (["--help"], ["--version"], ["session", "--help"], ["forward", "--help"]):
+    assert run(command) == 0
+"""
+
+
+def test_help_imports_no_plugin(tmp_path):
+    trace = tmp_path / "imported"
+    text = f"open({str(trace)!r}, 'w')\n"
+    groups = ("laws", "effects", "methods", "error_models", "gates", "dialects")
+    points = {f"skinlab.{group}": {"spy": "spy:SPY"} for group in groups}
+    place = Place(package(tmp_path / "site", "spy", points, spy=text))
+    assert "Usage: skinlab" in place.says(HELP, tmp_path)
+    assert not trace.exists()
+    assert len(place.skinlab("plugins").stderr.splitlines()) == len(groups)
+    assert trace.exists()
+
+
+def test_damaged_metadata_is_no_crash(tmp_path):
+    site = package(tmp_path / "site", "odd", {"skinlab.gates": {"x": ""}})
+    (site / "odd-1.0.dist-info" / "METADATA").unlink()
+    done = Place(site).skinlab("plugins")
+    assert done.returncode == 0
+    assert "Traceback" not in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+GATE = """
+from skinlab.quality.gates.base import Gate
+def check(view):
+    return [][1]
+GATE = Gate("breaks", check, meaning="never", threshold="none")
+"""
+
+
+def test_a_gate_that_breaks_down_ends_no_measurement(tmp_path):
+    points = {"skinlab.gates": {"breaks": "breaks:GATE"}}
+    place = Place(package(tmp_path / "site", "breaks", points, breaks=GATE))
+    measure = ["measure", "--port", "sim://?seed=1&speed=50", "--program", "ramp:50@100", *SKIN]
+    done = place.skinlab(*measure, "--out", "s.h5", "--json", cwd=tmp_path)
+    assert done.returncode == 0
+    (warning,) = [line for line in done.stderr.splitlines() if "plugin" in line]
+    assert warning == (
+        "skinlab: plugin breaks, gate 'breaks': broke down, and judges nothing: "
+        "IndexError: list index out of range"
+    )
+    assert json.loads(done.stdout)["curves"][0]["parameters"]
+
+
+def test_a_search_names_an_installed_effect_and_tells_of_one_that_breaks_down(example, tmp_path):
+    """In two processes, which find both by themselves."""
+    effect = EFFECT.format(name="breaks") + (
+        "def read(self, since_s, deflection_mm, values):\n    raise KeyError('mine')\n"
+        "Mine.read = read\n"
+    )
+    points = {"skinlab.effects": {"breaks": "breaks:EFFECT"}}
+    broken = package(tmp_path / "site", "breaks", points, breaks=effect)
+    place = Place(broken, Path(example.environment["PYTHONPATH"]))
+    verdict, not_screened, shown = place.says(HIDDEN, tmp_path).splitlines()
+    assert verdict == "named [['warm_up']]"
+    assert not_screened == "{'breaks': \"plugin breaks broke down: KeyError: 'mine'\"}"
+    assert {"warm_up", "deflection_offset"} <= set(shown.split())

@@ -1,0 +1,347 @@
+"""Typing never acts: whatever is typed, whenever, only what was shown and confirmed starts."""
+
+from __future__ import annotations
+
+import random
+import string
+import threading
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from textual import events
+from textual.widgets import Input
+
+from drivers.events import Alarm
+from drivers.probe import Probe
+from skinlab.acquisition.messages import Heard
+from skinlab.recording.stream import Happened
+from skinlab.tui.screens.alarm import AlarmScreen
+from skinlab.tui.screens.help import HelpScreen
+from skinlab.tui.screens.main import MainScreen
+from skinlab.tui.screens.missing import MissingScreen
+from skinlab.tui.screens.over import ConfirmScreen
+from skinlab.tui.screens.ports import PortsScreen
+from skinlab.tui.screens.session import SessionScreen
+from skinlab.tui.screens.welcome import WelcomeScreen
+from skinlab.tui.typing_guard import LOOK_S, QUIET_S, TypingGuard, is_typing
+
+TEXT = [*string.ascii_letters, *string.digits, "full_stop", "comma", "minus", "plus"]
+TEXT += ["question_mark", "space", "space", "enter", "enter", "enter", "space", "tab", "backspace"]
+CHARACTERS = {"full_stop": ".", "comma": ",", "minus": "-", "plus": "+", "question_mark": "?"}
+CHARACTERS |= {"space": " ", "enter": "\r", "tab": "\t", "backspace": "\x7f"}
+OTHER = ["f8", "f8", "f9", "f9", "f9", "f1", "f2", "f3", "f7", "escape", "delete", "ctrl+z"]
+OTHER += ["up", "down", "home", "end", "shift+tab", "ctrl+q", "ctrl+c", "f8", "f5", "f10"]
+LONG = "ramp:100@2"
+KEYS_OF_A_STATE, KEYS_OF_A_WALK = 96, 260
+SOAK_KEYS = 10_000
+
+
+class Starts:
+    """Makes probes that tell which runs were started."""
+
+    def __init__(self):
+        self.count = 0
+
+    def __call__(self, url, **options):
+        starts = self
+
+        class Watched(Probe):
+            def start(self):
+                starts.count += 1
+                super().start()
+
+        return Watched(url, **options)
+
+
+class Searching:
+    """In the place of the search for what is missing: waits until it is given up."""
+
+    def __init__(self):
+        self.go = threading.Event()
+
+    def __call__(self, campaign, model, tell):
+        tell("screening")
+        self.go.wait(120.0)
+
+    def cancel(self):
+        self.go.set()
+
+
+# ---- the guard ------------------------------------------------------------------------------
+
+
+def guard_at(*, typed, asked, pressed):
+    """A guard to which these things happened at these times, in their order."""
+    now = [0.0]
+    guard = TypingGuard(lambda: now[0])
+    for at, what in sorted([(typed, guard.typed), (asked, guard.asked)], key=lambda x: x[0]):
+        now[0] = at
+        what()
+    now[0] = pressed
+    return guard, now
+
+
+@given(*(st.floats(0.0, 10.0) for _ in range(3)))
+def test_a_confirmation_counts_where_nobody_typed_and_somebody_looked(typed, asked, more):
+    pressed = max(typed, asked) + more
+    guard, _ = guard_at(typed=typed, asked=asked, pressed=pressed)
+    allowed = pressed - typed >= QUIET_S and pressed - asked >= LOOK_S
+    assert (guard.refusal() is None) == allowed
+
+
+def test_what_is_refused_is_asked_again():
+    guard, now = guard_at(typed=5.0, asked=0.0, pressed=5.9)
+    assert "typed" in guard.refusal()
+    now[0] = 6.1  # 1.1 s after the letter, but only 0.2 s after the question was asked again
+    assert "twice" in guard.refusal()
+    now[0] = 6.5
+    assert guard.refusal() is None
+
+
+def test_without_a_question_nothing_is_confirmed():
+    guard = TypingGuard(lambda: 100.0)
+    assert guard.refusal() is not None
+    guard, _ = guard_at(typed=0.0, asked=0.0, pressed=100.0)
+    guard.hidden()
+    assert guard.refusal() is not None
+
+
+def test_what_is_typing():
+    assert is_typing("a", printable=True)
+    assert is_typing("enter", printable=False)
+    assert not is_typing("f9", printable=False)
+
+
+# ---- words at every moment ------------------------------------------------------------------
+
+
+async def main_screen(bed):
+    await bed.connected()
+
+
+async def in_a_field(bed):
+    await bed.connected()
+    await bed.press("f3")
+    await bed.until(lambda: isinstance(bed.app.focused, Input))
+
+
+async def summary(bed):
+    await bed.connected()
+    await bed.check()
+
+
+async def running(bed):
+    await bed.connected()
+    await bed.fill("program", LONG)
+    await bed.start()
+    await bed.until(lambda: bed.board.live)
+
+
+async def resting(bed):
+    await bed.connected()
+    await bed.fill("repeats", "2")
+    await bed.fill("rest_s", "3600")
+    await bed.start()
+    await bed.until(lambda: bed.board.phase == "RESTING")
+
+
+async def session(bed):
+    await bed.connected()
+    await bed.run()
+    await bed.press("s")
+    await bed.until(lambda: isinstance(bed.app.screen, SessionScreen))
+
+
+async def prompt(bed):
+    await session(bed)
+    await bed.press("delete")
+    await bed.until(lambda: isinstance(bed.app.focused, Input))
+
+
+async def missing(bed):
+    await bed.connected()
+    await bed.run()
+    await bed.press("d")
+    await bed.until(lambda: isinstance(bed.app.screen, MissingScreen))
+
+
+async def help_(bed):
+    await bed.connected()
+    await bed.press("f1")
+    await bed.until(lambda: isinstance(bed.app.screen, HelpScreen))
+
+
+async def ports(bed):
+    await bed.connected()
+    await bed.press("f2")
+    await bed.until(lambda: isinstance(bed.app.screen, PortsScreen))
+
+
+async def quit_question(bed):
+    await bed.connected()
+    await bed.press("q")
+    await bed.until(lambda: isinstance(bed.app.screen, ConfirmScreen))
+
+
+async def alarm(bed):
+    await bed.connected()
+    news = Heard((Happened(Alarm("lift the probe")),))
+    bed.app.post_message(bed.app.Said(news))
+    await bed.until(lambda: isinstance(bed.app.screen, AlarmScreen))
+
+
+async def welcome(bed):
+    await bed.until(lambda: isinstance(bed.app.screen, WelcomeScreen))
+
+
+STATES = [
+    main_screen, in_a_field, summary, running, resting, session, prompt, missing, help_, ports,
+    quit_question, alarm, welcome,
+]  # fmt: skip
+
+
+async def type_in(bed, state, keys, rng, starts):
+    """Come into a state, and type; nothing starts, quits, or takes an alarm away."""
+    await state(bed)
+    started, alarmed = starts.count, bed.board.alarm
+    excluded = dict(bed.board.ledger.excluded)
+    typed = 0
+    while typed < keys:
+        word = rng.choices(TEXT, k=rng.randint(1, 8))
+        typed += len(word)
+        bed.clock.now_s += rng.choice([0.0, 0.05, 0.2, 0.9, 1.5, 5.0])
+        for key in word:
+            bed.app.post_message(events.Key(key, CHARACTERS.get(key, key)))
+        await bed.pilot.pause()
+        assert starts.count == started, word
+    assert not bed.app._exit
+    assert bed.board.alarm == alarmed
+    assert bed.board.model is None
+    if state is not prompt:  # there it is the answer
+        assert bed.board.ledger.excluded == excluded
+
+
+async def type_in_one(bedside, state, keys, seed):
+    starts = Starts()
+    options = {"ports": tuple} if state is welcome else {}
+    port = None if state is welcome else "sim://?seed=1&speed=5"
+    async with bedside(port, make_probe=starts, explain=Searching(), **options) as bed:
+        await type_in(bed, state, keys, random.Random(seed), starts)
+
+
+@pytest.mark.parametrize("state", STATES, ids=lambda state: state.__name__)
+async def test_words_start_nothing(bedside, state):
+    await type_in_one(bedside, state, KEYS_OF_A_STATE, seed=14)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("state", STATES, ids=lambda state: state.__name__)
+async def test_ten_thousand_keys_start_nothing(bedside, state):
+    for seed in range(10):
+        await type_in_one(bedside, state, SOAK_KEYS // len(STATES) // 10 + 1, seed)
+
+
+async def test_pasted_text_starts_nothing(bedside):
+    starts = Starts()
+    async with bedside(make_probe=starts) as bed:
+        for state in (main_screen, summary):
+            await state(bed)
+            bed.app.post_message(events.Paste("arm start f9\n \n\x1b[20~ v q"))
+            await bed.press("f9")
+            await bed.pilot.pause()
+            assert starts.count == 0
+        await bed.until(lambda: "typed a moment ago" in bed.board.note)
+        bed.clock.now_s += 2.0
+        await bed.press("f9")  # asked again, and answered
+        await bed.until(lambda: starts.count == 1)
+
+
+# ---- all keys -------------------------------------------------------------------------------
+
+
+async def walk(bed, keys, rng, starts):
+    """Press any keys; return how many starts were allowed, by what was on the screen."""
+    main = bed.app.screen_stack[0]
+    allowed, typed_s, checked = 0, -10.0, False
+    pressed = 0
+    while pressed < keys and not bed.app._exit:
+        burst = [rng.choice(TEXT + OTHER * 2)]
+        if rng.random() < 0.06 and bed.app.screen is main and bed.board.can_arm:
+            bed.app.query_one("#subject", Input).value = f"P{rng.randint(1, 9)}"
+            burst = ["f8", "f8", "f9"]
+        for key in burst:
+            bed.clock.now_s += 2.0 if len(burst) > 1 else rng.choice([0.0, 0.1, 0.5, 1.5, 3.0])
+            in_view = bed.app.screen is main and bed.text("#card-title").startswith("THIS WILL")
+            quiet = bed.clock.now_s - typed_s >= QUIET_S
+            if key == "f9" and in_view and quiet and checked:
+                review = bed.board.review
+                allowed += review.order.repeats if review else 0
+            if key == "f8":
+                checked = True
+            elif key in {"v", "escape", "ctrl+c", "f3", "f9"}:
+                checked = key == "f9" and checked
+            if is_typing(key, printable=len(key) == 1):
+                typed_s = bed.clock.now_s
+            await bed.press(key)
+            pressed += 1
+            assert starts.count <= allowed, (key, pressed)
+            if bed.app._exit:
+                break
+    return allowed
+
+
+async def walk_one(bedside, keys, seed):
+    starts = Starts()
+    async with bedside("sim://?seed=1&speed=20", make_probe=starts, explain=Searching()) as bed:
+        await bed.connected()
+        allowed = await walk(bed, keys, random.Random(seed), starts)
+    return starts.count, allowed
+
+
+async def test_any_keys_start_only_what_was_shown_and_confirmed(bedside):
+    found = [await walk_one(bedside, KEYS_OF_A_WALK // 4, seed) for seed in range(4)]
+    assert all(started <= allowed for started, allowed in found)
+    assert sum(started for started, _ in found) > 0  # else nothing was tried
+
+
+@pytest.mark.soak
+async def test_ten_thousand_keys_start_only_what_was_shown_and_confirmed(bedside):
+    for seed in range(SOAK_KEYS // 200):
+        started, allowed = await walk_one(bedside, 200, 100 + seed)
+        assert started <= allowed
+
+
+# ---- what stands on every screen ------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "state",
+    [main_screen, summary, session, missing, help_, ports, quit_question, alarm, welcome],
+    ids=lambda state: state.__name__,
+)
+async def test_state_suction_and_simulated_stand_on_every_screen(bedside, state):
+    port, options = (None, {"ports": tuple}) if state is welcome else ("sim://?seed=1&speed=20", {})
+    async with bedside(port, explain=Searching(), **options) as bed:
+        await state(bed)
+        await bed.until(lambda: bed.app.screen.query("#phase"))
+        await bed.until(lambda: bed.text("#phase") == bed.board.phase)
+        if state is welcome:
+            assert "no probe" in bed.text("#suction")
+            return
+        assert "SIMULATED" in bed.text("#banner")
+        await bed.until(lambda: "suction" in bed.text("#suction").lower())
+
+
+@pytest.mark.parametrize("key", ["s", "f1", "q"])
+async def test_every_screen_has_the_vent_key_while_suction_is_on(bedside, key):
+    async with bedside("sim://?seed=1&speed=2") as bed:
+        await running(bed)
+        await bed.press(key)
+        await bed.until(lambda: not isinstance(bed.app.screen, MainScreen))
+        await bed.until(lambda: bed.text("#suction") == "SUCTION: v vents")
+        vents = bed.app.bench.vents
+        await bed.press("v")
+        await bed.until(lambda: bed.app.bench.vents > vents)
+        await bed.until(lambda: not bed.board.suction)
+        await bed.until(lambda: bed.text("#suction") == "suction off")

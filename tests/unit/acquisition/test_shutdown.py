@@ -1,0 +1,76 @@
+from __future__ import annotations
+
+import signal
+import threading
+
+import pytest
+
+from skinlab.acquisition.shutdown import INTERRUPTED, Lifeline
+
+PATIENCE_S = 120.0
+
+
+class Program:
+    def __init__(self):
+        self.calls = []
+        self.left = threading.Event()
+        self.ended = threading.Event()
+
+    def lifeline(self, grace_s=PATIENCE_S):
+        return Lifeline(
+            lambda reason: self.calls.append(f"vent {reason}"),
+            self.leave,
+            lambda: self.calls.append("close"),
+            self.end,
+            grace_s,
+        )
+
+    def leave(self):
+        self.calls.append("leave")
+        self.left.set()
+
+    def end(self, status):
+        self.calls.append(f"end {status}")
+        self.ended.set()
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_vents_first_and_a_screen_that_ends_is_not_killed(number):
+    program = Program()
+    before = signal.getsignal(number)
+    with program.lifeline():
+        signal.raise_signal(number)
+        assert program.left.wait(PATIENCE_S)
+    assert program.calls == [f"vent {number.name}", "leave", "close"]
+    assert signal.getsignal(number) is before
+
+
+def test_a_screen_that_hangs_is_ended_after_all_is_saved():
+    program = Program()
+    with program.lifeline(grace_s=0.01):
+        signal.raise_signal(signal.SIGTERM)
+        assert program.ended.wait(PATIENCE_S)
+    assert program.calls[-2:] == ["close", f"end {INTERRUPTED}"]
+
+
+def test_a_thread_that_dies_pulls_it_and_prints_no_traceback(capsys, monkeypatch):
+    logged = []
+    monkeypatch.setattr("skinlab.acquisition.shutdown.log_exception", logged.append)
+    program = Program()
+
+    def write():
+        raise OSError("the terminal is gone")
+
+    with program.lifeline():
+        threading.Thread(target=write).start()
+        assert program.left.wait(PATIENCE_S)
+    assert program.calls[0] == "vent a thread failed"
+    assert isinstance(logged[0], OSError)
+    assert capsys.readouterr().err == ""
+
+
+def test_nothing_happens_where_nothing_does():
+    program = Program()
+    with program.lifeline():
+        pass
+    assert program.calls == []

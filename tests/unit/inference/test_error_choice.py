@@ -1,0 +1,184 @@
+"""Which errors are found, and whether doubt about them is counted, on linear models."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+from scipy.stats import kstest, norm
+
+from skinlab.inference.error_choice import choose_errors
+from skinlab.inference.error_judgement import judge_errors
+from skinlab.inference.error_models import ERROR_MODELS
+from skinlab.inference.error_models.base import Look
+from skinlab.inference.error_models.ornstein_uhlenbeck import ERROR_MODEL as OU
+from skinlab.inference.error_models.quantised import step_um
+from skinlab.inference.error_models.white import ERROR_MODEL as WHITE
+from skinlab.inference.likelihood import LinearModel
+from skinlab.inference.outliers import outlier_probability
+from skinlab.inference.samples import Samples
+
+N, HZ = 101, 20.0
+TIME = np.arange(N) / HZ
+X = TIME / TIME[-1]
+COURSE = 0.5 * np.sqrt(X + 0.01)  # mm
+SLOPES = np.column_stack([COURSE, COURSE * X, COURSE * X**2])
+PRECISION = 12.0 * np.eye(3)
+
+
+def samples_of(deflection_mm):
+    zero = np.zeros(N, dtype=np.intp)
+    return Samples(TIME, 100 * X, deflection_mm, np.full(N, "load"), zero, zero, zero, np.ones(N))
+
+
+def chosen(errors_mm, *, noise_um=None, models=None, pressure_sd=0.0):
+    linear = LinearModel(errors_mm, SLOPES, PRECISION)
+    look = Look(
+        samples_of(COURSE + errors_mm), COURSE, np.gradient(COURSE, 100 * X), errors_mm, SLOPES,
+        noise_um, np.full(N, pressure_sd),
+    )  # fmt: skip
+    return choose_errors(look, linear, np.zeros((N, 0)), np.zeros(N), models)
+
+
+def process(rng, size_um, time_s):
+    rho = np.exp(-1 / (HZ * time_s))
+    steps = np.sqrt(1 - rho**2) * rng.standard_normal(N)
+    steps[0] = rng.standard_normal()
+    return 1e-3 * size_um * lfilter([1.0], [1.0, -rho], steps)
+
+
+def white(rng, size_um=3.0):
+    return 1e-3 * size_um * rng.standard_normal(N)
+
+
+def test_white_noise_is_called_white_and_measured():
+    found = [chosen(white(np.random.default_rng(s))) for s in range(12)]
+    assert sum(f.best.name == "white" for f in found) >= 10
+    assert np.mean([f.parameters()["white_um"] for f in found]) == pytest.approx(3.0, rel=0.06)
+    assert sum("correlated_noise" in judge_errors(f, None).flags for f in found) <= 1
+
+
+def test_errors_that_last_are_found_and_flagged():
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        found = chosen(white(rng, 1.0) + process(rng, 3.0, 0.3))
+        judged = judge_errors(found, None)
+        assert "correlated_noise" in judged.flags
+        assert "misfit_above_noise" not in judged.flags
+        assert judged.noise_um == pytest.approx(np.sqrt(10), rel=0.5)
+        assert "ou" in judged.summary.name
+        assert judged.summary.why
+
+
+def test_errors_that_no_tremor_makes_are_a_misfit():
+    rng = np.random.default_rng(3)
+    judged = judge_errors(chosen(white(rng) + process(rng, 30.0, 0.5)), None)
+    assert "misfit_above_noise" in judged.flags
+    assert judged.noise_um < 8.0
+
+
+def test_a_statement_that_is_wrong_is_contradicted_with_both_numbers():
+    noise = white(np.random.default_rng(4), 6.0)
+    judged = judge_errors(chosen(noise, noise_um=3.0), 3.0)
+    assert "stated_noise_contradicted" in judged.flags
+    assert "stated 3 µm" in judged.summary.why
+    assert judged.noise_um == pytest.approx(6.0, rel=0.2)
+    right = judge_errors(chosen(noise, noise_um=6.0), 6.0)
+    assert "stated_noise_contradicted" not in right.flags
+
+
+def test_breathing_is_found_with_its_frequency():
+    rng = np.random.default_rng(5)
+    pulse = 4e-3 * np.sin(2 * np.pi * 1.2 * TIME + 1.0)
+    found = chosen(white(rng, 1.5) + pulse)
+    assert found.probability("pulse") > 0.9
+    assert found.parameters()["pulse_hz"] == pytest.approx(1.2, abs=0.1)
+
+
+def test_proportional_errors_are_found():
+    rng = np.random.default_rng(6)
+    found = chosen(white(rng, 1.0) + 0.02 * COURSE * rng.standard_normal(N))
+    assert found.probability("proportional") > 0.9
+    assert found.parameters()["proportional_share"] == pytest.approx(0.02, rel=0.3)
+
+
+def test_heavy_tails_are_found():
+    names = [chosen(3e-3 * np.random.default_rng(s).standard_t(2.5, N)).best.name for s in range(8)]
+    assert sum("heavy_tails" in name for name in names) >= 6
+
+
+def test_steps_are_found_in_the_readings():
+    rng = np.random.default_rng(7)
+    w = COURSE + white(rng, 1.0)
+    assert step_um(0.01 * np.round(w / 0.01)) == pytest.approx(10.0)
+    assert step_um(w) == 0.0
+    assert step_um(np.round(w, 6)) == 0.0  # as a file has it: nothing beside any noise
+
+
+class TestOutliers:
+    def probability(self, errors_mm):
+        return outlier_probability(
+            LinearModel(errors_mm, SLOPES, PRECISION), samples_of(COURSE + errors_mm)
+        )
+
+    def test_one_glitch_is_found_wherever_it_is(self):
+        for at in (0, 3, 50, 97, 100):
+            errors = white(np.random.default_rng(at))
+            errors[at] += 0.3
+            assert np.flatnonzero(self.probability(errors) > 0.5).tolist() == [at]
+
+    def test_spikes_beside_one_another_are_found(self):
+        errors = white(np.random.default_rng(1))
+        errors[[40, 41, 42, 80]] += [0.06, 0.1, -0.05, 0.04]
+        assert np.flatnonzero(self.probability(errors) > 0.5).tolist() == [40, 41, 42, 80]
+
+    def test_noise_and_errors_that_last_have_few(self):
+        found = 0
+        for seed in range(60):
+            rng = np.random.default_rng(seed)
+            errors = white(rng) if seed % 2 else white(rng, 1.0) + process(rng, 3.0, 0.3)
+            found += int((self.probability(errors) > 0.5).sum())
+        assert found <= 4  # of 6,060
+
+    def test_a_wave_is_no_outlier(self):
+        assert (self.probability(0.02 * np.sin(8 * X)) <= 0.5).all()
+
+
+def test_ranks_are_uniform_where_the_errors_are_drawn_from_their_priors():
+    """Simulation-based calibration (Talts et al. 2018) of an unknown, its errors being in doubt."""
+    rng = np.random.default_rng(8)
+    below = []
+    for _ in range(150):
+        look = Look(samples_of(COURSE), COURSE, COURSE, COURSE, SLOPES, None, np.zeros(N))
+        size = {
+            p.name: p.median * np.exp(p.log_sd * rng.standard_normal())
+            for model in (WHITE, OU)
+            for p in model.part(look).parameters
+        }
+        errors = white(rng, size["white_um"])
+        if rng.random() < 0.5:
+            errors = errors + process(rng, size["ou_um"], size["ou_s"])
+        truth = rng.standard_normal(3) / np.sqrt(12.0)
+        choice = chosen(SLOPES @ truth + errors, models=(WHITE, OU))
+        p = 0.0
+        for node, weight in zip(choice.nodes, choice.weight, strict=True):
+            W = node.covariance.whiten(np.column_stack([SLOPES @ truth + errors, SLOPES]))
+            information = W[:, 1:].T @ W[:, 1:] + PRECISION
+            mean = np.linalg.solve(information, W[:, 1:].T @ W[:, 0])
+            sd = np.sqrt(np.linalg.inv(information)[1, 1])
+            p += weight * norm.cdf((truth[1] - mean[1]) / sd)
+        below.append(p)
+    assert kstest(below, "uniform").pvalue > 1e-3
+
+
+def test_every_model_is_declared_in_a_file_of_its_own():
+    names = set(ERROR_MODELS.names())
+    assert {"white", "ou", "proportional", "pressure", "quantised", "heavy_tails"} <= names
+    look = Look(samples_of(COURSE), COURSE, COURSE, COURSE, SLOPES, None, np.ones(N))
+    for model in ERROR_MODELS.all():
+        part = model.part(look)
+        if part is None:
+            continue
+        for p in part.parameters:
+            assert p.median > 0
+            assert p.name.rpartition("_")[2] in {"um", "s", "mbar", "share", "scatter"}

@@ -1,0 +1,49 @@
+"""What a terminal obeys, nobody sees, or a spreadsheet computes, becomes visible text."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+import unicodedata
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from skinlab.io.documents import toml_text
+from skinlab.text import csv_cell, inert, inert_lines, json_text
+
+UNSEEN = {"Cc", "Cf", "Cs", "Zl", "Zp"}
+
+
+@given(st.text(alphabet=st.characters(exclude_categories=()), max_size=200))
+def test_nothing_is_left_that_acts_or_hides(text):
+    for shown in (inert(text), inert_lines(text).replace("\n", ""), csv_cell(text)):
+        assert not {unicodedata.category(c) for c in shown} & UNSEEN
+        shown.encode("utf-8")
+
+
+@given(st.text(alphabet=st.characters(exclude_categories=("Cs",)), max_size=200))
+def test_documents_read_back_the_same_and_hold_nothing_that_acts(text):
+    for written, read in (
+        (toml_text({"table": {text or "k": text}}), tomllib.loads),
+        (json_text({"table": {text or "k": text}}), json.loads),
+    ):
+        assert read(written) == {"table": {text or "k": text}}
+        assert not {unicodedata.category(c) for c in written.replace("\n", "")} & UNSEEN
+
+
+def test_each_kind_has_its_sign():
+    said = "a\x1b[31m\x07\t\x7f\x9b\u202e\u200b\u2028\udc9f\ud800é漢👍"
+    assert inert(said) == ("a␛[31m␇␉␡\\x9b\\u202e\\u200b\\u2028\\x9f\\ud800é漢👍")
+    assert inert_lines("a\nb\r\x1b") == "a\nb␍␛"
+    assert inert("plain") == "plain"
+
+
+@pytest.mark.parametrize("cell", ["=1+1", "+A1", "-cmd", "@SUM(A1)", "\t=1", "\r=1", " =1", "＝1"])
+def test_a_cell_that_begins_like_a_formula_is_quoted(cell):
+    assert csv_cell(cell).startswith("'")
+
+
+def test_numbers_in_cells_stay_numbers():
+    assert [csv_cell(v) for v in (-1.5, 3, None, "plain", "1.5")] == [-1.5, 3, None, "plain", "1.5"]
