@@ -20,7 +20,7 @@ from skinlab.cli.options import (
     json_option,
     make_identifier,
 )
-from skinlab.cli.output import echo, print_json
+from skinlab.cli.output import echo, echo_text, print_json
 
 
 @click.command(cls=MethodCommand)
@@ -94,7 +94,7 @@ def command(
     if as_json:
         print_json(made.document)
     else:
-        echo("\n".join(made.lines))
+        echo_text("\n".join(made.lines))
     return 3 if made.failures else 0
 
 

@@ -28,6 +28,7 @@ from skinlab.curves.curve import Setup
 from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
 from skinlab.exchange.importing.folder import SUFFIXES
+from skinlab.mechanics.names import parameter_of
 from skinlab.recording.pseudonym import check_subject
 
 LABELS = ("subject", "visit", "site", "operator", "probe", "placement")
@@ -41,7 +42,7 @@ _HEAD_BYTES = 4096
 _CHUNK_BYTES = 1 << 20
 _LONGEST = 200  # characters of a label
 _OURS = re.compile(  # columns of exported tables that a study computes itself
-    r".*(_MPa|_low|_high|_um)|nu|name|samples|points|partial|flags|not_identified|error|sha256"
+    r".*(_MPa|_low|_high|_um)|name|samples|points|partial|flags|not_identified|error|sha256"
 )
 
 Facts = dict[str, Any]
@@ -301,13 +302,17 @@ def _listed(table: Table) -> dict[Path, Facts]:
         elif not path.is_relative_to(folder):
             continue  # outside of the table's folder: not this study's to read
         else:
-            wanted = {k: v for k, v in cells.items() if k != "file" and not _OURS.fullmatch(k)}
+            wanted = {k: v for k, v in cells.items() if k != "file" and not _is_ours(k)}
             try:
                 facts |= _checked(wanted | {k: cells[k] for k in NOISE if k in cells}, where)
             except InputError as error:
                 facts["error"] = str(error)
         found[path] = facts
     return found
+
+
+def _is_ours(column: str) -> bool:
+    return bool(_OURS.fullmatch(column)) or parameter_of(column) is not None
 
 
 def _campaign(path: Path) -> dict[Path, Facts]:
