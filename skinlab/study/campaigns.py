@@ -49,6 +49,9 @@ Row = dict[str, Cell]
 
 FALSE_DISCOVERIES = 0.05  # of what is said to be there
 _FEWEST = 3  # campaigns that share an effect
+_MOST_TAKEN = 3  # effects that a group may share
+_CURVATURE = 0.1  # of what the first explains: its own curvature, which looks like others
+_INVISIBLE = 1e-3  # of a signature's square: less is not told from those taken already
 _AHEAD = 2
 _90 = 0.95  # of a t distribution, for a 90 % interval
 
@@ -140,23 +143,25 @@ def explain_task(shared: Shared, task: Task) -> Explained:
     return Explained(task.key, task.wanted, json.dumps(said, allow_nan=False))
 
 
-def scores_of(outcome: Outcome) -> dict[str, tuple[float, float]]:
-    """Return of each effect its size and that size's standard deviation, in typical sizes.
+def scores_of(outcome: Outcome) -> dict[str, Any]:
+    """Return the score test of every effect at the model as it is, before any bound.
 
-    The score test at the model as it is, before any bound: a size below zero is as good a piece of
-    evidence against an effect as one above zero is for it. The one place that knows the inside of
-    the workflow's result.
+    `names`; `score`, by how much each effect's signature is in what is left; and `gram`, the
+    signatures' products with each other, all per typical size: score / gram is an effect's size. A
+    size below zero is as good a piece of evidence against an effect as one above zero is for it.
+    The one place that knows the inside of the workflow's result.
     """
     found = outcome.found
     measured = np.concatenate([r.curve.deflection_mm for r in found.records])
     here = np.concatenate(list(found.base.fit.deflections_mm))
     left = errors_of(found.records).whiten(measured - here)
-    scores: dict[str, tuple[float, float]] = {}
-    for name, seen in found.signatures.items():
-        if math.isfinite(seen.detectable):
-            size = float(seen.direction @ left) / seen.size**2
-            scores[name] = (size, 1.0 / seen.size)
-    return scores
+    seen = {n: s for n, s in found.signatures.items() if math.isfinite(s.detectable)}
+    directions = np.array([s.direction for s in seen.values()]).reshape(len(seen), -1)
+    return {
+        "names": list(seen),
+        "score": (directions @ left).tolist() if seen else [],
+        "gram": (directions @ directions.T).tolist(),
+    }
 
 
 def p_value_of(outcome: Outcome) -> float:
@@ -263,8 +268,8 @@ def evidence(explained: Sequence[dict[str, Any]]) -> Evidence:
     q = _controlled([float(r["p_value"] or 0.0) for r in pooled])
     for row, adjusted in zip(pooled, q, strict=True):
         row["q_value"] = adjusted
-        row["holds"] = bool(adjusted <= FALSE_DISCOVERIES)
-    pooled.sort(key=lambda r: float(r["p_value"] or 0.0))
+        row["holds"] = bool(adjusted <= FALSE_DISCOVERIES and not row["instead_of"])
+    pooled.sort(key=lambda r: (bool(r["instead_of"]), float(r["p_value"] or 0.0)))
     return Evidence(tuple(campaigns), tuple(pooled))
 
 
@@ -275,37 +280,94 @@ def _controlled(p_values: Sequence[float]) -> list[float]:
 
 
 def _pooled(good: Sequence[dict[str, Any]]) -> Iterator[Row]:
-    names = sorted({name for one in good for name in one["scores"]})
-    for name in names:
-        shared_by = "site" if get_effect(name).physical else "probe"
+    """Yield the effects' sizes over the campaigns of one probe, of one site, and of all."""
+    for shared_by in ("probe", "site"):
         groups: dict[str, list[dict[str, Any]]] = {}
         for one in good:
-            if name in one["scores"]:
-                groups.setdefault(str(one["labels"].get(shared_by) or ""), []).append(one)
+            groups.setdefault(str(one["labels"].get(shared_by) or ""), []).append(one)
         if len(groups) > 1:
-            groups["all"] = [one for members in groups.values() for one in members]
+            groups["all"] = list(good)
         for group, members in sorted(groups.items()):
-            if len(members) < _FEWEST:
-                continue
-            sizes = np.array([one["scores"][name] for one in members])
-            mean, error, freedom = pool(sizes[:, 0], sizes[:, 1])
-            reach = float(t_distribution.ppf(_90, freedom)) * error
-            yield {
-                "effect": name,
-                "shared_by": shared_by,
-                "group": group,
-                "campaigns": len(members),
-                "named_in": sum(
-                    any(name in e for e in one["outcome"]["effects"])
-                    and one["outcome"]["verdict"] == "named"
-                    for one in members
-                ),
-                "size": mean,
-                "low": mean - reach,
-                "high": mean + reach,
-                "unit": _typical(name),
-                "p_value": 2.0 * float(t_distribution.sf(abs(mean) / error, freedom)),
-            }
+            if len(members) >= _FEWEST:
+                for row in _of_group([m["scores"] for m in members]):
+                    physical = get_effect(str(row["effect"])).physical
+                    if ("site" if physical else "probe") != shared_by:
+                        continue
+                    named = sum(
+                        one["outcome"]["verdict"] == "named"
+                        and any(row["effect"] in e for e in one["outcome"]["effects"])
+                        for one in members
+                    )
+                    yield {"shared_by": shared_by, "group": group, "named_in": named, **row}
+
+
+def _of_group(scores: Sequence[dict[str, Any]]) -> Iterator[Row]:
+    """Yield each effect's size in campaigns that share it.
+
+    Effects look alike: where one is there, others seem to be. So the one that explains most, over
+    all of them, is taken first, and the others are judged by what they explain beyond it, and so
+    on; one that explains nothing more has in `instead_of` which were taken.
+    """
+    names = sorted({n for one in scores for n in one["names"]})
+    taken: list[str] = []
+    explained: list[float] = []
+    while len(taken) < _MOST_TAKEN:
+        left = {n: _sizes(scores, n, taken) for n in names if n not in taken}
+        gains = {n: _test(sizes) for n, sizes in left.items() if len(sizes) >= _FEWEST}
+        best = min(gains, key=lambda n: (gains[n][3], -abs(gains[n][0] / gains[n][1])), default="")
+        if not best or gains[best][3] > FALSE_DISCOVERIES / max(len(gains), 1):
+            break
+        explained.append((gains[best][0] / gains[best][1]) ** 2)
+        if explained[-1] < _CURVATURE * explained[0]:
+            break
+        taken.append(best)
+    for name in names:
+        before = taken[: taken.index(name)] if name in taken else taken
+        sizes = _sizes(scores, name, [t for t in before if t != name])
+        alone = _sizes(scores, name, [])
+        if len(alone) < _FEWEST:
+            continue
+        shown = sizes if len(sizes) >= _FEWEST else alone
+        mean, error, freedom, p_value = _test(shown)
+        reach = float(t_distribution.ppf(_90, freedom)) * error
+        # Not taken, and seen alone, or in what a large one leaves: that one is what there is.
+        like = bool(taken) and name not in taken
+        like = like and min(_test(alone)[3], p_value) <= FALSE_DISCOVERIES
+        yield {
+            "effect": name,
+            "campaigns": len(shown),
+            "size": mean,
+            "low": mean - reach,
+            "high": mean + reach,
+            "unit": _typical(name),
+            "p_value": p_value,
+            "instead_of": " and ".join(taken) if like else "",
+        }
+
+
+def _sizes(scores: Sequence[dict[str, Any]], name: str, taken: Sequence[str]) -> Array:
+    """Return sizes and their deviations (campaigns, 2) of an effect, beyond those taken already."""
+    found = []
+    for one in scores:
+        if name not in one["names"]:
+            continue
+        i = one["names"].index(name)
+        others = [one["names"].index(t) for t in taken if t in one["names"]]
+        gram, score = np.array(one["gram"]), np.array(one["score"])
+        information, value = gram[i, i], score[i]
+        if others:
+            inverse = np.linalg.pinv(gram[np.ix_(others, others)], hermitian=True)
+            information = information - gram[i, others] @ inverse @ gram[others, i]
+            value = value - gram[i, others] @ inverse @ score[others]
+        if information > _INVISIBLE * gram[i, i]:
+            found.append((value / information, 1.0 / math.sqrt(information)))
+    return np.array(found).reshape(-1, 2)
+
+
+def _test(sizes: Array) -> tuple[float, float, int, float]:
+    """Return the mean size, its standard error, degrees of freedom and p-value."""
+    mean, error, freedom = pool(sizes[:, 0], sizes[:, 1])
+    return mean, error, freedom, 2.0 * float(t_distribution.sf(abs(mean) / error, freedom))
 
 
 def pool(size: Array, deviation: Array) -> tuple[float, float, int]:
@@ -346,7 +408,7 @@ def section(found: Evidence) -> Section:
             f"{r['low']:+.2g} to {r['high']:+.2g}",
             str(r["unit"]),
             f"{r['q_value']:.2g}",
-            "yes" if r["holds"] else "no",
+            "yes" if r["holds"] else f"{r['instead_of']} explains it" if r["instead_of"] else "no",
         ]
         for r in found.pooled
     ]

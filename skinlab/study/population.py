@@ -6,7 +6,10 @@ draws, and so on until it stays. Curves that fix nothing by themselves say what 
 
 The population is that of single curves: what visits and placements add is in it, as it is in the
 next single curve. How poorly few people tell it is in it too: people are drawn anew (bootstrap),
-and the scatter of the estimates widens the distribution, which has the tails of a Student's.
+and the scatter of the estimates widens the distribution, which has the tails of a Student's. So is
+what no number of curves averages out: mesh, law and calibration err in all of them alike, along the
+valley in which single curves are open. That is taken as a share of a single curve's own error,
+because without it intervals held the truth in 78 to 87 of 100 (simulated skins on another mesh).
 """
 
 from __future__ import annotations
@@ -29,6 +32,7 @@ _MOST_CURVES = 10_000  # more of them say hardly more; memory stays flat
 _DRAWS = 256  # of each curve
 _BOOTSTRAPS = 24
 _ITERATIONS = 200
+_SHARED = 0.35  # of a single curve's own error (a deviation), that all curves have in common
 _STILL = 1e-3  # of a deviation: the estimate stays
 _PEOPLE_BEFORE = 2.0  # what the first guess of the covariance counts for, in people
 _LEAST_SD = {"log": 0.05, "linear": 0.01}
@@ -96,6 +100,8 @@ def learn(
     if estimates:
         off = np.array(estimates) - coefficients[0]
         covariance = np.mean(covariances, axis=0) + off.T @ off / len(off)
+    own = np.mean([np.cov(draws.T) for draws in z], axis=0)
+    covariance = covariance + _SHARED**2 * own
     shifts = [*coefficients[1 : len(sites)]]
     shifts.append(-np.sum(shifts, axis=0) if shifts else np.zeros(len(kinds)))
     count = {s: sum(p.site == s for p in kept) for s in sites}

@@ -86,7 +86,9 @@ class State:
             self._db.executescript(_TABLES)
         except sqlite3.OperationalError as error:
             if "locked" in str(error):
-                raise InputError(f"{folder}: another study is being written there") from None
+                raise InputError(
+                    f"{folder}: another process has its study.sqlite open; one at a time"
+                ) from None
             raise InputError(f"{self.path}: cannot be written ({error})") from None
         except sqlite3.DatabaseError as error:
             raise InputError(f"{self.path}: damaged ({error}); remove it to begin anew") from None
