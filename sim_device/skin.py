@@ -14,12 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.events import Load
+from drivers.events import Load, Segment, SegmentKind
 from sim_device.device import STEP_US, Skin
 from sim_device.files import SkinSection
 from sim_device.plant import Plant
 from sim_device.program import Run
 from skinlab.curves.pressure_path import PressurePath
+from skinlab.curves.program import Hold, Ramp, Release, Rest, parse_program
 from skinlab.mechanics.effects.model import Effects, Sensors, SkinCurve, problem_of, solve_skin
 from skinlab.mechanics.fem.element import QUAD9_FULL
 from skinlab.mechanics.fem.skin import Skin as Law
@@ -185,3 +186,96 @@ def make_skin(skin: SkinSection, effects: Effects) -> Skin:
         ValueError: an effect or a parameter that there is not, or out of its bounds.
     """
     return SolvedSkin(skin, effects)
+
+
+# ---- curves without a wire: of a cohort -----------------------------------------------------
+
+
+def load_of(program: str, rate_hz: float) -> Load:
+    """Return what the instrument is told to do for a program in words.
+
+    Raises:
+        ValueError: it is no program.
+    """
+    asked = parse_program(program)
+    return Load(
+        tuple(_segment(s) for s in asked.segments),
+        rate_hz,
+        asked.max_pressure_mbar,
+        asked.longest_suction_s,
+    )
+
+
+def program_duration_s(program: str) -> float:
+    """Return how long a program takes, without the final vent."""
+    return parse_program(program).duration_s
+
+
+def _segment(segment: Ramp | Hold | Release | Rest) -> Segment:
+    match segment:
+        case Ramp(target, rate):
+            return Segment(SegmentKind.RAMP, target_mbar=target, rate_mbar_per_s=rate)
+        case Hold(duration):
+            return Segment(SegmentKind.HOLD, duration_s=duration)
+        case Rest(duration):
+            return Segment(SegmentKind.REST, duration_s=duration)
+        case Release():
+            return Segment(SegmentKind.RELEASE)
+
+
+class Domes:
+    """Domes of many skins along one program; those that differ in stiffness alone are solved once.
+
+    Without a memory the dome depends on p/X1, X2/X1 and ν, so that a stiffer skin of the same
+    ratio is the same solution at a lower pressure. With effects each skin is solved for itself.
+    """
+
+    def __init__(self, effects: Effects, aperture_mm: float, load: Load) -> None:
+        self._effects, self._aperture_mm, self._load = effects, aperture_mm, load
+        self._sensors = Sensors.of(effects)
+        self._path = planned(load)
+        self._solved: dict[tuple[float, float, str, float], tuple[float, SkinCurve]] = {}
+
+    def curve(
+        self, skin: SkinSection, time_s: Array, cycle: int, softest_MPa: float
+    ) -> tuple[Array, Array]:
+        """Return pressure (n,) in mbar and deflection (n,) in mm at these times, without noise.
+
+        `softest_MPa` is the least X1 that a skin of this ratio and ν will have: it is solved once.
+
+        Raises:
+            ValueError: the finite elements do not hold that far, or a value is out of range.
+        """
+        pressure = np.asarray(self._path(time_s), dtype=float)
+        when = np.asarray(self._sensors.when(time_s), dtype=float)
+        felt = np.asarray(self._path(when), dtype=float)
+        if self._effects:
+            dome = _solved(self._problem(skin, cycle), self._load)
+            clean = np.array(
+                [
+                    dome.deflection_mm(t, p)
+                    for t, p in zip(when.tolist(), felt.tolist(), strict=True)
+                ]
+            )
+        else:
+            clean = self._scaled(skin, felt, min(softest_MPa, skin.X1_MPa))
+        return pressure, self._sensors.read(time_s, clean, float(time_s[0]))
+
+    def _scaled(self, skin: SkinSection, pressure_mbar: Array, softest_MPa: float) -> Array:
+        ratio = skin.X2_MPa / skin.X1_MPa
+        key = (round(ratio, 9), skin.nu, skin.kappa, skin.thickness_mm)
+        if key not in self._solved or self._solved[key][0] > skin.X1_MPa * (1 + 1e-12):
+            goal = 1.02 * self._load.max_pressure_mbar + 1.0
+            soft = Law((softest_MPa, ratio * softest_MPa, skin.nu), skin.kappa)
+            geometry = Geometry(self._aperture_mm, skin.thickness_mm)
+            problem = problem_of(soft, {}, geometry)
+            found = solve_skin(problem, PressurePath((0.0, 1.0), (0.0, goal)), MESH)
+            _check(found, goal)
+            self._solved[key] = (softest_MPa, found)
+        solved_MPa, found = self._solved[key]
+        assert found.instant is not None
+        return found.instant(pressure_mbar * (solved_MPa / skin.X1_MPa))
+
+    def _problem(self, skin: SkinSection, cycle: int) -> SkinProblem:
+        law = Law((skin.X1_MPa, skin.X2_MPa, skin.nu), skin.kappa)
+        return problem_of(law, self._effects, Geometry(self._aperture_mm, skin.thickness_mm), cycle)

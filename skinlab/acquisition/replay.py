@@ -19,6 +19,7 @@ from skinlab.errors import InputError
 from skinlab.inference.custom_table import with_custom_table
 from skinlab.inference.identify import Identifier
 from skinlab.inference.methods import get_method
+from skinlab.inference.population import decode_prior, with_prior
 from skinlab.inference.problem import Options, check
 from skinlab.inference.result import Identification
 from skinlab.inference.uncertainty import Sensor
@@ -32,6 +33,14 @@ from skinlab.versions import versions
 
 # Settings that sessions did not record at first, where they were others than today's defaults.
 _BEFORE: dict[str, dict[str, int | float | str]] = {"rls": {"passes": 500}}
+
+
+class _Prior(msgspec.Struct):
+    """The population that was the prior: its file's text, and what was known of the person."""
+
+    toml: str
+    site: str | None = None
+    age_years: float | None = None
 
 
 class _Settings(msgspec.Struct):
@@ -50,6 +59,7 @@ class _Settings(msgspec.Struct):
     pressure_noise_mbar: Annotated[float, Meta(ge=0, lt=1e3)] | None = None
     database_hash: str | None = None
     database_path: str | None = None  # where it was, of one that does not ship
+    prior: _Prior | None = None
 
 
 def identifier_of(
@@ -97,6 +107,10 @@ def identifier_of(
     elif said.model is not None:
         model = decode_model(said.model, "the session's field identification.model")
         identifier = with_model(identifier, model)
+    if said.prior is not None:
+        where = "the session's field identification.prior"
+        known = decode_prior(said.prior.toml, where, said.prior.site, said.prior.age_years)
+        identifier = with_prior(identifier, known)
     warning = None
     if database.content_hash != stated:
         warning = (

@@ -14,32 +14,97 @@ from skinlab.cli.output import echo, print_json
 @click.argument("before", type=click.Path(path_type=Path))
 @click.argument("after", type=click.Path(path_type=Path))
 @database_option("the one that BEFORE names")
+@click.option(
+    "--study",
+    type=click.Path(path_type=Path),
+    help="What `skinlab study` wrote: how much visits, operators and placements scatter.",
+)
+@click.option(
+    "--control",
+    nargs=2,
+    type=click.Path(path_type=Path),
+    metavar="BEFORE AFTER",
+    help="Sessions of a site that was left alone, on the same days.",
+)
+@click.option(
+    "--placement-scatter",
+    default="auto",
+    show_default=True,
+    help="Standard deviation of log stiffness between placements, or auto.",
+)
+@click.option(
+    "--relevant-percent",
+    type=float,
+    help="A change that matters: where it could not have been shown, nothing is said  "
+    "[default: 30].",
+)
 @json_option()
-def command(before: Path, after: Path, database_path: Path | None, as_json: bool) -> int:
+def command(
+    before: Path,
+    after: Path,
+    database_path: Path | None,
+    study: Path | None,
+    control: tuple[Path, Path] | None,
+    placement_scatter: str,
+    relevant_percent: float | None,
+    as_json: bool,
+) -> int:
     """Say whether the skin of session AFTER differs from that of BEFORE.
 
-    All whole first-cycle curves of a session are fitted together, whatever their openings.
+    All whole first-cycle curves of a session are fitted together, whatever their openings. Of each
+    parameter: changed, no change shown, or cannot be said, and the smallest change that could have
+    been shown, given how much placing the probe anew, another day and another hand make of it.
 
     \b
-    Example: skinlab compare monday.h5 friday.h5
+    Example: skinlab compare monday.h5 friday.h5 --study study
+             skinlab compare m_left.h5 f_left.h5 --control m_right.h5 f_right.h5
     """
     from skinlab.acquisition.replay import identifier_of
+    from skinlab.errors import InputError
     from skinlab.inference.compare import compare, in_words
     from skinlab.recording.session import read_session
     from skinlab.recording.session_fit import fit_session
+    from skinlab.study import change
 
-    sessions = [read_session(path) for path in (before, after)]
+    stated = None
+    if placement_scatter != "auto":
+        try:
+            stated = float(placement_scatter)
+        except ValueError:
+            stated = -1.0
+        if not 0 <= stated < 2:
+            raise InputError(f"placement_scatter {placement_scatter}: expected auto or 0 to 2")
+    relevant = change.RELEVANT_PERCENT if relevant_percent is None else relevant_percent
+    if not 0 < relevant < 1e4:
+        raise InputError(f"relevant_percent {relevant:g}: expected a positive number")
+    paths = (before, after, *(control or ()))
+    sessions = [read_session(path) for path in paths]
     identifier, warning = identifier_of(sessions[0], database_path)
     if warning:
         echo(f"skinlab: {warning}", err=True)
     results = [
         fit_session(identifier, path, session)
-        for path, session in zip((before, after), sessions, strict=True)
+        for path, session in zip(paths, sessions, strict=True)
     ]
-    found = compare(*results)
+    found = compare(*results[:2])
+    sides = [
+        change.side_of(session, result) for session, result in zip(sessions, results, strict=True)
+    ]
+    judged = change.changes(
+        sides[0],
+        sides[1],
+        study=study,
+        control=(sides[2], sides[3]) if control else None,
+        placement_scatter=stated,
+        relevant_percent=relevant,
+    )
     if as_json:
-        print_json(found.to_json() | {"files": [str(before), str(after)]})
+        files = [str(path) for path in paths]
+        print_json(found.to_json() | {"files": files, "change": judged.to_json()})
         return 0
-    for line in in_words(found):
+    for line in change.in_words(judged):
         echo(line)
+    echo("By the sensor's noise alone:")
+    for line in in_words(found):
+        echo(f"  {line}")
     return 0

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 @click.option(
     "--to",
     "kind",
-    type=click.Choice(["csv", "json", "html", "png", "svg"]),
+    type=click.Choice(["csv", "json", "html", "png", "svg", "fhir", "parameters"]),
     required=True,
     help="Format.",
 )
@@ -30,25 +30,37 @@ if TYPE_CHECKING:
 def command(
     session: Path,
     folder: Path,
-    kind: Literal["csv", "json", "html", "png", "svg"],
+    kind: Literal["csv", "json", "html", "png", "svg", "fhir", "parameters"],
     database_path: Path | None,
 ) -> int:
     """Write SESSION into DIR.
 
     csv: curves, results, and a campaign of them; json: one file; html: a report with pictures that
-    stands alone; png, svg: the pictures of that report. Prints the paths of what it wrote. A file
-    that exists is never overwritten.
+    stands alone; png, svg: the pictures of that report; fhir: a bundle of HL7 FHIR R4; parameters:
+    JSON with all that is needed to compare parameters (docs/exchange.md). Prints the paths of what
+    it wrote. A file that exists is never overwritten.
 
     \b
     Example: skinlab export visit.h5 --to html visit
     """
-    from skinlab.exchange.export import export
+    from skinlab.acquisition.replay import identifier_of
+    from skinlab.exchange.export import export, write_new
+    from skinlab.exchange.fhir import to_fhir
+    from skinlab.exchange.parameters import to_parameters
     from skinlab.recording.session import read_session
 
     read = read_session(session)
     match kind:
         case "csv" | "json":
             paths = export(read, kind, folder)
+        case "fhir":
+            paths = write_new(folder, {n: t.encode() for n, t in to_fhir(read).items()})
+        case "parameters":
+            identifier, warning = identifier_of(read)
+            if warning is not None:
+                echo(f"skinlab: {session}: {warning}", err=True)
+            made = to_parameters(read, identifier)
+            paths = write_new(folder, {n: t.encode() for n, t in made.items()})
         case _:
             paths = _export_report(session, read, kind, folder, database_path)
     for path in paths:

@@ -14,6 +14,8 @@ from skinlab.cli.options import (
     identification_options,
     json_option,
     make_identifier,
+    prior_options,
+    with_prior_option,
 )
 from skinlab.cli.output import echo, echo_text, print_json
 
@@ -27,6 +29,7 @@ if TYPE_CHECKING:
 @geometry_options(required=False)
 @identification_options()
 @database_option()
+@prior_options(site=True)
 @click.option("--joint", is_flag=True, help="One answer for all curves: one skin.")
 @click.option(
     "--placement-scatter",
@@ -44,6 +47,9 @@ def command(
     aperture_mm: float | None,
     thickness_mm: float | None,
     thickness_sd_mm: float | None,
+    prior_path: Path | None,
+    age_years: float | None,
+    site: str | None,
     joint: bool,
     placement_scatter: str,
     advise: bool,
@@ -60,6 +66,8 @@ def command(
     would narrow the intervals most (of all curves together, or of the first).
     With --database the answer comes from a database of your own; if its model has effects, their
     parameters are identified too, as far as they are axes of it.
+    With --prior what a study knows of such people narrows the intervals; a skin that is unlike them
+    keeps its own, and gets the flag unlike_cohort.
 
     \b
     Example: skinlab identify curve.csv --aperture-mm 6 --thickness-mm 1.0 --json
@@ -76,7 +84,11 @@ def command(
         raise click.UsageError("--advise needs the shipped database, which speaks of all openings")
     if workers < 1:
         raise click.BadParameter("expected 1 or more", param_hint="--workers")
-    identifier: Identifier = make_identifier(**options)
+    if site is not None and prior_path is None:
+        raise click.UsageError("--site is for --prior")
+    identifier: Identifier = with_prior_option(
+        make_identifier(**options), prior_path, site, age_years
+    )
     geometry = None
     csv_given = any(path.suffix.lower() == ".csv" for path in inputs)
     if not csv_given and (aperture_mm, thickness_mm, thickness_sd_mm) != (None, None, None):

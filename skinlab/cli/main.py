@@ -22,6 +22,7 @@ _COMMANDS = {
     "session": ("session", "Check a session, or say what is in it."),
     "identify": ("identify", "Identify skin parameters from curves."),
     "compare": ("compare", "Say whether the skin of two sessions differs."),
+    "study": ("study", "Make one table of many curves, and say how reliable it is."),
     "cutometer": ("cutometer", "The Cutometer's own numbers of step curves."),
     "discrepancy": ("discrepancy", "Find the physical effect that the model misses."),
     "import": ("import_", "Make a session of curves that other software exported."),

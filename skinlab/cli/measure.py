@@ -22,6 +22,8 @@ from skinlab.cli.options import (
     json_option,
     make_identifier,
     parse_phases,
+    prior_options,
+    with_prior_option,
 )
 from skinlab.cli.output import echo, echo_text, print_json
 
@@ -58,6 +60,7 @@ _NOT_UNDERSTOOD = 10  # lines, after which it is said
 @click.option("--out", required=True, type=click.Path(path_type=Path), help="The session to write.")
 @identification_options()
 @database_option()
+@prior_options(site=False)
 @json_option()
 def command(
     port: str,
@@ -74,6 +77,8 @@ def command(
     first_cycle: int,
     dose_limit_mbar_s: float | None,
     out: Path,
+    prior_path: Path | None,
+    age_years: float | None,
     as_json: bool,
     **options: Any,
 ) -> int:
@@ -108,11 +113,12 @@ def command(
         thickness_sd_mm=thickness_sd_mm,
     )
     plan = plan_of(setup, repeats, rest_s, rate_hz)
+    identifier = with_prior_option(make_identifier(**options), prior_path, site, age_years)
     return run(
         port,
         plan,
         out,
-        make_identifier(**options),
+        identifier,
         subject,
         site,
         dialect=speaks,

@@ -118,6 +118,38 @@ def json_option() -> Callable[[F], F]:
     return click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
 
 
+def prior_options(site: bool) -> Callable[[F], F]:
+    """`--prior`, `--age-years`, and `--site` where the command has none; `prior_of` takes them."""
+    return _stack(
+        click.option(
+            "--prior",
+            "prior_path",
+            type=click.Path(path_type=Path),
+            help="STUDY.toml of `skinlab study`: what is known of such people.",
+        ),
+        click.option("--age-years", type=float, help="Of the person, for --prior."),
+        *([click.option("--site", help="Where on the body, for --prior.")] if site else []),
+    )
+
+
+def with_prior_option(
+    identifier: Any, prior_path: Path | None, site: str | None, age_years: float | None
+) -> Any:
+    """Return the identifier with the population of `--prior`.
+
+    Raises:
+        click.UsageError: site or age are given without a prior.
+        InputError: the file is wrong, or does not fit.
+    """
+    from skinlab.inference.population import read_prior, with_prior
+
+    if prior_path is None:
+        if age_years is not None:
+            raise click.UsageError("--age-years is for --prior")
+        return identifier
+    return with_prior(identifier, read_prior(prior_path, site or None, age_years))
+
+
 def parse_phases(text: str) -> tuple[str, ...]:
     """Return the phases of `--phases`.
 

@@ -79,6 +79,13 @@ CATALOGUE = {
         "The search did not end by itself: the values are where it was stopped.",
         "Identify again with other options, or measure again.",
     ),
+    "unlike_cohort": Flag(
+        "unlike the population",
+        "This curve says that its skin is unlike the population that was given as prior, so that "
+        "the prior was not used.",
+        "Check subject, site, opening and thickness; if they are right, use the numbers as they "
+        "are.",
+    ),
     "partial_curve": Flag(
         "cut short",
         "The curve was cut short, and only what there is was fitted.",

@@ -20,6 +20,7 @@ from skinlab.inference.intervals import correlation, is_logarithmic, most_of_the
 from skinlab.inference.joint import GaussianPrior, JointMisfit
 from skinlab.inference.methods import auto, get_method
 from skinlab.inference.optimise import polish
+from skinlab.inference.posterior import Draws
 from skinlab.inference.problem import Estimate, Options, Problem, SquaredMisfit
 from skinlab.inference.result import Advice, Identification, Provenance, Value
 from skinlab.inference.samples import Fitted, Group, choose, group
@@ -351,8 +352,33 @@ def _with_uncertainty(
     kappa: KappaConvention,
     seed: int,
 ) -> Identification:
-    draws, names = left.draws, space.names
-    priors = space.from_unit(np.random.default_rng(seed).random((_PRIOR_DRAWS, len(names))))
+    found = left.errors
+    known = from_draws(answer, space, left.draws, law, kappa, seed)
+    return replace(
+        known,
+        noise_um=found.noise_um,
+        error_model=found.summary,
+        placement=found.placement,
+        evaluations=answer.evaluations + left.draws.evaluations,
+        flags=(*known.flags, *found.flags),
+        uncertainty=left,
+    )
+
+
+def from_draws(
+    answer: Identification,
+    space: Space,
+    draws: Draws,
+    law: str,
+    kappa: KappaConvention,
+    seed: int,
+) -> Identification:
+    """Return the answer with values and intervals of draws, and flags of what these leave open.
+
+    `space` is what the draws are flat in; its first parameters are the answer's.
+    """
+    names = tuple(answer.parameters or ())
+    priors = space.from_unit(np.random.default_rng(seed).random((_PRIOR_DRAWS, len(space))))
     values, loose = {}, []
     for i, name in enumerate(names):
         prior = priors[:, i]
@@ -367,17 +393,11 @@ def _with_uncertainty(
         values[name] = Value(value, low, high)
         if most_of_the_range((low, high), prior):
             loose.append(f"not_identifiable:{name}")
-    found = left.errors
     shown = np.array([value.value for value in values.values()])
     return replace(
         answer,
         parameters=values,
         derived=derived_of(law, names, shown, kappa),
         correlation=correlation(draws.parameters[:, : len(names)], draws.weight),
-        noise_um=found.noise_um,
-        error_model=found.summary,
-        placement=found.placement,
-        evaluations=answer.evaluations + draws.evaluations,
-        flags=(*answer.flags, *loose, *found.flags),
-        uncertainty=left,
+        flags=(*answer.flags, *loose),
     )

@@ -9,6 +9,7 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TextIO
 
 from skinlab.errors import InputError
 
@@ -42,6 +43,20 @@ def whole_file(path: Path, *, replace: bool = False) -> Iterator[Path]:
     """
     with cannot_write(path), _whole(path, replace) as partial:
         yield partial
+
+
+@contextmanager
+def whole_text(path: Path) -> Iterator[TextIO]:
+    """Give a stream for text that is too much to be held; the file takes its name at the end.
+
+    Raises:
+        InputError: it cannot be written.
+    """
+    with (
+        whole_file(path, replace=True) as partial,
+        partial.open("w", encoding="utf-8", newline="") as stream,
+    ):
+        yield stream
 
 
 @contextmanager

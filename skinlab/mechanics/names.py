@@ -56,6 +56,14 @@ def unit_of(name: str) -> str:
     return "" if found is None else found.unit
 
 
+def is_logarithmic(name: str) -> bool:
+    """Return whether fits look for it, and people scatter, evenly in its logarithm."""
+    found = parameter_of(name)
+    if found is None:
+        return False
+    return found.spacing == "log" if found.search is None else found.search.transform != "linear"
+
+
 def is_poisson(name: str) -> bool:
     """Return whether it is a law's Poisson's ratio."""
     return any(get_law(law).poisson == name for law in law_names())

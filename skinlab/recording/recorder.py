@@ -16,6 +16,7 @@ from skinlab import __version__
 from skinlab.errors import InputError
 from skinlab.inference.identify import Identifier
 from skinlab.inference.methods import get_method
+from skinlab.inference.population import PopulationIdentifier
 from skinlab.mechanics.model_file import BASE
 from skinlab.recording.audit import Chain, note, operator
 from skinlab.recording.journal import Journal, read_journal
@@ -38,6 +39,7 @@ from skinlab.versions import versions
 def identification_settings(identifier: Identifier) -> dict[str, Any]:
     """Return what a replay must know to identify in the same way."""
     options, path = identifier.options, identifier.database.path
+    prior = identifier.population if isinstance(identifier, PopulationIdentifier) else None
     return {
         "method": identifier.method,
         "seed": identifier.seed,
@@ -52,6 +54,7 @@ def identification_settings(identifier: Identifier) -> dict[str, Any]:
         "pressure_noise_mbar": identifier.sensor.pressure_noise_mbar,
         "database_hash": identifier.database.content_hash,
         "database_path": None if path is None else str(path),
+        **({} if prior is None else {"prior": prior.to_json()}),
     }
 
 

@@ -1,0 +1,218 @@
+"""Studies measured: intervals of variance components, narrowing by a prior, time a curve.
+
+    OPENBLAS_NUM_THREADS=1 python benchmarks/study.py components [--cohorts 200] [--seed 1]
+    OPENBLAS_NUM_THREADS=1 python benchmarks/study.py prior [--cohorts 10] [--people 60] [--seed 1]
+    OPENBLAS_NUM_THREADS=1 python benchmarks/study.py speed [--curves 10000] [--workers 2]
+
+Each part prints and saves benchmarks/results/study_PART.json.
+
+`components`: small cohorts with known components, as the simulator's (people, two sites, two
+visits, operators, probes, placements), whole and with 15 % of their curves lost. How often the 90 %
+intervals of variances, shares, ICC and MDC hold the true value.
+
+`prior`: cohorts of the simulator, curves by finite elements. A population is learned from some of
+the people and used for others: how often their 90 % intervals hold the truth, and how much narrower
+they are than without it.
+
+`speed`: a folder of curves through `skinlab study`, with broken files among them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import time
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import numpy as np
+
+from sim_device.cohort import Cohort, CohortFile, Shifts, Size
+from skinlab.curves.curve import Curve, Setup
+from skinlab.curves.program import parse_program
+from skinlab.inference.identify import Identifier
+from skinlab.inference.population import Prior, with_prior
+from skinlab.study.components import WITHIN, components, effect, interval
+from skinlab.study.compute import draws_of
+from skinlab.study.population import Posterior, learn, to_toml
+from skinlab.tables.store import shipped_table
+
+RESULTS = Path(__file__).parent / "results"
+
+TRUE = {
+    "subject": 0.25,
+    "subject:site": 0.10,
+    "visit": 0.06,
+    "operator": 0.03,
+    "probe": 0.04,
+    "placement": 0.06,
+    WITHIN: 0.05,
+}
+
+
+def small_cohort(rng: np.random.Generator, people: int, lost: float) -> tuple[Any, Any]:
+    """Return values (n,) and the effects of one cohort."""
+    grid = np.array(
+        [
+            (s, i, v, (p + v + s) % 3, (p // 3 + v + i + s) % 2, p, c)
+            for s in range(people)
+            for i in range(2)
+            for v in range(2)
+            for p in range(2)
+            for c in range(2)
+        ]
+    )
+    grid = grid[rng.random(len(grid)) >= lost]
+    s, i, v, o, b, p, _ = grid.T
+    effects = [
+        effect("subject", s),
+        effect("subject:site", s, i),
+        effect("visit", s, v),
+        effect("operator", o),
+        effect("probe", b),
+        effect("placement", s, i, v, o, b, p),
+    ]
+    values = rng.normal(0.0, TRUE[WITHIN], len(grid))
+    for one in effects:
+        values += rng.normal(0.0, TRUE[one.name], one.levels)[one.codes]
+    return values, effects
+
+
+def measure_components(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Return how often intervals hold the truth."""
+    true = {name: sd**2 for name, sd in TRUE.items()}
+    total = sum(true.values())
+    between, error = (
+        ("subject", "subject:site"),
+        ("visit", "operator", "probe", "placement", WITHIN),
+    )
+    icc = sum(true[n] for n in between) / total
+    mdc = 1.96 * np.sqrt(2.0 * sum(true[n] for n in error))
+    result: dict[str, Any] = {"true_sd": TRUE, "people": arguments.people}
+    for kind, lost in (("whole", 0.0), ("15 % lost", 0.15)):
+        held: dict[str, int] = {}
+        for k in range(arguments.cohorts):
+            rng = np.random.default_rng([arguments.seed, k])
+            found = components(*small_cohort(rng, arguments.people, lost), seed=k)
+            for part in found.parts:
+                held[part.name] = held.get(part.name, 0) + (
+                    part.low <= true[part.name] <= part.high
+                )
+                share = true[part.name] / total
+                name = f"share of {part.name}"
+                held[name] = held.get(name, 0) + (part.share_low <= share <= part.share_high)
+            e, b = found.drawn(error), found.drawn(between)
+            estimate = found.variance(between)
+            low, high = interval(b / (b + e), estimate / (estimate + found.variance(error)))
+            held["ICC(2,1)"] = held.get("ICC(2,1)", 0) + (low <= icc <= high)
+            ends = found.sum_interval(dict.fromkeys(error, 1.0))
+            low, high = (1.96 * np.sqrt(2.0 * end) for end in ends)
+            held["MDC95"] = held.get("MDC95", 0) + (low <= mdc <= high)
+        result[kind] = {name: count / arguments.cohorts for name, count in held.items()}
+    return result
+
+
+def _skins(seed: int, people: int) -> Any:
+    """Return a cohort of the simulator without errors of sensors: one placement at two sites."""
+    return Cohort(
+        CohortFile(
+            cohort=Size(people=people, visits=1, placements=1, operators=1, probes=1),
+            subject=Shifts(X1=0.25, X2=0.3, nu=0.025),
+            subject_site=Shifts(stiffness=0.1),
+            visit=Shifts(),
+            operator=Shifts(),
+            probe=Shifts(),
+            placement=Shifts(stiffness=0.06),
+        ),
+        seed,
+    )
+
+
+def _one_cohort(people: int, seed: int) -> list[dict[str, Any]]:
+    """Return what the prior of two thirds of the people makes of each curve of the others."""
+    identifier = Identifier(shipped_table())
+    learned, others = [], []
+    for number, measured in enumerate(_skins(seed, people).curves()):
+        labels = measured.labels
+        setup = Setup(6.0, float(labels["thickness_mm"]), parse_program("ramp:100@20"))
+        curve = Curve(
+            measured.file, setup, measured.time_s, measured.pressure_mbar, measured.deflection_mm
+        )
+        if number < 2 * (2 * people // 3):
+            draws = draws_of(identifier(curve))
+            learned.append(Posterior(str(labels["subject"]), str(labels["site"]), None, draws))
+        else:
+            others.append((curve, measured.true))
+    names = ("X1_MPa", "X2_MPa", "nu")
+    file = learn(learned, names, identifier.provenance().model_hash, "benchmark")
+    knowing = with_prior(identifier, Prior(file, to_toml(file)))
+    rows = []
+    for curve, true in others:
+        alone, known = identifier(curve), knowing(curve)
+        row: dict[str, Any] = {"unlike": "unlike_cohort" in known.flags}
+        for name in names:
+            for kind, answer in (("alone", alone), ("prior", known)):
+                value = answer.parameters[name]
+                row[f"{kind} {name}"] = [true[name], value.value, value.low, value.high]
+        rows.append(row)
+    return rows
+
+
+def measure_prior(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Return coverage and widths of intervals with and without a population as prior."""
+    seeds = [1000 * arguments.seed + k for k in range(arguments.cohorts)]
+    with ProcessPoolExecutor(2) as pool:
+        found = list(pool.map(partial(_one_cohort, arguments.people), seeds))
+    rows = [row for cohort in found for row in cohort]
+    result: dict[str, Any] = {
+        "cohorts": arguments.cohorts,
+        "curves": len(rows),
+        "called unlike the cohort": float(np.mean([row["unlike"] for row in rows])),
+    }
+    for name in ("X1_MPa", "X2_MPa", "nu"):
+        widths = {}
+        for kind in ("alone", "prior"):
+            true, value, low, high = np.array([row[f"{kind} {name}"] for row in rows]).T
+            widths[kind] = np.log(high / low) if name != "nu" else high - low
+            result[f"{name} {kind}: intervals that hold the truth"] = float(
+                np.mean((low <= true) & (true <= high))
+            )
+            error = np.log(value / true) if name != "nu" else value - true
+            result[f"{name} {kind}: root mean square error"] = float(np.sqrt(np.mean(error**2)))
+        result[f"{name}: median width with the prior, of that without"] = float(
+            np.median(widths["prior"]) / np.median(widths["alone"])
+        )
+    return result
+
+
+def main() -> None:
+    """Measure one part, print and save it."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("part", choices=["components", "prior"])
+    parser.add_argument("--cohorts", type=int)
+    parser.add_argument("--people", type=int)
+    parser.add_argument("--seed", type=int, default=1)
+    arguments = parser.parse_args()
+    cohorts, people = {"components": (200, 12), "prior": (10, 60)}[arguments.part]
+    arguments.cohorts = arguments.cohorts or cohorts
+    arguments.people = arguments.people or people
+    started = time.perf_counter()
+    measured = {"components": measure_components, "prior": measure_prior}[arguments.part](arguments)
+    measured |= {
+        "command": f"python benchmarks/study.py {arguments.part} --cohorts {arguments.cohorts} "
+        f"--people {arguments.people} --seed {arguments.seed}",
+        "seconds": round(time.perf_counter() - started, 1),
+    }
+    print(json.dumps(measured, indent=1))
+    RESULTS.mkdir(exist_ok=True)
+    path = RESULTS / f"study_{arguments.part}.json"
+    path.write_text(json.dumps(measured, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

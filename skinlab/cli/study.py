@@ -1,0 +1,128 @@
+"""`skinlab study`: a folder of curves becomes a table, and what the table says."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Callable
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import click
+
+from skinlab.cli.method_options import MethodCommand
+from skinlab.cli.options import (
+    database_option,
+    geometry_options,
+    identification_options,
+    json_option,
+    make_identifier,
+)
+from skinlab.cli.output import echo, echo_text, print_json
+
+
+@click.command(cls=MethodCommand)
+@click.argument("folders", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("--out", required=True, type=click.Path(path_type=Path), help="The study's folder.")
+@click.option("--explain", is_flag=True, help="Look for missing effects over all campaigns.")
+@click.option("--resume", is_flag=True, help="Go on, and refuse to if the settings differ.")
+@click.option("--workers", type=int, help="Processes  [default: one a core].")
+@click.option("--dask", metavar="ADDRESS", help="Compute on the cluster of this dask scheduler.")
+@click.option("--layout", help="What paths say: '{subject}/{site}/v{visit}_p{placement}'.")
+@geometry_options(required=False)
+@click.option("--program", help="What the pump did, where nothing else says it.")
+@identification_options()
+@database_option()
+@json_option()
+def command(
+    folders: tuple[Path, ...],
+    out: Path,
+    explain: bool,
+    resume: bool,
+    workers: int | None,
+    dask: str | None,
+    layout: str | None,
+    aperture_mm: float | None,
+    thickness_mm: float | None,
+    thickness_sd_mm: float | None,
+    program: str | None,
+    as_json: bool,
+    **options: Any,
+) -> int:
+    """Make one tidy table of all curves in FOLDERS, and say how far it can be relied on.
+
+    Sessions, campaigns, curve CSVs and files that other software exported, at any depth. Whose
+    curves they are is said by sessions, by a table with a column `file`, by --layout, or by parts
+    of the path such as subject=P-017 (docs/study.md). What cannot be read is listed with its
+    reason, and the rest goes on. Run again, only what is new or changed is computed.
+
+    \b
+    Example: skinlab study visits --out study --workers 2
+             skinlab study exports --layout '{subject}/{site}/v{visit}' --aperture-mm 6 \\
+                 --thickness-mm 1.2 --program ramp:100@20 --out study
+    """
+    from skinlab.errors import InputError
+    from skinlab.study.run import How
+    from skinlab.study.sources import Plan
+    from skinlab.study.whole import make_study
+
+    if dask is not None and workers is not None:
+        raise click.UsageError("--dask and --workers exclude each other")
+    if workers is not None and not 1 <= workers <= 1024:
+        raise InputError(f"workers {workers}: expected 1–1024")
+    stated = {
+        "aperture_mm": aperture_mm,
+        "thickness_mm": thickness_mm,
+        "thickness_sd_mm": thickness_sd_mm,
+        "program": program,
+    }
+    plan = Plan(folders, {k: v for k, v in stated.items() if v is not None}, layout, out.resolve())
+    identifier = make_identifier(**options)
+    with _bar() as progress:
+        how = How(workers or os.cpu_count() or 1, dask, progress)
+        try:
+            made = make_study(
+                plan, out, identifier, how, resume=resume, explain=explain, now=datetime.now(UTC)
+            )
+        except KeyboardInterrupt:
+            echo(f"skinlab: what is done is kept in {out}; the same command goes on", err=True)
+            raise
+    for sentence in made.notices:
+        echo(f"skinlab: {sentence}", err=True)
+    if as_json:
+        print_json(made.document)
+    else:
+        echo_text("\n".join(made.lines))
+    return 3 if made.failures else 0
+
+
+class _bar:  # noqa: N801 -- used as a function
+    """A progress bar with rate and time left on a terminal, nothing in a pipe."""
+
+    def __enter__(self) -> Callable[[int, int], None]:
+        self._bar: Any = None
+        self._started, self._first = 0.0, 0
+        return self._show
+
+    def _show(self, done: int, total: int) -> None:
+        if not sys.stderr.isatty():
+            return
+        if self._bar is None:
+            self._started, self._first = time.monotonic(), done
+            self._bar = click.progressbar(
+                length=total,
+                label="files",
+                file=sys.stderr,
+                show_pos=True,
+                item_show_func=lambda rate: rate,
+            )
+            self._bar.__enter__()
+        seconds = time.monotonic() - self._started
+        rate = f"{(done - self._first) / seconds:.1f} a second" if seconds > 1 else None
+        self._bar.update(done - self._bar.pos, rate)
+
+    def __exit__(self, *error: object) -> None:
+        if self._bar is not None:
+            self._bar.__exit__(None, None, None)

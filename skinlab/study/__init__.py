@@ -1,0 +1,1 @@
+"""Many curves of many people: one table, and what it says about device, people and change."""
