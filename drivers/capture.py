@@ -15,7 +15,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from drivers.dialects import Dialect
+from drivers.dialect import Dialect
 from drivers.errors import RemoteProtocolError
 from drivers.events import Command, Damaged, InstrumentEvent
 

@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from drivers.dialects import Dialect
+from drivers.dialect import Dialect
 from drivers.errors import LocalProtocolError, RemoteProtocolError
 from drivers.events import (
     Arm,

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers.capabilities import Capabilities, Stream
-from drivers.dialects import Dialect
+from drivers.dialect import Dialect
 from drivers.errors import DialectFileError, LocalProtocolError, RemoteProtocolError
 from drivers.events import (
     Command,

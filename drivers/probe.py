@@ -11,7 +11,8 @@ from types import TracebackType
 from typing import Self
 
 from drivers.capabilities import READ_ONLY
-from drivers.dialects import DEFAULT, Dialect, get_dialect, split_dialect, stream_of
+from drivers.dialect import Dialect
+from drivers.dialects import DEFAULT, get_dialect, split_dialect, stream_of
 from drivers.dose import Dose
 from drivers.engine import Engine, Follow, OnBytes, Request
 from drivers.errors import (

@@ -14,7 +14,8 @@ from collections.abc import Sequence
 
 from drivers.capabilities import READ_ONLY, Stream
 from drivers.connection import MAX_BACKLOG_BYTES, Connection
-from drivers.dialects import Dialect, stream_of
+from drivers.dialect import Dialect
+from drivers.dialects import stream_of
 from drivers.errors import LocalProtocolError, RemoteProtocolError
 from drivers.events import (
     PROGRAM_DONE,

@@ -12,7 +12,8 @@ from typing import Protocol
 
 import numpy as np
 
-from drivers.dialects import Dialect, get_dialect
+from drivers.dialect import Dialect
+from drivers.dialects import get_dialect
 from drivers.errors import RemoteProtocolError
 from drivers.events import (
     PROGRAM_DONE,

@@ -7,7 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from drivers.dialects import Dialect, split_dialect
+from drivers.dialect import Dialect
+from drivers.dialects import split_dialect
 from drivers.dose import Dose, program_dose
 from drivers.limits import DEFAULT_DOSE_MBAR_S
 from drivers.probe import DEFAULT_LIMITS, Probe

@@ -13,7 +13,7 @@ from skinlab.cli.options import dialect_option
 from skinlab.cli.output import echo
 
 if TYPE_CHECKING:
-    from drivers.dialects import Dialect
+    from drivers.dialect import Dialect
 
 
 @click.command()

@@ -28,7 +28,7 @@ from skinlab.cli.options import (
 from skinlab.cli.output import echo, echo_text, print_json
 
 if TYPE_CHECKING:
-    from drivers.dialects import Dialect
+    from drivers.dialect import Dialect
     from drivers.dose import Dose
     from drivers.events import Hello
     from skinlab.acquisition.measurement import Plan

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from drivers.connection import Connection
-from drivers.dialects import GROUP, Dialect, check_dialect
+from drivers.dialect import Dialect
+from drivers.dialects import GROUP, check_dialect
 from drivers.errors import LocalProtocolError, RemoteProtocolError
 from drivers.events import (
     Arm,

@@ -7,7 +7,8 @@ from typing import Any
 
 from drivers.capabilities import READ_ONLY
 from drivers.connection import Connection
-from drivers.dialects import DEFAULT, Dialect, describe_dialect, described_dialect, get_dialect
+from drivers.dialect import Dialect
+from drivers.dialects import DEFAULT, describe_dialect, described_dialect, get_dialect
 from drivers.errors import RemoteProtocolError
 from drivers.events import Identify, TimedEvent
 from drivers.stream import StreamConnection, connect

@@ -9,7 +9,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from drivers.dialects import DEFAULT, Dialect, get_dialect
+from drivers.dialect import Dialect
+from drivers.dialects import DEFAULT, get_dialect
 from drivers.dose import Dose, DoseMeter
 from drivers.events import Alarm, Event, HostVented, InstrumentFault, LinkLost
 from skinlab import __version__
