@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any, Protocol
 from urllib.parse import unquote
 
-from drivers.capabilities import Stream
+from drivers.capabilities import Capabilities, Stream
 from drivers.dialect import Dialect
 from drivers.errors import UnknownDialectError
 
