@@ -118,17 +118,14 @@ def acquire(rate_hz: float, cycles: int) -> dict[str, Any]:
     from skinlab.acquisition.measurement import Plan
     from skinlab.acquisition.pipeline import Pipeline
     from skinlab.acquisition.sources import LiveSource
-    from skinlab.cli.options import make_identifier
+    from skinlab.api.identifiers import compose_identifier
     from skinlab.curves.curve import Setup
     from skinlab.curves.program import parse_program
     from skinlab.errors import AcquisitionError
     from skinlab.recording.recorder import Recording
     from skinlab.recording.session import read_session
 
-    identifier = make_identifier(
-        method="auto", samples=1000, best=20, tolerance_um=1e-5, seed=0, kappa="paper",
-        phases="load",
-    )  # fmt: skip
+    identifier = compose_identifier()
     listener = Listener()
     with tempfile.TemporaryDirectory() as folder:
         log, out = Path(folder) / "written.npy", Path(folder) / "s.h5"

@@ -14,13 +14,15 @@ Form = TypeVar("Form", bound=msgspec.Struct)
 
 
 class SkinSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The true skin: parameters of the law, and its thickness."""
+    """The true skin: parameters of the paper's law, or of another one by name; its thickness."""
 
     X1_MPa: Annotated[float, Meta(gt=0, le=100)] = 0.025
     X2_MPa: Annotated[float, Meta(ge=0, le=10_000)] = 2.95
     nu: Annotated[float, Meta(ge=0, lt=0.5)] = 0.28
     kappa: Literal["paper", "consistent"] = "paper"
     thickness_mm: Annotated[float, Meta(gt=0, le=50)] = 1.0
+    law: str | None = None
+    parameters: dict[str, float] = {}  # of that law
 
     def __post_init__(self) -> None:
         """Refuse what is not finite."""

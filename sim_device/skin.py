@@ -26,6 +26,7 @@ from skinlab.mechanics.fem.element import QUAD9_FULL
 from skinlab.mechanics.fem.skin import Skin as Law
 from skinlab.mechanics.fem.skin import SkinProblem
 from skinlab.mechanics.fem.suction import Discretisation, Geometry
+from skinlab.mechanics.materials import get_law
 
 Array = NDArray[np.float64]
 
@@ -77,10 +78,13 @@ class _Dome:
 
 
 class SolvedSkin:
-    """A skin of the paper's law with any effects: its dome depends on pressure, time and cycle."""
+    """A skin of any law with any effects: its dome depends on pressure, time and cycle."""
 
     def __init__(self, skin: SkinSection, effects: Effects) -> None:
         self._law = Law((skin.X1_MPa, skin.X2_MPa, skin.nu), skin.kappa)
+        if skin.law is not None:
+            values = get_law(skin.law).ordered(skin.parameters)
+            self._law = Law(values, skin.kappa, skin.law)
         self._thickness_mm = skin.thickness_mm
         self._effects = effects
         self._sensors = Sensors.of(effects)

@@ -1,3 +1,67 @@
-"""Measure human skin at the bedside."""
+"""Measure human skin at the bedside: from a suction probe to stress parameters (docs/python.md).
+
+Names below are loaded when they are first used, so that `import skinlab` is quick.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from skinlab.api.functions import (
+        explain,
+        forward,
+        identify,
+        identify_joint,
+        measure,
+        read_campaign,
+        read_curve,
+        read_session,
+    )
+    from skinlab.api.results import (
+        Campaign,
+        Curve,
+        Explanation,
+        Identification,
+        Measurement,
+        Session,
+    )
+    from skinlab.errors import AcquisitionError, InputError, NotTrustworthyError, SkinlabError
 
 __version__ = "0.1.0"
+
+__all__ = [
+    "AcquisitionError",
+    "Campaign",
+    "Curve",
+    "Explanation",
+    "Identification",
+    "InputError",
+    "Measurement",
+    "NotTrustworthyError",
+    "Session",
+    "SkinlabError",
+    "explain",
+    "forward",
+    "identify",
+    "identify_joint",
+    "measure",
+    "read_campaign",
+    "read_curve",
+    "read_session",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in __all__:
+        raise AttributeError(f"module 'skinlab' has no attribute {name!r}")
+    if name.endswith("Error"):
+        home = "errors"
+    else:
+        home = "api.results" if name[0].isupper() else "api.functions"
+    value = getattr(import_module(f"skinlab.{home}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

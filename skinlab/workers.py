@@ -95,12 +95,16 @@ class Worker:
         more = {} if tell is None else {"tell": tell}
         return function(self.state, *arguments, **more)
 
-    def close(self) -> None:
-        """End the process at once; from any thread."""
+    def kill(self) -> None:
+        """End the process at once; whoever waits for its answer hears of it. From `tell`, too."""
         self._closed = True
         process = self._process
         if process is not None:
-            process.kill()  # whoever waits for its answer hears of it
+            process.kill()
+
+    def close(self) -> None:
+        """End the process, and wait until it is gone; from any thread that waits for no answer."""
+        self.kill()
         with self._lock:
             process, self._process = self._process, None
             if process is not None:

@@ -36,9 +36,14 @@ class Explain(Protocol):
     """Looks for what the model misses; can be cancelled."""
 
     def __call__(
-        self, campaign: Campaign, model: Model, tell: Callable[[str], None], /
+        self,
+        campaign: Campaign,
+        model: Model,
+        tell: Callable[[str], None],
+        database_path: Path | None,
+        /,
     ) -> Outcome | None:
-        """Return the answer; None: it was cancelled."""
+        """Return the answer; None: it was cancelled. No path: with the shipped database."""
 
     def cancel(self) -> None:
         """Give up."""
@@ -77,7 +82,6 @@ class Analysis:
         *,
         make_identifier: Callable[[], Identifier] = default_identifier,
         explain: Explain | None = None,
-        model: Model | None = None,
         apart: bool = False,
         now: Callable[[], datetime] = datetime.now,
     ) -> None:
@@ -86,26 +90,19 @@ class Analysis:
         self._trail = trail
         self._make_identifier = make_identifier
         self._explain = Explainer() if explain is None else explain
-        self._model = model
-        self._model_name = None if model is None else model.model.name
         self._apart = apart
         self._now = now
         self._loading = threading.Lock()
         self._identifier: Identifier | None = None
         self._process: IdentifierApart | None = None
-        self._replaced: list[tuple[Identifier, str | None]] = []  # by adopted models, with names
+        self._replaced: list[Identifier] = []  # by adopted models
 
     @property
     def identifier(self) -> Identifier:
         """What curves are identified with from now on; the first time, this is slow."""
         with self._loading:
             if self._identifier is None:
-                identifier = self._make_identifier()
-                if self._model is not None:
-                    from skinlab.discrepancy.model_identifier import with_model
-
-                    identifier = with_model(identifier, self._model)
-                self._identifier = identifier
+                self._identifier = self._make_identifier()
                 shorten_pauses()
             return self._identifier
 
@@ -168,7 +165,12 @@ class Analysis:
         identifier = self.identifier
         sensor = identifier.sensor
         campaign = Campaign("", sensor.noise_um, sensor.pressure_noise_mbar, tuple(curves))
-        outcome = self._explain(campaign, identifier.model, lambda s: self._post(Explaining(s)))
+        outcome = self._explain(
+            campaign,
+            identifier.model,
+            lambda stage: self._post(Explaining(stage)),
+            identifier.database.path,
+        )
         if outcome is not None:
             self._post(Explained(outcome))
 
@@ -193,8 +195,7 @@ class Analysis:
         )
         if self._trail.recorded_with is not None:
             self._trail.audit("model adopted", file=path.name, hash=model.hash)
-        self._replaced.append((identifier, self._model_name))
-        self._model_name = model.model.name
+        self._replaced.append(identifier)
         self.use(with_model(identifier, model))
         self._post(Adopted(path, model.model.name, anew=self._another_model))
 
@@ -208,9 +209,9 @@ class Analysis:
             raise AcquisitionError("no model was adopted: there is nothing to undo")
         if self._trail.recorded_with is not None:
             self._trail.audit("model adoption undone")
-        identifier, self._model_name = self._replaced.pop()
+        identifier = self._replaced.pop()
         self.use(identifier)
-        self._post(Adopted(None, self._model_name, anew=self._another_model))
+        self._post(Adopted(None, identifier.model_name, anew=self._another_model))
 
     @property
     def _another_model(self) -> bool:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from skinlab.errors import SkinlabError
@@ -35,9 +36,15 @@ class Explainer:
         self._cancelled = False
 
     def __call__(
-        self, campaign: Campaign, model: Model, tell: Callable[[str], None]
+        self,
+        campaign: Campaign,
+        model: Model,
+        tell: Callable[[str], None],
+        database_path: Path | None = None,
     ) -> Outcome | None:
         """Return the answer; None: it was cancelled. `tell` hears of each stage.
+
+        `database_path`: of the model's law; None: the shipped one.
 
         Raises:
             SkinlabError: there is none, a sentence; or another search is under way.
@@ -47,7 +54,7 @@ class Explainer:
                 raise ExplainError("what is missing is being looked for already")
             self._cancelled = False
             worker = self._worker = Worker(
-                (campaign, model), nice=_LESS, here=False, command=self._command
+                (campaign, model, database_path), nice=_LESS, here=False, command=self._command
             )
         try:
             found: Outcome = worker.call(look, tell=tell)
@@ -69,18 +76,17 @@ class Explainer:
     def cancel(self) -> None:
         """End the search, if there is one; from any thread."""
         with self._lock:
-            worker = self._worker
-            if worker is None:
-                return
-            self._cancelled = True
-        worker.close()
+            if self._worker is not None:
+                self._cancelled = True
+                self._worker.kill()
 
 
-def look(asked: tuple[Campaign, Model], tell: Callable[[str], None]) -> Outcome:
+def look(asked: tuple[Campaign, Model, Path | None], tell: Callable[[str], None]) -> Outcome:
     """Return what these curves miss in this model; for a worker process."""
     tell("loading the database")
     from skinlab.discrepancy.workflow import explain
-    from skinlab.tables.store import shipped_table
+    from skinlab.tables.store import read, shipped_table
 
-    campaign, model = asked
-    return explain(campaign, shipped_table(), model=model, progress=tell)
+    campaign, model, path = asked
+    database = shipped_table() if path is None else read(path)
+    return explain(campaign, database, model=model, progress=tell)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import gc
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 _TURN_S = 0.001  # how long a thread keeps the interpreter while another one waits
 
@@ -18,3 +20,15 @@ def shorten_pauses() -> None:
     gc.collect()
     gc.freeze()
     sys.setswitchinterval(_TURN_S)
+
+
+@contextmanager
+def short_pauses() -> Iterator[None]:
+    """Do the same for a while, in a program that is somebody else's."""
+    before = sys.getswitchinterval()
+    shorten_pauses()
+    try:
+        yield
+    finally:
+        sys.setswitchinterval(before)
+        gc.unfreeze()

@@ -1,7 +1,7 @@
 """The rules of a measurement: repeats, rests, lost links, vents, the end. No clock, thread or port.
 
 `Measurement.handle` takes what happened and the time, and returns what is to be done, in order.
-The same rules run at the bedside and headless: docs/decisions/0014-one-measurement.md.
+The same rules run at the bedside and headless: docs/decisions/0015-one-measurement.md.
 """
 
 from __future__ import annotations

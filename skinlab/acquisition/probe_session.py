@@ -56,7 +56,6 @@ if TYPE_CHECKING:
     from skinlab.acquisition.measurement_request import Order
     from skinlab.acquisition.visit import Visit
     from skinlab.inference.identify import Identifier
-    from skinlab.mechanics.model_file import Model
 
 _LOOK_S = 0.01  # while an identification is under way: how late its answer may be seen
 _POLL_S = 0.1  # also how long the stream must be quiet before the session is saved
@@ -82,7 +81,6 @@ class ProbeSession:
         now: Callable[[], datetime] = datetime.now,
         policy: Policy | None = None,
         explain: Explain | None = None,
-        model: Model | None = None,
         apart: bool = False,
     ) -> None:
         self.analysis = Analysis(
@@ -91,7 +89,6 @@ class ProbeSession:
             self,
             make_identifier=make_identifier,
             explain=explain,
-            model=model,
             apart=apart,
             now=now,
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import msgspec
@@ -15,6 +16,7 @@ from skinlab.acquisition.replay_control import ReplayControl
 from skinlab.curves.curve import Curve
 from skinlab.discrepancy.model_identifier import with_model
 from skinlab.errors import InputError
+from skinlab.inference.custom_table import with_custom_table
 from skinlab.inference.identify import Identifier
 from skinlab.inference.methods import get_method
 from skinlab.inference.population import decode_prior, with_prior
@@ -25,8 +27,8 @@ from skinlab.mechanics.model_file import decode_model
 from skinlab.recording.recorded import dialect_of, recorded_items
 from skinlab.recording.session import Session
 from skinlab.recording.stream import CurveCompleted, Message
-from skinlab.tables.base import Database
-from skinlab.tables.store import shipped_grid, shipped_table
+from skinlab.tables.store import read, shipped_grid, shipped_table
+from skinlab.tables.table import Table
 from skinlab.versions import versions
 
 # Settings that sessions did not record at first, where they were others than today's defaults.
@@ -55,26 +57,28 @@ class _Settings(msgspec.Struct):
     model: str | None = None
     noise_um: Annotated[float, Meta(gt=0, lt=1e6)] | None = None
     pressure_noise_mbar: Annotated[float, Meta(ge=0, lt=1e3)] | None = None
+    database_hash: str | None = None
+    database_path: str | None = None  # where it was, of one that does not ship
     prior: _Prior | None = None
 
 
-def identifier_of(session: Session) -> tuple[Identifier, str | None]:
+def identifier_of(
+    session: Session, database_path: Path | None = None
+) -> tuple[Identifier, str | None]:
     """Return the identifier that the session was recorded with.
 
-    The second value is a sentence where this installation's database is another one, so that
-    results may differ.
+    Its database is the one that the session names by hash: one that ships, or the file that it was
+    then; `database_path` is where that is now. The second value is a sentence where the database is
+    another one, so that results may differ.
 
     Raises:
-        InputError: the session does not say how it was identified.
+        InputError: the session does not say how it was identified, or its database is not there.
     """
     settings = session.meta.get("identification")
     if settings is None and is_imported(session):
         return Identifier(shipped_table()), None  # nothing was identified, nothing can differ
     if not isinstance(settings, dict):
         raise InputError("the session does not say how it was identified")
-    stated = settings.get("database_hash")
-    shipped: tuple[Database, ...] = (shipped_table(), shipped_grid())
-    database = next((d for d in shipped if d.content_hash == stated), shipped[0])
     try:
         said = msgspec.convert(settings, _Settings)
         method = get_method(said.method)
@@ -87,6 +91,8 @@ def identifier_of(session: Session) -> tuple[Identifier, str | None]:
         method.check(options)
     except ValueError as error:  # InputError is one
         raise InputError(f"the session's field identification is damaged ({error})") from None
+    stated = said.database_hash
+    database = _database(stated, said.database_path, database_path)
     identifier = Identifier(
         database,
         method=said.method,
@@ -96,7 +102,9 @@ def identifier_of(session: Session) -> tuple[Identifier, str | None]:
         phases=said.phases,
         sensor=Sensor(said.noise_um, said.pressure_noise_mbar),
     )
-    if said.model is not None:
+    if database.spec.model is not None:
+        identifier = with_custom_table(identifier, database, phases_said=True)
+    elif said.model is not None:
         model = decode_model(said.model, "the session's field identification.model")
         identifier = with_model(identifier, model)
     if said.prior is not None:
@@ -110,6 +118,30 @@ def identifier_of(session: Session) -> tuple[Identifier, str | None]:
             f"{database.content_hash}: results may differ"
         )
     return identifier, warning
+
+
+def _database(stated: str | None, was: str | None, is_: Path | None) -> Table:
+    """Return the database of this hash: the file that is asked for, one that ships, or as it was.
+
+    Raises:
+        InputError: the file is not there any more, is none, or is another one.
+    """
+    if is_ is not None:
+        return read(is_)
+    shipped = (shipped_table(), shipped_grid())
+    found = next((d for d in shipped if d.content_hash == stated), None)
+    if found is not None:
+        return found
+    if was is None:
+        return shipped[0]  # an earlier version of it
+    asked = f"the session was identified with the database {stated}, then in {was}"
+    try:
+        found = read(Path(was))
+    except InputError as error:
+        raise InputError(f"{asked} ({error}); say by --database where it is") from None
+    if found.content_hash != stated:
+        raise InputError(f"{asked}, where now is another one; say by --database where it is")
+    return found
 
 
 def _own(said: _Settings, settings: dict[str, Any]) -> dict[str, Any]:

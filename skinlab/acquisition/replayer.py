@@ -48,8 +48,14 @@ class Replayer:
     recorded_with: Identifier | None = None  # no session is open
 
     def __init__(
-        self, folder: Path, post: Callable[[News], None], speed: float | None = 1.0
+        self,
+        folder: Path,
+        post: Callable[[News], None],
+        speed: float | None = 1.0,
+        *,
+        database_path: Path | None = None,
     ) -> None:
+        self._database_path = database_path
         self.analysis = Analysis(folder, post, self)
         self.control = ReplayControl(speed, sleep=self._nap)
         self._post = post
@@ -142,7 +148,7 @@ class Replayer:
             meta = session.meta
             self._created = _local(meta.get("created_utc"))
             self._created_s = float(meta.get("created_host_time_s") or 0.0)
-            identifier, _ = identifier_of(session)
+            identifier, _ = identifier_of(session, self._database_path)
             self.analysis.use(identifier)
             worker = IdentificationWorker(identifier, self._estimated)
             items = recorded_items(session.records, dialect_of(session.meta))

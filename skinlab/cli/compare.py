@@ -6,13 +6,14 @@ from pathlib import Path
 
 import click
 
-from skinlab.cli.options import json_option
+from skinlab.cli.options import database_option, json_option
 from skinlab.cli.output import echo, print_json
 
 
 @click.command()
 @click.argument("before", type=click.Path(path_type=Path))
 @click.argument("after", type=click.Path(path_type=Path))
+@database_option("the one that BEFORE names")
 @click.option(
     "--study",
     type=click.Path(path_type=Path),
@@ -41,6 +42,7 @@ from skinlab.cli.output import echo, print_json
 def command(
     before: Path,
     after: Path,
+    database_path: Path | None,
     study: Path | None,
     control: tuple[Path, Path] | None,
     placement_scatter: str,
@@ -77,7 +79,7 @@ def command(
         raise InputError(f"relevant_percent {relevant:g}: expected a positive number")
     paths = (before, after, *(control or ()))
     sessions = [read_session(path) for path in paths]
-    identifier, warning = identifier_of(sessions[0])
+    identifier, warning = identifier_of(sessions[0], database_path)
     if warning:
         echo(f"skinlab: {warning}", err=True)
     results = [

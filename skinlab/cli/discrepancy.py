@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import datetime
-import os
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,9 +13,7 @@ from skinlab.cli.options import database_option, json_option
 from skinlab.cli.output import echo, echo_text, print_json
 
 if TYPE_CHECKING:
-    from skinlab.discrepancy.outcome import Outcome
-    from skinlab.mechanics.model_file import Model
-    from skinlab.tables.table import Table
+    from skinlab.discrepancy.workflow import Partial
 
 
 @click.command()
@@ -55,11 +52,37 @@ def command(
         from skinlab.errors import InputError
 
         raise InputError(f"{adopt}: exists already; expected a new file")
-    outcome, files = _outcome(
-        campaign, model_path, database_path, workers or os.cpu_count() or 1, no_cache, report
-    )
-    if adopt is not None:
-        outcome = _adopt(outcome, adopt, model_path, database_path, files)
+    from skinlab.api.explaining import adopt as write_adopted
+    from skinlab.api.explaining import base_model, outcome_of
+    from skinlab.api.identifiers import find_table
+    from skinlab.discrepancy.adopt import hashes
+    from skinlab.discrepancy.workflow import Partial
+    from skinlab.recording.load_inputs import read_campaign_or_session
+
+    curves, files = read_campaign_or_session(campaign)
+    table = find_table(database_path)
+    base = base_model(model_path, table)
+    data = hashes(files)
+    partial = Partial()
+    try:
+        outcome = outcome_of(
+            curves,
+            data,
+            base,
+            table,
+            workers=workers,
+            cached=not no_cache,
+            progress=_progress,
+            partial=partial,
+        )
+    except KeyboardInterrupt:
+        _tell_partial(partial, report)
+        raise
+    if adopt is not None and outcome.verdict.name != "named":
+        echo(f"skinlab: the verdict is {outcome.verdict.name}: there is nothing to adopt", err=True)
+    elif adopt is not None:
+        write_adopted(outcome, adopt, base, table, data)
+        outcome = replace(outcome, adopted_model=str(adopt))
     if report is not None:
         from skinlab.report.missing_effect import write_report
 
@@ -73,88 +96,17 @@ def command(
     return 0
 
 
-def _outcome(
-    path: Path,
-    model_path: Path | None,
-    database_path: Path | None,
-    workers: int,
-    no_cache: bool,
-    report: Path | None,
-) -> tuple[Outcome, list[Path]]:
-    from skinlab.discrepancy import cache
-    from skinlab.discrepancy.adopt import hashes
-    from skinlab.discrepancy.records import records_of
-    from skinlab.discrepancy.workflow import Partial, explain
-    from skinlab.recording.load_inputs import read_campaign_or_session
-    from skinlab.tables.store import read, shipped_table
-
-    campaign, files = read_campaign_or_session(path)
-    table = shipped_table() if database_path is None else read(database_path)
-    model = _base(model_path, table)
-    data = (f"{file} {content}" for file, content in hashes(files).items())
-    name = cache.key([model.hash, table.content_hash, *data])
-    known = None if no_cache else cache.load(name, records_of(campaign))
-    if known is not None:
-        return known, files
-
-    def progress(text: str) -> None:
-        if sys.stderr.isatty():
-            echo(f"{text} …", err=True)
-
-    partial = Partial()
-    try:
-        outcome = explain(
-            campaign, table, model=model, workers=workers, progress=progress, partial=partial
-        )
-    except KeyboardInterrupt:
-        from skinlab.discrepancy.text import partial_words
-        from skinlab.io.files import write_file
-        from skinlab.text import inert_lines
-
-        text = partial_words(partial)
-        echo_text(text, err=True)
-        if report is not None:
-            write_file(report / "partial.txt", inert_lines(text) + "\n", replace=True)
-        raise
-    cache.save(name, outcome)
-    return outcome, files
+def _progress(text: str) -> None:
+    if sys.stderr.isatty():
+        echo(f"{text} …", err=True)
 
 
-def _base(model_path: Path | None, table: Table) -> Model:
-    """Return the model to start from: that of the file, else the table's law as it is."""
-    from skinlab.mechanics.model_file import BASE, Header, Model, read_model
-
-    if model_path is not None:
-        return read_model(model_path)
-    return BASE if table.law == BASE.model.law else Model(Header(table.law, table.law))
-
-
-def _adopt(
-    outcome: Outcome,
-    to: Path,
-    model_path: Path | None,
-    database_path: Path | None,
-    files: list[Path],
-) -> Outcome:
-    from dataclasses import replace
-    from importlib.metadata import version
-
-    from skinlab.discrepancy.adopt import adopted, hashes
+def _tell_partial(partial: Partial, report: Path | None) -> None:
+    from skinlab.discrepancy.text import partial_words
     from skinlab.io.files import write_file
-    from skinlab.tables.store import read, shipped_table
+    from skinlab.text import inert_lines
 
-    if outcome.verdict.name != "named":
-        echo(f"skinlab: the verdict is {outcome.verdict.name}: there is nothing to adopt", err=True)
-        return outcome
-    table = shipped_table() if database_path is None else read(database_path)
-    model = adopted(
-        _base(model_path, table),
-        outcome.posteriors[outcome.best.effects],
-        verdict=outcome.verdict.name,
-        data=hashes(files),
-        database_hash=table.content_hash,
-        version=version("skinlab"),
-        date=datetime.datetime.now(datetime.UTC).date().isoformat(),
-    )
-    write_file(to, model.to_toml())
-    return replace(outcome, adopted_model=str(to))
+    text = partial_words(partial)
+    echo_text(text, err=True)
+    if report is not None:
+        write_file(report / "partial.txt", inert_lines(text) + "\n", replace=True)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
+from skinlab.cli.options import database_option
 from skinlab.cli.output import echo
 
 if TYPE_CHECKING:
@@ -25,10 +26,12 @@ if TYPE_CHECKING:
     required=True,
     help="Format.",
 )
+@database_option("the one that SESSION names")
 def command(
     session: Path,
     folder: Path,
     kind: Literal["csv", "json", "html", "png", "svg", "fhir", "parameters"],
+    database_path: Path | None,
 ) -> int:
     """Write SESSION into DIR.
 
@@ -59,13 +62,15 @@ def command(
             made = to_parameters(read, identifier)
             paths = write_new(folder, {n: t.encode() for n, t in made.items()})
         case _:
-            paths = _export_report(session, read, kind, folder)
+            paths = _export_report(session, read, kind, folder, database_path)
     for path in paths:
         echo(str(path))
     return 0
 
 
-def _export_report(path: Path, session: Session, kind: Format, folder: Path) -> list[Path]:
+def _export_report(
+    path: Path, session: Session, kind: Format, folder: Path, database_path: Path | None
+) -> list[Path]:
     from skinlab.acquisition.replay import identifier_of
     from skinlab.errors import InputError
     from skinlab.exchange.export import check_free, write_new
@@ -75,7 +80,7 @@ def _export_report(path: Path, session: Session, kind: Format, folder: Path) -> 
     identifier: Identifier | str
     remarks = []
     try:
-        identifier, warning = identifier_of(session)
+        identifier, warning = identifier_of(session, database_path)
     except InputError as error:
         identifier, warning = str(error), None
     if warning is not None:

@@ -60,46 +60,28 @@ def command(
     Example: skinlab forward --direct --x1-mpa 0.03 --x2-mpa 1.0 --nu 0.32 \\
              --aperture-mm 6 --thickness-mm 1 --program ramp:100@20 --csv curve.csv
     """
+    from skinlab.api.simulation import simulated
     from skinlab.curves.csv import write_curve
     from skinlab.curves.curve import Setup
     from skinlab.curves.program import parse_program
     from skinlab.errors import InputError
     from skinlab.io.files import write_file
-    from skinlab.mechanics.fem.skin import Skin
-    from skinlab.mechanics.materials import DEFAULT_LAW, get_law
-    from skinlab.mechanics.model_file import read_model
-    from skinlab.tables.forward import simulate, simulate_from
-    from skinlab.tables.store import read
 
     if csv_path is not None and csv_path.is_file() and not force:
         raise InputError(f"{csv_path}: exists already; --force replaces it")
     if database_path is not None and direct:
         raise click.UsageError("--database answers, or --direct: not both")
     setup = Setup(aperture_mm, thickness_mm, parse_program(program), cycle=cycle)
-    table = None if database_path is None else read(database_path)
-    effects = {}
-    said = was_said("kappa")
-    if model_path is not None:
-        model = read_model(model_path)
-        if said and kappa != model.model.kappa:
-            raise InputError(
-                f"{model_path}: kappa is {model.model.kappa!r}, and --kappa says {kappa!r}"
-            )
-        if law is not None and law != model.model.law:
-            raise InputError(f"{model_path}: law is {model.model.law!r}, and --law says {law!r}")
-        law, kappa, effects, said = model.model.law, model.model.kappa, model.values, True
-    if table is not None:
-        law = table.law if law is None else law
-        own = table.spec.model
-        if own is not None and not said:
-            kappa = own.model.kappa
-    law = DEFAULT_LAW if law is None else law
-    get_law(law)
-    skin = Skin(law_values(law, values), kappa, law)
-    if table is not None:
-        curve, warning = simulate_from(table, skin, effects, setup, rate_hz)
-    else:
-        curve, warning = simulate(skin, setup, rate_hz, direct=direct, effects=effects)
+    curve, warning = simulated(
+        setup,
+        lambda name: law_values(name, values),
+        law=law,
+        kappa=kappa if was_said("kappa") else None,
+        rate_hz=rate_hz,
+        direct=direct,
+        model=model_path,
+        database=database_path,
+    )
     text = io.StringIO()
     write_curve(text, curve)
     if csv_path is None:

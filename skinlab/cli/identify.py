@@ -163,20 +163,19 @@ def _scatter(text: str) -> float | None:
 
 
 def _together(identifier: Identifier, read: list[Input], scatter: float | None) -> Any:
-    """Return the joint answer: of first cycles, where there are any, since the law means those."""
+    """Return the joint answer: of first cycles, where there are any."""
     from dataclasses import replace
 
-    from skinlab.inference.batch import with_stated_noise
+    from skinlab.inference.batch import first_cycles, with_stated_noise
 
-    curves = [curve for given in read for curve in given.curves]
-    first = [curve for curve in curves if curve.setup.cycle == 1]
-    if first and len(first) < len(curves):
+    everything = [curve for given in read for curve in given.curves]
+    curves = first_cycles(everything)
+    if len(curves) < len(everything):
         echo(
-            f"skinlab: {len(curves) - len(first)} curves of later cycles are left out of the "
+            f"skinlab: {len(everything) - len(curves)} curves of later cycles are left out of the "
             "joint identification",
             err=True,
         )
-        curves = first
     knowing = identifier
     if len(read) == 1:
         knowing = with_stated_noise(

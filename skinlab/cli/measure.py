@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +15,7 @@ from drivers.line_dialect import IGNORED
 from skinlab.cli.interrupts import interrupt_on_signals
 from skinlab.cli.method_options import MethodCommand
 from skinlab.cli.options import (
+    database_option,
     dialect_option,
     geometry_options,
     identification_options,
@@ -30,7 +29,8 @@ from skinlab.cli.output import echo, echo_text, print_json
 
 if TYPE_CHECKING:
     from drivers.dialects import Dialect
-    from drivers.probe import Probe
+    from drivers.dose import Dose
+    from drivers.events import Hello
     from skinlab.acquisition.measurement import Plan
     from skinlab.curves.program import Program
     from skinlab.recording.stream import Message
@@ -59,6 +59,7 @@ _NOT_UNDERSTOOD = 10  # lines, after which it is said
 )
 @click.option("--out", required=True, type=click.Path(path_type=Path), help="The session to write.")
 @identification_options()
+@database_option()
 @prior_options(site=False)
 @json_option()
 def command(
@@ -91,17 +92,10 @@ def command(
     a curve begins when the pressure leaves zero. --repeats counts curves; Ctrl-C saves what came.
     """
     from drivers.probe import choose_dialect
-    from skinlab.acquisition.measurement import Plan
+    from skinlab.acquisition.session_run import plan_of
     from skinlab.curves.curve import Setup
     from skinlab.curves.program import parse_program
-    from skinlab.errors import InputError
 
-    if not 1 <= repeats <= 1000:
-        raise InputError(f"repeats {repeats}: expected 1–1000")
-    if rate_hz is not None and not 0 < rate_hz <= 1e5:
-        raise InputError(f"rate_hz {rate_hz:g}: expected a positive number of samples a second")
-    if not 0 <= rest_s <= 3600:
-        raise InputError(f"rest_s {rest_s:g}: expected 0–3600 s")
     _, speaks = choose_dialect(port, dialect)
     controls = speaks.capabilities.controllable
     if program is None and controls:
@@ -118,7 +112,7 @@ def command(
         cycle=first_cycle,
         thickness_sd_mm=thickness_sd_mm,
     )
-    plan = Plan(setup, repeats=repeats, rest_s=rest_s, rate_hz=rate_hz)
+    plan = plan_of(setup, repeats, rest_s, rate_hz)
     identifier = with_prior_option(make_identifier(**options), prior_path, site, age_years)
     return run(
         port,
@@ -135,12 +129,11 @@ def command(
 
 def _check_phases(program: Program, phases: str) -> None:
     """Refuse, before any suction, a program that holds nothing to fit."""
-    if not set(parse_phases(phases)) & set(program.phases):
-        found = ", ".join(dict.fromkeys(program.phases))
-        raise click.BadParameter(
-            f"{program} has no {phases}, so that nothing could be fitted; it has {found}",
-            param_hint="--phases",
-        )
+    from skinlab.acquisition.session_run import nothing_to_fit
+
+    complaint = nothing_to_fit(program, parse_phases(phases))
+    if complaint is not None:
+        raise click.BadParameter(complaint, param_hint="--phases")
 
 
 def run(
@@ -163,17 +156,15 @@ def run(
             session was written.
     """
     from skinlab.acquisition.gc_tuning import shorten_pauses
-    from skinlab.acquisition.measure import measure
-    from skinlab.acquisition.pipeline import Pipeline
-    from skinlab.acquisition.sources import LiveSource
+    from skinlab.acquisition.session_run import run_session
     from skinlab.inference.result import Identification, document
-    from skinlab.recording.recorder import Recording
     from skinlab.recording.stream import Flagged, Happened, Identified
     from skinlab.report.outage import outage_words
     from skinlab.report.text import describe, describe_dose
 
     results: list[Identification] = []
     onlooker = None if dialect.capabilities.controllable else _Onlooker(plan.repeats, dialect.name)
+    limit_mbar_s = DEFAULT_DOSE_MBAR_S if dose_limit_mbar_s is None else dose_limit_mbar_s
 
     def show(message: Message) -> None:
         if onlooker is not None:
@@ -187,36 +178,39 @@ def run(
         elif isinstance(message, Happened) and (words := outage_words(message.event)):
             echo(f"skinlab: {words}", err=True)
 
-    make_probe = probes(dose_limit_mbar_s)
-    limit_mbar_s = DEFAULT_DOSE_MBAR_S if dose_limit_mbar_s is None else dose_limit_mbar_s
-    _check_dose(plan, limit_mbar_s)
-    # A terminated process, or one whose terminal is closed, vents like an interrupted one.
-    interrupt_on_signals()
-    recording = Recording(out, identifier, subject=subject, site=site, url=port, dialect=dialect)
-    shorten_pauses()
-    failed: BaseException | None = None
-    try:
-        with make_probe(port, dialect=dialect, on_bytes=recording.journal.raw) as probe:
-            hello = probe.open()
-            if onlooker is not None:
-                onlooker.begin()
-            if hello.simulated and sys.stderr.isatty():
-                echo(f"SIMULATED probe: {hello.model} {hello.firmware}", err=True)
-            source = LiveSource(probe, recording.journal)
-            measure(source, plan, Pipeline(identifier, [recording, show]))
-    except BaseException as error:
-        failed = error
-        raise
-    finally:
-        saved = _finish(recording, failed)
-        if saved and as_json:
-            whole = document(
-                identifier.provenance(), results, session=str(saved), dose=recording.dose
-            )
-            print_json(whole)
-        elif saved:
-            echo(f"{describe_dose(recording.dose)}; limit {limit_mbar_s:g} mbar·s")
-            echo(f"session: {saved}")
+    def ready() -> None:
+        # A terminated process, or one whose terminal is closed, vents like an interrupted one.
+        interrupt_on_signals()
+        shorten_pauses()
+
+    def opened(hello: Hello) -> None:
+        if onlooker is not None:
+            onlooker.begin()
+        if hello.simulated and sys.stderr.isatty():
+            echo(f"SIMULATED probe: {hello.model} {hello.firmware}", err=True)
+
+    def saved(path: Path, dose: Dose) -> None:
+        if as_json:
+            print_json(document(identifier.provenance(), results, session=str(path), dose=dose))
+        else:
+            echo(f"{describe_dose(dose)}; limit {limit_mbar_s:g} mbar·s")
+            echo(f"session: {path}")
+
+    run_session(
+        port,
+        plan,
+        out,
+        identifier,
+        dialect=dialect,
+        saved=saved,
+        subject=subject,
+        site=site,
+        dose_limit_mbar_s=dose_limit_mbar_s,
+        listener=show,
+        opened=opened,
+        ready=ready,
+        say=lambda sentence: echo(f"skinlab: {sentence}", err=True),
+    )
     return 0
 
 
@@ -255,72 +249,3 @@ class _Onlooker:
                 echo(f"skinlab: {of}: start the instrument; Ctrl-C ends and saves", err=True)
             case _:
                 pass
-
-
-def probes(dose_limit_mbar_s: float | None, dialect: str | None = None) -> Callable[..., Probe]:
-    """Return what makes a Probe with the dose limit that the user asked for; None: the usual one.
-
-    dialect: of ports that do not name their own; the simulated probe always does.
-
-    Raises:
-        InputError: it is no limit.
-    """
-    from drivers.dialects import split_dialect
-    from drivers.probe import DEFAULT_LIMITS, Probe
-    from skinlab.errors import InputError
-
-    common: dict[str, Any] = {}
-    if dose_limit_mbar_s is not None:
-        try:
-            common["limits"] = replace(DEFAULT_LIMITS, max_dose_mbar_s=dose_limit_mbar_s)
-        except ValueError:
-            raise InputError(
-                f"dose_limit_mbar_s {dose_limit_mbar_s:g}: expected a positive number of mbar·s"
-            ) from None
-
-    def make(port: str, **arguments: Any) -> Probe:
-        if dialect is not None and not port.startswith("sim:") and split_dialect(port)[1] is None:
-            arguments = {"dialect": dialect, **arguments}
-        return Probe(port, **common, **arguments)
-
-    return make
-
-
-def _check_dose(plan: Plan, limit_mbar_s: float) -> None:
-    """Refuse, before any suction, a plan that the site may not have as a whole."""
-    from drivers.dose import program_dose
-    from skinlab.acquisition.sources import wire_segments
-    from skinlab.errors import InputError
-
-    if plan.setup.program is None:
-        return
-    once = program_dose(wire_segments(plan.setup.program)).suction_mbar_s
-    if plan.repeats * once > limit_mbar_s:
-        raise InputError(
-            f"{plan.repeats} times {plan.setup.program} needs a dose of {plan.repeats * once:.6g} "
-            f"mbar·s, more than the {limit_mbar_s:.6g} mbar·s allowed in one visit "
-            "(--dose-limit-mbar-s)"
-        )
-
-
-def _finish(recording: Any, failed: BaseException | None) -> Path | None:
-    """Write the session; where that fails too, say both.
-
-    Raises:
-        AcquisitionError, InputError: the session cannot be written.
-    """
-    from skinlab.errors import AcquisitionError, InputError
-
-    trouble = recording.journal.trouble
-    try:
-        saved: Path | None = recording.finish()
-    except InputError as error:
-        if failed is None:
-            raise
-        if not isinstance(failed, AcquisitionError):
-            echo(f"skinlab: {error}", err=True)
-            return None
-        # A disk that is full has stopped the measurement: one cause, one sentence.
-        before = "recording failed, the probe was told to vent" if trouble else failed
-        raise AcquisitionError(f"{before}; {error}") from None
-    return saved

@@ -10,7 +10,6 @@ from skinlab.cli.output import echo
 
 if TYPE_CHECKING:
     from skinlab.inference.methods import Method, Option
-    from skinlab.inference.problem import Options
 
 
 class MethodCommand(click.Command):
@@ -64,14 +63,14 @@ def _readers() -> dict[str, list[tuple[Method, Option[Any]]]]:
     return found
 
 
-def settled(method: str, samples: int | None, options: Options, given: dict[str, Any]) -> Options:
-    """Return the options with N, and those of single methods that the user gave (None: nothing).
+def parsed(method: str, samples: int | None, given: dict[str, Any]) -> dict[str, Any]:
+    """Return the values of the single methods' options that the user gave (None: nothing).
 
     Raises:
         click.UsageError: the method does not read one of them, or N is given twice.
-        InputError: one is out of its range.
     """
     from skinlab.inference.methods import get_method
+    from skinlab.inference.problem import Options
 
     chosen = get_method(method)
     own = {option.name: option for option in chosen.options}
@@ -91,9 +90,7 @@ def settled(method: str, samples: int | None, options: Options, given: dict[str,
             said[name] = own[name].parse(text)
         except ValueError as error:
             raise click.BadParameter(str(error), param_hint=flag) from None
-    options = options.having(**said)
-    chosen.check(options)
     if samples is not None:
-        for remark in chosen.remarks(options):
+        for remark in chosen.remarks(Options(samples=samples).having(**said)):
             echo(f"skinlab: {remark}", err=True)
-    return chosen.settle(options)
+    return said

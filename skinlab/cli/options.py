@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 from click.core import ParameterSource
 
-from skinlab.cli.method_options import settled
+from skinlab.cli.method_options import parsed
 
 if TYPE_CHECKING:
-    from skinlab.mechanics.model_file import Model
+    from skinlab.inference.identify import Identifier
+    from skinlab.mechanics.materials.compressibility import KappaConvention
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -103,13 +103,13 @@ def kappa_option() -> Callable[[F], F]:
     )
 
 
-def database_option() -> Callable[[F], F]:
+def database_option(default: str = "the shipped one") -> Callable[[F], F]:
     """`--database`."""
     return click.option(
         "--database",
         "database_path",
         type=click.Path(path_type=Path),
-        help="A file that `skinlab database build` wrote  [default: the shipped one].",
+        help=f"A file that `skinlab database build` wrote  [default: {default}].",
     )
 
 
@@ -156,16 +156,13 @@ def parse_phases(text: str) -> tuple[str, ...]:
     Raises:
         click.BadParameter: one of them does not exist.
     """
-    phases = tuple(part.strip() for part in text.split(",") if part.strip())
-    known = ("load", "hold", "unload", "rest")
-    for phase in phases:
-        if phase not in known:
-            raise click.BadParameter(
-                f"{phase!r} is no phase; expected of {', '.join(known)}", param_hint="--phases"
-            )
-    if not phases:
-        raise click.BadParameter("names no phase", param_hint="--phases")
-    return phases
+    from skinlab.api.identifiers import read_phases
+    from skinlab.errors import InputError
+
+    try:
+        return read_phases(text)
+    except InputError as error:
+        raise click.BadParameter(str(error), param_hint="--phases") from None
 
 
 def make_identifier(
@@ -175,72 +172,36 @@ def make_identifier(
     best: int,
     tolerance_um: float,
     seed: int,
-    kappa: str,
+    kappa: KappaConvention,
     phases: str,
     noise_um: float | None = None,
     pressure_noise_mbar: float | None = None,
     model_path: Path | None = None,
     database_path: Path | None = None,
     **single: Any,
-) -> Any:
+) -> Identifier:
     """Return the Identifier that the options describe; `single` are those of single methods.
 
     Raises:
         click.UsageError: the method does not read one of its options.
         InputError: an option is out of its range.
     """
-    from skinlab.errors import InputError
-    from skinlab.inference.custom_table import with_custom_table
-    from skinlab.inference.identify import Identifier
-    from skinlab.inference.problem import Options, check
-    from skinlab.inference.uncertainty import Sensor
-    from skinlab.mechanics.model_file import read_model
-    from skinlab.tables.store import read, shipped_table
+    from skinlab.api.identifiers import compose_identifier
 
-    options = Options(best=best, tolerance_um=tolerance_um)
-    if samples is not None:
-        options = replace(options, samples=samples)
-    options = settled(method, samples, options, single)
-    check(options)
-    if seed < 0:
-        raise InputError(f"seed {seed}: expected zero or more")
-    if noise_um is not None and not 0 < noise_um < 1e6:
-        raise InputError(f"noise_um {noise_um:g}: expected a positive number")
-    if pressure_noise_mbar is not None and not 0 <= pressure_noise_mbar < 1e3:
-        raise InputError(f"pressure_noise_mbar {pressure_noise_mbar:g}: expected zero or more")
-    database = shipped_table() if database_path is None else read(database_path)
-    identifier = Identifier(
-        database,
+    return compose_identifier(
         method=method,
-        options=options,
+        samples=samples,
+        best=best,
+        tolerance_um=tolerance_um,
         seed=seed,
-        kappa="consistent" if kappa == "consistent" else "paper",
-        phases=parse_phases(phases),
-        sensor=Sensor(noise_um, pressure_noise_mbar),
+        kappa=kappa if was_said("kappa") else None,
+        phases=parse_phases(phases) if was_said("phases") else None,
+        noise_um=noise_um,
+        pressure_noise_mbar=pressure_noise_mbar,
+        model=model_path,
+        database=database_path,
+        **parsed(method, samples, single),
     )
-    model = None if model_path is None else read_model(model_path)
-    own = database.spec.model
-    if own is not None:
-        if model is not None and model.hash != own.hash:
-            raise InputError(
-                f"{database_path}: built for the model {own.model.name!r}, and {model_path} is "
-                "another; build a database of that, or leave --database out"
-            )
-        _check_kappa(database_path, own, kappa)
-        return with_custom_table(identifier, database, phases_said=was_said("phases"))
-    if model is None:
-        return identifier
-    from skinlab.discrepancy.model_identifier import with_model
-
-    _check_kappa(model_path, model, kappa)
-    return with_model(identifier, model)
-
-
-def _check_kappa(path: Path | None, model: Model, kappa: str) -> None:
-    from skinlab.errors import InputError
-
-    if was_said("kappa") and kappa != model.model.kappa:
-        raise InputError(f"{path}: kappa is {model.model.kappa!r}, and --kappa says {kappa!r}")
 
 
 def was_said(option: str) -> bool:

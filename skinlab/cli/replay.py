@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from skinlab.cli.options import json_option
+from skinlab.cli.options import database_option, json_option
 from skinlab.cli.output import echo, echo_text, print_json, status_line
 
 _KEYS = "space pauses and goes on, . steps, 1 x m: pace as it was, tenfold, without waiting; q ends"
@@ -27,9 +27,16 @@ _DRAW_S = 0.05
 @click.option("--ui", is_flag=True, help="In the screens of the terminal UI.")
 @click.option("--paused", is_flag=True, help="Begin paused (on a terminal, where keys go on).")
 @click.option("--verify", is_flag=True, help="Compare with the stored results, bit for bit.")
+@database_option("the one that SESSION names")
 @json_option()
 def command(
-    session: Path, speed: str | None, ui: bool, paused: bool, verify: bool, as_json: bool
+    session: Path,
+    speed: str | None,
+    ui: bool,
+    paused: bool,
+    verify: bool,
+    database_path: Path | None,
+    as_json: bool,
 ) -> int:
     """Run a recorded SESSION through driver, assembler, gates and identification again.
 
@@ -50,12 +57,12 @@ def command(
     from skinlab.report.text import describe
 
     if ui:
-        return _in_the_ui(session, speed or "1")
+        return _in_the_ui(session, speed or "1", database_path)
     speed = speed or "max"
     if paused and not on_terminal():
         raise InputError("--paused: there is no terminal whose keys could go on")
     recorded = read_session(session)
-    identifier, warning = identifier_of(recorded)
+    identifier, warning = identifier_of(recorded, database_path)
     if warning:
         echo(f"skinlab: {warning}", err=True)
     if is_imported(recorded):
@@ -109,7 +116,7 @@ def command(
     return 1 if found else 0
 
 
-def _in_the_ui(session: Path, speed: str) -> int:
+def _in_the_ui(session: Path, speed: str, database_path: Path | None) -> int:
     from skinlab.cli.ui import has_screen, replay_on_terminal
     from skinlab.errors import InputError
     from skinlab.recording.session import read_session
@@ -117,7 +124,7 @@ def _in_the_ui(session: Path, speed: str) -> int:
     if not has_screen():
         raise InputError("--ui: there is no terminal to draw on")
     read_session(session)  # what is wrong with it is said without a screen
-    return replay_on_terminal(session, None if speed == "max" else float(speed))
+    return replay_on_terminal(session, None if speed == "max" else float(speed), database_path)
 
 
 def _actions(control: Any) -> dict[str, Callable[[], None]]:

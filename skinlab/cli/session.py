@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from skinlab.cli.output import echo
+from skinlab.cli.output import echo, echo_text
 
 
 @click.group()
@@ -57,50 +57,8 @@ def info(session: Path) -> int:
     \b
     Example: skinlab session info visit.h5
     """
-    from skinlab.recording.audit import entries
-    from skinlab.recording.dose import dose_of
     from skinlab.recording.session import read_session
-    from skinlab.report.text import describe_dose
+    from skinlab.report.session_text import describe_session
 
-    read = read_session(session)
-    meta = read.meta
-    instrument = meta.get("instrument") or {}
-    imported = meta.get("imported")
-    done = "measured" if imported is None else "imported"
-    echo(f"{session}: {done} {meta.get('created_utc')} with skinlab {meta.get('skinlab_version')}")
-    echo(f"  subject {meta.get('subject') or '-'}, site {meta.get('site') or '-'}")
-    if imported is None:
-        simulated = " (SIMULATED)" if instrument.get("simulated") else ""
-        echo(f"  instrument {instrument.get('model', '-')}{simulated} at {meta.get('url')}")
-        dialect = meta.get("dialect") or {}
-        if dialect:
-            file = f", a file, sha256:{dialect['sha256']}" if "sha256" in dialect else ""
-            echo(f"  dialect {dialect.get('name')}, version {dialect.get('version')}{file}")
-        if meta.get("control"):
-            echo(f"  read-only: {meta['control']}")
-    else:
-        files = "one file" if len(imported) == 1 else f"{len(imported)} files"
-        echo(f"  from {files} of other software; no instrument was connected")
-    if imported is None:
-        echo(f"  {describe_dose(dose_of(read))}")
-    for curve, result in zip(read.curves, read.results, strict=True):
-        setup = curve.setup
-        state = " partial" if curve.partial else ""
-        echo(
-            f"  {curve.name}: {setup.aperture_mm:g} mm, {setup.thickness_mm:g} mm skin, "
-            f"{setup.program}, cycle {setup.cycle}, {len(curve)} samples{state}"
-        )
-        values = (result or {}).get("parameters") or {}
-        if values:
-            text = ", ".join(f"{name} {entry['value']:.4g}" for name, entry in values.items())
-            error_um = (result or {}).get("error_um")
-            echo(f"    {text}" + ("" if error_um is None else f", E {error_um:.3g} µm"))
-    for entry in entries(read.records):
-        detail = ", ".join(
-            f"{key} {value}"
-            for key, value in entry.detail.items()
-            if value is not None and not isinstance(value, dict | list)
-        )
-        about = f": {detail}" if detail and entry.what != "session opened" else ""
-        echo(f"  {entry.number:3d}  {entry.utc[:23]}  {entry.who}  {entry.what}{about}")
+    echo_text(describe_session(session, read_session(session)))
     return 0

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING
 import click
 
 from drivers.limits import DEFAULT_DOSE_MBAR_S
-from skinlab.cli.options import dialect_option
+from skinlab.cli.options import database_option, dialect_option
 from skinlab.cli.output import echo
 
 if TYPE_CHECKING:
-    from skinlab.mechanics.model_file import Model
+    from skinlab.inference.identify import Identifier
     from skinlab.tui.app import SkinlabApp
 
 SIMULATED = "sim://?seed=1"
@@ -30,6 +30,7 @@ ESCAPE_MS = "40"
 @click.option(
     "--model", "model_path", type=click.Path(path_type=Path), help="MODEL.toml to identify with."
 )
+@database_option()
 @click.option(
     "--dose-limit-mbar-s",
     type=float,
@@ -40,6 +41,7 @@ def command(
     dialect: str | None = None,
     sessions: Path | None = None,
     model_path: Path | None = None,
+    database_path: Path | None = None,
     dose_limit_mbar_s: float | None = None,
 ) -> int:
     """Open the bedside terminal UI.
@@ -50,17 +52,27 @@ def command(
     Example: skinlab ui --port /dev/ttyUSB0
     """
     folder = sessions or default_folder()
-    model = None
-    if model_path is not None:
-        from skinlab.mechanics.model_file import read_model
-
-        model = read_model(model_path)
+    # What is wrong with these is said without a screen.
     from drivers.dialects import DEFAULT, get_dialect
 
-    get_dialect(dialect or DEFAULT)  # what is wrong with it is said without a screen
+    get_dialect(dialect or DEFAULT)
+    said = None
+    if model_path is not None or database_path is not None:
+        said = _identifier(model_path, database_path)
     if has_screen():
-        return _on_terminal(port, dialect, folder, model, dose_limit_mbar_s)
-    return _headless(port or SIMULATED, dialect, folder, model, dose_limit_mbar_s)
+        return _on_terminal(port, dialect, folder, said, dose_limit_mbar_s)
+    return _headless(port or SIMULATED, dialect, folder, said or _identifier(), dose_limit_mbar_s)
+
+
+def _identifier(model_path: Path | None = None, database_path: Path | None = None) -> Identifier:
+    """Return what identifies with the defaults of `measure`.
+
+    Raises:
+        InputError: a file cannot be used, or one is of another law or model than the other.
+    """
+    from skinlab.api.identifiers import compose_identifier
+
+    return compose_identifier(model=model_path, database=database_path)
 
 
 def has_screen() -> bool:
@@ -75,10 +87,11 @@ def _on_terminal(
     port: str | None,
     dialect: str | None,
     folder: Path,
-    model: Model | None,
+    identifier: Identifier | None,
     dose_limit_mbar_s: float | None,
 ) -> int:
-    from skinlab.cli.measure import probes
+    """Show the screen; without an identifier it makes its own, beside."""
+    from skinlab.acquisition.session_run import probes
 
     make_probe = probes(dose_limit_mbar_s, dialect)
     _release_escape()
@@ -87,15 +100,21 @@ def _on_terminal(
     from skinlab.tui.app import SkinlabApp
 
     bench = partial(ProbeSession, apart=True, make_probe=make_probe)
+    model = None
+    if identifier is not None:
+        bench = partial(bench, make_identifier=lambda: identifier)
+        model = identifier.model_name
     return show(SkinlabApp(port, folder, bench, settings=default_path(), model=model))
 
 
-def replay_on_terminal(session: Path, speed: float | None) -> int:
+def replay_on_terminal(session: Path, speed: float | None, database_path: Path | None) -> int:
     """Replay a session in the screens of the UI; return the exit status."""
     _release_escape()
+    from skinlab.acquisition.replayer import Replayer
     from skinlab.tui.app import SkinlabApp
 
-    return show(SkinlabApp(None, session.parent, replay=session, speed=speed))
+    player = partial(Replayer, database_path=database_path)
+    return show(SkinlabApp(None, session.parent, replay=session, speed=speed, make_replayer=player))
 
 
 def show(app: SkinlabApp) -> int:
@@ -134,30 +153,17 @@ def _headless(
     port: str,
     dialect: str | None,
     folder: Path,
-    model: Model | None,
+    identifier: Identifier,
     dose_limit_mbar_s: float | None,
 ) -> int:
     from drivers.probe import choose_dialect
     from skinlab.acquisition.measurement import Plan
     from skinlab.cli.measure import run
-    from skinlab.cli.options import make_identifier
     from skinlab.curves.curve import Setup
     from skinlab.curves.program import parse_program
     from skinlab.recording.recorder import new_session_path
 
     echo(f"no terminal: measuring once at {port}", err=True)
-    identifier = make_identifier(
-        method="auto",
-        best=20,
-        tolerance_um=1e-5,
-        seed=0,
-        kappa="paper",
-        phases="load",
-    )
-    if model is not None:
-        from skinlab.discrepancy.model_identifier import with_model
-
-        identifier = with_model(identifier, model)
     plan = Plan(Setup(6.0, 1.0, parse_program("ramp:100@20")))
     out = new_session_path(folder, datetime.now())
     return run(

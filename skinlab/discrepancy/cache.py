@@ -31,6 +31,7 @@ from skinlab.mechanics.materials import LAWS
 from skinlab.versions import versions
 
 _SUFFIX = ".msgpack"
+_DIGEST_BYTES = 32  # in front: SHA-256 of the rest
 
 
 class _Kept(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -69,7 +70,10 @@ def load(name: str, records: Sequence[Record], folder: Path | None = None) -> Ou
     """
     try:
         raw = (_folder(folder) / f"{name}{_SUFFIX}").read_bytes()
-        kept = msgspec.msgpack.decode(raw, type=_Kept, dec_hook=_array)
+        digest, content = raw[:_DIGEST_BYTES], raw[_DIGEST_BYTES:]
+        if hashlib.sha256(content).digest() != digest:
+            return None  # damaged: a number that is off by a bit decodes as well as a right one
+        kept = msgspec.msgpack.decode(content, type=_Kept, dec_hook=_array)
         chosen = [kept.candidates[i] for i in kept.explanations]
     except (OSError, ValueError, IndexError):  # whatever is wrong with a cache: compute again
         return None
@@ -105,7 +109,8 @@ def save(name: str, outcome: Outcome, folder: Path | None = None) -> None:
         outcome.alike,
         outcome.posteriors,
     )
-    raw = msgspec.msgpack.encode(kept, enc_hook=_plain)
+    content = msgspec.msgpack.encode(kept, enc_hook=_plain)
+    raw = hashlib.sha256(content).digest() + content
     with contextlib.suppress(OSError, InputError):
         to = _folder(folder)
         to.mkdir(mode=0o700, parents=True, exist_ok=True)

@@ -2,20 +2,142 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
-from skinlab.extensions.rules import Kind, expect, first_line
+import numpy as np
+
+from skinlab.extensions.rules import Kind, expect
+from skinlab.inference.covariance import Covariance
 from skinlab.inference.error_models import ERROR_MODELS
+from skinlab.inference.error_models.base import ErrorModel, Look, Part
+from skinlab.inference.samples import Samples
+
+_SIZES = (0.1, 1.0, 10.0)  # times a parameter's median
 
 
-def it_says_what_it_is(model: Any) -> None:
-    """Its module says what it is, and its name can be part of a combination's."""
-    expect(first_line(model), "its module has no docstring")
+def it_says_what_it_is(model: ErrorModel) -> None:
+    """It has a meaning and a prior, and its name can be part of a combination's."""
+    expect(model.meaning.strip(), "meaning is empty")
+    expect(model.prior.strip(), "prior is empty")
     expect("+" not in model.name, "its name has a + in it, which joins the names of combinations")
 
 
-def _row(model: Any) -> tuple[str, ...]:
-    return f"`{model.name}`", first_line(model)
+def a_part_bears_its_name(model: ErrorModel) -> None:
+    """Its part bears its name, and parameters that are named and weighed."""
+    for _, part in _parts(model):
+        expect(part.name == model.name, f"its part is called {part.name!r}")
+        names = [p.name for p in part.parameters] + list(part.stated)
+        expect(len(set(names)) == len(names), "two parameters have one name")
+        expect(all("_" in p.name for p in part.parameters), "a parameter's name ends with no unit")
+        for p in part.parameters:
+            expect(p.median > 0 and p.log_sd > 0, f"{p.name}: its prior has no size")
+        expect(part.always or np.isfinite(part.log_odds), "its log_odds are not finite")
+        expect(part.always or part.why.strip(), "it says no why")
 
 
-KIND: Kind[Any] = Kind(ERROR_MODELS, (it_says_what_it_is,), ("name", "what it is"), _row)
+def a_part_is_a_covariance(model: ErrorModel) -> None:
+    """What it adds is a covariance of the samples, at all sizes of its parameters."""
+    for look, part in _parts(model):
+        n = len(look.samples)
+        for size in _SIZES:
+            terms = part.terms([size * p.median for p in part.parameters])
+            columns = np.zeros((n, 0)) if terms.columns_mm is None else terms.columns_mm
+            expect(columns.ndim == 2 and len(columns) == n, f"columns_mm is {columns.shape}")
+            variance = np.broadcast_to(terms.variance_mm2, (n,))
+            stretch = 1.0 if terms.stretch is None else terms.stretch
+            expect(np.all(variance >= 0), "a variance is negative")
+            expect(np.all(np.asarray(stretch) > 0), "a stretch is not positive")
+            whole = Covariance(
+                (variance + 1e-6) * stretch, columns, look.samples.ends, terms.ou,
+                look.samples.time_s,
+            )  # fmt: skip
+            finite = np.isfinite(whole.log_density(look.residual_mm))
+            expect(finite, "the residuals have no density under it")
+
+
+def a_larger_one_is_larger(model: ErrorModel) -> None:
+    """Its errors grow where the parameters that are sizes do."""
+    for _, part in _parts(model):
+        sizes = [p.name.endswith(("_um", "_share", "_mbar", "_scatter")) for p in part.parameters]
+        if any(sizes):
+            small, large = (
+                _size(part, [p.median * (k if s else 1) for p, s in _zip(part, sizes)])
+                for k in (1.0, 3.0)
+            )
+            expect(large > small, f"threefold parameters make {large:g} mm² of {small:g} mm²")
+
+
+def the_same_look_the_same_part(model: ErrorModel) -> None:
+    """The same samples have the same part."""
+    for look in _looks():
+        one, other = model.part(look), model.part(look)
+        expect((one is None) == (other is None), "it is there, and then not")
+        if one is not None and other is not None:
+            expect([*one.parameters] == [*other.parameters], "its parameters change")
+            expect(one.log_odds == other.log_odds, "its odds change")
+
+
+def _zip(part: Part, sizes: list[bool]) -> Iterator[tuple[Any, bool]]:
+    return zip(part.parameters, sizes, strict=True)
+
+
+def _size(part: Part, values: list[float]) -> float:
+    """Return the mean variance."""
+    terms = part.terms(values)
+    total = float(np.mean(terms.variance_mm2))
+    if terms.columns_mm is not None:
+        total += float(np.square(terms.columns_mm).sum(axis=1).mean())
+    return total + (0.0 if terms.ou is None else terms.ou.size_mm**2)
+
+
+def _parts(model: ErrorModel) -> list[tuple[Look, Part]]:
+    return [(look, part) for look in _looks() if (part := model.part(look)) is not None]
+
+
+def _looks() -> Iterator[Look]:
+    """Return samples: few or many, of one or several curves, at even times or not."""
+    rng = np.random.default_rng(0)
+    for count, curves, rate_hz in ((3, 1, 20), (101, 1, 20), (120, 3, 20), (600, 1, 100)):
+        t = np.arange(count // curves) / rate_hz
+        for times in (t, t + rng.uniform(0, 0.5 / rate_hz, len(t))):
+            wave = sum(np.sin(2 * np.pi * f * times + f) for f in (0.3, 1.2))
+            walk = np.cumsum(rng.standard_normal(len(t))) / np.sqrt(rate_hz)
+            for error in (0 * t, rng.standard_t(2, len(t)), walk, 3 * wave + 0.1 * walk):
+                yield _look(np.tile(times, curves), curves, np.tile(1e-3 * error, curves))
+
+
+def _look(time_s: Any, curves: int, residual_mm: Any) -> Look:
+    count = len(time_s)
+    x = time_s / max(time_s.max(), 1e-9)
+    number = np.repeat(np.arange(curves), count // curves)
+    fitted = 0.5 * np.sqrt(x + 0.01)
+    measured = np.round(fitted + residual_mm, 3)
+    samples = Samples(
+        time_s, 100 * x, measured, np.full(count, "load"), number, number,
+        np.zeros(count, dtype=np.intp), np.ones(count),
+    )  # fmt: skip
+    square = np.square(residual_mm) / max(float(np.mean(np.square(residual_mm))), 1e-12)
+    return Look(
+        samples, fitted, 0.0025 / np.sqrt(x + 0.01), measured - fitted,
+        np.column_stack([fitted, fitted * x, fitted * x**2]), None, np.full(count, 0.05), None,
+        square,
+    )  # fmt: skip
+
+
+def _row(model: ErrorModel) -> tuple[str, ...]:
+    return f"`{model.name}`", model.meaning, model.prior
+
+
+KIND: Kind[Any] = Kind(
+    ERROR_MODELS,
+    (
+        it_says_what_it_is,
+        a_part_bears_its_name,
+        a_part_is_a_covariance,
+        a_larger_one_is_larger,
+        the_same_look_the_same_part,
+    ),
+    ("kind", "what it is", "before the data (median; a standard deviation of the logarithm)"),
+    _row,
+)

@@ -17,6 +17,14 @@ from skinlab.workers import Pool
 _FEWEST_SAMPLES = 20
 
 
+def first_cycles(curves: Sequence[Curve]) -> Sequence[Curve]:
+    """Return which curves answer together: first cycles, where there are any.
+
+    The law means those.
+    """
+    return [curve for curve in curves if curve.setup.cycle == 1] or curves
+
+
 def with_stated_noise(
     identifier: Identifier,
     curves: Sequence[Curve],

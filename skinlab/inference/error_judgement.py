@@ -8,7 +8,6 @@ import numpy as np
 
 from skinlab.inference.error_choice import ErrorChoice, Node
 
-LASTING = frozenset({"ou", "breathing", "pulse"})  # parts that are correlated in time
 _SURE = 0.9
 _CONTRADICTED = 1.3
 _DOUBT = 0.05  # the stated noise is that improbable
@@ -49,11 +48,11 @@ def judge_errors(errors: ErrorChoice, stated_um: float | None) -> Judged:
     flags: list[str] = []
     lasting = errors.median(_lasting_um)
     misses = lasting > _MOST_UM
-    noise = errors.median(lambda node: noise_um(node, LASTING if misses else frozenset()))
+    noise = errors.median(lambda node: noise_um(node, lasting=not misses))
     lasts = sum(
         float(weight)
         for node, weight in zip(errors.nodes, errors.weight, strict=True)
-        if _lasting_um(node) > _SHOWS * noise_um(node, LASTING)
+        if _lasting_um(node) > _SHOWS * noise_um(node, lasting=False)
     )
     if lasts >= _SURE:
         flags.append("correlated_noise")
@@ -98,16 +97,19 @@ def _placement(errors: ErrorChoice) -> PlacementSummary | None:
     )
 
 
+def _lasting(node: Node) -> frozenset[str]:
+    return frozenset(part.name for part in node.combination.parts if part.lasting)
+
+
 def _lasting_um(node: Node) -> float:
-    return float(np.sqrt(sum(v**2 for k, v in node.sizes_um.items() if k in LASTING)))
+    lasting = _lasting(node)
+    return float(np.sqrt(sum(v**2 for k, v in node.sizes_um.items() if k in lasting)))
 
 
-def noise_um(node: Node, without: frozenset[str] = frozenset()) -> float:
+def noise_um(node: Node, *, lasting: bool = True) -> float:
     """Return the standard deviation of a deflection sample's errors, µm.
 
-    The pressure's noise is not among them, nor are the parts that are named in `without`.
+    The pressure's noise is not among them, nor, if so asked, are errors that last.
     """
-    left = {name: size for name, size in node.sizes_um.items() if name not in without}
-    left.pop("pressure", None)
-    left.pop("placement", None)
-    return float(np.sqrt(sum(size**2 for size in left.values())))
+    without = {"pressure", "placement"} | (frozenset() if lasting else _lasting(node))
+    return float(np.sqrt(sum(v**2 for k, v in node.sizes_um.items() if k not in without)))

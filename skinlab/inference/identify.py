@@ -33,7 +33,7 @@ from skinlab.inference.uncertainty import (
 )
 from skinlab.mechanics.materials import get_law
 from skinlab.mechanics.materials.compressibility import KappaConvention
-from skinlab.mechanics.model_file import BASE, Model
+from skinlab.mechanics.model_file import BASE, Model, model_of_law
 from skinlab.parameters import Space
 from skinlab.tables.base import CurveModel, Database
 
@@ -50,8 +50,8 @@ class Identifier:
 
     `space` is where to search, and with its flat prior what is known beforehand; None: the
     database's whole range (the paper's box for methods that search there). `priors` come on top of
-    that. `model` is what all this is from, where it is from a file; `clock` only fills the field
-    `seconds`.
+    that. `model` is what all this is from, where it is from a file, else the database's law as it
+    is; `clock` only fills the field `seconds`.
     """
 
     database: Database
@@ -65,6 +65,15 @@ class Identifier:
     priors: tuple[GaussianPrior, ...] = ()
     model: Model = BASE
     clock: Callable[[], float] = time.perf_counter
+
+    def __post_init__(self) -> None:
+        if self.model is BASE:
+            object.__setattr__(self, "model", model_of_law(self.database.law))
+
+    @property
+    def model_name(self) -> str | None:
+        """How the model is called; None: it is the base law as it is."""
+        return None if self.model is BASE else self.model.model.name
 
     def provenance(self) -> Provenance:
         """Return what a reader of the result must know to repeat it."""

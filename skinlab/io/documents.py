@@ -11,6 +11,7 @@ import tomli_w
 from skinlab.text import escaped
 
 _DEEP = "nested too deeply"
+_MOST_DOTS = 5_000  # of one line: a list of so many numbers is no campaign or model
 
 
 def read_json(text: str | bytes) -> Any:
@@ -43,6 +44,10 @@ def read_toml(raw: bytes | str) -> dict[str, Any]:
     Raises:
         ValueError: it is none, is no UTF-8, or is nested too deeply.
     """
+    # A key of thousands of parts takes the parser a time that grows with their square.
+    dots, line_end = (b".", b"\n") if isinstance(raw, bytes) else (".", "\n")
+    if any(line.count(dots) > _MOST_DOTS for line in raw.split(line_end)):  # type: ignore[arg-type]
+        raise ValueError(_DEEP)
     try:
         found: dict[str, Any] = msgspec.toml.decode(raw)
     except RecursionError:

@@ -172,6 +172,11 @@ class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 BASE = Model(Header("base"))
 
 
+def model_of_law(name: str) -> Model:
+    """Return a law as it is: all of its parameters free, no effects."""
+    return BASE if name == BASE.model.law else Model(Header(name, name))
+
+
 def read_model(path: str | Path) -> Model:
     """Return the model of this file.
 

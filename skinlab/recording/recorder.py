@@ -38,7 +38,7 @@ from skinlab.versions import versions
 
 def identification_settings(identifier: Identifier) -> dict[str, Any]:
     """Return what a replay must know to identify in the same way."""
-    options = identifier.options
+    options, path = identifier.options, identifier.database.path
     prior = identifier.population if isinstance(identifier, PopulationIdentifier) else None
     return {
         "method": identifier.method,
@@ -53,6 +53,7 @@ def identification_settings(identifier: Identifier) -> dict[str, Any]:
         "noise_um": identifier.sensor.noise_um,
         "pressure_noise_mbar": identifier.sensor.pressure_noise_mbar,
         "database_hash": identifier.database.content_hash,
+        "database_path": None if path is None else str(path),
         **({} if prior is None else {"prior": prior.to_json()}),
     }
 

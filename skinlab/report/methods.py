@@ -6,7 +6,7 @@ from skinlab.inference.identify import Identifier
 from skinlab.inference.methods import get_method
 from skinlab.mechanics.effects import get_effect
 from skinlab.mechanics.materials import get_law
-from skinlab.mechanics.model_file import BASE, Model
+from skinlab.mechanics.model_file import Model, model_of_law
 
 _KAPPA = {
     "paper": "ν is the paper's: the bulk modulus κ follows its eq. (3) as printed. The ν of linear "
@@ -75,7 +75,7 @@ def how(identifier: Identifier, phases: tuple[str, ...]) -> list[str]:
 
 
 def _model(model: Model) -> list[str]:
-    if model is BASE:
+    if model.hash == model_of_law(model.model.law).hash:
         return []
     own = " It sets bounds or priors of its own." if model.parameters else ""
     return [f"Model “{model.model.name}”, from a file.{own}"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,6 +22,9 @@ from skinlab.mechanics.effects import get_effect
 from skinlab.report.page import Illustration, Section, Table, page
 from skinlab.report.pictures import new_figure, style, to_data_uri
 from skinlab.text import inert
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _NAME = "missing-effect.html"
 _MARK = "skinlab missing-effect report"
@@ -148,30 +152,8 @@ def _methods(outcome: Outcome) -> Section:
 
 
 def _residuals(outcome: Outcome) -> list[Illustration]:
-    """Return residuals of every curve, before and after, against time."""
-    fits: list[tuple[str, Fit]] = [("before", outcome.found.base.fit)]
-    if outcome.verdict.explanations:
-        fits.append(("after", outcome.best.fit))
-    records = outcome.found.records
-    columns = 2
-    rows = (len(records) + 1) // columns
     with style():
-        figure = new_figure(9.0, 2.2 * rows + 0.6)
-        axes = np.atleast_1d(figure.subplots(rows, columns, squeeze=False)).ravel()
-        for i, record in enumerate(records):
-            ax = axes[i]
-            time = record.curve.time_s
-            ax.axhspan(-2 * record.noise_um, 2 * record.noise_um, color="0.88", zorder=0)
-            for name, fit in fits:
-                left = 1e3 * (record.curve.deflection_mm - fit.deflections_mm[i])
-                ax.plot(time, left, ".", markersize=2.5, label=name)
-            ax.set_title(inert(record.name), parse_math=False)
-            ax.set_xlabel("time (s)")
-            ax.set_ylabel("residual (µm)")
-        for ax in axes[len(records) :]:
-            ax.set_visible(False)
-        axes[0].legend()
-        source = to_data_uri(figure, "png")
+        source = to_data_uri(draw_residuals(outcome), "png")
     return [
         Illustration(
             source,
@@ -180,3 +162,29 @@ def _residuals(outcome: Outcome) -> list[Illustration]:
             "Measured minus fitted deflection. Grey: twice the noise.",
         )
     ]
+
+
+def draw_residuals(outcome: Outcome) -> Figure:
+    """Return residuals of every curve, before and after, against time; called in `style()`."""
+    fits: list[tuple[str, Fit]] = [("before", outcome.found.base.fit)]
+    if outcome.verdict.explanations:
+        fits.append(("after", outcome.best.fit))
+    records = outcome.found.records
+    columns = 2
+    rows = (len(records) + 1) // columns
+    figure = new_figure(9.0, 2.2 * rows + 0.6)
+    axes = np.atleast_1d(figure.subplots(rows, columns, squeeze=False)).ravel()
+    for i, record in enumerate(records):
+        ax = axes[i]
+        time = record.curve.time_s
+        ax.axhspan(-2 * record.noise_um, 2 * record.noise_um, color="0.88", zorder=0)
+        for name, fit in fits:
+            left = 1e3 * (record.curve.deflection_mm - fit.deflections_mm[i])
+            ax.plot(time, left, ".", markersize=2.5, label=name)
+        ax.set_title(inert(record.name), parse_math=False)
+        ax.set_xlabel("time (s)")
+        ax.set_ylabel("residual (µm)")
+    for ax in axes[len(records) :]:
+        ax.set_visible(False)
+    axes[0].legend()
+    return figure

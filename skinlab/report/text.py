@@ -70,11 +70,15 @@ _ERRORS = {
 
 def errors_in_words(model: ErrorModelSummary) -> str:
     """Return an error model in a few words, with its numbers."""
-    parts = [
-        _ERRORS.get(name, name + " {}").replace("{}", f"{value:.2g}")
-        for name, value in model.parameters.items()
-    ]
+    parts = [_errors_number(name, f"{value:.2g}") for name, value in model.parameters.items()]
     return f"{', '.join(parts)} ({model.why})"
+
+
+def _errors_number(name: str, value: str) -> str:
+    if name in _ERRORS:
+        return _ERRORS[name].replace("{}", value)
+    what, _, unit = name.rpartition("_")  # of an installed error model
+    return f"{what.replace('_', ' ')} {value} {'µm' if unit == 'um' else unit}"
 
 
 def explain(result: Identification, noise_um: float | None = None) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
@@ -74,6 +75,11 @@ class Database(Protocol):
     @property
     def fixed_geometry(self) -> Geometry | None:
         """The only opening and thickness that it speaks of; None: a range."""
+        ...
+
+    @property
+    def path(self) -> Path | None:
+        """The user's file that it is from; None: it ships with the package, or was computed."""
         ...
 
     def __hash__(self) -> int: ...

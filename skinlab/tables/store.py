@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from importlib.resources import as_file, files
 from pathlib import Path
@@ -51,7 +52,7 @@ def write(path: Path, table: Table) -> None:
 
 
 def read(path: Path) -> Table:
-    """Return the table in this file, whatever its spec.
+    """Return the table in this file, whatever its spec; it knows its path.
 
     Raises:
         InputError: the file is no database of this version, or its content hash does not agree.
@@ -70,18 +71,18 @@ def read(path: Path) -> Table:
             raise InputError(f"{path}: its spec is damaged ({error})") from None
         stated = str(file.attrs["content_hash"])
     check_hash(path, table.content_hash, stated)
-    return table
+    return replace(table, path=path.resolve())
 
 
 @cache
 def shipped_grid() -> Table:
     """Return the paper's grid that ships inside the package."""
     with as_file(files("skinlab") / "data" / "paper_grid.h5") as path:
-        return read(path)
+        return replace(read(path), path=None)
 
 
 @cache
 def shipped_table() -> Table:
     """Return the dimensionless table that ships inside the package."""
     with as_file(files("skinlab") / "data" / "dimensionless.h5") as path:
-        return read(path)
+        return replace(read(path), path=None)

@@ -12,6 +12,7 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
@@ -167,6 +168,7 @@ class Table:
     solver_version: str
     extra: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     facts: Mapping[str, Any] = field(default_factory=dict)
+    path: Path | None = None  # the user's file that it is from
 
     @cached_property
     def content_hash(self) -> str:

@@ -48,7 +48,6 @@ from skinlab.tui.widgets.fields import Fields
 if TYPE_CHECKING:
     from skinlab.discrepancy.next_measurement import NextMeasurement
     from skinlab.discrepancy.outcome import Outcome
-    from skinlab.mechanics.model_file import Model
 
 _DARK, _LIGHT = "textual-dark", "textual-light"
 
@@ -94,13 +93,14 @@ class SkinlabApp(App[None]):
         replay: Path | None = None,
         speed: float | None = 1.0,
         ports: Callable[[], tuple[PortInfo, ...]] = list_ports,
-        model: Model | None = None,
+        model: str | None = None,
+        make_replayer: Callable[..., Replayer] = Replayer,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         """Begin with a port, with the replay of a session, or (neither) by asking.
 
-        Settings are kept for the next time in `settings`; None: nowhere. `model` is what curves
-        are identified with; None: the base law. `clock` (s) tells typing from confirming.
+        Settings are kept for the next time in `settings`; None: nowhere. `model` names what
+        curves are identified with; None: the base law. `clock` (s) tells typing from confirming.
         """
         super().__init__()
         self.guard = TypingGuard(clock)
@@ -111,9 +111,9 @@ class SkinlabApp(App[None]):
         self._speed = speed
         self._ports = ports
         self._settings = settings
-        self.bench: ProbeSession | Replayer = make_bench(folder, self._post, model=model)
-        if model is not None:
-            self.board.model = model.model.name
+        self.bench: ProbeSession | Replayer = make_bench(folder, self._post)
+        self._make_replayer = make_replayer
+        self.board.model = model
         self.failure: Exception | None = None  # a bug that ended the app
         self._queued: Order | None = None  # to be shown once its port is connected
         self._unnamed: tuple[str, str] | None = None  # visit that may do without a subject
@@ -159,7 +159,7 @@ class SkinlabApp(App[None]):
 
     def _play(self, path: Path) -> None:
         folder = self._folder if path == example_session() else path.parent  # for models
-        replayer = Replayer(folder, self._post, self._speed)
+        replayer = self._make_replayer(folder, self._post, self._speed)
         self.bench = replayer
         self.board.playing = Playing(speed=self._speed)
         self._connect(str(path))

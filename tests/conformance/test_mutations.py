@@ -290,10 +290,12 @@ def outcome():
 
 @pytest.mark.parametrize("count", [30, pytest.param(10_000, marks=pytest.mark.soak)])
 def test_a_damaged_cache_is_computed_again(tmp_path, outcome, count):
+    records = outcome.found.records
     cache.save("key", outcome, tmp_path)
-    raw = (tmp_path / "key").read_bytes()
-    assert cache.load("key", tmp_path) is not None
+    (file,) = tmp_path.iterdir()
+    raw = file.read_bytes()
+    assert cache.load("key", records, tmp_path) is not None
     for number in range(count):
         damaged = in_bytes(raw, random.Random(number))
-        (tmp_path / "key").write_bytes(damaged)
-        assert damaged == raw or cache.load("key", tmp_path) is None
+        file.write_bytes(damaged)
+        assert damaged == raw or cache.load("key", records, tmp_path) is None

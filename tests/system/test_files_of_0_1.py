@@ -59,4 +59,6 @@ def test_an_adopted_model_gives_the_same_curve(capsys):
 def test_the_screens_settings_are_taken_over():
     from skinlab.acquisition.settings import recall
 
-    assert recall(OLD / "ui.json")["thickness_mm"] == "1.2"
+    taken = recall(OLD / "ui.json")
+    assert taken["program"] == "ramp:100@20"
+    assert "thickness_mm" not in taken  # 0.1.0 kept it with the machine; it is a person's

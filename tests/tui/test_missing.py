@@ -56,7 +56,7 @@ class Search:
         self.go = threading.Event()
         self.asked = []
 
-    def __call__(self, campaign, model, tell):
+    def __call__(self, campaign, model, tell, database_path):
         self.asked.append(campaign)
         tell("screening")
         self.go.wait(120.0)

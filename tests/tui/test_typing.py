@@ -60,7 +60,7 @@ class Searching:
     def __init__(self):
         self.go = threading.Event()
 
-    def __call__(self, campaign, model, tell):
+    def __call__(self, campaign, model, tell, database_path):
         tell("screening")
         self.go.wait(120.0)
 

@@ -150,6 +150,13 @@ class TestWorker:
         assert worker.pid is None
         assert worker.call(where, 0) == os.getpid()
 
+    def test_who_is_told_may_end_it(self):
+        worker = Worker(0, here=False)
+        with pytest.raises(WorkerDiedError):
+            worker.call(send_pid_and_sleep, tell=lambda _: worker.kill())
+        worker.close()
+        assert worker.pid is None
+
     def test_closing_ends_it_in_the_midst_of_its_work(self):
         worker = Worker(0, here=False)
         number = worker.pid

@@ -16,7 +16,7 @@ def check_error_model(one: object) -> None:
     Raises:
         TypeError: it is not.
     """
-    needs(one, "part")
+    needs(one, "meaning", "prior", "part")
 
 
 ERROR_MODELS: Registry[ErrorModel] = Registry(

@@ -70,6 +70,7 @@ class Part:
     log_odds: float = 0.0  # before the data, of its being there; 0 of one that always is
     always: bool = False
     stated: dict[str, float] = field(default_factory=dict)  # values that were found, not fitted
+    lasting: bool = False  # correlated in time: a size above 8 µm is a misfit
     why: str = ""
     bound: float = 0.0  # what `stretch` costs or gains in log evidence (scale mixtures)
     spread: float = 1.0  # by which `stretch` is to be multiplied for the information to be right
@@ -100,6 +101,16 @@ class ErrorModel(Protocol):
     @property
     def name(self) -> str:
         """Name, as in the names of combinations: white+ou."""
+        ...
+
+    @property
+    def meaning(self) -> str:
+        """What these errors are, in a few words, for docs."""
+        ...
+
+    @property
+    def prior(self) -> str:
+        """What is taken for likely before the data, in a few words, for docs."""
         ...
 
     def part(self, look: Look) -> Part | None:

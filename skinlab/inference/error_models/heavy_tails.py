@@ -30,6 +30,8 @@ class HeavyTails:
     """Student's t for the independent errors."""
 
     name: str = "heavy_tails"
+    meaning: str = "Student's t in place of a Gaussian"
+    prior: str = "odds 1 : 5"
 
     def part(self, look: Look) -> Part | None:
         """Return its part where the tails are heavier than Gaussian."""

@@ -21,6 +21,7 @@ from skinlab.inference.samples import Samples
 Array = NDArray[np.float64]
 
 _ODDS = 0.2
+_LOG_SD = 0.7
 _FEWEST_PERIODS = 1.0
 _PER_PERIOD = 6.0  # samples, at least
 _FINEST = 0.15  # of a period over the whole record: the grid of frequencies
@@ -57,6 +58,13 @@ class Periodic:
     high_hz: float
     median_um: float
     meaning: str
+    what: str
+
+    @property
+    def prior(self) -> str:
+        """What is known before the data."""
+        odds = f"odds 1 : {1 / _ODDS:g}, divided by the frequencies tried"
+        return f"{self.median_um:g} µm; {_LOG_SD:g}; {odds}"
 
     def part(self, look: Look) -> Part | None:
         """Return its part where the record lasts a period and a frequency stands out."""
@@ -77,7 +85,7 @@ class Periodic:
         # As far beside it as the record cannot tell: the truth may be there.
         near = np.clip(frequency + 0.5 / lasts * np.arange(-1, 2), self.low_hz, self.high_hz)
         waves = np.hstack([columns(samples, float(f)) for f in near]) / math.sqrt(len(near))
-        size = Hyperparameter(f"{self.name}_um", self.median_um, 0.7)
+        size = Hyperparameter(f"{self.name}_um", self.median_um, _LOG_SD)
 
         def terms(values: Sequence[float]) -> Terms:
             return Terms(columns_mm=1e-3 * values[0] * waves)
@@ -88,5 +96,6 @@ class Periodic:
             terms,
             math.log(_ODDS / tried),
             stated={f"{self.name}_hz": frequency},
-            why=f"{self.meaning} at {frequency:.2g} Hz",
+            lasting=True,
+            why=f"{self.what} at {frequency:.2g} Hz",
         )

@@ -17,6 +17,8 @@ class Pressure:
     """Independent errors of the pressure readings."""
 
     name: str = "pressure"
+    meaning: str = "the pressure channel's noise through dw/dp"
+    prior: str = "the channel's own estimate; 0.2"
 
     def part(self, look: Look) -> Part | None:
         """Return its part where the channel is noisy."""

@@ -20,6 +20,8 @@ class Proportional:
     """Independent errors, a share of the deflection."""
 
     name: str = "proportional"
+    meaning: str = "a share of the deflection"
+    prior: str = "1 %; 0.7; odds 1 : 5"
 
     def part(self, look: Look) -> Part | None:
         """Return its part, from some samples on."""

@@ -39,6 +39,8 @@ class Quantised:
     """Rounding of the deflection."""
 
     name: str = "quantised"
+    meaning: str = "rounding to a step, which is found in the readings"
+    prior: str = "step²/12"
 
     def part(self, look: Look) -> Part | None:
         """Return its part where the readings lie on a lattice."""

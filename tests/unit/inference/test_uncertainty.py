@@ -63,7 +63,7 @@ def test_auto_finds_the_optimum_of_every_curve(table):
 
 def test_intervals_hold_the_truth_as_often_as_they_say(table):
     """A subset of the benchmark, within binomial bounds of 99.8 %; skins drawn from the prior."""
-    n = 80
+    n = 40
     low, high = binom.interval(0.998, n, 0.9)
     held = np.zeros(3)
     for i, truth in enumerate(drawn(table, n, 12)):

@@ -193,7 +193,7 @@ def test_forward_refuses_what_contradicts(capsys, tmp_path):
     path = written(tmp_path, WHOLE)
     status, out, err = forward(capsys, "--model", path, "--kappa", "paper")
     assert (status, out) == (3, "")
-    assert "kappa is 'consistent', and --kappa says 'paper'" in err
+    assert "kappa is 'consistent', and 'paper' was asked for" in err
     status, out, err = forward(capsys, "--model", tmp_path / "none.toml")
     assert (status, out) == (3, "")
     assert err.count("\n") == 1

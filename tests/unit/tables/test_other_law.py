@@ -6,7 +6,8 @@ import json
 
 import numpy as np
 import pytest
-from laws.fung import LAW
+from fung_table import DIMENSIONLESS, built
+from skinlab_example.fung import LAW
 
 from skinlab.cli.main import run
 from skinlab.curves.campaign import Campaign
@@ -28,34 +29,6 @@ from skinlab.report.text import describe
 from skinlab.tables.forward import simulate_from
 from skinlab.tables.store import read, shipped_table
 
-DIMENSIONLESS = """
-[model]
-name = "fung"
-law = "fung"
-[table]
-form = "dimensionless"
-scale_mpa = [0.05, 0.09]
-load_nodes = 30
-[axis.thickness_over_radius]
-low = 0.24
-high = 0.36
-nodes = 4
-spacing = "log"
-[axis.C2]
-low = 6.0
-high = 24.0
-nodes = 6
-spacing = "log"
-[axis.kappa_over_half_shear]
-low = 4.0
-high = 14.0
-nodes = 4
-spacing = "log"
-[pressures]
-high_mbar = 60
-[mesh]
-name = "screening-1"
-"""
 CUSTOM = """
 [model]
 name = "fung with an offset"
@@ -94,14 +67,6 @@ PROGRAM = parse_program("ramp:60@20")
 def law():
     with with_law(LAW):
         yield
-
-
-def built(folder, name, text):
-    spec, out = folder / f"{name}.toml", folder / f"{name}.h5"
-    spec.write_text(text, encoding="utf-8")
-    told = ["--spec", str(spec), "--out", str(out), "--workers", "1"]
-    assert run(["database", "build", *told]) == 0
-    return out
 
 
 @pytest.fixture(scope="module")

@@ -1,13 +1,17 @@
-"""Fung-Demiray: W = C1/(2 C2) (exp(C2 (J1 − 3)) − 1) + κ/2 (J − 1)², μ = C1.
+"""W = C1/(2 C2) (exp(C2 (J1−3)) − 1) + κ/2 (J−1)², the exponential law of Fung and Demiray.
 
-Source: H. Demiray, J. Biomech. 5 (1972) 309; not linear in C2.
+J1 = I3^(−1/3) I1. Source: H. Demiray, "A note on the elasticity of soft biological tissues",
+J. Biomech. 5 (1972) 309-311.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 
-from skinlab.mechanics.materials.base import Law, Potential
+from skinlab.mechanics.materials.base import Array, Law, Potential
 from skinlab.parameters import Nodes, Parameter, Search
 
 
@@ -34,20 +38,22 @@ class Fung(Law):
         ),
     )  # fmt: skip
 
-    def half_shear_modulus(self, values):
+    def half_shear_modulus(self, values: Mapping[str, Any]) -> Any:
+        """Return μ/2 at rest, MPa."""
         return 0.5 * values["C1_MPa"]
 
-    def isochoric(self, i1, i2, j, parameters):
+    def isochoric(self, i1: Array, i2: Array, j: Array, parameters: Mapping[str, Any]) -> Potential:
+        """Return the energy without κ and its derivatives; C1_MPa in MPa, C2 without a unit."""
         c1, c2 = parameters["C1_MPa"], parameters["C2"]
         a = j ** (-2.0 / 3.0)  # J1 = a I1
-        e = np.exp(c2 * (a * i1 - 3.0))
-        first, second = 0.5 * c1 * e, 0.5 * c1 * c2 * e  # by J1
+        growth = np.exp(c2 * (a * i1 - 3.0))
+        first, second = 0.5 * c1 * growth, 0.5 * c1 * c2 * growth  # by J1
         a_j = -2.0 / 3.0 * a / j
         j1_j = a_j * i1
         j1_jj = -5.0 / 3.0 * j1_j / j
         nothing = 0.0 * i1
         return Potential(
-            energy=c1 / (2.0 * c2) * (e - 1.0),
+            energy=c1 / (2.0 * c2) * (growth - 1.0),
             d_i1=first * a,
             d_i2=nothing,
             d_j=first * j1_j,

@@ -1,0 +1,159 @@
+"""A whole headless measurement: from a port to a session file, whatever happens on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from drivers.dialects import Dialect, split_dialect
+from drivers.dose import Dose, program_dose
+from drivers.limits import DEFAULT_DOSE_MBAR_S
+from drivers.probe import DEFAULT_LIMITS, Probe
+from skinlab.acquisition.measure import measure
+from skinlab.acquisition.measurement import Plan
+from skinlab.acquisition.pipeline import Listener, Pipeline
+from skinlab.acquisition.sources import LiveSource, wire_segments
+from skinlab.curves.curve import Setup
+from skinlab.curves.program import Program
+from skinlab.errors import AcquisitionError, InputError
+from skinlab.recording.recorder import Recording
+
+if TYPE_CHECKING:
+    from drivers.events import Hello
+    from skinlab.inference.identify import Identifier
+
+
+def plan_of(setup: Setup, repeats: int, rest_s: float, rate_hz: float | None) -> Plan:
+    """Return the plan of a headless measurement.
+
+    Raises:
+        InputError: a number is out of its range.
+    """
+    if not 1 <= repeats <= 1000:
+        raise InputError(f"repeats {repeats}: expected 1–1000")
+    if rate_hz is not None and not 0 < rate_hz <= 1e5:
+        raise InputError(f"rate_hz {rate_hz:g}: expected a positive number of samples a second")
+    if not 0 <= rest_s <= 3600:
+        raise InputError(f"rest_s {rest_s:g}: expected 0–3600 s")
+    return Plan(setup, repeats=repeats, rest_s=rest_s, rate_hz=rate_hz)
+
+
+def nothing_to_fit(program: Program, phases: tuple[str, ...]) -> str | None:
+    """Return a complaint where a program has none of the phases that are fitted, else None."""
+    if set(phases) & set(program.phases):
+        return None
+    found = ", ".join(dict.fromkeys(program.phases))
+    return f"{program} has no {','.join(phases)}, so that nothing could be fitted; it has {found}"
+
+
+def run_session(
+    port: str,
+    plan: Plan,
+    out: Path,
+    identifier: Identifier,
+    *,
+    dialect: Dialect,
+    saved: Callable[[Path, Dose], None],
+    subject: str = "",
+    site: str = "",
+    dose_limit_mbar_s: float | None = None,
+    listener: Listener = lambda _: None,
+    opened: Callable[[Hello], None] = lambda _: None,
+    ready: Callable[[], None] = lambda: None,
+    say: Callable[[str], None] = lambda _: None,
+) -> None:
+    """Measure by the plan into a session; curves are identified as they complete.
+
+    `ready` is called once all is checked, before the journal is begun; `opened` with what the
+    instrument says of itself; `saved` with the session and its dose once it is written, also where
+    the measurement failed; `say` with a sentence where a failed one could not be written either.
+
+    Raises:
+        InputError: the plan needs more than the dose limit; nothing was begun.
+        AcquisitionError, DriverError, KeyboardInterrupt: after the probe was told to vent and the
+            session was written.
+    """
+    make_probe = probes(dose_limit_mbar_s)
+    check_dose(plan, dose_limit_mbar_s)
+    ready()
+    recording = Recording(out, identifier, subject=subject, site=site, url=port, dialect=dialect)
+    failed: BaseException | None = None
+    try:
+        with make_probe(port, dialect=dialect, on_bytes=recording.journal.raw) as probe:
+            opened(probe.open())
+            source = LiveSource(probe, recording.journal)
+            measure(source, plan, Pipeline(identifier, [recording, listener]))
+    except BaseException as error:
+        failed = error
+        raise
+    finally:
+        path = _finish(recording, failed, say)
+        if path is not None:
+            saved(path, recording.dose)
+
+
+def probes(dose_limit_mbar_s: float | None, dialect: str | None = None) -> Callable[..., Probe]:
+    """Return what makes a Probe with the dose limit that the user asked for; None: the usual one.
+
+    dialect: of ports that do not name their own; the simulated probe always does.
+
+    Raises:
+        InputError: it is no limit.
+    """
+    common: dict[str, Any] = {}
+    if dose_limit_mbar_s is not None:
+        try:
+            common["limits"] = replace(DEFAULT_LIMITS, max_dose_mbar_s=dose_limit_mbar_s)
+        except ValueError:
+            raise InputError(
+                f"dose_limit_mbar_s {dose_limit_mbar_s:g}: expected a positive number of mbar·s"
+            ) from None
+
+    def make(port: str, **arguments: Any) -> Probe:
+        if dialect is not None and not port.startswith("sim:") and split_dialect(port)[1] is None:
+            arguments = {"dialect": dialect, **arguments}
+        return Probe(port, **common, **arguments)
+
+    return make
+
+
+def check_dose(plan: Plan, dose_limit_mbar_s: float | None) -> None:
+    """Refuse, before any suction, a plan that the site may not have as a whole.
+
+    Raises:
+        InputError: it says what the plan needs.
+    """
+    if plan.setup.program is None:
+        return
+    limit_mbar_s = DEFAULT_DOSE_MBAR_S if dose_limit_mbar_s is None else dose_limit_mbar_s
+    once = program_dose(wire_segments(plan.setup.program)).suction_mbar_s
+    if plan.repeats * once > limit_mbar_s:
+        raise InputError(
+            f"{plan.repeats} times {plan.setup.program} needs a dose of {plan.repeats * once:.6g} "
+            f"mbar·s, more than the {limit_mbar_s:.6g} mbar·s allowed in one visit "
+            "(--dose-limit-mbar-s)"
+        )
+
+
+def _finish(
+    recording: Recording, failed: BaseException | None, say: Callable[[str], None]
+) -> Path | None:
+    """Write the session; where that fails too, say both.
+
+    Raises:
+        AcquisitionError, InputError: the session cannot be written.
+    """
+    trouble = recording.journal.trouble
+    try:
+        return recording.finish()
+    except InputError as error:
+        if failed is None:
+            raise
+        if not isinstance(failed, AcquisitionError):
+            say(str(error))
+            return None
+        # A disk that is full has stopped the measurement: one cause, one sentence.
+        before = "recording failed, the probe was told to vent" if trouble else failed
+        raise AcquisitionError(f"{before}; {error}") from None

@@ -1,0 +1,1 @@
+"""What other programs use: behind `import skinlab`, and where the command line gets its parts."""

@@ -1,0 +1,394 @@
+"""The functions of `import skinlab`; docs/python.md shows them at work."""
+
+from __future__ import annotations
+
+import logging
+import math
+import warnings
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from skinlab.api.explaining import base_model, hashes_of, outcome_of
+from skinlab.api.identifiers import compose_identifier, find_table
+from skinlab.api.paths import PathLike, as_path
+from skinlab.api.results import (
+    Campaign,
+    Curve,
+    Explanation,
+    Identification,
+    Measurement,
+    OnResult,
+    Session,
+)
+from skinlab.api.simulation import simulated
+from skinlab.curves import campaign as campaigns
+from skinlab.curves import csv
+from skinlab.curves import curve as curves
+from skinlab.curves.program import Program, parse_program
+from skinlab.errors import InputError, NotTrustworthyError
+from skinlab.inference import result as identifications
+from skinlab.inference.batch import first_cycles, with_stated_noise
+from skinlab.mechanics.materials import get_law, law_names
+from skinlab.mechanics.materials.compressibility import KappaConvention
+from skinlab.mechanics.model_file import Model
+from skinlab.recording import load_inputs
+from skinlab.recording import session as sessions
+from skinlab.tables.table import Table
+
+_log = logging.getLogger("skinlab")
+
+
+def read_curve(
+    path: PathLike,
+    *,
+    aperture_mm: float,
+    thickness_mm: float,
+    program: str | Program | None = None,
+    thickness_sd_mm: float | None = None,
+    cycle: int = 1,
+    repeat: int = 1,
+) -> Curve:
+    """Return the curve of a CSV with the columns time_s, pressure_mbar and deflection_mm.
+
+    aperture_mm: the opening's diameter, 2, 4, 6 or 8. program: what the pump did, such as
+    "ramp:100@20"; None: read from the pressure. cycle: 1 is the first loading of the site.
+
+    Raises:
+        InputError: names the file, the line or field, and what was expected.
+    """
+    setup = curves.Setup(
+        aperture_mm, thickness_mm, _program(program), cycle, repeat, thickness_sd_mm
+    )
+    return Curve.of(csv.read_curve(as_path(path), setup))
+
+
+def read_session(path: PathLike) -> Session:
+    """Return what is in a session file.
+
+    Raises:
+        InputError: no such file, not a session, cut off, or changed since it was written.
+    """
+    file = as_path(path)
+    return Session(file, sessions.read_session(file))
+
+
+def read_campaign(path: PathLike) -> Campaign:
+    """Return the curves of a campaign's TOML (or its folder), or of a session.
+
+    Raises:
+        InputError: the file or one of its curves is wrong; names file and field or line.
+    """
+    found, _ = load_inputs.read_campaign_or_session(as_path(path))
+    named = tuple(Curve.of(c) for c in found.curves)
+    noise = found.noise_um, found.pressure_noise_mbar
+    return Campaign(found.title, *noise, named, found.placement_scatter)
+
+
+def identify(
+    curve: curves.Curve,
+    *,
+    method: str = "auto",
+    model: PathLike | Model | None = None,
+    seed: int = 0,
+    kappa: KappaConvention | None = None,
+    phases: str | Sequence[str] | None = None,
+    noise_um: float | None = None,
+    pressure_noise_mbar: float | None = None,
+    database: PathLike | Table | None = None,
+    **options: Any,
+) -> Identification:
+    """Return the skin's parameters from one curve.
+
+    model: a MODEL.toml. kappa: "paper" or "consistent"; phases: which samples to fit, such as
+    "load,hold"; None: the model's, else "paper" and "load". noise_um, pressure_noise_mbar: standard
+    deviations of one sample; None: estimated. database: a file of `skinlab database build`.
+    options: `samples`, `best`, `tolerance_um`, and those of the method (docs/methods.md). Same
+    seed, same bits.
+
+    Raises:
+        InputError: a setting is wrong, or the curve has nothing to identify.
+        NotTrustworthyError: the curve is outside the database.
+    """
+    if not isinstance(curve, curves.Curve):
+        raise InputError(f"{curve!r}: expected a curve, such as skinlab.read_curve returns")
+    identifier = compose_identifier(
+        method=method,
+        model=model,
+        seed=seed,
+        kappa=kappa,
+        phases=_phases(phases),
+        noise_um=noise_um,
+        pressure_noise_mbar=pressure_noise_mbar,
+        database=database,
+        **options,
+    )
+    return Identification(_usable(identifier(curve)), [curve], identifier)
+
+
+def identify_joint(
+    given: Sequence[curves.Curve] | campaigns.Campaign,
+    *,
+    method: str = "auto",
+    model: PathLike | Model | None = None,
+    seed: int = 0,
+    kappa: KappaConvention | None = None,
+    phases: str | Sequence[str] | None = None,
+    noise_um: float | None = None,
+    pressure_noise_mbar: float | None = None,
+    placement_scatter: float | None = None,
+    database: PathLike | Table | None = None,
+    **options: Any,
+) -> Identification:
+    """Return one answer for several curves of one skin, or for a campaign's.
+
+    Arguments as of `identify`. Noise that is not given is a campaign's, or what repeats show.
+    placement_scatter: deviation of log stiffness between placements of the probe; None: the
+    campaign's, else learned. Curves of later cycles are left out where there are first ones.
+
+    Raises:
+        InputError, NotTrustworthyError: as `identify`.
+    """
+    stated = given if isinstance(given, campaigns.Campaign) else None
+    several = tuple(given.curves if isinstance(given, campaigns.Campaign) else given)
+    if not several or not all(isinstance(one, curves.Curve) for one in several):
+        raise InputError("expected several curves, such as skinlab.read_curve returns")
+    if placement_scatter is not None and not 0 <= placement_scatter < 1:
+        raise InputError(f"placement_scatter {placement_scatter:g}: expected 0 to below 1")
+    identifier = compose_identifier(
+        method=method,
+        model=model,
+        seed=seed,
+        kappa=kappa,
+        phases=_phases(phases),
+        noise_um=noise_um,
+        pressure_noise_mbar=pressure_noise_mbar,
+        database=database,
+        **options,
+    )
+    noise = (None, None) if stated is None else (stated.noise_um, stated.pressure_noise_mbar)
+    if placement_scatter is None and stated is not None:
+        placement_scatter = stated.placement_scatter
+    chosen = first_cycles(several)
+    knowing = with_stated_noise(identifier, chosen, *noise)
+    sensor = replace(knowing.sensor, placement_scatter=placement_scatter)
+    if len(chosen) < len(several):
+        left = len(several) - len(chosen)
+        warnings.warn(f"{left} curves of later cycles are left out", stacklevel=2)
+    found = replace(knowing, sensor=sensor).joint(chosen)
+    return Identification(_usable(found), chosen, identifier)
+
+
+def forward(
+    *,
+    aperture_mm: float,
+    thickness_mm: float,
+    program: str | Program,
+    model: PathLike | Model | None = None,
+    direct: bool = False,
+    law: str | None = None,
+    kappa: KappaConvention | None = None,
+    rate_hz: float = 20.0,
+    cycle: int = 1,
+    database: PathLike | Table | None = None,
+    **parameters: float,
+) -> Curve:
+    """Return the simulated curve of a skin.
+
+    parameters: the law's own by their names: X1_MPa, X2_MPa and nu of the paper's. direct: by
+    finite elements; else the database answers. law, kappa: None: the model's or database's, else
+    the paper's. A curve that the model cannot follow to its end is cut there, with a warning.
+
+    Raises:
+        InputError: a value is out of its range, missing, or none of the law's.
+        NotTrustworthyError: the model does not hold even for the first samples.
+    """
+
+    def values_of(name: str) -> tuple[float, ...]:
+        names = get_law(name).names
+        wrong = [one for one in parameters if one not in names]
+        missing = [one for one in names if one not in parameters]
+        for what, found in (("not of", wrong), ("missing for", missing)):
+            if found:
+                raise InputError(
+                    f"{', '.join(found)}: {what} the law {name}, which takes {', '.join(names)} "
+                    f"(laws: {', '.join(law_names())})"
+                )
+        return tuple(_number(one, parameters[one]) for one in names)
+
+    setup = curves.Setup(aperture_mm, thickness_mm, _program(program), cycle)
+    curve, warning = simulated(
+        setup,
+        values_of,
+        law=law,
+        kappa=kappa,
+        rate_hz=rate_hz,
+        direct=direct,
+        model=model,
+        database=database,
+    )
+    if warning is not None:
+        warnings.warn(warning, stacklevel=2)
+    return Curve.of(curve)
+
+
+def explain(
+    campaign: PathLike | campaigns.Campaign,
+    *,
+    model: PathLike | Model | None = None,
+    workers: int | None = None,
+    database: PathLike | Table | None = None,
+    cached: bool = True,
+) -> Explanation:
+    """Return where model and measurement disagree, and which physical effect is missing.
+
+    campaign: what `read_campaign` returns, or a path that it takes. model: the one to start from.
+    workers: processes; None: one a core; same answers. cached: what was computed before is kept.
+
+    Raises:
+        InputError: the campaign or the model cannot be used.
+        NotTrustworthyError: the model does not hold for these curves.
+    """
+    if not isinstance(campaign, campaigns.Campaign):
+        campaign = read_campaign(campaign)
+    table = find_table(database)
+    base, data = base_model(model, table), hashes_of(campaign)
+    outcome = outcome_of(campaign, data, base, table, workers=workers, cached=cached)
+    return Explanation(outcome, base, table, data)
+
+
+def measure(
+    url: str,
+    *,
+    aperture_mm: float,
+    thickness_mm: float,
+    program: str | Program | None,
+    out: PathLike,
+    repeats: int = 1,
+    rest_s: float = 5.0,
+    rate_hz: float | None = None,
+    thickness_sd_mm: float | None = None,
+    subject: str = "",
+    site: str = "",
+    first_cycle: int = 1,
+    dose_limit_mbar_s: float | None = None,
+    dialect: PathLike | None = None,
+    on_result: OnResult | None = None,
+    **identification: Any,
+) -> Measurement:
+    """Measure, identify each curve as it completes, and record all in the new session `out`.
+
+    url: a serial port or pyserial's URL, or sim://. program: None only of a read-only instrument.
+    subject: a pseudonym. dose_limit_mbar_s: None: the driver's. dialect: what the instrument
+    speaks. on_result is called with each answer. identification: what `identify` takes. What the
+    operator must know at once goes to the logger "skinlab" as a warning.
+
+    Raises:
+        InputError: refused before any suction.
+        AcquisitionError, KeyboardInterrupt: after the probe was told to vent and what was measured
+            was saved; a note of the error names the session.
+    """
+    from drivers.errors import DialectFileError, DriverError, PortUrlError, UnknownDialectError
+    from drivers.probe import choose_dialect
+    from skinlab.acquisition.gc_tuning import short_pauses
+    from skinlab.acquisition.session_run import nothing_to_fit, plan_of, run_session
+    from skinlab.errors import AcquisitionError
+    from skinlab.inference.result import document
+    from skinlab.recording.stream import Happened, Identified, Message
+    from skinlab.report.outage import outage_words
+    from skinlab.report.text import describe_dose
+
+    try:
+        _, speaks = choose_dialect(url, None if dialect is None else str(dialect))
+    except (DialectFileError, PortUrlError, UnknownDialectError) as error:
+        raise InputError(str(error)) from None
+    asked = _program(program)
+    if asked is None and speaks.capabilities.controllable:
+        raise InputError("program: expected what the pump is to do, such as ramp:100@20")
+    identifier = compose_identifier(**identification)
+    complaint = None if asked is None else nothing_to_fit(asked, identifier.phases)
+    if complaint is not None:
+        raise InputError(complaint)
+    setup = curves.Setup(
+        aperture_mm, thickness_mm, asked, first_cycle, thickness_sd_mm=thickness_sd_mm
+    )
+    results: list[identifications.Identification] = []
+    answers: list[Identification] = []
+    recorded: list[Curve] = []
+    ends: list[tuple[Path, Any]] = []
+
+    def listener(message: Message) -> None:
+        if isinstance(message, Identified):
+            results.append(message.result)
+            recorded.append(Curve.of(message.curve))
+            answers.append(Identification(message.result, [message.curve], identifier))
+            if on_result is not None:
+                on_result(answers[-1])
+        elif isinstance(message, Happened) and (words := outage_words(message.event)):
+            _log.warning("%s", words)
+
+    try:
+        with short_pauses():
+            run_session(
+                url,
+                plan_of(setup, repeats, rest_s, rate_hz),
+                as_path(out),
+                identifier,
+                dialect=speaks,
+                saved=lambda path, dose: ends.append((path, dose)),
+                subject=subject,
+                site=site,
+                dose_limit_mbar_s=dose_limit_mbar_s,
+                listener=listener,
+                say=_log.warning,
+            )
+    except PortUrlError as error:
+        raise InputError(str(error)) from None
+    except DriverError as error:
+        raise _with_note(AcquisitionError(str(error)), ends) from error
+    except BaseException as error:
+        _with_note(error, ends)
+        raise
+    if not ends:
+        raise AcquisitionError("no curve was begun: there is no session")
+    path, dose = ends[0]
+    whole = document(identifier.provenance(), results, session=str(path), dose=dose)
+    return Measurement(whole, answers, recorded, describe_dose(dose))
+
+
+def _with_note(error: BaseException, ends: list[tuple[Path, Any]]) -> BaseException:
+    if ends:
+        error.add_note(f"what was measured is in the session {ends[0][0]}")
+    return error
+
+
+def _usable(found: identifications.Identification) -> identifications.Identification:
+    """Return the answer where there is one.
+
+    Raises:
+        InputError, NotTrustworthyError: there is none; says why.
+    """
+    if found.error is None:
+        return found
+    if "outside_database" in found.flags:
+        raise NotTrustworthyError(found.error)
+    raise InputError(found.error)
+
+
+def _phases(phases: str | Sequence[str] | None) -> str | tuple[str, ...] | None:
+    return phases if phases is None or isinstance(phases, str) else tuple(phases)
+
+
+def _program(program: str | Program | None) -> Program | None:
+    return parse_program(program) if isinstance(program, str) else program
+
+
+def _number(name: str, value: Any) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise InputError(f"{name} {value!r}: expected a number")
+    return number

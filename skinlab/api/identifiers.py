@@ -1,0 +1,165 @@
+"""An Identifier from what a user says: database, model, method and options in one place."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, get_args
+
+from skinlab.api.paths import PathLike, as_path
+from skinlab.curves.program import Phase
+from skinlab.discrepancy.model_identifier import with_model
+from skinlab.errors import InputError
+from skinlab.inference.custom_table import with_custom_table
+from skinlab.inference.identify import Identifier
+from skinlab.inference.methods import METHODS, get_method
+from skinlab.inference.problem import Options, check
+from skinlab.inference.uncertainty import Sensor
+from skinlab.mechanics.materials.compressibility import KappaConvention
+from skinlab.mechanics.model_file import Model, read_model
+from skinlab.tables.store import read, shipped_table
+from skinlab.tables.table import Table
+
+PHASES = get_args(Phase)
+
+
+def read_phases(phases: str | tuple[str, ...] | list[str]) -> tuple[str, ...]:
+    """Return phases, also of a text that separates them by commas.
+
+    Raises:
+        InputError: one of them does not exist, or there is none.
+    """
+    parts = phases.split(",") if isinstance(phases, str) else phases
+    found = tuple(part.strip() for part in parts if part.strip())
+    for phase in found:
+        if phase not in PHASES:
+            raise InputError(f"{phase!r} is no phase; expected of {', '.join(PHASES)}")
+    if not found:
+        raise InputError("names no phase")
+    return found
+
+
+def settle_options(
+    method: str, options: Options, samples: int | None, own: Mapping[str, Any]
+) -> Options:
+    """Return the options with N and those that are this method's own, by name.
+
+    Raises:
+        InputError: the method does not read one of them, N is given twice, or one is out of range.
+    """
+    chosen = get_method(method)
+    declared = {option.name: option for option in chosen.options}
+    said = {}
+    for name, value in own.items():
+        if name not in declared:
+            readers = [m.name for m in METHODS.all() if name in {o.name for o in m.options}]
+            whose = f"belongs to method {' or '.join(readers)}" if readers else "is no option"
+            raise InputError(f"{name} {whose}; {method} does not read it")
+        if declared[name].instead_of == "samples" and samples is not None:
+            raise InputError(f"{name} gives the number of samples; leave samples out")
+        said[name] = declared[name].checked(value)
+    if samples is not None:
+        options = replace(options, samples=samples)
+    options = options.having(**said)
+    chosen.check(options)
+    options = chosen.settle(options)
+    check(options)
+    return options
+
+
+def compose_identifier(
+    *,
+    method: str = "auto",
+    samples: int | None = None,
+    best: int = 20,
+    tolerance_um: float = 1e-5,
+    seed: int = 0,
+    kappa: KappaConvention | None = None,
+    phases: str | tuple[str, ...] | list[str] | None = None,
+    noise_um: float | None = None,
+    pressure_noise_mbar: float | None = None,
+    model: PathLike | Model | None = None,
+    database: PathLike | Table | None = None,
+    **own: Any,
+) -> Identifier:
+    """Return the Identifier of these settings; `own` are options of the method alone.
+
+    kappa, phases: None: those of the model or database, else paper, and load. model: a MODEL.toml.
+    database: a file of `skinlab database build`; None: the shipped one.
+
+    Raises:
+        InputError: a setting is out of its range, or two contradict each other.
+    """
+    options = settle_options(method, Options(best=best, tolerance_um=tolerance_um), samples, own)
+    if seed < 0:
+        raise InputError(f"seed {seed}: expected zero or more")
+    if noise_um is not None and not 0 < noise_um < 1e6:
+        raise InputError(f"noise_um {noise_um:g}: expected a positive number")
+    if pressure_noise_mbar is not None and not 0 <= pressure_noise_mbar < 1e3:
+        raise InputError(f"pressure_noise_mbar {pressure_noise_mbar:g}: expected zero or more")
+    check_kappa(kappa)
+    table = find_table(database)
+    identifier = Identifier(
+        table,
+        method=method,
+        options=options,
+        seed=seed,
+        kappa="paper" if kappa is None else kappa,
+        phases=("load",) if phases is None else read_phases(phases),
+        sensor=Sensor(noise_um, pressure_noise_mbar),
+    )
+    asked = find_model(model)
+    own_model = table.spec.model
+    if own_model is not None:
+        if asked is not None and asked.hash != own_model.hash:
+            raise InputError(
+                f"{called(database, 'the database')}: built for the model "
+                f"{own_model.model.name!r}, and {called(model, 'the model')} is another; build a "
+                "database of that, or leave the database out"
+            )
+        check_kappa(kappa, own_model, called(database, "the database"))
+        return with_custom_table(identifier, table, phases_said=phases is not None)
+    if asked is None:
+        return identifier
+    check_kappa(kappa, asked, called(model, "the model"))
+    return with_model(identifier, asked)
+
+
+def find_table(database: PathLike | Table | None) -> Table:
+    """Return the table that is meant; None: the shipped one.
+
+    Raises:
+        InputError: the file cannot be read.
+    """
+    if isinstance(database, Table):
+        return database
+    return shipped_table() if database is None else read(as_path(database))
+
+
+def find_model(model: PathLike | Model | None) -> Model | None:
+    """Return the model that is meant, read where it is a file.
+
+    Raises:
+        InputError: the file cannot be read.
+    """
+    return model if model is None or isinstance(model, Model) else read_model(as_path(model))
+
+
+def called(given: object, else_: str) -> str:
+    """Return how a sentence names what was given: the file, where it is one."""
+    return str(given) if isinstance(given, str | Path) else else_
+
+
+def check_kappa(
+    kappa: KappaConvention | None, model: Model | None = None, where: str = "the model"
+) -> None:
+    """Refuse a convention that there is not, or that is not the model's.
+
+    Raises:
+        InputError: it says what was expected.
+    """
+    if kappa not in (None, *get_args(KappaConvention)):
+        raise InputError(f"kappa {kappa!r}: expected {' or '.join(get_args(KappaConvention))}")
+    if model is not None and kappa not in (None, model.model.kappa):
+        raise InputError(f"{where}: kappa is {model.model.kappa!r}, and {kappa!r} was asked for")

@@ -1,1 +1,0 @@
-"""Laws that are no part of the package: what extensions are tried with."""

@@ -1,0 +1,49 @@
+"""The screen with the law and the database of the example plugin."""
+
+from __future__ import annotations
+
+import pytest
+from fung_table import DIMENSIONLESS, built
+from skinlab_example.fung import LAW
+
+from skinlab.inference.identify import Identifier
+from skinlab.mechanics.materials import with_law
+from skinlab.tables.store import read
+from skinlab.tui.widgets.curves import Curves
+
+SKIN = """
+[skin]
+law = "fung"
+parameters = { C1_MPa = 0.066, C2 = 11.0, nu = 0.33 }
+"""
+
+
+@pytest.fixture(scope="session")
+def identifier(tmp_path_factory):
+    with with_law(LAW):
+        yield Identifier(read(built(tmp_path_factory.mktemp("fung"), "fung", DIMENSIONLESS)))
+
+
+async def test_card_and_rows_speak_of_that_law(bedside, tmp_path):
+    skin = tmp_path / "skin.toml"
+    skin.write_text(SKIN)
+    async with bedside(f"sim://?seed=1&speed=10&skin={skin}", size=(120, 40)) as bed:
+        await bed.connected()
+        await bed.fill("program", "ramp:60@20")
+        await bed.check()
+        await bed.press("f9")
+        await bed.until(lambda: bed.board.entry and bed.board.entry.result)
+        await bed.until(lambda: "C1" in bed.text("#card-text"))
+        card = bed.text("#card-text")
+        for word in ("C1", "C2", "nu", "true nu"):
+            assert word in card
+        assert "X1" not in card
+        curves = bed.app.screen.query_one(Curves)
+        await bed.until(lambda: curves.row_count == 1)
+        titles = [str(column.label) for column in curves.columns.values()]
+        assert {"C1 MPa", "C2", "nu"} <= set(titles)
+        found = bed.board.entry.result.parameters
+        at = titles.index("C1 MPa")
+        assert float(curves.get_row_at(0)[at]) == pytest.approx(found["C1_MPa"].value, rel=1e-3)
+        assert found["C1_MPa"].low <= 0.066 <= found["C1_MPa"].high
+        await bed.quit()

@@ -1,0 +1,285 @@
+"""`import skinlab`: what its functions return and refuse."""
+
+from __future__ import annotations
+
+import json
+import os
+import pickle
+import re
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from laws.fung import LAW
+
+import skinlab
+from skinlab.cli.main import run
+from skinlab.mechanics.materials import with_law
+
+ROOT = Path(__file__).parents[3]
+SKIN = {"X1_MPa": 0.03, "X2_MPa": 1.0, "nu": 0.32}
+OPENING = {"aperture_mm": 6, "thickness_mm": 1.0}
+GEOMETRY = ["--aperture-mm", "6", "--thickness-mm", "1"]
+
+
+@pytest.fixture
+def curve():
+    return skinlab.forward(**SKIN, **OPENING, program="ramp:100@20")
+
+
+@pytest.fixture
+def path(curve, tmp_path) -> Path:
+    file = tmp_path / "c.csv"
+    file.write_text(str(curve) + "\n")
+    return file
+
+
+def python(code: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    file = folder / "script.py"
+    file.write_text(code)
+    return subprocess.run(
+        [sys.executable, str(file)],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+    )
+
+
+def test_the_page_runs_as_one_program(tmp_path):
+    page = (ROOT / "docs/python.md").read_text()
+    blocks = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    facts = (
+        "assert abs(result.parameters.X1_MPa.value - 0.03) < 3e-4\n"
+        "assert measurement.results[1].parameters == measurement.curves[1].parameters\n"
+        "assert explanation.effects == [['deflection_offset']], explanation.effects\n"
+        "assert again.order[3] == 'deflection_offset.offset_um'\n"
+        "assert explanation.adopted_model == 'model.toml'\n"
+        "assert 'data:image/' in explanation._repr_html_()\n"
+    )
+    done = python("\n".join([*blocks, facts]), tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "nothing.csv: No such file" in done.stdout
+
+
+def test_importing_is_light_and_complete(tmp_path):
+    done = python(
+        "import sys, skinlab\n"
+        "print(sorted({'numpy', 'scipy', 'h5py', 'click', 'matplotlib'} & set(sys.modules)))\n"
+        "assert set(skinlab.__all__) <= set(dir(skinlab))\n"
+        "for name in skinlab.__all__:\n"
+        "    assert getattr(skinlab, name).__name__ == name\n",
+        tmp_path,
+    )
+    assert (done.returncode, done.stdout) == (0, "[]\n"), done.stderr
+    with pytest.raises(AttributeError, match="no_such_name"):
+        skinlab.no_such_name  # noqa: B018
+
+
+def test_type_checkers_see_the_names(tmp_path):
+    (tmp_path / "script.py").write_text(
+        "import skinlab\n"
+        "reveal_type(skinlab.read_curve('c.csv', aperture_mm=6, thickness_mm=1))\n"
+        "skinlab.read_curve(1, aperture_mm=6, thickness_mm=1)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-m", "mypy", "--follow-imports=silent", "script.py"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert 'note: Revealed type is "skinlab.api.results.Curve"' in done.stdout
+    assert done.stdout.count("error:") == 1
+    assert 'has incompatible type "int"' in done.stdout
+
+
+@pytest.mark.parametrize("kind", [str, Path])
+def test_a_path_is_a_str_or_a_path(path, kind):
+    found = skinlab.read_curve(kind(path), **OPENING)
+    assert found.deflection_mm.shape == (101,)
+    with pytest.raises(skinlab.InputError, match="str or Path"):
+        skinlab.read_curve(3, **OPENING)
+
+
+def test_the_answer_is_the_command_lines(path, capsys):
+    found = skinlab.identify(skinlab.read_curve(str(path), **OPENING), seed=3)
+    assert run(["identify", str(path), *GEOMETRY, "--seed", "3"]) == 0
+    assert capsys.readouterr().out == f"{found}\n"
+    assert run(["identify", str(path), *GEOMETRY, "--seed", "3", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    said = found.to_dict()
+    for one in (document, said):
+        one["curves"][0]["seconds"] = 0
+    assert json.loads(json.dumps(said)) == document
+    assert found.parameters.X1_MPa.low == document["curves"][0]["parameters"]["X1_MPa"]["low"]
+    assert found.model == document["model"]
+    assert found.flags == []
+    with pytest.raises(AttributeError, match="no field 'flag'"):
+        _ = found.flag
+    assert "\n" not in repr(found)
+    assert np.abs(found.model_mm - 0).max() > 0.1
+
+
+def test_a_result_can_be_changed_no_more_than_copied(curve):
+    found = skinlab.identify(curve)
+    copied = found.to_dict()
+    copied["curves"][0]["flags"].append("mine")
+    assert found.flags == []
+    assert pickle.loads(pickle.dumps(found)).parameters == found.parameters
+
+
+def test_options_of_a_method_go_by_name(curve):
+    found = skinlab.identify(curve, method="sto", samples=200, best=10)
+    assert found.method == "sto"
+    with pytest.raises(skinlab.InputError, match=r"colour is no option"):
+        skinlab.identify(curve, method="sto", colour=3)
+    with pytest.raises(skinlab.InputError, match="samples 1: expected"):
+        skinlab.identify(curve, samples=1)
+
+
+@pytest.mark.parametrize(
+    ("settings", "sentence"),
+    [
+        ({"method": "magic"}, "magic"),
+        ({"phases": "climb"}, "'climb' is no phase"),
+        ({"phases": []}, "names no phase"),
+        ({"kappa": "mine"}, "kappa 'mine': expected paper or consistent"),
+        ({"seed": -1}, "seed -1"),
+        ({"noise_um": 0.0}, "noise_um 0"),
+        ({"model": "none.toml"}, "none.toml"),
+        ({"database": "none.h5"}, "none.h5"),
+        ({"phases": ("rest",)}, ""),
+    ],
+)
+def test_what_cannot_be_is_refused_in_a_sentence(curve, settings, sentence):
+    with pytest.raises(skinlab.InputError) as told:
+        skinlab.identify(curve, **settings)
+    assert sentence in str(told.value)
+    assert "--" not in str(told.value)
+
+
+def test_identify_wants_a_curve(path):
+    with pytest.raises(skinlab.InputError, match="read_curve"):
+        skinlab.identify(str(path))
+    with pytest.raises(skinlab.InputError, match="several curves"):
+        skinlab.identify_joint([])
+
+
+def test_parameters_are_those_of_the_law(curve, capsys):
+    with pytest.raises(skinlab.InputError, match="nu: missing for the law"):
+        skinlab.forward(X1_MPa=0.03, X2_MPa=1, **OPENING, program="ramp:100@20")
+    with pytest.raises(skinlab.InputError, match="C1_MPa: not of the law"):
+        skinlab.forward(**SKIN, C1_MPa=1, **OPENING, program="ramp:100@20")
+    with pytest.raises(skinlab.InputError, match="nu 'much': expected a number"):
+        skinlab.forward(**{**SKIN, "nu": "much"}, **OPENING, program="ramp:100@20")
+    command = ["forward", "--x1-mpa", "0.03", "--x2-mpa", "1", "--nu", "0.32", *GEOMETRY]
+    assert run([*command, "--program", "ramp:100@20"]) == 0
+    assert capsys.readouterr().out == f"{curve}\n"
+
+
+def test_several_curves_answer_together(curve):
+    later = replace(curve, setup=replace(curve.setup, cycle=2))
+    campaign = skinlab.Campaign("arm", 3.0, 0.0, (curve, curve, later))
+    with pytest.warns(UserWarning, match="1 curves of later cycles"):
+        found = skinlab.identify_joint(campaign)
+    assert found.to_dict()["curves"] == []
+    assert found.files == ["simulated", "simulated"]
+    same = skinlab.identify_joint([curve, curve], noise_um=3.0, pressure_noise_mbar=0.0)
+    assert found.parameters == same.parameters
+    assert found.parameters != skinlab.identify_joint([curve, curve]).parameters
+    assert found.parameters.X1_MPa.low < 0.03 < found.parameters.X1_MPa.high
+    assert "arm" in repr(campaign)
+    assert len(campaign.to_dict()["curves"]) == 3
+
+
+def test_a_notebook_shows_no_markup_of_others(curve):
+    named = replace(curve, name="<script>alert(1)</script>\x1b[2J")
+    for one in (named, skinlab.identify(named), skinlab.Campaign("<b>", None, None, (named,))):
+        page = one._repr_html_()
+        assert "<script" not in page
+        assert "<b>" not in page
+        assert "\x1b" not in page
+        assert 'src="data:image/' in page
+
+
+def test_frames(curve):
+    pytest.importorskip("pandas")
+    assert curve.to_frame()["deflection_mm"].to_numpy() == pytest.approx(curve.deflection_mm)
+    found = skinlab.identify(curve)
+    frame = found.to_frame().set_index("parameter")
+    assert frame.loc["nu", "low"] == found.parameters.nu.low
+
+
+def test_without_pandas_a_sentence_says_what_to_install(curve, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(skinlab.InputError, match="pip install pandas"):
+        curve.to_frame()
+
+
+def test_an_interrupted_measurement_is_saved(tmp_path):
+    out = tmp_path / "s.h5"
+
+    def stop(_):
+        raise KeyboardInterrupt
+
+    interval = sys.getswitchinterval()
+    with pytest.raises(KeyboardInterrupt) as told:
+        skinlab.measure(
+            "sim://?seed=1&speed=20", **OPENING, program="ramp:50@20", out=str(out), on_result=stop
+        )
+    assert str(out) in told.value.__notes__[0]
+    assert sys.getswitchinterval() == interval
+    session = skinlab.read_session(str(out))
+    assert len(session.curves) == 1
+    assert "run ended" in str(session)
+    assert session.to_dict()["curves"][0]["setup"]["program"] == "ramp:50@20"
+
+
+@pytest.mark.parametrize(
+    ("settings", "sentence"),
+    [
+        ({"program": None}, "program: expected"),
+        ({"repeats": 0}, "repeats 0"),
+        ({"phases": "hold"}, "has no hold"),
+        ({"dose_limit_mbar_s": 1.0}, "dose"),
+        ({"dialect": "klingon"}, "klingon"),
+        ({"dialect": Path("none.toml")}, "none.toml"),
+        ({"url": "gopher://probe"}, "gopher"),
+        ({"aperture_mm": 5}, "aperture_mm 5"),
+    ],
+)
+def test_a_measurement_is_refused_before_it_begins(tmp_path, settings, sentence):
+    usual = {"url": "sim://?seed=1", "program": "ramp:50@20", "out": tmp_path / "s.h5"}
+    with pytest.raises(skinlab.InputError) as told:
+        skinlab.measure(**{**usual, **OPENING, **settings})
+    assert sentence in str(told.value)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_probe_that_is_not_there_is_an_acquisition_error(tmp_path):
+    with pytest.raises(skinlab.AcquisitionError):
+        skinlab.measure(
+            str(tmp_path / "tty"), **OPENING, program="ramp:50@20", out=tmp_path / "s.h5"
+        )
+    assert not list(tmp_path.iterdir())
+
+
+def test_another_laws_parameters_go_by_their_names():
+    names = LAW.names
+    with with_law(LAW):
+        found = skinlab.forward(
+            law=LAW.name,
+            **dict(zip(names, (0.01, 12.0, 0.3), strict=True)),
+            **OPENING,
+            program="ramp:20@20",
+            direct=True,
+            rate_hz=10.0,
+        )
+        with pytest.raises(skinlab.InputError, match="X1_MPa, X2_MPa: not of the law fung"):
+            skinlab.forward(law=LAW.name, **SKIN, **OPENING, program="ramp:20@20")
+    assert found.deflection_mm[-1] > 0.1
