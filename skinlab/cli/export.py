@@ -56,7 +56,7 @@ def command(
         case "fhir":
             paths = write_new(folder, {n: t.encode() for n, t in to_fhir(read).items()})
         case "parameters":
-            identifier, warning = identifier_of(read)
+            identifier, warning = identifier_of(read, database_path)
             if warning is not None:
                 echo(f"skinlab: {session}: {warning}", err=True)
             made = to_parameters(read, identifier)

@@ -12,6 +12,8 @@ from skinlab.mechanics.materials.base import NU_CONSISTENT
 from skinlab.mechanics.names import is_poisson, plain
 from skinlab.text import inert
 
+_SENTENCES = ("outliers", "correlated_noise", "stated_noise_contradicted", "unlike_cohort")
+
 
 def describe(result: Identification) -> str:
     """Return the text."""
@@ -99,7 +101,7 @@ def explain(result: Identification, noise_um: float | None = None) -> list[str]:
         )
     for flag in result.flags:
         kind, _, what = flag.partition(":")
-        if kind in ("outliers", "correlated_noise", "stated_noise_contradicted"):
+        if kind in _SENTENCES:
             meaning = CATALOGUE[kind].meaning.replace("{}", what)
             if kind == "stated_noise_contradicted" and result.error_model is not None:
                 meaning += f" ({result.error_model.why.rpartition('; ')[2]})"

@@ -57,6 +57,7 @@ class How:
 def settings_of(identifier: Identifier) -> str:
     """Return all of the identification that its answers depend on, as JSON."""
     said = {**identification_settings(identifier), "skinlab": __version__}
+    said.pop("database_path", None)  # its hash says which it is, wherever it lies
     return json.dumps(said, sort_keys=True)
 
 
