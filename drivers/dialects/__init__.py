@@ -16,7 +16,7 @@ import pkgutil
 import sys
 from functools import cache
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 from urllib.parse import unquote
 
 from drivers.capabilities import Capabilities, Stream
