@@ -31,7 +31,7 @@ def test_a_stiffer_skin_is_the_same_solution_at_less_pressure():
     for curve in Cohort(spec, 4).curves():
         true = curve.true
         problem = problem_of(
-            Law(true["X1_MPa"], true["X2_MPa"], true["nu"], "paper"), {}, Geometry(6.0, 1.2)
+            Law((true["X1_MPa"], true["X2_MPa"], true["nu"]), "paper"), {}, Geometry(6.0, 1.2)
         )
         direct = solve_skin(problem, PressurePath((0.0, 1.0), (0.0, 101.0)), MESH)
         assert curve.deflection_mm == pytest.approx(direct.instant(curve.pressure_mbar), abs=2e-5)
