@@ -298,25 +298,6 @@ PROVENANCE = """
 from skinlab.discrepancy.cache import key
 from skinlab.versions import versions
 print(key(["data"]), versions().get("plugin skinlab-example", "none"))
-"""
-
-
-def test_versions_and_cache_keys_know_the_plugin_and_its_source(example, tmp_path):
-    (target,) = example.environment["PYTHONPATH"].split(os.pathsep)
-    changed = tmp_path / "changed"
-    shutil.copytree(target, changed)
-    with (changed / "skinlab_example" / "warm_up.py").open("a") as stream:
-        stream.write("# changed, under the same version\n")
-    found = [
-        place.says(PROVENANCE, tmp_path).split(maxsplit=1) for place in (example, Place(changed))
-    ]
-    assert len({key(["data"]), *(name for name, _ in found)}) == 3
-    assert all(said.startswith("0.1.0 ") for _, said in found)
-    assert "plugin skinlab-example" not in versions()
-
-
-def test_a_simulated_probe_speaks_an_installed_dialect(example, tmp_path):
-    code = """
 from drivers.connection import Connection
 from drivers.dialects import dialect_names, dialect_origin, get_dialect
 from drivers.events import Identify
@@ -331,8 +312,22 @@ device.receive(connection.send(Identify()))
 connection.receive_data(device.transmit())
 print(connection.next_event().dialect, dialect_origin("json_lines"), dialect_names())
 """
-    said = example.says(code, tmp_path)
-    assert said == ("json_lines ('skinlab-example', '0.1.0') ('json_lines', 'reference')")
+
+
+def test_versions_and_cache_keys_know_the_plugin_and_its_source(example, tmp_path):
+    (target,) = example.environment["PYTHONPATH"].split(os.pathsep)
+    changed = tmp_path / "changed"
+    shutil.copytree(target, changed)
+    with (changed / "skinlab_example" / "warm_up.py").open("a") as stream:
+        stream.write("# changed, under the same version\n")
+    found = [place.says(PROVENANCE, tmp_path).splitlines() for place in (example, Place(changed))]
+    named = [first.split(maxsplit=1) for first, _ in found]
+    assert len({key(["data"]), *(name for name, _ in named)}) == 3
+    assert all(said.startswith("0.1.0 ") for _, said in named)
+    # A simulated probe speaks the installed dialect
+    spoken = "json_lines ('skinlab-example', '0.1.0') ('json_lines', 'reference')"
+    assert [said for _, said in found] == [spoken, spoken]
+    assert "plugin skinlab-example" not in versions()
 
 
 # ---- all the ways to be broken -------------------------------------------------------------------
@@ -375,8 +370,14 @@ def wreck(tmp_path) -> Place:
     return Place(tmp_path / "site")
 
 
-def test_each_broken_plugin_is_one_warning_that_names_it(wreck):
-    done, checked = wreck.each(["plugins", "--json"], ["plugins", "check", "raises"])
+def test_each_broken_plugin_is_one_warning_that_names_it(wreck, tmp_path):
+    model = tmp_path / "m.toml"
+    model.write_text('[model]\nname = "a"\n[effects.raises.size_um]\nvalue = 1.0\n')
+    done, checked, asked = wreck.each(
+        ["plugins", "--json"],
+        ["plugins", "check", "raises"],
+        [*FORWARD, "--program", "ramp:50@20", "--model", model],
+    )
     assert done.returncode == 0
     listed = json.loads(done.stdout)["plugins"]
     effects = {p["name"]: p for p in listed if p["kind"] == "effect" and p["error"] is None}
@@ -400,14 +401,9 @@ def test_each_broken_plugin_is_one_warning_that_names_it(wreck):
     refused = {p["name"]: p["error"] for p in listed if p["error"] is not None}
     assert set(refused) == {*BROKEN, "viscoelasticity", "good"}
     assert checked.returncode == 1
-
-
-def test_who_asks_for_a_broken_one_hears_why(wreck, tmp_path):
-    model = tmp_path / "m.toml"
-    model.write_text('[model]\nname = "a"\n[effects.raises.size_um]\nvalue = 1.0\n')
-    done = wreck.skinlab(*FORWARD, "--program", "ramp:50@20", "--model", model)
-    assert done.returncode == 3
-    last = done.stderr.splitlines()[-1]
+    # Who asks for a broken one hears why
+    assert asked.returncode == 3
+    last = asked.stderr.splitlines()[-1]
     assert "effects.raises is not known (plugin wreck, effect 'raises': left out" in last
 
 
