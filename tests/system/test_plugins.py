@@ -185,16 +185,9 @@ def test_a_law_and_an_error_model_are_used(example, tmp_path):
         if line[:1].isdigit():
             time_s, pressure, deflection, *rest = line.split(",")
             hum_mm = 5e-3 * np.sin(2 * np.pi * 50 * float(time_s) + 1) + rng.normal(0, 1e-3)
-<<<<<<< HEAD
-            read = ",".join([time_s, pressure, f"{float(deflection) + hum_mm:.6f}", *rest])
-            lines.append(read)
-        else:
-            lines.append(line)
-=======
             lines += [",".join([time_s, pressure, f"{float(deflection) + hum_mm:.6f}", *rest])]
         else:
             lines += [line]
->>>>>>> q1
     csv.write_text("\n".join(lines) + "\n", "utf-8")
     of_the_law = ["forward", "--direct", "--law", "fung", "--c1-mpa", "0.066", "--c2", "11"]
     law, done = example.each(
