@@ -91,6 +91,7 @@ def identify(
     *,
     method: str = "auto",
     model: PathLike | Model | None = None,
+    prior: PathLike | None = None,
     seed: int = 0,
     kappa: KappaConvention | None = None,
     phases: str | Sequence[str] | None = None,
@@ -101,9 +102,10 @@ def identify(
 ) -> Identification:
     """Return the skin's parameters from one curve.
 
-    model: a MODEL.toml. kappa: "paper" or "consistent"; phases: which samples to fit, such as
-    "load,hold"; None: the model's, else "paper" and "load". noise_um, pressure_noise_mbar: standard
-    deviations of one sample; None: estimated. database: a file of `skinlab database build`.
+    model: a MODEL.toml. prior: the study.toml of a population. kappa: "paper" or "consistent";
+    phases: which samples to fit, such as "load,hold"; None: the model's, else "paper" and "load".
+    noise_um, pressure_noise_mbar: standard deviations of one sample; None: estimated.
+    database: a file of `skinlab database build`.
     options: `samples`, `best`, `tolerance_um`, and those of the method (docs/methods.md). Same
     seed, same bits.
 
@@ -116,6 +118,7 @@ def identify(
     identifier = compose_identifier(
         method=method,
         model=model,
+        prior=prior,
         seed=seed,
         kappa=kappa,
         phases=_phases(phases),
@@ -132,6 +135,7 @@ def identify_joint(
     *,
     method: str = "auto",
     model: PathLike | Model | None = None,
+    prior: PathLike | None = None,
     seed: int = 0,
     kappa: KappaConvention | None = None,
     phases: str | Sequence[str] | None = None,
@@ -159,6 +163,7 @@ def identify_joint(
     identifier = compose_identifier(
         method=method,
         model=model,
+        prior=prior,
         seed=seed,
         kappa=kappa,
         phases=_phases(phases),

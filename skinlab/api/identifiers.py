@@ -14,6 +14,7 @@ from skinlab.errors import InputError
 from skinlab.inference.custom_table import with_custom_table
 from skinlab.inference.identify import Identifier
 from skinlab.inference.methods import METHODS, get_method
+from skinlab.inference.population import read_prior, with_prior
 from skinlab.inference.problem import Options, check
 from skinlab.inference.uncertainty import Sensor
 from skinlab.mechanics.materials.compressibility import KappaConvention
@@ -80,13 +81,14 @@ def compose_identifier(
     noise_um: float | None = None,
     pressure_noise_mbar: float | None = None,
     model: PathLike | Model | None = None,
+    prior: PathLike | None = None,
     database: PathLike | Table | None = None,
     **own: Any,
 ) -> Identifier:
     """Return the Identifier of these settings; `own` are options of the method alone.
 
     kappa, phases: None: those of the model or database, else paper, and load. model: a MODEL.toml.
-    database: a file of `skinlab database build`; None: the shipped one.
+    database: a file of `skinlab database build`; None: the shipped one. prior: a study.toml.
 
     Raises:
         InputError: a setting is out of its range, or two contradict each other.
@@ -119,11 +121,11 @@ def compose_identifier(
                 "database of that, or leave the database out"
             )
         check_kappa(kappa, own_model, called(database, "the database"))
-        return with_custom_table(identifier, table, phases_said=phases is not None)
-    if asked is None:
-        return identifier
-    check_kappa(kappa, asked, called(model, "the model"))
-    return with_model(identifier, asked)
+        identifier = with_custom_table(identifier, table, phases_said=phases is not None)
+    elif asked is not None:
+        check_kappa(kappa, asked, called(model, "the model"))
+        identifier = with_model(identifier, asked)
+    return identifier if prior is None else with_prior(identifier, read_prior(as_path(prior)))
 
 
 def find_table(database: PathLike | Table | None) -> Table:

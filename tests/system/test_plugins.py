@@ -185,10 +185,9 @@ def test_a_law_and_an_error_model_are_used(example, tmp_path):
         if line[:1].isdigit():
             time_s, pressure, deflection, *rest = line.split(",")
             hum_mm = 5e-3 * np.sin(2 * np.pi * 50 * float(time_s) + 1) + rng.normal(0, 1e-3)
-            read = ",".join([time_s, pressure, f"{float(deflection) + hum_mm:.6f}", *rest])
-            lines.append(read)
+            lines += [",".join([time_s, pressure, f"{float(deflection) + hum_mm:.6f}", *rest])]
         else:
-            lines.append(line)
+            lines += [line]
     csv.write_text("\n".join(lines) + "\n", "utf-8")
     of_the_law = ["forward", "--direct", "--law", "fung", "--c1-mpa", "0.066", "--c2", "11"]
     law, done = example.each(
@@ -258,14 +257,14 @@ if __name__ == "__main__":
     rng, curves = np.random.default_rng(1), []
     for aperture, text in ((6.0, "ramp:100@20,ramp:0@20"), (2.0, "ramp:200@40,ramp:0@40")):
         program = parse_program(text)
-        t = np.arange(int(program.duration_s * 20 + 1e-9) + 1) / 20
+        t = np.arange(int(program.duration_s * 8 + 1e-9) + 1) / 8
         path = PressurePath.of_program(program)
         effects = {"warm_up": {"rise_um": 60.0, "tau_s": 2.0}}
         w = response(Skin((0.04, 1.5, 0.32)), effects, Geometry(aperture, 1.0), path, t)
         w = w.deflection_mm + rng.normal(0, 3e-3, len(t))
         curves.append(Curve(f"{aperture}.csv", Setup(aperture, 1.0, program), t, path(t), w))
     campaign = Campaign("hidden", 3.0, 0.0, tuple(curves))
-    found = explain(campaign, shipped_table(), workers=2, finite_elements=False).to_json()
+    found = explain(campaign, shipped_table(), workers=1, finite_elements=False).to_json()
     print(found["verdict"], found["effects"])
     shown = {name.split(".")[0] for name in found["detectable"]}
     print(found["not_screened"])
@@ -299,25 +298,6 @@ PROVENANCE = """
 from skinlab.discrepancy.cache import key
 from skinlab.versions import versions
 print(key(["data"]), versions().get("plugin skinlab-example", "none"))
-"""
-
-
-def test_versions_and_cache_keys_know_the_plugin_and_its_source(example, tmp_path):
-    (target,) = example.environment["PYTHONPATH"].split(os.pathsep)
-    changed = tmp_path / "changed"
-    shutil.copytree(target, changed)
-    with (changed / "skinlab_example" / "warm_up.py").open("a") as stream:
-        stream.write("# changed, under the same version\n")
-    found = [
-        place.says(PROVENANCE, tmp_path).split(maxsplit=1) for place in (example, Place(changed))
-    ]
-    assert len({key(["data"]), *(name for name, _ in found)}) == 3
-    assert all(said.startswith("0.1.0 ") for _, said in found)
-    assert "plugin skinlab-example" not in versions()
-
-
-def test_a_simulated_probe_speaks_an_installed_dialect(example, tmp_path):
-    code = """
 from drivers.connection import Connection
 from drivers.dialects import dialect_names, dialect_origin, get_dialect
 from drivers.events import Identify
@@ -332,8 +312,22 @@ device.receive(connection.send(Identify()))
 connection.receive_data(device.transmit())
 print(connection.next_event().dialect, dialect_origin("json_lines"), dialect_names())
 """
-    said = example.says(code, tmp_path)
-    assert said == ("json_lines ('skinlab-example', '0.1.0') ('json_lines', 'reference')")
+
+
+def test_versions_and_cache_keys_know_the_plugin_and_its_source(example, tmp_path):
+    (target,) = example.environment["PYTHONPATH"].split(os.pathsep)
+    changed = tmp_path / "changed"
+    shutil.copytree(target, changed)
+    with (changed / "skinlab_example" / "warm_up.py").open("a") as stream:
+        stream.write("# changed, under the same version\n")
+    found = [place.says(PROVENANCE, tmp_path).splitlines() for place in (example, Place(changed))]
+    named = [first.split(maxsplit=1) for first, _ in found]
+    assert len({key(["data"]), *(name for name, _ in named)}) == 3
+    assert all(said.startswith("0.1.0 ") for _, said in named)
+    # A simulated probe speaks the installed dialect
+    spoken = "json_lines ('skinlab-example', '0.1.0') ('json_lines', 'reference')"
+    assert [said for _, said in found] == [spoken, spoken]
+    assert "plugin skinlab-example" not in versions()
 
 
 # ---- all the ways to be broken -------------------------------------------------------------------
@@ -376,8 +370,14 @@ def wreck(tmp_path) -> Place:
     return Place(tmp_path / "site")
 
 
-def test_each_broken_plugin_is_one_warning_that_names_it(wreck):
-    done = wreck.skinlab("plugins", "--json")
+def test_each_broken_plugin_is_one_warning_that_names_it(wreck, tmp_path):
+    model = tmp_path / "m.toml"
+    model.write_text('[model]\nname = "a"\n[effects.raises.size_um]\nvalue = 1.0\n')
+    done, checked, asked = wreck.each(
+        ["plugins", "--json"],
+        ["plugins", "check", "raises"],
+        [*FORWARD, "--program", "ramp:50@20", "--model", model],
+    )
     assert done.returncode == 0
     listed = json.loads(done.stdout)["plugins"]
     effects = {p["name"]: p for p in listed if p["kind"] == "effect" and p["error"] is None}
@@ -400,15 +400,10 @@ def test_each_broken_plugin_is_one_warning_that_names_it(wreck):
         assert says in line
     refused = {p["name"]: p["error"] for p in listed if p["error"] is not None}
     assert set(refused) == {*BROKEN, "viscoelasticity", "good"}
-    assert wreck.skinlab("plugins", "check", "raises").returncode == 1
-
-
-def test_who_asks_for_a_broken_one_hears_why(wreck, tmp_path):
-    model = tmp_path / "m.toml"
-    model.write_text('[model]\nname = "a"\n[effects.raises.size_um]\nvalue = 1.0\n')
-    done = wreck.skinlab(*FORWARD, "--program", "ramp:50@20", "--model", model)
-    assert done.returncode == 3
-    last = done.stderr.splitlines()[-1]
+    assert checked.returncode == 1
+    # Who asks for a broken one hears why
+    assert asked.returncode == 3
+    last = asked.stderr.splitlines()[-1]
     assert "effects.raises is not known (plugin wreck, effect 'raises': left out" in last
 
 
@@ -480,7 +475,7 @@ def test_a_gate_that_breaks_down_ends_no_measurement(tmp_path):
 
 
 def test_a_search_names_an_installed_effect_and_tells_of_one_that_breaks_down(example, tmp_path):
-    """In two processes, which find both by themselves."""
+    """The installed one and the broken one, in one search."""
     effect = EFFECT.format(name="breaks") + (
         "def read(self, since_s, deflection_mm, values):\n    raise KeyError('mine')\n"
         "Mine.read = read\n"

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from laws.fung import LAW
+from skinlab_example.fung import LAW
 
 import skinlab
 from skinlab.cli.main import run

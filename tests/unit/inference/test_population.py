@@ -8,6 +8,7 @@ from importlib.resources import as_file, files
 import numpy as np
 import pytest
 
+import skinlab
 from skinlab.acquisition.replay import identifier_of
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.program import parse_program
@@ -130,3 +131,14 @@ def test_only_a_prior_of_the_same_model_is_taken(identifier, curve):
         decode_prior(prior.text.replace("covariance = [", "covariance = [[0.0],"), "x.toml")
     with pytest.raises(InputError, match=r"x\.toml.*freedom"):
         decode_prior(prior.text.replace("freedom = 30.0", "freedom = 1.0"), "x.toml")
+
+
+def test_python_takes_it_as_the_command_line_does(identifier, curve, tmp_path):
+    prior = prior_of(identifier, TRUE)
+    file = tmp_path / "study.toml"
+    file.write_text(prior.text)
+    found = skinlab.identify(curve, prior=file).parameters
+    expected = with_prior(identifier, prior)(curve).parameters
+    assert {n: (found[n].low, found[n].high) for n in NAMES} == {
+        n: (v.low, v.high) for n, v in expected.items()
+    }
