@@ -263,15 +263,15 @@ def main() -> None:
     parser.add_argument("--people", type=int)
     parser.add_argument("--seed", type=int, default=1)
     arguments = parser.parse_args()
-    cohorts, people = {"components": (200, 12), "prior": (10, 60), "speed": (1, 625)}[
-        arguments.part
-    ]
+    measure, cohorts, people = {
+        "components": (measure_components, 200, 12),
+        "prior": (measure_prior, 10, 60),
+        "speed": (measure_speed, 1, 625),
+    }[arguments.part]
     arguments.cohorts = arguments.cohorts or cohorts
     arguments.people = arguments.people or people
     started = time.perf_counter()
-    measured = {"components": measure_components, "prior": measure_prior, "speed": measure_speed}[
-        arguments.part
-    ](arguments)
+    measured = measure(arguments)
     measured |= {
         "command": f"python benchmarks/study.py {arguments.part} --cohorts {arguments.cohorts} "
         f"--people {arguments.people} --seed {arguments.seed}",

@@ -84,6 +84,8 @@ def command(
         thickness_sd_mm=thickness_sd_mm,
     )
     plan = Plan(setup, repeats=repeats, rest_s=rest_s, rate_hz=rate_hz)
+    if age_years is not None and prior_path is None:
+        raise click.UsageError("--age-years is for --prior")
     identifier = with_prior_option(make_identifier(**options), prior_path, site, age_years)
     return run(port, plan, out, identifier, subject, site, as_json=as_json)
 

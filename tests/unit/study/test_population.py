@@ -79,7 +79,8 @@ def test_it_narrows_curves_of_the_population(identifier, knowing):
     ratios = []
     for seed in range(5):
         curve = curve_of(identifier, tuple(true.values()), seed)
-        alone, known = (r.parameters for r in (identifier(curve), (found := knowing(curve))))
+        found = knowing(curve)
+        alone, known = identifier(curve).parameters, found.parameters
         for name in NAMES:
             value = known[name]
             assert value.low <= value.value <= value.high
