@@ -2,7 +2,7 @@
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/study.py components [--cohorts 200] [--seed 1]
     OPENBLAS_NUM_THREADS=1 python benchmarks/study.py prior [--cohorts 10] [--people 60] [--seed 1]
-    OPENBLAS_NUM_THREADS=1 python benchmarks/study.py speed [--curves 10000] [--workers 2]
+    OPENBLAS_NUM_THREADS=1 python benchmarks/study.py speed [--people 625]
 
 Each part prints and saves benchmarks/results/study_PART.json.
 
@@ -14,14 +14,19 @@ intervals of variances, shares, ICC and MDC hold the true value.
 the people and used for others: how often their 90 % intervals hold the truth, and how much narrower
 they are than without it.
 
-`speed`: a folder of curves through `skinlab study`, with broken files among them.
+`speed`: 16 curves of each person through `skinlab study`, 50 broken files among them, killed twice.
 """
 
 from __future__ import annotations
 
 import argparse
+import csv
 import json
 import os
+import shutil
+import subprocess
+import sys
+import tempfile
 import time
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
@@ -32,7 +37,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
-from sim_device.cohort import Cohort, CohortFile, Shifts, Size
+from sim_device.cohort import Cohort, CohortFile, Shifts, Size, write_cohort
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.program import parse_program
 from skinlab.inference.identify import Identifier
@@ -190,19 +195,83 @@ def measure_prior(arguments: argparse.Namespace) -> dict[str, Any]:
     return result
 
 
+def measure_speed(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Return time and memory of `skinlab study` on a folder of curves, killed twice."""
+    folder = Path(tempfile.mkdtemp(prefix="skinlab-speed-"))
+    spec = CohortFile(cohort=Size(people=arguments.people, placements=4))
+    count = write_cohort(spec, folder / "curves", arguments.seed, broken=50)
+    out = folder / "study"
+    command = [sys.executable, "-m", "skinlab", "study", str(folder / "curves"), "--out", str(out)]
+    command += ["--workers", "2", "--resume"]
+    seconds, memory_mb, kept_at_kill = 0.0, [], []
+    for part in (0.3, 0.6, None):
+        begin = time.perf_counter()
+        process = subprocess.Popen(
+            command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
+        )
+        while process.poll() is None:
+            time.sleep(1.0)
+            kept = _kept(out)
+            memory_mb.append(_resident_mb(process.pid))
+            if part is not None and kept >= part * count:
+                process.kill()
+                process.wait()
+                kept_at_kill.append(kept)
+        seconds += time.perf_counter() - begin
+    with (out / "curves.csv").open(encoding="utf-8") as stream:
+        rows = sum(1 for _ in stream) - 1
+    with (out / "failures.csv").open(encoding="utf-8", newline="") as stream:
+        failures = len(list(csv.DictReader(stream)))
+    begin = time.perf_counter()
+    subprocess.run(command, check=False, capture_output=True)
+    result = {
+        "curves": count,
+        "rows": rows,
+        "broken files listed": failures,
+        "kept when killed": kept_at_kill,
+        "seconds, both kills included": round(seconds, 1),
+        "seconds of a run that finds nothing new": round(time.perf_counter() - begin, 1),
+        "the parent's memory, MB, after a tenth of the time and at most": [
+            memory_mb[len(memory_mb) // 10],
+            max(memory_mb),
+        ],
+        "load average of the machine": os.getloadavg()[2],
+    }
+    shutil.rmtree(folder)
+    return result
+
+
+def _kept(out: Path) -> int:
+    """Return about how many curves are kept: the study holds its file, so by its size."""
+    size = sum(p.stat().st_size for p in out.glob("study.sqlite*")) if out.is_dir() else 0
+    return size // 5000  # bytes a curve
+
+
+def _resident_mb(pid: int) -> int:
+    try:
+        pages = int(Path(f"/proc/{pid}/statm").read_text(encoding="ascii").split()[1])
+    except (OSError, IndexError):
+        return 0
+    return pages * os.sysconf("SC_PAGE_SIZE") >> 20
+
+
 def main() -> None:
     """Measure one part, print and save it."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("part", choices=["components", "prior"])
+    parser.add_argument("part", choices=["components", "prior", "speed"])
     parser.add_argument("--cohorts", type=int)
     parser.add_argument("--people", type=int)
     parser.add_argument("--seed", type=int, default=1)
     arguments = parser.parse_args()
-    cohorts, people = {"components": (200, 12), "prior": (10, 60)}[arguments.part]
+    measure, cohorts, people = {
+        "components": (measure_components, 200, 12),
+        "prior": (measure_prior, 10, 60),
+        "speed": (measure_speed, 1, 625),
+    }[arguments.part]
     arguments.cohorts = arguments.cohorts or cohorts
     arguments.people = arguments.people or people
     started = time.perf_counter()
-    measured = {"components": measure_components, "prior": measure_prior}[arguments.part](arguments)
+    measured = measure(arguments)
     measured |= {
         "command": f"python benchmarks/study.py {arguments.part} --cohorts {arguments.cohorts} "
         f"--people {arguments.people} --seed {arguments.seed}",

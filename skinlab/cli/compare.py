@@ -104,7 +104,11 @@ def command(
         return 0
     for line in change.in_words(judged):
         echo(line)
-    echo("By the sensor's noise alone:")
-    for line in in_words(found):
+    echo("If nothing but the sensor's noise differed between the sessions:")
+    lines = in_words(found)
+    if found.p_value is not None:
+        echo(f"  one skin explains both with a probability of {found.p_value:.1g}.")
+        lines = lines[1:]  # it speaks of a change that is real, of noise alone
+    for line in lines[:-1]:
         echo(f"  {line}")
     return 0

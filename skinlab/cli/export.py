@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -13,6 +14,7 @@ from skinlab.cli.output import echo
 
 if TYPE_CHECKING:
     from skinlab.recording.session import Session
+    from skinlab.report.page import Section
     from skinlab.report.session_report import Format
 
 
@@ -27,11 +29,22 @@ if TYPE_CHECKING:
     help="Format.",
 )
 @database_option("the one that SESSION names")
+@click.option(
+    "--reference",
+    "reference_path",
+    type=click.Path(path_type=Path),
+    help="REFERENCE.toml: percentiles in the report.",
+)
+@click.option("--age-years", type=float, help="Of the person, for --reference.")
+@click.option("--sex", type=click.Choice(["f", "m"]), help="For --reference.")
 def command(
     session: Path,
     folder: Path,
     kind: Literal["csv", "json", "html", "png", "svg", "fhir", "parameters"],
     database_path: Path | None,
+    reference_path: Path | None,
+    age_years: float | None,
+    sex: str | None,
 ) -> int:
     """Write SESSION into DIR.
 
@@ -49,6 +62,10 @@ def command(
     from skinlab.exchange.parameters import to_parameters
     from skinlab.recording.session import read_session
 
+    if reference_path is None and (age_years, sex) != (None, None):
+        raise click.UsageError("--age-years and --sex are for --reference")
+    if reference_path is not None and kind != "html":
+        raise click.UsageError("--reference is for the report, --to html")
     read = read_session(session)
     match kind:
         case "csv" | "json":
@@ -62,14 +79,57 @@ def command(
             made = to_parameters(read, identifier)
             paths = write_new(folder, {n: t.encode() for n, t in made.items()})
         case _:
-            paths = _export_report(session, read, kind, folder, database_path)
+            more = []
+            if reference_path is not None:
+                more.append(_beside(read, reference_path, sex, age_years, database_path))
+            paths = _export_report(session, read, kind, folder, database_path, more)
     for path in paths:
         echo(str(path))
     return 0
 
 
+def _beside(
+    session: Session,
+    path: Path,
+    sex: str | None,
+    age_years: float | None,
+    database_path: Path | None,
+) -> Section:
+    """Return where the session's values stand in a reference."""
+    from skinlab.acquisition.replay import identifier_of
+    from skinlab.errors import InputError
+    from skinlab.study.reference import Placed, place, read_reference, section
+
+    reference = read_reference(path)
+    model_hash = identifier_of(session, database_path)[0].provenance().model_hash
+    found: list[tuple[str, list[Placed] | str]] = []
+    for curve, result in zip(session.curves, session.results, strict=True):
+        values = {n: v["value"] for n, v in ((result or {}).get("parameters") or {}).items()}
+        try:
+            placed: list[Placed] | str = place(
+                reference,
+                values,
+                site=str(session.meta.get("site") or ""),
+                aperture_mm=curve.setup.aperture_mm,
+                program=None if curve.setup.program is None else str(curve.setup.program),
+                sex=sex,
+                age_years=age_years,
+                model_hash=model_hash,
+            )
+        except InputError as error:
+            placed = str(error)
+            echo(f"skinlab: {path}: {error}", err=True)
+        found.append((curve.name, placed))
+    return section(found)
+
+
 def _export_report(
-    path: Path, session: Session, kind: Format, folder: Path, database_path: Path | None
+    path: Path,
+    session: Session,
+    kind: Format,
+    folder: Path,
+    database_path: Path | None,
+    more: Sequence[Section] = (),
 ) -> list[Path]:
     from skinlab.acquisition.replay import identifier_of
     from skinlab.errors import InputError
@@ -86,7 +146,7 @@ def _export_report(
     if warning is not None:
         echo(f"skinlab: {path}: {warning}", err=True)
         remarks.append(warning[:1].upper() + warning[1:] + ".")
-    report = SessionReport(session, identifier, remarks)
+    report = SessionReport(session, identifier, remarks, more)
     try:
         check_free(folder, report.names(kind))
         hidden = not sys.stderr.isatty()

@@ -15,6 +15,7 @@ from skinlab.cli.options import (
     json_option,
     make_identifier,
     prior_options,
+    reference_options,
     with_prior_option,
 )
 from skinlab.cli.output import echo, echo_text, print_json
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 @identification_options()
 @database_option()
 @prior_options(site=True)
+@reference_options()
 @click.option("--joint", is_flag=True, help="One answer for all curves: one skin.")
 @click.option(
     "--placement-scatter",
@@ -50,6 +52,8 @@ def command(
     prior_path: Path | None,
     age_years: float | None,
     site: str | None,
+    reference_path: Path | None,
+    sex: str | None,
     joint: bool,
     placement_scatter: str,
     advise: bool,
@@ -84,8 +88,10 @@ def command(
         raise click.UsageError("--advise needs the shipped database, which speaks of all openings")
     if workers < 1:
         raise click.BadParameter("expected 1 or more", param_hint="--workers")
-    if site is not None and prior_path is None:
-        raise click.UsageError("--site is for --prior")
+    if (site, age_years) != (None, None) and (prior_path, reference_path) == (None, None):
+        raise click.UsageError("--site and --age-years are for --prior and --reference")
+    if (reference_path is None) != (site is None) and prior_path is None:
+        raise click.UsageError("--reference needs --site")
     identifier: Identifier = with_prior_option(
         make_identifier(**options), prior_path, site, age_years
     )
@@ -116,12 +122,23 @@ def command(
     advice = None
     if advise and (source := together or next((r for r in results if r.uncertainty), None)):
         advice = identifier.advise(source, _thickness_mm(read))
+    whole = document(identifier.provenance(), results, joint=together, advice=advice)
+    refused = []
+    placed: dict[int, list[str]] = {}
+    if reference_path is not None:
+        for k, result in enumerate(results):
+            said, lines = _beside(reference_path, result, site or "", sex, age_years, whole)
+            whole["curves"][k]["reference"] = said
+            placed[id(result)] = lines
+            refused += [said["error"]] if said and "error" in said else []
     if as_json:
-        print_json(document(identifier.provenance(), results, joint=together, advice=advice))
+        print_json(whole)
     else:
         for result in [*results, *([together] if together else [])]:
             if result.error is None:
                 echo_text(describe(result))
+                for line in placed.get(id(result), []):
+                    echo(f"  {line}")
         if advice is not None:
             echo_text(describe_advice(advice))
     failed = [r for r in results if r.error is not None]
@@ -129,7 +146,9 @@ def command(
         failed.append(together)
     for result in failed:
         echo(f"skinlab: {result.error}", err=True)
-    if any("outside_database" not in r.flags for r in failed):
+    for sentence in dict.fromkeys(refused):
+        echo(f"skinlab: {reference_path}: {sentence}", err=True)
+    if refused or any("outside_database" not in r.flags for r in failed):
         return 3
     if failed:
         return 5
@@ -137,6 +156,39 @@ def command(
         echo("skinlab: a result is not trustworthy (its flags say why)", err=True)
         return 5
     return 0
+
+
+def _beside(
+    path: Path,
+    result: Any,
+    site: str,
+    sex: str | None,
+    age_years: float | None,
+    whole: dict[str, Any],
+) -> tuple[dict[str, Any] | None, list[str]]:
+    """Return where a curve's values stand in a reference, as data and in lines."""
+    from skinlab.errors import InputError
+    from skinlab.study.reference import place, read_reference
+
+    reference = read_reference(path)
+    if not result.parameters or result.setup is None:
+        return None, []
+    program = result.setup.program
+    try:
+        found = place(
+            reference,
+            {name: value.value for name, value in result.parameters.items()},
+            site=site,
+            aperture_mm=result.setup.aperture_mm,
+            program=None if program is None else str(program),
+            sex=sex,
+            age_years=age_years,
+            model_hash=whole["model"]["hash"],
+        )
+    except InputError as error:
+        return {"error": str(error)}, []
+    lines = [f"{one.quantity} is {one.words} ({one.range.words}; {one.source})" for one in found]
+    return {one.quantity: one.to_json() for one in found}, lines
 
 
 def _each(identifier: Identifier, given: Input, workers: int) -> list[Any]:

@@ -113,6 +113,8 @@ def command(
         thickness_sd_mm=thickness_sd_mm,
     )
     plan = plan_of(setup, repeats, rest_s, rate_hz)
+    if age_years is not None and prior_path is None:
+        raise click.UsageError("--age-years is for --prior")
     identifier = with_prior_option(make_identifier(**options), prior_path, site, age_years)
     return run(
         port,

@@ -127,8 +127,21 @@ def prior_options(site: bool) -> Callable[[F], F]:
             type=click.Path(path_type=Path),
             help="STUDY.toml of `skinlab study`: what is known of such people.",
         ),
-        click.option("--age-years", type=float, help="Of the person, for --prior."),
-        *([click.option("--site", help="Where on the body, for --prior.")] if site else []),
+        click.option("--age-years", type=float, help="Of the person."),
+        *([click.option("--site", help="Where on the body.")] if site else []),
+    )
+
+
+def reference_options() -> Callable[[F], F]:
+    """`--reference` and `--sex`."""
+    return _stack(
+        click.option(
+            "--reference",
+            "reference_path",
+            type=click.Path(path_type=Path),
+            help="REFERENCE.toml: say at which percentile a value stands.",
+        ),
+        click.option("--sex", type=click.Choice(["f", "m"]), help="For --reference."),
     )
 
 
@@ -138,14 +151,11 @@ def with_prior_option(
     """Return the identifier with the population of `--prior`.
 
     Raises:
-        click.UsageError: site or age are given without a prior.
         InputError: the file is wrong, or does not fit.
     """
     from skinlab.inference.population import read_prior, with_prior
 
     if prior_path is None:
-        if age_years is not None:
-            raise click.UsageError("--age-years is for --prior")
         return identifier
     return with_prior(identifier, read_prior(prior_path, site or None, age_years))
 

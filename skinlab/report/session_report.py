@@ -29,7 +29,7 @@ class SessionReport:
     """What can be written about a session.
 
     `identifier` is the one that it was identified with, or a sentence why that is unknown;
-    `remarks` are sentences that a reader may not overlook.
+    `remarks` are sentences that a reader may not overlook, `more` are sections of others' making.
 
     Raises:
         InputError: a stored result is damaged; once something is asked for.
@@ -38,6 +38,7 @@ class SessionReport:
     session: Session
     identifier: Identifier | str
     remarks: Sequence[str] = ()
+    more: Sequence[Section] = ()
 
     @cached_property
     def curves(self) -> tuple[Measured, ...]:
@@ -94,6 +95,7 @@ class SessionReport:
             [
                 self._overview(overview),
                 *(curve_section(m, f) for m, f in zip(self.curves, each, strict=True)),
+                *self.more,
                 *self._methods(),
                 provenance_section(self.session, self.identifier),
             ],

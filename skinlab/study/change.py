@@ -104,9 +104,14 @@ class Changed:
 
 @dataclass(frozen=True)
 class Changes:
-    """All parameters, and what the judgement rests on."""
+    """All parameters, and what the judgement rests on.
+
+    `stiffness` is a factor common to all stiffnesses of the law: curves tell it far better than any
+    single one of them. None where the law has but one.
+    """
 
     parameters: tuple[Changed, ...]
+    stiffness: Changed | None
     basis: str
     paired: bool
     level: float = LEVEL
@@ -118,6 +123,7 @@ class Changes:
             "basis": self.basis,
             "paired": self.paired,
             "parameters": {c.name: c.to_json() for c in self.parameters},
+            "stiffness": None if self.stiffness is None else self.stiffness.to_json(),
         }
 
 
@@ -168,36 +174,82 @@ def changes(
             f"measured differently: {before.site_words} before, {after.site_words} after; expected "
             "the same openings and programs"
         )
+    signs = (-1.0, 1.0) if control is None else (-1.0, 1.0, 1.0, -1.0)
     found = []
     basis = ""
     for name in parts[0]:
         scatter = _scatter(name, sides, study, placement_scatter)
         basis = scatter.source
-        change = parts[1][name][0] - parts[0][name][0]
-        if control is None:
-            variance = 2.0 * scatter.visit
-            variance += 2.0 * scatter.operator * (before.operator != after.operator)
-            variance += 2.0 * scatter.probe * (before.probe != after.probe)
-        else:
-            change -= parts[3][name][0] - parts[2][name][0]
-            variance = 0.0  # what a visit, operator or probe adds is the same at both sites
-        for side, part in zip(sides, parts, strict=True):
-            variance += part[name][1] + scatter.placed / side.placements
-        reach = float(t_distribution.ppf(0.5 + LEVEL / 2, scatter.freedom)) * math.sqrt(variance)
-        scale = main_scale(name)
-        relevant = math.log1p(relevant_percent / 100) if scale == "log" else _RELEVANT_LINEAR
-        verdict: Verdict = "cannot_say"
-        if abs(change) > reach:
-            verdict = "changed"
-        elif reach <= relevant:
-            verdict = "not_shown"
-        if verdict == "changed" and not scatter.visit_known and control is None:
-            # What a visit adds is not known: as much again as a placement may be in it.
-            extra = variance + 2.0 * scatter.placed
-            if abs(change) <= reach * math.sqrt(extra / variance):
-                verdict = "cannot_say"
-        found.append(Changed(name, scale, change, change - reach, change + reach, reach, verdict))
-    return Changes(tuple(found), basis, control is not None)
+        change = sum(s * p[name][0] for s, p in zip(signs, parts, strict=True))
+        own = sum(p[name][1] for p in parts)
+        found.append(_judged(name, change, own, scatter, sides, relevant_percent))
+    stiffness = None
+    names = [n for n in parts[0] if main_scale(n) == "log"]
+    if len(names) > 1:
+        change, own = _common(sides, signs, list(parts[0]), names)
+        scatter = _scatter(names[0], sides, study, placement_scatter)
+        stiffness = _judged("stiffness", change, own, scatter, sides, relevant_percent, "log")
+    return Changes(tuple(found), stiffness, basis, control is not None)
+
+
+def _judged(
+    name: str,
+    change: float,
+    own: float,
+    scatter: Scatter,
+    sides: Sequence[Side],
+    relevant_percent: float,
+    scale: str | None = None,
+) -> Changed:
+    """Return the verdict on a change whose curves' own variance is `own`."""
+    paired = len(sides) > 2
+    variance = own + sum(scatter.placed / side.placements for side in sides)
+    if not paired:  # at a control site the same visit, operator and probe add the same
+        before, after = sides
+        variance += 2.0 * scatter.visit
+        variance += 2.0 * scatter.operator * (before.operator != after.operator)
+        variance += 2.0 * scatter.probe * (before.probe != after.probe)
+    reach = float(t_distribution.ppf(0.5 + LEVEL / 2, scatter.freedom)) * math.sqrt(variance)
+    scale = scale or main_scale(name)
+    relevant = math.log1p(relevant_percent / 100) if scale == "log" else _RELEVANT_LINEAR
+    verdict: Verdict = "cannot_say"
+    if abs(change) > reach:
+        verdict = "changed"
+    elif reach <= relevant:
+        verdict = "not_shown"
+    if verdict == "changed" and not scatter.visit_known and not paired:
+        # What a visit adds is not known: as much again as a placement may be in it.
+        extra = variance + 2.0 * scatter.placed
+        if abs(change) <= reach * math.sqrt(extra / variance):
+            verdict = "cannot_say"
+    return Changed(name, scale, change, change - reach, change + reach, reach, verdict)
+
+
+def _common(
+    sides: Sequence[Side], signs: Sequence[float], names: Sequence[str], logs: Sequence[str]
+) -> tuple[float, float]:
+    """Return the factor common to these parameters, as a logarithm, and its own variance.
+
+    By generalised least squares, with all other parameters as they were.
+    """
+    difference = np.zeros(len(names))
+    covariance = np.zeros((len(names), len(names)))
+    for side, sign in zip(sides, signs, strict=True):
+        left = side.answer.uncertainty
+        assert left is not None
+        x, w = left.draws.parameters[:, : len(names)], left.draws.weight
+        z = np.column_stack(
+            [np.log(c) if main_scale(n) == "log" else c for n, c in zip(names, x.T, strict=True)]
+        )
+        mean = w @ z
+        difference += sign * mean
+        covariance += (w[:, None] * (z - mean)).T @ (z - mean)
+    along = np.array([float(n in logs) for n in names])
+    scale = np.sqrt(np.diag(covariance))
+    inverse = np.linalg.pinv(covariance / np.outer(scale, scale), hermitian=True)
+    inverse = inverse / np.outer(scale, scale)
+    information = float(along @ inverse @ along)
+    return float(along @ inverse @ difference) / information, 1.0 / information
 
 
 def _moments(answer: Identification) -> dict[str, tuple[float, float]]:
@@ -294,7 +346,8 @@ _WORDS = {
 def in_words(found: Changes) -> list[str]:
     """Return the answer in sentences."""
     lines = []
-    for one in found.parameters:
+    whole = () if found.stiffness is None else (found.stiffness,)
+    for one in (*whole, *found.parameters):
         said = one.to_json()
         name = plain(one.name)[0]
         unit = " %" if said["unit"] == "%" else ""

@@ -22,6 +22,7 @@ from scipy.stats import norm
 from skinlab.curves.curve import check_aperture
 from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
+from skinlab.report.page import Section, Table
 from skinlab.study.reliability import main_scale, usable
 from skinlab.study.table import Columns
 
@@ -259,6 +260,25 @@ def _ordinal(number: float) -> str:
     whole = round(number)
     last = "th" if 10 <= whole % 100 <= 20 else {1: "st", 2: "nd", 3: "rd"}.get(whole % 10, "th")
     return f"{whole}{last}"
+
+
+def section(found: Sequence[tuple[str, Sequence[Placed] | str]]) -> Section:
+    """Return what a report says: of each curve, by name, where it stands, or why it is refused."""
+    rows = [
+        [name, one.quantity, one.words, one.range.words, one.source]
+        for name, placed in found
+        if not isinstance(placed, str)
+        for one in placed
+    ]
+    head = ["curve", "quantity", "stands", "among", "source"]
+    return Section(
+        "Beside a reference",
+        [
+            "A percentile among others is no diagnosis; the interval of the value may span many.",
+            *(f"{name}: not compared, {why}." for name, why in found if isinstance(why, str)),
+        ],
+        tables=[Table(head, rows)] if rows else [],
+    )
 
 
 def reference_of(

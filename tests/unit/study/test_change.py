@@ -92,6 +92,29 @@ def test_a_control_site_takes_away_what_the_day_does(study):
     assert paired.change == pytest.approx(0.0, abs=1e-3)
 
 
+def test_a_common_factor_is_told_where_no_single_stiffness_is():
+    # X1 and X2 trade off along a valley; what they do together is known ten times better.
+    rng = np.random.default_rng(0)
+    valley = rng.standard_normal((4000, 1)) * np.array([[0.2, -0.4]])
+    sides = []
+    for factor in (1.0, 1.5):
+        values = (
+            np.array([0.03, 1.5]) * factor * np.exp(valley + 0.01 * rng.standard_normal((4000, 2)))
+        )
+
+        class Left:
+            draws = Draws(values, values, np.full(4000, 1 / 4000), np.zeros(4000), 0)
+
+        found = {"X1_MPa": Value(0.03), "X2_MPa": Value(1.5)}
+        answer = Identification("s", Setup(6.0, 1.0), None, parameters=found, uncertainty=Left)
+        sides.append(Side(answer, (), 2, "", "", CONDITIONS))
+    judged = changes(*sides, placement_scatter=0.06)
+    assert [one.verdict for one in judged.parameters] == ["cannot_say", "cannot_say"]
+    assert judged.stiffness.verdict == "changed"
+    assert judged.stiffness.change == pytest.approx(np.log(1.5), abs=0.05)
+    assert judged.to_json()["stiffness"]["change"] == pytest.approx(50.0, abs=5.0)
+
+
 def test_other_openings_are_refused(study):
     two = frozenset({(2.0, "ramp:100@20")})
     with pytest.raises(InputError, match="expected the same openings"):
