@@ -532,5 +532,7 @@ def test_the_table_and_the_tests_agree():
     assert [hazard for hazard in HAZARDS if not any(name.startswith(hazard) for name in rows)] == []
     named = [name for row in rows.values() for name in re.findall(r"`(test_\w+)`", row[3])]
     here = {name for name in globals() if name.startswith("test_")}
+    elsewhere = (DOCUMENT.parents[1] / "tests" / "system" / "test_read_only.py").read_text("utf-8")
+    there = {name for name in named if f"def {name}(" in elsewhere}
     assert len(named) == len(set(named))
-    assert set(named) == here - {"test_the_table_and_the_tests_agree"}
+    assert set(named) - there == here - {"test_the_table_and_the_tests_agree"}
