@@ -231,7 +231,7 @@ def test_a_limit_that_is_passed_is_said_and_the_curve_is_kept(tmp_path, dialect)
         ) as measuring,
     ):
         measuring.until("start the instrument")
-        person.does("run 540")
+        person.does("up 540")  # and stays there: the curve cannot end by itself
         status, _ = measuring.end()
     assert status == 4
     told = "".join(measuring.said)
