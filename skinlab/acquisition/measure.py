@@ -20,6 +20,7 @@ from skinlab.acquisition.measurement import (
 )
 from skinlab.acquisition.pipeline import Pipeline
 from skinlab.acquisition.runner import Runner
+from skinlab.acquisition.shutdown import HeldInterrupt
 from skinlab.acquisition.sources import LiveSource
 from skinlab.errors import AcquisitionError
 
@@ -41,6 +42,7 @@ def measure(
     Raises:
         AcquisitionError: the probe or its link failed, or the driver had to vent.
         InputError: the plan does not fit the probe.
+        KeyboardInterrupt: a signal came; the probe was told to vent at once.
     """
     ends: list[Over] = []
 
@@ -54,17 +56,19 @@ def measure(
                 pass
 
     runner = Runner(source, pipeline.handle, report, policy, clock)
-    try:
-        while runner.step(0.0):  # what came before is not about this plan
-            pass
-        runner.ask(Arm(plan), Start())
-        while not ends:
-            runner.step()
-            if runner.phase is Phase.INTERRUPTED:
-                runner.ask(Acknowledge(), Continue())
-    finally:
-        runner.close()
-        pipeline.end()
+    with HeldInterrupt(runner.vent) as held:
+        try:
+            while runner.step(0.0):  # what came before is not about this plan
+                pass
+            runner.ask(Arm(plan), Start())
+            while not ends:
+                runner.step()
+                held.check()
+                if runner.phase is Phase.INTERRUPTED:
+                    runner.ask(Acknowledge(), Continue())
+        finally:
+            runner.close()
+            pipeline.end()
     _raise(ends[0])
 
 

@@ -21,6 +21,47 @@ _SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
 _GRACE_S = 3.0  # for the screen to restore the terminal
 
 
+class HeldInterrupt:
+    """While open: a signal that would interrupt vents at once, and raises only where it is asked.
+
+    KeyboardInterrupt can fall between any two instructions, so that an item that has just left its
+    queue is lost. Only signals with a handler of Python's are held, and in the main thread only.
+    """
+
+    def __init__(self, vent: Callable[[str], None]) -> None:
+        self._vent = vent
+        self._came = False
+        self._handlers: dict[int, Any] = {}
+
+    def __enter__(self) -> Self:
+        if threading.current_thread() is threading.main_thread():
+            for name in _SIGNALS:
+                number = getattr(signal, name, None)
+                if number is not None and callable(signal.getsignal(number)):
+                    self._handlers[number] = signal.signal(number, self._on_signal)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for number, handler in self._handlers.items():
+            signal.signal(number, handler)
+
+    def check(self) -> None:
+        """Raise what was held.
+
+        Raises:
+            KeyboardInterrupt: a signal came.
+        """
+        if self._came:
+            raise KeyboardInterrupt
+
+    def _on_signal(self, number: int, frame: FrameType | None) -> None:
+        if self._came:  # an impatient second one must not interrupt the vent and the saving
+            return
+        self._came = True
+        # By a thread: the one that was interrupted may hold the lock that a vent needs
+        threading.Thread(target=self._vent, args=("interrupted",), daemon=True).start()
+
+
 class Lifeline:
     """While open: a signal, or an error that a thread did not handle, ends the program safely.
 

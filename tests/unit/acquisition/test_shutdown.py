@@ -5,7 +5,7 @@ import threading
 
 import pytest
 
-from skinlab.acquisition.shutdown import INTERRUPTED, Lifeline
+from skinlab.acquisition.shutdown import INTERRUPTED, HeldInterrupt, Lifeline
 
 PATIENCE_S = 120.0
 
@@ -74,3 +74,21 @@ def test_nothing_happens_where_nothing_does():
     with program.lifeline():
         pass
     assert program.calls == []
+
+
+def test_an_interrupt_is_held_until_it_is_asked_for_and_vents_at_once():
+    vented = threading.Event()
+    with HeldInterrupt(lambda reason: vented.set()) as held:
+        held.check()
+        signal.raise_signal(signal.SIGINT)
+        assert vented.wait(PATIENCE_S)
+        signal.raise_signal(signal.SIGINT)  # one too many
+        with pytest.raises(KeyboardInterrupt):
+            held.check()
+
+
+def test_an_interrupt_is_the_caller_s_again_afterwards():
+    with HeldInterrupt(lambda reason: None):
+        pass
+    with pytest.raises(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGINT)
