@@ -66,7 +66,10 @@ def test_against_the_finite_elements_at_random_points(table):
             continue
         kappa = x1 * kappa_ratio(nu, "paper")
         curve = solve(geometry, {"X1_MPa": x1, "X2_MPa": x2, "kappa_MPa": kappa}, pressure)
-        assert not curve.stopped  # what the table holds, the finite elements hold
+        if curve.stopped:  # near its limit; between nodes that is known to some per cent
+            limit = float(model.holds_to(np.array([[x1, x2, nu]]))[0])
+            assert abs(np.log(limit / curve.holds_to_mbar)) < 0.3
+            continue
         direct = float(curve(pressure))
         error_um.append(1e3 * abs(found - direct))
         relative.append(abs(found / direct - 1))
@@ -209,3 +212,45 @@ def test_building_gives_the_same_bits_for_any_number_of_workers(tmp_path):
     path.write_bytes(path.read_bytes()[:-2000])
     with pytest.raises(InputError):
         read(path)
+
+
+def test_a_skin_beside_one_that_creases_has_the_finite_elements_curve(table):
+    """It reaches 100 mbar by finite elements; a corner of its cell ends at 70."""
+    geometry, at = Geometry(2.0, 1.28), np.array([0.0089, 0.163, 0.423])
+    pressure = np.linspace(0, 100, 26)
+    kappa = float(at[0] * kappa_ratio(at[2], "paper"))
+    direct = solve(geometry, {"X1_MPa": at[0], "X2_MPa": at[1], "kappa_MPa": kappa}, 100.0)
+    assert not direct.stopped
+    model = table.model(geometry, pressure)
+    assert not model.creases(at[None])[0]
+    np.testing.assert_allclose(model.deflection_mm(at[None])[0], direct(pressure), atol=1e-4)
+
+
+def test_a_curve_goes_on_a_little_beyond_its_limit_and_says_how_wrong_it_may_be(table):
+    soft = np.array([0.01, 0.1, 0.2])
+    holds_to = float(table.model(STANDARD, np.array([1.0])).holds_to(soft[None])[0])
+    within, beyond = (
+        table.model(STANDARD, np.linspace(0, share * holds_to, 11)) for share in (0.25, 1.1)
+    )
+    assert not within.creases(soft[None])[0]
+    assert beyond.creases(soft[None])[0]
+    deflection = beyond.deflection_mm(soft[None])[0]
+    assert np.isfinite(deflection).all()
+    *crease, locking = beyond.error_shapes_mm(soft).T / np.maximum(deflection, 1e-9)
+    assert np.linalg.norm(crease, axis=0)[-1] == pytest.approx(0.0094, rel=0.05)
+    assert (np.diff(np.linalg.norm(crease, axis=0)) >= 0).all()
+    *crease, _ = within.error_shapes_mm(soft).T
+    assert not np.any(crease)
+    assert 0 < locking[-1] < 0.002
+
+
+def test_nearly_incompressible_skin_may_be_wrong_by_more(table):
+    model = table.model(STANDARD, np.array([20.0, 50.0]))
+    share = [
+        model.error_shapes_mm(np.array([0.05, 2.0, nu]))[:, -1]
+        / model.deflection_mm(np.array([[0.05, 2.0, nu]]))[0]
+        for nu in (0.3, 0.48)
+    ]
+    # Found against a mesh that cannot lock: 0.1 and 0.3 to 0.5 % (docs/verification.md).
+    assert 0.0008 < share[0].max() < 0.0015
+    assert 0.003 < share[1].max() < 0.005
