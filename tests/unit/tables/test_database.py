@@ -72,7 +72,7 @@ def test_what_the_finite_elements_compute_beside_a_crease_has_an_answer(grid):
     assert not direct.stopped
     pressure = np.linspace(0, 100, 11)
     found = grid.model(GEOMETRY, pressure).deflection_mm(np.array([[0.045, 0.3, 0.38]]))[0]
-    np.testing.assert_allclose(found, direct(pressure), rtol=2e-3)
+    np.testing.assert_allclose(found, direct(pressure), atol=3e-3)  # cubic Lagrange
 
 
 def test_random_entries_rebuild_to_the_same_numbers(grid):
