@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 from sim_device.cohort import CohortFile, Shifts, Size
 from skinlab.cli.main import cli
-from skinlab.study.table import Columns
+from skinlab.studies.table import Columns
 
 
 def small(**size):

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp
 
 from skinlab.inference.error_choice import ErrorChoice
+from skinlab.inference.posterior import log_sum
 from skinlab.tables.base import CurveModel
 
 Array = NDArray[np.float64]
@@ -77,4 +77,4 @@ class IntegratedLikelihood:
         i, j = np.tril_indices(at.shape[1])
         twice = np.where(i == j, 1.0, 2.0)
         features = np.column_stack([np.ones(len(at)), at, at[:, i] * at[:, j] * twice])
-        return np.asarray(logsumexp(features @ self._forms, axis=1))
+        return log_sum(features @ self._forms)

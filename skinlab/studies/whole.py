@@ -17,15 +17,15 @@ from skinlab.exchange.ro_crate import FILE as CRATE
 from skinlab.exchange.ro_crate import ro_crate
 from skinlab.inference.identify import Identifier
 from skinlab.io.files import write_file
-from skinlab.study.campaigns import Evidence, Shared, evidence, explain_all, section
-from skinlab.study.population import Posterior, learn, to_toml
-from skinlab.study.reference import reference_of, write_reference
-from skinlab.study.reliability import FACETS, Reliability, reliability
-from skinlab.study.report import flags_of, html, main_analyses, people_of
-from skinlab.study.run import How, settings_of, update
-from skinlab.study.sources import Plan
-from skinlab.study.state import State
-from skinlab.study.table import (
+from skinlab.studies.campaigns import Evidence, Shared, evidence, explain_all, section
+from skinlab.studies.population import Posterior, learn, to_toml
+from skinlab.studies.reference import reference_of, write_reference
+from skinlab.studies.reliability import FACETS, Reliability, reliability
+from skinlab.studies.report import flags_of, html, main_analyses, people_of
+from skinlab.studies.run import How, settings_of, update
+from skinlab.studies.sources import Plan
+from skinlab.studies.state import State
+from skinlab.studies.table import (
     NO_PARQUET,
     Cell,
     Columns,

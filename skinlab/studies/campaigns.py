@@ -36,12 +36,12 @@ from skinlab.mechanics.effects import get_effect
 from skinlab.mechanics.fem.suction import SOLVER_VERSION
 from skinlab.mechanics.model_file import BASE, Model
 from skinlab.report.page import Section, Table
-from skinlab.study.cluster import on_cluster
-from skinlab.study.compute import curves_of
-from skinlab.study.run import How, end_with_parent
-from skinlab.study.sources import SESSIONS, Facts
-from skinlab.study.state import State
-from skinlab.study.table import Cell
+from skinlab.studies.cluster import on_cluster
+from skinlab.studies.compute import curves_of
+from skinlab.studies.run import How, end_with_parent
+from skinlab.studies.sources import SESSIONS, Facts
+from skinlab.studies.state import State
+from skinlab.studies.table import Cell
 from skinlab.tables.base import Database
 
 Array = NDArray[np.float64]

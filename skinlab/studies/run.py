@@ -22,9 +22,9 @@ from skinlab import __version__
 from skinlab.errors import InputError
 from skinlab.inference.identify import Identifier
 from skinlab.recording.recorder import identification_settings
-from skinlab.study.cluster import computed_on_cluster
-from skinlab.study.compute import Computed, Task, compute
-from skinlab.study.sources import (
+from skinlab.studies.cluster import computed_on_cluster
+from skinlab.studies.compute import Computed, Task, compute
+from skinlab.studies.sources import (
     NOISE,
     SESSIONS,
     SETUP,
@@ -35,7 +35,7 @@ from skinlab.study.sources import (
     pseudonym,
     sha256_of,
 )
-from skinlab.study.state import State
+from skinlab.studies.state import State
 
 __all__ = ["How", "end_with_parent", "settings_of", "update"]
 
