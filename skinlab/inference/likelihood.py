@@ -8,6 +8,7 @@ restricted maximum likelihood (Patterson and Thompson 1971, Biometrika 58:545).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,19 +30,21 @@ class LinearModel:
     slopes_mm: Array
     precision: Array
 
+    @cached_property
+    def _log_prior(self) -> float:
+        return float(np.linalg.slogdet(self.precision)[1]) if len(self.precision) else 0.0
+
     def log_marginal(self, covariance: Covariance) -> float:
         """Return log p(r) with δ and the covariance's columns integrated out."""
         whole, gram, log_base = self._normal(covariance)
         root, failed = dpotrf(whole, lower=1)
         if failed:
             return -np.inf
-        k = len(self.precision)
         solved, _ = dpotrs(root, gram[1:, 0], lower=1)
         chi2 = gram[0, 0] - gram[1:, 0] @ solved
         log_det = 2.0 * float(np.log(np.diag(root)).sum())
-        log_prior = float(np.linalg.slogdet(self.precision)[1]) if k else 0.0
         u = len(self.residual_mm)
-        return -0.5 * float(u * _LOG_2PI + log_base + log_det - log_prior + chi2)
+        return -0.5 * float(u * _LOG_2PI + log_base + log_det - self._log_prior + chi2)
 
     def _normal(self, covariance: Covariance) -> tuple[Array, Array, float]:
         """Return the effects' information (k + m,)², the Gram matrix of all, log |D + B|."""
