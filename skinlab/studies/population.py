@@ -103,7 +103,7 @@ def learn(
     estimates, covariances = [], []
     for _ in range(_BOOTSTRAPS):
         counts = np.bincount(rng.integers(len(people), size=len(people)), minlength=len(people))
-        again = data.weighted(counts[person])
+        again = data.weighted(counts[person].astype(float))
         if np.linalg.matrix_rank(again.x) < x.shape[1]:
             continue
         one, spread = _fit(again, kinds, (coefficients, covariance))

@@ -19,7 +19,15 @@ from scipy.stats import t as t_distribution
 from skinlab.mechanics.names import is_logarithmic
 from skinlab.studies.agreement import LEVEL as PUBLISHED_LEVEL
 from skinlab.studies.agreement import BlandAltman, bland_altman, shrout_fleiss
-from skinlab.studies.components import LEVEL, WITHIN, Components, Effect, components, effect, interval
+from skinlab.studies.components import (
+    LEVEL,
+    WITHIN,
+    Components,
+    Effect,
+    components,
+    effect,
+    interval,
+)
 from skinlab.studies.sources import LABELS
 from skinlab.studies.table import Cell, Columns
 
