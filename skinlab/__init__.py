@@ -16,6 +16,7 @@ if TYPE_CHECKING:
         read_campaign,
         read_curve,
         read_session,
+        study,
     )
     from skinlab.api.results import (
         Campaign,
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
         Identification,
         Measurement,
         Session,
+        Study,
     )
     from skinlab.errors import AcquisitionError, InputError, NotTrustworthyError, SkinlabError
 
@@ -40,6 +42,7 @@ __all__ = [
     "NotTrustworthyError",
     "Session",
     "SkinlabError",
+    "Study",
     "explain",
     "forward",
     "identify",
@@ -48,6 +51,7 @@ __all__ = [
     "read_campaign",
     "read_curve",
     "read_session",
+    "study",
 ]
 
 

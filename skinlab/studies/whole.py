@@ -20,7 +20,7 @@ from skinlab.io.files import write_file
 from skinlab.studies.campaigns import Evidence, Shared, evidence, explain_all, section
 from skinlab.studies.population import Posterior, learn, to_toml
 from skinlab.studies.reference import reference_of, write_reference
-from skinlab.studies.reliability import FACETS, Reliability, reliability
+from skinlab.studies.reliability import FACETS, Analysis, Reliability, reliability
 from skinlab.studies.report import flags_of, html, main_analyses, people_of
 from skinlab.studies.run import How, settings_of, update
 from skinlab.studies.sources import Plan
@@ -70,6 +70,7 @@ class Made:
     lines: tuple[str, ...]
     notices: tuple[str, ...]
     failures: int
+    analyses: tuple[Analysis, ...]  # one a quantity
 
 
 def make_study(
@@ -150,7 +151,7 @@ def make_study(
     lines += _effect_lines(found_effects)
     if failures:
         lines.append(f"{len(failures)} files could not be used: {out / 'failures.csv'}")
-    return Made(document, tuple(lines), tuple(notices), len(failures))
+    return Made(document, tuple(lines), tuple(notices), len(failures), tuple(main_analyses(found)))
 
 
 def _posteriors(state: State, layout: Layout, identifier: Identifier) -> Iterator[Posterior]:
