@@ -59,7 +59,7 @@ def pandas() -> Any:
         return import_module("pandas")
     except ImportError:
         raise InputError(
-            "to_frame() needs pandas, which is not installed: pip install pandas"
+            "to_frame() needs pandas, which is not installed: pip install 'skinlab[notebook]'"
         ) from None
 
 

@@ -17,6 +17,7 @@ from skinlab.exchange.ro_crate import FILE as CRATE
 from skinlab.exchange.ro_crate import ro_crate
 from skinlab.inference.identify import Identifier
 from skinlab.io.files import write_file
+from skinlab.report.pictures import NO_PICTURES, have_pictures
 from skinlab.studies.campaigns import Evidence, Shared, evidence, explain_all, section
 from skinlab.studies.population import Posterior, learn, to_toml
 from skinlab.studies.reference import reference_of, write_reference
@@ -112,6 +113,8 @@ def make_study(
     table = read_columns(out / "curves.csv")
     found = reliability(table, identifier.seed)
     files += _write_tables(out, table, found, failures, found_effects)
+    if not have_pictures():
+        notices.append(f"report.html is not written: {NO_PICTURES}")
     if prior is not None:
         write_file(out / "study.toml", to_toml(prior), replace=True)
         files.append("study.toml")
@@ -201,11 +204,11 @@ def _write_tables(
     for name, body in tables.items():
         columns = dict.fromkeys(key for row in body for key in row)
         write_csv(out / name, tuple(columns) or ("empty",), body)
-    write_file(
-        out / "report.html",
-        html(f"Study {out.resolve().name}", table, found, people, failures, more),
-        replace=True,
-    )
+    if not have_pictures():
+        (out / "report.html").unlink(missing_ok=True)  # that of an earlier state
+        return list(tables)
+    page = html(f"Study {out.resolve().name}", table, found, people, failures, more)
+    write_file(out / "report.html", page, replace=True)
     return [*tables, "report.html"]
 
 

@@ -229,7 +229,7 @@ def test_frames(curve):
 
 def test_without_pandas_a_sentence_says_what_to_install(curve, monkeypatch):
     monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(skinlab.InputError, match="pip install pandas"):
+    with pytest.raises(skinlab.InputError, match=r"pip install 'skinlab\[notebook\]'"):
         curve.to_frame()
 
 
