@@ -365,13 +365,15 @@ class ProbeSession:
         )
         self._tap.into(recording.journal)
         runner.source.journal = recording.journal
+        simulated = probe.hello is not None and probe.hello.simulated
+        probe.carry_dose(recording.carry_dose(simulated=simulated))
         self._visit = Visit(
             recording,
             identifier,
             self.analysis.worker(identifier),
             self._outbox.add,
             lambda index, result: self._post(Estimated(index, result)),
-            simulated=probe.hello is not None and probe.hello.simulated,
+            simulated=simulated,
             dialect=describe_dialect(probe.dialect),
         )
         self._post(Recording(path))
