@@ -19,16 +19,19 @@ Array = NDArray[np.float64]
 _LEAST_UM = 0.2  # a smaller step is no error beside any sensor's noise
 _OFF = 0.02  # of a step: how far from its lattice a reading may be
 _FEWEST = 8  # different readings
+_AGAIN = 4  # samples a reading
 
 
 def step_um(deflection_mm: Array) -> float:
     """Return the step of the lattice on which all readings (u,) lie, µm; 0 where there is none."""
     levels = np.unique(np.round(1e3 * deflection_mm, 6))
-    if len(levels) < 3:
+    if len(levels) < 2:
         return 0.0
     gaps = np.diff(levels)
     step = float(gaps.min())
-    if step < _LEAST_UM or len(levels) < _FEWEST:
+    # Few different readings are a lattice only if each of them comes again and again.
+    few = len(levels) < _FEWEST and len(levels) * _AGAIN > len(deflection_mm)
+    if step < _LEAST_UM or few:
         return 0.0
     at = (levels - levels[0]) / step
     return step if float(np.abs(at - np.round(at)).max()) < _OFF else 0.0
