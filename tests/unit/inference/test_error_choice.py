@@ -7,6 +7,7 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import kstest, norm
 
+from skinlab.inference.covariance import independent
 from skinlab.inference.error_choice import choose_errors
 from skinlab.inference.error_judgement import judge_errors
 from skinlab.inference.error_models import ERROR_MODELS
@@ -114,6 +115,39 @@ def test_steps_are_found_in_the_readings():
     assert step_um(0.01 * np.round(w / 0.01)) == pytest.approx(10.0)
     assert step_um(w) == 0.0
     assert step_um(np.round(w, 6)) == 0.0  # as a file has it: nothing beside any noise
+
+
+def test_rounding_of_a_quiet_curve_is_a_wave_over_the_deflection_and_no_error_that_lasts():
+    """With noise below half a step; the truth must be as near as what is promised says."""
+    held = lasting = 0
+    narrower = []
+    for seed in range(30):
+        rng = np.random.default_rng(seed)
+        truth = 2e-3 * rng.standard_normal(3)
+        w = COURSE + SLOPES @ truth + white(rng, 1.0)
+        errors = 0.01 * np.round(w / 0.01) - COURSE
+        choice = chosen(errors)
+        lasting += "correlated_noise" in judge_errors(choice, None).flags
+        for covariance, rounding in ((choice.mode, 0), (independent(np.full(N, 3.05e-3)), 1)):
+            W = covariance.whiten(np.column_stack([errors, SLOPES]))
+            inverse = np.linalg.inv(W[:, 1:].T @ W[:, 1:])
+            off = (inverse @ W[:, 1:].T @ W[:, 0] - truth)[2] / np.sqrt(inverse[2, 2])
+            if not rounding:
+                held += abs(off) < 1.645
+                narrower.append(np.sqrt(inverse[2, 2]))
+            else:
+                narrower[-1] /= np.sqrt(inverse[2, 2])
+    assert held >= 24
+    assert lasting <= 1
+    assert np.median(narrower) < 0.9
+
+
+def test_rounding_of_a_noisy_curve_is_independent():
+    rng = np.random.default_rng(3)
+    found = chosen(0.002 * np.round((COURSE + white(rng)) / 0.002) - COURSE)
+    assert "quantised" in found.best.name
+    assert found.mode.columns_mm.shape == (N, 0)
+    assert found.parameters()["white_um"] == pytest.approx(3.0, rel=0.2)
 
 
 def test_a_curve_of_a_few_steps_has_them_found():
