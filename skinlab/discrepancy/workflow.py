@@ -13,9 +13,10 @@ from skinlab.discrepancy.misfit import errors_of
 from skinlab.discrepancy.next_measurement import advise
 from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.posterior import sample
-from skinlab.discrepancy.records import records_of
+from skinlab.discrepancy.records import coarsened, records_of
 from skinlab.discrepancy.screen import alike
 from skinlab.discrepancy.search import Partial, Search
+from skinlab.discrepancy.settings import ERRORS
 from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.discrepancy.verdict import decide
 from skinlab.errors import InputError
@@ -52,11 +53,21 @@ def explain(
     check_law_of(database, model.model.law)
     if database.fixed_geometry is not None:
         raise InputError("a missing effect is looked for with a dimensionless database")
-    records = records_of(campaign)
+    records = [coarsened(r, ERRORS.coarse_hz) for r in records_of(campaign)]
     fitter = Fitter(
         records, errors_of(records), TableDomes(database), finite_elements=finite_elements
     )
-    found = Search(fitter, model=model, workers=workers, progress=progress, partial=partial).run()
+    search = Search(
+        fitter,
+        model=model,
+        workers=workers,
+        noise_um=campaign.noise_um,
+        placement_scatter=campaign.placement_scatter,
+        progress=progress,
+        partial=partial,
+    )
+    found = search.run()
+    fitter = search.fitter
     verdict = decide(found)
     progress("predicting conditions held out of the fit")
     parts = conditions_of(fitter, [c.fit for c in verdict.explanations])
