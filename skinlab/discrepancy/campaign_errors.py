@@ -10,7 +10,7 @@ weighed against every effect.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -21,15 +21,18 @@ from skinlab.discrepancy.fit import Fit
 from skinlab.discrepancy.misfit import mesh_columns
 from skinlab.discrepancy.records import Record, by_condition
 from skinlab.discrepancy.settings import ERRORS
+from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.inference.covariance import Covariance
 from skinlab.inference.error_choice import ErrorChoice, choose_errors
 from skinlab.inference.error_models import ERROR_MODELS
-from skinlab.inference.error_models.base import Look
+from skinlab.inference.error_models.base import ErrorModel, Hyperparameter, Look, Part, Terms
 from skinlab.inference.error_models.quantised import step_um
 from skinlab.inference.likelihood import LinearModel
 from skinlab.inference.noise import MESH_REST, legendre, roughness, slope_mm_per_mbar
 from skinlab.inference.outliers import outlier_probability
 from skinlab.inference.samples import Samples
+from skinlab.mechanics.fem.skin import SkinProblem
+from skinlab.mechanics.fem.suction import Geometry
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -149,6 +152,52 @@ class CampaignErrors:
         return float(logsumexp(each) - np.log(len(each)))
 
 
+@dataclass(frozen=True, eq=False)
+class ThicknessScatter:
+    """Each site where the probe is put on is a little thicker or thinner: an error model."""
+
+    slope_mm: Array  # (u,) dw/d(log thickness)
+    name: str = "placement_thickness"
+    meaning: str = "the skin's thickness differs from placement to placement"
+    prior: str = "2 %, 0.8; always there"
+
+    def part(self, look: Look) -> Part | None:
+        """Return its part for several placements, unless there is said to be no scatter."""
+        numbers = np.unique(look.samples.placement)
+        if look.placement_scatter == 0.0 or len(numbers) < 2:
+            return None
+        one = (look.samples.placement[:, None] == numbers).astype(float)
+        columns = self.slope_mm[:, None] * one
+
+        def terms(values: Sequence[float]) -> Terms:
+            return Terms(columns_mm=values[0] * columns)
+
+        size = Hyperparameter(self.name, *ERRORS.thickness_scatter)
+        return Part(self.name, (size,), terms, always=True)
+
+
+def thickness_slopes(records: Sequence[Record], fit: Fit, domes: TableDomes) -> Array:
+    """Return dw/d(log thickness) (u,), mm, of the plain skin at a fit, where the table speaks."""
+    skin, change = fit.unknowns.skin(fit.u), 1.05
+    relative: dict[Geometry, tuple[Array, Array]] = {}
+    found = []
+    for record, deflection_mm in zip(records, fit.deflections_mm, strict=True):
+        at = record.geometry
+        if at not in relative:
+            top = max(r.path.top_mbar for r in records if r.geometry == at)
+            other = replace(at, thickness_mm=at.thickness_mm * change)
+            p = top * np.linspace(0.02, 1.0, 40)
+            both = [domes(SkinProblem(g, skin), g, top) for g in (at, other)]
+            slope = np.zeros(len(p))
+            if both[0] is not None and both[1] is not None:
+                slope = np.log(both[1](p) / both[0](p)) / np.log(change)
+            relative[at] = p, np.nan_to_num(slope)
+        here = np.interp(record.pressure_mbar, *relative[at])
+        # The model's deflection: the measured one's noise would explain the noise.
+        found.append(here * deflection_mm)
+    return np.concatenate(found)
+
+
 def samples_of(records: Sequence[Record]) -> Samples:
     """Return the samples of records, in their order."""
     counts = [len(r.curve) for r in records]
@@ -169,6 +218,7 @@ def samples_of(records: Sequence[Record]) -> Samples:
 def learn(
     records: Sequence[Record],
     fits: Sequence[Linearised],
+    thickness_mm: Array,
     *,
     noise_um: float | None,
     placement_scatter: float | None,
@@ -176,11 +226,11 @@ def learn(
 ) -> CampaignErrors:
     """Return the errors as pure error and each of these explanations see them.
 
-    `noise_um` is that which was stated; `placement_scatter` as in a campaign. `before` is what was
-    learned already: looks are added to it.
+    `thickness_mm` (u,) are `thickness_slopes`. `noise_um` is that which was stated;
+    `placement_scatter` as in a campaign. `before` is what was learned already: looks are added.
     """
     looks = [] if before is None else list(before.looks)
-    models = ERROR_MODELS.all()
+    models: list[ErrorModel] = [*ERROR_MODELS.all(), ThicknessScatter(thickness_mm)]
     if not looks:
         linear = pure_error(records, fits[0])
         looks.append(_choose(records, linear, noise_um, placement_scatter, models))
@@ -198,7 +248,7 @@ def _sub(matrix: Array, kept: Mask) -> Array:
 
 
 def pure_error(records: Sequence[Record], base: Linearised) -> LinearModel:
-    """Return the model as it is with free polynomials, common to repeats, for all that it misses."""
+    """Return the model as it is with free polynomials, common to repeats."""
     waves = smooth_columns(records, ERRORS.smooth_degree)
     k = int(base.free.sum())
     precision = np.zeros((k + waves.shape[1],) * 2)
@@ -245,7 +295,7 @@ def _choose(
     linear: LinearModel,
     noise_um: float | None,
     placement_scatter: float | None,
-    models: Sequence[object],
+    models: Sequence[ErrorModel],
 ) -> ErrorChoice:
     samples = samples_of(records)
     model_mm = samples.deflection_mm - linear.residual_mm
@@ -263,7 +313,7 @@ def _choose(
     least = _SEEN * max(roughness(linear.residual_mm), _LEAST_ROUGH_MM)
     seen = np.sqrt(np.square(columns).sum(axis=0)) > least
     rest = (MESH_REST * samples.deflection_mm) ** 2
-    return choose_errors(look, linear, columns[:, seen], rest, models)  # type: ignore[arg-type]
+    return choose_errors(look, linear, columns[:, seen], rest, models)
 
 
 def slopes_mm_per_mbar(records: Sequence[Record]) -> Array:

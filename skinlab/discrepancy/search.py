@@ -11,7 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.discrepancy.adequacy import ADEQUATE, Residual, judge, look
-from skinlab.discrepancy.campaign_errors import CampaignErrors, Linearised, learn, outliers
+from skinlab.discrepancy.campaign_errors import (
+    CampaignErrors,
+    Linearised,
+    learn,
+    outliers,
+    thickness_slopes,
+)
 from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.records import Record, without
 from skinlab.discrepancy.screen import Signature
@@ -149,7 +155,8 @@ class Search:
     ) -> None:
         """`noise_um` and `placement_scatter` are as stated in a campaign; None: to be learned."""
         self.fitter = fitter
-        self._stated = {"noise_um": noise_um, "placement_scatter": placement_scatter}
+        self._noise_um, self._placement_scatter = noise_um, placement_scatter
+        self._thickness_mm = np.zeros(0)
         self.errors: CampaignErrors | None = None  # None: those of the fitter, as they are
         self._kept: tuple[NDArray[np.bool_], ...] = ()
         self._unknowns = with_thickness(unknowns_of(model), fitter.records)
@@ -232,12 +239,21 @@ class Search:
         self._kept = tuple(before.errors.split(~bad))
         self._progress("learning how large the errors are")
         records = without(before.records, self._kept)
-        self.errors = learn(records, [linear.only(~bad)], **self._stated)
+        self._thickness_mm = thickness_slopes(before.records, first.fit, before.domes)[~bad]
+        self.errors = self._learn(records, linear.only(~bad), None)
         self.fitter = before.with_errors(records, self.errors.working)
         fit = self.fitter.fit(first.fit.unknowns, first.fit.u)
         if fit is None:
             raise NotTrustworthyError("the model has no answer for these curves")
         return self._candidate(fit, None)
+
+    def _learn(
+        self, records: Sequence[Record], one: Linearised, before: CampaignErrors | None
+    ) -> CampaignErrors:
+        return learn(
+            records, [one], self._thickness_mm, noise_um=self._noise_um,
+            placement_scatter=self._placement_scatter, before=before,
+        )  # fmt: skip
 
     def linear(self, fit: Fit) -> Linearised:
         """Return an explanation about its fit."""
@@ -256,12 +272,9 @@ class Search:
             return base, candidates
         best = max(serving, key=lambda c: c.log10_evidence)
         self._progress(f"weighing {len(candidates)} explanations")
-        fits = [self.linear(best.fit)]
-        self.errors = learn(self.fitter.records, fits, **self._stated, before=self.errors)
+        self.errors = self._learn(self.fitter.records, self.linear(best.fit), self.errors)
         again = self.errors.log_evidence(self.linear(base.fit))
-        return base, [
-            replace(c, log10_evidence=self._relative(c.fit, again)) for c in candidates
-        ]
+        return base, [replace(c, log10_evidence=self._relative(c.fit, again)) for c in candidates]
 
     def _relative(self, fit: Fit, base: float) -> float:
         """Return log10 evidence with the odds, relative to that (natural) of the base model."""

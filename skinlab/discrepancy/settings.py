@@ -11,9 +11,12 @@ class ErrorRules:
 
     smooth_degree: int = 3
     """Of the polynomials in time, of each phase of each condition, that any model may leave: what
-    they take up is not counted as noise. From traction records: a quartic fit leaves their noise."""
+    they take up is not counted as noise. A quartic fit leaves the noise of traction records."""
     smooth_sd_um: float = 100.0
     """Prior of their coefficients: larger than what any effect leaves after a refit (140 µm)."""
+    thickness_scatter: tuple[float, float] = (0.02, 0.8)
+    """Median and logarithmic standard deviation before the data of the scatter of log thickness
+    between placements: 1 to 5 % (ultrasound, site)."""
     coarse_hz: float = 25.0
     """Samples are averaged to about this rate: the shortest correlation time is 0.1 s."""
     judged_nodes: int = 12
@@ -39,7 +42,7 @@ class NameRules:
     been fitted again: a tenth of the coarsest sensor's step, below every sensor's noise."""
     smooth_sizes_um: tuple[float, ...] = (0.5, 1.0, 2.0, 4.0)
     """Sizes, equally likely, of a smooth error of the model, which competes for every gap: tight,
-    or it explains everything (Brynjarsdottir and O'Hagan 2014). Two meshes differ by 0.3 to 2 µm."""
+    or it explains everything (Brynjarsdottir and O'Hagan 2014). Two meshes: 0.3 to 2 µm."""
     smooth_degree: int = 4
     """Of the smooth error, a polynomial in p/p_max, loading and unloading apart."""
     repeats_factor: float = 2.0
