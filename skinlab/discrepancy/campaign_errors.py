@@ -28,7 +28,13 @@ from skinlab.inference.error_models import ERROR_MODELS
 from skinlab.inference.error_models.base import ErrorModel, Hyperparameter, Look, Part, Terms
 from skinlab.inference.error_models.quantised import step_um
 from skinlab.inference.likelihood import LinearModel
-from skinlab.inference.noise import MESH_REST, legendre, roughness, slope_mm_per_mbar
+from skinlab.inference.noise import (
+    MESH_REST,
+    legendre,
+    pressure_error_mm,
+    roughness,
+    slope_mm_per_mbar,
+)
 from skinlab.inference.outliers import outlier_probability
 from skinlab.inference.samples import Samples
 from skinlab.mechanics.fem.skin import SkinProblem
@@ -284,8 +290,9 @@ def smooth_columns(records: Sequence[Record], degree: int) -> Array:
 def outliers(records: Sequence[Record], base: Linearised) -> Mask:
     """Return which samples (u,) do not belong to their curve, whatever the model."""
     samples = samples_of(records)
+    step_mm = 1e-3 * step_um(samples.deflection_mm)
     probability = outlier_probability(
-        pure_error(records, base), samples, 1e-3 * step_um(samples.deflection_mm)
+        pure_error(records, base), samples, step_mm, pressure_errors_mm(records)
     )
     return np.asarray(probability > 0.5)
 
@@ -307,6 +314,7 @@ def _choose(
         linear.slopes_mm,
         noise_um,
         np.repeat([r.pressure_sd_mbar for r in records], [len(r.curve) for r in records]),
+        pressure_errors_mm(records),
         placement_scatter,
     )
     columns = mesh_columns(records)
@@ -314,6 +322,15 @@ def _choose(
     seen = np.sqrt(np.square(columns).sum(axis=0)) > least
     rest = (MESH_REST * samples.deflection_mm) ** 2
     return choose_errors(look, linear, columns[:, seen], rest, models)
+
+
+def pressure_errors_mm(records: Sequence[Record]) -> Array:
+    """Return what the pressure readings' noise does to the deflections (u,)."""
+    found = []
+    for r in records:
+        sd_mbar = np.full(len(r.curve), r.pressure_sd_mbar)
+        found.append(pressure_error_mm(r.pressure_mbar, r.curve.deflection_mm, sd_mbar))
+    return np.concatenate(found)
 
 
 def slopes_mm_per_mbar(records: Sequence[Record]) -> Array:

@@ -37,7 +37,7 @@ from skinlab.tui.ui_state import Board, Entry, Live, Playing
 if TYPE_CHECKING:
     from skinlab.acquisition.measurement_request import Order
     from skinlab.discrepancy.outcome import Outcome
-    from skinlab.study.reference import Range
+    from skinlab.studies.reference import Range
 
 
 _LEAST_BAR = 8  # cells; a shorter one shows nothing

@@ -18,7 +18,7 @@ from skinlab.inference.result import Identification, Value
 from skinlab.recording.recorder import new_session_path
 from skinlab.recording.stream import CurveCompleted, CurveStarted, Happened, Identified, Sampled
 from skinlab.report.rounding import interval_words
-from skinlab.study.reference import Range
+from skinlab.studies.reference import Range
 from skinlab.tui.plot_data import (
     Trace,
     box_around,
