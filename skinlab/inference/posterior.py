@@ -36,12 +36,6 @@ _STRIDE = 0.3  # of the posterior's width: how far one centre speaks
 _FLAT_PRECISION = 12.0  # of a flat distribution on the unit interval
 
 
-def log_sum(values: Array) -> Array:
-    """Return log Σⱼ exp vᵢⱼ (n,) of finite values (n, m); a third of scipy's logsumexp's time."""
-    most = values.max(axis=1)
-    return np.asarray(most + np.log(np.exp(values - most[:, None]).sum(axis=1)))
-
-
 @dataclass(frozen=True, eq=False)
 class Draws:
     """Weighted draws: `unit` (n, k), `parameters` (n, p), `weight` (n,), which sums up to 1.
@@ -100,7 +94,7 @@ def sample(
         evaluations += len(drawn)
         unit, log_target = np.concatenate(units), np.concatenate(densities)
         # Every draw counts as one of the mixture of all rounds, whichever it came from.
-        log_drawn = log_sum(np.column_stack([m.log_density(unit) for m in mixtures]))
+        log_drawn = log_sum_exp(np.column_stack([m.log_density(unit) for m in mixtures]))
         log_weight = log_target - log_drawn
         weight = np.exp(log_weight - log_weight.max())
         found = Draws(unit, space.from_unit(unit), weight / weight.sum(), log_target, evaluations)
@@ -118,6 +112,14 @@ def sample(
                 np.zeros(len(centres)),
             )
         )
+
+
+def log_sum_exp(values: Array) -> Array:
+    """Return log Σ exp over the last axis; some three times as quick as scipy's."""
+    most = values.max(axis=-1, keepdims=True)
+    most = np.where(np.isfinite(most), most, 0.0)
+    with np.errstate(divide="ignore"):
+        return np.asarray(np.log(np.exp(values - most).sum(axis=-1)) + most[..., 0])
 
 
 def _resample(found: Draws, rng: np.random.Generator) -> Array:
@@ -227,4 +229,4 @@ def _mixture(centre: Array, precision: Array, spacing: Array, worse: Array) -> _
     root = np.linalg.cholesky(np.linalg.inv(whole)) * _WIDER
     log_det = np.log(np.einsum("mii->mi", root)).sum(axis=1)
     log_share = -0.5 * worse[kept] + log_det
-    return _Mixture(centre[kept], root, log_share - log_sum(log_share[None]))
+    return _Mixture(centre[kept], root, log_share - log_sum_exp(log_share))

@@ -23,7 +23,6 @@ from scipy.stats import chi2, false_discovery_control
 from scipy.stats import t as t_distribution
 
 from skinlab.curves.campaign import Campaign
-from skinlab.discrepancy.misfit import errors_of
 from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.workflow import explain
 from skinlab.errors import SkinlabError
@@ -150,7 +149,7 @@ def scores_of(outcome: Outcome) -> dict[str, Any]:
     found = outcome.found
     measured = np.concatenate([r.curve.deflection_mm for r in found.records])
     here = np.concatenate(list(found.base.fit.deflections_mm))
-    left = errors_of(found.records).whiten(measured - here)
+    left = found.errors.whiten(measured - here)
     seen = {n: s for n, s in found.signatures.items() if math.isfinite(s.detectable)}
     directions = np.array([s.direction for s in seen.values()]).reshape(len(seen), -1)
     return {
