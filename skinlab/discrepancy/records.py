@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import savgol_filter
 
 from skinlab.curves.campaign import Campaign
 from skinlab.curves.curve import Curve
@@ -93,6 +92,8 @@ def _record(curve: Curve, noise_um: float | None, pressure_noise: float | None) 
         # Each sample keeps its own reading: what smoothing leaves of the noise goes up and down
         # together, and through dw/dp it would look like a missing effect.
         pressure, sd = measured, noise
+        from scipy.signal import savgol_filter  # slow to import
+
         smooth = savgol_filter(measured, _WINDOW, 2, mode="interp")
         path = PressurePath.of_samples(time, smooth, max(2.5 * _SMOOTHED * noise, 0.2))
     own = noise_um

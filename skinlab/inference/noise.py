@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
+from scipy.special import ndtri
 
 Array = NDArray[np.float64]
 
@@ -48,7 +48,7 @@ def roughness(values: Array) -> float:
         values[2:-2] - (-values[:-4] + 4 * values[1:-3] + 4 * values[3:-1] - values[4:]) / 6.0
     )
     scale = float(np.sqrt(1.0 + (1 + 16 + 16 + 1) / 36.0))
-    usual = float(np.median(bend) / norm.ppf(0.75))
+    usual = float(np.median(bend) / ndtri(0.75))
     kept = bend[bend <= _CORNER * usual]
     return float(np.sqrt(np.mean(kept**2))) / scale
 
@@ -75,7 +75,7 @@ def pressure_noise_mbar(time_s: Array, pressure_mbar: Array) -> float:
         variance += weight**2
     misses = np.abs(pressure_mbar[2:-2] - guess) / np.sqrt(variance)
     steps = np.abs(np.diff(pressure_mbar)) / np.sqrt(2.0)
-    found = min(float(np.median(misses)), float(np.median(steps))) / float(norm.ppf(0.75))
+    found = min(float(np.median(misses)), float(np.median(steps))) / float(ndtri(0.75))
     return found if found >= _LEAST_PRESSURE_NOISE_MBAR else 0.0
 
 

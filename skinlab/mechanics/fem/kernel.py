@@ -10,6 +10,7 @@ import ctypes
 import hashlib
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +52,10 @@ def load(path: Path, source: Path) -> ctypes.CDLL | None:
     found.skinlab_solve.argtypes = [
         _INTEGER, _INTEGER, _POINTER, _POINTER, _INTEGER, _INTEGER, _POINTER,
     ]  # fmt: skip
+    found.skinlab_spline.argtypes = [
+        _INTEGER, _INTEGER, *[_POINTER] * 4, _INTEGER, _POINTER, _INTEGER, _POINTER,
+    ]  # fmt: skip
+    found.skinlab_spline.restype = _INTEGER
     found.skinlab_strain.restype = found.skinlab_solve.restype = None
     found.skinlab_assemble.restype = found.skinlab_forces.restype = _REAL
     found.skinlab_ellipticity.restype = _REAL
@@ -60,7 +65,10 @@ def load(path: Path, source: Path) -> ctypes.CDLL | None:
 
 class _Mesh(ctypes.Structure):
     _fields_ = [
-        *((name, _INTEGER) for name in ("elements", "points", "nodes", "unknowns", "width", "edges")),
+        *(
+            (name, _INTEGER)
+            for name in ("elements", "points", "nodes", "unknowns", "width", "edges")
+        ),
         *(
             (name, _POINTER)
             for name in (
@@ -98,7 +106,7 @@ class Kernel:
         self._columns = -(-unknowns // _BLOCK) * _BLOCK
         real = [gradients, gradients.transpose(0, 1, 3, 2), volumes, start]
         whole = [element, equations, self._slots(equations)]
-        parts = [
+        parts: list[NDArray[Any]] = [
             *(np.ascontiguousarray(x, dtype=np.float64) for x in real),
             *(np.ascontiguousarray(x, dtype=np.int32) for x in whole),
             *(np.ascontiguousarray(x, dtype=np.float64) for x in (edge_form, edge_place)),
@@ -143,7 +151,7 @@ class Kernel:
         stress_2pk: Array | None,
         pressure_mpa: float,
     ) -> tuple[Array, Array, Array, float]:
-        """Return the band in the library's layout, internal forces and load (dofs,), and the volume."""
+        """Return the band as the library has it, internal forces, load (dofs,), and the volume."""
         band = self._spare.pop() if self._spare else np.empty(self._columns * self.width + 1)
         forces = np.zeros((2, self.unknowns + 1))
         energy = _Energy(potential, self.shape)
@@ -186,7 +194,7 @@ class Kernel:
         )
 
     def factorise(self, band: Array) -> Array | None:
-        """Turn the band into its Cholesky factor; return 1 / its diagonal, None where it has none."""
+        """Turn the band into its Cholesky factor; return 1 / its diagonal, None: there is none."""
         inverse = np.empty(self._columns)
         failed = self.library.skinlab_factorise(
             self.unknowns, self.width, _address(band), _address(inverse)
@@ -202,6 +210,26 @@ class Kernel:
             n, self.width, _address(factor), _address(inverse), k, padded.shape[1], _address(padded)
         )
         return padded[:, :n]
+
+
+def spline(
+    knots: Array, sizes: Index, degrees: Index, coefficients: Array, points: Array, slope: int
+) -> Array | None:
+    """Return a spline's values (n, k) at points (n, d); None where the library cannot.
+
+    `knots` of all axes end to end, `coefficients` (all, k); the slope along axis `slope` unless
+    that is negative.
+    """
+    found = library()
+    if found is None:
+        return None
+    at = np.ascontiguousarray(points, dtype=np.float64)
+    out = np.empty((len(points), coefficients.shape[1]))
+    failed = found.skinlab_spline(
+        len(points), len(sizes), _address(sizes), _address(degrees), _address(knots), _address(at),
+        slope, _address(coefficients), coefficients.shape[1], _address(out),
+    )  # fmt: skip
+    return None if failed else out
 
 
 class _Energy:

@@ -17,7 +17,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from skinlab.errors import InputError
 from skinlab.mechanics.fem.assembly import Assembly, stress_and_tangent
@@ -252,6 +251,8 @@ def through_thickness(stretch: float, energy: HasPotential, parameters: Mapping[
     def stress(through: float) -> float:
         f = np.array([stretch, 0.0, 0.0, through, stretch])[:, None]
         return float(stress_and_tangent(f, energy, parameters)[1][3, 0])
+
+    from scipy.optimize import brentq  # slow to import
 
     try:
         return float(brentq(stress, 0.2, 5.0, xtol=1e-15, rtol=1e-14))

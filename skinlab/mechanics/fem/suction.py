@@ -11,11 +11,10 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicHermiteSpline
 
 from skinlab.errors import InputError
 from skinlab.mechanics.fem.assembly import Assembly
@@ -28,6 +27,9 @@ from skinlab.mechanics.fem.element import (
 from skinlab.mechanics.fem.mesh import Grading, Mesh, suction_mesh
 from skinlab.mechanics.fem.newton import EquilibriumPath, StepSettings, follow
 from skinlab.mechanics.materials import DEFAULT_LAW, get_law
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicHermiteSpline
 
 Array = NDArray[np.float64]
 
@@ -170,6 +172,8 @@ class SuctionCurve:
     @property
     def spline(self) -> CubicHermiteSpline:
         """The curve as a function of pressure (mbar) that does not ask whether it holds."""
+        from scipy.interpolate import CubicHermiteSpline  # slow to import
+
         return CubicHermiteSpline(self.pressure_mbar, self.deflection_mm, self.slope_mm_per_mbar)
 
 
