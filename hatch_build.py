@@ -43,7 +43,8 @@ def compile_kernel(source: Path, library: Path, compiler: Sequence[str] = ()) ->
     library.unlink(missing_ok=True)
     stamp = hashlib.sha256(source.read_bytes()).hexdigest()
     command = [
-        *(compiler or shlex.split(os.environ.get("CC", "cc"))), "-O3", "-fPIC", "-shared", "-fno-math-errno",
+        *(compiler or shlex.split(os.environ.get("CC", "cc"))), "-O3", "-fPIC", "-shared",
+        "-fno-math-errno",
         f'-DSKINLAB_SOURCE="{stamp}"',
         "-o", str(library), str(source), "-lm",
     ]  # fmt: skip

@@ -352,15 +352,16 @@ FAST double skinlab_assemble(const Mesh *s, const double *u, const double *f, co
 }
 
 /* The same without the tangent; of the energy the first derivatives are enough. */
-FAST double skinlab_forces(const Mesh *s, const double *u, const double *f, const Energy *w,
-                           const double *extra, double *internal, double *load) {
+FAST double skinlab_forces(const Mesh *s, const double *u, const double *f, const double *d_i1,
+                           const double *d_i2, const double *d_j, double *internal, double *load) {
     const int q = (int)s->points, a = (int)s->nodes;
     const int64_t n = s->elements * q;
+    const Energy w = {.i1 = d_i1, .i2 = d_i2, .j = d_j};
     double stress[5][SPAN];
     for (int64_t e0 = 0; e0 < s->elements; e0 += CHUNK) {
         const int64_t left = s->elements - e0;
         const int many = left < CHUNK ? (int)left : CHUNK;
-        stress_at(f, n, e0 * q, many * q, w, extra, stress);
+        stress_at(f, n, e0 * q, many * q, &w, 0, stress);
         for (int k = 0; k < many; k++) {
             if (q == 9 && a == 8)
                 force_of(s, 9, 8, e0 + k, 9 * k, (const double (*)[SPAN])stress, internal);

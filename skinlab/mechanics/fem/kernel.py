@@ -46,7 +46,7 @@ def load(path: Path, source: Path) -> ctypes.CDLL | None:
         return None
     found.skinlab_strain.argtypes = [_POINTER] * 6
     found.skinlab_assemble.argtypes = [*[_POINTER] * 5, _REAL, *[_POINTER] * 3]
-    found.skinlab_forces.argtypes = [_POINTER] * 7
+    found.skinlab_forces.argtypes = [_POINTER] * 8
     found.skinlab_ellipticity.argtypes = [_POINTER] * 4
     found.skinlab_factorise.argtypes = [_INTEGER, _INTEGER, _POINTER, _POINTER]
     found.skinlab_solve.argtypes = [
@@ -173,17 +173,22 @@ class Kernel:
             self._spare.append(band)
 
     def forces(
-        self, displacements: Array, f: Array, potential: Potential, stress_2pk: Array | None = None
+        self, displacements: Array, f: Array, by_invariants: tuple[Array, Array, Array]
     ) -> tuple[Array, Array]:
-        """Return internal forces and load per MPa (dofs,)."""
+        """Return internal forces and load per MPa (dofs,), of an energy's first derivatives."""
         forces = np.zeros((2, self.unknowns + 1))
-        energy = _Energy(potential, self.shape)
-        extra = None if stress_2pk is None else np.ascontiguousarray(stress_2pk)
+        d_i1, d_i2, d_j = (self._whole(x) for x in by_invariants)
         self.library.skinlab_forces(
-            self._at, _address(displacements), _address(f), energy.at, _address(extra),
+            self._at, _address(displacements), _address(f),
+            _address(d_i1), _address(d_i2), _address(d_j),
             _address(forces[0]), _address(forces[1]),
         )  # fmt: skip
         return forces[0, :-1], forces[1, :-1]
+
+    def _whole(self, values: Array) -> Array:
+        if np.shape(values) != self.shape:
+            values = np.broadcast_to(values, self.shape)
+        return np.ascontiguousarray(values, dtype=np.float64)
 
     def ellipticity(self, f: Array, potential: Potential, stress_2pk: Array | None) -> float:
         """Return the least of `admissibility.ellipticity` over all points."""

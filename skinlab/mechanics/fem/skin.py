@@ -165,6 +165,21 @@ class Body:
             together.append(values)
         return Potential(*together)
 
+    def rise(
+        self, up: Mapping[str, Any], down: Mapping[str, Any]
+    ) -> list[tuple[float, Mapping[str, Any]]]:
+        """Return factors and parameters whose energies' sum is W(up) − W(down)."""
+        linear = self.law.linear and all(term.linear for term in self.terms)
+        if not linear or up["isochoric"] != down["isochoric"]:
+            return [(1.0, up), (-1.0, down)]
+
+        def less(one: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]:
+            return {name: one[name] - other[name] for name in one}
+
+        own = tuple(map(less, up["own"], down["own"]))
+        layers = less(up["layers"], down["layers"])
+        return [(1.0, {"own": own, "isochoric": up["isochoric"], "layers": layers})]
+
     def isochoric(
         self, i1: Array, i2: Array, j: Array, own: Sequence[Mapping[str, float]]
     ) -> Potential:

@@ -8,7 +8,7 @@ follower pressure on the deformed top surface r < R.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
@@ -25,7 +25,7 @@ from skinlab.mechanics.fem.element import (
     Element,
 )
 from skinlab.mechanics.fem.mesh import Grading, Mesh, suction_mesh
-from skinlab.mechanics.fem.newton import EquilibriumPath, StepSettings, follow
+from skinlab.mechanics.fem.newton import EquilibriumPath, Point, StepSettings, follow
 from skinlab.mechanics.materials import DEFAULT_LAW, get_law
 
 if TYPE_CHECKING:
@@ -231,9 +231,13 @@ def trace(
     settings: StepSettings | None = None,
     *,
     below_mbar: float = 0.0,
+    look: Callable[[float, Point], None] | None = None,
 ) -> SuctionCurve:
-    """Return the curve of this unknown, the apex, from `-below_mbar` to `goal_mbar`."""
-    path = follow(assembly, goal_mbar * MBAR, parameters, scale_mm, settings, watch=apex)
+    """Return the curve of this unknown, the apex, from `-below_mbar` to `goal_mbar`.
+
+    `look`: see `newton.follow`.
+    """
+    path = follow(assembly, goal_mbar * MBAR, parameters, scale_mm, settings, apex, look)
     pressures = [p / MBAR for p in path.pressure_mpa]
     displacements, slopes = list(path.displacements), list(path.slopes)
     holds_to = goal_mbar if not path.stopped else pressures[-1] if pressures else 0.0
