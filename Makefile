@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: run setup test check unit soak clean
+.PHONY: run setup test check unit docs notebooks wheel lowest soak clean
 
 run: setup
 	@$(BIN)/skinlab
@@ -32,6 +32,25 @@ check: setup
 unit: setup
 	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
 
+# The pages of docs/ as a site in site/, with the command line and Python API from the code.
+docs: .venv/.docs
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
+
+notebooks: .venv/.notebook
+	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -m notebook
+
+.venv/.docs .venv/.notebook: .venv/.%: .venv/.installed
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[$*]"
+	@touch $@
+
+# Wheel and sdist, each installed into an empty environment and run there.
+wheel: setup
+	@$(BIN)/python tests/installed.py
+
+# The same with the lowest versions of all dependencies.
+lowest: setup
+	@$(BIN)/python tests/installed.py --lowest
+
 # Long: what the tests do once, many times, and a hundred measurements killed at random moments.
 # Results are saved in benchmarks/results.
 soak: setup
@@ -39,4 +58,4 @@ soak: setup
 	@$(BIN)/python tests/system/kills.py --kills 100 --save benchmarks/results/kills.json >/dev/null
 
 clean:
-	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .import_linter_cache
+	rm -rf .venv site dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache

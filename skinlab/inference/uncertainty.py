@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,7 @@ from skinlab.inference.marginal import IntegratedLikelihood
 from skinlab.inference.noise import (
     MESH_REST,
     mesh_error_shapes,
+    pressure_error_mm,
     pressure_noise_mbar,
     roughness,
     slope_mm_per_mbar,
@@ -88,6 +90,20 @@ class Fitted:
             parts.append(slope_mm_per_mbar(g.pressure_mbar, w))
         return np.concatenate(parts)
 
+    @cached_property
+    def pressure_error_mm(self) -> Array:
+        """Return what the pressure readings' noise does to the deflections (u,)."""
+        sd = self.pressure_sd_mbar()
+        if not sd.any():
+            return sd
+        parts = [split_by_group(self.groups, v) for v in (self.best_mm, sd)]
+        return np.concatenate(
+            [
+                pressure_error_mm(g.pressure_mbar, *v)
+                for g, *v in zip(self.groups, *parts, strict=True)
+            ]
+        )
+
     def mesh_columns(self) -> Array:
         """Return the shapes (u, m) in which mesh and database err, of each group for itself."""
         blocks = []
@@ -105,7 +121,7 @@ class Fitted:
     def outlier_probability(self) -> Array:
         """Return each sample's probability (u,) of not belonging to its curve."""
         step_mm = 1e-3 * step_um(self.samples.deflection_mm)
-        return outlier_probability(self.linear, self.samples, step_mm)
+        return outlier_probability(self.linear, self.samples, step_mm, self.pressure_error_mm)
 
     def pressure_sd_mbar(self) -> Array:
         """Return the pressure readings' standard deviations (u,): stated, or each curve's own."""
@@ -134,6 +150,7 @@ class Fitted:
             linear.slopes_mm,
             self.sensor.noise_um,
             self.pressure_sd_mbar()[kept],
+            self.pressure_error_mm[kept],
             self.sensor.placement_scatter,
         )
         rest = (MESH_REST * self.best_mm[kept]) ** 2

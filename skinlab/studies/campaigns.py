@@ -12,13 +12,8 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import os
 from collections.abc import Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
-from itertools import islice
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +23,6 @@ from scipy.stats import chi2, false_discovery_control
 from scipy.stats import t as t_distribution
 
 from skinlab.curves.campaign import Campaign
-from skinlab.discrepancy.misfit import errors_of
 from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.workflow import explain
 from skinlab.errors import SkinlabError
@@ -36,12 +30,13 @@ from skinlab.mechanics.effects import get_effect
 from skinlab.mechanics.fem.suction import SOLVER_VERSION
 from skinlab.mechanics.model_file import BASE, Model
 from skinlab.report.page import Section, Table
-from skinlab.study.cluster import on_cluster
-from skinlab.study.compute import curves_of
-from skinlab.study.run import How, end_with_parent
-from skinlab.study.sources import SESSIONS, Facts
-from skinlab.study.state import State
-from skinlab.study.table import Cell
+from skinlab.studies.cluster import on_cluster
+from skinlab.studies.compute import curves_of
+from skinlab.studies.processes import on_processes
+from skinlab.studies.run import How
+from skinlab.studies.sources import SESSIONS, Facts
+from skinlab.studies.state import State
+from skinlab.studies.table import Cell
 from skinlab.tables.base import Database
 
 Array = NDArray[np.float64]
@@ -154,7 +149,7 @@ def scores_of(outcome: Outcome) -> dict[str, Any]:
     found = outcome.found
     measured = np.concatenate([r.curve.deflection_mm for r in found.records])
     here = np.concatenate(list(found.base.fit.deflections_mm))
-    left = errors_of(found.records).whiten(measured - here)
+    left = found.errors.whiten(measured - here)
     seen = {n: s for n, s in found.signatures.items() if math.isfinite(s.detectable)}
     directions = np.array([s.direction for s in seen.values()]).reshape(len(seen), -1)
     return {
@@ -191,20 +186,6 @@ def explain_all(state: State, shared: Shared, how: How, settings: str) -> list[d
     return [json.loads(known[t.key][1]) for t in tasks if t.key in known]
 
 
-_shared: Shared | None = None  # of a worker process
-
-
-def _start(shared: Shared) -> None:
-    global _shared  # noqa: PLW0603 -- a worker's only state, set once when it starts
-    _shared = shared
-    end_with_parent()
-
-
-def _explain_here(task: Task) -> Explained:
-    assert _shared is not None
-    return explain_task(_shared, task)
-
-
 def _results(shared: Shared, tasks: Sequence[Task], how: How) -> Iterator[Explained]:
     if how.dask is not None:
         yield from on_cluster(explain_task, shared, iter(tasks), how.dask)
@@ -212,26 +193,14 @@ def _results(shared: Shared, tasks: Sequence[Task], how: How) -> Iterator[Explai
     if how.workers <= 1 or len(tasks) <= 1:
         yield from (explain_task(shared, task) for task in tasks)
         return
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    coming = iter(tasks)
-    with ProcessPoolExecutor(
-        how.workers, get_context("spawn"), initializer=_start, initargs=(shared,)
-    ) as pool:
-        running: dict[Future[Explained], Task] = {
-            pool.submit(_explain_here, t): t for t in islice(coming, how.workers * _AHEAD)
-        }
-        while running:
-            for future in wait(running, return_when=FIRST_COMPLETED).done:
-                task = running.pop(future)
-                try:
-                    yield future.result()
-                except BrokenProcessPool:
-                    said = {"campaign": task.key, "labels": task.labels}
-                    said["error"] = "the process that explained it died"
-                    yield Explained(task.key, "", json.dumps(said))
-                    continue
-                for following in islice(coming, 1):
-                    running[pool.submit(_explain_here, following)] = following
+    for task, found in on_processes(explain_task, shared, iter(tasks), how.workers):
+        yield found if found is not None else _died(task)
+
+
+def _died(task: Task) -> Explained:
+    error = "the process that explained it died"
+    said = {"campaign": task.key, "labels": task.labels, "error": error}
+    return Explained(task.key, "", json.dumps(said))
 
 
 # ---- over the study -------------------------------------------------------------------------

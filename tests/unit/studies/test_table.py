@@ -21,9 +21,9 @@ from studies import rows_of, study
 from skinlab.cli.main import cli
 from skinlab.errors import InputError
 from skinlab.recording.session import read_session
-from skinlab.study.compute import draws_of
-from skinlab.study.sources import layout_pattern, pseudonym
-from skinlab.study.table import Placements
+from skinlab.studies.compute import draws_of
+from skinlab.studies.sources import layout_pattern, pseudonym
+from skinlab.studies.table import Placements
 
 
 def test_every_curve_is_a_row_and_every_broken_file_has_a_reason(cohort, made):
@@ -144,7 +144,7 @@ def test_other_settings_are_refused_with_resume_and_computed_again_without(cohor
 
 
 def test_two_studies_do_not_write_to_one_folder(cohort, made, tmp_path):
-    from skinlab.study.state import State
+    from skinlab.studies.state import State
 
     out = tmp_path / "study"
     with State(out), pytest.raises(InputError, match="one at a time"):

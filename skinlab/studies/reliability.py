@@ -17,11 +17,19 @@ from scipy.stats import linregress
 from scipy.stats import t as t_distribution
 
 from skinlab.mechanics.names import is_logarithmic
-from skinlab.study.agreement import LEVEL as PUBLISHED_LEVEL
-from skinlab.study.agreement import BlandAltman, bland_altman, shrout_fleiss
-from skinlab.study.components import LEVEL, WITHIN, Components, Effect, components, effect, interval
-from skinlab.study.sources import LABELS
-from skinlab.study.table import Cell, Columns
+from skinlab.studies.agreement import LEVEL as PUBLISHED_LEVEL
+from skinlab.studies.agreement import BlandAltman, bland_altman, shrout_fleiss
+from skinlab.studies.components import (
+    LEVEL,
+    WITHIN,
+    Components,
+    Effect,
+    components,
+    effect,
+    interval,
+)
+from skinlab.studies.sources import LABELS
+from skinlab.studies.table import Cell, Columns
 
 Array = NDArray[np.float64]
 Row = dict[str, Cell]

@@ -23,8 +23,8 @@ from skinlab.curves.curve import check_aperture
 from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
 from skinlab.report.page import Section, Table
-from skinlab.study.reliability import main_scale, usable
-from skinlab.study.table import Columns
+from skinlab.studies.reliability import main_scale, usable
+from skinlab.studies.table import Columns
 
 SCHEMA = "skinlab.reference/1"
 PERCENTILES = (5, 25, 50, 75, 95)

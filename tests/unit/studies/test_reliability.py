@@ -12,10 +12,10 @@ import pytest
 import statsmodels.formula.api as smf
 from studies import stiffness_table as table
 
-from skinlab.study.agreement import bland_altman, shrout_fleiss
-from skinlab.study.components import WITHIN, components, effect
-from skinlab.study.reliability import FACETS, reliability, repeats_for
-from skinlab.study.table import Columns
+from skinlab.studies.agreement import bland_altman, shrout_fleiss
+from skinlab.studies.components import WITHIN, components, effect
+from skinlab.studies.reliability import FACETS, reliability, repeats_for
+from skinlab.studies.table import Columns
 
 # Shrout and Fleiss 1979, table 2: six targets, four judges.
 JUDGES = np.array(

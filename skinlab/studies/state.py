@@ -17,8 +17,8 @@ from types import TracebackType
 from typing import Any, Self
 
 from skinlab.errors import InputError
-from skinlab.study.compute import Computed, Row, Task
-from skinlab.study.sources import LABELS, pseudonym
+from skinlab.studies.compute import Computed, Row, Task
+from skinlab.studies.sources import LABELS, pseudonym
 
 SCHEMA = "skinlab.study.state/1"
 NAME = "study.sqlite"

@@ -11,16 +11,16 @@ import numpy as np
 
 from skinlab.report.page import Illustration, Section, Table, page
 from skinlab.report.pictures import style, to_data_uri
-from skinlab.study import plots
-from skinlab.study.components import WITHIN
-from skinlab.study.reliability import (
+from skinlab.studies import plots
+from skinlab.studies.components import WITHIN
+from skinlab.studies.reliability import (
     FACETS,
     Analysis,
     Reliability,
     conditions,
     usable,
 )
-from skinlab.study.table import Cell, Columns
+from skinlab.studies.table import Cell, Columns
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -18,7 +18,6 @@ import csv
 import hashlib
 import os
 import re
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -28,6 +27,7 @@ from skinlab.curves.curve import Setup
 from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
 from skinlab.exchange.importing.folder import SUFFIXES
+from skinlab.io.documents import read_toml
 from skinlab.mechanics.names import parameter_of
 from skinlab.recording.pseudonym import check_subject
 
@@ -322,7 +322,7 @@ def _campaign(path: Path) -> dict[Path, Facts]:
         InputError: it is a campaign, and damaged.
     """
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
+        data = read_toml(path.read_bytes())
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: {error}") from None
     header, entries = data.get("campaign"), data.get("curve")

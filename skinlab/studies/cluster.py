@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 from skinlab.errors import InputError
 from skinlab.inference.identify import Identifier
-from skinlab.study.compute import Computed, Task, compute
+from skinlab.studies.compute import Computed, Task, compute
 
 T = TypeVar("T")
 R = TypeVar("R")

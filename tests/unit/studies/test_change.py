@@ -11,7 +11,7 @@ from skinlab.curves.curve import Setup
 from skinlab.errors import InputError
 from skinlab.inference.posterior import Draws
 from skinlab.inference.result import Identification, Value
-from skinlab.study.change import Side, changes, in_words
+from skinlab.studies.change import Side, changes, in_words
 
 CONDITIONS = frozenset({(6.0, "ramp:100@20")})
 HEAD = "condition,quantity,scale,component,variance,freedom\n"

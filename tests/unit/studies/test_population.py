@@ -17,7 +17,7 @@ from skinlab.inference.population import (
     with_prior,
 )
 from skinlab.inference.samples import choose, group
-from skinlab.study.population import Posterior, learn, to_toml
+from skinlab.studies.population import Posterior, learn, to_toml
 from skinlab.tables.store import shipped_table
 
 NAMES = ("X1_MPa", "X2_MPa", "nu")

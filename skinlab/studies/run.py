@@ -8,23 +8,18 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
-import signal
-import threading
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from multiprocessing import get_context, parent_process
 from typing import Any
 
 from skinlab import __version__
 from skinlab.errors import InputError
 from skinlab.inference.identify import Identifier
 from skinlab.recording.recorder import identification_settings
-from skinlab.study.cluster import computed_on_cluster
-from skinlab.study.compute import Computed, Task, compute
-from skinlab.study.sources import (
+from skinlab.studies.cluster import computed_on_cluster
+from skinlab.studies.compute import Computed, Task, compute
+from skinlab.studies.processes import on_processes
+from skinlab.studies.sources import (
     NOISE,
     SESSIONS,
     SETUP,
@@ -35,12 +30,9 @@ from skinlab.study.sources import (
     pseudonym,
     sha256_of,
 )
-from skinlab.study.state import State
-
-__all__ = ["How", "end_with_parent", "settings_of", "update"]
+from skinlab.studies.state import State
 
 _BATCH = 8  # files a task: a second of work, lost at most when a process is killed
-_AHEAD = 2  # batches a process that wait, so that none of them idles
 
 Progress = Callable[[int, int], None]
 
@@ -128,88 +120,15 @@ def _results(state: State, identifier: Identifier, how: How) -> Iterator[list[Co
         for batch in batches:
             yield compute(identifier, batch)
     else:
-        yield from _by_processes(identifier, batches, how.workers)
+        for batch, found in on_processes(compute, identifier, batches, how.workers):
+            yield found if found is not None else _one_by_one(identifier, batch)
 
 
-# ---- processes ------------------------------------------------------------------------------
-
-_identifier: Identifier | None = None  # of a worker process
-
-
-def _start_worker(identifier: Identifier) -> None:
-    global _identifier  # noqa: PLW0603 -- a worker's only state, set once when it starts
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides
-    _identifier = identifier
-    end_with_parent()
-
-
-def end_with_parent() -> None:
-    """End this process when the one that started it is killed: nothing else would tell it."""
-    parent = parent_process()
-    if parent is None:
-        return
-
-    def wait_for_it() -> None:
-        parent.join()
-        os._exit(1)
-
-    threading.Thread(target=wait_for_it, daemon=True).start()
-
-
-def _compute(tasks: Sequence[Task]) -> list[Computed]:
-    assert _identifier is not None
-    return compute(_identifier, tasks)
-
-
-def _by_processes(
-    identifier: Identifier, batches: Iterator[list[Task]], workers: int
-) -> Iterator[list[Computed]]:
-    """Yield what worker processes compute; where one dies, its files are tried one by one."""
-    # One thread of linear algebra a process: the cores are shared out by files.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    batch = next(batches, None)
-    while batch is not None:
-        pool = _pool(identifier, workers)
-        running: dict[Future[list[Computed]], list[Task]] = {}
-        suspects: list[Task] = []
-        try:
-            while not suspects:
-                while batch is not None and len(running) < workers * (1 + _AHEAD):
-                    running[pool.submit(_compute, batch)] = batch
-                    batch = next(batches, None)
-                if not running:
-                    break
-                for future in wait(running, return_when=FIRST_COMPLETED).done:
-                    tasks = running.pop(future)
-                    try:
-                        yield future.result()
-                    except BrokenProcessPool:
-                        suspects += tasks
-        except BrokenProcessPool:
-            pass  # submitted to after it broke: that batch is still to come
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
-        suspects += [task for tasks in running.values() for task in tasks]
-        for task in suspects:
-            yield [_alone(identifier, task)]
-
-
-def _alone(identifier: Identifier, task: Task) -> Computed:
-    """Return what one file gives in a process of its own."""
-    pool = _pool(identifier, 1)
-    try:
-        return pool.submit(_compute, [task]).result()[0]
-    except BrokenProcessPool:
-        reason = f"{task.path}: the process that read it died"
-        return Computed(task.number, "", (), reason, again=True)
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
-
-
-def _pool(identifier: Identifier, workers: int) -> ProcessPoolExecutor:
-    return ProcessPoolExecutor(
-        workers,
-        mp_context=get_context("spawn"),
-        initializer=_start_worker,
-        initargs=(identifier,),
-    )
+def _one_by_one(identifier: Identifier, batch: list[Task]) -> list[Computed]:
+    """Return what the files of a batch give whose process died, each in a process of its own."""
+    computed = []
+    for task in batch:
+        for _, found in on_processes(compute, identifier, iter([[task]]), 1):
+            reason = f"{task.path}: the process that read it died"
+            computed += found or [Computed(task.number, "", (), reason, again=True)]
+    return computed

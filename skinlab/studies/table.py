@@ -22,8 +22,8 @@ from skinlab.inference.identify import Identifier
 from skinlab.io.files import whole_file, whole_text
 from skinlab.mechanics.materials import get_law
 from skinlab.recording.recorder import identification_settings
-from skinlab.study.sources import LABELS, SETUP, pseudonym
-from skinlab.study.state import State, Stored
+from skinlab.studies.sources import LABELS, SETUP, pseudonym
+from skinlab.studies.state import State, Stored
 from skinlab.versions import versions
 
 Array = NDArray[np.float64]

@@ -12,8 +12,8 @@ import numpy as np
 
 from skinlab.mechanics.names import heading
 from skinlab.report.pictures import BLUE, GREY, SERIES, VERMILION, new_figure
-from skinlab.study.components import WITHIN
-from skinlab.study.reliability import REPEATS, Analysis
+from skinlab.studies.components import WITHIN
+from skinlab.studies.reliability import REPEATS, Analysis
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

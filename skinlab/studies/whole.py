@@ -17,15 +17,16 @@ from skinlab.exchange.ro_crate import FILE as CRATE
 from skinlab.exchange.ro_crate import ro_crate
 from skinlab.inference.identify import Identifier
 from skinlab.io.files import write_file
-from skinlab.study.campaigns import Evidence, Shared, evidence, explain_all, section
-from skinlab.study.population import Posterior, learn, to_toml
-from skinlab.study.reference import reference_of, write_reference
-from skinlab.study.reliability import FACETS, Reliability, reliability
-from skinlab.study.report import flags_of, html, main_analyses, people_of
-from skinlab.study.run import How, settings_of, update
-from skinlab.study.sources import Plan
-from skinlab.study.state import State
-from skinlab.study.table import (
+from skinlab.report.pictures import NO_PICTURES, have_pictures
+from skinlab.studies.campaigns import Evidence, Shared, evidence, explain_all, section
+from skinlab.studies.population import Posterior, learn, to_toml
+from skinlab.studies.reference import reference_of, write_reference
+from skinlab.studies.reliability import FACETS, Analysis, Reliability, reliability
+from skinlab.studies.report import flags_of, html, main_analyses, people_of
+from skinlab.studies.run import How, settings_of, update
+from skinlab.studies.sources import Plan
+from skinlab.studies.state import State
+from skinlab.studies.table import (
     NO_PARQUET,
     Cell,
     Columns,
@@ -70,6 +71,7 @@ class Made:
     lines: tuple[str, ...]
     notices: tuple[str, ...]
     failures: int
+    analyses: tuple[Analysis, ...]  # one a quantity
 
 
 def make_study(
@@ -111,6 +113,8 @@ def make_study(
     table = read_columns(out / "curves.csv")
     found = reliability(table, identifier.seed)
     files += _write_tables(out, table, found, failures, found_effects)
+    if not have_pictures():
+        notices.append(f"report.html is not written: {NO_PICTURES}")
     if prior is not None:
         write_file(out / "study.toml", to_toml(prior), replace=True)
         files.append("study.toml")
@@ -150,7 +154,7 @@ def make_study(
     lines += _effect_lines(found_effects)
     if failures:
         lines.append(f"{len(failures)} files could not be used: {out / 'failures.csv'}")
-    return Made(document, tuple(lines), tuple(notices), len(failures))
+    return Made(document, tuple(lines), tuple(notices), len(failures), tuple(main_analyses(found)))
 
 
 def _posteriors(state: State, layout: Layout, identifier: Identifier) -> Iterator[Posterior]:
@@ -200,11 +204,11 @@ def _write_tables(
     for name, body in tables.items():
         columns = dict.fromkeys(key for row in body for key in row)
         write_csv(out / name, tuple(columns) or ("empty",), body)
-    write_file(
-        out / "report.html",
-        html(f"Study {out.resolve().name}", table, found, people, failures, more),
-        replace=True,
-    )
+    if not have_pictures():
+        (out / "report.html").unlink(missing_ok=True)  # that of an earlier state
+        return list(tables)
+    page = html(f"Study {out.resolve().name}", table, found, people, failures, more)
+    write_file(out / "report.html", page, replace=True)
     return [*tables, "report.html"]
 
 

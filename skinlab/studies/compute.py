@@ -25,7 +25,7 @@ from skinlab.recording.audit import entries
 from skinlab.recording.load_inputs import read_input
 from skinlab.recording.session import Session, read_session
 from skinlab.recording.stream import setup_to_json
-from skinlab.study.sources import SESSIONS, Facts, setup_of, sha256_of
+from skinlab.studies.sources import SESSIONS, Facts, setup_of, sha256_of
 
 Array = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skinlab.study.campaigns import evidence, pool
+from skinlab.studies.campaigns import evidence, pool
 
 NAMES = ["baseline_drift", "deflection_offset", "tape_slip"]
 # Drift and offset look alike; slip is another thing.

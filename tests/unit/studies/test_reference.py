@@ -7,7 +7,7 @@ import pytest
 from studies import stiffness_table as table
 
 from skinlab.errors import InputError
-from skinlab.study.reference import place, read_reference, reference_of, write_reference
+from skinlab.studies.reference import place, read_reference, reference_of, write_reference
 
 TEXT = """
 schema = "skinlab.reference/1"
