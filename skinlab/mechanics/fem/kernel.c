@@ -583,3 +583,28 @@ FAST int64_t skinlab_spline(int64_t points, int64_t d, const int64_t *sizes, con
     }
     return 0;
 }
+
+/* L diag(d) L' of a tridiagonal matrix, in place: `diagonal` (n) becomes d, `beside` (n - 1) what is below
+ * the ones of L. Returns 0, or where it is not positive definite, from 1. */
+FAST int64_t skinlab_tridiagonal(int64_t n, double *diagonal, double *beside) {
+    for (int64_t i = 0; i < n; i++) {
+        if (!(diagonal[i] > 0.0)) return i + 1;
+        if (i + 1 < n) {
+            const double e = beside[i];
+            beside[i] = e / diagonal[i];
+            diagonal[i + 1] -= beside[i] * e;
+        }
+    }
+    return 0;
+}
+
+/* Solves with L, ones and `below` (n - 1), or with its transpose, in place: `right` (n, many) by rows. */
+FAST void skinlab_bidiagonal(int64_t n, int64_t many, const double *below, int64_t transposed,
+                             double *restrict right) {
+    if (transposed)
+        for (int64_t i = n - 2; i >= 0; i--)
+            for (int64_t k = 0; k < many; k++) right[i * many + k] -= below[i] * right[(i + 1) * many + k];
+    else
+        for (int64_t i = 1; i < n; i++)
+            for (int64_t k = 0; k < many; k++) right[i * many + k] -= below[i - 1] * right[(i - 1) * many + k];
+}

@@ -52,6 +52,10 @@ def load(path: Path, source: Path) -> ctypes.CDLL | None:
     found.skinlab_solve.argtypes = [
         _INTEGER, _INTEGER, _POINTER, _POINTER, _INTEGER, _INTEGER, _POINTER,
     ]  # fmt: skip
+    found.skinlab_tridiagonal.argtypes = [_INTEGER, _POINTER, _POINTER]
+    found.skinlab_tridiagonal.restype = _INTEGER
+    found.skinlab_bidiagonal.argtypes = [_INTEGER, _INTEGER, _POINTER, _INTEGER, _POINTER]
+    found.skinlab_bidiagonal.restype = None
     found.skinlab_spline.argtypes = [
         _INTEGER, _INTEGER, *[_POINTER] * 4, _INTEGER, _POINTER, _INTEGER, _POINTER,
     ]  # fmt: skip
@@ -235,6 +239,26 @@ def spline(
         slope, _address(coefficients), coefficients.shape[1], _address(out),
     )  # fmt: skip
     return None if failed else out
+
+
+def factorise_tridiagonal(diagonal: Array, beside: Array) -> tuple[Array, Array, int] | None:
+    """Return d, e and where it fails, as LAPACK's dpttrf; None where there is no library."""
+    found = library()
+    if found is None:
+        return None
+    d, e = np.array(diagonal, dtype=np.float64), np.array(beside, dtype=np.float64)
+    return d, e, int(found.skinlab_tridiagonal(len(d), _address(d), _address(e)))
+
+
+def solve_bidiagonal(below: Array, right: Array, *, transposed: bool) -> Array | None:
+    """Return the solutions (n, m), see `skinlab.inference.bidiagonal`; None without a library."""
+    found = library()
+    if found is None:
+        return None
+    x = np.array(right, dtype=np.float64, order="C")
+    beside = np.ascontiguousarray(below, dtype=np.float64)
+    found.skinlab_bidiagonal(len(x), x.shape[1], _address(beside), int(transposed), _address(x))
+    return x
 
 
 class _Energy:
