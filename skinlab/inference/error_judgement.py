@@ -79,8 +79,6 @@ def _placement(errors: ErrorChoice) -> PlacementSummary | None:
     part = next((p for p in errors.best.parts if p.name == "placement"), None)
     if part is None:
         return None
-    columns = part.terms([1.0] * len(part.parameters)).columns_mm
-    assert columns is not None
 
     def interval(name: str) -> dict[str, float]:
         def value(node: Node) -> float:
@@ -93,7 +91,9 @@ def _placement(errors: ErrorChoice) -> PlacementSummary | None:
         return {key: errors.quantile(value, share) for key, share in shares.items()}
 
     return PlacementSummary(
-        interval("placement_scatter"), interval("placement_offset_um"), columns.shape[1] // 2
+        interval("placement_scatter"),
+        interval("placement_offset_um"),
+        int(part.stated["placement_count"]),
     )
 
 

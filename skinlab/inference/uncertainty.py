@@ -46,6 +46,7 @@ _FLAT_PRECISION = 12.0  # of a flat prior on the unit interval
 _LEAST_ROUGH_MM = 1e-5
 _SMALL = 0.07  # of the noise: columns of so little length change nothing
 _BEYOND = 2.0  # times the squares: what a fit gains outside of the range is no small matter
+_COMMON = 0.5  # of the stated thickness' variance, where there are several placements
 _ALIKE = 2.5  # standard deviations: curves whose noises are closer have the same
 
 
@@ -136,8 +137,13 @@ class Fitted:
                 found.append(np.full(member.count, sd))
         return np.concatenate(found)
 
-    def choose_errors(self, kept: NDArray[np.bool_]) -> ErrorChoice:
-        """Return what errors the samples have that are kept."""
+    def choose_errors(
+        self, kept: NDArray[np.bool_], thickness_error_mm: Array | None = None
+    ) -> ErrorChoice:
+        """Return what errors the samples have that are kept.
+
+        `thickness_error_mm` (u,) is what a placement's own thickness does.
+        """
         samples = self.samples.only(kept)
         residual = self.linear.residual_mm[kept]
         samples = replace(samples, relative_noise=_relative_noise(residual, samples))
@@ -152,6 +158,7 @@ class Fitted:
             self.pressure_sd_mbar()[kept],
             self.pressure_error_mm[kept],
             self.sensor.placement_scatter,
+            None if thickness_error_mm is None else thickness_error_mm[kept],
         )
         rest = (MESH_REST * self.best_mm[kept]) ** 2
         columns = self.mesh_columns()[kept]
@@ -250,10 +257,13 @@ def assess(
     names = space.names
     priors = list(priors)
     modes = minima[:_MOST_MODES]
-    # One skin has one thickness: its relative error is common to all its curves.
-    relative_sd = max(g.thickness_sd_mm / g.geometry.thickness_mm for g in groups)
+    relative_sd = stated_sd = max(g.thickness_sd_mm / g.geometry.thickness_mm for g in groups)
+    own_thickness = sensor.placement_scatter != 0.0 and samples_of(groups).placements > 1
+    if own_thickness:
+        # As much of the variance is the site's, and is common, as is each placement's.
+        relative_sd *= _COMMON**0.5
+    best = space.from_unit(minima[0])
     if relative_sd > 0.0:
-        best = space.from_unit(minima[0])
         models = [g.model(database, kappa, relative_sd) for g in groups]
         low = max(float(m.space.bounds[0][-1]) for m in models)
         high = min(float(m.space.bounds[1][-1]) for m in models)
@@ -264,7 +274,14 @@ def assess(
     fitted = about(groups, models, space, modes[0], sensor, priors)
     if kept is None:
         kept = np.ones(len(fitted.samples), dtype=bool)
-    errors = fitted.choose_errors(kept)
+    thickness_error_mm = None
+    if own_thickness and stated_sd > 0.0:
+        ends = np.append(best, 1.0) * np.ones((2, 1))
+        ends[:, -1] += [-_SLOPE_STEP, _SLOPE_STEP]
+        low_mm, high_mm = np.hstack([m.deflection_mm(ends) for m in models])
+        slope = np.nan_to_num(high_mm - low_mm) / (2.0 * _SLOPE_STEP)
+        thickness_error_mm = np.sqrt(1.0 - _COMMON) * stated_sd * slope
+    errors = fitted.choose_errors(kept, thickness_error_mm)
     condition = fitted.samples.condition[kept]
     parts: list[SquaredMisfit] = [
         model.misfit(g.deflection_mm, OnKept(here, _of_group(errors.mode, condition == number)))

@@ -91,6 +91,8 @@ class Look:
     pressure_error_mm: Array  # (u,) root mean square of what these do to the deflections
     placement_scatter: float | None = 0.0
     """Standard deviation of log stiffness between placements; None: to be learned, 0: none."""
+    thickness_error_mm: Array | None = None
+    """(u,) deflection that one standard deviation of a placement's own thickness makes."""
     white_square: Array | None = None
     """(u,) expected squares of the white parts of the errors, in their own variances, by the best
     combination so far: what models of heavy tails look at."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -13,6 +15,7 @@ from skinlab.inference.error_judgement import judge_errors
 from skinlab.inference.error_models import ERROR_MODELS
 from skinlab.inference.error_models.base import Look
 from skinlab.inference.error_models.ornstein_uhlenbeck import ERROR_MODEL as OU
+from skinlab.inference.error_models.placement import ERROR_MODEL as PLACEMENT
 from skinlab.inference.error_models.quantised import step_um
 from skinlab.inference.error_models.white import ERROR_MODEL as WHITE
 from skinlab.inference.likelihood import LinearModel
@@ -242,6 +245,23 @@ def test_ranks_are_uniform_where_the_errors_are_drawn_from_their_priors():
             p += weight * norm.cdf((truth[1] - mean[1]) / sd)
         below.append(p)
     assert kstest(below, "uniform").pvalue > 1e-3
+
+
+def test_a_placement_has_a_stiffness_a_zero_and_where_stated_a_thickness():
+    half = (np.arange(N) >= 50).astype(np.intp)
+    samples = replace(samples_of(COURSE), curve=half, placement=half)
+    look = Look(
+        samples, COURSE, COURSE, COURSE, SLOPES, None, np.zeros(N), np.zeros(N), None,
+        thickness_error_mm=0.01 * X,
+    )  # fmt: skip
+    part = PLACEMENT.part(look)
+    columns = part.terms([4.0, 0.05]).columns_mm
+    np.testing.assert_allclose(columns[:, 4:].sum(axis=1), 0.01 * X)
+    assert not columns[:50, 5].any()
+    assert not columns[50:, 4].any()
+    assert part.stated["placement_count"] == 2
+    without = PLACEMENT.part(replace(look, thickness_error_mm=None))
+    np.testing.assert_allclose(without.terms([4.0, 0.05]).columns_mm, columns[:, :4])
 
 
 def test_every_model_is_declared_in_a_file_of_its_own():
