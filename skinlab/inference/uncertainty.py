@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from skinlab.inference.covariance import Covariance, OnKept
 from skinlab.inference.error_choice import ErrorChoice, choose_errors
 from skinlab.inference.error_judgement import Judged, judge_errors
-from skinlab.inference.error_models.base import Look
+from skinlab.inference.error_models.base import ErrorModel, Look
 from skinlab.inference.error_models.quantised import step_um
 from skinlab.inference.joint import GaussianPrior, JointMisfit
 from skinlab.inference.likelihood import LinearModel
@@ -138,11 +138,15 @@ class Fitted:
         return np.concatenate(found)
 
     def choose_errors(
-        self, kept: NDArray[np.bool_], thickness_error_mm: Array | None = None
+        self,
+        kept: NDArray[np.bool_],
+        thickness_error_mm: Array | None = None,
+        error_models: Sequence[ErrorModel] | None = None,
     ) -> ErrorChoice:
         """Return what errors the samples have that are kept.
 
-        `thickness_error_mm` (u,) is what a placement's own thickness does.
+        `thickness_error_mm` (u,) is what a placement's own thickness does; `error_models` are those
+        to choose from, all that there are if it is None.
         """
         samples = self.samples.only(kept)
         residual = self.linear.residual_mm[kept]
@@ -164,7 +168,7 @@ class Fitted:
         columns = self.mesh_columns()[kept]
         least = _SMALL * max(roughness(residual), _LEAST_ROUGH_MM)
         seen = np.sqrt(np.square(columns).sum(axis=0)) > least
-        return choose_errors(look, linear, columns[:, seen], rest)
+        return choose_errors(look, linear, columns[:, seen], rest, error_models)
 
 
 def _relative_noise(residual: Array, samples: Samples) -> Array:
@@ -248,11 +252,12 @@ def assess(
     *,
     kept: NDArray[np.bool_] | None = None,
     priors: Sequence[GaussianPrior] = (),
+    error_models: Sequence[ErrorModel] | None = None,
 ) -> Uncertainty:
     """Return the posterior about the minima (m, k), points of the space's unit cube, best first.
 
     `models` are those of the groups at their stated thicknesses; `kept` (u,) are the samples that
-    belong to the curves.
+    belong to the curves; `error_models` are those to choose from, all that there are if None.
     """
     names = space.names
     priors = list(priors)
@@ -281,7 +286,7 @@ def assess(
         low_mm, high_mm = np.hstack([m.deflection_mm(ends) for m in models])
         slope = np.nan_to_num(high_mm - low_mm) / (2.0 * _SLOPE_STEP)
         thickness_error_mm = np.sqrt(1.0 - _COMMON) * stated_sd * slope
-    errors = fitted.choose_errors(kept, thickness_error_mm)
+    errors = fitted.choose_errors(kept, thickness_error_mm, error_models)
     condition = fitted.samples.condition[kept]
     parts: list[SquaredMisfit] = [
         model.misfit(g.deflection_mm, OnKept(here, _of_group(errors.mode, condition == number)))
