@@ -64,6 +64,11 @@ class Combination:
         """Names of the parameters."""
         return tuple(p.name for part in self.parts for p in part.parameters)
 
+    @cached_property
+    def lasting(self) -> frozenset[str]:
+        """Names of the parts that are correlated in time."""
+        return frozenset(part.name for part in self.parts if part.lasting)
+
     @property
     def log_odds(self) -> float:
         """Before the data, against the parts that are always there."""

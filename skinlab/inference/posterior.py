@@ -193,8 +193,8 @@ class _Mixture:
     def log_density(self, at: Array) -> Array:
         k = self.mean.shape[1]
         inverse = np.linalg.inv(self.factor)  # (m, k, k)
-        z = np.einsum("mij,nmj->nmi", inverse, at[:, None, :] - self.mean[None])
-        distance = np.einsum("nmi,nmi->nm", z, z)
+        middle = np.einsum("mij,mj->mi", inverse, self.mean)
+        distance = sum(np.square(at @ inverse[:, i].T - middle[:, i]) for i in range(k))
         log_det = np.log(np.einsum("mii->mi", self.factor)).sum(axis=1)
         constant = (
             gammaln(0.5 * (_FREEDOM + k)) - gammaln(0.5 * _FREEDOM) - 0.5 * k * np.log(_FREEDOM)
