@@ -76,6 +76,11 @@ class Part:
     spread: float = 1.0  # by which `stretch` is to be multiplied for the information to be right
     again: Callable[[Array], Part] | None = None  # a scale mixture, given other `white_square`
 
+    @property
+    def is_process(self) -> bool:
+        """Whether it is a process in time: a combination can have one of these at most."""
+        return self.terms([p.median for p in self.parameters]).ou is not None
+
 
 @dataclass(frozen=True, eq=False)
 class Look:
