@@ -14,7 +14,8 @@ the rows, prior_skins.py the skins). Curves of the other parts are computed by t
 directly, for skins drawn from the prior (flat in log X1, log X2/X1 and ν over the database's range,
 where the skin does not crease before 100 mbar), openings of 2, 4, 6 and 8 mm and thicknesses of
 0.8–1.6 mm: 51 samples, 0–100 mbar. `rivals` needs the package cma, `sampler` emcee
-(extra "bench"). `ranks` draws docs/pictures/ranks.svg from the saved rows of `coverage`.
+(extra "bench"). `ranks` draws docs/pictures/ranks.svg and prints docs/intervals.md's table from
+the saved rows of `coverage`.
 """
 
 from __future__ import annotations
@@ -315,6 +316,7 @@ def main() -> None:
         return
     if arguments.part == "ranks":
         coverage.draw_ranks()
+        print(coverage.table())
         return
     part, curves, seed = {
         "optimum": (optimum, 1000, 1),
