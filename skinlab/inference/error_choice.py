@@ -64,6 +64,11 @@ class Combination:
         """Names of the parameters."""
         return tuple(p.name for part in self.parts for p in part.parameters)
 
+    @cached_property
+    def lasting(self) -> frozenset[str]:
+        """Names of the parts that are correlated in time."""
+        return frozenset(part.name for part in self.parts if part.lasting)
+
     @property
     def log_odds(self) -> float:
         """Before the data, against the parts that are always there."""
@@ -195,12 +200,20 @@ def choose_errors(
 
     `linear` is the model about its fit; `fixed_mm` (u, m) and `fixed_mm2` (u,) are columns and
     variances of errors that are known beforehand: the mesh's. `models` are those to choose from,
-    all that there are if it is None.
+    all that there are if it is None. Of several processes in time the evidence chooses one: the sum
+    of two is not Markovian, and a curve hardly tells them apart.
+
+    Raises:
+        ValueError: two models are processes in time and always there.
     """
     models = ERROR_MODELS.all() if models is None else models
     offered = [part for model in models if (part := model.part(look)) is not None]
     always = tuple(sorted((p for p in offered if p.always), key=lambda p: p.name != "white"))
     others = [p for p in offered if not p.always]
+    processes = {part.name for part in offered if part.is_process}
+    both = [part.name for part in always if part.name in processes]
+    if len(both) > 1:
+        raise ValueError(f"error models {' and '.join(both)} are processes in time; expected one")
 
     def combine(parts: tuple[Part, ...]) -> Combination:
         return Combination(parts, look.samples.time_s, look.samples.ends, fixed_mm, fixed_mm2)
@@ -210,7 +223,8 @@ def choose_errors(
     tried = [best]
     for _ in range(_MOST_MODELS):
         names = {part.name for part in best.combination.parts}
-        more = [p for p in others if p.name not in names]
+        taken = names | processes if names & processes else names
+        more = [p for p in others if p.name not in taken]
         known = {frozenset(e.combination.name.split("+")) for e in tried}
         found = [
             _explore(
