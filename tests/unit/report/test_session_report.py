@@ -122,7 +122,7 @@ def test_every_curve_has_its_numbers_and_pictures_with_words(page, session):
             assert f"{result['rms_um']:#.3g}" in text
             assert f"{result['nu_consistent']:#.4g}" in text
             assert f"{result['correlation'][0][1]:+.2f}".replace("-", "−") in text
-    rows = list(section(page, "In short").iter("tr"))
+    rows = list(section(page, "Curve by curve").iter("tr"))
     assert len(rows) == 1 + len(session.curves)
     assert "not identified" in text_of(rows[3])
     assert f"Not identified: {session.results[2]['error']}." in text_of(section(page, "Curve 3"))
