@@ -65,6 +65,7 @@ if TYPE_CHECKING:
     from skinlab.curves.curve import Curve
     from skinlab.discrepancy.next_measurement import NextMeasurement
     from skinlab.discrepancy.outcome import Outcome
+    from skinlab.study.reference import Reference
 
 _COMMANDS = (
     Command("app.help", "Help: all keys", "?"),
@@ -141,11 +142,13 @@ class SkinlabApp(App[None]):
         model: str | None = None,
         make_replayer: Callable[..., Replayer] = Replayer,
         clock: Callable[[], float] = time.monotonic,
+        reference: Reference | None = None,
     ) -> None:
         """Begin with a port, with the replay of a session, or (neither) by asking.
 
         Settings are kept for the next time in `settings`; None: nowhere. `model` names what
         curves are identified with; None: the base law. `clock` (s) tells typing from confirming.
+        `reference` has the usual ranges that values are shown against.
         """
         super().__init__()
         for theme in OWN:
@@ -164,6 +167,7 @@ class SkinlabApp(App[None]):
         self.bench: ProbeSession | Replayer = make_bench(folder, self._post)
         self._make_replayer = make_replayer
         self.board.model = model
+        self.board.reference = reference
         self.failure: Exception | None = None  # a bug that ended the app
         self._queued: Order | None = None  # to be shown once its port is connected
         self._unnamed: tuple[str, str] | None = None  # visit that may do without a subject

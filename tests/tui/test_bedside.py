@@ -41,6 +41,15 @@ def load(board, who, seconds=5.0, mbar=50.0, index=1):
     board.live = None
 
 
+async def begin_visit(bed, subject):
+    """Measure once for another subject than before."""
+    await bed.fill("subject", subject)
+    await bed.check()
+    assert not bed.board.entries
+    await bed.press("f9")
+    await bed.until(lambda: bed.board.entry and bed.board.entry.result and bed.board.can_arm)
+
+
 # ---- loadings and dose ----------------------------------------
 
 
@@ -57,7 +66,7 @@ async def test_loadings_are_counted_for_each_site(bedside, session_files):
         await bed.until(lambda: bed.board.can_arm and bed.board.review is None)
         await bed.fill("subject", "P02")
         await bed.until(lambda: cycle.value == "1")
-        await bed.run()
+        await begin_visit(bed, "P02")
         await bed.fill("subject", "P01")
         await bed.until(lambda: cycle.value == "3")  # in another session of the same program, too
         await bed.press("f6")
@@ -78,12 +87,8 @@ async def test_the_dose_of_a_site_goes_on_in_its_next_session(bedside):
         await bed.fill("subject", "P01")
         await bed.run()
         once = bed.board.dose.suction_mbar_s
-        await bed.fill("subject", "P02")
-        await bed.run()
-        await bed.fill("subject", "P01")
-        await bed.check()
-        await bed.press("f9")
-        await bed.until(lambda: bed.board.entry and bed.board.entry.result and bed.board.can_arm)
+        await begin_visit(bed, "P02")
+        await begin_visit(bed, "P01")
         assert bed.board.dose.suction_mbar_s > 1.9 * once
         assert bed.app.bench._probe.dose.suction_mbar_s > 1.9 * once  # which the limit is held to
         await bed.quit()

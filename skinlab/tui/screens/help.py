@@ -41,8 +41,8 @@ is shown, and while anything moves, the fields are closed, and v always vents.
 
 The line on top says whether the curve is good, and the next step. Bars are 90 % intervals on the \
 scale at their ends; ░ is the usual range, where a reference was given. Grey numbers \
-are not final. Below the plot: both channels against time, then what the fit leaves, with twice the \
-noise dotted. "last:" means that nothing is being read now.
+are not final. Below the plot: both channels against time, then what the fit leaves, with \
+twice the noise dotted. "last:" means that nothing is being read now.
 
 With several repeats each follows by itself after the rest; v ends that too. A terminal may hold a \
 lone Esc back for a moment: v is the sure key.
