@@ -737,6 +737,8 @@ class SkinlabApp(App[None]):
             self._perform("resetting", self.bench.reset)
             return
         self._fields.follow()  # what was typed last may not have come through
+        self.board.name(self._fields.who)
+        self._fields.count(self.board.next_cycle)
         try:
             texts = self._fields.texts()
             order = read_order(texts)

@@ -216,6 +216,7 @@ class Board:
         self.latest_at: datetime | None = None
         self.begun_at: datetime | None = None  # the visit, in local time
         self.entries: dict[int, Entry] = {}
+        self._simulated = False
         # Of each subject and site, in this program: a new session does not rest the skin
         self._doses: dict[tuple[tuple[str, str] | None, bool], DoseMeter] = {}
         self._loadings: dict[tuple[tuple[str, str], bool], int] = {}
@@ -316,8 +317,8 @@ class Board:
 
     @property
     def simulated(self) -> bool:
-        """Whether what is connected is no real skin; a replay is none either."""
-        return self.playing is not None or (self.hello is not None and self.hello.simulated)
+        """Whether what is, or was last, connected is no real skin; a replay is none either."""
+        return self.playing is not None or self._simulated
 
     @property
     def dose(self) -> Dose:
@@ -580,7 +581,7 @@ class Board:
             self.say(Level.WARNING, "vented: the repeats that were left are given up")
 
     def _connected(self, port: str, hello: Hello, *, goes_on: bool) -> None:
-        self.port, self.hello = port, hello
+        self.port, self.hello, self._simulated = port, hello, hello.simulated
         self.live = self.latest = self.latest_at = None
         self.damaged = 0
         if not goes_on:

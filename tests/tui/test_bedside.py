@@ -202,7 +202,7 @@ async def test_the_second_card_has_the_numbers_of_a_step(bedside):
         assert "R2 " in card
         assert "R3  -  needs several pulses" in card
         await bed.press("r")
-        await bed.until(lambda: "X1" in bed.text("#card-text"))
+        await bed.until(lambda: "R0–R9" not in bed.text("#card-title"))
 
 
 # ---- messages, redraw, keys ----------------------------------------

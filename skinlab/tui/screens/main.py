@@ -221,7 +221,7 @@ class MainScreen(Screen[None]):
 
     def action_across(self, by: int) -> None:
         """Move the list of curves sideways."""
-        self.query_one(Curves).scroll_relative(x=8 * by, animate=False)
+        self.query_one(Curves).scroll_relative(x=8 * by, animate=False, force=True)
 
     def action_page(self, by: int) -> None:
         """Show more of the card."""
