@@ -14,21 +14,23 @@ from skinlab.tui.screens.over import OverScreen
 from skinlab.tui.ui_state import Board
 
 _KEYS = """\
-F8         check the settings, connect if need be, show what will happen
-F9         start what is shown; also "yes" to a question, and takes an alarm away
-v  Esc     vent: open the valve now, and stop
-F3  Tab    the settings; there Tab and Enter go round; F3 or Esc leaves them
-F4         a list for the field: sites on the body, openings, programs by name
-F6         the site has fully rested, or is another spot: count loadings from 1
-F2         choose a port          F5  visits: search, compare, trend
-s          session: means, joint fit, compare, leave out (Del), notes, undo (Ctrl+Z)
-d          what the model misses in these curves; what to measure next
-g  F7      goal of the visit; load what brings it nearer
-r          R0 to R9 of a step curve, and back to the values
-up  down   another curve     left right  more of its row     PgUp PgDn  more of the card
-Ctrl+P     everything, by searching     w  messages again     t  colours
-?  F1      this help
-q  Ctrl+Q  asks, then vents, saves the session, quits (Ctrl+C vents first)
+F8        check, connect if need be, show what will happen
+F9        start what is shown; "yes"; takes an alarm away
+v  Esc    vent: open the valve now, and stop
+F3  Tab   the settings; Tab and Enter go round, F3 leaves
+F4        lists: sites on the body, openings, programs
+F6        the site has rested: count loadings from 1
+F2        choose a port
+F5        visits: search, compare, trend
+s         session: means, joint fit, compare, leave out
+d         what the model misses; what to measure next
+g  F7     goal of the visit; load what brings it nearer
+r         R0 to R9 of a step curve, and back
+up down   another curve; left right: more of its row
+PgUp PgDn more of the card
+Ctrl+P    everything, by searching
+w  t      messages again; other colours
+q Ctrl+Q  asks, then vents, saves, quits (Ctrl+C vents first)
 """
 
 _TEXT = """\
