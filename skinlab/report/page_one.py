@@ -52,7 +52,7 @@ def page_one(
     if not curves:
         return Section("Result", ("The session holds no curves.",))
     verdicts = {m.curve.name: verdict_of(m) for m in curves}
-    reasons = why_left_out(session, curves, verdicts, together.used)
+    reasons = why_left_out(session, curves, together.used)
     answer = together.answer
     paragraphs = [_in_one_sentence(curves, verdicts, reasons)]
     tables = []
@@ -84,22 +84,20 @@ def verdict_of(measured: Measured) -> Verdict | None:
 
 
 def why_left_out(
-    session: Session,
-    curves: Sequence[Measured],
-    verdicts: Mapping[str, Verdict | None],
-    used: Sequence[str],
+    session: Session, curves: Sequence[Measured], used: Sequence[str]
 ) -> dict[str, str]:
     """Return why a curve does not count in the joint answer, by its name."""
     reasons = _excluded(session)
     found = {}
     for measured in curves:
-        name, verdict = measured.curve.name, verdicts[measured.curve.name]
+        name = measured.curve.name
         if name in used:
             continue
         if name in reasons:
             found[name] = f"by the operator ({reasons[name]})" if reasons[name] else "by hand"
-        elif verdict is not None and verdict.use is not Use.GOOD:
-            found[name] = verdict.why
+        elif measured.curve.partial:
+            cut = measured.judged.cut
+            found[name] = f"it was cut short{f' ({cut})' if cut else ''}"
         else:
             cycle = measured.curve.setup.cycle
             found[name] = f"it is loading {cycle} of the site, and softer than a first one"
