@@ -31,7 +31,7 @@ from skinlab.discrepancy.settings import NAMES
 from skinlab.discrepancy.unknowns import BasePrior, Known, Unknowns
 from skinlab.errors import NotTrustworthyError
 from skinlab.inference.covariance import Covariance, independent
-from skinlab.mechanics.effects import effect_names
+from skinlab.mechanics.effects import effect_names, get_effect
 from skinlab.mechanics.model_file import BASE, Model, Normal
 from skinlab.workers import Pool
 
@@ -163,7 +163,9 @@ class Search:
         self._unknowns = with_thickness(unknowns_of(model), fitter.records)
         self._own = self._unknowns.effects
         self._workers, self._progress, self._partial = workers, progress, partial
-        self._library = [n for n in effect_names() if n not in self._own]
+        self._library = [
+            n for n in effect_names() if n not in self._own and not get_effect(n).same_as
+        ]
 
     def base(self) -> Candidate:
         """Return the fit of the model as it is.

@@ -49,9 +49,9 @@ def _start(
         axis.to_u(axis.parameter.typical)
         if axis.parameter.zero is None
         else share * seen.amount
-        if axis is next(a for a in axes if a.parameter.zero is not None)
+        if i == seen.which
         else 0.0
-        for axis in axes
+        for i, axis in enumerate(axes)
     ]
     low, high = unknowns.bounds
     start = np.concatenate([fit.u, own])

@@ -103,7 +103,8 @@ def test_a_hidden_effect_is_named_and_the_gap_shrinks_to_the_noise(table, effect
     # The bias that the missing effect had caused is gone.
     after = found["parameters"]["after"]["X1_MPa"]
     assert after["value"] == pytest.approx(SKIN.values[0], rel=0.1)
-    assert found["where"][0]["p_value"] < 1e-3
+    if name != "deflection_offset":  # each placement might have had a zero of its own
+        assert found["where"][0]["p_value"] < 1e-3
 
 
 def test_where_nothing_is_hidden_nothing_is_found(table):
@@ -125,7 +126,10 @@ def test_where_nothing_is_hidden_nothing_is_found(table):
     assert seen <= set(effect_names())
     # No second cycle: it could not have been seen.
     assert found["cannot_show"]["preconditioning"] == "it does nothing to these curves"
-    assert 0.2 < found["detectable"]["deflection_offset.offset_um"] < 5.0
+    # Beyond the zeros that placements may have.
+    assert 2.0 < found["detectable"]["deflection_offset.offset_um"] < 20.0
+    # Exactly a stiffer skin: never looked for, always told.
+    assert "stiffer" in found["cannot_show"]["pressure_gain"]
 
 
 class NoSurfaceLayer(Fitter):
@@ -199,7 +203,8 @@ def test_what_the_library_does_not_have_is_unknown(table):
         return 0.012 * np.sin(2 * np.pi * 1.1 * t + rng.uniform(0, 2 * np.pi))
 
     hidden = campaign({}, besides=heartbeat)
-    found = document(explain(hidden, table, finite_elements=False))
+    outcome = explain(hidden, table, finite_elements=False)
+    found = document(outcome)
     assert (found["verdict"], found["effects"]) == ("unknown", [])
     assert found["where"]
-    assert found["candidates"]
+    assert "pulse of" in describe(outcome)  # and too large for one
