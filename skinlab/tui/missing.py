@@ -28,14 +28,18 @@ _VALUE = 26  # cells of a value with its interval
 def outcome_lines(outcome: Outcome) -> list[str]:
     """Return verdict, gap, where, which, parameters before and after, and what to measure next."""
     from skinlab.discrepancy.text import (
+        doubt_words,
         gap_words,
         limits_words,
         next_words,
+        repeats_words,
+        shares_words,
         verdict_words,
         where_words,
     )
 
-    lines = [verdict_words(outcome), gap_words(outcome), *next_words(outcome)]
+    lines = [*repeats_words(outcome), verdict_words(outcome), gap_words(outcome)]
+    lines += shares_words(outcome) + next_words(outcome) + doubt_words(outcome)
     if outcome.where:
         lines += ["", "Where the model as it is disagrees:"]
         lines += [f"  {where_words(place)}" for place in outcome.where[:_MOST]]

@@ -27,6 +27,14 @@ class ApertureError(Effect):
         for a in sorted(APERTURES_MM, key=lambda a: a != 6.0)  # the usual one first
     )  # fmt: skip
 
+    def full(self, values: Values) -> dict[str, float]:
+        """Return the values; openings that are not told of are right.
+
+        Raises:
+            InputError: a parameter is not known or out of bounds.
+        """
+        return super().full({p.name: 1.0 for p in self.parameters} | dict(values))
+
     def change(self, problem: SkinProblem, values: Values, cycle: int) -> SkinProblem:
         """Widen."""
         stated = problem.geometry.aperture_mm

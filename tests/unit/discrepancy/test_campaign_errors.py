@@ -38,7 +38,7 @@ def campaign(table, errors, plan=PLAN, *, rate_hz=20, seed=3, thickness_sd_mm=No
         t = np.arange(int(program.duration_s * rate_hz + 1e-9) + 1) / rate_hz
         p = PressurePath.of_program(program)(t)
         w = table.model(Geometry(aperture, 1.1), p).deflection_mm(np.array([SKIN.values]))[0]
-        w = w + errors(t, -p * np.gradient(w, np.maximum.accumulate(p) * 0 + p + 1e-9 * t), rng)
+        w = w + errors(t, -p * np.gradient(w, p + 1e-9 * t), rng)
         setup = Setup(aperture, 1.1, program, 1, i // 2 + 1, thickness_sd_mm)
         curves.append(Curve(f"c{i}", setup, t, p, w))
     return Campaign("made", None, 0.0, tuple(curves))
@@ -182,8 +182,8 @@ def test_a_dome_of_another_opening_is_that_of_the_table(table):
 def test_a_wider_opening_is_what_the_finite_elements_say():
     path = PressurePath((0.0, 1.0), (0.0, 60.0))
     t = np.linspace(0, 1, 5)
-    one = response(SKIN, {"aperture_error": {"ratio6": 1.05, "ratio2": 1.0, "ratio4": 1.0, "ratio8": 1.0}},
-                   Geometry(6.0, 1.1), path, t)  # fmt: skip
+    effects = {"aperture_error": {"ratio6": 1.05}}
+    one = response(SKIN, effects, Geometry(6.0, 1.1), path, t)
     other = response(SKIN, {}, Geometry(6.3, 1.1), path, t)
     np.testing.assert_allclose(one.deflection_mm, other.deflection_mm, atol=1e-12)
 
