@@ -319,6 +319,7 @@ def summary(name: str, found: list[dict[str, Any]], seed: int) -> dict[str, Any]
         "row": name,
         "curves": len(found),
         "seed": seed,
+        "database": shipped_table().content_hash.removeprefix("sha256:")[:12],
         "coverage": _percent(held),
         "coverage_where_the_table_answers": _percent(held[inside]),
         "refused_by_the_table": int((~inside).sum()),

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from skinlab.discrepancy.records import Record
 from skinlab.discrepancy.space_mapping import MappedModel
@@ -94,6 +93,10 @@ class Fitter:
         self._finite_elements = finite_elements
         self.measured = np.concatenate([r.curve.deflection_mm for r in records])
 
+    def with_errors(self, records: Sequence[Record], errors: Covariance) -> Fitter:
+        """Return a fitter of these records with these errors."""
+        return Fitter(records, errors, self.domes, finite_elements=self._finite_elements)
+
     def model(self, unknowns: Unknowns) -> MappedModel:
         """Return the model of an explanation, without an anchor."""
         return MappedModel(self.records, unknowns, self.domes)
@@ -154,6 +157,8 @@ class Fitter:
 
         def slopes(u: Array) -> Array:
             return self.all_slopes(model, u, keep)
+
+        from scipy.optimize import least_squares  # slow to import
 
         found = least_squares(
             residuals, inside, jac=slopes, bounds=(low, high), x_scale=np.minimum(span, 1.0),

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,10 @@ class LinearModel:
     residual_mm: Array
     slopes_mm: Array
     precision: Array
+
+    @cached_property
+    def _log_prior(self) -> float:
+        return float(np.linalg.slogdet(self.precision)[1]) if len(self.precision) else 0.0
 
     def log_marginal(self, covariance: Covariance) -> float:
         """Return log p(r) with δ and the covariance's columns integrated out."""
@@ -50,9 +55,8 @@ class LinearModel:
         solved = np.linalg.solve(root, gram[:, 1:, :1])[:, :, 0]
         chi2 = gram[:, 0, 0] - np.square(solved).sum(axis=1)
         log_det = 2.0 * np.log(np.einsum("nii->ni", root)).sum(axis=1)
-        log_prior = float(np.linalg.slogdet(self.precision)[1]) if len(self.precision) else 0.0
         u = len(self.residual_mm)
-        return np.asarray(-0.5 * (u * _LOG_2PI + log_base + log_det - log_prior + chi2))
+        return np.asarray(-0.5 * (u * _LOG_2PI + log_base + log_det - self._log_prior + chi2))
 
     def _information(self, gram: Array) -> Array:
         """Return that of the effects (…, k + m, k + m), from the Gram matrices of all."""

@@ -79,7 +79,8 @@ class Fitted:
     models: Sequence[CurveModel]
     space: ParameterSpace
     samples: Samples
-    best_mm: Array  # (u,) of the model at the fit
+    parameters: Array  # (p,) of the fit
+    best_mm: Array  # (u,) of the model there
     linear: LinearModel
     sensor: Sensor
 
@@ -111,7 +112,8 @@ class Fitted:
         for g, model, w in zip(
             self.groups, self.models, split_by_group(self.groups, self.best_mm), strict=True
         ):
-            blocks.append(np.hstack([mesh_error_shapes(g.pressure_mbar, w), model.error_shapes_mm]))
+            own = model.error_shapes_mm(self.parameters)
+            blocks.append(np.hstack([mesh_error_shapes(g.pressure_mbar, w), own]))
         whole = np.zeros((len(self.samples), sum(b.shape[1] for b in blocks)))
         row = column = 0
         for b in blocks:
@@ -216,7 +218,7 @@ def about(
     residual = samples.deflection_mm - here
     columns = _within(unit, residual, slopes.T)
     linear = LinearModel(residual, columns, precision)
-    return Fitted(groups, models, space, samples, here, linear, sensor)
+    return Fitted(groups, models, space, samples, points[0], here, linear, sensor)
 
 
 def _within(unit: Array, residual: Array, slopes: Array) -> Array:

@@ -46,10 +46,12 @@ from skinlab.tui.ui_state import EXPLAINING, MEASURING, Board, Level, Missing, P
 from skinlab.tui.widgets.fields import Fields
 
 if TYPE_CHECKING:
+    from skinlab.curves.curve import Curve
     from skinlab.discrepancy.next_measurement import NextMeasurement
     from skinlab.discrepancy.outcome import Outcome
 
 _DARK, _LIGHT = "textual-dark", "textual-light"
+_TICK_S = 0.1
 
 
 class SkinlabApp(App[None]):
@@ -69,7 +71,7 @@ class SkinlabApp(App[None]):
     CSS_PATH = "app.tcss"
     ENABLE_COMMAND_PALETTE = False
     # Style classes from so many columns, and rows, on
-    HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (76, "-normal"), (110, "-wide")]  # noqa: RUF012
+    HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (76, "-normal"), (110, "-wide"), (140, "-widest")]  # noqa: RUF012
     VERTICAL_BREAKPOINTS = [(0, "-low"), (23, "-usual"), (34, "-tall")]  # noqa: RUF012 -- Textual's own form
     BINDINGS: ClassVar[list[BindingType]] = [
         # Each screen shows v, first of all; a terminal may hold a lone Esc back
@@ -120,6 +122,7 @@ class SkinlabApp(App[None]):
         self._next_port: str | None = None  # to be connected once the present one is closed
         self._anew = False  # what is connected next begins another session
         self._leaving = False
+        self._clock = clock
 
     # ---- life ---------------------------------------------------------------------------------
 
@@ -130,6 +133,8 @@ class SkinlabApp(App[None]):
     def on_ready(self) -> None:
         """Connect, and load what identification needs meanwhile."""
         self._main.begin()
+        self._tick()
+        self.set_interval(_TICK_S, self._tick)
         if self._ask:
             self.push_screen(WelcomeScreen(self.board, self._ports()), self._welcomed)
         elif self._replay is not None:
@@ -137,6 +142,9 @@ class SkinlabApp(App[None]):
         else:
             self._connect(self.board.port)
         self._perform("preparing", self.bench.analysis.prepare)
+
+    def _tick(self) -> None:
+        self.board.tick(self._clock())
 
     def _welcomed(self, choice: str | None) -> None:
         if choice is None:
@@ -237,6 +245,7 @@ class SkinlabApp(App[None]):
             else:
                 self._post(Done(doing))
 
+        self.board.compute(doing)
         self.run_worker(work, name=doing, group=doing, thread=True, exit_on_error=False)
 
     # ---- news ---------------------------------------------------------------------------------
@@ -303,6 +312,13 @@ class SkinlabApp(App[None]):
 
     # ---- keys ---------------------------------------------------------------------------------
 
+    async def _on_key(self, event: events.Key) -> None:
+        """Say so where a key has no meaning here: nothing took it on its way."""
+        event.prevent_default()  # the base class would do what the key does once more
+        if not await self._check_bindings(event.key):
+            name = event.character if event.is_printable and event.character else event.key
+            self.board.say(Level.INFO, f"{name}: no meaning here; ? lists the keys")
+
     async def on_event(self, event: events.Event) -> None:
         """Tell the guard of what is typed or pasted, before any key does anything."""
         pasted = isinstance(event, events.Paste)
@@ -363,6 +379,7 @@ class SkinlabApp(App[None]):
     def action_theme(self) -> None:
         """Change between dark and light."""
         self.theme = _LIGHT if self.current_theme.dark else _DARK
+        self._main.redraw()
 
     def action_leave(self) -> None:
         """Ask whether to vent, finish the session and quit; where that was asked, press F9."""
@@ -402,12 +419,26 @@ class SkinlabApp(App[None]):
                 self._confirm()
             case "play" | "step" | "faster" | "slower":
                 self._control(message.what)
+            case "rested" if self.board.can_arm:
+                self._count_anew()
+            case "card":
+                self.board.second_card = not self.board.second_card
+                self.board.touch()
             case "session":
                 self.push_screen(SessionScreen(self.board))
             case "missing":
                 self._show_missing()
             case _:
                 pass
+
+    def _count_anew(self) -> None:
+        """Take the next loading for a first one, because the operator says so."""
+        self.board.withdraw()
+        self._fields.put("cycle", "1")
+        counted = self.board.next_cycle
+        seen = f" (by count it would be loading {counted})" if counted > 1 else ""
+        note = f"the next curve is a first loading: fully rested, or another spot{seen}"
+        self.board.answer(Level.INFO, note)
 
     @on(Fields.Named)
     def _named(self, message: Fields.Named) -> None:
@@ -442,7 +473,17 @@ class SkinlabApp(App[None]):
             self._perform("fitting", lambda: self.bench.analysis.fit_together(curves))
         else:
             path = Path(message.path).expanduser()
-            self._perform("comparing", lambda: self.bench.analysis.compare(path, curves))
+            self._perform("comparing", lambda: self._compare(path, curves))
+
+    def _compare(self, path: Path, curves: Sequence[Curve]) -> None:
+        """Post whether the skin changed since another session; slow."""
+        from skinlab.tui.comparing import compare_with
+
+        board, names = self.board, {curve.name for curve in curves}
+        results = [e.result for e in board.entries.values() if e.curve.name in names and e.result]
+        serial = "" if board.hello is None else board.hello.serial_number
+        identifier = self.bench.analysis.identifier
+        self._post(compare_with(path, curves, results, identifier, serial))
 
     # ---- the missing effect -------------------------------------------------------------------
 
@@ -569,7 +610,8 @@ class SkinlabApp(App[None]):
         goes_on = board.left is not None and order == board.asked
         if goes_on and board.left is not None:
             order = order.with_left(board.left)
-        review = Review(order, fields.texts(), goes_on, fields.assumed_thickness)
+        counted = None if goes_on else board.next_cycle
+        review = Review(order, fields.texts(), goes_on, fields.assumed_thickness, counted)
         self._main.set_focus(None)
         self.guard.hidden()
         self.board.propose(review)
