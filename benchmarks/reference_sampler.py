@@ -22,7 +22,7 @@ from coverage import NAMES, ROWS, measured
 from numpy.typing import NDArray
 from prior_skins import Skin, skins
 
-from skinlab.inference.covariance import Covariance, OrnsteinUhlenbeck
+from skinlab.inference.covariance import Covariance, OrnsteinUhlenbeck, products
 from skinlab.inference.error_models.base import ErrorModel, Look, Part
 from skinlab.inference.error_models.ornstein_uhlenbeck import ERROR_MODEL as OU
 from skinlab.inference.error_models.white import ERROR_MODEL as WHITE
@@ -78,18 +78,24 @@ def one(skin: Skin, seed: int) -> dict[str, Any]:
     plain, columns = choice.best.fixed_mm2, choice.mode.columns_mm
     measured_mm, time_s = fitted.samples.deflection_mm, fitted.samples.time_s
 
-    def log_density(at: Array) -> float:
-        if (at[:3] < 0.0).any() or (at[:3] > 1.0).any():
-            return -np.inf
-        model_mm = models[0].deflection_mm(space.from_unit(at[None, :3]))[0]
-        if not np.isfinite(model_mm).all():
-            return -np.inf
-        value = dict(zip([p.name for p in each], np.exp(at[3:]).tolist(), strict=True))
-        variance = plain + white.terms([value["white_um"]]).variance_mm2
-        process = OrnsteinUhlenbeck(1e-3 * value["ou_um"], value["ou_s"])
-        covariance = Covariance(variance, columns, (len(time_s),), process, time_s)
-        prior = sum(p.log_prior(float(v)) for p, v in zip(each, at[3:], strict=True))
-        return covariance.log_density(measured_mm - model_mm) + prior
+    def log_density(at: Array) -> Array:
+        """Return the log densities (n,) of skins and errors' parameters (n, 3 + errors)."""
+        found = np.full(len(at), -np.inf)
+        inside = ((at[:, :3] >= 0.0) & (at[:, :3] <= 1.0)).all(axis=1)
+        model_mm = models[0].deflection_mm(space.from_unit(np.clip(at[:, :3], 0.0, 1.0)))
+        live = np.flatnonzero(inside & np.isfinite(model_mm).all(axis=1))
+        if not len(live):
+            return found
+        covariances = []
+        for i in live:
+            value = dict(zip([p.name for p in each], np.exp(at[i, 3:]).tolist(), strict=True))
+            variance = plain + white.terms([value["white_um"]]).variance_mm2
+            process = OrnsteinUhlenbeck(1e-3 * value["ou_um"], value["ou_s"])
+            covariances.append(Covariance(variance, columns, (len(time_s),), process, time_s))
+        squares, log_determinant = products(covariances, (measured_mm - model_mm[live]).T)
+        prior = [sum(p.log_prior(v) for p, v in zip(each, at[i, 3:], strict=True)) for i in live]
+        found[live] = prior - 0.5 * (np.einsum("nii->ni", squares).diagonal() + log_determinant)
+        return found
 
     nodes = rng.choice(len(choice.nodes), WALKERS, p=choice.weight)
     first = rng.choice(len(ours.weight), WALKERS, p=ours.weight)
@@ -101,7 +107,9 @@ def one(skin: Skin, seed: int) -> dict[str, Any]:
         ]
     )
     moves = [(emcee.moves.DEMove(), 0.8), (emcee.moves.DESnookerMove(), 0.2)]
-    sampler = emcee.EnsembleSampler(WALKERS, begin.shape[1], log_density, moves=moves)
+    sampler = emcee.EnsembleSampler(
+        WALKERS, begin.shape[1], log_density, moves=moves, vectorize=True
+    )
     sampler.random_state = np.random.RandomState(seed + skin.number).get_state()
     sampler.run_mcmc(begin, STEPS + FIRST)
     chain = sampler.get_chain(discard=FIRST)

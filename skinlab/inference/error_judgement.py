@@ -60,10 +60,10 @@ def judge_errors(errors: ErrorChoice, stated_um: float | None) -> Judged:
         flags.append("correlated_noise")
     why = [part.why for part in errors.best.parts if part.why]
     if stated_um is not None:
-        all_um = errors.median(noise_um)
-        ratio = max(all_um / stated_um, stated_um / all_um)
-        ends = [errors.quantile(noise_um, q) for q in (_DOUBT, 1.0 - _DOUBT)]
-        if ratio > _CONTRADICTED and not ends[0] <= stated_um <= ends[1]:
+        # A statement may or may not count the rounding as noise.
+        found = [_beside(errors, stated_um, rounding=rounding) for rounding in (True, False)]
+        if all(contradicted for _, contradicted in found):
+            all_um = found[0][0]
             flags.append("stated_noise_contradicted")
             why.append(f"stated {stated_um:.3g} µm, found {all_um:.3g} µm")
             misses = misses or all_um > stated_um
@@ -75,6 +75,19 @@ def judge_errors(errors: ErrorChoice, stated_um: float | None) -> Judged:
     numbers = {k: v for k, v in errors.parameters().items() if not k.startswith("placement_")}
     summary = ErrorModelSummary(name, numbers, sentence)
     return Judged(summary, noise, tuple(flags), _placement(errors))
+
+
+def _beside(errors: ErrorChoice, stated_um: float, *, rounding: bool) -> tuple[float, bool]:
+    """Return the noise, µm, and whether it contradicts the stated one."""
+
+    def size(node: Node) -> float:
+        return noise_um(node, rounding=rounding)
+
+    median = errors.median(size)
+    if max(median / stated_um, stated_um / median) <= _CONTRADICTED:
+        return median, False
+    low, high = (errors.quantile(size, q) for q in (_DOUBT, 1.0 - _DOUBT))
+    return median, not low <= stated_um <= high
 
 
 def _placement(errors: ErrorChoice) -> PlacementSummary | None:
@@ -104,10 +117,12 @@ def _lasting_um(node: Node) -> float:
     return math.sqrt(sum(v**2 for k, v in node.sizes_um.items() if k in lasting))
 
 
-def noise_um(node: Node, *, lasting: bool = True) -> float:
+def noise_um(node: Node, *, lasting: bool = True, rounding: bool = True) -> float:
     """Return the standard deviation of a deflection sample's errors, µm.
 
-    The pressure's noise is not among them, nor, if so asked, are errors that last.
+    The pressure's noise is not among them, nor, if so asked, are errors that last and rounding.
     """
     without = _OTHER if lasting else _OTHER | node.combination.lasting
+    if not rounding:
+        without = without | {"quantised"}
     return math.sqrt(sum(v**2 for k, v in node.sizes_um.items() if k not in without))

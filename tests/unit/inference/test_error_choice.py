@@ -92,6 +92,14 @@ def test_a_statement_that_is_wrong_is_contradicted_with_both_numbers():
     assert "stated_noise_contradicted" not in right.flags
 
 
+@pytest.mark.parametrize("stated_um", [1.0, 3.0])
+def test_rounding_may_be_part_of_a_statement_or_not(stated_um):
+    w = COURSE + white(np.random.default_rng(2), 1.0)
+    choice = chosen(0.01 * np.round(w / 0.01) - COURSE, noise_um=stated_um)
+    assert "stated_noise_contradicted" not in judge_errors(choice, stated_um).flags
+    assert "stated_noise_contradicted" in judge_errors(choice, 12.0).flags
+
+
 def test_breathing_is_found_with_its_frequency():
     rng = np.random.default_rng(5)
     pulse = 4e-3 * np.sin(2 * np.pi * 1.2 * TIME + 1.0)
