@@ -32,12 +32,14 @@ check: setup
 unit: setup
 	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
 
-# The pages of docs/ as a site in site/, with the command line and Python API from the code.
+# The pages of docs/ as a site in site/, command line and Python API from the code; runs every command
+# in them.
 docs: .venv/.docs
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
+	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -n 2 -m docs tests/docs
 
 notebooks: .venv/.notebook
-	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -m notebook
+	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -m notebook tests/docs
 
 .venv/.docs .venv/.notebook: .venv/.%: .venv/.installed
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[$*]"

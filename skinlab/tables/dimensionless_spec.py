@@ -25,7 +25,6 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import BSpline
 
 from skinlab.curves.curve import Curve
 from skinlab.errors import InputError, NotTrustworthyError
@@ -48,7 +47,7 @@ from skinlab.tables.evaluator import Evaluator, TensorSpline
 from skinlab.tables.extrapolate import fill_ratios
 from skinlab.tables.grid_spec import plain_point
 from skinlab.tables.meshes import MESHES
-from skinlab.tables.splines import basis, coefficients, knots
+from skinlab.tables.splines import TensorBSpline, basis, coefficients, knots
 from skinlab.tables.svd_basis import components
 from skinlab.tables.table import Dataset, Table
 
@@ -398,9 +397,8 @@ class DimensionlessSpec:
         axis = self.load_coordinates()
         spline = knots(axis)
         at = np.clip(self.coordinate(load, math.exp(log_thickness)), spline[0], spline[-1])
-        design = BSpline.design_matrix(at.ravel(), spline, 3)
         flat = at_thickness.reshape(-1, len(axis))
-        log_compliance = design @ np.ascontiguousarray(flat.T)  # (scale · u, ratios)
+        log_compliance = TensorBSpline([spline], [3], flat.T)(at.reshape(-1, 1))  # (…, ratios)
         curves = np.exp(log_compliance, out=log_compliance)
         curves *= load.ravel()[:, None]
         n1, u = load.shape

@@ -7,12 +7,12 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import NdBSpline
 
 from skinlab.parameters import Space
 from skinlab.tables.axes import TableAxis
 from skinlab.tables.misfit import Misfit, Whitening
 from skinlab.tables.model_errors import crease_shapes, locking
+from skinlab.tables.splines import TensorBSpline
 
 Array = NDArray[np.float64]
 
@@ -39,20 +39,17 @@ class TensorSpline:
         """`values` (n1, …, nd, k) are those at the nodes."""
         for d, axis in enumerate(axes):
             values = axis.coefficients(values, d)
-        self._orders = np.eye(len(axes), dtype=int)
-        self._spline = NdBSpline(
-            tuple(axis.knots for axis in axes),
-            np.ascontiguousarray(values),
-            tuple(axis.degree for axis in axes),
+        self._spline = TensorBSpline(
+            [axis.knots for axis in axes], [axis.degree for axis in axes], values
         )
 
     def __call__(self, points: Array) -> Array:
         """Return the values (n, k) at points (n, d)."""
-        return np.asarray(self._spline(points))
+        return self._spline(points)
 
     def slope(self, points: Array, d: int) -> Array:
         """Return their derivatives (n, k) by coordinate `d`."""
-        return np.asarray(self._spline(points, nu=self._orders[d]))
+        return self._spline(points, slope=d)
 
 
 class Evaluator:

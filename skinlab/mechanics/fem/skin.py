@@ -17,7 +17,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from skinlab.errors import InputError
 from skinlab.mechanics.fem.assembly import Assembly, stress_and_tangent
@@ -166,6 +165,21 @@ class Body:
             together.append(values)
         return Potential(*together)
 
+    def rise(
+        self, up: Mapping[str, Any], down: Mapping[str, Any]
+    ) -> list[tuple[float, Mapping[str, Any]]]:
+        """Return factors and parameters whose energies' sum is W(up) − W(down)."""
+        linear = self.law.linear and all(term.linear for term in self.terms)
+        if not linear or up["isochoric"] != down["isochoric"]:
+            return [(1.0, up), (-1.0, down)]
+
+        def less(one: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]:
+            return {name: one[name] - other[name] for name in one}
+
+        own = tuple(map(less, up["own"], down["own"]))
+        layers = less(up["layers"], down["layers"])
+        return [(1.0, {"own": own, "isochoric": up["isochoric"], "layers": layers})]
+
     def isochoric(
         self, i1: Array, i2: Array, j: Array, own: Sequence[Mapping[str, float]]
     ) -> Potential:
@@ -266,6 +280,8 @@ def through_thickness(stretch: float, energy: HasPotential, parameters: Mapping[
     def stress(through: float) -> float:
         f = np.array([stretch, 0.0, 0.0, through, stretch])[:, None]
         return float(stress_and_tangent(f, energy, parameters)[1][3, 0])
+
+    from scipy.optimize import brentq  # slow to import
 
     try:
         return float(brentq(stress, 0.2, 5.0, xtol=1e-15, rtol=1e-14))

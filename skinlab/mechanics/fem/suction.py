@@ -8,14 +8,13 @@ follower pressure on the deformed top surface r < R.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicHermiteSpline
 
 from skinlab.errors import InputError
 from skinlab.mechanics.fem.assembly import Assembly
@@ -26,8 +25,11 @@ from skinlab.mechanics.fem.element import (
     Element,
 )
 from skinlab.mechanics.fem.mesh import Grading, Mesh, suction_mesh
-from skinlab.mechanics.fem.newton import EquilibriumPath, StepSettings, follow
+from skinlab.mechanics.fem.newton import EquilibriumPath, Point, StepSettings, follow
 from skinlab.mechanics.materials import DEFAULT_LAW, get_law
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicHermiteSpline
 
 Array = NDArray[np.float64]
 
@@ -178,6 +180,8 @@ class SuctionCurve:
     @property
     def spline(self) -> CubicHermiteSpline:
         """The curve as a function of pressure (mbar) that does not ask whether it holds."""
+        from scipy.interpolate import CubicHermiteSpline  # slow to import
+
         return CubicHermiteSpline(self.pressure_mbar, self.deflection_mm, self.slope_mm_per_mbar)
 
 
@@ -235,9 +239,13 @@ def trace(
     settings: StepSettings | None = None,
     *,
     below_mbar: float = 0.0,
+    look: Callable[[float, Point], None] | None = None,
 ) -> SuctionCurve:
-    """Return the curve of this unknown, the apex, from `-below_mbar` to `goal_mbar`."""
-    path = follow(assembly, goal_mbar * MBAR, parameters, scale_mm, settings, watch=apex)
+    """Return the curve of this unknown, the apex, from `-below_mbar` to `goal_mbar`.
+
+    `look`: see `newton.follow`.
+    """
+    path = follow(assembly, goal_mbar * MBAR, parameters, scale_mm, settings, apex, look)
     pressures = [p / MBAR for p in path.pressure_mpa]
     displacements, slopes = list(path.displacements), list(path.slopes)
     holds_to = goal_mbar if not path.stopped else pressures[-1] if pressures else 0.0

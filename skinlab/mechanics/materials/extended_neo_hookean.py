@@ -24,6 +24,7 @@ class ExtendedNeoHookean(Law):
     formula = "W = X1 (J1 − 3) + X2 (J1 − 3)(J2 − 3) + κ/2 (J − 1)²"
     meaning = "X1, X2: stiffness at small and at large stretch"
     source = "eq. (1)"
+    linear = True
     poisson = NU
     dilatation_scale = "kappa_over_X1"  # X1 is half the shear modulus
     parameters = (

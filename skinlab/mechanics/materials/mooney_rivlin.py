@@ -22,6 +22,7 @@ class MooneyRivlin(Law):
     formula = "W = C10 (J1 − 3) + C01 (J2 − 3) + κ/2 (J − 1)²"
     meaning = "C10 + C01: half the shear modulus"
     source = "Rivlin 1948"
+    linear = True
     poisson = "nu"
     parameters = (
         Parameter(

@@ -328,6 +328,18 @@ class TestPlacement:
         assert held[None] >= 5
         assert held[0.0] < held[None]
 
+    def test_a_stated_deviation_of_the_thickness_is_each_placements_too(self, table):
+        stated = [
+            replace(c, setup=replace(c.setup, thickness_sd_mm=0.06, placement=label))
+            for c, label in zip(self.curves(table, 0.0), "abcd", strict=True)
+        ]
+        exact = Identifier(table, sensor=Sensor(3.0, 0.0, 0.01))
+        known, doubted = exact.joint(self.curves(table, 0.0)), exact.joint(stated)
+        assert known.placement.count == doubted.placement.count == 4
+        ends = [r.parameters["X1_MPa"] for r in (known, doubted)]
+        assert ends[1].high / ends[1].low > 1.05 * ends[0].high / ends[0].low
+        assert doubted.uncertainty.relative_thickness_sd == pytest.approx(0.06 / 2**0.5)
+
     def test_later_cycles_belong_to_the_placement_before(self, table):
         one = curve_of(table, SKIN)
         setups = [
@@ -468,7 +480,7 @@ class TestCommand:
         out = capsys.readouterr().out
         assert "3 curves together" in out
         assert "measure next" in out
-        assert "hardly fix" in out
+        assert "do not determine" in out
 
     def test_advice_without_intervals_is_wrong_usage(self, table, tmp_path, capsys):
         path = self.campaign(table, tmp_path)

@@ -264,3 +264,31 @@ def test_draws_stand_for_their_weights():
 
     drawn = draws_of(Result, 8)
     assert drawn.tolist() == [[1, 5]] * 4 + [[2, 6]] * 2 + [[3, 7]] * 2
+
+
+@pytest.mark.filterwarnings("ignore")  # dask's own
+def test_a_dask_cluster_gives_the_same_table(cohort, made, tmp_path):
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
+    ) as cluster:
+        study(cohort, "--out", tmp_path / "study", "--dask", cluster.scheduler_address)
+    table = (tmp_path / "study" / "curves.csv").read_bytes()
+    assert table == (made[0] / "curves.csv").read_bytes()
+
+
+def test_without_dask_a_sentence_says_what_to_install(cohort, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(InputError, match=r"pip install 'skinlab\[dask\]'"):
+        study(cohort, "--out", tmp_path / "study", "--dask", "tcp://127.0.0.1:8786")
+
+
+def test_without_pictures_all_else_is_written(cohort, made, tmp_path, monkeypatch):
+    out = tmp_path / "study"
+    shutil.copytree(made[0], out)
+    monkeypatch.setattr("skinlab.studies.whole.have_pictures", lambda: False)
+    done = study(cohort, "--out", out, "--workers", 1)
+    assert "pip install 'skinlab[pictures]'" in done.stderr
+    assert not (out / "report.html").exists()
+    assert (out / "components.csv").read_bytes() == (made[0] / "components.csv").read_bytes()
+    assert "report.html" not in json.loads((out / "study.json").read_text())["files"]
