@@ -69,6 +69,11 @@ CATALOGUE = {
         "The surface creases at the opening's edge; the answer counts with what that leaves open.",
         "Compare such a curve with care, or measure with less suction.",
     ),
+    "thinned": Flag(
+        "every {}th sample fitted",
+        "The curve is very long: every {}th sample was fitted, which tells nearly as much.",
+        "Nothing is wrong; a lower rate measures as well.",
+    ),
     "outside_database": Flag(
         "partly outside the database",
         "Samples, or the whole curve, lie where nothing was computed, and were not fitted.",

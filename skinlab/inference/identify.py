@@ -319,14 +319,11 @@ class Identifier:
 
     def _flags(self, members: Sequence[Fitted], space: Space, estimate: Estimate) -> list[str]:
         curves = [m.curve for m in members]
-        left_out = [
-            int(c.in_phases(self.phases).sum()) - m.count
-            for c, m in zip(curves, members, strict=True)
-        ]
         unit = space.to_unit(estimate.parameters)
         return [
             *flags.of_optimum(space.names, unit, converged=estimate.converged),
-            *flags.of_curves(curves, left_out),
+            *flags.of_curves(curves, [m.beyond for m in members]),
+            *(f"thinned:{m.every}" for m in members if m.every > 1),
         ]
 
 

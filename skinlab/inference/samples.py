@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
@@ -17,6 +18,7 @@ from skinlab.tables.base import CurveModel, Database
 
 Array = NDArray[np.float64]
 
+MOST_FITTED = 5000  # more say next to nothing more, since errors last, and take their time
 EVERYTHING = ("load", "hold", "unload", "rest")  # what laws with a memory are fitted to
 
 
@@ -26,6 +28,8 @@ class Fitted:
 
     curve: Curve
     mask: NDArray[np.bool_]
+    every: int = 1  # of those that could be: of a very long curve one in so many
+    beyond: int = 0  # samples that the database does not speak of
 
     @property
     def count(self) -> int:
@@ -126,19 +130,26 @@ def samples_of(groups: Sequence[Group]) -> Samples:
 
 
 def choose(curve: Curve, phases: tuple[str, ...], database: Database) -> Fitted:
-    """Return the samples of the phases that the database speaks of.
+    """Return the samples of the phases that the database speaks of; of very many, evenly some.
 
     Raises:
         InputError: they are too few.
         NotTrustworthyError: it does not speak of such a curve at all.
     """
-    mask = curve.in_phases(phases) & database.covers(curve)
+    asked = curve.in_phases(phases)
+    mask = asked & database.covers(curve)
     if int(mask.sum()) < FEWEST_POINTS:
         raise InputError(
             f"{curve.name}: {int(mask.sum())} samples to fit in phases {','.join(phases)}; "
             f"expected at least {FEWEST_POINTS}"
         )
-    return Fitted(curve, mask)
+    beyond = int(asked.sum()) - int(mask.sum())
+    every = math.ceil(int(mask.sum()) / MOST_FITTED)
+    if every > 1:
+        at = np.flatnonzero(mask)[::every]
+        mask = np.zeros(len(mask), dtype=bool)
+        mask[at] = True
+    return Fitted(curve, mask, every, beyond)
 
 
 @dataclass(frozen=True, eq=False)

@@ -150,10 +150,10 @@ class TestStandIn:
         assert (np.diff(x2) < 0).all()
         assert [f.parameters[2] for f in floor] == [0.22, 0.26, 0.34, 0.40]
 
-    def test_recursive_least_squares_does_not_settle(self):
+    def test_recursive_least_squares_comes_near_soon_and_leaves_again(self):
         found = tables.recursive(Study(passes=30), StandIn(), 0.9)()
         assert not found.converged
-        assert found.passes[:, 3].min() < 2.3 < found.passes[10:, 3].max()
+        assert found.passes[:5, 3].min() < 2.3 < found.passes[5:, 3].max()
 
 
 def test_a_plane_is_the_box_with_one_parameter_fixed():
