@@ -130,8 +130,8 @@ class TableDomes:
         dome = found.dome(parameters, _LEAST_REACH * min(top_mbar, top))
         if dome is None or wider == 1.0:
             return dome
-        spline = PPoly.construct_fast(wider * dome.spline.c, dome.spline.x)
-        return Dome(spline, dome.scale)
+        s = dome.spline
+        return Dome(type(s).construct_fast(wider * s.c, s.x), dome.scale)
 
 
 def relaxed_pressure(
