@@ -1,8 +1,8 @@
 """Identification measured: optimum found, coverage of intervals, time against other optimisers.
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/identification.py optimum [--curves 1000] [--seed 1]
-    OPENBLAS_NUM_THREADS=1 python benchmarks/identification.py coverage [--curves 1000] [--seed 2]
-        [--rows white_3,ou_0.3s]
+    OPENBLAS_NUM_THREADS=1 python benchmarks/identification.py coverage [--curves 1000]
+        [--seed 20261122] [--rows white_3,ou_0.3s]
     OPENBLAS_NUM_THREADS=1 python benchmarks/identification.py rivals [--curves 40] [--seed 3]
 
 Each part prints and saves benchmarks/results/identification_PART.json; `coverage` saves each row as
@@ -300,7 +300,7 @@ def main() -> None:
     arguments = parser.parse_args()
     if arguments.part == "coverage":
         names = arguments.rows.split(",") if arguments.rows else list(coverage.ROWS)
-        seed = 2 if arguments.seed is None else arguments.seed
+        seed = coverage.SEED if arguments.seed is None else arguments.seed
         coverage.run(names, arguments.curves or 1000, seed)
         return
     part, curves, seed = {

@@ -136,7 +136,7 @@ class Probe:
         return self._watchdog.dose
 
     def carry_dose(self, dose: Dose) -> None:
-        """Say, before `open`, what the same site had from another probe in the same visit."""
+        """Say, before anything is loaded, what the same site had in the same visit already."""
         self._watchdog.carry_dose(dose)
 
     @property

@@ -374,6 +374,8 @@ class ProbeSession:
         )
         self._tap.into(recording.journal)
         runner.source.journal = recording.journal
+        simulated = probe.hello is not None and probe.hello.simulated
+        probe.carry_dose(recording.carry_dose(simulated=simulated))
         self._visit = Visit(
             recording,
             identifier,

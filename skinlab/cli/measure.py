@@ -12,7 +12,6 @@ from drivers.capabilities import CANNOT_VENT, READ_ONLY
 from drivers.events import Damaged, InstrumentState, Sample, State
 from drivers.limits import DEFAULT_DOSE_MBAR_S
 from drivers.line_dialect import IGNORED
-from skinlab.cli.interrupts import interrupt_on_signals
 from skinlab.cli.method_options import MethodCommand
 from skinlab.cli.options import (
     database_option,
@@ -180,11 +179,6 @@ def run(
         elif isinstance(message, Happened) and (words := outage_words(message.event)):
             echo(f"skinlab: {words}", err=True)
 
-    def ready() -> None:
-        # A terminated process, or one whose terminal is closed, vents like an interrupted one.
-        interrupt_on_signals()
-        shorten_pauses()
-
     def opened(hello: Hello) -> None:
         if onlooker is not None:
             onlooker.begin()
@@ -210,7 +204,7 @@ def run(
         dose_limit_mbar_s=dose_limit_mbar_s,
         listener=show,
         opened=opened,
-        ready=ready,
+        ready=shorten_pauses,
         say=lambda sentence: echo(f"skinlab: {sentence}", err=True),
     )
     return 0

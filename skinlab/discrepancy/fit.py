@@ -94,6 +94,10 @@ class Fitter:
         self._finite_elements = finite_elements
         self.measured = np.concatenate([r.curve.deflection_mm for r in records])
 
+    def with_errors(self, records: Sequence[Record], errors: Covariance) -> Fitter:
+        """Return a fitter of these records with these errors."""
+        return Fitter(records, errors, self.domes, finite_elements=self._finite_elements)
+
     def model(self, unknowns: Unknowns) -> MappedModel:
         """Return the model of an explanation, without an anchor."""
         return MappedModel(self.records, unknowns, self.domes)

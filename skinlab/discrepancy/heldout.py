@@ -21,7 +21,10 @@ _TOLD = 0.3  # of its prior's standard deviation: an unknown that is known no be
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Root mean squares over whole conditions, each left out of its fit in turn."""
+    """Root mean squares over whole conditions, each left out of its fit in turn.
+
+    What placements and the mesh probably did is taken off: nobody could have known it.
+    """
 
     rms_um: float
     noise_um: float  # what a perfect model would leave
@@ -77,9 +80,9 @@ def predict_held_out(fitter: Fitter, fit: Fit, parts: Sequence[Part]) -> HeldOut
     The model stays anchored at the fit to all curves; only its unknowns are fitted again. With
     nothing to hold out the gap is that of the fit.
     """
-    sigma, measured = fitter.errors.sigma_mm, fitter.measured
+    sigma, measured = _noise_mm(fitter.errors), fitter.measured
     if not parts:
-        off = np.concatenate(fit.deflections_mm) - measured
+        off = _less_columns(fitter.errors, np.concatenate(fit.deflections_mm) - measured)
         return HeldOut(_rms_um(off), _rms_um(sigma), _rms_um(sigma), ())
     model = fitter.model(fit.unknowns)
     fitter.prepare(model, fit.u, slopes=True)
@@ -95,15 +98,30 @@ def predict_held_out(fitter: Fitter, fit: Fit, parts: Sequence[Part]) -> HeldOut
     slopes = fitter.errors.colour(fit.jacobian)
     for out in parts:
         at = fitter.minimise(model, fit.u, low, high, fitter.kept(~out))
-        left[out] = (np.concatenate(model.predict(at)) - measured)[out]
-        doubt = np.einsum(
-            "nj,jk,nk->n", slopes[out], _covariance(fitter.errors, fit, out), slopes[out]
-        )
-        expected[out] = np.sqrt(sigma[out] ** 2 + doubt)
+        here = fitter.errors.only(out)
+        left[out] = _less_columns(here, (np.concatenate(model.predict(at)) - measured)[out])
+        root = np.linalg.cholesky(_covariance(fitter.errors, fit, out))
+        doubt = _less_columns(here, np.hstack([slopes[out] @ root, here.columns_mm]))
+        expected[out] = np.sqrt(sigma[out] ** 2 + np.square(doubt).sum(axis=1))
     held = np.isfinite(left)
     split = fitter.errors.split(held)
     files = tuple(r.name for r, part in zip(fitter.records, split, strict=True) if part.any())
     return HeldOut(_rms_um(left[held]), _rms_um(sigma[held]), _rms_um(expected[held]), files)
+
+
+def _noise_mm(errors: Covariance) -> Array:
+    """Return the standard deviations (u,) of what no column says."""
+    process = 0.0 if errors.ou is None else errors.ou.size_mm
+    return np.asarray(np.hypot(errors.sigma_mm, process))
+
+
+def _less_columns(errors: Covariance, values_mm: Array) -> Array:
+    """Return values (u, …) less what the errors' columns probably did in them."""
+    flat = values_mm.reshape(errors.count, -1)
+    columns = errors.whiten_without_columns(errors.columns_mm)
+    inner = columns.T @ columns + np.eye(columns.shape[1])
+    did = np.linalg.solve(inner, columns.T @ errors.whiten_without_columns(flat))
+    return np.asarray((flat - errors.columns_mm @ did).reshape(values_mm.shape))
 
 
 def _rms_um(values_mm: Array) -> float:

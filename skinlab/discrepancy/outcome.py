@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from skinlab.discrepancy.adequacy import Place
+from skinlab.discrepancy.discipline import Shares, Trial
 from skinlab.discrepancy.heldout import HeldOut
 from skinlab.discrepancy.next_measurement import NextMeasurement
 from skinlab.discrepancy.posterior import Posterior, gaussian
@@ -38,6 +39,9 @@ class Outcome:
     alike: list[tuple[str, str]] = field(default_factory=list)
     # Of the best explanation, by its effects.
     posteriors: dict[tuple[str, ...], Posterior] = field(default_factory=dict)
+    trials: tuple[Trial, ...] = ()  # what the first explanation had to stand
+    shares: Shares | None = None  # of the gap
+    repeats_um: float | None = None  # by which a curve differs from its repeats
 
     @property
     def best(self) -> Candidate:
@@ -79,7 +83,13 @@ class Outcome:
                 "after_um": self.gap_after.rms_um,
                 "noise_um": self.gap_before.noise_um,
                 "held_out": list(self.gap_before.files),
+                "expected_um": self.gap_after.expected_um,
+                "shares": None if self.shares is None else vars(self.shares),
+                "repeats_um": self.repeats_um,
             },
+            "trials": [
+                {"name": t.name, "passed": t.passed, "sentence": t.sentence} for t in self.trials
+            ],
             "parameters": {
                 "before": _base_only(self.parameters(base)),
                 "after": _base_only(self.parameters(self.best)),

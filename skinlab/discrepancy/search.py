@@ -4,15 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.discrepancy.adequacy import ADEQUATE, Residual, look
+from skinlab.discrepancy.adequacy import ADEQUATE, Residual, judge, look
+from skinlab.discrepancy.campaign_errors import (
+    CampaignErrors,
+    Linearised,
+    learn,
+    outliers,
+    thickness_slopes,
+)
 from skinlab.discrepancy.fit import Fit, Fitter
-from skinlab.discrepancy.records import Record
+from skinlab.discrepancy.records import Record, without
 from skinlab.discrepancy.screen import Signature
 from skinlab.discrepancy.search_workers import (
     fit_elsewhere,
@@ -20,19 +27,20 @@ from skinlab.discrepancy.search_workers import (
     fit_one,
     signature_of,
 )
+from skinlab.discrepancy.settings import NAMES
 from skinlab.discrepancy.unknowns import BasePrior, Known, Unknowns
 from skinlab.errors import NotTrustworthyError
+from skinlab.inference.covariance import Covariance, independent
 from skinlab.mechanics.effects import effect_names
 from skinlab.mechanics.model_file import BASE, Model, Normal
 from skinlab.workers import Pool
+
+THICKNESS = "thickness_error"  # the effect that the stated uncertainty of the thickness is about
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
 
 LOG10 = math.log(10.0)
-TIE = 1.3  # log10 evidence: 20 to 1
-LONE_TIE = 4.0  # the same of one condition alone, where no other one bears an explanation out
-
 # Before the data: no effect as likely as one of the library, two together a fifth of that.
 _PAIRS_ODDS = 0.2
 _SEEN = 8.0  # a gain of χ² by which an effect is worth a fit
@@ -60,6 +68,7 @@ class Candidate:
     fit: Fit
     left: Residual
     log10_evidence: float  # of the data and the prior odds, relative to the base model
+    at_bound: tuple[str, ...] = ()  # unknowns that the fit has pushed to the end of their range
 
     @property
     def effects(self) -> tuple[str, ...]:
@@ -119,12 +128,15 @@ class Found:
     candidates: list[Candidate] = field(default_factory=list)  # the best first
     records: Sequence[Record] = ()  # what was explained
     not_screened: dict[str, str] = field(default_factory=dict)  # effect -> why it was not
+    # By which the explanations were fitted
+    errors: Covariance = field(default_factory=lambda: independent(np.zeros(0)))
+    kept: tuple[NDArray[np.bool_], ...] = ()  # of each record's samples; others are outliers
 
     @property
     def tie(self) -> float:
         """By how much log10 evidence an explanation has to lead."""
         conditions = {record.condition for record in self.records}
-        return LONE_TIE if len(conditions) == 1 else TIE
+        return NAMES.lone_tie if len(conditions) == 1 else NAMES.tie
 
 
 class Search:
@@ -136,11 +148,18 @@ class Search:
         *,
         model: Model = BASE,
         workers: int = 1,
+        noise_um: float | None = None,
+        placement_scatter: float | None = None,
         progress: Progress = lambda _: None,
         partial: Partial | None = None,
     ) -> None:
-        self._fitter = fitter
-        self._unknowns = unknowns_of(model)
+        """`noise_um` and `placement_scatter` are as stated in a campaign; None: to be learned."""
+        self.fitter = fitter
+        self._noise_um, self._placement_scatter = noise_um, placement_scatter
+        self._thickness_mm = np.zeros(0)
+        self.errors: CampaignErrors | None = None  # None: those of the fitter, as they are
+        self._kept: tuple[NDArray[np.bool_], ...] = ()
+        self._unknowns = with_thickness(unknowns_of(model), fitter.records)
         self._own = self._unknowns.effects
         self._workers, self._progress, self._partial = workers, progress, partial
         self._library = [n for n in effect_names() if n not in self._own]
@@ -154,12 +173,12 @@ class Search:
         unknowns = self._unknowns
         plain = unknowns.plain
         begin, middle = _starts(unknowns)
-        fits = [f for f in (self._fitter.fit(plain, start) for start in begin) if f is not None]
+        fits = [f for f in (self.fitter.fit(plain, start) for start in begin) if f is not None]
         if self._own:
             # Finite elements cost more: from the best of the plain fits, and from the middle.
             fits.sort(key=lambda f: f.cost)
             starts = [*(f.u for f in fits[:1]), middle]
-            found = (self._fitter.fit(unknowns, unknowns.start(start)) for start in starts)
+            found = (self.fitter.fit(unknowns, unknowns.start(start)) for start in starts)
             fits = [f for f in found if f is not None]
         if not fits:
             raise NotTrustworthyError("the model has no answer for these curves")
@@ -167,10 +186,9 @@ class Search:
 
     def run(self) -> Found:
         """Return the base fit, the screen and the candidates."""
-        # The processes start while the base model is fitted here
-        with Pool(self._workers, self._fitter) as pool:
-            self._progress("fitting the model as it is")
-            base = self.base()
+        self._progress("fitting the model as it is")
+        base = self.learned_base()
+        with Pool(self._workers, self.fitter) as pool:
             if self._partial is not None:
                 self._partial.base = base
             self._progress(f"screening {len(self._library)} effects")
@@ -194,9 +212,79 @@ class Search:
                 candidates = self._members(pool, base, pairs) + pairs
                 named = {c.effects for c in candidates}
                 candidates += [c for c in singles if c.effects not in named]
+        base, candidates = self._weighed(base, candidates)
         candidates.sort(key=lambda c: -c.log10_evidence)
-        not_screened |= dict.fromkeys(self._own, "the model has it already")
-        return Found(base, signatures, candidates, self._fitter.records, not_screened)
+        for name in self._own:
+            stated = any(k.effect == name and k.stated for k in self._unknowns.known)
+            not_screened[name] = (
+                "the stated uncertainty of the thickness is part of every explanation"
+                if stated
+                else "the model has it already"
+            )
+        return Found(
+            base, signatures, candidates, self.fitter.records, not_screened, self.fitter.errors,
+            self._kept,
+        )  # fmt: skip
+
+    def learned_base(self) -> Candidate:
+        """Return the fit of the model as it is, with the errors that repeats and roughness tell.
+
+        Raises:
+            NotTrustworthyError: it has no answer at all for these curves.
+        """
+        first = self.base()
+        before = self.fitter
+        linear = Linearised.of(first.fit, before.errors, before.measured)
+        bad = outliers(before.records, linear)
+        self._kept = tuple(before.errors.split(~bad))
+        self._progress("learning how large the errors are")
+        records = without(before.records, self._kept)
+        self._thickness_mm = thickness_slopes(before.records, first.fit, before.domes)[~bad]
+        self.errors = self._learn(records, linear.only(~bad), None)
+        self.fitter = before.with_errors(records, self.errors.working)
+        fit = self.fitter.fit(first.fit.unknowns, first.fit.u)
+        if fit is None:
+            raise NotTrustworthyError("the model has no answer for these curves")
+        return self._candidate(fit, None)
+
+    def _learn(
+        self, records: Sequence[Record], one: Linearised, before: CampaignErrors | None
+    ) -> CampaignErrors:
+        return learn(
+            records, [one], self._thickness_mm, noise_um=self._noise_um,
+            placement_scatter=self._placement_scatter, before=before,
+        )  # fmt: skip
+
+    def linear(self, fit: Fit) -> Linearised:
+        """Return an explanation about its fit."""
+        return Linearised.of(fit, self.fitter.errors, self.fitter.measured)
+
+    def _weighed(
+        self, base: Candidate, candidates: list[Candidate]
+    ) -> tuple[Candidate, list[Candidate]]:
+        """Return the candidates weighed once more, with the errors as the best of them sees them.
+
+        The errors of a wrong model are too large: looked for there alone, those of a right one
+        would be missed.
+        """
+        serving = [c for c in candidates if c.adequate] or candidates
+        if self.errors is None or not serving:
+            return base, candidates
+        best = max(serving, key=lambda c: c.log10_evidence)
+        self._progress(f"weighing {len(candidates)} explanations")
+        self.errors = self._learn(self.fitter.records, self.linear(best.fit), self.errors)
+        again = self.errors.log_evidence(self.linear(base.fit))
+        return base, [replace(c, log10_evidence=self._relative(c.fit, again)) for c in candidates]
+
+    def _relative(self, fit: Fit, base: float) -> float:
+        """Return log10 evidence with the odds, relative to that (natural) of the base model."""
+        added = len(fit.effects) - len(self._own)
+        n = max(len(self._library), 2)
+        odds = 1.0 / n if added == 1 else _PAIRS_ODDS / (0.5 * n * (n - 1))
+        evidence = (
+            fit.log_evidence if self.errors is None else self.errors.log_evidence(self.linear(fit))
+        )
+        return (evidence - base) / LOG10 + math.log10(odds)
 
     def _singles(self, pool: Pool, base: Candidate, chosen: list[Signature]) -> list[Candidate]:
         """Return fits of single effects: of the lesser ones only where the likely explain nothing.
@@ -316,16 +404,36 @@ class Search:
         return found
 
     def _candidate(self, fit: Fit, base: Candidate | None) -> Candidate:
-        left = look(
-            self._fitter.records, self._fitter.errors, fit.deflections_mm, len(fit.unknowns)
-        )
+        records, k = self.fitter.records, len(fit.unknowns)
+        if self.errors is None:
+            left = look(records, self.fitter.errors, fit.deflections_mm, k)
+        else:
+            left = judge(records, self.errors.judged, fit.deflections_mm, k)
+        at_bound = tuple(n for n, f in zip(fit.unknowns.names, fit.free, strict=True) if not f)
         if base is None:
-            return Candidate(fit, left, 0.0)
-        added = len(fit.effects) - len(self._own)
-        n = len(self._library)
-        odds = 1.0 / n if added == 1 else _PAIRS_ODDS / (0.5 * n * (n - 1))
-        relative = (fit.log_evidence - base.fit.log_evidence) / LOG10 + math.log10(odds)
-        return Candidate(fit, left, relative)
+            self._base_evidence = (
+                fit.log_evidence
+                if self.errors is None
+                else self.errors.log_evidence(self.linear(fit))
+            )
+            return Candidate(fit, left, 0.0, at_bound)
+        return Candidate(fit, left, self._relative(fit, self._base_evidence), at_bound)
+
+
+def with_thickness(unknowns: Unknowns, records: Sequence[Record]) -> Unknowns:
+    """Return the unknowns with the thickness among them, where it is stated with an uncertainty.
+
+    One skin has one thickness: its relative error is common to all curves.
+    """
+    sd = max((r.thickness_sd_mm / r.geometry.thickness_mm for r in records), default=0.0)
+    if sd <= 0.0 or THICKNESS in unknowns.effects:
+        return unknowns
+    known = Known(THICKNESS, "ratio", 1.0, sd, stated=True)
+    return replace(
+        unknowns,
+        effects=tuple(sorted((*unknowns.effects, THICKNESS))),
+        known=(*unknowns.known, known),
+    )
 
 
 def _worth(signatures: Iterable[Signature]) -> list[Signature]:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from skinlab.discrepancy.discipline import Trial
 from skinlab.discrepancy.search import Candidate, Found
 
 Name = Literal["none", "named", "ambiguous", "unknown"]
@@ -44,3 +46,14 @@ def decide(found: Found) -> Verdict:
     ]
     minimal.sort(key=lambda c: -c.log10_evidence)
     return Verdict("named" if len(minimal) == 1 else "ambiguous", minimal)
+
+
+def disciplined(verdict: Verdict, found: Found, trials: Sequence[Trial]) -> Verdict:
+    """Return the verdict after the trials of its first explanation.
+
+    An explanation that failed one is none: what is left then is `none` where the model's residual
+    may be noise, else `unknown`.
+    """
+    if all(trial.passed for trial in trials):
+        return verdict
+    return Verdict("none" if found.base.adequate else "unknown", [])

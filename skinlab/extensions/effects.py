@@ -151,10 +151,11 @@ def tangent_error(effects: Mapping[str, Values]) -> tuple[float, float]:
 
     state = assembly.evaluate(u, pressure, parameters, stress)
     assert state is not None
-    exact = state.tangent[:, 0] * v
-    for k in range(1, state.tangent.shape[1]):
-        exact[k:] += state.tangent[: assembly.n - k, k] * v[: assembly.n - k]
-        exact[: assembly.n - k] += state.tangent[: assembly.n - k, k] * v[k:]
+    band = state.tangent
+    exact = band[:, 0] * v
+    for k in range(1, band.shape[1]):
+        exact[k:] += band[: assembly.n - k, k] * v[: assembly.n - k]
+        exact[: assembly.n - k] += band[: assembly.n - k, k] * v[k:]
     if state.skew is not None:
         e_r, e_z, size = state.skew
         exact -= pressure * size * (e_z * (e_r @ v) - e_r * (e_z @ v))

@@ -28,6 +28,8 @@ Array = NDArray[np.float64]
 
 _STEP = 0.05  # of a logarithm, for derivatives
 _MOST_STEPS = 6
+_SHORTER = 0.3 ** np.arange(4)  # steps that are tried
+_HOPELESS = 7.0  # in log evidence: a combination so much worse is not integrated over
 _FAR = 1.5  # the longest step in a logarithm
 _LEAST_CURVATURE = 0.4  # of the log density: wider than 1.6 in a logarithm is left to the prior
 _SETTLED = 0.05  # of the log density
@@ -211,7 +213,12 @@ def choose_errors(
         more = [p for p in others if p.name not in names]
         known = {frozenset(e.combination.name.split("+")) for e in tried}
         found = [
-            _explore(combine((*best.combination.parts, part)), linear, {**starts, **best.mode})
+            _explore(
+                combine((*best.combination.parts, part)),
+                linear,
+                {**starts, **best.mode},
+                best.log_evidence,
+            )
             for part in more
             if frozenset((*names, part.name)) not in known
         ]
@@ -266,78 +273,88 @@ def _starts(look: Look, linear: LinearModel) -> dict[str, float]:
     return {"white_um": math.log(size)}
 
 
-def _explore(combination: Combination, linear: LinearModel, starts: dict[str, float]) -> _Explored:
+def _explore(
+    combination: Combination,
+    linear: LinearModel,
+    starts: dict[str, float],
+    rival: float = -math.inf,
+) -> _Explored:
+    """Return the combination explored; from its mode alone if that is hopeless beside a rival."""
     each = [p for part in combination.parts for p in part.parameters]
     at = np.array([starts.get(p.name, math.log(p.median)) for p in each])
-
-    def density(log_values: Array, *, spread: bool = False) -> float:
-        found = linear.log_marginal(combination.covariance(log_values, spread=spread))
-        return found + combination.log_prior(log_values)
-
-    mode, root = _mode(density, at)
-    nodes: list[Node] = []
+    mode, root, here = _mode(_density(combination, linear), at)
+    roughly = here + 0.5 * len(mode) * math.log(2.0 * math.pi) + float(np.linalg.slogdet(root)[1])
+    roughly += combination.log_odds
+    if not combination.bound and roughly < rival - _HOPELESS:
+        return _Explored(combination, mode, (), roughly)
     values, log_drawn = _draws(combination, mode, root)
-    log_share = -math.log(len(values))
-    for value, drawn in zip(values, log_drawn, strict=True):
-        covariance = combination.covariance(value)
-        nodes.append(
-            Node(
-                combination,
-                value,
-                covariance,
-                combination.log_prior(value) - drawn + log_share + combination.log_odds,
-                linear.log_marginal(covariance),
-            )
-        )
-    evidence = float(logsumexp([n.log_prior + n.log_marginal for n in nodes]))
+    covariances = [combination.covariance(value) for value in values]
+    log_prior = np.array([combination.log_prior(value) for value in values])
+    log_prior += combination.log_odds - math.log(len(values)) - log_drawn
+    log_marginal = linear.log_marginals(covariances)
+    evidence = float(logsumexp(log_prior + log_marginal))
     if combination.bound:
         # The evidence is that of the mixture's own variances; the nodes' are spread.
-        right = density(mode) - density(mode, spread=True) + combination.bound
-        nodes = [replace(n, log_prior=n.log_prior + right) for n in nodes]
+        spread = _density(combination, linear, spread=True)(mode[None])[0]
+        right = here - float(spread) + combination.bound
+        log_prior += right
         evidence += right
-    return _Explored(combination, mode, tuple(nodes), evidence)
+    nodes = tuple(
+        Node(combination, *one)
+        for one in zip(values, covariances, log_prior.tolist(), log_marginal.tolist(), strict=True)
+    )
+    return _Explored(combination, mode, nodes, evidence)
 
 
-def _mode(density: Callable[[Array], float], start: Array) -> tuple[Array, Array]:
-    """Return the mode (d,), by Newton's method, and a root (d, d) of the covariance there."""
+def _density(
+    combination: Combination, linear: LinearModel, *, spread: bool = False
+) -> Callable[[Array], Array]:
+    """Return the log density (n,) of logarithms (n, d) of the errors' parameters."""
+
+    def density(log_values: Array) -> Array:
+        found = linear.log_marginals(
+            [combination.covariance(value, spread=spread) for value in log_values]
+        )
+        return np.asarray(found + [combination.log_prior(value) for value in log_values])
+
+    return density
+
+
+def _mode(density: Callable[[Array], Array], start: Array) -> tuple[Array, Array, float]:
+    """Return the mode (d,) by Newton's method, a root (d, d) of the covariance, and the density."""
     at, d = start, len(start)
-    here = density(at)
-    if not d:
-        return at, np.zeros((0, 0))
     values = np.eye(d)
-    for _ in range(_MOST_STEPS):
-        slope, curvature = _derivatives(density, at, here)
+    here, slope, curvature = _derivatives(density, at)
+    for step_number in range(_MOST_STEPS if d else 0):
+        if step_number:
+            here, slope, curvature = _derivatives(density, at)
         curve, vectors = np.linalg.eigh(-curvature)
         curve = np.maximum(np.where(curve > 0, curve, -0.3 * curve), _LEAST_CURVATURE)
         values = vectors / np.sqrt(curve)
         step = values @ (values.T @ slope)
         step *= min(1.0, _FAR / max(float(np.abs(step).max()), 1e-12))
-        expected = float(slope @ step)
-        if expected < _SETTLED:
+        if float(slope @ step) < _SETTLED:
             break
-        for _ in range(4):
-            there = density(at + step)
-            if there > here:
-                at, here = at + step, there
-                break
-            step = 0.3 * step
-        else:
+        trials = at + _SHORTER[:, None] * step
+        there = density(trials)
+        better = np.flatnonzero(there > here)
+        if not len(better):
             break
-    return at, values
+        at, here = trials[better[0]], float(there[better[0]])
+    return at, values, here
 
 
-def _derivatives(density: Callable[[Array], float], at: Array, here: float) -> tuple[Array, Array]:
+def _derivatives(density: Callable[[Array], Array], at: Array) -> tuple[float, Array, Array]:
+    """Return the density at a point (d,), its slope (d,) and curvature (d, d)."""
     d, h = len(at), _STEP
     steps = h * np.eye(d)
-    up = np.array([density(at + s) for s in steps])
-    down = np.array([density(at - s) for s in steps])
+    i, j = np.tril_indices(d, -1)
+    found = density(at + np.vstack([np.zeros((1, d)), steps, -steps, steps[i] + steps[j]]))
+    here, up, down, both = np.split(found, [1, 1 + d, 1 + 2 * d])
     slope = (up - down) / (2.0 * h)
     curvature = np.diag((up - 2.0 * here + down) / h**2)
-    for i in range(d):
-        for j in range(i):
-            both = density(at + steps[i] + steps[j])
-            curvature[i, j] = curvature[j, i] = (both - up[i] - up[j] + here) / h**2
-    return slope, curvature
+    curvature[i, j] = curvature[j, i] = (both - up[i] - up[j] + here) / h**2
+    return float(here[0]), slope, curvature
 
 
 @lru_cache(maxsize=32)
@@ -413,12 +430,7 @@ def _scale_mixture(
         return None
     for _ in range(_MIXTURE_ROUNDS):
         combination = combine((*plain, part))
-
-        def density(log_values: Array, of: Combination = combination) -> float:
-            found = linear.log_marginal(of.covariance(log_values, spread=False))
-            return found + of.log_prior(log_values)
-
-        at, _ = _mode(density, at)
+        at, _, _ = _mode(_density(combination, linear), at)
         stretch = part.terms(()).stretch
         assert stretch is not None
         # White errors' squares by the variance that the weights are of: that without stretch.

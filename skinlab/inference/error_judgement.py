@@ -8,9 +8,9 @@ import numpy as np
 
 from skinlab.inference.error_choice import ErrorChoice, Node
 
-_SURE = 0.9
+_SURE = 0.95
 _CONTRADICTED = 1.3
-_DOUBT = 0.05  # the stated noise is that improbable
+_DOUBT = 0.01  # the stated noise is that improbable
 _MOST_UM = 8.0  # of errors that last: more is no tremor, but something that the model misses
 _SHOWS = 0.3  # of the white noise: errors that last and are smaller are not worth a word
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,7 @@ from skinlab.inference.marginal import IntegratedLikelihood
 from skinlab.inference.noise import (
     MESH_REST,
     mesh_error_shapes,
+    pressure_error_mm,
     pressure_noise_mbar,
     roughness,
     slope_mm_per_mbar,
@@ -76,7 +78,8 @@ class Fitted:
     models: Sequence[CurveModel]
     space: ParameterSpace
     samples: Samples
-    best_mm: Array  # (u,) of the model at the fit
+    parameters: Array  # (p,) of the fit
+    best_mm: Array  # (u,) of the model there
     linear: LinearModel
     sensor: Sensor
 
@@ -88,13 +91,28 @@ class Fitted:
             parts.append(slope_mm_per_mbar(g.pressure_mbar, w))
         return np.concatenate(parts)
 
+    @cached_property
+    def pressure_error_mm(self) -> Array:
+        """Return what the pressure readings' noise does to the deflections (u,)."""
+        sd = self.pressure_sd_mbar()
+        if not sd.any():
+            return sd
+        parts = [split_by_group(self.groups, v) for v in (self.best_mm, sd)]
+        return np.concatenate(
+            [
+                pressure_error_mm(g.pressure_mbar, *v)
+                for g, *v in zip(self.groups, *parts, strict=True)
+            ]
+        )
+
     def mesh_columns(self) -> Array:
         """Return the shapes (u, m) in which mesh and database err, of each group for itself."""
         blocks = []
         for g, model, w in zip(
             self.groups, self.models, split_by_group(self.groups, self.best_mm), strict=True
         ):
-            blocks.append(np.hstack([mesh_error_shapes(g.pressure_mbar, w), model.error_shapes_mm]))
+            own = model.error_shapes_mm(self.parameters)
+            blocks.append(np.hstack([mesh_error_shapes(g.pressure_mbar, w), own]))
         whole = np.zeros((len(self.samples), sum(b.shape[1] for b in blocks)))
         row = column = 0
         for b in blocks:
@@ -105,7 +123,7 @@ class Fitted:
     def outlier_probability(self) -> Array:
         """Return each sample's probability (u,) of not belonging to its curve."""
         step_mm = 1e-3 * step_um(self.samples.deflection_mm)
-        return outlier_probability(self.linear, self.samples, step_mm)
+        return outlier_probability(self.linear, self.samples, step_mm, self.pressure_error_mm)
 
     def pressure_sd_mbar(self) -> Array:
         """Return the pressure readings' standard deviations (u,): stated, or each curve's own."""
@@ -134,6 +152,7 @@ class Fitted:
             linear.slopes_mm,
             self.sensor.noise_um,
             self.pressure_sd_mbar()[kept],
+            self.pressure_error_mm[kept],
             self.sensor.placement_scatter,
         )
         rest = (MESH_REST * self.best_mm[kept]) ** 2
@@ -188,7 +207,7 @@ def about(
     residual = samples.deflection_mm - here
     columns = _within(unit, residual, slopes.T)
     linear = LinearModel(residual, columns, precision)
-    return Fitted(groups, models, space, samples, here, linear, sensor)
+    return Fitted(groups, models, space, samples, points[0], here, linear, sensor)
 
 
 def _within(unit: Array, residual: Array, slopes: Array) -> Array:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from skinlab.inference.identify import Identifier
     from skinlab.inference.result import Identification
     from skinlab.recording.session import Session
-    from skinlab.study.change import Changes
+    from skinlab.studies.change import Changes
 
 
 def compare_with(
@@ -35,7 +35,7 @@ def compare_with(
     from skinlab.recording.audit import operator
     from skinlab.recording.session import read_session
     from skinlab.recording.session_fit import fit_curves, fit_session
-    from skinlab.study import change
+    from skinlab.studies import change
 
     session = read_session(before)
     earlier = change.side_of(session, fit_session(identifier, before, session))
@@ -55,7 +55,7 @@ def compare_with(
 
 
 def _lines(before: Path, session: Session, found: Changes) -> tuple[str, ...]:
-    from skinlab.study import change
+    from skinlab.studies import change
 
     meta = session.meta
     who = ", ".join(str(meta[k]) for k in ("subject", "site") if meta.get(k))

@@ -37,7 +37,7 @@ from skinlab.tui.ui_state import Board, Entry, Live, Playing
 if TYPE_CHECKING:
     from skinlab.acquisition.measurement_request import Order
     from skinlab.discrepancy.outcome import Outcome
-    from skinlab.study.reference import Range
+    from skinlab.studies.reference import Range
 
 
 _LEAST_BAR = 8  # cells; a shorter one shows nothing
@@ -452,8 +452,8 @@ def result_lines(
         true_nu = result.derived.get(NU_CONSISTENT)
         if is_poisson(name) and true_nu is not None:
             lines.append(f" true nu {_like(true_nu, value)}, linear elasticity")
-    if result.error_um is not None and result.rms_um is not None:
-        lines.append(f"E {digits(result.error_um, 3)} µm, rms {digits(result.rms_um, 3)} µm")
+    if result.rms_um is not None:
+        lines.append(f"rms {digits(result.rms_um, 3)} µm")
     fitted = result.fitted_points
     lines.append(f"{fitted} of {result.points} points fitted")
     return lines
@@ -606,7 +606,7 @@ def row_texts(entry: Entry, names: Sequence[str] | None = None) -> tuple[str, ..
         else ""
         for n in names
     ]
-    error = "" if result is None or result.error_um is None else digits(result.error_um, 3)
+    rms = "" if result is None or result.rms_um is None else digits(result.rms_um, 3)
     remarks = "" if result is None else ", ".join(flag_words(flag) for flag in result.flags)
     if result is not None and result.error is not None:
         remarks = "not identified"
@@ -620,13 +620,13 @@ def row_texts(entry: Entry, names: Sequence[str] | None = None) -> tuple[str, ..
         str(setup.cycle),
         *numbers,
         shortened(str(setup.program)),
-        error,
+        rms,
         remarks,
     )
 
 
 ROW_BEFORE = ("#", "whose", "time", "use", "mm", "load")
-ROW_AFTER = ("program", "E µm", "remarks")
+ROW_AFTER = ("program", "rms µm", "remarks")
 _USE = {Use.GOOD: "good", Use.REPEAT: "repeat", Use.NOT: "no"}
 
 

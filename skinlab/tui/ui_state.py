@@ -63,7 +63,7 @@ from skinlab.report.verdict import Verdict, judge
 
 if TYPE_CHECKING:
     from skinlab.discrepancy.outcome import Outcome
-    from skinlab.study.reference import Range, Reference
+    from skinlab.studies.reference import Range, Reference
     from skinlab.tui.goal import Distance, Goal
 
 _S = InstrumentState
@@ -374,7 +374,7 @@ class Board:
         """Return the usual range of each parameter that the reference has for such a curve."""
         if self.reference is None or entry.result is None or not entry.result.parameters:
             return {}
-        from skinlab.study.reference import place  # slow to import
+        from skinlab.studies.reference import place  # slow to import
 
         values = {name: value.value for name, value in entry.result.parameters.items()}
         try:

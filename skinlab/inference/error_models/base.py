@@ -88,6 +88,7 @@ class Look:
     slopes: Array  # (u, k) of the model by unknowns, which absorb a part of any error
     noise_um: float | None  # as stated
     pressure_sd_mbar: Array  # (u,) of the readings
+    pressure_error_mm: Array  # (u,) root mean square of what these do to the deflections
     placement_scatter: float | None = 0.0
     """Standard deviation of log stiffness between placements; None: to be learned, 0: none."""
     white_square: Array | None = None

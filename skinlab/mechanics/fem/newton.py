@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import lapack
 
 from skinlab.mechanics.fem.admissibility import DEFAULT_LIMITS, Limits, fault
 from skinlab.mechanics.fem.assembly import Assembly, State
+from skinlab.mechanics.fem.banded import Factor
 
 Array = NDArray[np.float64]
 
@@ -92,8 +92,8 @@ def solve_point(
         state = assembly.evaluate(u, pressure_mpa, parameters, stress_2pk)
         if state is None:
             return None, iteration
-        factor, info = lapack.dpbtrf(state.tangent.T, lower=1, overwrite_ab=1)
-        if info != 0:
+        factor = state.matrix.factorise()
+        if factor is None:
             return None, iteration
         step = solve_linear(factor, state, pressure_mpa, -state.residual)
         correction = float(np.abs(step).max())
@@ -124,22 +124,22 @@ def solve_point(
     return None, settings.most_iterations
 
 
-def solve_linear(factor: Array, state: State, pressure_mpa: float, right: Array) -> Array:
+def solve_linear(factor: Factor, state: State, pressure_mpa: float, right: Array) -> Array:
     """Return x of K x = right (n,), from the Cholesky factor of the tangent's symmetric part.
 
     Where the load ends on a surface that moves, K has a skew part of rank two besides.
     """
-    x, _ = lapack.dpbtrs(factor, right, lower=1)
+    x = factor.solve(right)
     if state.skew is None:
-        return np.asarray(x)
+        return x
     e_r, e_z, size = state.skew
     k = pressure_mpa * size
-    by, _ = lapack.dpbtrs(factor, np.column_stack([e_r, e_z]), lower=1)
-    # K = K_s − k (e_z e_rᵀ − e_r e_zᵀ), by Woodbury: y = (e_r·x, e_z·x) of the solution
     seen = np.stack([e_r, e_z])
-    coupling = k * (seen @ by) @ np.array([[0.0, -1.0], [1.0, 0.0]])
+    by = factor.solve(seen)
+    # K = K_s − k (e_z e_rᵀ − e_r e_zᵀ), by Woodbury: y = (e_r·x, e_z·x) of the solution
+    coupling = k * (seen @ by.T) @ np.array([[0.0, -1.0], [1.0, 0.0]])
     y = np.linalg.solve(np.eye(2) - coupling, seen @ x)
-    return np.asarray(x + k * (by[:, 1] * y[0] - by[:, 0] * y[1]))
+    return np.asarray(x + k * (by[1] * y[0] - by[0] * y[1]))
 
 
 def follow(

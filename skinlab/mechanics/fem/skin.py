@@ -21,7 +21,7 @@ from scipy.optimize import brentq
 
 from skinlab.errors import InputError
 from skinlab.mechanics.fem.assembly import Assembly, stress_and_tangent
-from skinlab.mechanics.fem.suction import MESH_OF_RECORD, Discretisation, Geometry
+from skinlab.mechanics.fem.suction import MESH_OF_RECORD, RIM_MM, Discretisation, Geometry
 from skinlab.mechanics.materials import DEFAULT_LAW, Energy, Law, Potential, get_law
 from skinlab.mechanics.materials.base import HasPotential
 from skinlab.mechanics.materials.compressibility import KappaConvention
@@ -212,6 +212,7 @@ def prepare(problem: SkinProblem, discretisation: Discretisation = MESH_OF_RECOR
         problem.slip_mm,
         tuple(layer.thickness_mm for layer in problem.above),
         tuple(layer.thickness_mm for layer in problem.below),
+        _rim_mm(problem),
     )
     layer, own_layer = assembly.mesh.layer, len(problem.above)
     own = (problem.skin.coefficients, *(dict(term.parameters) for term in problem.terms))
@@ -238,6 +239,19 @@ def prepare(problem: SkinProblem, discretisation: Discretisation = MESH_OF_RECOR
         factor = 1.0 + (problem.stiffness - 1.0) * mine
         assembly = assembly.prestrained(np.stack([plane[layer], through[layer]]), factor)
     return Prepared(assembly, apex, body, own, layers)
+
+
+def _rim_mm(problem: SkinProblem) -> float:
+    """Return how sharp the edge is under layers on top: see `RIM_MM`.
+
+    A layer that carries more than the skin does not crease, and needs to be resolved.
+    """
+    if not problem.above:
+        return 0.0
+    skin = problem.skin
+    own = get_law(skin.law).half_shear_modulus(skin.named) * problem.geometry.thickness_mm
+    carried = sum(layer.thickness_mm * layer.half_shear_mpa for layer in problem.above)
+    return RIM_MM / (1.0 + (carried / own) ** 2)
 
 
 def through_thickness(stretch: float, energy: HasPotential, parameters: Mapping[str, Any]) -> float:
@@ -268,8 +282,9 @@ def _assembly(
     slip_mm: float,
     above_mm: tuple[float, ...],
     below_mm: tuple[float, ...],
+    rim_mm: float,
 ) -> tuple[Assembly, int, Body]:
-    mesh = discretisation.mesh(geometry, slip_mm, above_mm, below_mm)
+    mesh = discretisation.mesh(geometry, slip_mm, above_mm, below_mm, rim_mm)
     fixed = [2 * mesh.axis, 2 * mesh.tape, 2 * mesh.tape + 1, 2 * mesh.outer]
     if below_mm:
         fixed += [2 * mesh.bottom, 2 * mesh.bottom + 1]

@@ -33,7 +33,11 @@ Array = NDArray[np.float64]
 
 MBAR = 1e-4  # MPa
 
-SOLVER_VERSION = "3"  # raise it whenever a curve changes by more than round-off
+# How sharp an opening's edge can be: what counts as sharp in workshops (ISO 13715: ± 0.05 mm), and
+# about the thickness of a tape's adhesive. docs/decisions/0023-the-rim-has-a-length.md
+RIM_MM = 0.05
+
+SOLVER_VERSION = "4"  # raise it whenever a curve changes by more than round-off
 
 # Below zero and above the programmed maximum a noisy pressure channel still has a model.
 EXTENSION_BELOW_MBAR = 2.0
@@ -89,16 +93,20 @@ class Discretisation:
         slip_mm: float = 0.0,
         above_mm: tuple[float, ...] = (),
         below_mm: tuple[float, ...] = (),
+        rim_mm: float = 0.0,
     ) -> Mesh:
         """Return the mesh for this geometry.
 
         The tape holds from R + `slip_mm` on; `above_mm` and `below_mm` are the thicknesses of
-        layers inside the skin, from its top down, and of layers under it.
+        layers inside the skin, from its top down, and of layers under it. Under thin layers the
+        edge's element is no shorter than `rim_mm`.
         """
         r = geometry.radius_mm
         edge, counts = self.edge * r, self.counts
         if above_mm:  # a stiff layer bends at the edge within about its own thickness
             edge = min(edge, max(0.25 * edge, min(above_mm)))
+            if self.quarter_point:  # other elements are for comparisons in a sharp edge's limit
+                edge = max(edge, rim_mm)
             counts = counts and (counts[0] + 2, counts[1] + 1, counts[2])
         grading = Grading(
             edge=edge,

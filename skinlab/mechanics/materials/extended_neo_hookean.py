@@ -44,7 +44,7 @@ class ExtendedNeoHookean(Law):
         Parameter(
             NU, "", "Poisson's ratio at small stretch", 0.0, 0.49999, None,
             0.32, "the paper, section 2.3", symbol="ν",
-            search=Search(0.2, 0.49, step=0.02, reach=0.1),
+            search=Search(0.0, 0.499, step=0.02, reach=0.1),
             axis=Nodes(0.2, 0.48, 6),
             published=tuple(round(0.2 + 0.04 * i, 10) for i in range(8)),
         ),

@@ -15,7 +15,7 @@ from skinlab.tui.ui_state import Board, Entry
 if TYPE_CHECKING:
     from textual.app import ComposeResult
 
-    from skinlab.study.reference import Range
+    from skinlab.studies.reference import Range
 
 _INDEX = 4
 

@@ -197,7 +197,7 @@ class TestErrorsAsTheyAre:
         json.dumps(result.to_json(), allow_nan=False)
         assert all(v.low <= v.value <= v.high for v in result.parameters.values())
         assert "at_bound:X1_MPa" in result.flags
-        assert "misfit_above_noise" in result.flags
+        assert "crease" in result.flags
 
 
 def test_the_value_is_inside_its_interval_and_the_optimum_is_kept(table):
@@ -468,7 +468,7 @@ class TestCommand:
         out = capsys.readouterr().out
         assert "3 curves together" in out
         assert "measure next" in out
-        assert "hardly fix" in out
+        assert "do not determine" in out
 
     def test_advice_without_intervals_is_wrong_usage(self, table, tmp_path, capsys):
         path = self.campaign(table, tmp_path)
