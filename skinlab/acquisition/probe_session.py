@@ -362,7 +362,6 @@ class ProbeSession:
             raise LinkError("no probe is connected")
         simulated = probe.hello is not None and probe.hello.simulated
         self._whose = (order.subject, order.site, simulated)
-        probe.carry_dose(self._doses.get(self._whose, Dose()))
         path = new_session_path(self._folder, self._now())
         recording = SessionRecording(
             path,
@@ -374,8 +373,9 @@ class ProbeSession:
         )
         self._tap.into(recording.journal)
         runner.source.journal = recording.journal
-        simulated = probe.hello is not None and probe.hello.simulated
-        probe.carry_dose(recording.carry_dose(simulated=simulated))
+        # By the sessions on disk, or by what was seen here: whichever says more
+        doses = (recording.carry_dose(simulated=simulated), self._doses.get(self._whose, Dose()))
+        probe.carry_dose(max(doses, key=lambda dose: dose.suction_mbar_s))
         self._visit = Visit(
             recording,
             identifier,
