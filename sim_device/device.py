@@ -6,6 +6,7 @@ host, and nothing else.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Protocol
@@ -38,7 +39,7 @@ from drivers.events import (
     Vent,
 )
 from sim_device.faults import Fault, Schedule
-from sim_device.files import SensorSection
+from sim_device.files import TRUTHFUL, ProbeSection, SensorSection
 from sim_device.line import Line
 from sim_device.plant import Plant
 from sim_device.program import Run, needs
@@ -86,6 +87,7 @@ class Device:
     speed: how many of its seconds whoever calls `process` lets pass in one of the host's. The host
     is told, and the 500 ms without keep-alive after which it vents are the host's.
     faults: what goes wrong, and when; see `sim_device.faults`.
+    probe: what this one probe makes of the truth.
     trace: is told the time (s), the true pressure (mbar) and the state, every 10 ms of movement.
     """
 
@@ -100,10 +102,13 @@ class Device:
         keep_alive_s: float = KEEP_ALIVE_S,
         dialect: Dialect | None = None,
         faults: Iterable[Fault] = (),
+        probe: ProbeSection = TRUTHFUL,
         trace: Trace | None = None,
     ) -> None:
         self._skin = skin
         self._sensor = sensor
+        self._probe = probe
+        self._past_mbar = deque([0.0], maxlen=1 + round(probe.lag_s * 1e6) // STEP_US)
         self._aperture_mm = aperture_mm
         self._rng = np.random.default_rng(seed)
         self._speed = speed
@@ -292,7 +297,8 @@ class Device:
             self._run.advance(self._now_us - self._started_us, self._pressure())
             set_point, valve_open = self._run.set_point_mbar, self._run.valve_open
         self._break_plant()
-        self._plant.step(set_point, valve_open)
+        self._plant.step(self._true_mbar(set_point) if set_point > 0 else 0.0, valve_open)
+        self._past_mbar.append(self._plant.pressure_mbar)
         if self._state in _LIVE and self._now_us - self._alive_us > self._keep_alive_us:
             self._load = None
             self._open_valve("keep-alive lost")
@@ -347,7 +353,8 @@ class Device:
         if elapsed_us < self._sequence * 10**9 // round(run.load.rate_hz * 1000):
             return
         try:
-            deflection = self._skin.deflection_mm(elapsed_us / 1e6, self._plant.pressure_mbar)
+            felt_s = max(0.0, elapsed_us / 1e6 - self._probe.lag_s)
+            deflection = self._skin.deflection_mm(felt_s, self._past_mbar[0])
             if not abs(deflection) < _LONGEST_MM:
                 raise ValueError(f"a deflection of {deflection} mm")
         except Exception as error:  # noqa: BLE001 -- a skin that cannot be computed is a fault
@@ -356,9 +363,10 @@ class Device:
             return
         pressure_noise, deflection_noise = self._rng.standard_normal(2)
         sensor = self._sensor
-        pressure = self._plant.pressure_mbar + sensor.pressure_noise_mbar * pressure_noise
+        pressure = self._pressure() + sensor.pressure_noise_mbar * pressure_noise
         true_um = 0.0 if self._plant.lifted else 1e3 * deflection
-        deflection_um = true_um + sensor.noise_um * deflection_noise
+        read_um = self._probe.deflection_gain * true_um + self._probe.deflection_offset_um
+        deflection_um = read_um + sensor.noise_um * deflection_noise
         sample = Sample(
             sequence=self._sequence,
             device_time_s=elapsed_us / 1e6,
@@ -432,7 +440,13 @@ class Device:
 
     def _pressure(self) -> float:
         """Give what the firmware's own pressure sensor reads, in mbar."""
-        return self._plant.pressure_mbar
+        probe = self._probe
+        return probe.pressure_gain * self._plant.pressure_mbar + probe.pressure_offset_mbar
+
+    def _true_mbar(self, read_mbar: float) -> float:
+        """Give the pressure at which the firmware's sensor reads this."""
+        probe = self._probe
+        return max(0.0, (read_mbar - probe.pressure_offset_mbar) / probe.pressure_gain)
 
     def _hello(self) -> Hello:
         other = self._schedule.active("wrong_firmware", self._fault_us) is not None
@@ -441,7 +455,7 @@ class Device:
             protocol_version=self._dialect.protocol_version + int(other),
             model="skinlab simulated probe",
             firmware=_OTHER_FIRMWARE if other else "1.0",
-            serial_number="SIM-1",
+            serial_number=self._probe.serial_number,
             aperture_mm=self._aperture_mm,
             max_pressure_mbar=MAX_PRESSURE_MBAR,
             max_suction_s=MAX_SUCTION_S,

@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 
 from drivers.events import Load, Segment, SegmentKind
 from sim_device.device import STEP_US, Skin
-from sim_device.files import SkinSection
+from sim_device.files import TRUTHFUL, ProbeSection, SkinSection
 from sim_device.plant import Plant
 from sim_device.program import Run
+from skinlab.curves.phantoms import read_phantoms
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import Hold, Ramp, Release, Rest, parse_program
 from skinlab.mechanics.effects.model import Effects, Sensors, SkinCurve, problem_of, solve_skin
@@ -37,16 +38,19 @@ _ABOVE_MBAR = 15.0  # a pump overshoots a little, and the skin follows until the
 _HIGHEST_MBAR = 1000.0  # no suction is higher
 _PATH_MBAR = 0.25  # how closely the pressure's path is followed with memory
 _TABLE_MBAR = 0.01
+_KIT = 40_961  # so that a kit and the noise of the same seed have nothing in common
 
 
-def planned(load: Load) -> PressurePath:
+def planned(load: Load, probe: ProbeSection = TRUTHFUL) -> PressurePath:
     """Return the pressure that pump and valve will make of this program, if nothing goes wrong."""
     plant, run = Plant(STEP_S), Run(load)
+    gain, offset = probe.pressure_gain, probe.pressure_offset_mbar
     run.advance(0, 0.0)
     pressures = [0.0]
     while not run.ended:
-        run.advance(len(pressures) * STEP_US, plant.pressure_mbar)
-        plant.step(run.set_point_mbar, run.valve_open)
+        run.advance(len(pressures) * STEP_US, gain * plant.pressure_mbar + offset)
+        wanted = max(0.0, (run.set_point_mbar - offset) / gain) if run.set_point_mbar > 0 else 0.0
+        plant.step(wanted, run.valve_open)
         pressures.append(plant.pressure_mbar)
     times = STEP_S * np.arange(len(pressures), dtype=np.float64)
     return PressurePath.of_samples(times, np.array(pressures), _PATH_MBAR)
@@ -80,7 +84,8 @@ class _Dome:
 class SolvedSkin:
     """A skin of any law with any effects: its dome depends on pressure, time and cycle."""
 
-    def __init__(self, skin: SkinSection, effects: Effects) -> None:
+    def __init__(self, skin: SkinSection, effects: Effects, probe: ProbeSection = TRUTHFUL) -> None:
+        self._probe = probe
         self._law = Law((skin.X1_MPa, skin.X2_MPa, skin.nu), skin.kappa)
         if skin.law is not None:
             values = get_law(skin.law).ordered(skin.parameters)
@@ -149,13 +154,13 @@ class SolvedSkin:
         problem = self._problem_of(cycle)
         if problem not in self._domes:
             assert self._load is not None
-            self._domes[problem] = _solved(problem, self._load)
+            self._domes[problem] = _solved(problem, self._load, self._probe)
         return self._domes[problem]
 
 
-def _solved(problem: SkinProblem, load: Load) -> _Dome:
-    path = planned(load)
-    top = load.max_pressure_mbar
+def _solved(problem: SkinProblem, load: Load, probe: ProbeSection = TRUTHFUL) -> _Dome:
+    path = planned(load, probe)
+    top = max(load.max_pressure_mbar, path.top_mbar)
     goal = 1.1 * top + _ABOVE_MBAR
     times = np.arange(path.time_s[0], path.time_s[-1] + STEP_S, STEP_S)
     along, shift = np.empty(0), np.empty(0)
@@ -179,13 +184,58 @@ def _check(curve: SkinCurve, top_mbar: float) -> None:
         )
 
 
-def make_skin(skin: SkinSection, effects: Effects) -> Skin:
-    """Return the skin that a SKIN.toml describes.
+class Rigid:
+    """A body that no suction moves."""
+
+    def __init__(self, height_mm: float) -> None:
+        self._height_mm = height_mm
+
+    def prepare(self, aperture_mm: float, load: Load) -> None:
+        """Do nothing."""
+
+    def start(self) -> None:
+        """Do nothing."""
+
+    def deflection_mm(self, time_s: float, pressure_mbar: float) -> float:
+        """Return its height, always."""
+        return self._height_mm
+
+
+def make_skin(skin: SkinSection, effects: Effects, probe: ProbeSection = TRUTHFUL) -> Skin:
+    """Return the skin that a SKIN.toml describes, under this probe.
 
     Raises:
         ValueError: an effect or a parameter that there is not, or out of its bounds.
     """
-    return SolvedSkin(skin, effects)
+    return SolvedSkin(skin, effects, probe)
+
+
+def make_phantom(name: str, seed: int, probe: ProbeSection = TRUTHFUL) -> Skin:
+    """Return a phantom of the kit (skinlab/data/phantoms.toml), under this probe.
+
+    It differs from what its sheet states by the sheet's standard deviations; one seed, one kit.
+
+    Raises:
+        ValueError: the kit has no such phantom.
+    """
+    kit = read_phantoms()
+    known = [phantom.name for phantom in kit]
+    if name not in known:
+        raise ValueError(f"there is no phantom {name!r}; expected one of {', '.join(known)}")
+    number = known.index(name)
+    stated = kit[number]
+    off = np.random.default_rng([_KIT, seed, number]).standard_normal(2)
+    if stated.kind == "rigid":
+        return Rigid(stated.height_mm + stated.height_sd_mm * off[0])
+    assert stated.X1_MPa is not None
+    silicone = SkinSection(
+        X1_MPa=stated.X1_MPa * float(np.exp(stated.X1_relative_sd * off[0])),
+        X2_MPa=0.0,
+        nu=stated.nu,
+        kappa="consistent",
+        thickness_mm=stated.thickness_mm + stated.thickness_sd_mm * float(off[1]),
+    )
+    return SolvedSkin(silicone, {}, probe)
 
 
 # ---- curves without a wire: of a cohort -----------------------------------------------------
@@ -202,7 +252,7 @@ def load_of(program: str, rate_hz: float) -> Load:
         tuple(_segment(s) for s in asked.segments),
         rate_hz,
         asked.max_pressure_mbar,
-        asked.longest_suction_s,
+        asked.unpaused_suction_s,
     )
 
 

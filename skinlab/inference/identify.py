@@ -82,7 +82,9 @@ class Identifier:
         if self.model is not BASE:
             model += f" model={self.model.hash}"
         hashed = "sha256:" + hashlib.sha256(model.encode()).hexdigest()
+        probe = self.sensor.probe
         return Provenance(
+            probe=None if probe is None else (probe.file.serial_number, probe.hash),
             model_name=self.model.model.name,
             model_hash=self.model.hash if effects else hashed,
             effects=effects,
@@ -157,7 +159,8 @@ class Identifier:
         method = get_method(self.method)
         started = self.clock()
         try:
-            groups = group([choose(c, self.phases, self.database) for c in curves])
+            true = [self.sensor.corrected(c) for c in curves]
+            groups = group([choose(c, self.phases, self.database) for c in true])
             models = [g.model(self.database, self.kappa) for g in groups]
         except (InputError, NotTrustworthyError) as error:
             outside = isinstance(error, NotTrustworthyError)
@@ -291,7 +294,8 @@ class Identifier:
         if len(members) == 1:
             mask = members[0].mask
             model_mm = np.full(len(mask), np.nan)
-            model_mm[mask] = models[0].deflection_mm(x[None])[0]
+            at_best = models[0].deflection_mm(x[None])[0]
+            _, model_mm[mask] = self.sensor.as_read(groups[0].pressure_mbar, at_best)
             fitted, outliers = mask.copy(), np.zeros(len(mask), dtype=bool)
             fitted[mask], outliers[mask] = kept, ~kept
         points = int(kept.sum())

@@ -136,6 +136,7 @@ class Provenance:
     method: str
     seed: int
     effects: tuple[str, ...] = ()
+    probe: tuple[str, str] | None = None  # serial number and hash of its calibration
 
 
 def document(
@@ -164,6 +165,9 @@ def document(
         "joint": None if joint is None else joint.to_json(),
         "advice": None if advice is None else [a.to_json() for a in advice],
     }
+    if provenance.probe is not None:
+        serial_number, hashed = provenance.probe
+        whole["probe"] = {"serial_number": serial_number, "hash": hashed}
     if session is not None:
         whole["session"] = session
     if dose is not None:
