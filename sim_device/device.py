@@ -19,6 +19,7 @@ from drivers.errors import RemoteProtocolError
 from drivers.events import (
     PROGRAM_DONE,
     PROGRAM_END,
+    Abilities,
     Arm,
     Command,
     Damaged,
@@ -34,6 +35,7 @@ from drivers.events import (
     Refused,
     Reset,
     Sample,
+    SegmentKind,
     Start,
     State,
     Vent,
@@ -88,6 +90,7 @@ class Device:
     is told, and the 500 ms without keep-alive after which it vents are the host's.
     faults: what goes wrong, and when; see `sim_device.faults`.
     probe: what this one probe makes of the truth.
+    stops_at_heights: whether it can end a segment where a height is reached.
     trace: is told the time (s), the true pressure (mbar) and the state, every 10 ms of movement.
     """
 
@@ -103,11 +106,13 @@ class Device:
         dialect: Dialect | None = None,
         faults: Iterable[Fault] = (),
         probe: ProbeSection = TRUTHFUL,
+        stops_at_heights: bool = True,
         trace: Trace | None = None,
     ) -> None:
         self._skin = skin
         self._sensor = sensor
         self._probe = probe
+        self._stops_at_heights = stops_at_heights
         self._past_mbar = deque([0.0], maxlen=1 + round(probe.lag_s * 1e6) // STEP_US)
         self._aperture_mm = aperture_mm
         self._rng = np.random.default_rng(seed)
@@ -199,6 +204,8 @@ class Device:
             case Identify():
                 self._number = None
                 self._send(self._hello())
+                if self._stops_at_heights:
+                    self._send(Abilities(until=True))
                 if self._speed != 1:
                     self._send(Pace(self._speed))
                 self._say("identify")
@@ -236,6 +243,9 @@ class Device:
         highest, suction_s = needs(load.segments)
         if self._state not in {_S.IDLE, _S.LOADED}:
             return f"not while {self._state}"
+        until = any(s.kind is SegmentKind.UNTIL for s in load.segments)
+        if until and not self._stops_at_heights:
+            return "it cannot stop at a height"
         if not MIN_RATE_HZ <= load.rate_hz <= MAX_RATE_HZ:
             return f"rate {load.rate_hz:g} Hz is outside {MIN_RATE_HZ:g} to {MAX_RATE_HZ:g} Hz"
         if load.max_pressure_mbar > MAX_PRESSURE_MBAR:
@@ -294,7 +304,7 @@ class Device:
         self._now_us += STEP_US
         set_point, valve_open = 0.0, True
         if self._state is _S.RUNNING and self._run is not None:
-            self._run.advance(self._now_us - self._started_us, self._pressure())
+            self._run.advance(self._now_us - self._started_us, self._pressure(), self._height_mm)
             set_point, valve_open = self._run.set_point_mbar, self._run.valve_open
         self._break_plant()
         self._plant.step(self._true_mbar(set_point) if set_point > 0 else 0.0, valve_open)
@@ -442,6 +452,17 @@ class Device:
         """Give what the firmware's own pressure sensor reads, in mbar."""
         probe = self._probe
         return probe.pressure_gain * self._plant.pressure_mbar + probe.pressure_offset_mbar
+
+    def _height_mm(self) -> float:
+        """Give what the deflection sensor reads, without its noise: firmware averages."""
+        elapsed_s = (self._now_us - self._started_us) / 1e6
+        felt_s = max(0.0, elapsed_s - self._probe.lag_s)
+        if self._frozen_mm is not None:
+            return self._frozen_mm
+        if self._plant.lifted:
+            return 1e-3 * self._probe.deflection_offset_um
+        true_mm = self._skin.deflection_mm(felt_s, self._past_mbar[0])
+        return self._probe.deflection_gain * true_mm + 1e-3 * self._probe.deflection_offset_um
 
     def _true_mbar(self, read_mbar: float) -> float:
         """Give the pressure at which the firmware's sensor reads this."""

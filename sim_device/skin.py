@@ -8,8 +8,11 @@ steps; where the pressure turns out otherwise (a vent, a fault), it answers the 
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +24,7 @@ from sim_device.plant import Plant
 from sim_device.program import Run
 from skinlab.curves.phantoms import read_phantoms
 from skinlab.curves.pressure_path import PressurePath
-from skinlab.curves.program import Hold, Ramp, Release, Rest, parse_program
+from skinlab.curves.program import Hold, Ramp, Release, Rest, Until, parse_program
 from skinlab.mechanics.effects.model import Effects, Sensors, SkinCurve, problem_of, solve_skin
 from skinlab.mechanics.fem.element import QUAD9_FULL
 from skinlab.mechanics.fem.skin import Skin as Law
@@ -41,14 +44,24 @@ _TABLE_MBAR = 0.01
 _KIT = 40_961  # so that a kit and the noise of the same seed have nothing in common
 
 
-def planned(load: Load, probe: ProbeSection = TRUTHFUL) -> PressurePath:
-    """Return the pressure that pump and valve will make of this program, if nothing goes wrong."""
+def planned(
+    load: Load, probe: ProbeSection = TRUTHFUL, dome: Callable[[float, float], float] | None = None
+) -> PressurePath:
+    """Return the pressure that pump and valve will make of this program, if nothing goes wrong.
+
+    `dome` gives the deflection (mm) that the firmware reads at a time and a pressure, and so where
+    a rise until a height ends; None: nowhere.
+    """
     plant, run = Plant(STEP_S), Run(load)
     gain, offset = probe.pressure_gain, probe.pressure_offset_mbar
     run.advance(0, 0.0)
     pressures = [0.0]
     while not run.ended:
-        run.advance(len(pressures) * STEP_US, gain * plant.pressure_mbar + offset)
+        run.advance(
+            len(pressures) * STEP_US,
+            gain * plant.pressure_mbar + offset,
+            partial(_seen, dome, probe, (len(pressures) - 1) * STEP_S, plant.pressure_mbar),
+        )
         wanted = max(0.0, (run.set_point_mbar - offset) / gain) if run.set_point_mbar > 0 else 0.0
         plant.step(wanted, run.valve_open)
         pressures.append(plant.pressure_mbar)
@@ -158,22 +171,58 @@ class SolvedSkin:
         return self._domes[problem]
 
 
+def _seen(
+    dome: Callable[[float, float], float] | None,
+    probe: ProbeSection,
+    time_s: float,
+    pressure_mbar: float,
+) -> float:
+    if dome is None:
+        return -math.inf
+    read = probe.deflection_gain * dome(time_s, pressure_mbar)
+    return read + 1e-3 * probe.deflection_offset_um
+
+
 def _solved(problem: SkinProblem, load: Load, probe: ProbeSection = TRUTHFUL) -> _Dome:
     path = planned(load, probe)
     top = max(load.max_pressure_mbar, path.top_mbar)
-    goal = 1.1 * top + _ABOVE_MBAR
+    untils = sum(s.kind is SegmentKind.UNTIL for s in load.segments)
+    if untils:
+        # Soft skin need not hold at pressures that its height never lets it come to
+        reach = _elastic(problem, top, whole=False)
+        path = planned(load, probe, lambda _, p: reach(np.array([p]))[0])
+        top = path.top_mbar
+    dome = _along(problem, path, top, whole=not untils)
+    for _ in range(untils if problem.prony else 0):
+        # What is remembered up to a height says where it is reached, and so what follows
+        path = planned(load, probe, dome.deflection_mm)
+        dome = _along(problem, path, max(top, path.top_mbar), whole=False)
+    return dome
+
+
+def _elastic(problem: SkinProblem, top_mbar: float, *, whole: bool) -> Callable[[Array], Array]:
+    """Return the dome without memory (mm) at suctions (mbar); `whole`: it must hold to the top."""
+    goal = 1.1 * top_mbar + _ABOVE_MBAR
+    instant = solve_skin(problem.elastic, PressurePath((0.0, 1.0), (0.0, goal)), MESH)
+    if whole:
+        _check(instant, top_mbar)
+    if instant.instant is None:
+        raise ValueError("the simulated skin does not hold at all")
+    return instant.instant
+
+
+def _along(problem: SkinProblem, path: PressurePath, top_mbar: float, *, whole: bool) -> _Dome:
+    """Return the tables of one loading along a path."""
     times = np.arange(path.time_s[0], path.time_s[-1] + STEP_S, STEP_S)
     along, shift = np.empty(0), np.empty(0)
     if problem.prony:
         curve = solve_skin(problem, path, MESH)
         _check(curve, path.top_mbar)
         along, shift = curve.at(times, path(times)), curve.shift_mbar(times)
-    instant = solve_skin(problem.elastic, PressurePath((0.0, 1.0), (0.0, goal)), MESH)
-    _check(instant, top)
-    assert instant.instant is not None
+    instant = _elastic(problem, top_mbar, whole=whole)
     # Beyond what was solved it goes on straight: only a fault of the pump leads there
     pressure = np.arange(0.0, _HIGHEST_MBAR + shift.max(initial=0.0), _TABLE_MBAR)
-    return _Dome(pressure, instant.instant(pressure), path, times, path(times), along, shift)
+    return _Dome(pressure, instant(pressure), path, times, path(times), along, shift)
 
 
 def _check(curve: SkinCurve, top_mbar: float) -> None:
@@ -261,12 +310,16 @@ def program_duration_s(program: str) -> float:
     return parse_program(program).duration_s
 
 
-def _segment(segment: Ramp | Hold | Release | Rest) -> Segment:
+def _segment(segment: Ramp | Until | Hold | Release | Rest) -> Segment:
     match segment:
         case Ramp(target, rate):
             return Segment(SegmentKind.RAMP, target_mbar=target, rate_mbar_per_s=rate)
         case Hold(duration):
             return Segment(SegmentKind.HOLD, duration_s=duration)
+        case Until(height, rate, most):
+            return Segment(
+                SegmentKind.UNTIL, target_mbar=most, rate_mbar_per_s=rate, height_mm=height
+            )
         case Rest(duration):
             return Segment(SegmentKind.REST, duration_s=duration)
         case Release():

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.curves.curve import Curve
+from skinlab.curves.heights import heights_of
 from skinlab.errors import InputError, NotTrustworthyError
 from skinlab.inference import flags
 from skinlab.inference.advice import advise
@@ -100,7 +101,14 @@ class Identifier:
         Raises:
             InputError: the method or its options are wrong.
         """
-        blank = Identification(curve.name, curve.setup, None, points=len(curve), phases=self.phases)
+        blank = Identification(
+            curve.name,
+            curve.setup,
+            None,
+            points=len(curve),
+            phases=self.phases,
+            heights=heights_of(curve),
+        )
         return self._identify([curve], blank)
 
     def joint(self, curves: Sequence[Curve]) -> Identification:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from drivers.dose import Dose
 from skinlab.curves.curve import Setup
+from skinlab.curves.heights import Height
 from skinlab.inference.error_judgement import ErrorModelSummary, PlacementSummary
 from skinlab.inference.uncertainty import Uncertainty
 from skinlab.mechanics.materials import get_law
@@ -60,6 +61,7 @@ class Identification:
     fitted_points: int = 0
     files: tuple[str, ...] | None = None  # of a joint identification
     uncertainty: Uncertainty | None = None  # where the method gives intervals
+    heights: tuple[Height, ...] = ()  # of a program that stops at heights
     own_bounds: tuple[str, ...] = ()  # parameters whose bounds are a model's, not the database's
 
     def to_json(self) -> dict[str, Any]:
@@ -96,6 +98,7 @@ class Identification:
             "evaluations": self.evaluations,
             "seconds": self.seconds,
             "flags": list(self.flags),
+            **({"heights": [one.to_json() for one in self.heights]} if self.heights else {}),
         }
 
 

@@ -15,7 +15,7 @@ from drivers.events import (
     Sample,
 )
 from skinlab.curves.curve import Setup
-from skinlab.curves.program import Hold, Program, Ramp, Release, Segment
+from skinlab.curves.program import Hold, Program, Ramp, Release, Segment, Until
 from skinlab.inference.flags import CATALOGUE
 from skinlab.inference.result import Identification, Value
 from skinlab.mechanics.materials.base import NU_CONSISTENT
@@ -236,6 +236,8 @@ def _segment_words(segment: Segment) -> str:
     match segment:
         case Ramp(target, rate):
             return f"go to {target:g} mbar at {rate:g} mbar/s"
+        case Until(height, rate, most):
+            return f"rise at {rate:g} mbar/s until {height:g} mm, to {most:g} mbar at most"
         case Hold(duration):
             return f"hold {duration:g} s"
         case Release():
