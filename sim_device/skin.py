@@ -25,7 +25,14 @@ from sim_device.program import Run
 from skinlab.curves.phantoms import read_phantoms
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import Hold, Ramp, Release, Rest, Until, parse_program
-from skinlab.mechanics.effects.model import Effects, Sensors, SkinCurve, problem_of, solve_skin
+from skinlab.mechanics.effects.model import (
+    Effects,
+    Sensors,
+    SkinCurve,
+    felt_path,
+    problem_of,
+    solve_skin,
+)
 from skinlab.mechanics.fem.element import QUAD9_FULL
 from skinlab.mechanics.fem.skin import Skin as Law
 from skinlab.mechanics.fem.skin import SkinProblem
@@ -75,13 +82,16 @@ class _Dome:
 
     pressure_mbar: Array
     instant_mm: Array  # without memory, at these pressures
-    path: PressurePath
+    path: PressurePath  # of the pump
+    felt: PressurePath  # by the skin
     time_s: Array
     path_mbar: Array  # at these times
     path_mm: Array  # the same; empty where there is no memory
     shift_mbar: Array  # what memory is worth
 
     def deflection_mm(self, time_s: float, pressure_mbar: float) -> float:
+        if self.felt is not self.path:
+            pressure_mbar += float(self.felt(time_s)) - float(self.path(time_s))
         if not len(self.path_mm):
             return self._instant(pressure_mbar)
         along, on_path, shift = (
@@ -167,7 +177,7 @@ class SolvedSkin:
         problem = self._problem_of(cycle)
         if problem not in self._domes:
             assert self._load is not None
-            self._domes[problem] = _solved(problem, self._load, self._probe)
+            self._domes[problem] = _solved(problem, self._load, self._effects, self._probe)
         return self._domes[problem]
 
 
@@ -183,7 +193,9 @@ def _seen(
     return read + 1e-3 * probe.deflection_offset_um
 
 
-def _solved(problem: SkinProblem, load: Load, probe: ProbeSection = TRUTHFUL) -> _Dome:
+def _solved(
+    problem: SkinProblem, load: Load, effects: Effects, probe: ProbeSection = TRUTHFUL
+) -> _Dome:
     path = planned(load, probe)
     top = max(load.max_pressure_mbar, path.top_mbar)
     untils = sum(s.kind is SegmentKind.UNTIL for s in load.segments)
@@ -192,11 +204,11 @@ def _solved(problem: SkinProblem, load: Load, probe: ProbeSection = TRUTHFUL) ->
         reach = _elastic(problem, top, whole=False)
         path = planned(load, probe, lambda _, p: reach(np.array([p]))[0])
         top = path.top_mbar
-    dome = _along(problem, path, top, whole=not untils)
+    dome = _along(problem, path, top, effects, whole=not untils)
     for _ in range(untils if problem.prony else 0):
         # What is remembered up to a height says where it is reached, and so what follows
         path = planned(load, probe, dome.deflection_mm)
-        dome = _along(problem, path, max(top, path.top_mbar), whole=False)
+        dome = _along(problem, path, max(top, path.top_mbar), effects, whole=False)
     return dome
 
 
@@ -211,18 +223,23 @@ def _elastic(problem: SkinProblem, top_mbar: float, *, whole: bool) -> Callable[
     return instant.instant
 
 
-def _along(problem: SkinProblem, path: PressurePath, top_mbar: float, *, whole: bool) -> _Dome:
-    """Return the tables of one loading along a path."""
+def _along(
+    problem: SkinProblem, path: PressurePath, top_mbar: float, effects: Effects, *, whole: bool
+) -> _Dome:
+    """Return the tables of one loading along a path of the pump."""
+    felt = felt_path(effects, path)
+    if felt == path:
+        felt = path
     times = np.arange(path.time_s[0], path.time_s[-1] + STEP_S, STEP_S)
     along, shift = np.empty(0), np.empty(0)
     if problem.prony:
-        curve = solve_skin(problem, path, MESH)
-        _check(curve, path.top_mbar)
-        along, shift = curve.at(times, path(times)), curve.shift_mbar(times)
-    instant = _elastic(problem, top_mbar, whole=whole)
+        curve = solve_skin(problem, felt, MESH)
+        _check(curve, felt.top_mbar)
+        along, shift = curve.at(times, felt(times)), curve.shift_mbar(times)
+    instant = _elastic(problem, max(top_mbar, felt.top_mbar), whole=whole)
     # Beyond what was solved it goes on straight: only a fault of the pump leads there
     pressure = np.arange(0.0, _HIGHEST_MBAR + shift.max(initial=0.0), _TABLE_MBAR)
-    return _Dome(pressure, instant(pressure), path, times, path(times), along, shift)
+    return _Dome(pressure, instant(pressure), path, felt, times, felt(times), along, shift)
 
 
 def _check(curve: SkinCurve, top_mbar: float) -> None:
@@ -353,7 +370,7 @@ class Domes:
         when = np.asarray(self._sensors.when(time_s), dtype=float)
         felt = np.asarray(self._path(when), dtype=float)
         if self._effects:
-            dome = _solved(self._problem(skin, cycle), self._load)
+            dome = _solved(self._problem(skin, cycle), self._load, self._effects)
             clean = np.array(
                 [
                     dome.deflection_mm(t, p)

@@ -170,7 +170,7 @@ def _beside(
 ) -> tuple[dict[str, Any] | None, list[str]]:
     """Return where a curve's values stand in a reference, as data and in lines."""
     from skinlab.errors import InputError
-    from skinlab.study.reference import place, read_reference
+    from skinlab.studies.reference import place, read_reference
 
     reference = read_reference(path)
     if not result.parameters or result.setup is None:

@@ -35,9 +35,9 @@ CATALOGUE = {
         "Check opening and thickness, and do not trust the number.",
     ),
     "not_identifiable": Flag(
-        "{} is not fixed by this curve",
-        "This curve hardly fixes {}: its interval covers most of what is possible, so do not use "
-        "the number.",
+        "{} is not determined by this curve",
+        "This curve does not determine {} well: its interval covers most of what is possible. Do "
+        "not use the number.",
         "Measure with another opening or a higher pressure as well (“skinlab identify --advise” "
         "says which).",
     ),

@@ -71,6 +71,11 @@ class Samples:
         return int(self.curve[-1]) + 1 if len(self) else 0
 
     @property
+    def placements(self) -> int:
+        """Number of placements."""
+        return len(np.unique(self.placement))
+
+    @property
     def ends(self) -> tuple[int, ...]:
         """Ends of the curves."""
         return tuple(int(e) for e in np.searchsorted(self.curve, np.arange(self.curves), "right"))
@@ -88,24 +93,31 @@ class Samples:
         return Samples(*(getattr(self, f.name)[kept] for f in fields(self)))
 
 
-def samples_of(groups: Sequence[Group]) -> Samples:
-    """Return the samples of groups, in their order.
+def placements_of(curves: Sequence[Curve]) -> list[int]:
+    """Return the number of the placement that each curve belongs to.
 
-    A curve says which placement it belongs to; else one of cycle 1 begins one, and later cycles
-    belong to the one before.
+    A curve says so; else one of cycle 1 begins one, and later cycles belong to the one before.
     """
-    rows: list[tuple[NDArray[np.generic], ...]] = []
     placements: dict[str, int] = {}
-    begun = ""
-    members = [(k, m) for k, g in enumerate(groups) for m in g.members]
-    for number, (condition, member) in enumerate(members):
-        c, mask, n = member.curve, member.mask, member.count
-        label = c.setup.placement
+    found, begun = [], ""
+    for number, curve in enumerate(curves):
+        label = curve.setup.placement
         if label is not None:
             begun = f"stated {label}"
-        elif c.setup.cycle == 1 or not begun:
+        elif curve.setup.cycle == 1 or not begun:
             begun = f"curve {number}"
-        placement = placements.setdefault(begun, len(placements))
+        found.append(placements.setdefault(begun, len(placements)))
+    return found
+
+
+def samples_of(groups: Sequence[Group]) -> Samples:
+    """Return the samples of groups, in their order."""
+    rows: list[tuple[NDArray[np.generic], ...]] = []
+    members = [(k, m) for k, g in enumerate(groups) for m in g.members]
+    placements = placements_of([m.curve for _, m in members])
+    for number, (condition, member) in enumerate(members):
+        c, mask, n = member.curve, member.mask, member.count
+        placement = placements[number]
         numbers = (np.full(n, i) for i in (number, placement, condition))
         time = c.time_s[mask] - c.time_s[0]
         measured = c.pressure_mbar[mask], c.deflection_mm[mask], c.phase[mask]

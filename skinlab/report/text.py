@@ -98,7 +98,9 @@ def explain(result: Identification, noise_um: float | None = None) -> list[str]:
     loose = [f.split(":")[1] for f in result.flags if f.startswith("not_identifiable:")]
     if loose:
         names = " and ".join(plain(name)[0] for name in loose)
-        found.append(f"These data hardly fix {names}: the interval is most of what is possible.")
+        found.append(
+            f"These data do not determine {names}: the interval is most of what is possible."
+        )
     if "misfit_above_noise" in result.flags:
         much = "clearly more than"
         if noise_um and result.rms_um:
