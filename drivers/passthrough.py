@@ -24,8 +24,8 @@ def listen(
     software: Link | None,
     record: Callable[[Chunk], None],
     clock: Callable[[], float],
-    check: Callable[[], None],
     seconds: float | None = None,
+    check: Callable[[], None] = lambda: None,
 ) -> None:
     """Record what the instrument sends, for `seconds` (None: for ever); pass bytes both ways.
 

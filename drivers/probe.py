@@ -23,6 +23,7 @@ from drivers.errors import (
     UnknownDialectError,
 )
 from drivers.events import (
+    Abilities,
     Arm,
     Command,
     Event,
@@ -39,7 +40,7 @@ from drivers.events import (
     TimedEvent,
     VentConfirmed,
 )
-from drivers.limits import DEFAULT_LIMITS, Limits, program_bounds
+from drivers.limits import DEFAULT_LIMITS, NO_ABILITIES, Limits, program_bounds
 from drivers.link import Link, open_link
 from drivers.onlooker import Onlooker
 from drivers.stream import connect, follow_mark
@@ -112,6 +113,12 @@ class Probe:
         """Who the instrument is; None before `open`."""
         engine = self._seen
         return None if engine is None else engine.connection.hello
+
+    @property
+    def abilities(self) -> Abilities:
+        """What the instrument said that it can do besides."""
+        engine = self._seen
+        return NO_ABILITIES if engine is None else engine.connection.abilities
 
     @property
     def state(self) -> InstrumentState | None:

@@ -175,6 +175,9 @@ class ProbeSession:
         probe = self._probe
         if self._runner is None or probe is None or probe.hello is None:
             raise LinkError("no probe is connected")
+        known, hello = identifier.sensor.probe, probe.hello
+        if known is not None:
+            known.check_instrument(hello.serial_number, hello.aperture_mm, self._now())
         if self._visit is None:
             self._open_visit(order, probe, identifier)
         self._ask(vents, Arm(order.plan), Start())

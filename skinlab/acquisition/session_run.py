@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -86,6 +87,9 @@ def run_session(
         with make_probe(port, dialect=dialect, on_bytes=recording.journal.raw) as probe:
             hello = probe.open()
             opened(hello)
+            known = identifier.sensor.probe
+            if known is not None:
+                known.check_instrument(hello.serial_number, hello.aperture_mm, datetime.now(UTC))
             before = recording.carry_dose(simulated=hello.simulated)
             if before.time_s:
                 say(

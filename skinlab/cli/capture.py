@@ -84,7 +84,7 @@ def command(
         echo(f"capturing to {out}; Ctrl-C ends", err=True)
         held = stack.enter_context(HeldInterrupt())
         try:
-            listen(instrument, software, writer.write, time.monotonic, held.check, seconds)
+            listen(instrument, software, writer.write, time.monotonic, seconds, held.check)
         finally:
             counts = ", ".join(f"{writer.bytes_of[side]} bytes from the {side}" for side in Side)
             echo(f"{out}: {counts}", err=True)

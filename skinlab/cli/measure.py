@@ -22,6 +22,7 @@ from skinlab.cli.options import (
     make_identifier,
     parse_phases,
     prior_options,
+    probe_option,
     with_prior_option,
 )
 from skinlab.cli.output import echo, echo_text, print_json
@@ -59,6 +60,7 @@ _NOT_UNDERSTOOD = 10  # lines, after which it is said
 @click.option("--out", required=True, type=click.Path(path_type=Path), help="The session to write.")
 @identification_options()
 @database_option()
+@probe_option()
 @prior_options(site=False)
 @json_option()
 def command(

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import click
 
 from drivers.limits import DEFAULT_DOSE_MBAR_S
-from skinlab.cli.options import database_option, dialect_option
+from skinlab.cli.options import database_option, dialect_option, probe_option
 from skinlab.cli.output import echo
 
 if TYPE_CHECKING:
@@ -33,6 +33,7 @@ ESCAPE_MS = "40"
     "--model", "model_path", type=click.Path(path_type=Path), help="MODEL.toml to identify with."
 )
 @database_option()
+@probe_option()
 @click.option(
     "--dose-limit-mbar-s",
     type=float,
@@ -55,6 +56,7 @@ def command(
     sessions: Path | None = None,
     model_path: Path | None = None,
     database_path: Path | None = None,
+    probe_path: Path | None = None,
     dose_limit_mbar_s: float | None = None,
     reference_path: Path | None = None,
     serve: bool = False,
@@ -77,8 +79,8 @@ def command(
 
     get_dialect(dialect or DEFAULT)
     said = None
-    if model_path is not None or database_path is not None:
-        said = _identifier(model_path, database_path)
+    if (model_path, database_path, probe_path) != (None, None, None):
+        said = _identifier(model_path, database_path, probe_path)
     reference = None
     if reference_path is not None:
         from skinlab.studies.reference import read_reference
@@ -91,6 +93,7 @@ def command(
             "--sessions": folder,
             "--model": model_path,
             "--database": database_path,
+            "--probe": probe_path,
             "--dose-limit-mbar-s": dose_limit_mbar_s,
             "--reference": reference_path,
         }
@@ -100,7 +103,11 @@ def command(
     return _headless(port or SIMULATED, dialect, folder, said or _identifier(), dose_limit_mbar_s)
 
 
-def _identifier(model_path: Path | None = None, database_path: Path | None = None) -> Identifier:
+def _identifier(
+    model_path: Path | None = None,
+    database_path: Path | None = None,
+    probe_path: Path | None = None,
+) -> Identifier:
     """Return what identifies with the defaults of `measure`.
 
     Raises:
@@ -108,7 +115,7 @@ def _identifier(model_path: Path | None = None, database_path: Path | None = Non
     """
     from skinlab.api.identifiers import compose_identifier
 
-    return compose_identifier(model=model_path, database=database_path)
+    return compose_identifier(model=model_path, database=database_path, probe=probe_path)
 
 
 def has_screen() -> bool:

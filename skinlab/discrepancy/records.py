@@ -86,7 +86,7 @@ def records_of(campaign: Campaign) -> list[Record]:
 def _record(curve: Curve, noise_um: float | None, pressure_noise: float | None) -> Record:
     time, measured = curve.time_s, curve.pressure_mbar
     noise = pressure_noise_mbar(time, measured) if pressure_noise is None else pressure_noise
-    program = curve.setup.program
+    program = curve.program_as_run
     path = None
     if program is not None:
         t, p = program.knots()

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.curves.curve import Curve
+from skinlab.curves.heights import heights_of
 
 Array = NDArray[np.float64]
 
@@ -91,6 +92,11 @@ CATALOGUE = {
         "Check subject, site, opening and thickness; if they are right, use the numbers as they "
         "are.",
     ),
+    "height_not_reached": Flag(
+        "height not reached",
+        "A height that the program was to stop at was not reached within its pressure.",
+        "Let the program go higher, or look at the contact.",
+    ),
     "partial_curve": Flag(
         "cut short",
         "The curve was cut short, and only what there is was fitted.",
@@ -112,6 +118,8 @@ def of_curves(curves: Sequence[Curve], left_out: Sequence[int]) -> list[str]:
         flags.append("outside_database")
     if any(c.setup.cycle != 1 for c in curves):
         flags.append("not_first_cycle")
+    if any(not height.reached for c in curves for height in heights_of(c)):
+        flags.append("height_not_reached")
     if any(c.partial for c in curves):
         flags.append("partial_curve")
     return flags

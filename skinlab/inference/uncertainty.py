@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from skinlab.curves.curve import Curve
 from skinlab.inference.covariance import Covariance, OnKept
 from skinlab.inference.error_choice import ErrorChoice, choose_errors
 from skinlab.inference.error_judgement import Judged, judge_errors
@@ -32,6 +33,7 @@ from skinlab.inference.noise import (
 )
 from skinlab.inference.outliers import outlier_probability
 from skinlab.inference.posterior import Draws, sample
+from skinlab.inference.probe_file import ProbeErrors
 from skinlab.inference.problem import SquaredMisfit
 from skinlab.inference.samples import Group, Samples, samples_of
 from skinlab.mechanics.materials.compressibility import KappaConvention
@@ -57,6 +59,21 @@ class Sensor:
     noise_um: float | None = None
     pressure_noise_mbar: float | None = None
     placement_scatter: float | None = 0.0  # of log stiffness, of curves together; 0: there is none
+    probe: ProbeErrors | None = None  # as it was calibrated; None: it reads the truth
+
+    def corrected(self, curve: Curve) -> Curve:
+        """Return a curve as it truly was, as far as the probe's calibration knows.
+
+        Raises:
+            InputError: it is of another opening than the probe.
+        """
+        return curve if self.probe is None else self.probe.corrected(curve)
+
+    def as_read(self, pressure_mbar: Array, deflection_mm: Array) -> tuple[Array, Array]:
+        """Return what the probe reads of true values: of pressures, and of deflections."""
+        if self.probe is None:
+            return pressure_mbar, deflection_mm
+        return self.probe.as_read_mbar(pressure_mbar), self.probe.as_read(deflection_mm)
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,6 +138,15 @@ class Fitted:
             row, column = row + len(b), column + b.shape[1]
         return whole
 
+    def probe_columns(self) -> Array:
+        """Return what the probe's calibration leaves open (u, m): all samples err together."""
+        probe, samples = self.sensor.probe, self.samples
+        if probe is None:
+            return np.zeros((len(samples), 0))
+        each = (samples.time_s, samples.pressure_mbar, self.best_mm, self.slope_mm_per_mbar)
+        split = (np.split(values, samples.ends[:-1]) for values in each)
+        return np.vstack([probe.columns_mm(*parts) for parts in zip(*split, strict=True)])
+
     def outlier_probability(self) -> Array:
         """Return each sample's probability (u,) of not belonging to its curve."""
         step_mm = 1e-3 * step_um(self.samples.deflection_mm)
@@ -167,7 +193,7 @@ class Fitted:
             None if thickness_error_mm is None else thickness_error_mm[kept],
         )
         rest = (MESH_REST * self.best_mm[kept]) ** 2
-        columns = self.mesh_columns()[kept]
+        columns = np.hstack([self.mesh_columns(), self.probe_columns()])[kept]
         least = _SMALL * max(roughness(residual), _LEAST_ROUGH_MM)
         seen = np.sqrt(np.square(columns).sum(axis=0)) > least
         return choose_errors(look, linear, columns[:, seen], rest, error_models)

@@ -41,6 +41,7 @@ from skinlab.versions import versions
 def identification_settings(identifier: Identifier) -> dict[str, Any]:
     """Return what a replay must know to identify in the same way."""
     options, path = identifier.options, identifier.database.path
+    probe = identifier.sensor.probe
     prior = identifier.population if isinstance(identifier, PopulationIdentifier) else None
     return {
         "method": identifier.method,
@@ -57,6 +58,7 @@ def identification_settings(identifier: Identifier) -> dict[str, Any]:
         "database_hash": identifier.database.content_hash,
         "database_path": None if path is None else str(path),
         **({} if prior is None else {"prior": prior.to_json()}),
+        **({} if probe is None else {"probe": probe.text}),
     }
 
 

@@ -40,6 +40,14 @@ def describe(result: Identification) -> str:
         if is_poisson(name) and true_nu is not None:
             text += f"(linear elasticity's nu: {true_nu:.3f})"
         lines.append(text.rstrip())
+    for height in result.heights:
+        if height.pressure_mbar is None:
+            lines.append(f"  {height.height_mm:g} mm {'' if height.reached else 'not '}reached")
+        else:
+            lines.append(
+                f"  {height.height_mm:g} mm needed {height.pressure_mbar:.1f} mbar "
+                f"(± {height.pressure_sd_mbar:.1f})"
+            )
     if result.error_um is not None and result.rms_um is not None:
         text = f"  E   {result.error_um:10.3g} µm   rms residual {result.rms_um:.3g} µm"
         if result.noise_um:

@@ -13,7 +13,7 @@ from drivers.capabilities import READ_ONLY
 from drivers.dose import Dose
 from drivers.events import Hello, Sample
 from skinlab.curves.curve import Curve, Setup
-from skinlab.curves.program import Hold, Program, Ramp, Release, Segment
+from skinlab.curves.program import Hold, Program, Ramp, Release, Segment, Until
 from skinlab.errors import InputError
 from skinlab.inference.flags import CATALOGUE
 from skinlab.inference.result import Identification, Value
@@ -268,6 +268,8 @@ def _segment_words(segment: Segment) -> str:
     match segment:
         case Ramp(target, rate):
             return f"go to {target:g} mbar at {rate:g} mbar/s"
+        case Until(height, rate, most):
+            return f"rise at {rate:g} mbar/s until {height:g} mm, to {most:g} mbar at most"
         case Hold(duration):
             return f"hold {duration:g} s"
         case Release():

@@ -106,7 +106,7 @@ def test_a_capture_ends_between_two_reads_and_loses_none():
 
     chunks = []
     with HeldInterrupt() as held, pytest.raises(KeyboardInterrupt):
-        listen(Instrument(), None, chunks.append, lambda: 0.0, held.check)
+        listen(Instrument(), None, chunks.append, lambda: 0.0, None, held.check)
     assert [chunk.data for chunk in chunks] == [b"abc"]
 
 
