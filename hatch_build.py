@@ -1,4 +1,4 @@
-"""Compile the finite elements' inner loops when the package is installed, where there is a compiler.
+"""Compile the inner loops of the finite elements on installation, where there is a compiler.
 
 Without one the package is the same, and slower: numpy computes what they would.
 """
@@ -39,11 +39,13 @@ class CompileKernel(BuildHookInterface):  # type: ignore[type-arg]
 
 
 def compile_kernel(source: Path, library: Path, compiler: Sequence[str] = ()) -> bool:
-    """Return whether there is a library of this source now; `compiler`: a command, default `$CC`."""
+    """Return whether there is a library of this source now; `compiler`: default `$CC`."""
     library.unlink(missing_ok=True)
     stamp = hashlib.sha256(source.read_bytes()).hexdigest()
     command = [
-        *(compiler or shlex.split(os.environ.get("CC", "cc"))), "-O3", "-fPIC", "-shared", "-fno-math-errno", f'-DSKINLAB_SOURCE="{stamp}"',
+        *(compiler or shlex.split(os.environ.get("CC", "cc"))), "-O3", "-fPIC", "-shared",
+        "-fno-math-errno",
+        f'-DSKINLAB_SOURCE="{stamp}"',
         "-o", str(library), str(source), "-lm",
     ]  # fmt: skip
     try:

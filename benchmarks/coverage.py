@@ -40,6 +40,8 @@ PLACED_MBAR = 70.0  # where placements differ: a soft one is as at more
 ZERO_UM = 4.0  # of a placement
 SEED = 20261122  # of skins and errors; nothing was chosen by looking at these
 RESULT = Path(__file__).parent / "results" / "identification_coverage.jsonl"
+_OF_THE_SKIN = ("at_bound", "not_identifiable")  # flags that say nothing of the errors
+PICTURE = Path(__file__).parents[1] / "docs" / "pictures" / "ranks.svg"
 NAMES = ("X1_MPa", "X2_MPa", "nu")
 
 
@@ -379,3 +381,44 @@ def run(
         say(line)
         with result.open("a") as stream:
             stream.write(line + "\n")
+
+
+def draw_ranks(seed: int = SEED) -> None:
+    """Draw how ranks of the truth among the draws spread, over all rows of single curves.
+
+    Simulation-based calibration (Talts et al. 2018, arXiv:1804.06788): the skins are drawn from the
+    prior, so that ranks are uniform where intervals of every level hold the truth as they say.
+    """
+    from matplotlib import pyplot as plt
+
+    lines = [json.loads(line) for line in RESULT.read_text().splitlines()]
+    lines = [r for r in lines if r["seed"] == seed and ROWS[r["row"]].kind == "any"]
+    figure, axes = plt.subplots(1, 3, figsize=(7.5, 2.4), sharey=True, layout="constrained")
+    for axis, name in zip(axes, NAMES, strict=True):
+        counts = np.sum([r["ranks"][name] for r in lines], axis=0)
+        axis.bar((np.arange(10) + 0.5) / 10, counts / counts.mean(), 0.09, color="0.6")
+        axis.axhline(1.0, color="black", linewidth=0.8)
+        axis.set_xlabel(f"rank of the true {name.replace('_', ', ')}")
+    axes[0].set_ylabel("curves, by what is expected")
+    figure.suptitle(f"{sum(r['curves'] for r in lines)} curves of {len(lines)} rows", fontsize=9)
+    plt.rcParams["svg.hashsalt"] = "skinlab"
+    figure.savefig(PICTURE, metadata={"Date": None})
+
+
+def table() -> str:
+    """Return the saved rows as a table of docs/intervals.md."""
+    head = ("errors", "curves", "held", "where the table answers", "oracle", "width", "flags")
+    lines = [head, ("---",) * len(head)]
+    for row in (json.loads(line) for line in RESULT.read_text().splitlines()):
+        wanted = {k: v for k, v in row["flags"].items() if k not in _OF_THE_SKIN}
+        said = ", ".join(f"`{k}` {100 * v:.0f}" for k, v in wanted.items())
+        inside = row["coverage_where_the_table_answers"] if row["refused_by_the_table"] else {}
+        ratio = ", ".join(f"{v:.2f}" for v in row.get("width_over_oracle", ()))
+        held = [_words(v) for v in (row["coverage"], inside, row.get("oracle_held", {}))]
+        cells = (f"`{row['row']}`", str(row["curves"]), *held, ratio or "–", said or "–")
+        lines.append(cells)
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
+
+
+def _words(held: dict[str, float]) -> str:
+    return ", ".join(f"{v:.0f}" for v in held.values()) or "–"

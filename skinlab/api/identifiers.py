@@ -9,7 +9,6 @@ from typing import Any, get_args
 
 from skinlab.api.paths import PathLike, as_path
 from skinlab.curves.program import Phase
-from skinlab.discrepancy.model_identifier import with_model
 from skinlab.errors import InputError
 from skinlab.inference.custom_table import with_custom_table
 from skinlab.inference.identify import Identifier
@@ -124,6 +123,8 @@ def compose_identifier(
         identifier = with_custom_table(identifier, table, phases_said=phases is not None)
     elif asked is not None:
         check_kappa(kappa, asked, called(model, "the model"))
+        from skinlab.discrepancy.model_identifier import with_model  # slow to import
+
         identifier = with_model(identifier, asked)
     return identifier if prior is None else with_prior(identifier, read_prior(as_path(prior)))
 

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2, norm
+from scipy.special import chdtrc, ndtr
 
 from skinlab.discrepancy.records import Record
 from skinlab.inference.covariance import Covariance
@@ -82,13 +82,13 @@ def look(
                         (float(t[0]), float(t[-1])),
                         1e3 * float(raw[at].mean()),
                         record.noise_um,
-                        2.0 * float(norm.sf(abs(score))),
+                        2.0 * float(ndtr(-abs(score))),
                     ),
                 )
             )
     freedom = max(count - unknowns, 1)
-    by_means = float(chi2.sf(total, freedom))
-    by_neighbours = float(norm.sf(product / np.sqrt(max(pairs, 1))))
+    by_means = float(chdtrc(freedom, total))
+    by_neighbours = float(ndtr(-product / np.sqrt(max(pairs, 1))))
     places.sort(key=lambda item: -item[0])
     corrected = tuple(
         Place(**{**vars(p), "p_value": min(1.0, p.p_value * len(places))}) for _, p in places

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from skinlab.discrepancy.records import Record
 from skinlab.discrepancy.space_mapping import MappedModel
@@ -158,6 +157,8 @@ class Fitter:
 
         def slopes(u: Array) -> Array:
             return self.all_slopes(model, u, keep)
+
+        from scipy.optimize import least_squares  # slow to import
 
         found = least_squares(
             residuals, inside, jac=slopes, bounds=(low, high), x_scale=np.minimum(span, 1.0),

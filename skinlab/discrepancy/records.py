@@ -7,8 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
-from scipy.signal import savgol_filter
 
 from skinlab.curves.campaign import Campaign
 from skinlab.curves.curve import Curve
@@ -100,6 +98,8 @@ def _record(curve: Curve, noise_um: float | None, pressure_noise: float | None) 
         # Each sample keeps its own reading: what smoothing leaves of the noise goes up and down
         # together, and through dw/dp it would look like a missing effect.
         pressure, sd = measured, noise
+        from scipy.signal import savgol_filter  # slow to import
+
         smooth = savgol_filter(measured, _WINDOW, 2, mode="interp")
         path = PressurePath.of_samples(time, smooth, max(2.5 * _SMOOTHED * noise, 0.2))
     own = noise_um
@@ -128,6 +128,8 @@ def coarsened(record: Record, rate_hz: float) -> Record:
     if size < 2:
         return record
     w, phase = curve.deflection_mm, curve.phase
+    from scipy.ndimage import median_filter  # slow to import
+
     usual = median_filter(w, _GLITCH_WINDOW, mode="nearest")
     off = np.abs(w - usual)
     kept = off <= np.maximum(_GLITCH * np.median(off) / _SPREAD, _GLITCH_LEAST_MM)

@@ -17,10 +17,10 @@ import math
 from bisect import bisect_left
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline, PPoly
 
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.errors import NotTrustworthyError
@@ -28,6 +28,9 @@ from skinlab.mechanics.fem.skin import Prony, SkinProblem
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.mechanics.materials.compressibility import KappaConvention
 from skinlab.tables.base import CurveModel, Database
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PPoly
 
 Array = NDArray[np.float64]
 
@@ -77,6 +80,8 @@ class _Tabulated:
         values, reach_mbar = self.model.with_reach(parameters)
         if reach_mbar[0] < least_reach_mbar or not np.isfinite(values).all():
             return None
+        from scipy.interpolate import PPoly  # slow to import
+
         spline = PPoly.construct_fast(self.spline_of @ values[0], self.nodes)
         return Dome(spline, self.scale)
 
@@ -89,6 +94,8 @@ def _tabulate(
     nodes = np.linspace(low, high, _NODES)
     pressure = scale * np.sinh(nodes)
     model = database.model(geometry, pressure, kappa, sd_mm)
+    from scipy.interpolate import CubicSpline  # slow to import
+
     return _Tabulated(model, nodes, scale, CubicSpline(nodes, np.eye(_NODES)).c)
 
 

@@ -122,7 +122,7 @@ def _look(time_s: Any, curves: int, residual_mm: Any) -> Look:
     return Look(
         samples, fitted, slope, measured - fitted,
         np.column_stack([fitted, fitted * x, fitted * x**2]), None, np.full(count, 0.05),
-        0.05 * slope, None, square,
+        0.05 * slope, None, None, square,
     )  # fmt: skip
 
 

@@ -18,7 +18,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dpttrf, dtbtrs
+
+from skinlab.inference import bidiagonal
 
 Array = NDArray[np.float64]
 
@@ -83,10 +84,7 @@ class Covariance:
         diagonal[1:] += phi[1:] ** 2 * d[:-1]
         if self.count < 2:
             return diagonal, np.zeros(0)
-        found, below, failed = dpttrf(diagonal, -phi[1:] * d[:-1])
-        if failed:
-            raise np.linalg.LinAlgError("the covariance of the errors is not positive definite")
-        return found, below
+        return bidiagonal.factorise(diagonal, -phi[1:] * d[:-1])
 
     def whiten_without_columns(self, values_mm: Array) -> Array:
         """Return W r (u, …) with WᵀW = (D + B)⁻¹."""
@@ -96,7 +94,7 @@ class Covariance:
         rough = np.array(flat, order="F")
         rough[1:] -= self._decay[1:, None] * flat[:-1]
         d, below = self._factor
-        found = _solve_bidiagonal(below, rough) / np.sqrt(d)[:, None]
+        found = bidiagonal.solve(below, rough) / np.sqrt(d)[:, None]
         return np.asarray(found.reshape(values_mm.shape))
 
     def transposed_without_columns(self, white: Array) -> Array:
@@ -104,7 +102,7 @@ class Covariance:
         if self.ou is None:
             return white / self.sigma_mm[:, None]
         d, below = self._factor
-        smooth = _solve_bidiagonal(below, np.asfortranarray(white / np.sqrt(d)[:, None]), trans="T")
+        smooth = bidiagonal.solve(below, np.asfortranarray(white / np.sqrt(d)[:, None]), trans="T")
         found = smooth.copy()
         found[:-1] -= self._decay[1:, None] * smooth[1:]
         return found
@@ -116,7 +114,7 @@ class Covariance:
         scaled = white * np.sqrt(d)[:, None]
         rough = np.array(scaled, order="F")
         rough[1:] += below[:, None] * scaled[:-1]
-        return _solve_bidiagonal(-self._decay[1:], rough)
+        return bidiagonal.solve(-self._decay[1:], rough)
 
     @cached_property
     def log_determinant_without_columns(self) -> float:
@@ -194,19 +192,6 @@ class Covariance:
         return np.split(values, self.ends[:-1])
 
 
-def _solve_bidiagonal(below: Array, right: Array, trans: str = "N") -> Array:
-    """Return x with x₀ = r₀ and xᵢ + belowᵢ₋₁ xᵢ₋₁ = rᵢ, for right sides (u, m).
-
-    With `trans` "T" that of the transposed matrix.
-    """
-    if len(right) < 2 or not right.shape[1]:
-        return right  # nothing to do, and LAPACK's wrapper does not bear it
-    band = np.ones((2, len(right)))
-    band[1, :-1] = below
-    found, _ = dtbtrs(band, right, uplo="L", trans=trans, diag="U")
-    return np.asarray(found)
-
-
 def gram_matrices(covariances: Sequence[Covariance], values_mm: Array) -> tuple[Array, Array]:
     """Return (W [values, V])ᵀ (W [values, V]) (n, m, m), and log |D + B| (n,), of many at once.
 
@@ -244,11 +229,9 @@ def gram_matrices(covariances: Sequence[Covariance], values_mm: Array) -> tuple[
         beside[:, :-1] = -phi[:, 1:] * d[:, :-1]
         both[:, 1:] -= phi[:, 1:, None] * both[:, :-1]
         if n * u > 1:
-            found, below, failed = dpttrf(diagonal.ravel(), beside.ravel()[:-1])
-            if failed:
-                raise np.linalg.LinAlgError("the covariance of the errors is not positive definite")
+            found, below = bidiagonal.factorise(diagonal.ravel(), beside.ravel()[:-1])
             flat = np.asfortranarray(both.reshape(n * u, -1))
-            both = _solve_bidiagonal(below, flat).reshape(n, u, -1)
+            both = bidiagonal.solve(below, flat).reshape(n, u, -1)
             diagonal = found.reshape(n, u)
         d = diagonal
     both /= np.sqrt(d)[:, :, None]

@@ -10,14 +10,13 @@ and by the prior (a defensive mixture: Hesterberg 1995, Technometrics 37:185).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cache, cached_property, lru_cache
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gammaln, logsumexp, ndtri
-from scipy.stats import qmc
 
 from skinlab.inference.covariance import Covariance
 from skinlab.inference.error_models import ERROR_MODELS
@@ -42,6 +41,7 @@ _NO_GAIN = 0.0  # of the log evidence with odds: below, no more models are added
 _MOST_MODELS = 4  # beside those that are always there
 _NEGLIGIBLE = 1e-3  # of all weight: nodes that carry less are dropped
 _MIXTURE_ROUNDS = 6
+POINTS = Path(__file__).parents[1] / "data" / "sobol.npz"  # tests/unit/inference/test_sobol.py
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +63,11 @@ class Combination:
     def parameters(self) -> tuple[str, ...]:
         """Names of the parameters."""
         return tuple(p.name for part in self.parts for p in part.parameters)
+
+    @cached_property
+    def lasting(self) -> frozenset[str]:
+        """Names of the parts that are correlated in time."""
+        return frozenset(part.name for part in self.parts if part.lasting)
 
     @property
     def log_odds(self) -> float:
@@ -195,12 +200,20 @@ def choose_errors(
 
     `linear` is the model about its fit; `fixed_mm` (u, m) and `fixed_mm2` (u,) are columns and
     variances of errors that are known beforehand: the mesh's. `models` are those to choose from,
-    all that there are if it is None.
+    all that there are if it is None. Of several processes in time the evidence chooses one: the sum
+    of two is not Markovian, and a curve hardly tells them apart.
+
+    Raises:
+        ValueError: two models are processes in time and always there.
     """
     models = ERROR_MODELS.all() if models is None else models
     offered = [part for model in models if (part := model.part(look)) is not None]
     always = tuple(sorted((p for p in offered if p.always), key=lambda p: p.name != "white"))
     others = [p for p in offered if not p.always]
+    processes = {part.name for part in offered if part.is_process}
+    both = [part.name for part in always if part.name in processes]
+    if len(both) > 1:
+        raise ValueError(f"error models {' and '.join(both)} are processes in time; expected one")
 
     def combine(parts: tuple[Part, ...]) -> Combination:
         return Combination(parts, look.samples.time_s, look.samples.ends, fixed_mm, fixed_mm2)
@@ -210,7 +223,8 @@ def choose_errors(
     tried = [best]
     for _ in range(_MOST_MODELS):
         names = {part.name for part in best.combination.parts}
-        more = [p for p in others if p.name not in names]
+        taken = names | processes if names & processes else names
+        more = [p for p in others if p.name not in taken]
         known = {frozenset(e.combination.name.split("+")) for e in tried}
         found = [
             _explore(
@@ -240,7 +254,7 @@ def choose_errors(
 def _collect(tried: Sequence[_Explored], best: _Explored) -> ErrorChoice:
     nodes = [node for e in tried for node in e.nodes]
     log_weight = np.array([n.log_prior + n.log_marginal for n in nodes])
-    weight = np.exp(log_weight - logsumexp(log_weight))
+    weight = np.exp(log_weight - np.logaddexp.reduce(log_weight))
     order = np.argsort(-weight, kind="stable")
     order = order[np.cumsum(weight[order]) - weight[order] < 1.0 - _NEGLIGIBLE]
     kept = weight[order] / weight[order].sum()
@@ -292,7 +306,7 @@ def _explore(
     log_prior = np.array([combination.log_prior(value) for value in values])
     log_prior += combination.log_odds - math.log(len(values)) - log_drawn
     log_marginal = linear.log_marginals(covariances)
-    evidence = float(logsumexp(log_prior + log_marginal))
+    evidence = float(np.logaddexp.reduce(log_prior + log_marginal))
     if combination.bound:
         # The evidence is that of the mixture's own variances; the nodes' are spread.
         spread = _density(combination, linear, spread=True)(mode[None])[0]
@@ -357,13 +371,45 @@ def _derivatives(density: Callable[[Array], Array], at: Array) -> tuple[float, A
     return float(here[0]), slope, curvature
 
 
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=64)
+def normal_points(count: int, d: int) -> Array:
+    """Return normally distributed points (count, d), spread evenly: a fixed Sobol' sequence."""
+    stored = _stored_points().get(f"normal{d}")
+    if stored is not None and count <= len(stored):
+        return stored[:count]
+    from scipy.special import ndtri  # slow to import
+
+    return np.asarray(ndtri(_even(count, d)))
+
+
+@lru_cache(maxsize=64)
+def student_points(count: int, d: int) -> Array:
+    """Return Student distributed points (count, d), from one dimension more of the sequence."""
+    stored = _stored_points().get(f"student{d}")
+    if stored is not None and count <= len(stored):
+        return stored[:count]
+    from scipy.special import gammaincinv, ndtri  # slow to import
+
+    points = _even(count, d + 1)
+    chi_square = 2.0 * gammaincinv(0.5 * _FREEDOM, points[:, -1])
+    return np.asarray(ndtri(points[:, :-1]) * np.sqrt(_FREEDOM / chi_square)[:, None])
+
+
 def _even(count: int, d: int) -> Array:
-    """Return points (count, d) of the unit cube, spread evenly: a fixed Sobol' sequence."""
-    points = qmc.Sobol(d, scramble=True, rng=np.random.default_rng(0)).random(
-        1 << max(count - 1, 1).bit_length()
-    )
-    return np.clip(points[:count], 1e-3, 1 - 1e-3)
+    """Return points (count, d) of the unit cube."""
+    from scipy.stats import qmc  # slow to import
+
+    sequence = qmc.Sobol(d, scramble=True, rng=np.random.default_rng(0))
+    return np.clip(sequence.random(1 << max(count - 1, 1).bit_length())[:count], 1e-3, 1 - 1e-3)
+
+
+@cache
+def _stored_points() -> Mapping[str, Array]:
+    """Return the first points of each dimension: scipy takes half a second to make them."""
+    if not POINTS.exists():
+        return {}
+    with np.load(POINTS) as file:
+        return dict(file)
 
 
 def _draws(combination: Combination, mode: Array, root: Array) -> tuple[Array, Array]:
@@ -376,22 +422,22 @@ def _draws(combination: Combination, mode: Array, root: Array) -> tuple[Array, A
     count = _NODES.get(d, _MOST_NODES)
     first = round((1.0 - _FROM_PRIOR) * count) if d > 1 else count
     wide = _WIDER * root
-    near = mode + _student(_even(first, d + 1)) @ wide.T
+    near = mode + student_points(first, d) @ wide.T
     values = near
     share = first / count
     if first < count:
         # As wide as the prior, except where the mode is narrow: of white noise all is known.
         sure = np.sqrt(np.square(root).sum(axis=1)) < 0.3 * sd
         middle, width = np.where(sure, mode, median), np.where(sure, 1.0, sd)
-        other = ndtri(_even(count - first, d)) * width
+        other = normal_points(count - first, d) * width
         own = np.sqrt(np.square(wide).sum(axis=1))
-        other = middle + np.where(sure, 1.5 * own * ndtri(_even(count - first, d)), other)
+        other = middle + np.where(sure, 1.5 * own * normal_points(count - first, d), other)
         values = np.vstack([near, other])
         width = np.where(sure, 1.5 * own, width)
     z = np.linalg.solve(wide, (values - mode).T).T
     log_near = (
-        gammaln(0.5 * (_FREEDOM + d))
-        - gammaln(0.5 * _FREEDOM)
+        math.lgamma(0.5 * (_FREEDOM + d))
+        - math.lgamma(0.5 * _FREEDOM)
         - 0.5 * d * math.log(_FREEDOM * math.pi)
         - float(np.linalg.slogdet(wide)[1])
         - 0.5 * (_FREEDOM + d) * np.log1p(np.square(z).sum(axis=1) / _FREEDOM)
@@ -401,14 +447,6 @@ def _draws(combination: Combination, mode: Array, root: Array) -> tuple[Array, A
     off = (values - middle) / width
     log_far = -0.5 * np.square(off).sum(axis=1) - np.log(width * math.sqrt(2 * math.pi)).sum()
     return values, np.logaddexp(math.log(share) + log_near, math.log(1.0 - share) + log_far)
-
-
-def _student(points: Array) -> Array:
-    """Return Student distributed points (n, d) from points (n, d + 1) of the unit cube."""
-    from scipy.stats import chi2
-
-    stretch = np.sqrt(_FREEDOM / chi2.ppf(points[:, -1], _FREEDOM))
-    return np.asarray(ndtri(points[:, :-1]) * stretch[:, None])
 
 
 def _scale_mixture(

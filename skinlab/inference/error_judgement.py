@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,7 @@ _SURE = 0.95
 _CONTRADICTED = 1.3
 _DOUBT = 0.01  # the stated noise is that improbable
 _MOST_UM = 8.0  # of errors that last: more is no tremor, but something that the model misses
+_OTHER = frozenset({"pressure", "placement"})
 _SHOWS = 0.3  # of the white noise: errors that last and are smaller are not worth a word
 
 
@@ -79,8 +81,6 @@ def _placement(errors: ErrorChoice) -> PlacementSummary | None:
     part = next((p for p in errors.best.parts if p.name == "placement"), None)
     if part is None:
         return None
-    columns = part.terms([1.0] * len(part.parameters)).columns_mm
-    assert columns is not None
 
     def interval(name: str) -> dict[str, float]:
         def value(node: Node) -> float:
@@ -93,17 +93,15 @@ def _placement(errors: ErrorChoice) -> PlacementSummary | None:
         return {key: errors.quantile(value, share) for key, share in shares.items()}
 
     return PlacementSummary(
-        interval("placement_scatter"), interval("placement_offset_um"), columns.shape[1] // 2
+        interval("placement_scatter"),
+        interval("placement_offset_um"),
+        int(part.stated["placement_count"]),
     )
 
 
-def _lasting(node: Node) -> frozenset[str]:
-    return frozenset(part.name for part in node.combination.parts if part.lasting)
-
-
 def _lasting_um(node: Node) -> float:
-    lasting = _lasting(node)
-    return float(np.sqrt(sum(v**2 for k, v in node.sizes_um.items() if k in lasting)))
+    lasting = node.combination.lasting
+    return math.sqrt(sum(v**2 for k, v in node.sizes_um.items() if k in lasting))
 
 
 def noise_um(node: Node, *, lasting: bool = True) -> float:
@@ -111,5 +109,5 @@ def noise_um(node: Node, *, lasting: bool = True) -> float:
 
     The pressure's noise is not among them, nor, if so asked, are errors that last.
     """
-    without = {"pressure", "placement"} | (frozenset() if lasting else _lasting(node))
-    return float(np.sqrt(sum(v**2 for k, v in node.sizes_um.items() if k not in without)))
+    without = _OTHER if lasting else _OTHER | node.combination.lasting
+    return math.sqrt(sum(v**2 for k, v in node.sizes_um.items() if k not in without))

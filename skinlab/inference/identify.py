@@ -308,6 +308,7 @@ class Identifier:
             evaluations=estimate.evaluations,
             flags=(
                 *self._flags(members, self._space(models), estimate),
+                *(["crease"] if any(m.creases(x[None])[0] for m in models) else []),
                 *([f"outliers:{int((~kept).sum())}"] if not kept.all() else []),
             ),
             fitted=fitted,

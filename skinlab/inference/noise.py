@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
 
 Array = NDArray[np.float64]
+
+_QUARTILE = 0.6744897501960817  # the upper one of the normal distribution
 _Chebyshev = np.polynomial.Chebyshev
 
 # Root mean squares of the relative deviation of the mesh of record from a fine mesh, by orders of
@@ -49,7 +50,7 @@ def roughness(values: Array) -> float:
         values[2:-2] - (-values[:-4] + 4 * values[1:-3] + 4 * values[3:-1] - values[4:]) / 6.0
     )
     scale = float(np.sqrt(1.0 + (1 + 16 + 16 + 1) / 36.0))
-    usual = float(np.median(bend) / norm.ppf(0.75))
+    usual = float(np.median(bend) / _QUARTILE)
     kept = bend[bend <= _CORNER * usual]
     return float(np.sqrt(np.mean(kept**2))) / scale
 
@@ -76,7 +77,7 @@ def pressure_noise_mbar(time_s: Array, pressure_mbar: Array) -> float:
         variance += weight**2
     misses = np.abs(pressure_mbar[2:-2] - guess) / np.sqrt(variance)
     steps = np.abs(np.diff(pressure_mbar)) / np.sqrt(2.0)
-    found = min(float(np.median(misses)), float(np.median(steps))) / float(norm.ppf(0.75))
+    found = min(float(np.median(misses)), float(np.median(steps))) / _QUARTILE
     return found if found >= _LEAST_PRESSURE_NOISE_MBAR else 0.0
 
 

@@ -10,12 +10,12 @@ draws exact (mixture importance sampling: Owen and Zhou 2000, J. Am. Stat. Assoc
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gammaln
 
 from skinlab.inference.optimise import Polished, polish
 from skinlab.inference.problem import SquaredMisfit
@@ -200,7 +200,9 @@ class _Mixture:
         distance = np.square(z, out=z).reshape(len(at), -1, k) @ np.ones(k)
         log_det = np.log(np.einsum("mii->mi", self.factor)).sum(axis=1)
         constant = (
-            gammaln(0.5 * (_FREEDOM + k)) - gammaln(0.5 * _FREEDOM) - 0.5 * k * np.log(_FREEDOM)
+            math.lgamma(0.5 * (_FREEDOM + k))
+            - math.lgamma(0.5 * _FREEDOM)
+            - 0.5 * k * np.log(_FREEDOM)
         )
         height = self.log_share - log_det
         # Products and a root in place of a logarithm and an exponential of each number

@@ -71,6 +71,11 @@ class Samples:
         return int(self.curve[-1]) + 1 if len(self) else 0
 
     @property
+    def placements(self) -> int:
+        """Number of placements."""
+        return len(np.unique(self.placement))
+
+    @property
     def ends(self) -> tuple[int, ...]:
         """Ends of the curves."""
         return tuple(int(e) for e in np.searchsorted(self.curve, np.arange(self.curves), "right"))

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from skinlab.inference.covariance import Covariance, OnKept
 from skinlab.inference.error_choice import ErrorChoice, choose_errors
 from skinlab.inference.error_judgement import Judged, judge_errors
-from skinlab.inference.error_models.base import Look
+from skinlab.inference.error_models.base import ErrorModel, Look
 from skinlab.inference.error_models.quantised import step_um
 from skinlab.inference.joint import GaussianPrior, JointMisfit
 from skinlab.inference.likelihood import LinearModel
@@ -46,6 +46,7 @@ _FLAT_PRECISION = 12.0  # of a flat prior on the unit interval
 _LEAST_ROUGH_MM = 1e-5
 _SMALL = 0.07  # of the noise: columns of so little length change nothing
 _BEYOND = 2.0  # times the squares: what a fit gains outside of the range is no small matter
+_COMMON = 0.5  # of the stated thickness' variance, where there are several placements
 _ALIKE = 2.5  # standard deviations: curves whose noises are closer have the same
 
 
@@ -78,7 +79,8 @@ class Fitted:
     models: Sequence[CurveModel]
     space: ParameterSpace
     samples: Samples
-    best_mm: Array  # (u,) of the model at the fit
+    parameters: Array  # (p,) of the fit
+    best_mm: Array  # (u,) of the model there
     linear: LinearModel
     sensor: Sensor
 
@@ -110,7 +112,8 @@ class Fitted:
         for g, model, w in zip(
             self.groups, self.models, split_by_group(self.groups, self.best_mm), strict=True
         ):
-            blocks.append(np.hstack([mesh_error_shapes(g.pressure_mbar, w), model.error_shapes_mm]))
+            own = model.error_shapes_mm(self.parameters)
+            blocks.append(np.hstack([mesh_error_shapes(g.pressure_mbar, w), own]))
         whole = np.zeros((len(self.samples), sum(b.shape[1] for b in blocks)))
         row = column = 0
         for b in blocks:
@@ -136,8 +139,17 @@ class Fitted:
                 found.append(np.full(member.count, sd))
         return np.concatenate(found)
 
-    def choose_errors(self, kept: NDArray[np.bool_]) -> ErrorChoice:
-        """Return what errors the samples have that are kept."""
+    def choose_errors(
+        self,
+        kept: NDArray[np.bool_],
+        thickness_error_mm: Array | None = None,
+        error_models: Sequence[ErrorModel] | None = None,
+    ) -> ErrorChoice:
+        """Return what errors the samples have that are kept.
+
+        `thickness_error_mm` (u,) is what a placement's own thickness does; `error_models` are those
+        to choose from, all that there are if it is None.
+        """
         samples = self.samples.only(kept)
         residual = self.linear.residual_mm[kept]
         samples = replace(samples, relative_noise=_relative_noise(residual, samples))
@@ -152,12 +164,13 @@ class Fitted:
             self.pressure_sd_mbar()[kept],
             self.pressure_error_mm[kept],
             self.sensor.placement_scatter,
+            None if thickness_error_mm is None else thickness_error_mm[kept],
         )
         rest = (MESH_REST * self.best_mm[kept]) ** 2
         columns = self.mesh_columns()[kept]
         least = _SMALL * max(roughness(residual), _LEAST_ROUGH_MM)
         seen = np.sqrt(np.square(columns).sum(axis=0)) > least
-        return choose_errors(look, linear, columns[:, seen], rest)
+        return choose_errors(look, linear, columns[:, seen], rest, error_models)
 
 
 def _relative_noise(residual: Array, samples: Samples) -> Array:
@@ -205,7 +218,7 @@ def about(
     residual = samples.deflection_mm - here
     columns = _within(unit, residual, slopes.T)
     linear = LinearModel(residual, columns, precision)
-    return Fitted(groups, models, space, samples, here, linear, sensor)
+    return Fitted(groups, models, space, samples, points[0], here, linear, sensor)
 
 
 def _within(unit: Array, residual: Array, slopes: Array) -> Array:
@@ -241,19 +254,23 @@ def assess(
     *,
     kept: NDArray[np.bool_] | None = None,
     priors: Sequence[GaussianPrior] = (),
+    error_models: Sequence[ErrorModel] | None = None,
 ) -> Uncertainty:
     """Return the posterior about the minima (m, k), points of the space's unit cube, best first.
 
     `models` are those of the groups at their stated thicknesses; `kept` (u,) are the samples that
-    belong to the curves.
+    belong to the curves; `error_models` are those to choose from, all that there are if None.
     """
     names = space.names
     priors = list(priors)
     modes = minima[:_MOST_MODES]
-    # One skin has one thickness: its relative error is common to all its curves.
-    relative_sd = max(g.thickness_sd_mm / g.geometry.thickness_mm for g in groups)
+    relative_sd = stated_sd = max(g.thickness_sd_mm / g.geometry.thickness_mm for g in groups)
+    own_thickness = sensor.placement_scatter != 0.0 and samples_of(groups).placements > 1
+    if own_thickness:
+        # As much of the variance is the site's, and is common, as is each placement's.
+        relative_sd *= _COMMON**0.5
+    best = space.from_unit(minima[0])
     if relative_sd > 0.0:
-        best = space.from_unit(minima[0])
         models = [g.model(database, kappa, relative_sd) for g in groups]
         low = max(float(m.space.bounds[0][-1]) for m in models)
         high = min(float(m.space.bounds[1][-1]) for m in models)
@@ -264,7 +281,14 @@ def assess(
     fitted = about(groups, models, space, modes[0], sensor, priors)
     if kept is None:
         kept = np.ones(len(fitted.samples), dtype=bool)
-    errors = fitted.choose_errors(kept)
+    thickness_error_mm = None
+    if own_thickness and stated_sd > 0.0:
+        ends = np.append(best, 1.0) * np.ones((2, 1))
+        ends[:, -1] += [-_SLOPE_STEP, _SLOPE_STEP]
+        low_mm, high_mm = np.hstack([m.deflection_mm(ends) for m in models])
+        slope = np.nan_to_num(high_mm - low_mm) / (2.0 * _SLOPE_STEP)
+        thickness_error_mm = np.sqrt(1.0 - _COMMON) * stated_sd * slope
+    errors = fitted.choose_errors(kept, thickness_error_mm, error_models)
     condition = fitted.samples.condition[kept]
     parts: list[SquaredMisfit] = [
         model.misfit(g.deflection_mm, OnKept(here, _of_group(errors.mode, condition == number)))

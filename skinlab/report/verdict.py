@@ -94,17 +94,20 @@ def judge(
 
 
 def _of_flags(flags: Sequence[str]) -> Verdict:
-    def names(kind: str) -> str:
-        return " and ".join(
-            plain(f.partition(":")[2])[0] for f in flags if f.startswith(f"{kind}:")
-        )
+    def about(kind: str) -> list[str]:
+        return [what for of, _, what in (flag.partition(":") for flag in flags) if of == kind]
+
+    def names(parameters: Sequence[str]) -> str:
+        return " and ".join(plain(name)[0] for name in parameters)
 
     kinds = {flag.partition(":")[0] for flag in flags}
     if "outside_database" in kinds:
         why = "part of it lies outside the database"
         return Verdict(Use.NOT, why, Step.CHECK_SETTINGS)
-    if "at_bound" in kinds:
-        why = f"{names('at_bound')} at the end of what was searched"
+    # A parameter that the curve does not fix may well have its optimum at an end
+    loose = about("not_identifiable")
+    if bounds := [name for name in about("at_bound") if name not in loose]:
+        why = f"{names(bounds)} at the end of what was searched"
         return Verdict(Use.NOT, why, Step.CHECK_SETTINGS)
     if "not_converged" in kinds:
         return Verdict(Use.NOT, "the search did not settle", Step.MEASURE_AGAIN)
@@ -115,8 +118,8 @@ def _of_flags(flags: Sequence[str]) -> Verdict:
     remarks = []
     if "not_first_cycle" in kinds:
         remarks.append("of a later loading")
-    if loose := names("not_identifiable"):
-        remarks.append(f"it does not fix {loose}")
+    if loose:
+        remarks.append(f"it does not fix {names(loose)}")
     if "crease" in kinds:
         remarks.append("the skin creases")
     if "unlike_cohort" in kinds:

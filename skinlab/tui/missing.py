@@ -82,8 +82,10 @@ def verdict_lines(outcome: Outcome) -> list[str]:
 def _doubt(outcome: Outcome) -> str:
     """Return how much likelier the best explanation is than the next one."""
     candidates = outcome.found.candidates
-    if outcome.verdict.name != "named" or len(candidates) < 2:
+    if outcome.verdict.name != "named" or not candidates:
         return ""
+    if len(candidates) == 1:
+        return f"It is {odds_words(candidates[0].log10_evidence)} likelier than none at all."
     best, following = candidates[0], candidates[1]
     ratio = odds_words(best.log10_evidence - following.log10_evidence)
     return f"It is {ratio} likelier than the next, {_effects(following, outcome)}."

@@ -335,8 +335,8 @@ def _of_entry(board: Board, entry: Entry) -> VerdictText:
 def _following(board: Board, verdict: Verdict) -> str:
     """Return the one next step, with its key."""
     openings = {curve.setup.aperture_mm for curve in board.used if not curve.partial}
-    if verdict.use is Use.GOOD and board.goal_says:
-        return board.goal_says
+    if verdict.use is Use.GOOD and board.goal_is is not None:
+        return board.goal_is.words
     match verdict.step:
         case Step.ADVICE:
             return f"{verdict.advice}; then F8"

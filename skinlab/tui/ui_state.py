@@ -64,6 +64,7 @@ from skinlab.report.verdict import Verdict, judge
 if TYPE_CHECKING:
     from skinlab.discrepancy.outcome import Outcome
     from skinlab.studies.reference import Range, Reference
+    from skinlab.tui.goal import Distance, Goal
 
 _S = InstrumentState
 SEARCHING = "searching"  # for a link that was lost
@@ -99,6 +100,7 @@ _BUSY = {
     "preparing": "loading the tables",
     "fitting": "fitting together",
     "comparing": "comparing",
+    "aiming": "seeing how far the goal is",
     "adopting": "writing the model",
     "undoing": "undoing",
     "resetting": "clearing the fault",
@@ -163,6 +165,13 @@ class Review:
     counted: int | None = None  # which loading of the site it is, by what was seen
 
 
+@dataclass(frozen=True, slots=True)
+class Aimed:
+    """News: how far the visit is from its goal."""
+
+    distance: Distance
+
+
 @dataclass(slots=True)
 class Playing:
     """A replay, in the place of a probe."""
@@ -207,6 +216,7 @@ class Board:
         self.latest_at: datetime | None = None
         self.begun_at: datetime | None = None  # the visit, in local time
         self.entries: dict[int, Entry] = {}
+        self._simulated = False
         # Of each subject and site, in this program: a new session does not rest the skin
         self._doses: dict[tuple[tuple[str, str] | None, bool], DoseMeter] = {}
         self._loadings: dict[tuple[tuple[str, str], bool], int] = {}
@@ -217,7 +227,8 @@ class Board:
         self.model: str | None = None  # that was adopted, by its name
         self.second_card = False  # the Cutometer's numbers in the place of the values
         self.reference: Reference | None = None  # to compare values with
-        self.goal_says = ""  # how far the visit is from its goal, and what to measure next
+        self.goal: Goal | None = None  # of the visit
+        self.goal_is: Distance | None = None  # how far it is
         self.shown: int | None = None  # which entry is looked at
         self.session = 0  # counts connections: entries of another one are gone
         self.path: Path | None = None  # of this connection's session, once there is one
@@ -306,8 +317,8 @@ class Board:
 
     @property
     def simulated(self) -> bool:
-        """Whether what is connected is no real skin; a replay is none either."""
-        return self.playing is not None or (self.hello is not None and self.hello.simulated)
+        """Whether what is, or was last, connected is no real skin; a replay is none either."""
+        return self.playing is not None or self._simulated
 
     @property
     def dose(self) -> Dose:
@@ -461,15 +472,18 @@ class Board:
 
     # ---- news ---------------------------------------------------------------------------------
 
-    def see(self, news: News) -> None:
+    def see(self, news: News | Aimed) -> None:
         """Take in what the probe session said."""
         self.version += 1
         self._take_in(news)
         if not self.can_arm:
             self.review = None  # what was shown is not what would happen now
 
-    def _take_in(self, news: News) -> None:
+    def _take_in(self, news: News | Aimed) -> None:
         match news:
+            case Aimed(found):
+                if found.goal == self.goal:
+                    self.goal_is = found
             case Connected(port, hello, goes_on):
                 self._connected(port, hello, goes_on=goes_on)
                 if self.playing is not None:
@@ -567,14 +581,14 @@ class Board:
             self.say(Level.WARNING, "vented: the repeats that were left are given up")
 
     def _connected(self, port: str, hello: Hello, *, goes_on: bool) -> None:
-        self.port, self.hello = port, hello
+        self.port, self.hello, self._simulated = port, hello, hello.simulated
         self.live = self.latest = self.latest_at = None
         self.damaged = 0
         if not goes_on:
             self.visit = self.path = self.shown = self.begun_at = None
             self.entries.clear()
             self.ledger, self.joint, self.compared = Ledger(), None, []
-            self.missing = None
+            self.missing = self.goal_is = None
             self.session += 1
         self._done("connecting")
         if goes_on:

@@ -228,7 +228,7 @@ def test_an_outcome_in_words(named, ambiguous):
     text = plain_text(outcome_rows(named, 80))
     for part in ("Missing: deflection_offset", "Gap", "before", "after", "× noise", "X1", "nu"):
         assert part in text
-    assert "times likelier than the next, " in text  # the doubt
+    assert "times likelier than " in text  # the doubt
     assert "offset 30" in text or "offset 29" in text or "offset 31" in text
     assert " µm (" in text  # a unit with every size
     assert "curve 1, load" in text  # where

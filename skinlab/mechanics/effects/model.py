@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicHermiteSpline
 
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.mechanics.effects import checked, get_effect
@@ -27,6 +27,9 @@ from skinlab.mechanics.fem.suction import (
     Geometry,
     trace,
 )
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicHermiteSpline
 
 Array = NDArray[np.float64]
 Effects = Mapping[str, Mapping[str, float]]  # name of the effect -> parameter -> value

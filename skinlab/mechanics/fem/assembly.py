@@ -16,7 +16,7 @@ All of it but the dilatation modes is also in `kernel.c`, which is used where it
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
 from typing import Any
@@ -312,6 +312,50 @@ class Assembly:
             deformation=f,
             least_acoustic=lambda: compiled.ellipticity(f, potential, stress_2pk),
         )
+
+    def internal_forces(
+        self, unknowns: Array, sums: Sequence[Sequence[tuple[float, Mapping[str, Any]]]]
+    ) -> Array | None:
+        """Return k sums (k, dofs) of internal forces, N: of each a factor, and its parameters.
+
+        None where an element is turned inside out.
+        """
+        u = self.full(unknowns)
+        found = np.zeros((len(sums), self.n))
+        if self._kernel is not None:
+            f, i1, i2, det = self._kernel.strain(u)
+            if not det.min() > 0.0:
+                return None
+            for row, terms in zip(found, sums, strict=True):
+                first: list[Any] = [0.0, 0.0, 0.0]
+                for factor, parameters in terms:
+                    p = self.law.potential(i1, i2, det, parameters)
+                    for k, part in enumerate((p.d_i1, p.d_i2, p.d_j)):
+                        first[k] = first[k] + factor * part
+                row[:] = self._kernel.forces(u, f, (first[0], first[1], first[2]))[0]
+            return found
+        for k, terms in enumerate(sums):
+            for factor, parameters in terms:
+                state = self.evaluate(unknowns, 0.0, parameters)
+                if state is None:
+                    return None
+                found[k] += factor * state.residual
+        return found
+
+    def unbalanced(
+        self, unknowns: Array, pressure_mpa: float, parameters: Mapping[str, Any]
+    ) -> Array | None:
+        """Return the residual (dofs,) alone, N; None where an element is turned inside out."""
+        if self._kernel is None:
+            state = self.evaluate(unknowns, pressure_mpa, parameters)
+            return None if state is None else state.residual
+        u = self.full(unknowns)
+        f, i1, i2, det = self._kernel.strain(u)
+        if not det.min() > 0.0:
+            return None
+        potential = self.law.potential(i1, i2, det, parameters)
+        internal, load = self._kernel.forces(u, f, (potential.d_i1, potential.d_i2, potential.d_j))
+        return internal - pressure_mpa * load
 
     def forces(self, f: Array, stress_2pk: Array) -> Array:
         """Return the internal forces (dofs,) of a second Piola-Kirchhoff stress (4, m, q), in N."""

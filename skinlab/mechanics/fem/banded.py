@@ -7,7 +7,6 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import lapack
 
 from skinlab.mechanics.fem.kernel import Kernel
 
@@ -43,6 +42,8 @@ class LapackBanded:
 
     def factorise(self) -> LapackFactor | None:
         """See `Banded`."""
+        from scipy.linalg import lapack  # slow to import
+
         factor, info = lapack.dpbtrf(self.lower.T, lower=1, overwrite_ab=1)
         return None if info else LapackFactor(factor)
 
@@ -55,6 +56,8 @@ class LapackFactor:
 
     def solve(self, right: Array) -> Array:
         """See `Factor`."""
+        from scipy.linalg import lapack  # slow to import
+
         return np.asarray(lapack.dpbtrs(self.columns, right.T, lower=1)[0].T)
 
 

@@ -352,15 +352,16 @@ FAST double skinlab_assemble(const Mesh *s, const double *u, const double *f, co
 }
 
 /* The same without the tangent; of the energy the first derivatives are enough. */
-FAST double skinlab_forces(const Mesh *s, const double *u, const double *f, const Energy *w,
-                           const double *extra, double *internal, double *load) {
+FAST double skinlab_forces(const Mesh *s, const double *u, const double *f, const double *d_i1,
+                           const double *d_i2, const double *d_j, double *internal, double *load) {
     const int q = (int)s->points, a = (int)s->nodes;
     const int64_t n = s->elements * q;
+    const Energy w = {.i1 = d_i1, .i2 = d_i2, .j = d_j};
     double stress[5][SPAN];
     for (int64_t e0 = 0; e0 < s->elements; e0 += CHUNK) {
         const int64_t left = s->elements - e0;
         const int many = left < CHUNK ? (int)left : CHUNK;
-        stress_at(f, n, e0 * q, many * q, w, extra, stress);
+        stress_at(f, n, e0 * q, many * q, &w, 0, stress);
         for (int k = 0; k < many; k++) {
             if (q == 9 && a == 8)
                 force_of(s, 9, 8, e0 + k, 9 * k, (const double (*)[SPAN])stress, internal);
@@ -511,4 +512,99 @@ FAST void skinlab_solve(int64_t unknowns, int64_t width, const double *band, con
             }
         }
     }
+}
+
+/* Values of the B-splines that are not zero at `x`, or their slopes; returns the first of them. */
+static int64_t local_basis(const double *knots, int64_t size, int64_t degree, double x, int slope,
+                           double *values) {
+    int64_t piece = degree, high = size; /* knots[piece] <= x < knots[high], or an end */
+    while (high - piece > 1) {
+        const int64_t middle = (piece + high) / 2;
+        if (x >= knots[middle]) piece = middle;
+        else high = middle;
+    }
+    values[0] = degree || !slope;
+    for (int64_t k = 1; k <= degree; k++) {
+        double saved = 0;
+        for (int64_t i = 0; i < k; i++) {
+            const double right = knots[piece + i + 1], left = knots[piece + i + 1 - k];
+            const double share = values[i] / (right - left);
+            if (slope && k == degree) {
+                values[i] = saved - k * share;
+                saved = k * share;
+            } else {
+                values[i] = saved + (right - x) * share;
+                saved = (x - left) * share;
+            }
+        }
+        values[k] = saved;
+    }
+    return piece - degree;
+}
+
+#define MOST_AXES 16
+#define MOST_WIDE 64 /* degree + 1 */
+
+/* A spline along d axes with `sizes` and `degrees`, all knots end to end, coefficients (rows, k), at
+ * `at` (points, d); the slope along axis `slope`, or none where it is negative. Returns 0, or 1 where
+ * there are more axes or higher degrees than it has room for. */
+FAST int64_t skinlab_spline(int64_t points, int64_t d, const int64_t *sizes, const int64_t *degrees,
+                            const double *knots, const double *at, int64_t slope,
+                            const double *coefficients, int64_t k, double *out) {
+    double basis[MOST_AXES][MOST_WIDE];
+    int64_t stride[MOST_AXES], place[MOST_AXES], rows = 1;
+    if (d > MOST_AXES) return 1;
+    for (int64_t i = d - 1; i >= 0; i--) {
+        if (degrees[i] + 1 > MOST_WIDE) return 1;
+        stride[i] = rows, rows *= sizes[i];
+    }
+    memset(out, 0, points * k * sizeof *out);
+    for (int64_t p = 0; p < points; p++) {
+        double *restrict sum = out + p * k;
+        const double *t = knots;
+        int64_t row = 0;
+        for (int64_t i = 0; i < d; i++) {
+            row += stride[i] * local_basis(t, sizes[i], degrees[i], at[p * d + i], i == slope, basis[i]);
+            t += sizes[i] + degrees[i] + 1;
+            place[i] = 0;
+        }
+        for (;;) {
+            double weight = 1;
+            int64_t here = row, i = d - 2;
+            for (int64_t a = 0; a < d - 1; a++) weight *= basis[a][place[a]], here += place[a] * stride[a];
+            for (int64_t last = 0; last <= degrees[d - 1]; last++) {
+                const double w = weight * basis[d - 1][last];
+                const double *restrict from = coefficients + (here + last) * k;
+                for (int64_t c = 0; c < k; c++) sum[c] += w * from[c];
+            }
+            while (i >= 0 && ++place[i] > degrees[i]) place[i--] = 0;
+            if (i < 0) break;
+        }
+    }
+    return 0;
+}
+
+/* L diag(d) L' of a tridiagonal matrix, in place: `diagonal` (n) becomes d, `beside` (n - 1) what is below
+ * the ones of L. Returns 0, or where it is not positive definite, from 1. */
+FAST int64_t skinlab_tridiagonal(int64_t n, double *diagonal, double *beside) {
+    for (int64_t i = 0; i < n; i++) {
+        if (!(diagonal[i] > 0.0)) return i + 1;
+        if (i + 1 < n) {
+            const double e = beside[i];
+            beside[i] = e / diagonal[i];
+            diagonal[i + 1] -= beside[i] * e;
+        }
+    }
+    return 0;
+}
+
+/* Solves with L, ones and `below` (n - 1), or with its transpose, in place: `right` (n, many) by rows. */
+FAST void skinlab_bidiagonal(int64_t n, int64_t many, const double *below, int64_t transposed,
+                             double *restrict right) {
+    if (transposed)
+        for (int64_t i = n - 2; i >= 0; i--)
+            for (int64_t k = 0; k < many; k++) right[i * many + k] -= below[i] * right[(i + 1) * many + k];
+    else
+        for (int64_t i = 1; i < n; i++)
+            for (int64_t k = 0; k < many; k++) right[i * many + k] -= below[i - 1] * right[(i - 1) * many + k];
 }

@@ -10,6 +10,7 @@ import ctypes
 import hashlib
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,12 +46,20 @@ def load(path: Path, source: Path) -> ctypes.CDLL | None:
         return None
     found.skinlab_strain.argtypes = [_POINTER] * 6
     found.skinlab_assemble.argtypes = [*[_POINTER] * 5, _REAL, *[_POINTER] * 3]
-    found.skinlab_forces.argtypes = [_POINTER] * 7
+    found.skinlab_forces.argtypes = [_POINTER] * 8
     found.skinlab_ellipticity.argtypes = [_POINTER] * 4
     found.skinlab_factorise.argtypes = [_INTEGER, _INTEGER, _POINTER, _POINTER]
     found.skinlab_solve.argtypes = [
         _INTEGER, _INTEGER, _POINTER, _POINTER, _INTEGER, _INTEGER, _POINTER,
     ]  # fmt: skip
+    found.skinlab_tridiagonal.argtypes = [_INTEGER, _POINTER, _POINTER]
+    found.skinlab_tridiagonal.restype = _INTEGER
+    found.skinlab_bidiagonal.argtypes = [_INTEGER, _INTEGER, _POINTER, _INTEGER, _POINTER]
+    found.skinlab_bidiagonal.restype = None
+    found.skinlab_spline.argtypes = [
+        _INTEGER, _INTEGER, *[_POINTER] * 4, _INTEGER, _POINTER, _INTEGER, _POINTER,
+    ]  # fmt: skip
+    found.skinlab_spline.restype = _INTEGER
     found.skinlab_strain.restype = found.skinlab_solve.restype = None
     found.skinlab_assemble.restype = found.skinlab_forces.restype = _REAL
     found.skinlab_ellipticity.restype = _REAL
@@ -60,7 +69,10 @@ def load(path: Path, source: Path) -> ctypes.CDLL | None:
 
 class _Mesh(ctypes.Structure):
     _fields_ = [
-        *((name, _INTEGER) for name in ("elements", "points", "nodes", "unknowns", "width", "edges")),
+        *(
+            (name, _INTEGER)
+            for name in ("elements", "points", "nodes", "unknowns", "width", "edges")
+        ),
         *(
             (name, _POINTER)
             for name in (
@@ -98,7 +110,7 @@ class Kernel:
         self._columns = -(-unknowns // _BLOCK) * _BLOCK
         real = [gradients, gradients.transpose(0, 1, 3, 2), volumes, start]
         whole = [element, equations, self._slots(equations)]
-        parts = [
+        parts: list[NDArray[Any]] = [
             *(np.ascontiguousarray(x, dtype=np.float64) for x in real),
             *(np.ascontiguousarray(x, dtype=np.int32) for x in whole),
             *(np.ascontiguousarray(x, dtype=np.float64) for x in (edge_form, edge_place)),
@@ -143,7 +155,7 @@ class Kernel:
         stress_2pk: Array | None,
         pressure_mpa: float,
     ) -> tuple[Array, Array, Array, float]:
-        """Return the band in the library's layout, internal forces and load (dofs,), and the volume."""
+        """Return the band as the library has it, internal forces, load (dofs,), and the volume."""
         band = self._spare.pop() if self._spare else np.empty(self._columns * self.width + 1)
         forces = np.zeros((2, self.unknowns + 1))
         energy = _Energy(potential, self.shape)
@@ -165,17 +177,22 @@ class Kernel:
             self._spare.append(band)
 
     def forces(
-        self, displacements: Array, f: Array, potential: Potential, stress_2pk: Array | None = None
+        self, displacements: Array, f: Array, by_invariants: tuple[Array, Array, Array]
     ) -> tuple[Array, Array]:
-        """Return internal forces and load per MPa (dofs,)."""
+        """Return internal forces and load per MPa (dofs,), of an energy's first derivatives."""
         forces = np.zeros((2, self.unknowns + 1))
-        energy = _Energy(potential, self.shape)
-        extra = None if stress_2pk is None else np.ascontiguousarray(stress_2pk)
+        d_i1, d_i2, d_j = (self._whole(x) for x in by_invariants)
         self.library.skinlab_forces(
-            self._at, _address(displacements), _address(f), energy.at, _address(extra),
+            self._at, _address(displacements), _address(f),
+            _address(d_i1), _address(d_i2), _address(d_j),
             _address(forces[0]), _address(forces[1]),
         )  # fmt: skip
         return forces[0, :-1], forces[1, :-1]
+
+    def _whole(self, values: Array) -> Array:
+        if np.shape(values) != self.shape:
+            values = np.broadcast_to(values, self.shape)
+        return np.ascontiguousarray(values, dtype=np.float64)
 
     def ellipticity(self, f: Array, potential: Potential, stress_2pk: Array | None) -> float:
         """Return the least of `admissibility.ellipticity` over all points."""
@@ -186,7 +203,7 @@ class Kernel:
         )
 
     def factorise(self, band: Array) -> Array | None:
-        """Turn the band into its Cholesky factor; return 1 / its diagonal, None where it has none."""
+        """Turn the band into its Cholesky factor; return 1 / its diagonal, None: there is none."""
         inverse = np.empty(self._columns)
         failed = self.library.skinlab_factorise(
             self.unknowns, self.width, _address(band), _address(inverse)
@@ -202,6 +219,46 @@ class Kernel:
             n, self.width, _address(factor), _address(inverse), k, padded.shape[1], _address(padded)
         )
         return padded[:, :n]
+
+
+def spline(
+    knots: Array, sizes: Index, degrees: Index, coefficients: Array, points: Array, slope: int
+) -> Array | None:
+    """Return a spline's values (n, k) at points (n, d); None where the library cannot.
+
+    `knots` of all axes end to end, `coefficients` (all, k); the slope along axis `slope` unless
+    that is negative.
+    """
+    found = library()
+    if found is None:
+        return None
+    at = np.ascontiguousarray(points, dtype=np.float64)
+    out = np.empty((len(points), coefficients.shape[1]))
+    failed = found.skinlab_spline(
+        len(points), len(sizes), _address(sizes), _address(degrees), _address(knots), _address(at),
+        slope, _address(coefficients), coefficients.shape[1], _address(out),
+    )  # fmt: skip
+    return None if failed else out
+
+
+def factorise_tridiagonal(diagonal: Array, beside: Array) -> tuple[Array, Array, int] | None:
+    """Return d, e and where it fails, as LAPACK's dpttrf; None where there is no library."""
+    found = library()
+    if found is None:
+        return None
+    d, e = np.array(diagonal, dtype=np.float64), np.array(beside, dtype=np.float64)
+    return d, e, int(found.skinlab_tridiagonal(len(d), _address(d), _address(e)))
+
+
+def solve_bidiagonal(below: Array, right: Array, *, transposed: bool) -> Array | None:
+    """Return the solutions (n, m), see `skinlab.inference.bidiagonal`; None without a library."""
+    found = library()
+    if found is None:
+        return None
+    x = np.array(right, dtype=np.float64, order="C")
+    beside = np.ascontiguousarray(below, dtype=np.float64)
+    found.skinlab_bidiagonal(len(x), x.shape[1], _address(beside), int(transposed), _address(x))
+    return x
 
 
 class _Energy:

@@ -21,10 +21,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicSpline
 
 from skinlab.errors import InputError
 from skinlab.mechanics.fem.admissibility import fault
@@ -33,6 +33,9 @@ from skinlab.mechanics.fem.banded import Factor
 from skinlab.mechanics.fem.newton import Point, StepSettings, follow, solve_linear, solve_point
 from skinlab.mechanics.fem.skin import Prepared, Prony
 from skinlab.mechanics.fem.suction import MBAR
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 Array = NDArray[np.float64]
 
@@ -182,6 +185,8 @@ class _Stepper:
         self._tangent: tuple[Array, State, Factor, Array] | None = None  # of these unknowns
 
     def run(self, time_s: Array, pressure_mbar: Array, preload_mbar: float) -> RelaxingCurve:
+        from scipy.interpolate import CubicSpline  # slow to import
+
         history = self._rest(preload_mbar)
         zero = 0.0 if history is None else float(history.unknowns[self.apex])
         times, pressures = list(time_s), list(pressure_mbar)

@@ -54,12 +54,18 @@ class MainScreen(Screen[None]):
         Binding("full_stop", "step", "Step", key_display="."),
         Binding("plus,equals_sign", "speed(1)", "Faster", key_display="+"),
         Binding("minus", "speed(-1)", "Slower", key_display="-"),
+        Binding("e", "event", "Next event", show=False),
+        *(Binding(str(n), f"jump({n})", show=False) for n in range(1, 10)),
         Binding("f3", "settings", "Edit", key_display="F3", priority=True),
         # With priority: keys that wait behind one of these already go to the next field
         Binding("tab", "form(1)", show=False, priority=True),
         Binding("shift+tab", "form(-1)", show=False, priority=True),
         Binding("enter", "next", show=False, priority=True),
         Binding("f6", "want('rested')", "Rested", key_display="F6", show=False, priority=True),
+        Binding("f5", "want('visits')", "Visits", key_display="F5", priority=True),
+        Binding("f4", "want('pick')", "Pick", key_display="F4", show=False, priority=True),
+        Binding("f7", "want('next')", "Load next", key_display="F7", show=False, priority=True),
+        Binding("g", "want('goal')", "Goal", show=False),
         Binding("up", "look(-1)", show=False),
         Binding("down", "look(1)", show=False),
         Binding("left", "across(-1)", show=False),
@@ -215,7 +221,7 @@ class MainScreen(Screen[None]):
 
     def action_across(self, by: int) -> None:
         """Move the list of curves sideways."""
-        self.query_one(Curves).scroll_relative(x=8 * by, animate=False)
+        self.query_one(Curves).scroll_relative(x=8 * by, animate=False, force=True)
 
     def action_page(self, by: int) -> None:
         """Show more of the card."""
@@ -245,14 +251,16 @@ class MainScreen(Screen[None]):
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Let keys pass where they mean nothing here."""
-        if action in {"play", "step", "speed"}:
+        if action in {"play", "step", "speed", "event", "jump"}:
             return self._board.playing is not None
         if action == "want":
             what = parameters[0]
             if what == "start":
                 return self._board.review is not None
-            if what == "session":
+            if what in {"session", "goal"}:
                 return not self.typing
+            if what == "visits":
+                return True
             if what in {"missing", "card"}:
                 return bool(self._board.entries) and not self.typing
             return self._board.can_arm
@@ -271,6 +279,14 @@ class MainScreen(Screen[None]):
     def action_step(self) -> None:
         """Pass on that a replay is to go one sample further."""
         self.post_message(self.Wanted("step"))
+
+    def action_event(self) -> None:
+        """Pass on that a replay is to go on to the next event."""
+        self.post_message(self.Wanted("event"))
+
+    def action_jump(self, tenths: int) -> None:
+        """Pass on that a replay is to go to a part of the record."""
+        self.post_message(self.Wanted(f"to {tenths}"))
 
     def action_speed(self, by: int) -> None:
         """Pass on that a replay is to be faster or slower."""

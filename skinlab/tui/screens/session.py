@@ -126,7 +126,10 @@ class SessionScreen(Screen[None]):
         lines = repeats_lines(repeats(entries, excluded), left_out(entries, excluded))
         if board.joint is not None:
             curves = ", ".join(board.joint.files or (board.joint.file,))
-            lines += [f"Together ({curves}):"]
+            names = [entry.curve.name for entry in board.entries.values()]
+            aside = [n for n in names if n not in (board.joint.files or (board.joint.file,))]
+            later = f"; without {', '.join(aside)}: cut, left out, or later loadings"
+            lines += [f"Together ({curves}{later if aside else ''}):"]
             lines += [f"  {line}" for line in result_lines(board.joint, 50)]
         lines += board.compared
         lines += [f"Note: {note}" for note in board.ledger.notes]

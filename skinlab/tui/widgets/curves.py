@@ -9,7 +9,7 @@ from skinlab.tui.ui_state import Board
 
 # Widths of columns whose cells are filled later: a table does not always make room.
 _WIDTHS = {"whose": 14, "time": 5, "use": 6, "rms µm": 7, "remarks": 60}
-_VALUE = 12
+_VALUE = 14
 
 
 def _widths(names: tuple[str, ...]) -> dict[str, int | None]:

@@ -87,6 +87,11 @@ class Fields(Vertical):
         return tuple(self.query_one(f"#{name}", Input).value for name in _THICKNESS)
 
     @property
+    def who(self) -> tuple[str, str]:
+        """Subject and site."""
+        return self._who
+
+    @property
     def assumed_thickness(self) -> bool:
         """Whether nobody typed the thickness for this subject and site."""
         return self._who not in self._known and self._by_program

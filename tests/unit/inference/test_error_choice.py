@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 from scipy.stats import kstest, norm
 
-from skinlab.inference.covariance import independent
+from skinlab.inference.covariance import OrnsteinUhlenbeck, independent
 from skinlab.inference.error_choice import choose_errors
 from skinlab.inference.error_judgement import judge_errors
 from skinlab.inference.error_models import ERROR_MODELS
-from skinlab.inference.error_models.base import Look
+from skinlab.inference.error_models.base import Hyperparameter, Look, Part, Terms
 from skinlab.inference.error_models.ornstein_uhlenbeck import ERROR_MODEL as OU
+from skinlab.inference.error_models.placement import ERROR_MODEL as PLACEMENT
 from skinlab.inference.error_models.quantised import step_um
 from skinlab.inference.error_models.white import ERROR_MODEL as WHITE
 from skinlab.inference.likelihood import LinearModel
@@ -242,6 +245,57 @@ def test_ranks_are_uniform_where_the_errors_are_drawn_from_their_priors():
             p += weight * norm.cdf((truth[1] - mean[1]) / sd)
         below.append(p)
     assert kstest(below, "uniform").pvalue > 1e-3
+
+
+def test_a_placement_has_a_stiffness_a_zero_and_where_stated_a_thickness():
+    half = (np.arange(N) >= 50).astype(np.intp)
+    samples = replace(samples_of(COURSE), curve=half, placement=half)
+    look = Look(
+        samples, COURSE, COURSE, COURSE, SLOPES, None, np.zeros(N), np.zeros(N), None,
+        thickness_error_mm=0.01 * X,
+    )  # fmt: skip
+    part = PLACEMENT.part(look)
+    columns = part.terms([4.0, 0.05]).columns_mm
+    np.testing.assert_allclose(columns[:, 4:].sum(axis=1), 0.01 * X)
+    assert not columns[:50, 5].any()
+    assert not columns[50:, 4].any()
+    assert part.stated["placement_count"] == 2
+    without = PLACEMENT.part(replace(look, thickness_error_mm=None))
+    np.testing.assert_allclose(without.terms([4.0, 0.05]).columns_mm, columns[:, :4])
+
+
+class Tape:
+    """Another process in time: slow creep of the tape."""
+
+    name = "tape"
+    meaning = "creep of the tape"
+    prior = "3 µm; 20 s"
+    always = False
+
+    def part(self, look):
+        def terms(values):
+            return Terms(ou=OrnsteinUhlenbeck(1e-3 * values[0], 20.0))
+
+        size = Hyperparameter("tape_um", 30.0, 0.6)
+        return Part("tape", (size,), terms, 0.0, always=self.always, lasting=True)
+
+
+def test_of_two_processes_in_time_the_evidence_chooses_one():
+    rng = np.random.default_rng(0)
+    found = [
+        chosen(white(rng, 1.0) + process(rng, size, time), models=(WHITE, OU, Tape()))
+        for size, time in ((3.0, 0.2), (40.0, 20.0))
+    ]
+    for choice, expected in zip(found, ("white+ou", "white+tape"), strict=True):
+        assert choice.best.name == expected
+        assert not any(n.combination.name.count("+") > 1 for n in choice.nodes)
+
+
+def test_two_processes_that_are_always_there_are_refused():
+    one = Tape()
+    one.always = True
+    with pytest.raises(ValueError, match="tape and tape are processes in time"):
+        chosen(white(np.random.default_rng(0)), models=(WHITE, one, one))
 
 
 def test_every_model_is_declared_in_a_file_of_its_own():
