@@ -21,7 +21,14 @@ from sim_device.plant import Plant
 from sim_device.program import Run
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import Hold, Ramp, Release, Rest, parse_program
-from skinlab.mechanics.effects.model import Effects, Sensors, SkinCurve, problem_of, solve_skin
+from skinlab.mechanics.effects.model import (
+    Effects,
+    Sensors,
+    SkinCurve,
+    felt_path,
+    problem_of,
+    solve_skin,
+)
 from skinlab.mechanics.fem.element import QUAD9_FULL
 from skinlab.mechanics.fem.skin import Skin as Law
 from skinlab.mechanics.fem.skin import SkinProblem
@@ -58,13 +65,16 @@ class _Dome:
 
     pressure_mbar: Array
     instant_mm: Array  # without memory, at these pressures
-    path: PressurePath
+    path: PressurePath  # of the pump
+    felt: PressurePath  # by the skin
     time_s: Array
     path_mbar: Array  # at these times
     path_mm: Array  # the same; empty where there is no memory
     shift_mbar: Array  # what memory is worth
 
     def deflection_mm(self, time_s: float, pressure_mbar: float) -> float:
+        if self.felt is not self.path:
+            pressure_mbar += float(self.felt(time_s)) - float(self.path(time_s))
         if not len(self.path_mm):
             return self._instant(pressure_mbar)
         along, on_path, shift = (
@@ -149,26 +159,29 @@ class SolvedSkin:
         problem = self._problem_of(cycle)
         if problem not in self._domes:
             assert self._load is not None
-            self._domes[problem] = _solved(problem, self._load)
+            self._domes[problem] = _solved(problem, self._load, self._effects)
         return self._domes[problem]
 
 
-def _solved(problem: SkinProblem, load: Load) -> _Dome:
+def _solved(problem: SkinProblem, load: Load, effects: Effects) -> _Dome:
     path = planned(load)
-    top = load.max_pressure_mbar
+    felt = felt_path(effects, path)
+    if felt == path:
+        felt = path
+    top = max(load.max_pressure_mbar, felt.top_mbar)
     goal = 1.1 * top + _ABOVE_MBAR
     times = np.arange(path.time_s[0], path.time_s[-1] + STEP_S, STEP_S)
     along, shift = np.empty(0), np.empty(0)
     if problem.prony:
-        curve = solve_skin(problem, path, MESH)
-        _check(curve, path.top_mbar)
-        along, shift = curve.at(times, path(times)), curve.shift_mbar(times)
+        curve = solve_skin(problem, felt, MESH)
+        _check(curve, felt.top_mbar)
+        along, shift = curve.at(times, felt(times)), curve.shift_mbar(times)
     instant = solve_skin(problem.elastic, PressurePath((0.0, 1.0), (0.0, goal)), MESH)
     _check(instant, top)
     assert instant.instant is not None
     # Beyond what was solved it goes on straight: only a fault of the pump leads there
     pressure = np.arange(0.0, _HIGHEST_MBAR + shift.max(initial=0.0), _TABLE_MBAR)
-    return _Dome(pressure, instant.instant(pressure), path, times, path(times), along, shift)
+    return _Dome(pressure, instant.instant(pressure), path, felt, times, felt(times), along, shift)
 
 
 def _check(curve: SkinCurve, top_mbar: float) -> None:
@@ -250,7 +263,7 @@ class Domes:
         when = np.asarray(self._sensors.when(time_s), dtype=float)
         felt = np.asarray(self._path(when), dtype=float)
         if self._effects:
-            dome = _solved(self._problem(skin, cycle), self._load)
+            dome = _solved(self._problem(skin, cycle), self._load, self._effects)
             clean = np.array(
                 [
                     dome.deflection_mm(t, p)

@@ -49,6 +49,7 @@ class _Kept(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     not_screened: dict[str, str]
     errors: Covariance
     kept: list[NDArray[np.bool_]]
+    implausible: str
     trials: list[Trial]
     shares: Shares | None
     repeats_um: float | None
@@ -91,7 +92,7 @@ def load(name: str, records: Sequence[Record], folder: Path | None = None) -> Ou
         Verdict(kept.verdict, chosen),
         Found(
             kept.base, kept.signatures, kept.candidates, explained, kept.not_screened, kept.errors,
-            tuple(kept.kept),
+            tuple(kept.kept), kept.implausible,
         ),
         kept.gap_before,
         kept.gap_after,
@@ -119,6 +120,7 @@ def save(name: str, outcome: Outcome, folder: Path | None = None) -> None:
         found.not_screened,
         found.errors,
         list(found.kept),
+        found.implausible,
         list(outcome.trials),
         outcome.shares,
         outcome.repeats_um,

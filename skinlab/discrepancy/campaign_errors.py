@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,7 @@ from skinlab.discrepancy.records import Record, by_condition
 from skinlab.discrepancy.settings import ERRORS
 from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.inference.covariance import Covariance
-from skinlab.inference.error_choice import ErrorChoice, choose_errors
+from skinlab.inference.error_choice import ErrorChoice, Node, choose_errors
 from skinlab.inference.error_models import ERROR_MODELS
 from skinlab.inference.error_models.base import ErrorModel, Hyperparameter, Look, Part, Terms
 from skinlab.inference.error_models.quantised import step_um
@@ -149,6 +149,16 @@ class CampaignErrors:
         weight = self.pure.weight[: len(nodes)]
         return [(n.covariance, float(w)) for n, w in zip(nodes, weight / weight.sum(), strict=True)]
 
+    @property
+    def implausible(self) -> str:
+        """What is too large for an error, as the best explanation leaves it; empty if nothing."""
+        look, found = self.looks[-1], []
+        for name, most in ERRORS.largest_um.items():
+            size = look.median(partial(_size_um, name=name))
+            if size > most:
+                found.append(f"{name} of {size:.1f} µm (more than {most:g} µm is no error)")
+        return ", ".join(found)
+
     def log_evidence(self, one: Linearised, more: Array | None = None) -> float:
         """Return log p(data), errors' parameters integrated out."""
         each = [
@@ -202,6 +212,10 @@ def thickness_slopes(records: Sequence[Record], fit: Fit, domes: TableDomes) -> 
         # The model's deflection: the measured one's noise would explain the noise.
         found.append(here * deflection_mm)
     return np.concatenate(found)
+
+
+def _size_um(node: Node, name: str) -> float:
+    return node.sizes_um.get(name, 0.0)
 
 
 def samples_of(records: Sequence[Record]) -> Samples:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -51,6 +52,10 @@ class Fit:
         """The effects of the explanation."""
         return self.unknowns.effects
 
+    def with_errors(self, before: Covariance, after: Covariance) -> Fit:
+        """Return the same fit, whose slopes were whitened by `before`, whitened by `after`."""
+        return replace(self, jacobian=after.whiten(before.colour(self.jacobian)))
+
     @property
     def information(self) -> Array:
         """JᵀJ with the priors (k, k)."""
@@ -95,7 +100,10 @@ class Fitter:
 
     def with_errors(self, records: Sequence[Record], errors: Covariance) -> Fitter:
         """Return a fitter of these records with these errors."""
-        return Fitter(records, errors, self.domes, finite_elements=self._finite_elements)
+        found = copy(self)
+        found.records, found.errors = records, errors
+        found.measured = np.concatenate([r.curve.deflection_mm for r in records])
+        return found
 
     def model(self, unknowns: Unknowns) -> MappedModel:
         """Return the model of an explanation, without an anchor."""
@@ -189,6 +197,17 @@ class Fitter:
             return best
         final = self._finish(model, best.u)
         return best if final is None else replace(final, settled=best.settled)
+
+    def refined(self, fit: Fit) -> Fit:
+        """Return a fit moved to the optimum by these errors, its finite elements kept."""
+        model = self.model(fit.unknowns)
+        if not self.prepare(model, fit.u, slopes=True):
+            return fit
+        low, high = fit.unknowns.bounds
+        near = np.concatenate([fit.unknowns.reaches, np.full(len(fit.unknowns.axes), 1.0)])
+        low, high = np.maximum(low, fit.u - near), np.minimum(high, fit.u + near)
+        found = self._finish(model, self.minimise(model, fit.u, low, high))
+        return fit if found is None else found
 
     def _walk(self, unknowns: Unknowns, start: Array, limit: float) -> Fit | None:
         """Return where one model, corrected from anchor to anchor, leads."""

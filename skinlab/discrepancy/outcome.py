@@ -14,7 +14,7 @@ from skinlab.discrepancy.posterior import Posterior, gaussian
 from skinlab.discrepancy.screen import Signature
 from skinlab.discrepancy.search import Candidate, Found
 from skinlab.discrepancy.verdict import Verdict
-from skinlab.mechanics.effects import Parameter
+from skinlab.mechanics.effects import Parameter, all_effects
 from skinlab.mechanics.names import is_effects
 
 SCHEMA = "skinlab.discrepancy/1"
@@ -131,7 +131,11 @@ class Outcome:
 
         Every effect of the library is here, in `detectable` or in `not_screened`.
         """
-        found: dict[str, str] = {}
+        found = {
+            one.name: f"it is exactly the same as {one.same_as}"
+            for one in all_effects()
+            if one.same_as and one.name not in self.found.not_screened
+        }
         for name, signature in sorted(self.found.signatures.items()):
             parameter, size = _size_needed(signature)
             if math.isfinite(size) and not _has(parameter, size):
@@ -147,7 +151,7 @@ class Outcome:
                     if signature.absorbed > 0.5
                     else "it does nothing to these curves"
                 )
-        return found
+        return dict(sorted(found.items()))
 
     @property
     def not_screened(self) -> dict[str, str]:
@@ -157,7 +161,7 @@ class Outcome:
 
 def _size_needed(signature: Signature) -> tuple[Parameter, float]:
     """Return an effect's size, and how far from its zero these data would show it."""
-    parameter = next(a.parameter for a in signature.axes if a.parameter.zero is not None)
+    parameter = signature.axes[signature.which].parameter
     assert parameter.zero is not None
     return parameter, abs(parameter.typical - parameter.zero) * signature.detectable
 

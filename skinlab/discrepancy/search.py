@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import product
+from itertools import combinations, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +31,7 @@ from skinlab.discrepancy.settings import NAMES
 from skinlab.discrepancy.unknowns import BasePrior, Known, Unknowns
 from skinlab.errors import NotTrustworthyError
 from skinlab.inference.covariance import Covariance, independent
-from skinlab.mechanics.effects import effect_names
+from skinlab.mechanics.effects import effect_names, get_effect
 from skinlab.mechanics.model_file import BASE, Model, Normal
 from skinlab.workers import Pool
 
@@ -52,6 +52,7 @@ _FAR_SHARE = 0.1  # is out of the race
 _MOST_SINGLES = 8
 _PARTNERS = 5  # of each of the best singles
 _LEADERS = 4
+_MOST_PAIRS = 8
 _AGAIN = 2  # effects that explain nothing, but most, are fitted from elsewhere too
 _MEMBERS = 4  # of pairs that explain, to be tried alone
 # Shares of the law's ranges from which the base model is fitted: of the scale, of other logarithms,
@@ -131,6 +132,7 @@ class Found:
     # By which the explanations were fitted
     errors: Covariance = field(default_factory=lambda: independent(np.zeros(0)))
     kept: tuple[NDArray[np.bool_], ...] = ()  # of each record's samples; others are outliers
+    implausible: str = ""  # errors that are too large to be errors
 
     @property
     def tie(self) -> float:
@@ -162,7 +164,9 @@ class Search:
         self._unknowns = with_thickness(unknowns_of(model), fitter.records)
         self._own = self._unknowns.effects
         self._workers, self._progress, self._partial = workers, progress, partial
-        self._library = [n for n in effect_names() if n not in self._own]
+        self._library = [
+            n for n in effect_names() if n not in self._own and not get_effect(n).same_as
+        ]
 
     def base(self) -> Candidate:
         """Return the fit of the model as it is.
@@ -208,7 +212,7 @@ class Search:
                 # Something weaker may hide behind what explains nearly all.
                 candidates = singles + self._pairs(pool, base, explaining, 1, _BEHIND)
             elif not base.adequate:
-                pairs = self._pairs(pool, base, singles, _LEADERS, _SEEN)
+                pairs = self._pairs(pool, base, singles, _LEADERS, _SEEN, signatures)
                 candidates = self._members(pool, base, pairs) + pairs
                 named = {c.effects for c in candidates}
                 candidates += [c for c in singles if c.effects not in named]
@@ -223,7 +227,7 @@ class Search:
             )
         return Found(
             base, signatures, candidates, self.fitter.records, not_screened, self.fitter.errors,
-            self._kept,
+            self._kept, "" if self.errors is None else self.errors.implausible,
         )  # fmt: skip
 
     def learned_base(self) -> Candidate:
@@ -334,9 +338,18 @@ class Search:
         return found + self._fits(pool, base, tasks[2:], limit)
 
     def _pairs(
-        self, pool: Pool, base: Candidate, singles: list[Candidate], most: int, least: float
+        self,
+        pool: Pool,
+        base: Candidate,
+        singles: list[Candidate],
+        most: int,
+        least: float,
+        signatures: Mapping[str, Signature] | None = None,
     ) -> list[Candidate]:
-        """Return pairs of the best singles, at most so many, with partners that gain so much."""
+        """Return pairs of the best singles, at most so many, with partners that gain so much.
+
+        With the signatures of single effects all their pairs are screened as well.
+        """
         leaders = sorted(singles, key=lambda c: -c.log10_evidence)[:most]
         tasks: dict[frozenset[str], tuple[Fit, Signature]] = {}
         for leader in leaders:
@@ -351,13 +364,24 @@ class Search:
                     names not in tasks or expected < tasks[names][0].cost - tasks[names][1].gain
                 ):
                     tasks[names] = leader.fit, s
-        ranked = sorted(tasks.values(), key=lambda t: t[0].cost - t[1].gain)[:8]
-        if not ranked:
+        ranked = sorted(tasks.values(), key=lambda t: t[0].cost - t[1].gain)[:_MOST_PAIRS]
+        costs = {frozenset((f.effects[-1], s.effect)): f.cost - s.gain for f, s in ranked}
+        linear: list[tuple[Unknowns, Array]] = []
+        if signatures:
+            screened = _linear_pairs(self.fitter, base.fit, signatures)
+            new = [pair for pair in screened if frozenset(pair.names) not in costs]
+            costs |= {frozenset(pair.names): base.fit.cost - pair.gain for pair in new}
+            chosen = sorted(costs, key=lambda names: costs[names])[:_MOST_PAIRS]
+            ranked = [t for t in ranked if frozenset((t[0].effects[-1], t[1].effect)) in chosen]
+            linear = [pair.task for pair in new if frozenset(pair.names) in chosen]
+        if not ranked and not linear:
             return []
-        self._progress(
-            "fitting pairs: " + ", ".join(f"{f.effects[-1]} and {s.effect}" for f, s in ranked)
-        )
-        return self._race(pool, base, ranked)
+        told = [f"{f.effects[-1]} and {s.effect}" for f, s in ranked]
+        told += [" and ".join(u.effects[len(self._own) :]) for u, _ in linear]
+        self._progress("fitting pairs: " + ", ".join(told))
+        fitted = self._race(pool, base, ranked) if ranked else []
+        fits = pool.map(fit_from, linear) if linear else []
+        return fitted + [self._candidate(fit, base) for fit in fits if fit is not None]
 
     def _members(self, pool: Pool, base: Candidate, pairs: Sequence[Candidate]) -> list[Candidate]:
         """Return fits of the single effects of pairs that explain, begun where the pair ended.
@@ -434,6 +458,44 @@ def with_thickness(unknowns: Unknowns, records: Sequence[Record]) -> Unknowns:
         effects=tuple(sorted((*unknowns.effects, THICKNESS))),
         known=(*unknowns.known, known),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _LinearPair:
+    names: tuple[str, str]
+    gain: float  # by which χ² would fall
+    task: tuple[Unknowns, Array]  # where a fit begins
+
+
+def _linear_pairs(
+    fitter: Fitter, fit: Fit, signatures: Mapping[str, Signature]
+) -> list[_LinearPair]:
+    """Return all pairs of effects that can be seen, linearised about a fit; the best first."""
+    residual = fitter.errors.whiten(fitter.measured - np.concatenate(fit.deflections_mm))
+    seen = [s for s in signatures.values() if math.isfinite(s.detectable)]
+    found = []
+    for one, other in combinations(seen, 2):
+        pair = (one, other)
+        directions = np.array([s.direction for s in pair])
+        score, gram = directions @ residual, directions @ directions.T
+        priors = np.diag([1.0 / s.axes[s.which].prior[1] ** 2 for s in pair])
+        bounds = np.array([s.axes[s.which].bounds for s in pair])
+        amounts = np.clip(np.linalg.solve(gram + priors, score), bounds[:, 0], bounds[:, 1])
+        gain = float(2.0 * amounts @ score - amounts @ (gram + priors) @ amounts)
+        unknowns = fit.unknowns.with_effect(one.effect).with_effect(other.effect)
+        own = [
+            np.array(
+                [
+                    amount if i == s.which else 0.0 if a.parameter.zero is not None else a.prior[0]
+                    for i, a in enumerate(s.axes)
+                ]
+            )
+            for s, amount in zip(pair, amounts, strict=True)
+        ]
+        low, high = unknowns.bounds
+        start = np.clip(np.concatenate([fit.u, *own]), low, high)
+        found.append(_LinearPair((one.effect, other.effect), gain, (unknowns, start)))
+    return sorted(found, key=lambda pair: -pair.gain)
 
 
 def _worth(signatures: Iterable[Signature]) -> list[Signature]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 
 @dataclass(frozen=True)
@@ -21,6 +22,11 @@ class ErrorRules:
     """Samples are averaged to about this rate: the shortest correlation time is 0.1 s."""
     judged_nodes: int = 12
     """Settings of the errors by which a residual is judged and robustness is looked at."""
+    largest_um: Mapping[str, float] = field(
+        default_factory=lambda: {"ou": 8.0, "breathing": 6.0, "pulse": 5.0}
+    )
+    """Root mean squares above which what lasts or repeats is no error, but something missing: twice
+    what docs/intervals.md lists."""
     thickness_reach: float = 3.0
     """A typed thickness further off than so many of its standard deviations is told of."""
 

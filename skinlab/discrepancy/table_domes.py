@@ -115,7 +115,9 @@ class TableDomes:
 
         Features that it cannot speak of are left out; `top_mbar` is the highest suction asked for.
         """
-        ratio = problem.geometry.thickness_mm / stated.thickness_mm
+        # Lengths have no scale of their own: a wider opening is a thinner skin, drawn larger.
+        wider = problem.geometry.aperture_mm / stated.aperture_mm
+        ratio = problem.geometry.thickness_mm / stated.thickness_mm / wider
         free = abs(ratio - 1.0) > 1e-12
         parameters = np.array([[*problem.skin.values, *([ratio] if free else [])]])
         tabulated = _any_thickness if free else _plain
@@ -125,7 +127,11 @@ class TableDomes:
             found = tabulated(self._database, stated, top, problem.skin.kappa, sd_mm)
         except NotTrustworthyError:
             return None
-        return found.dome(parameters, _LEAST_REACH * min(top_mbar, top))
+        dome = found.dome(parameters, _LEAST_REACH * min(top_mbar, top))
+        if dome is None or wider == 1.0:
+            return dome
+        spline = PPoly.construct_fast(wider * dome.spline.c, dome.spline.x)
+        return Dome(spline, dome.scale)
 
 
 def relaxed_pressure(

@@ -27,9 +27,11 @@ def decide(found: Found) -> Verdict:
     it, the many effects that were tried counted. Else the explanations whose residual may be noise
     are compared: `named` where one is at least 20 : 1 ahead of all others, `ambiguous` where
     several are not; `unknown` where no explanation's residual may be noise. Where one condition
-    only was measured, 10,000 : 1 is asked for instead.
+    only was measured, 10,000 : 1 is asked for instead. Errors too large to be errors: `unknown`.
     """
     base, tie = found.base, found.tie
+    if found.implausible:
+        return Verdict("unknown", [])
     ahead = [c for c in found.candidates if c.log10_evidence >= tie]
     if base.adequate and not any(c.adequate for c in ahead):
         return Verdict("none", [])

@@ -8,7 +8,7 @@ import numpy as np
 
 from skinlab.curves.campaign import Campaign
 from skinlab.discrepancy.discipline import Discipline, Trial, repeats_um, shares_of
-from skinlab.discrepancy.fit import Fitter
+from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.heldout import conditions_of, predict_held_out
 from skinlab.discrepancy.misfit import errors_of
 from skinlab.discrepancy.next_measurement import advise
@@ -70,11 +70,18 @@ def explain(
     found = search.run()
     fitter = search.fitter
     assert search.errors is not None
+    # From here on with the errors as the best explanation sees them: those by which explanations
+    # were searched are as wide as pure error leaves them.
+    final = fitter.with_errors(fitter.records, search.errors.looks[-1].mode)
+
+    def again(fit: Fit) -> Fit:
+        return fit.with_errors(fitter.errors, final.errors)
+
     first = decide(found)
     progress("predicting conditions held out of the fit")
-    parts = conditions_of(fitter, [c.fit for c in first.explanations])
-    before = predict_held_out(fitter, found.base.fit, parts)
-    held = {c.effects: predict_held_out(fitter, c.fit, parts) for c in first.explanations}
+    parts = conditions_of(final, [again(c.fit) for c in first.explanations])
+    before = predict_held_out(final, again(found.base.fit), parts)
+    held = {c.effects: predict_held_out(final, again(c.fit), parts) for c in first.explanations}
     verdict, trials = first, tuple[Trial, ...]()
     if first.explanations:
         progress("trying whether the explanation is there again in parts of the data")
@@ -87,11 +94,12 @@ def explain(
     progress("drawing from the posterior")
     chosen = verdict.explanations[0] if verdict.explanations else found.base
     shares = shares_of(search.errors, found.base, chosen, search.linear(chosen.fit))
-    posteriors = {chosen.effects: sample(fitter, chosen.fit, np.random.default_rng(seed))}
+    refined = final.refined(again(chosen.fit))
+    posteriors = {chosen.effects: sample(final, refined, np.random.default_rng(seed))}
     following = None
     if verdict.name == "ambiguous":
         progress("looking for the measurement that would tell them apart")
-        following = advise(fitter, [c.fit for c in verdict.explanations[:_MOST_TIED]])
+        following = advise(final, [again(c.fit) for c in verdict.explanations[:_MOST_TIED]])
     after = held[chosen.effects] if verdict.explanations else before
     return Outcome(
         verdict,

@@ -43,12 +43,13 @@ def plain_text(rows: Rows) -> str:
 
 def outcome_rows(outcome: Outcome, columns: int) -> Rows:
     """Return the whole answer: what is missing, how sure that is, pictures, values, limits."""
-    from skinlab.discrepancy.text import limits_words, where_words
+    from skinlab.discrepancy.text import doubt_words, limits_words, repeats_words, where_words
 
-    rows: Rows = [[(line, "strong")] for line in verdict_lines(outcome)]
+    rows: Rows = [[(line, "strong")] for line in repeats_words(outcome) + verdict_lines(outcome)]
     rows += [[(line, "text")] for line in next_lines(outcome)]
     rows += _candidate_rows(outcome)
     rows += _share_rows(outcome)
+    rows += [[(line, "quiet")] for line in doubt_words(outcome)]
     rows += [[], *_multiples(outcome, columns)]
     rows += [[], *_value_rows(outcome, columns)]
     if outcome.where:
@@ -167,41 +168,25 @@ def _candidate_rows(outcome: Outcome) -> Rows:
     return rows
 
 
-def shares(outcome: Outcome) -> list[tuple[str, float]]:
-    """Return what the gap is made of, as shares of its mean square, which sum up to 1."""
-    before, after, noise = (
-        outcome.gap_before.rms_um**2,
-        outcome.gap_after.rms_um**2 if outcome.verdict.explanations else None,
-        outcome.gap_before.noise_um**2,
-    )
-    if not before > 0:
-        return []
-    noise_share = min(noise / before, 1.0)
-    if after is None:
-        return [("noise", noise_share), ("not explained", 1.0 - noise_share)]
-    left = min(max(after / before - noise_share, 0.0), 1.0 - noise_share)
-    return [
-        ("noise", noise_share),
-        ("the effect", 1.0 - noise_share - left),
-        ("not explained", left),
-    ]
-
-
 def _share_rows(outcome: Outcome) -> Rows:
-    found = shares(outcome)
-    if not found:
+    """Return what the gap is made of, as shares of its mean square."""
+    if outcome.shares is None:
         return []
-    styles = {
-        "noise": ("░", "band"),
-        "the effect": ("█", "after"),
-        "not explained": ("▒", "before"),
-    }
+    squares = [
+        ("░", "band", "noise", outcome.shares.noise_um**2),
+        ("▒", "before", "placement", outcome.shares.placement_um**2),
+        ("▓", "quiet", "mesh", outcome.shares.mesh_um**2),
+        ("█", "after", "the effect", outcome.shares.effect_um**2),
+    ]
+    whole = sum(square for *_, square in squares)
+    if not whole > 0:
+        return []
     bar: list[Run] = [(" " * (_NAME + 2), "text")]
-    ends = np.round(np.cumsum([0.0, *(part for _, part in found)]) * _BAR).astype(int)
-    for (what, _), begin, end in zip(found, ends[:-1], ends[1:], strict=True):
-        cell, style = styles[what]
+    ends = np.cumsum([0.0, *(square for *_, square in squares)]) / whole
+    cells = np.round(ends * _BAR).astype(int)
+    for (cell, style, *_), begin, end in zip(squares, cells[:-1], cells[1:], strict=True):
         bar.append((cell * int(end - begin), style))
-    words = ", ".join(f"{styles[w][0]} {w} {100 * part:.0f} %" for w, part in found)
+    words = ", ".join(f"{c} {what} {100 * x / whole:.0f} %" for c, _, what, x in squares)
     return [
         [],
         [("What the gap is made of, by its mean square:", "quiet")],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import threading
 from dataclasses import replace
 from functools import partial
@@ -26,7 +27,6 @@ from skinlab.tui.missing import (
     odds_words,
     outcome_rows,
     plain_text,
-    shares,
     size_words,
 )
 from skinlab.tui.screens.main import MainScreen
@@ -249,10 +249,16 @@ def test_sizes_have_the_unit_that_suits_and_odds_are_round():
 
 
 def test_shares_of_the_gap_sum_up_and_bars_are_drawn(named):
-    found = dict(shares(named))
-    assert sum(found.values()) == pytest.approx(1.0)
-    assert found["the effect"] > 0.9  # the offset is all that was hidden
-    assert "█" in plain_text(outcome_rows(named, 80))
+    shown = plain_text(outcome_rows(named, 80))
+    assert "█" in shown
+    found = {
+        what: int(percent)
+        for what, percent in re.findall(
+            "[░▒▓█] (noise|placement|mesh|the effect) ([0-9]+) %", shown
+        )
+    }
+    assert sum(found.values()) == pytest.approx(100, abs=2)
+    assert found["the effect"] > 90  # the offset is all that was hidden
 
 
 def test_what_is_known_is_said_at_every_moment(named, tmp_path):
