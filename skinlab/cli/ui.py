@@ -18,7 +18,7 @@ from skinlab.cli.output import echo
 
 if TYPE_CHECKING:
     from skinlab.inference.identify import Identifier
-    from skinlab.study.reference import Reference
+    from skinlab.studies.reference import Reference
     from skinlab.tui.app import SkinlabApp
 
 SIMULATED = "sim://?seed=1"
@@ -81,7 +81,7 @@ def command(
         said = _identifier(model_path, database_path)
     reference = None
     if reference_path is not None:
-        from skinlab.study.reference import read_reference
+        from skinlab.studies.reference import read_reference
 
         reference = read_reference(reference_path)
     if serve:

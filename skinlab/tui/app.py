@@ -65,7 +65,7 @@ if TYPE_CHECKING:
     from skinlab.curves.curve import Curve
     from skinlab.discrepancy.next_measurement import NextMeasurement
     from skinlab.discrepancy.outcome import Outcome
-    from skinlab.study.reference import Reference
+    from skinlab.studies.reference import Reference
 
 _COMMANDS = (
     Command("app.help", "Help: all keys", "?"),

@@ -16,7 +16,7 @@ from skinlab.tui.text import meaning, name_of, scaled_bar, value_scale
 
 if TYPE_CHECKING:
     from skinlab.inference.identify import Identifier
-    from skinlab.study.change import Changes
+    from skinlab.studies.change import Changes
 
 ORDERS: tuple[tuple[str, Callable[[VisitRow], tuple[str, ...]], bool], ...] = (
     ("latest first", lambda v: (v.created_utc, v.file), True),
@@ -97,7 +97,7 @@ def trend_lines(rows: Sequence[VisitRow], columns: int, changes: Changes | None)
             bar = scaled_bar(value, low, high, width, behind, logarithmic=logarithmic)
             lines.append(f"{when(row)}  {bar}")
     if changes is not None:
-        from skinlab.study.change import in_words
+        from skinlab.studies.change import in_words
 
         lines += ["", "░ no change could be shown within it. The last visit against the first:"]
         lines += [f"  {line}" for line in in_words(changes)]
@@ -112,7 +112,7 @@ def changes_between(before: Path, after: Path, identifier: Identifier) -> Change
     """
     from skinlab.recording.session import read_session
     from skinlab.recording.session_fit import fit_session
-    from skinlab.study import change
+    from skinlab.studies import change
 
     sides = []
     for path in (before, after):

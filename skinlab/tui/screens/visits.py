@@ -33,7 +33,7 @@ from skinlab.tui.widgets.header import Top
 
 if TYPE_CHECKING:
     from skinlab.inference.identify import Identifier
-    from skinlab.study.change import Changes
+    from skinlab.studies.change import Changes
 
 
 class VisitsScreen(Screen[None]):
@@ -186,7 +186,7 @@ class VisitsScreen(Screen[None]):
         first, second = sorted((other, row), key=lambda v: v.created_utc)
 
         def compare() -> str:
-            from skinlab.study.change import in_words
+            from skinlab.studies.change import in_words
 
             whose = {(r.subject, r.site) for r in (first, second)}
             lines = [f"{when(first)} {first.file} and {when(second)} {second.file}:"]
