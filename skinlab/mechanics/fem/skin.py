@@ -265,7 +265,7 @@ def _rim_mm(problem: SkinProblem) -> float:
     skin = problem.skin
     own = get_law(skin.law).half_shear_modulus(skin.named) * problem.geometry.thickness_mm
     carried = sum(layer.thickness_mm * layer.half_shear_mpa for layer in problem.above)
-    return RIM_MM / (1.0 + (carried / own) ** 2)
+    return float(RIM_MM / (1.0 + (carried / own) ** 2))
 
 
 def through_thickness(stretch: float, energy: HasPotential, parameters: Mapping[str, Any]) -> float:
