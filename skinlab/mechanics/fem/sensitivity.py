@@ -112,9 +112,3 @@ def solve_with_slopes(
         look=look,
     )  # fmt: skip
     return curve, Slopes(np.array(at), np.array(columns).T.reshape(len(changes), len(columns)))
-
-
-def central(low: float, high: float, at: float, relative: float = 1e-4) -> tuple[float, float]:
-    """Return two values around one, inside of its bounds, for a `Change`."""
-    half = relative * max(abs(at), 1e-3 * min(high - low, 1.0), 1e-9)
-    return max(low, at - half), min(high, at + half)

@@ -69,7 +69,7 @@ def test_a_stretched_skin_at_rest_is_in_equilibrium_to_round_off(element):
     f = np.array([1.05, 0.0, 0.0, through, 1.05])[:, None]
     energy, stress, _, det = stress_and_tangent(f, LAW, parameters)
     assert abs(stress[3, 0]) < 1e-15
-    assert np.abs(state.residual).max() < 1e-13 * np.abs(stress).max()
+    assert np.abs(state.residual).max() < 1e-12 * np.abs(stress).max()
     # the energy is W per volume of the skin before it was stretched
     assert state.energy == pytest.approx(float((energy / det)[0]) * np.pi * 4.0, rel=1e-13)
 
