@@ -34,7 +34,7 @@ CATALOGUE = {
         "Check opening and thickness, and do not trust the number.",
     ),
     "not_identifiable": Flag(
-        "{} is not fixed by this curve",
+        "{} is not determined by this curve",
         "This curve does not determine {} well: its interval covers most of what is possible. Do "
         "not use the number.",
         "Measure with another opening or a higher pressure as well (“skinlab identify --advise” "

@@ -91,7 +91,7 @@ def explain(result: Identification, noise_um: float | None = None) -> list[str]:
     if loose:
         names = " and ".join(plain(name)[0] for name in loose)
         found.append(
-            f"These data hardly fix {names}: the interval is most of what is possible."
+            f"These data do not determine {names}: the interval is most of what is possible."
         )
     if "misfit_above_noise" in result.flags:
         much = "clearly more than"

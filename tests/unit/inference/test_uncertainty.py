@@ -480,7 +480,7 @@ class TestCommand:
         out = capsys.readouterr().out
         assert "3 curves together" in out
         assert "measure next" in out
-        assert "hardly fix" in out
+        assert "do not determine" in out
 
     def test_advice_without_intervals_is_wrong_usage(self, table, tmp_path, capsys):
         path = self.campaign(table, tmp_path)
