@@ -23,6 +23,9 @@ def on_processes(
 
     `shared` is sent once a process. No more tasks are taken than keep the processes busy.
     """
+    first = list(islice(tasks, workers * (1 + _AHEAD)))
+    if not first:
+        return
     every: list[Worker] = []
     idle: queue.SimpleQueue[Worker] = queue.SimpleQueue()
 
@@ -45,9 +48,8 @@ def on_processes(
 
     threads = ThreadPoolExecutor(workers, thread_name_prefix="study")
     try:
-        for _ in range(workers):
+        for _ in range(min(workers, len(first))):
             idle.put(new())
-        first = islice(tasks, workers * (1 + _AHEAD))
         running: dict[Future[R | None], T] = {threads.submit(do, task): task for task in first}
         while running:
             for future in wait(running, return_when=FIRST_COMPLETED).done:

@@ -15,6 +15,11 @@ def test_a_process_that_dies_takes_one_task_with_it():
     assert found == {n: None if n == 13 else 10 * n for n in range(10, 20)}
 
 
+def test_where_nothing_is_to_do_no_process_starts(monkeypatch):
+    monkeypatch.setattr("skinlab.studies.processes.Worker", None)
+    assert list(on_processes(tenfold, 10, iter(()), 2)) == []
+
+
 def test_tasks_are_taken_as_they_are_needed():
     taken = []
 
