@@ -13,6 +13,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from textual.widgets import Input, OptionList
 
 from drivers.events import Hello, InstrumentState, Sample, State
 from skinlab.acquisition.messages import Connected, Heard
@@ -20,6 +21,7 @@ from skinlab.acquisition.replayer import example_session
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.growing import GrowingCurve
 from skinlab.curves.program import parse_program
+from skinlab.discrepancy.discipline import Shares
 from skinlab.inference.result import Identification, Value
 from skinlab.quality.gates.base import Finding
 from skinlab.recording.stream import CurveStarted, Happened, Sampled
@@ -112,9 +114,9 @@ def outcome():
     ]
     after = SimpleNamespace(deflections_mm=[w for _, w in curves])
     before = SimpleNamespace(deflections_mm=[w + 0.02 * (c.time_s / 5 - 0.5) for c, w in curves])
-    base = SimpleNamespace(effects=(), fit=before)
+    base = SimpleNamespace(effects=(), fit=before, at_bound=())
     best, second = (
-        SimpleNamespace(effects=(name,), fit=after, log10_evidence=e, adequate=ok)
+        SimpleNamespace(effects=(name,), fit=after, log10_evidence=e, adequate=ok, at_bound=())
         for name, e, ok in (("pressure_lag", 21.0, True), ("baseline_drift", 19.7, False))
     )
     law = {"X1_MPa": {"value": 0.02, "low": 0.019, "high": 0.021}}
@@ -124,7 +126,12 @@ def outcome():
     }
     return SimpleNamespace(
         verdict=SimpleNamespace(name="named", explanations=[best]),
-        found=SimpleNamespace(base=base, candidates=[best, second], records=records),
+        found=SimpleNamespace(
+            base=base, candidates=[best, second], records=records, implausible=""
+        ),
+        repeats_um=2.2,
+        shares=Shares(2.0, 0.4, 0.1, 5.8),
+        trials=(),
         best=best,
         gap_before=SimpleNamespace(rms_um=6.2, noise_um=2.0, files=("curve 2",)),
         gap_after=SimpleNamespace(rms_um=2.1, noise_um=2.0, files=("curve 2",)),
@@ -219,6 +226,17 @@ def by_key(*keys):
     return press
 
 
+async def palette(pilot):
+    await measured(pilot, entry_of(1))
+    await pilot.press("ctrl+p")
+    end = time.monotonic() + 60
+    while not any(found.option_count for found in pilot.app.screen.query(OptionList)):
+        assert time.monotonic() < end
+        await pilot.pause(0.05)
+    pilot.app.screen.query_one(Input).cursor_blink = False
+    await settled(pilot)
+
+
 SCREENS = {
     "ready": ready,
     "good": good,
@@ -229,7 +247,7 @@ SCREENS = {
     "visits": visit_list,
     "missing": missing,
     "help": by_key("f1"),
-    "palette": by_key("ctrl+p"),
+    "palette": palette,
     "programs": by_key("f4"),
     "quit": by_key("q"),
 }
