@@ -18,7 +18,6 @@ class SegmentKind(StrEnum):
 
     RAMP = "ramp"  # go to target_mbar at rate_mbar_per_s
     HOLD = "hold"  # stay at the present target for duration_s
-    UNTIL = "until"  # rise at rate_mbar_per_s until height_mm is read, to target_mbar at most
     RELEASE = "release"  # vent as fast as the instrument can
     REST = "rest"  # stay at zero for duration_s
 
@@ -31,7 +30,6 @@ class Segment:
     target_mbar: float = 0.0
     rate_mbar_per_s: float = 0.0
     duration_s: float = 0.0
-    height_mm: float = 0.0
 
 
 class InstrumentState(StrEnum):
@@ -185,13 +183,6 @@ class Pace:
     speed: float
 
 
-@dataclass(frozen=True, slots=True)
-class Abilities:
-    """What the instrument can do besides; said after Hello. What it does not say, it cannot."""
-
-    until: bool = False  # end a segment where the deflection reaches a height
-
-
 # ---- events that the driver adds -------------------------------------------------------------
 
 
@@ -246,9 +237,7 @@ class LinkRestored:
     outage_s: float  # since LinkLost
 
 
-InstrumentEvent = (
-    Hello | Loaded | State | Sample | Reading | InstrumentFault | Refused | Pace | Abilities
-)
+InstrumentEvent = Hello | Loaded | State | Sample | Reading | InstrumentFault | Refused | Pace
 DriverEvent = Damaged | Gap | HostVented | VentConfirmed | Alarm | LinkLost | LinkRestored
 Event = InstrumentEvent | DriverEvent
 

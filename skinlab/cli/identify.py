@@ -15,7 +15,6 @@ from skinlab.cli.options import (
     json_option,
     make_identifier,
     prior_options,
-    probe_option,
     reference_options,
     with_prior_option,
 )
@@ -31,7 +30,6 @@ if TYPE_CHECKING:
 @geometry_options(required=False)
 @identification_options()
 @database_option()
-@probe_option()
 @prior_options(site=True)
 @reference_options()
 @click.option("--joint", is_flag=True, help="One answer for all curves: one skin.")
@@ -170,7 +168,7 @@ def _beside(
 ) -> tuple[dict[str, Any] | None, list[str]]:
     """Return where a curve's values stand in a reference, as data and in lines."""
     from skinlab.errors import InputError
-    from skinlab.studies.reference import place, read_reference
+    from skinlab.study.reference import place, read_reference
 
     reference = read_reference(path)
     if not result.parameters or result.setup is None:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.discrepancy.fit import Fit, Fitter
-from skinlab.discrepancy.unknowns import Axis, Unknowns
+from skinlab.discrepancy.unknowns import Axis
 
 Array = NDArray[np.float64]
 
@@ -34,7 +34,6 @@ class Signature:
     amount: float  # best size, in typical ones
     gain: float  # by which χ² would fall
     absorbed: float  # share of the raw signature that the fit's unknowns absorb
-    which: int = 0  # of the axes: the effect's size
 
     @property
     def detectable(self) -> float:
@@ -47,19 +46,9 @@ def signature(fitter: Fitter, fit: Fit, effect: str) -> Signature | None:
     unknowns = fit.unknowns.with_effect(effect)
     axes = unknowns.axes[len(fit.unknowns.axes) :]
     own = [0.0 if a.parameter.zero is not None else a.to_u(a.parameter.typical) for a in axes]
-    sized = [i for i, a in enumerate(axes) if a.parameter.zero is not None]
-    found = [_along(fitter, fit, unknowns, own, i) for i in sized]
-    held = [s for s in found if s is not None]
-    # Where several of its parameters have a zero, it is the one that explains most.
-    return max(held, key=lambda s: (s.gain, s.size)) if held else None
-
-
-def _along(
-    fitter: Fitter, fit: Fit, unknowns: Unknowns, own: list[float], which: int
-) -> Signature | None:
-    """Return the signature of one of an effect's parameters."""
-    axes = unknowns.axes[len(fit.unknowns.axes) :]
-    axis, effect = axes[which], axes[which].effect
+    # The first parameter with a zero is the effect's size.
+    which = next(i for i, a in enumerate(axes) if a.parameter.zero is not None)
+    axis = axes[which]
     here = np.concatenate(fit.deflections_mm)
     for size in _SIZES:
         step = size * axis.to_u(axis.parameter.typical)
@@ -80,13 +69,14 @@ def _along(
     whole = float(np.linalg.norm(raw))
     if length < _INVISIBLE:
         absorbed = 1.0 if whole > _INVISIBLE else 0.0
-        return Signature(effect, axes, direction, length, 0.0, 0.0, absorbed, which)
+        return Signature(effect, axes, direction, length, 0.0, 0.0, absorbed)
     amount = float(direction @ residual) / length**2
     low, high = axis.bounds
     amount = float(np.clip(amount, low, high))
     gain = 2.0 * amount * float(direction @ residual) - amount**2 * length**2
-    absorbed = 1.0 - length / max(whole, 1e-12)
-    return Signature(effect, axes, direction, length, amount, max(gain, 0.0), absorbed, which)
+    return Signature(
+        effect, axes, direction, length, amount, max(gain, 0.0), 1.0 - length / max(whole, 1e-12)
+    )
 
 
 def _with_priors(fit: Fit) -> Array:

@@ -72,11 +72,10 @@ def polish(
     while live.size and iteration < most_iterations:
         iteration += 1
         J, r = jacobian[live], residual[live]
-        turned = np.swapaxes(J, 1, 2)
-        gradient = (turned @ r[..., None])[..., 0]
+        gradient = np.einsum("nmk,nm->nk", J, r)
         at = unit[live]
         stuck = keep[live] | ((at <= 0.0) & (gradient > 0.0)) | ((at >= 1.0) & (gradient < 0.0))
-        normal = turned @ J
+        normal = np.einsum("nmk,nml->nkl", J, J)
         step = _damped_step(normal, gradient, damping[live], stuck)
         trial = np.clip(at + step, 0.0, 1.0)
         step = trial - at
@@ -104,7 +103,7 @@ def polish(
         converged[live[done]] = True
         lost = damping[live] > _MOST_DAMPING
         live = live[~(done | lost)]
-    normal = np.swapaxes(jacobian, 1, 2) @ jacobian
+    normal = np.einsum("nmk,nml->nkl", jacobian, jacobian)
     return Polished(unit, cost, normal, converged, iteration, evaluations)
 
 

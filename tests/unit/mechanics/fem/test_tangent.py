@@ -19,12 +19,11 @@ def order(steps, errors):
 
 def product(state, v):
     """K v, from the lower band."""
-    band = state.tangent
-    n, width = band.shape
-    out = band[:, 0] * v
+    n, width = state.tangent.shape
+    out = state.tangent[:, 0] * v
     for k in range(1, width):
-        out[k:] += band[: n - k, k] * v[: n - k]
-        out[: n - k] += band[: n - k, k] * v[k:]
+        out[k:] += state.tangent[: n - k, k] * v[: n - k]
+        out[: n - k] += state.tangent[: n - k, k] * v[k:]
     return out
 
 
