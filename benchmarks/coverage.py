@@ -10,7 +10,7 @@ import json
 import statistics
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,18 +18,30 @@ import numpy as np
 from numpy.typing import NDArray
 from prior_skins import Skin, skins
 from scipy.signal import lfilter
+from scipy.special import log_ndtr
 from scipy.stats import binom
 
 from skinlab.curves.curve import Curve
+from skinlab.inference.covariance import Covariance, OnKept, OrnsteinUhlenbeck
 from skinlab.inference.identify import Identifier
+from skinlab.inference.intervals import summary as summary_of
+from skinlab.inference.noise import mesh_error_shapes, pressure_error_mm
+from skinlab.inference.posterior import sample
+from skinlab.inference.result import Identification
 from skinlab.inference.uncertainty import Sensor
+from skinlab.mechanics.fem.suction import Geometry
 from skinlab.tables.store import shipped_table
 
 Array = NDArray[np.float64]
 Rng = np.random.Generator
 
 LASTS_S, TOP_MBAR = 5.0, 100.0
+PLACED_MBAR = 70.0  # where placements differ: a soft one is as at more
+ZERO_UM = 4.0  # of a placement
+SEED = 20261122  # of skins and errors; nothing was chosen by looking at these
 RESULT = Path(__file__).parent / "results" / "identification_coverage.jsonl"
+_OF_THE_SKIN = ("at_bound", "not_identifiable")  # flags that say nothing of the errors
+PICTURE = Path(__file__).parents[1] / "docs" / "pictures" / "ranks.svg"
 NAMES = ("X1_MPa", "X2_MPa", "nu")
 
 
@@ -49,37 +61,61 @@ class Errors:
     pressure_mbar: float = 0.0
     step: float = 0.0
 
-    def measured(self, skin: Skin, rate_hz: float, rng: Rng) -> Curve:
-        """Return a curve with these errors: a ramp to 100 mbar in 5 s."""
-        n = round(LASTS_S * rate_hz) + 1
-        t = np.arange(n) / rate_hz
-        true = TOP_MBAR * t / LASTS_S
-        w = 1e3 * skin.deflection(true)
-        reading = true + self.pressure_mbar * rng.standard_normal(n)
-        off = self.white * rng.standard_normal(n)
-        if self.ou:
-            rho = np.exp(-1.0 / (rate_hz * self.ou_s))
-            start = rng.standard_normal()
-            steps = np.sqrt(1 - rho**2) * rng.standard_normal(n)
-            steps[0] = start
-            off = off + self.ou * lfilter([1.0], [1.0, -rho], steps)
-        if self.student:
-            off = off + self.student * rng.standard_t(3.0, n)
-        if self.spikes:
-            hit = rng.random(n) < self.spikes
-            off = off + hit * rng.uniform(30.0, 100.0, n) * rng.choice([-1.0, 1.0], n)
-        if self.glitch:
-            off[rng.integers(n)] += self.glitch * rng.choice([-1.0, 1.0])
-        for size, low, high in ((self.breathing, 0.2, 0.4), (self.pulse, 1.0, 1.5)):
-            if size:
-                angle = 2 * np.pi * (rng.uniform(low, high) * t + rng.random())
-                off = off + size * np.sin(angle)
-        if self.proportional:
-            off = off + self.proportional * w * rng.standard_normal(n)
-        w = w + off
-        if self.step:
-            w = self.step * np.round(w / self.step)
-        return Curve(f"skin{skin.number}", skin.setup, t, reading, 1e-3 * w)
+    @property
+    def sd_um(self) -> float:
+        """Standard deviation of one sample, as one would state it."""
+        squares = self.white**2 + self.ou**2 + 3.0 * self.student**2
+        return float(np.sqrt(squares + 0.5 * (self.breathing**2 + self.pulse**2)))
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """A curve with errors, and what an oracle knows of them."""
+
+    curve: Curve
+    off: NDArray[np.bool_]  # (u,) samples that were hit by a spike or a glitch
+    waves_hz: tuple[float, ...]
+
+
+def measured(
+    errors: Errors, skin: Skin, rate_hz: float, rng: Rng, top_mbar: float = TOP_MBAR,
+    softer: float = 0.0, zero_um: float = 0.0,
+) -> Measured:  # fmt: skip
+    """Return a curve with these errors: a ramp in 5 s, of a placement this much softer (a log)."""
+    n = round(LASTS_S * rate_hz) + 1
+    t = np.arange(n) / rate_hz
+    true = top_mbar * t / LASTS_S
+    w = 1e3 * skin.deflection(true * np.exp(softer))
+    reading = true + errors.pressure_mbar * rng.standard_normal(n)
+    added = errors.white * rng.standard_normal(n)
+    if errors.ou:
+        rho = np.exp(-1.0 / (rate_hz * errors.ou_s))
+        start = rng.standard_normal()
+        steps = np.sqrt(1 - rho**2) * rng.standard_normal(n)
+        steps[0] = start
+        added = added + errors.ou * lfilter([1.0], [1.0, -rho], steps)
+    if errors.student:
+        added = added + errors.student * rng.standard_t(3.0, n)
+    off = np.zeros(n, dtype=bool)
+    if errors.spikes:
+        off = rng.random(n) < errors.spikes
+        added = added + off * rng.uniform(30.0, 100.0, n) * rng.choice([-1.0, 1.0], n)
+    if errors.glitch:
+        hit = rng.integers(n)
+        added[hit] += errors.glitch * rng.choice([-1.0, 1.0])
+        off[hit] = True
+    waves = []
+    for size, low, high in ((errors.breathing, 0.2, 0.4), (errors.pulse, 1.0, 1.5)):
+        if size:
+            waves.append(float(rng.uniform(low, high)))
+            added = added + size * np.sin(2 * np.pi * (waves[-1] * t + rng.random()))
+    if errors.proportional:
+        added = added + errors.proportional * w * rng.standard_normal(n)
+    w = w + added + zero_um
+    if errors.step:
+        w = errors.step * np.round(w / errors.step)
+    curve = Curve(f"skin{skin.number}", skin.setup, t, reading, 1e-3 * w)
+    return Measured(curve, off, tuple(waves))
 
 
 EVERYTHING = Errors(
@@ -95,7 +131,9 @@ class Row:
     errors: Errors
     rate_hz: float = 20.0
     stated_um: float | None = None
-    ends: bool = False
+    kind: str = "any"  # of skins
+    scatter: float | None = None  # between placements, of log stiffness; None: one curve alone
+    placements: int = 1  # at each opening
 
 
 def _rows() -> dict[str, Row]:
@@ -114,11 +152,16 @@ def _rows() -> dict[str, Row]:
     for name in ("white_3", "ou_0.3s", "everything"):
         for rate in (100.0, 200.0):
             found[f"{name}_{rate:g}hz"] = Row(found[name].errors, rate)
-    for name in ("white_1", "white_3", "white_10"):
-        found[f"{name}_stated"] = Row(found[name].errors, stated_um=found[name].errors.white)
-    found["ou_0.3s_stated"] = Row(found["ou_0.3s"].errors, stated_um=10.0**0.5)
-    found["ends_white_3"] = Row(Errors(white=3.0), ends=True)
-    found["ends_everything"] = Row(EVERYTHING, ends=True)
+    for name in list(found):
+        found[f"{name}_stated"] = replace(found[name], stated_um=found[name].errors.sd_um)
+    found["white_3_stated_as_6"] = Row(Errors(white=3.0), stated_um=6.0)
+    found["glitch_50"] = Row(Errors(white=3.0, glitch=50.0))
+    found["ends_white_3"] = Row(Errors(white=3.0), kind="ends")
+    found["ends_everything"] = Row(EVERYTHING, kind="ends")
+    for scatter in (0.0, 0.03, 0.06, 0.12):
+        for count in (1, 2, 4):
+            name = f"placed_{100 * scatter:g}_{count}"
+            found[name] = Row(Errors(white=3.0), 10.0, None, "pairs", scatter, count)
     return found
 
 
@@ -126,35 +169,137 @@ ROWS = _rows()
 
 
 def one(row: Row, skin: Skin, seed: int) -> dict[str, Any]:
-    """Return what becomes of one curve."""
+    """Return what becomes of one curve, beside an oracle that knows the errors' parameters."""
     rng = np.random.default_rng([seed, skin.number])
-    curve = row.errors.measured(skin, row.rate_hz, rng)
+    drawn = measured(row.errors, skin, row.rate_hz, rng)
     identifier = Identifier(shipped_table(), sensor=Sensor(row.stated_um, None), seed=skin.number)
-    began = time.perf_counter()
-    result = identifier(curve)
-    seconds = time.perf_counter() - began
+    began = time.process_time()
+    result = identifier(drawn.curve)
+    seconds = time.process_time() - began
+    found = _judged(result, skin, seconds)
+    if "failed" not in found and result.outliers is not None and result.uncertainty is not None:
+        found["spikes"] = int(drawn.off.sum())
+        found["spikes_found"] = int((drawn.off & result.outliers).sum())
+        found["taken_for_spikes"] = int((~drawn.off & result.outliers).sum())
+        found["oracle"] = oracle(row, skin, drawn, result, np.random.default_rng(skin.number))
+    return found
+
+
+def placed(row: Row, pair: tuple[Skin, ...], seed: int) -> dict[str, Any]:
+    """Return what becomes of a skin that is measured at two openings, with several placements."""
+    rng = np.random.default_rng([seed, pair[0].number])
+    assert row.scatter is not None
+    zero = ZERO_UM if row.scatter else 0.0
+    curves = [
+        measured(
+            row.errors, skin, row.rate_hz, rng, PLACED_MBAR,
+            row.scatter * rng.standard_normal(), zero * rng.standard_normal(),
+        ).curve
+        for skin in pair
+        for _ in range(row.placements)
+    ]  # fmt: skip
+    sensor = Sensor(row.stated_um, None, placement_scatter=None)
+    identifier = Identifier(shipped_table(), sensor=sensor, seed=pair[0].number)
+    began = time.process_time()
+    result = identifier.joint(curves)
+    seconds = time.process_time() - began
+    found = _judged(result, pair[0], seconds)
+    if result.placement is not None:
+        learned = result.placement.scatter
+        found["scatter"] = learned["value"]
+        found["scatter_held"] = learned["low"] <= row.scatter <= learned["high"]
+    return found
+
+
+def _judged(result: Identification, skin: Skin, seconds: float) -> dict[str, Any]:
     values = result.parameters or {}
     if result.error is not None or values[NAMES[0]].low is None:
         return {"failed": result.error or "no intervals", "seconds": seconds}
+    assert result.uncertainty is not None
+    draws = result.uncertainty.draws
     model = shipped_table().model(_geometry(skin), np.array([TOP_MBAR]))
     return {
         "held": [v.low <= t <= v.high for v, t in zip(values.values(), skin.truth, strict=True)],
-        "width": [
-            float(np.log(v.high / v.low)) if n != "nu" else v.high - v.low
-            for n, v in values.items()
+        "width": [_width(n, v.low or 0.0, v.high or 0.0) for n, v in values.items()],
+        "rank": [
+            float(draws.weight[draws.parameters[:, i] < t].sum()) for i, t in enumerate(skin.truth)
         ],
         "model": result.error_model.name if result.error_model else "",
         "flags": [f.split(":")[0] for f in result.flags],
         "table_refuses": not bool(np.isfinite(model.deflection_mm(skin.truth[None])).all()),
         "noise_um": result.noise_um,
-        "effective": result.uncertainty.draws.effective if result.uncertainty else 0.0,
+        "effective": draws.effective,
         "seconds": seconds,
     }
 
 
-def _geometry(skin: Skin) -> Any:
-    from skinlab.mechanics.fem.suction import Geometry
+def _width(name: str, low: float, high: float) -> float:
+    return float(np.log(high / low)) if name != "nu" else high - low
 
+
+def oracle(
+    row: Row, skin: Skin, drawn: Measured, result: Identification, rng: Rng
+) -> dict[str, Any]:
+    """Return the intervals of who knows the errors' parameters, and which samples were hit.
+
+    Rounding and Student's t by their exact likelihoods; the mesh's errors as the estimate has them.
+    """
+    e, curve = row.errors, drawn.curve
+    kept, t = ~drawn.off, curve.time_s
+    model = shipped_table().model(_geometry(skin), curve.pressure_mbar)
+    true = skin.deflection(TOP_MBAR * t / LASTS_S)
+    variance = e.white**2 + (1e3 * e.proportional * true) ** 2 + 3.0 * e.student**2
+    if e.pressure_mbar:
+        sd = np.full(len(t), e.pressure_mbar)
+        variance = variance + (1e3 * pressure_error_mm(curve.pressure_mbar, true, sd)) ** 2
+    columns = [1e3 * mesh_error_shapes(curve.pressure_mbar, true)]
+    for size, hz in zip([s for s in (e.breathing, e.pulse) if s], drawn.waves_hz, strict=True):
+        angle = 2 * np.pi * hz * t
+        columns.append(size / np.sqrt(2.0) * np.column_stack([np.sin(angle), np.cos(angle)]))
+    covariance = Covariance(
+        1e-6 * (variance + e.step**2 / 12.0 + np.zeros(len(t)))[kept],
+        1e-3 * np.hstack(columns)[kept],
+        (int(kept.sum()),),
+        OrnsteinUhlenbeck(1e-3 * e.ou, e.ou_s) if e.ou else None,
+        t[kept],
+    )
+    misfit = model.misfit(curve.deflection_mm, OnKept(kept, covariance))
+
+    def exact(parameters: Array) -> Array:
+        off = 1e3 * (curve.deflection_mm - model.deflection_mm(parameters))
+        if e.student:
+            density = -2.0 * np.log1p((off / e.student) ** 2 / 3.0)
+        else:
+            scale = np.sqrt(variance)
+            up, down = (off + 0.5 * e.step) / scale, (off - 0.5 * e.step) / scale
+            upper = np.where(down > 0, -down, up)
+            lower = np.where(down > 0, -up, down)
+            density = log_ndtr(upper) + np.log1p(-np.exp(log_ndtr(lower) - log_ndtr(upper)))
+        total = density.sum(axis=1)
+        return np.where(np.isfinite(total), total, -np.inf)
+
+    narrow = e.step > 2.0 * e.white and not e.ou
+    assert result.uncertainty is not None
+    space = result.uncertainty.space
+    starts = [space.to_unit(np.array([(result.optimum or {})[n] for n in NAMES]))]
+    starts.append(np.clip(space.to_unit(skin.truth), 0.0, 1.0))
+    draws = sample(
+        space, misfit, np.array(starts), rng, log_density=exact if e.student or narrow else None
+    )
+    ends = [
+        summary_of(
+            draws.parameters[:, i], draws.weight, draws.log_target,
+            (float(space.bounds[0][i]), float(space.bounds[1][i])), logarithmic=name != "nu",
+        )
+        for i, name in enumerate(NAMES)
+    ]  # fmt: skip
+    return {
+        "held": [low <= x <= high for (_, low, high), x in zip(ends, skin.truth, strict=True)],
+        "width": [_width(n, low, high) for n, (_, low, high) in zip(NAMES, ends, strict=True)],
+    }
+
+
+def _geometry(skin: Skin) -> Geometry:
     return Geometry(skin.setup.aperture_mm, skin.setup.thickness_mm)
 
 
@@ -165,26 +310,45 @@ def summary(name: str, found: list[dict[str, Any]], seed: int) -> dict[str, Any]
     inside = np.array([not f["table_refuses"] for f in good])
     flags = sorted({flag for f in good for flag in f["flags"]})
     widths = np.array([f["width"] for f in good])
+    ranks = np.array([f["rank"] for f in good])
     models: dict[str, int] = {}
     for f in good:
         models[f["model"]] = models.get(f["model"], 0) + 1
     low, high = binom.interval(0.95, len(good), 0.9)
-    return {
+    line = {
         "row": name,
         "curves": len(found),
         "seed": seed,
+        "database": shipped_table().content_hash.removeprefix("sha256:")[:12],
         "coverage": _percent(held),
         "coverage_where_the_table_answers": _percent(held[inside]),
         "refused_by_the_table": int((~inside).sum()),
         "expected_at_90": [round(100 * low / len(good), 1), round(100 * high / len(good), 1)],
         "median_width": np.median(widths, axis=0).round(4).tolist(),
+        "ranks": {
+            n: np.histogram(ranks[:, i], 10, (0.0, 1.0))[0].tolist() for i, n in enumerate(NAMES)
+        },
         "flags": {f: round(sum(f in g["flags"] for g in good) / len(good), 3) for f in flags},
         "models": dict(sorted(models.items(), key=lambda item: -item[1])[:6]),
         "noise_um": round(statistics.median(f["noise_um"] for f in good), 2),
         "least_effective": round(min(f["effective"] for f in good), 1),
-        "median_ms": round(1e3 * statistics.median(f["seconds"] for f in found), 1),
+        "median_cpu_ms": round(1e3 * statistics.median(f["seconds"] for f in found), 1),
         "failed": len(found) - len(good),
     }
+    known = [f for f in good if "oracle" in f]
+    if known:
+        ratio = np.array([f["width"] for f in known]) / [f["oracle"]["width"] for f in known]
+        line["oracle_held"] = _percent(np.array([f["oracle"]["held"] for f in known]))
+        line["width_over_oracle"] = np.median(ratio, axis=0).round(3).tolist()
+        line["spikes"] = {
+            key: sum(f[key] for f in known)
+            for key in ("spikes", "spikes_found", "taken_for_spikes")
+        }
+    learned = [f for f in good if "scatter" in f]
+    if learned:
+        line["scatter"] = round(statistics.median(f["scatter"] for f in learned), 4)
+        line["scatter_held"] = round(100 * statistics.mean(f["scatter_held"] for f in learned), 1)
+    return line
 
 
 def _percent(held: Array) -> dict[str, float]:
@@ -193,18 +357,75 @@ def _percent(held: Array) -> dict[str, float]:
     return dict(zip(NAMES, (100 * held.mean(axis=0)).round(1).tolist(), strict=True))
 
 
-def run(names: list[str], curves: int, seed: int, say: Callable[[str], None] = print) -> None:
+def run(
+    names: list[str],
+    curves: int,
+    seed: int,
+    result: Path = RESULT,
+    say: Callable[[str], None] = print,
+) -> None:
     """Run rows, each saved as a line when it is done; rows that are saved already are left out."""
     done = set()
-    if RESULT.exists():
-        lines = [json.loads(line) for line in RESULT.read_text().splitlines()]
+    if result.exists():
+        lines = [json.loads(line) for line in result.read_text().splitlines()]
         done = {(r["row"], r["curves"], r["seed"]) for r in lines}
     for name in names:
         if (name, curves, seed) in done:
             continue
         row = ROWS[name]
-        found = [one(row, skin, seed) for skin in skins(curves, ends=row.ends)]
+        drawn = skins(curves, seed=seed, kind=row.kind)
+        if row.scatter is None:
+            found = [one(row, skin, seed) for skin in drawn]
+        else:
+            found = [placed(row, pair, seed) for pair in zip(drawn, drawn, strict=True)]
         line = json.dumps(summary(name, found, seed))
         say(line)
-        with RESULT.open("a") as stream:
+        with result.open("a") as stream:
             stream.write(line + "\n")
+
+
+def draw_ranks(seed: int = SEED) -> None:
+    """Draw how ranks of the truth among the draws spread, over all rows of single curves.
+
+    Simulation-based calibration (Talts et al. 2018, arXiv:1804.06788): the skins are drawn from the
+    prior, so that ranks are uniform where intervals of every level hold the truth as they say. Of
+    the database that most rows are of: one with a wider range has another prior than the skins.
+    """
+    from matplotlib import pyplot as plt
+
+    lines = [json.loads(line) for line in RESULT.read_text().splitlines()]
+    lines = [r for r in lines if r["seed"] == seed and ROWS[r["row"]].kind == "any"]
+    database = statistics.mode(r["database"] for r in lines)
+    lines = [r for r in lines if r["database"] == database]
+    figure, axes = plt.subplots(1, 3, figsize=(7.5, 2.4), sharey=True, layout="constrained")
+    for axis, name in zip(axes, NAMES, strict=True):
+        counts = np.sum([r["ranks"][name] for r in lines], axis=0)
+        axis.bar((np.arange(10) + 0.5) / 10, counts / counts.mean(), 0.09, color="0.6")
+        axis.axhline(1.0, color="black", linewidth=0.8)
+        axis.set_xlabel(f"rank of the true {name.replace('_', ', ')}")
+    axes[0].set_ylabel("curves, by what is expected")
+    figure.suptitle(f"{sum(r['curves'] for r in lines)} curves of {len(lines)} rows", fontsize=9)
+    plt.rcParams["svg.hashsalt"] = "skinlab"
+    figure.savefig(PICTURE, metadata={"Date": None})
+
+
+def table() -> str:
+    """Return the saved rows as tables of docs/intervals.md, one for each database."""
+    head = ("errors", "curves", "held", "where the table answers", "oracle", "width", "flags")
+    databases: dict[str, list[tuple[str, ...]]] = {}
+    for row in (json.loads(line) for line in RESULT.read_text().splitlines()):
+        wanted = {k: v for k, v in row["flags"].items() if k not in _OF_THE_SKIN}
+        said = ", ".join(f"`{k}` {100 * v:.0f}" for k, v in wanted.items())
+        inside = row["coverage_where_the_table_answers"] if row["refused_by_the_table"] else {}
+        ratio = ", ".join(f"{v:.2f}" for v in row.get("width_over_oracle", ()))
+        held = [_words(v) for v in (row["coverage"], inside, row.get("oracle_held", {}))]
+        cells = (f"`{row['row']}`", str(row["curves"]), *held, ratio or "–", said or "–")
+        databases.setdefault(row["database"], [head, ("---",) * len(head)]).append(cells)
+    return "\n\n".join(
+        f"{name}\n\n" + "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
+        for name, lines in databases.items()
+    )
+
+
+def _words(held: dict[str, float]) -> str:
+    return ", ".join(f"{v:.0f}" for v in held.values()) or "–"

@@ -1,8 +1,11 @@
 """Identification measured: optimum found, coverage of intervals, time against other optimisers.
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/identification.py optimum [--curves 1000] [--seed 1]
-    OPENBLAS_NUM_THREADS=1 python benchmarks/identification.py coverage [--curves 1000] [--seed 2]
-        [--rows white_3,ou_0.3s]
+    OPENBLAS_NUM_THREADS=1 python benchmarks/identification.py coverage [--curves 1000]
+        [--seed 20261122] [--rows white_3,ou_0.3s]
+    OPENBLAS_NUM_THREADS=1 python benchmarks/identification.py sampler [--curves 50]
+        [--seed 20261122]
+    OPENBLAS_NUM_THREADS=1 python benchmarks/identification.py ranks
     OPENBLAS_NUM_THREADS=1 python benchmarks/identification.py rivals [--curves 40] [--seed 3]
 
 Each part prints and saves benchmarks/results/identification_PART.json; `coverage` saves each row as
@@ -10,7 +13,9 @@ a line of identification_coverage.jsonl when it is done, and goes on where it en
 the rows, prior_skins.py the skins). Curves of the other parts are computed by the finite elements
 directly, for skins drawn from the prior (flat in log X1, log X2/X1 and ν over the database's range,
 where the skin does not crease before 100 mbar), openings of 2, 4, 6 and 8 mm and thicknesses of
-0.8–1.6 mm: 51 samples, 0–100 mbar. `rivals` needs the package cma (extra "bench").
+0.8–1.6 mm: 51 samples, 0–100 mbar. `rivals` needs the package cma, `sampler` emcee
+(extra "bench"). `ranks` draws docs/pictures/ranks.svg and prints docs/intervals.md's table from
+the saved rows of `coverage`.
 """
 
 from __future__ import annotations
@@ -285,6 +290,12 @@ _METHODS: dict[str, Callable[[Problem, int], tuple[float, int]]] = {
 }
 
 
+def _sampler(curves: int, seed: int) -> dict[str, Any]:
+    from reference_sampler import sampler  # needs emcee
+
+    return sampler(curves, seed)
+
+
 def _each(function: Callable[[int], dict[str, Any]], count: int) -> list[dict[str, Any]]:
     with ProcessPoolExecutor() as pool:
         return list(pool.map(function, range(count), chunksize=10))
@@ -293,18 +304,23 @@ def _each(function: Callable[[int], dict[str, Any]], count: int) -> list[dict[st
 def main() -> None:
     """Measure one part, print and save it."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("part", choices=["optimum", "coverage", "rivals"])
+    parser.add_argument("part", choices=["optimum", "coverage", "ranks", "sampler", "rivals"])
     parser.add_argument("--curves", type=int)
     parser.add_argument("--seed", type=int)
     parser.add_argument("--rows", help="of coverage, separated by commas; all without")
     arguments = parser.parse_args()
     if arguments.part == "coverage":
         names = arguments.rows.split(",") if arguments.rows else list(coverage.ROWS)
-        seed = 2 if arguments.seed is None else arguments.seed
+        seed = coverage.SEED if arguments.seed is None else arguments.seed
         coverage.run(names, arguments.curves or 1000, seed)
+        return
+    if arguments.part == "ranks":
+        coverage.draw_ranks()
+        print(coverage.table())
         return
     part, curves, seed = {
         "optimum": (optimum, 1000, 1),
+        "sampler": (_sampler, 50, coverage.SEED),
         "rivals": (rivals, 40, 3),
     }[arguments.part]
     curves = arguments.curves or curves

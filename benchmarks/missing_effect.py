@@ -7,7 +7,9 @@
 The curves are those of the simulated probe's skin: 9-node elements on a mesh of its own, random
 skins, thicknesses and noise. Parts: `none` hides nothing, `single` each of the library's effects in
 turn, `double` two of them, `outside` something that the library does not have, `ramp` an effect
-(or, each fourth time, nothing) in one ramp of the 6 mm opening. Every campaign is one line of
+(or, each fourth time, nothing) in one ramp of the 6 mm opening, `life_none` and `life_single` nothing
+or one effect in curves with errors as they are measured (noise that lasts, steps, breathing, spikes,
+placements that differ in stiffness, thickness and zero; one to three placements an opening). Every campaign is one line of
 `results/missing_effect.jsonl`, appended as it is done, so that a run goes on where the last one
 stopped; lines of other versions of the workflow do not count. Each run ends with the confusion
 matrix and the figures, with 90 % intervals (Clopper and Pearson), saved in
@@ -46,7 +48,6 @@ from skinlab.curves.campaign import Campaign
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
-from skinlab.discrepancy.misfit import errors_of
 from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.records import records_of
 from skinlab.discrepancy.workflow import explain
@@ -60,7 +61,7 @@ Distortion = Callable[[Array, Array, Array, np.random.Generator], Array]
 RESULTS = Path(__file__).parent / "results"
 LINES = RESULTS / "missing_effect.jsonl"
 SUMMARY = RESULTS / "missing_effect.json"
-PARTS = ("none", "single", "double", "outside", "ramp")
+PARTS = ("none", "single", "double", "outside", "ramp", "life_none", "life_single")
 
 RATE_HZ = 20.0
 FULL = (
@@ -71,6 +72,17 @@ FULL = (
     (2.0, "ramp:300@60,ramp:0@60", 1, 1),
     (8.0, "ramp:100@20,ramp:0@20", 1, 1),
 )
+# Errors as in life: two or three placements of each opening.
+LIFE = (
+    (6.0, "ramp:100@80,hold:8,ramp:0@80,hold:4", 1),
+    (2.0, "ramp:300@60,ramp:0@60", 1),
+    (8.0, "ramp:100@20,ramp:0@20", 1),
+)
+# Of those effects alone that such campaigns can show at all.
+LIFE_EFFECTS = (
+    "viscoelasticity", "natural_tension", "hypodermis", "contact_preload", "thickness_error",
+    "strain_stiffening",
+)  # fmt: skip
 SECOND_CYCLE = (6.0, "ramp:100@20,ramp:0@20", 2, 1)
 RAMP = ((6.0, "ramp:100@20", 1, 1),)
 
@@ -105,6 +117,63 @@ class Truth:
     noise_um: float
     pressure_noise_mbar: float
     stated: bool
+    life: Life | None = None
+
+
+@dataclass(frozen=True)
+class Life:
+    """Errors as in life: sizes of what is drawn anew for each curve or placement."""
+
+    ou_um: float
+    ou_s: float
+    step_um: float
+    stiffness: float  # standard deviations, of each placement
+    thickness: float
+    offset_um: float
+    breathing_um: float
+    pulse_um: float
+    spikes: float  # share of samples
+    rate_hz: float
+
+    @classmethod
+    def drawn(cls, rng: np.random.Generator) -> Life:
+        """Return one kind alone, or all of them."""
+        none = cls(0.0, 0.3, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 20.0)
+        whole = cls(
+            float(rng.uniform(2.0, 3.0)), float(rng.choice([0.1, 0.3, 1.0])),
+            float(rng.choice([1.0, 10.0])), float(rng.choice([0.01, 0.03, 0.06])),
+            float(rng.choice([0.01, 0.03, 0.05])), float(rng.uniform(3.0, 10.0)),
+            float(rng.uniform(2.0, 5.0)), float(rng.uniform(1.0, 3.0)), 0.01,
+            float(rng.choice([10.0, 20.0, 50.0])),
+        )  # fmt: skip
+        kind = str(
+            rng.choice(
+                ["ou", "step", "stiffness", "thickness", "offset", "periodic", "spikes", "all"]
+            )
+        )
+        of = {
+            "ou": ("ou_um", "ou_s"), "step": ("step_um",), "stiffness": ("stiffness",),
+            "thickness": ("thickness",), "offset": ("offset_um",),
+            "periodic": ("breathing_um", "pulse_um"), "spikes": ("spikes",),
+        }  # fmt: skip
+        if kind == "all":
+            return whole
+        return replace(
+            none, rate_hz=whole.rate_hz, **{name: getattr(whole, name) for name in of[kind]}
+        )
+
+    def errors_um(self, t: Array, rng: np.random.Generator) -> Array:
+        """Return what lasts, repeats or jumps in one curve (n,), µm."""
+        decay = np.exp(-np.diff(t) / self.ou_s)
+        slow = [rng.normal()]
+        for d in decay:
+            slow.append(d * slow[-1] + np.sqrt(1.0 - d**2) * rng.normal())
+        found = self.ou_um * np.array(slow) + self.offset_um * rng.normal()
+        for size, band in ((self.breathing_um, (0.2, 0.4)), (self.pulse_um, (1.0, 1.5))):
+            angle = 2.0 * np.pi * (rng.uniform(*band) * t + rng.uniform())
+            found = found + size * np.sin(angle)
+        hit = rng.random(len(t)) < self.spikes
+        return np.asarray(found + hit * rng.uniform(30.0, 100.0, len(t)) * rng.choice([-1, 1]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,6 +252,8 @@ def draw(part: str, seed: int, number: int, attempt: int) -> tuple[Truth, Any]:
     distortion = ""
     if part == "single":
         hidden = [names[number % len(names)]]
+    elif part == "life_single":
+        hidden = [LIFE_EFFECTS[number % len(LIFE_EFFECTS)]]
     elif part == "double":
         hidden = sorted(rng.choice(names, 2, replace=False).tolist())
     elif part == "ramp" and number % 4:
@@ -195,6 +266,11 @@ def draw(part: str, seed: int, number: int, attempt: int) -> tuple[Truth, Any]:
     skin = Skin((x1, x2, float(rng.uniform(0.22, 0.42))))
     plan = list(RAMP if part == "ramp" else FULL)
     second = rng.random() < 0.3 or "preconditioning" in hidden
+    life = None
+    if part.startswith("life"):
+        times = 3 if part == "life_single" else int(rng.choice([1, 2, 3]))
+        plan = [(*entry, 1 + i) for i in range(times) for entry in LIFE]
+        life, second = Life.drawn(rng), False
     if second and part != "ramp":
         plan.append(SECOND_CYCLE)
     truth = Truth(
@@ -206,6 +282,7 @@ def draw(part: str, seed: int, number: int, attempt: int) -> tuple[Truth, Any]:
         round(float(rng.uniform(2.0, 5.0)), 1),
         round(float(rng.uniform(0.1, 0.3)), 2),
         bool(rng.random() < 0.5),
+        life,
     )
     return truth, plan
 
@@ -221,17 +298,30 @@ def curve_of(
     """Return the measured curve and the same without noise; None where the skin does not hold."""
     aperture, text, cycle, repeat = entry
     program = parse_program(text)
-    t = np.arange(int(program.duration_s * RATE_HZ + 1e-9) + 1) / RATE_HZ
+    life = truth.life
+    rate = RATE_HZ if life is None else life.rate_hz
+    t = np.arange(int(program.duration_s * rate + 1e-9) + 1) / rate
     path = PressurePath.of_program(program)
-    geometry = Geometry(aperture, truth.thickness_mm)
-    found = response(truth.skin, truth.effects, geometry, path, t, cycle=cycle, discretisation=MESH)
+    thickness, skin = truth.thickness_mm, truth.skin
+    if life is not None:  # a placement of its own
+        thickness *= float(np.exp(life.thickness * rng.normal()))
+        stiffer = float(np.exp(life.stiffness * rng.normal()))
+        x1, x2, nu = skin.values
+        skin = Skin((x1 * stiffer, x2 * stiffer, nu))
+    geometry = Geometry(aperture, thickness)
+    found = response(skin, truth.effects, geometry, path, t, cycle=cycle, discretisation=MESH)
     w = found.deflection_mm
     if not np.isfinite(w).all():
         return None
     if truth.distortion:
         changed = OUTSIDE[truth.distortion](t, path(t), w, rng)
         w = w + truth.distortion_size * (changed - w)
-    read_w = np.round(w + rng.normal(0.0, 1e-3 * truth.noise_um, len(t)), 3)
+    read_w = w + rng.normal(0.0, 1e-3 * truth.noise_um, len(t))
+    step_mm = 1e-3
+    if life is not None:
+        read_w = read_w + 1e-3 * life.errors_um(t, rng)
+        step_mm = 1e-3 * life.step_um
+    read_w = step_mm * np.round(read_w / step_mm)
     read_p = np.round(path(t) + rng.normal(0.0, truth.pressure_noise_mbar, len(t)), 1)
     name = f"d{aperture:g}_{text.replace(':', '').replace(',', '_')}_c{cycle}_{repeat}.csv"
     setup = Setup(aperture, truth.thickness_mm, program, cycle, repeat)
@@ -287,6 +377,8 @@ def judge(part: str, seed: int, version: str, number: int) -> dict[str, Any]:
         "seconds": seconds, "cpu_seconds": cpu,
         "estimated_noise_um": records_of(made.campaign)[0].noise_um,
         "base_p": outcome.found.base.left.p_value,
+        "life": None if truth.life is None else vars(truth.life),
+        "repeats": max(entry.setup.repeat for entry in made.campaign.curves),
         "gap_um": [outcome.gap_before.rms_um, outcome.gap_after.rms_um],
         "gap_noise_um": outcome.gap_after.noise_um,
         "gap_expected_um": outcome.gap_after.expected_um,
@@ -313,9 +405,17 @@ def judge(part: str, seed: int, version: str, number: int) -> dict[str, Any]:
 
 def _strength(truth: Truth, made: Made, outcome: Outcome) -> dict[str, Any]:
     """Return the strength of what was hidden, how separable it is, and what the best fit leaves."""
-    records = records_of(made.campaign)
-    errors = errors_of(records)
-    clean = np.concatenate(made.clean_mm)
+    found = outcome.found
+    errors = found.errors
+    # As the workflow saw them: averaged to its rate, without the outliers.
+    clean = np.concatenate(
+        [
+            np.interp(r.curve.time_s, curve.time_s, clean)
+            for r, curve, clean in zip(
+                found.records, made.campaign.curves, made.clean_mm, strict=True
+            )
+        ]
+    )
     base, best = outcome.found.base.fit, outcome.best.fit
 
     def left(fit: Any, *more: Array) -> float:
@@ -352,6 +452,8 @@ def share(hits: Iterable[bool]) -> dict[str, Any]:
 def right(line: dict[str, Any]) -> bool:
     """Return whether an explanation is the truth, or all of it that these curves can show.
 
+    Where nothing is hidden every name is wrong.
+
     Of two hidden effects one may be too weak: what the best fit leaves of the clean curves is then
     below the smallest detectable size.
     """
@@ -379,7 +481,10 @@ def covered(line: dict[str, Any], name: str) -> bool:
 
 def figures(lines: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Return the figures: each with its target, where there is one."""
-    full = [x for x in lines if x["part"] != "ramp"]
+    full = [x for x in lines if x["part"] in ("none", "single", "double", "outside")]
+    life_none = [x for x in lines if x["part"] == "life_none"]
+    life_single = [x for x in lines if x["part"] == "life_single"]
+    life_named = [x for x in life_none + life_single if x["verdict"] == "named"]
     none = [x for x in full if x["part"] == "none"]
     named = [x for x in full if x["verdict"] == "named"]
     single = [x for x in full if x["part"] == "single"]
@@ -393,6 +498,17 @@ def figures(lines: Sequence[dict[str, Any]]) -> dict[str, Any]:
     gaps = [x["gap_um"][1] / x["gap_noise_um"] for x in correct]
     told = [x["gap_um"][1] / x["gap_expected_um"] for x in correct if "gap_expected_um" in x]
     return {
+        "life_something_named_where_nothing_is": {
+            "target": "<= 0.01", **share(x["verdict"] == "named" for x in life_none),
+        },
+        "life_anything_but_none_where_nothing_is": {
+            "target": "<= 0.05", **share(x["verdict"] != "none" for x in life_none),
+        },
+        "life_names_right": {"target": ">= 0.98", **share(right(x) for x in life_named)},
+        "life_named_of_one_hidden": share(x["verdict"] == "named" for x in life_single),
+        "life_held_out_gap_over_noise_within_1.2": share(
+            x["gap_um"][1] <= 1.2 * x["gap_noise_um"] for x in life_named
+        ),
         "false_alarm_on_none": {"target": "<= 0.01", **share(x["verdict"] != "none" for x in none)},
         "names_right": {"target": ">= 0.98", **share(right(x) for x in named)},
         "named_where_separable_and_3_times_detectable": {
@@ -449,7 +565,7 @@ def confusion(lines: Sequence[dict[str, Any]]) -> dict[str, dict[str, int]]:
     rows: dict[str, Counter[str]] = {}
     for x in lines:
         what = x["part"]
-        if what in ("single", "outside"):
+        if what in ("single", "outside", "life_single"):
             what = f"{what}: {x['outside'] or x['hidden'][0]}"
         verdict = x["verdict"]
         if verdict == "named":
@@ -492,7 +608,11 @@ def show(result: dict[str, Any]) -> None:
 def version_of() -> str:
     """Return a hash of what decides: the workflow, the effects, the finite elements."""
     root = Path(skinlab.__file__).parent
-    files = [f for d in ("discrepancy", "effects", "fem") for f in sorted((root / d).glob("*.py"))]
+    files = [
+        f
+        for d in ("discrepancy", "inference", "mechanics")
+        for f in sorted((root / d).rglob("*.py"))
+    ]
     digest = hashlib.sha256(b"".join(f.read_bytes() for f in files))
     digest.update(Path(__file__).read_bytes().split(b"# ---- summary")[0])
     return digest.hexdigest()[:12]

@@ -14,6 +14,12 @@ With `--openings` every skin (X1 0.01–0.1 MPa, X2 0.3–6 MPa, ν 0.22–0.44,
 with openings of 2 mm (to 300 mbar), 6 mm and 8 mm (to 100 mbar), as a campaign would, and the
 deviation is told in two parts: what the openings have in common, and each one's own. Another
 program, FElupe, is compared at the tops of eleven skins (`data/other_program_tops.csv`).
+
+With `--law-range` two things are measured that depend on the skin, for
+`skinlab/tables/model_errors.py`: how much the mesh of record locks, for ν from 0 to 0.499, against
+9-node elements that cannot (projected dilatation, 0.02 mm at the edge of a 6 mm opening, quarter
+points); and, of skins that crease at 40 to 300 mbar, how far the dome is from that of the finer
+9-node mesh of verification, which creases earlier, at shares of the table's limit.
 """
 
 from __future__ import annotations
@@ -22,7 +28,9 @@ import argparse
 import json
 import os
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -32,12 +40,16 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from skinlab.inference.noise import legendre
+from skinlab.mechanics.fem.element import QUAD9_LINEAR_DILATATION
 from skinlab.mechanics.fem.suction import MESH_OF_RECORD, VERIFICATION_MESH, Geometry, solve
 from skinlab.mechanics.materials.compressibility import kappa_ratio
+from skinlab.tables.model_errors import crease_shapes, locking
+from skinlab.tables.store import shipped_table
 
 HERE = Path(__file__).parent
 RESULT = HERE / "results" / "model_error.json"
 OPENINGS_RESULT = HERE / "results" / "model_error_openings.json"
+LAW_RANGE_RESULT = HERE / "results" / "model_error_law_range.json"
 TOPS = HERE / "data" / "other_program_tops.csv"
 OPENINGS = ((2.0, 300.0), (6.0, 100.0), (8.0, 100.0))  # mm, mbar
 POINTS = 50
@@ -138,13 +150,104 @@ def measure_openings(sets: int, seed: int) -> None:
     print(json.dumps(result, indent=1))
 
 
+CANNOT_LOCK = replace(
+    VERIFICATION_MESH, name="cannot-lock", element=QUAD9_LINEAR_DILATATION, ratio=1.5, inside=0.1,
+    outside=0.2, through=0.25, quarter_point=True,
+)  # fmt: skip
+KAPPA_EDGES = (3.3, 6.0, 12.0, 25.0, 50.0, 100.0, 300.0, 1001.0)
+SHARES = (0.2, 0.4, 0.6, 0.8, 1.0)
+
+
+def locked(point: NDArray[np.float64]) -> tuple[float, float]:
+    """Return κ/X1, and w(record)/w(cannot lock) − 1 in the mean over a third of what holds."""
+    ratio = 3.34 * (1000.0 / 3.34) ** point[2]
+    geometry = Geometry((2.0, 4.0, 6.0, 8.0)[int(4 * point[3])], 0.8 + 0.8 * point[4])
+    x1 = 0.005 * 40.0 ** point[0]
+    x2 = x1 * 0.5 * 2000.0 ** point[1]
+    parameters = {"X1_MPa": x1, "X2_MPa": x2, "kappa_MPa": x1 * ratio}
+    curves = [
+        solve(geometry, parameters, 100.0, discretisation=mesh)
+        for mesh in (MESH_OF_RECORD, CANNOT_LOCK)
+    ]
+    top = min(100.0, *(c.holds_to_mbar for c in curves)) / 3.0
+    at = np.arange(1, POINTS + 1) / POINTS * top
+    record, fine = (c.spline(at) for c in curves)
+    return ratio, float(np.mean(record / fine - 1.0))
+
+
+def near_crease(point: NDArray[np.float64]) -> list[float] | None:
+    """Return w(record)/w(finer) − 1 at SHARES of the limit, NaN where either ends.
+
+    None where the limit is not within 40 to 300 mbar.
+    """
+    geometry = Geometry((2.0, 4.0, 6.0, 8.0)[int(4 * point[3])], 0.8 + 0.8 * point[4])
+    x1, nu = 0.005 * 40.0 ** point[0], 0.48 * point[2]
+    x2 = x1 * 0.5 * 2000.0 ** point[1]
+    table = shipped_table().model(geometry, np.array([1.0]))
+    limit = float(table.holds_to(np.array([[x1, x2, nu]]))[0])
+    if not 40.0 < limit < 300.0:
+        return None
+    parameters = {"X1_MPa": x1, "X2_MPa": x2, "kappa_MPa": x1 * float(kappa_ratio(nu, "paper"))}
+    at = limit * np.array(SHARES)
+    domes = []
+    for mesh in (MESH_OF_RECORD, VERIFICATION_MESH):
+        curve = solve(geometry, parameters, 1.05 * limit, discretisation=mesh)
+        domes.append(np.where(at <= 1.01 * curve.holds_to_mbar, curve.spline(at), np.nan))
+    found: list[float] = (domes[0] / domes[1] - 1.0).tolist()
+    return found
+
+
+def measure_law_range(sets: int, seed: int) -> None:
+    """Measure, print, save."""
+    points = qmc.Sobol(5, rng=np.random.default_rng(seed)).random(5 * sets)  # few of them crease
+    with ProcessPoolExecutor() as pool:
+        ratio, off = np.array(list(pool.map(locked, points[:sets]))).T
+        creasing = [v for v in pool.map(near_crease, points) if v is not None]
+    rows = []
+    for low, high in pairwise(KAPPA_EDGES):
+        inside = (ratio >= low) & (ratio < high)
+        if inside.any():
+            rows.append(
+                {
+                    "kappa_over_X1": [low, high],
+                    "skins": int(inside.sum()),
+                    "mean_percent": round(100 * float(off[inside].mean()), 3),
+                    "rms_percent": round(100 * float(np.sqrt(np.mean(off[inside] ** 2))), 3),
+                    "largest_percent": round(100 * float(np.abs(off[inside]).max()), 3),
+                    "assumed_percent": round(100 * locking(float(np.sqrt(low * high))), 3),
+                }
+            )
+    ratios = np.array(creasing)
+    assumed = np.sqrt(np.square(crease_shapes(np.array(SHARES))).sum(axis=1))
+    result = {
+        "command": f"python benchmarks/model_error.py --law-range --sets {sets} --seed {seed}",
+        "locking": rows,
+        "creasing_skins": len(ratios),
+        "near_crease": [
+            {
+                "share_of_limit": share,
+                "skins": int(np.isfinite(column).sum()),
+                "rms_percent": round(100 * float(np.sqrt(np.nanmean(column**2))), 3),
+                "assumed_percent": round(100 * float(size), 3),
+            }
+            for share, column, size in zip(SHARES, ratios.T, assumed, strict=True)
+        ],
+    }
+    LAW_RANGE_RESULT.write_text(json.dumps(result, indent=1) + "\n")
+    print(json.dumps(result, indent=1))
+
+
 def main() -> None:
     """Measure, print, save."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--sets", type=int, default=64)
     parser.add_argument("--seed", type=int, default=3)
     parser.add_argument("--openings", action="store_true", help="what openings have in common")
+    parser.add_argument("--law-range", action="store_true", help="by κ, and near a crease")
     arguments = parser.parse_args()
+    if arguments.law_range:
+        measure_law_range(arguments.sets, arguments.seed)
+        return
     if arguments.openings:
         measure_openings(arguments.sets, arguments.seed)
         return

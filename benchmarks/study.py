@@ -42,9 +42,9 @@ from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.program import parse_program
 from skinlab.inference.identify import Identifier
 from skinlab.inference.population import Prior, with_prior
-from skinlab.study.components import WITHIN, components, effect, interval
-from skinlab.study.compute import draws_of
-from skinlab.study.population import Posterior, learn, to_toml
+from skinlab.studies.components import WITHIN, components, effect, interval
+from skinlab.studies.compute import draws_of
+from skinlab.studies.population import Posterior, learn, to_toml
 from skinlab.tables.store import shipped_table
 
 RESULTS = Path(__file__).parent / "results"
@@ -171,7 +171,7 @@ def _one_cohort(people: int, seed: int) -> list[dict[str, Any]]:
 def measure_prior(arguments: argparse.Namespace) -> dict[str, Any]:
     """Return coverage and widths of intervals with and without a population as prior."""
     seeds = [1000 * arguments.seed + k for k in range(arguments.cohorts)]
-    with ProcessPoolExecutor(2) as pool:
+    with ProcessPoolExecutor(arguments.workers) as pool:
         found = list(pool.map(partial(_one_cohort, arguments.people), seeds))
     rows = [row for cohort in found for row in cohort]
     result: dict[str, Any] = {
@@ -262,6 +262,7 @@ def main() -> None:
     parser.add_argument("--cohorts", type=int)
     parser.add_argument("--people", type=int)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--workers", type=int, default=2)
     arguments = parser.parse_args()
     measure, cohorts, people = {
         "components": (measure_components, 200, 12),

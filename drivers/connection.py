@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from drivers.dialect import Dialect
 from drivers.errors import LocalProtocolError, RemoteProtocolError
 from drivers.events import (
+    Abilities,
     Arm,
     Command,
     Damaged,
@@ -31,7 +32,7 @@ from drivers.events import (
     State,
     Vent,
 )
-from drivers.limits import DEFAULT_LIMITS, Limits, check_load
+from drivers.limits import DEFAULT_LIMITS, NO_ABILITIES, Limits, check_load
 
 MAX_BACKLOG_BYTES = 1 << 20  # of bytes that nobody turned into events yet
 _NUMBERS = 1 << 16  # command numbers wrap here
@@ -80,6 +81,7 @@ class Connection:
         self._ready: deque[Event] = deque()
         self._state: InstrumentState | None = None
         self._hello: Hello | None = None
+        self._abilities = NO_ABILITIES
         self._number = -1
         self._load_number: int | None = None  # None: this side asked for no program
         self._next_sequence: int | None = None  # None: whatever comes first
@@ -94,6 +96,11 @@ class Connection:
     def hello(self) -> Hello | None:
         """Who the instrument is; None before it said so."""
         return self._hello
+
+    @property
+    def abilities(self) -> Abilities:
+        """What the instrument said that it can do besides."""
+        return self._abilities
 
     @property
     def keeps_alive(self) -> bool:
@@ -147,7 +154,7 @@ class Connection:
         if isinstance(command, Load):
             if self._hello is None:
                 raise LocalProtocolError(f"{name} is not allowed before the instrument's Hello")
-            check_load(command, self._limits, self._hello)
+            check_load(command, self._limits, self._hello, self._abilities)
         number = self._number
         if isinstance(command, Load | Arm | Start | Reset):
             number = (number + 1) % _NUMBERS
@@ -173,7 +180,10 @@ class Connection:
                         f"{event.model} speaks version {event.protocol_version} of "
                         f"{event.dialect!r}; this driver speaks {self._dialect.protocol_version}"
                     )
-                self._hello = event
+                self._hello, self._abilities = event, NO_ABILITIES
+            case Abilities():
+                self._ready.append(event)
+                self._abilities = event
             case Loaded():
                 self._judge_loaded(event, number, frame)
             case Refused() if number != self._number and self._number >= 0:

@@ -48,11 +48,14 @@ class DoseMeter:
 
 
 def program_dose(segments: Sequence[Segment]) -> Dose:
-    """Dose of a program that is followed exactly; vents and releases take no time in it."""
+    """Dose of a program that is followed exactly; vents and releases take no time in it.
+
+    As if no height were ever reached: what it is to stop at is not known before.
+    """
     total = Dose()
     target = 0.0
     for segment in segments:
-        if segment.kind is SegmentKind.RAMP:
+        if segment.kind in {SegmentKind.RAMP, SegmentKind.UNTIL}:
             time_s = abs(segment.target_mbar - target) / segment.rate_mbar_per_s
             total += Dose((segment.target_mbar + target) / 2 * time_s, time_s)
             target = segment.target_mbar

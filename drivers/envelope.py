@@ -3,6 +3,8 @@
 Time is the instrument's, in s since Start; the watchdog holds that clock against the host's own.
 Everything but a release lasts as long as the program says. A release ends when the instrument
 measures that the pressure has fallen, so that what follows is counted from where its end was seen.
+So does a rise until a height is reached; what follows begins at what it can have got to,
+of which the least and the most are known.
 """
 
 from __future__ import annotations
@@ -11,20 +13,26 @@ import math
 from collections.abc import Sequence
 
 from drivers.events import Segment, SegmentKind
-from drivers.limits import Limits
+from drivers.limits import Limits, longest_way_mbar
 
+_OPEN_ENDED = frozenset({SegmentKind.RELEASE, SegmentKind.UNTIL})  # by what is measured
 _OPEN_VALVE = frozenset({SegmentKind.RELEASE, SegmentKind.REST})
 _FORGOTTEN = 12.0  # time constants after which nothing is left of 500 mbar
 
 
-def targets(segments: Sequence[Segment]) -> tuple[float, ...]:
-    """Command at the end of each segment, in mbar."""
+def targets(
+    segments: Sequence[Segment], begin: float = 0.0, *, least: bool = False
+) -> tuple[float, ...]:
+    """Most (or least) command at the end of each segment, in mbar, from a pressure on.
+
+    They differ behind a rise that ends at a height.
+    """
     found = []
-    target = 0.0
+    target = begin
     for segment in segments:
-        if segment.kind is SegmentKind.RAMP:
+        if segment.kind is SegmentKind.RAMP or (segment.kind is SegmentKind.UNTIL and not least):
             target = segment.target_mbar
-        elif segment.kind is not SegmentKind.HOLD:
+        elif segment.kind in _OPEN_VALVE:
             target = 0.0
         found.append(target)
     return tuple(found)
@@ -41,7 +49,8 @@ class Envelope:
     def __init__(self, segments: Sequence[Segment], limits: Limits) -> None:
         self._segments = tuple(segments)
         self._limits = limits
-        self._targets = targets(segments)
+        self._targets = list(targets(segments))
+        self._least = list(targets(segments, least=True))
         count = len(self._segments)
         # Earliest and latest begin of each segment, of the final vent, and its end
         self._earliest = [0.0] * (count + 2)
@@ -60,6 +69,10 @@ class Envelope:
     def end_s(self) -> float:
         """Latest time at which the final vent may be going on."""
         return self._latest[-1] + self._limits.program_slack_s
+
+    def least_mbar(self, segment: int) -> float:
+        """Least command at the end of a segment, as far as is known by now; of -1: 0."""
+        return self._least[segment] if segment >= 0 else 0.0
 
     def see(self, segment: int, time_s: float) -> str | None:
         """Take the segment that a sample of `time_s` names; say what is wrong with it, if it is.
@@ -120,10 +133,16 @@ class Envelope:
             kind = self._kind(index)
             if kind is SegmentKind.RELEASE:
                 longest = self._limits.release_s
+            elif kind is SegmentKind.UNTIL:
+                segment = self._segments[index]
+                way = segment.target_mbar - self.least_mbar(index - 1)
+                longest = way / segment.rate_mbar_per_s
             elif kind is SegmentKind.RAMP:
                 segment = self._segments[index]
-                way = abs(segment.target_mbar - self._from(index))
-                shortest = longest = way / segment.rate_mbar_per_s
+                least, most = self.least_mbar(index - 1), self._from(index)
+                longest = longest_way_mbar(segment, least, most) / segment.rate_mbar_per_s
+                near = min(max(segment.target_mbar, least), most)
+                shortest = abs(segment.target_mbar - near) / segment.rate_mbar_per_s
             else:
                 shortest = longest = self._segments[index].duration_s
             self._earliest[index + 1] = self._earliest[index] + shortest
@@ -131,16 +150,32 @@ class Envelope:
 
     def _enter(self, segment: int, time_s: float) -> None:
         passed = range(max(self.segment, 0), segment)
+        for index in passed:
+            if self._kind(index) is SegmentKind.UNTIL:
+                self._reach(index, time_s)
         self._since += [time_s] * (segment - self.segment)
         self._after = self._last_s
-        releases = [index for index in passed if self._kind(index) is SegmentKind.RELEASE]
-        if releases:
+        open_ended = [index for index in passed if self._kind(index) in _OPEN_ENDED]
+        if open_ended:
             # It ended after the last sample that did not show its end, and before this one
-            begin = releases[-1] + 1
+            begin = open_ended[-1] + 1
             latest = min(self._latest[begin], time_s)
             self._earliest[begin] = min(max(self._earliest[begin], self._last_s), latest)
             self._latest[begin] = latest
             self._lay_out(begin)
+
+    def _reach(self, index: int, time_s: float) -> None:
+        """Note what a rise can have got to that was over by `time_s`."""
+        segment, slack = self._segments[index], self._limits.program_slack_s
+        before, rate = self._from(index), segment.rate_mbar_per_s
+        here = index == self.segment
+        earliest_s = max(self._after if here else 0.0, self._earliest[index] - slack)
+        most = min(segment.target_mbar, before + rate * (time_s - earliest_s))
+        seen_s = self._last_s - self._latest[index] - slack if here else 0.0
+        least = min(most, self.least_mbar(index - 1) + rate * max(0.0, seen_s))
+        behind = self._segments[index + 1 :]
+        self._targets[index:] = [most, *targets(behind, most)]
+        self._least[index:] = [least, *targets(behind, least, least=True)]
 
     def _kind(self, index: int) -> SegmentKind:
         return self._segments[index].kind if index < len(self._segments) else SegmentKind.RELEASE
@@ -156,7 +191,7 @@ class Envelope:
         if index < 0 or self._is_open(index):
             return 0.0
         segment, target, before = self._segments[index], self._targets[index], self._from(index)
-        if segment.kind is not SegmentKind.RAMP:
+        if segment.kind is SegmentKind.HOLD:
             return target
         if target > before:
             # It began after the last sample of the segment before it, and not before its time

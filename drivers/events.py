@@ -18,6 +18,7 @@ class SegmentKind(StrEnum):
 
     RAMP = "ramp"  # go to target_mbar at rate_mbar_per_s
     HOLD = "hold"  # stay at the present target for duration_s
+    UNTIL = "until"  # rise at rate_mbar_per_s until height_mm is read, to target_mbar at most
     RELEASE = "release"  # vent as fast as the instrument can
     REST = "rest"  # stay at zero for duration_s
 
@@ -30,6 +31,7 @@ class Segment:
     target_mbar: float = 0.0
     rate_mbar_per_s: float = 0.0
     duration_s: float = 0.0
+    height_mm: float = 0.0
 
 
 class InstrumentState(StrEnum):
@@ -183,6 +185,13 @@ class Pace:
     speed: float
 
 
+@dataclass(frozen=True, slots=True)
+class Abilities:
+    """What the instrument can do besides; said after Hello. What it does not say, it cannot."""
+
+    until: bool = False  # end a segment where the deflection reaches a height
+
+
 # ---- events that the driver adds -------------------------------------------------------------
 
 
@@ -237,7 +246,9 @@ class LinkRestored:
     outage_s: float  # since LinkLost
 
 
-InstrumentEvent = Hello | Loaded | State | Sample | Reading | InstrumentFault | Refused | Pace
+InstrumentEvent = (
+    Hello | Loaded | State | Sample | Reading | InstrumentFault | Refused | Pace | Abilities
+)
 DriverEvent = Damaged | Gap | HostVented | VentConfirmed | Alarm | LinkLost | LinkRestored
 Event = InstrumentEvent | DriverEvent
 

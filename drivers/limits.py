@@ -10,13 +10,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from drivers.errors import LocalProtocolError
-from drivers.events import Hello, Load, Segment, SegmentKind
+from drivers.events import Abilities, Hello, Load, Segment, SegmentKind
 
 CEILING_PRESSURE_MBAR = 500.0
 CEILING_SUCTION_S = 60.0
 MAX_RAMP_MBAR_PER_S = 100_000.0  # a step is a ramp this steep; the pump follows as it can
 DEFAULT_DOSE_MBAR_S = 60_000.0  # reason in docs/safety.md
 MIN_PAUSE_S = 0.25  # a shorter rest does not let the pressure fall, and is no pause
+NO_ABILITIES = Abilities()
+CANNOT_UNTIL = "cannot stop at a height: `until` is for instruments that say they can"
 _TIME_SLACK_S = 1e-6  # one count of time on the wire: sums of floats may end that far off
 
 
@@ -50,6 +52,8 @@ class Limits:
     pump_lag_s: float = 0.3  # delay, or time constant, with which pressure follows a command down
     release_s: float = 2.0  # a release or the final vent that is not over by then never will be
     suction_slack_s: float = 1.0  # lag and vent after the longest suction that is allowed
+    height_mm: float = 0.1  # a height may be read this much higher, or ...
+    height_fraction: float = 0.1  # ... this part, before it counts as passed
     max_dose_mbar_s: float = DEFAULT_DOSE_MBAR_S  # suction times time at one site in one visit
 
     def __post_init__(self) -> None:
@@ -86,19 +90,29 @@ class Bounds:
 def program_bounds(segments: Sequence[Segment]) -> Bounds:
     """Highest target and longest suction without a pause of a program.
 
+    As if no height were ever reached, or at once, whichever pulls longer.
+
     A pause is a release, or a rest of at least MIN_PAUSE_S; a ramp to zero is none.
     Raises LocalProtocolError for a segment that makes no sense.
     """
-    target = highest = suction = longest = 0.0
+    least = target = highest = suction = longest = 0.0  # `least` below `target` behind an until
     for index, segment in enumerate(segments):
         _check_segment(index, segment)
         if segment.kind is SegmentKind.RAMP:
-            suction += abs(segment.target_mbar - target) / segment.rate_mbar_per_s
+            suction += longest_way_mbar(segment, least, target) / segment.rate_mbar_per_s
+            least = target = segment.target_mbar
+        elif segment.kind is SegmentKind.UNTIL:
+            if segment.target_mbar < target:
+                raise LocalProtocolError(
+                    f"segment {index} (until): at most {segment.target_mbar:g} mbar, which is "
+                    f"below the {target:g} mbar before it"
+                )
+            suction += (segment.target_mbar - least) / segment.rate_mbar_per_s
             target = segment.target_mbar
         elif segment.kind is SegmentKind.HOLD:
             suction += segment.duration_s if target > 0 else 0.0
         else:
-            target = 0.0
+            least = target = 0.0
             pause = segment.kind is SegmentKind.RELEASE or segment.duration_s >= MIN_PAUSE_S
             suction = 0.0 if pause else suction + segment.duration_s
         highest = max(highest, target)
@@ -106,10 +120,24 @@ def program_bounds(segments: Sequence[Segment]) -> Bounds:
     return Bounds(highest, longest)
 
 
-def check_load(load: Load, limits: Limits, hello: Hello) -> None:
+def longest_way_mbar(ramp: Segment, least_mbar: float, most_mbar: float) -> float:
+    """How far a ramp can have to go, from anywhere between two pressures."""
+    return max(abs(ramp.target_mbar - least_mbar), abs(ramp.target_mbar - most_mbar))
+
+
+def check_load(
+    load: Load, limits: Limits, hello: Hello, abilities: Abilities = NO_ABILITIES
+) -> None:
     """Raise LocalProtocolError where `load` exceeds a limit; the message names what, and which."""
     if not load.segments:
         raise LocalProtocolError("the program is empty")
+    heights = [s.height_mm for s in load.segments if s.kind is SegmentKind.UNTIL]
+    if heights and not abilities.until:
+        raise LocalProtocolError(f"{hello.model} {CANNOT_UNTIL}")
+    if heights and hello.aperture_mm is not None and max(heights) > hello.aperture_mm:
+        raise LocalProtocolError(
+            f"a height of {max(heights):g} mm is above the opening of {hello.aperture_mm:g} mm"
+        )
     needs = program_bounds(load.segments)
     max_pressure, whose_pressure = _stricter(limits.max_pressure_mbar, hello.max_pressure_mbar)
     max_suction, whose_suction = _stricter(limits.max_suction_s, hello.max_suction_s)
@@ -156,11 +184,12 @@ def _check_segment(index: int, segment: Segment) -> None:
     kind = segment.kind
     used = {
         SegmentKind.RAMP: {"target_mbar", "rate_mbar_per_s"},
+        SegmentKind.UNTIL: {"target_mbar", "rate_mbar_per_s", "height_mm"},
         SegmentKind.HOLD: {"duration_s"},
         SegmentKind.RELEASE: set(),
         SegmentKind.REST: {"duration_s"},
     }[kind]
-    for name in ("target_mbar", "rate_mbar_per_s", "duration_s"):
+    for name in ("target_mbar", "rate_mbar_per_s", "duration_s", "height_mm"):
         value = getattr(segment, name)
         if not (math.isfinite(value) and value >= 0):
             raise LocalProtocolError(
@@ -168,8 +197,11 @@ def _check_segment(index: int, segment: Segment) -> None:
             )
         if value and name not in used:
             raise LocalProtocolError(f"segment {index} ({kind}): {name} must be 0, not {value:g}")
-    if kind is SegmentKind.RAMP and not 0 < segment.rate_mbar_per_s <= MAX_RAMP_MBAR_PER_S:
+    rises = kind in {SegmentKind.RAMP, SegmentKind.UNTIL}
+    if kind is SegmentKind.UNTIL and not segment.height_mm > 0:
+        raise LocalProtocolError(f"segment {index} (until): height_mm must be positive")
+    if rises and not 0 < segment.rate_mbar_per_s <= MAX_RAMP_MBAR_PER_S:
         raise LocalProtocolError(
-            f"segment {index} (ramp): rate {segment.rate_mbar_per_s:g} mbar/s is outside 0 "
+            f"segment {index} ({kind}): rate {segment.rate_mbar_per_s:g} mbar/s is outside 0 "
             f"(excluded) to {MAX_RAMP_MBAR_PER_S:g} mbar/s"
         )

@@ -32,6 +32,7 @@ IGNORED = "a line to be ignored"
 MAX_LINE_BYTES = 250  # the most that a file may ask for: what bounds the time of its pattern
 _USUAL_LINE_BYTES = 120
 _MAX_PATTERN = 500
+_MOST_DOTS = 5_000  # of one line
 _MAX_FILE_BYTES = 100_000
 _LARGEST = 1e12  # of any number in a line, in mbar, mm or s
 
@@ -210,6 +211,9 @@ def line_dialect(text: str, where: str) -> Dialect:
 
     Raises DialectFileError.
     """
+    # A key of thousands of parts takes the parser a time that grows with their square.
+    if any(line.count(".") > _MOST_DOTS for line in text.split("\n")):
+        raise DialectFileError(f"{where}: nested too deeply")
     try:
         said = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:

@@ -25,14 +25,19 @@ def listen(
     record: Callable[[Chunk], None],
     clock: Callable[[], float],
     seconds: float | None = None,
+    check: Callable[[], None] = lambda: None,
 ) -> None:
     """Record what the instrument sends, for `seconds` (None: for ever); pass bytes both ways.
+
+    It ends too where `check` raises, which is called between two reads: nothing that was read is
+    lost.
 
     Without `software` nothing is sent at all. Times count from the call, on `clock`.
     Raises LinkError when the instrument's link (or a serial port of the software's) is lost.
     """
     start = clock()
     while seconds is None or clock() - start < seconds:
+        check()
         data = instrument.read(_READ_BYTES, _READ_S)
         if data:
             record(Chunk(clock() - start, Side.INSTRUMENT, data))

@@ -23,6 +23,7 @@ from drivers.errors import (
     UnknownDialectError,
 )
 from drivers.events import (
+    Abilities,
     Arm,
     Command,
     Event,
@@ -39,7 +40,7 @@ from drivers.events import (
     TimedEvent,
     VentConfirmed,
 )
-from drivers.limits import DEFAULT_LIMITS, Limits, program_bounds
+from drivers.limits import DEFAULT_LIMITS, NO_ABILITIES, Limits, program_bounds
 from drivers.link import Link, open_link
 from drivers.onlooker import Onlooker
 from drivers.stream import connect, follow_mark
@@ -114,6 +115,12 @@ class Probe:
         return None if engine is None else engine.connection.hello
 
     @property
+    def abilities(self) -> Abilities:
+        """What the instrument said that it can do besides."""
+        engine = self._seen
+        return NO_ABILITIES if engine is None else engine.connection.abilities
+
+    @property
     def state(self) -> InstrumentState | None:
         """The instrument's state as it last said; None before `open`."""
         engine = self._seen
@@ -136,7 +143,7 @@ class Probe:
         return self._watchdog.dose
 
     def carry_dose(self, dose: Dose) -> None:
-        """Say, before `open`, what the same site had from another probe in the same visit."""
+        """Say, before anything is loaded, what the same site had in the same visit already."""
         self._watchdog.carry_dose(dose)
 
     @property

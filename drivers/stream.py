@@ -19,6 +19,7 @@ from drivers.dialects import stream_of
 from drivers.errors import LocalProtocolError, RemoteProtocolError
 from drivers.events import (
     PROGRAM_DONE,
+    Abilities,
     Command,
     Damaged,
     Event,
@@ -36,7 +37,7 @@ from drivers.events import (
     State,
     Vent,
 )
-from drivers.limits import DEFAULT_LIMITS, Limits
+from drivers.limits import DEFAULT_LIMITS, NO_ABILITIES, Limits
 
 _HELD_S = 10.0  # between zero and `begin_mbar`; what stays there for longer begins no run
 _MICRO = 6  # digits of times: sums of floats end a little off
@@ -49,7 +50,7 @@ def follow_mark(segments: Sequence[Segment] | None) -> bytes:
     longest_zero_s = target = time_s = zero_s = 0.0
     for segment in segments or ():
         step_s = segment.duration_s
-        if segment.kind is SegmentKind.RAMP:
+        if segment.kind in {SegmentKind.RAMP, SegmentKind.UNTIL}:
             step_s = abs(segment.target_mbar - target) / segment.rate_mbar_per_s
         before, target = target, segment.target_mbar
         if segment.kind is SegmentKind.HOLD:
@@ -107,6 +108,11 @@ class StreamConnection:
     def hello(self) -> Hello | None:
         """What its dialect says of the instrument."""
         return self._hello
+
+    @property
+    def abilities(self) -> Abilities:
+        """None: it takes no programs."""
+        return NO_ABILITIES
 
     @property
     def keeps_alive(self) -> bool:

@@ -6,8 +6,10 @@ what became of it. Host time is any clock in seconds that never goes back.
 
 from __future__ import annotations
 
+import math
+
 from drivers.dose import Dose, DoseMeter, program_dose
-from drivers.envelope import Envelope, targets
+from drivers.envelope import Envelope
 from drivers.events import (
     PROGRAM_DONE,
     PROGRAM_END,
@@ -37,6 +39,7 @@ _PULLING = frozenset({InstrumentState.ARMED, InstrumentState.RUNNING})
 _AT_REST = frozenset({InstrumentState.IDLE, InstrumentState.LOADED, InstrumentState.ARMED})
 
 
+_RISES = frozenset({SegmentKind.RAMP, SegmentKind.UNTIL})
 _UNSEEN_S = 0.1  # what is shorter is a dip, and what comes between two samples is not seen
 _ASKED_BY: dict[InstrumentState, type[Command]] = {
     InstrumentState.ARMED: Arm,
@@ -69,7 +72,6 @@ class Watchdog:
         self._simulated = False
         self._pace = 1.0  # s of the instrument in one of the host; never another if it is real
         self._segments: tuple[Segment, ...] = ()
-        self._targets: tuple[float, ...] = ()
         self._max_suction_s = self._limits.max_suction_s
         self._stale_s = self._limits.stale_s
         self._begin_run(0.0)
@@ -88,6 +90,7 @@ class Watchdog:
         self._low_since: float | None = None  # in a pause, by the instrument's clock
         self._segment_since = 0.0
         self._short_since: float | None = None
+        self._high_since: float | None = None  # above the height of a rise
         self._frozen: _Frozen | None = None
 
     @property
@@ -252,7 +255,6 @@ class Watchdog:
 
     def _program(self, program: Load | Loaded) -> None:
         self._segments = program.segments
-        self._targets = targets(program.segments)
         self._max_suction_s = min(self._limits.max_suction_s, program.max_suction_s)
         intervals_s = self._limits.stale_intervals / program.rate_hz if program.rate_hz > 0 else 0.0
         self._stale_s = max(self._limits.stale_s, intervals_s)
@@ -314,6 +316,7 @@ class Watchdog:
             or self._beyond(sample)
             or self._shortfall(sample)
             or self._freeze(sample)
+            or self._passed(sample)
             or self._impossible(sample)
             or self._too_much()
         )
@@ -401,9 +404,11 @@ class Watchdog:
         index = sample.segment
         if not 0 <= index < len(self._segments):
             return 0.0
-        segment, target = self._segments[index], self._targets[index]
-        before = self._targets[index - 1] if index else 0.0
-        if segment.kind is not SegmentKind.RAMP or target <= before:
+        segment, target = self._segments[index], self._envelope.least_mbar(index)
+        before = self._envelope.least_mbar(index - 1)
+        if segment.kind is SegmentKind.UNTIL:
+            target = segment.target_mbar  # it still rises: the height is not reached
+        if segment.kind not in _RISES or target <= before:
             return target
         # The segment began before its first sample: so this is a lower bound
         risen = segment.rate_mbar_per_s * (sample.device_time_s - self._segment_since)
@@ -415,6 +420,22 @@ class Watchdog:
             return []
         return self._order(
             f"impossible deflection: {sample.deflection_mm:g} mm in an opening of {high:g} mm"
+        )
+
+    def _passed(self, sample: Sample) -> list[SafetyEvent]:
+        """Judge whether a rise goes on although its height is reached."""
+        index, limits = sample.segment, self._limits
+        segment = self._segments[index] if 0 <= index < len(self._segments) else None
+        height = segment.height_mm if segment and segment.kind is SegmentKind.UNTIL else math.inf
+        if sample.deflection_mm <= height + max(limits.height_mm, limits.height_fraction * height):
+            self._high_since = None
+            return []
+        if self._high_since is None:
+            self._high_since = sample.device_time_s
+        if sample.device_time_s - self._high_since < limits.program_slack_s:
+            return []
+        return self._order(
+            f"passed: {sample.deflection_mm:g} mm, and still rising until {height:g} mm"
         )
 
     def _freeze(self, sample: Sample) -> list[SafetyEvent]:

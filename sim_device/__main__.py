@@ -29,6 +29,7 @@ EXIT_LINK = 4
 @click.option("--speed", default=1.0, show_default=True, help="Device seconds in a host second.")
 @click.option("--seed", default=0, show_default=True, help="Of all noise.")
 @click.option("--aperture-mm", default=6.0, show_default=True, help="Diameter of the opening.")
+@click.option("--phantom", help="A phantom of the kit in place of the skin: flat, step, soft, …")
 @click.option(
     "--trace", type=click.Path(path_type=Path), help="Write the true pressure here, as a CSV."
 )
@@ -40,6 +41,7 @@ def main(
     speed: float,
     seed: int,
     aperture_mm: float,
+    phantom: str | None,
     trace: Path | None,
 ) -> None:
     """Be a suction probe on a skin of finite elements.
@@ -62,6 +64,7 @@ def main(
             speed=speed,
             aperture_mm=aperture_mm,
             faults_file=faults,
+            phantom=phantom,
             trace=None if trace is None else _open_trace(trace),
         )
     except ValueError as error:

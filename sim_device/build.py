@@ -20,10 +20,12 @@ def build_device(
     speed: float,
     aperture_mm: float,
     faults_file: str | Path | None = None,
+    phantom: str | None = None,
     trace: Trace | None = None,
 ) -> Device:
     """Build a probe on the skin of `skin_file` (None: the default skin).
 
+    phantom: of the kit, and not the skin, is under the probe.
     speed: seconds of the device in one of the host.
     trace: see Device.
     Raises ValueError, one sentence, for what is out of range or wrong in a file.
@@ -38,12 +40,17 @@ def build_device(
     faults = () if faults_file is None else load_fault_file(faults_file)
     description = SkinFile() if skin_file is None else load_skin_file(skin_file)
     # Not at the top: the finite elements behind it are slow to import
-    from sim_device.skin import make_skin
+    from sim_device.skin import make_phantom, make_skin
 
     try:
-        skin = make_skin(description.skin, description.effects)
+        if phantom is None:
+            skin = make_skin(description.skin, description.effects, description.probe)
+        else:
+            skin = make_phantom(phantom, seed, description.probe)
     except ValueError as error:
-        raise ValueError(f"{skin_file or 'default skin'}: {error}") from error
+        raise ValueError(
+            f"{skin_file or 'default skin' if phantom is None else 'phantom'}: {error}"
+        ) from error
     return Device(
         skin,
         description.sensor,
@@ -52,5 +59,6 @@ def build_device(
         speed=speed,
         keep_alive_s=KEEP_ALIVE_S,
         faults=faults,
+        probe=description.probe,
         trace=trace,
     )

@@ -6,6 +6,7 @@ host, and nothing else.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Protocol
@@ -18,6 +19,7 @@ from drivers.errors import RemoteProtocolError
 from drivers.events import (
     PROGRAM_DONE,
     PROGRAM_END,
+    Abilities,
     Arm,
     Command,
     Damaged,
@@ -33,12 +35,13 @@ from drivers.events import (
     Refused,
     Reset,
     Sample,
+    SegmentKind,
     Start,
     State,
     Vent,
 )
 from sim_device.faults import Fault, Schedule
-from sim_device.files import SensorSection
+from sim_device.files import TRUTHFUL, ProbeSection, SensorSection
 from sim_device.line import Line
 from sim_device.plant import Plant
 from sim_device.program import Run, needs
@@ -86,6 +89,8 @@ class Device:
     speed: how many of its seconds whoever calls `process` lets pass in one of the host's. The host
     is told, and the 500 ms without keep-alive after which it vents are the host's.
     faults: what goes wrong, and when; see `sim_device.faults`.
+    probe: what this one probe makes of the truth.
+    stops_at_heights: whether it can end a segment where a height is reached.
     trace: is told the time (s), the true pressure (mbar) and the state, every 10 ms of movement.
     """
 
@@ -100,10 +105,15 @@ class Device:
         keep_alive_s: float = KEEP_ALIVE_S,
         dialect: Dialect | None = None,
         faults: Iterable[Fault] = (),
+        probe: ProbeSection = TRUTHFUL,
+        stops_at_heights: bool = True,
         trace: Trace | None = None,
     ) -> None:
         self._skin = skin
         self._sensor = sensor
+        self._probe = probe
+        self._stops_at_heights = stops_at_heights
+        self._past_mbar = deque([0.0], maxlen=1 + round(probe.lag_s * 1e6) // STEP_US)
         self._aperture_mm = aperture_mm
         self._rng = np.random.default_rng(seed)
         self._speed = speed
@@ -194,6 +204,8 @@ class Device:
             case Identify():
                 self._number = None
                 self._send(self._hello())
+                if self._stops_at_heights:
+                    self._send(Abilities(until=True))
                 if self._speed != 1:
                     self._send(Pace(self._speed))
                 self._say("identify")
@@ -231,6 +243,9 @@ class Device:
         highest, suction_s = needs(load.segments)
         if self._state not in {_S.IDLE, _S.LOADED}:
             return f"not while {self._state}"
+        until = any(s.kind is SegmentKind.UNTIL for s in load.segments)
+        if until and not self._stops_at_heights:
+            return "it cannot stop at a height"
         if not MIN_RATE_HZ <= load.rate_hz <= MAX_RATE_HZ:
             return f"rate {load.rate_hz:g} Hz is outside {MIN_RATE_HZ:g} to {MAX_RATE_HZ:g} Hz"
         if load.max_pressure_mbar > MAX_PRESSURE_MBAR:
@@ -289,10 +304,11 @@ class Device:
         self._now_us += STEP_US
         set_point, valve_open = 0.0, True
         if self._state is _S.RUNNING and self._run is not None:
-            self._run.advance(self._now_us - self._started_us, self._pressure())
+            self._run.advance(self._now_us - self._started_us, self._pressure(), self._height_mm)
             set_point, valve_open = self._run.set_point_mbar, self._run.valve_open
         self._break_plant()
-        self._plant.step(set_point, valve_open)
+        self._plant.step(self._true_mbar(set_point) if set_point > 0 else 0.0, valve_open)
+        self._past_mbar.append(self._plant.pressure_mbar)
         if self._state in _LIVE and self._now_us - self._alive_us > self._keep_alive_us:
             self._load = None
             self._open_valve("keep-alive lost")
@@ -347,7 +363,8 @@ class Device:
         if elapsed_us < self._sequence * 10**9 // round(run.load.rate_hz * 1000):
             return
         try:
-            deflection = self._skin.deflection_mm(elapsed_us / 1e6, self._plant.pressure_mbar)
+            felt_s = max(0.0, elapsed_us / 1e6 - self._probe.lag_s)
+            deflection = self._skin.deflection_mm(felt_s, self._past_mbar[0])
             if not abs(deflection) < _LONGEST_MM:
                 raise ValueError(f"a deflection of {deflection} mm")
         except Exception as error:  # noqa: BLE001 -- a skin that cannot be computed is a fault
@@ -356,9 +373,10 @@ class Device:
             return
         pressure_noise, deflection_noise = self._rng.standard_normal(2)
         sensor = self._sensor
-        pressure = self._plant.pressure_mbar + sensor.pressure_noise_mbar * pressure_noise
+        pressure = self._pressure() + sensor.pressure_noise_mbar * pressure_noise
         true_um = 0.0 if self._plant.lifted else 1e3 * deflection
-        deflection_um = true_um + sensor.noise_um * deflection_noise
+        read_um = self._probe.deflection_gain * true_um + self._probe.deflection_offset_um
+        deflection_um = read_um + sensor.noise_um * deflection_noise
         sample = Sample(
             sequence=self._sequence,
             device_time_s=elapsed_us / 1e6,
@@ -432,7 +450,24 @@ class Device:
 
     def _pressure(self) -> float:
         """Give what the firmware's own pressure sensor reads, in mbar."""
-        return self._plant.pressure_mbar
+        probe = self._probe
+        return probe.pressure_gain * self._plant.pressure_mbar + probe.pressure_offset_mbar
+
+    def _height_mm(self) -> float:
+        """Give what the deflection sensor reads, without its noise: firmware averages."""
+        elapsed_s = (self._now_us - self._started_us) / 1e6
+        felt_s = max(0.0, elapsed_s - self._probe.lag_s)
+        if self._frozen_mm is not None:
+            return self._frozen_mm
+        if self._plant.lifted:
+            return 1e-3 * self._probe.deflection_offset_um
+        true_mm = self._skin.deflection_mm(felt_s, self._past_mbar[0])
+        return self._probe.deflection_gain * true_mm + 1e-3 * self._probe.deflection_offset_um
+
+    def _true_mbar(self, read_mbar: float) -> float:
+        """Give the pressure at which the firmware's sensor reads this."""
+        probe = self._probe
+        return max(0.0, (read_mbar - probe.pressure_offset_mbar) / probe.pressure_gain)
 
     def _hello(self) -> Hello:
         other = self._schedule.active("wrong_firmware", self._fault_us) is not None
@@ -441,7 +476,7 @@ class Device:
             protocol_version=self._dialect.protocol_version + int(other),
             model="skinlab simulated probe",
             firmware=_OTHER_FIRMWARE if other else "1.0",
-            serial_number="SIM-1",
+            serial_number=self._probe.serial_number,
             aperture_mm=self._aperture_mm,
             max_pressure_mbar=MAX_PRESSURE_MBAR,
             max_suction_s=MAX_SUCTION_S,

@@ -10,6 +10,8 @@ from typing import Annotated, Any, Literal, TypeVar
 import msgspec
 from msgspec import Meta, field
 
+_MOST_DOTS = 5_000  # of one line
+
 Form = TypeVar("Form", bound=msgspec.Struct)
 
 
@@ -43,12 +45,32 @@ class SensorSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         _finite(self)
 
 
+class ProbeSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What this one probe makes of the truth, which a calibration is to find.
+
+    It reads `deflection_gain` × height + offset, `lag_s` late, and `pressure_gain` × pressure +
+    offset; its firmware believes the pressure that it reads.
+    """
+
+    serial_number: Annotated[str, Meta(min_length=1, max_length=40)] = "SIM-1"
+    deflection_gain: Annotated[float, Meta(ge=0.5, le=2)] = 1.0
+    deflection_offset_um: Annotated[float, Meta(ge=-400, le=400)] = 0.0
+    pressure_gain: Annotated[float, Meta(ge=0.5, le=2)] = 1.0
+    pressure_offset_mbar: Annotated[float, Meta(ge=-1.5, le=1.5)] = 0.0
+    lag_s: Annotated[float, Meta(ge=0, le=0.5)] = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse what is not finite."""
+        _finite(self)
+
+
 class SkinFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A whole SKIN.toml; everything has a default. `effects`: name -> parameter -> value."""
 
     skin: SkinSection = field(default_factory=SkinSection)
     effects: dict[str, dict[str, Any]] = field(default_factory=dict)
     sensor: SensorSection = field(default_factory=SensorSection)
+    probe: ProbeSection = field(default_factory=ProbeSection)
 
     def __post_init__(self) -> None:
         """Refuse what is no finite number; here, so that the message can say which it is."""
@@ -79,6 +101,9 @@ def load_toml(path: str | Path, form: type[Form]) -> Form:
         raise ValueError(f"{path}: cannot be read ({error.strerror or error})") from error
     except ValueError:  # a zero byte, which a URL can hold
         raise ValueError(f"{path}: is no name of a file") from None
+    # A key of thousands of parts takes the parser a time that grows with their square.
+    if any(line.count(b".") > _MOST_DOTS for line in raw.split(b"\n")):
+        raise ValueError(f"{path}: nested too deeply")
     try:
         return msgspec.toml.decode(raw, type=form)
     except RecursionError:
@@ -101,3 +126,6 @@ def _plain(message: str) -> str:
         return message
     what, where = match.groups()
     return f"{where.replace('[...]', '.*')}: {what[:1].lower()}{what[1:]}" if where else what
+
+
+TRUTHFUL = ProbeSection()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from drivers.events import Load, Segment, SegmentKind
 
@@ -16,19 +16,22 @@ def needs(segments: Sequence[Segment]) -> tuple[float, float]:
 
     Suction counts while the target, or where it comes from, is above zero.
     """
-    target = highest = spell = longest = 0.0
+    least = target = highest = spell = longest = 0.0  # behind an until it is between the two
     for segment in segments:
         match segment.kind:
             case SegmentKind.RAMP:
-                spell += _ramp_s(target, segment)
-                target = segment.target_mbar
+                spell += max(_ramp_s(target, segment), _ramp_s(least, segment))
+                least = target = segment.target_mbar
+            case SegmentKind.UNTIL:
+                spell += _ramp_s(least, segment)
+                target = max(target, segment.target_mbar)
             case SegmentKind.HOLD:
                 spell += segment.duration_s if target > 0 else 0.0
             case SegmentKind.REST if segment.duration_s < MIN_PAUSE_S:
                 spell += segment.duration_s
-                target = 0.0
+                least = target = 0.0
             case _:
-                spell = target = 0.0
+                spell = least = target = 0.0
         highest = max(highest, target)
         longest = max(longest, spell)
     return highest, longest
@@ -51,8 +54,21 @@ class Run:
         """Whether the last segment is over."""
         return self.index == len(self.load.segments)
 
-    def advance(self, elapsed_us: int, pressure_mbar: float) -> None:
-        """Go to `elapsed_us`; `pressure_mbar` is what is measured there, and ends a release."""
+    @property
+    def rises_until(self) -> bool:
+        """Whether a height ends the present segment."""
+        return not self.ended and self.load.segments[self.index].kind is SegmentKind.UNTIL
+
+    def advance(
+        self,
+        elapsed_us: int,
+        pressure_mbar: float,
+        read_mm: Callable[[], float] = lambda: -math.inf,
+    ) -> None:
+        """Go to `elapsed_us`; `pressure_mbar` is what is measured there, and ends a release.
+
+        `read_mm` reads the deflection there, which ends a rise until a height.
+        """
         while not self.ended:
             segment = self.load.segments[self.index]
             within_us = elapsed_us - self._begin_us
@@ -64,6 +80,14 @@ class Run:
                     part = min(1.0, within_us / duration_us) if duration_us else 1.0
                     self.set_point_mbar = self._from_mbar + part * (target - self._from_mbar)
                     self.valve_open = False
+                case SegmentKind.UNTIL:
+                    duration_us = math.ceil(1e6 * _ramp_s(self._from_mbar, segment))
+                    part = min(1.0, within_us / duration_us) if duration_us else 1.0
+                    way = segment.target_mbar - self._from_mbar
+                    target = self.set_point_mbar = self._from_mbar + part * max(0.0, way)
+                    self.valve_open = False
+                    if within_us < duration_us and read_mm() >= segment.height_mm:
+                        duration_us = within_us
                 case SegmentKind.HOLD:
                     target = self._from_mbar
                     duration_us = round(1e6 * segment.duration_s)

@@ -1,4 +1,4 @@
-"""pyserial's handler of `sim://?skin=FILE&faults=FILE&seed=N&speed=X&aperture_mm=6`.
+"""pyserial's handler of `sim://?skin=FILE&faults=FILE&seed=N&speed=X&aperture_mm=6&phantom=NAME`.
 
 The port is the device, in this process: opening makes a new one, closing takes it away. Only one
 that was unplugged stays, and is what the same URL finds when it is plugged in again.
@@ -17,7 +17,7 @@ from sim_device.build import build_device
 from sim_device.device import Device
 
 _TICK_S = 0.002
-_KEYS = ("skin", "faults", "seed", "speed", "aperture_mm")
+_KEYS = ("skin", "faults", "seed", "speed", "aperture_mm", "phantom")
 
 
 class _World:
@@ -148,6 +148,7 @@ def _device(url: str) -> tuple[Device, float]:
             speed=speed,
             aperture_mm=aperture_mm,
             faults_file=files["faults"],
+            phantom=query.get("phantom"),
         )
     except ValueError as error:
         if any(file and str(error).startswith(file) for file in files.values()):

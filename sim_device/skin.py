@@ -8,20 +8,31 @@ steps; where the pressure turns out otherwise (a vent, a fault), it answers the 
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drivers.events import Load, Segment, SegmentKind
 from sim_device.device import STEP_US, Skin
-from sim_device.files import SkinSection
+from sim_device.files import TRUTHFUL, ProbeSection, SkinSection
 from sim_device.plant import Plant
 from sim_device.program import Run
+from skinlab.curves.phantoms import read_phantoms
 from skinlab.curves.pressure_path import PressurePath
-from skinlab.curves.program import Hold, Ramp, Release, Rest, parse_program
-from skinlab.mechanics.effects.model import Effects, Sensors, SkinCurve, problem_of, solve_skin
+from skinlab.curves.program import Hold, Ramp, Release, Rest, Until, parse_program
+from skinlab.mechanics.effects.model import (
+    Effects,
+    Sensors,
+    SkinCurve,
+    felt_path,
+    problem_of,
+    solve_skin,
+)
 from skinlab.mechanics.fem.element import QUAD9_FULL
 from skinlab.mechanics.fem.skin import Skin as Law
 from skinlab.mechanics.fem.skin import SkinProblem
@@ -37,16 +48,29 @@ _ABOVE_MBAR = 15.0  # a pump overshoots a little, and the skin follows until the
 _HIGHEST_MBAR = 1000.0  # no suction is higher
 _PATH_MBAR = 0.25  # how closely the pressure's path is followed with memory
 _TABLE_MBAR = 0.01
+_KIT = 40_961  # so that a kit and the noise of the same seed have nothing in common
 
 
-def planned(load: Load) -> PressurePath:
-    """Return the pressure that pump and valve will make of this program, if nothing goes wrong."""
+def planned(
+    load: Load, probe: ProbeSection = TRUTHFUL, dome: Callable[[float, float], float] | None = None
+) -> PressurePath:
+    """Return the pressure that pump and valve will make of this program, if nothing goes wrong.
+
+    `dome` gives the deflection (mm) that the firmware reads at a time and a pressure, and so where
+    a rise until a height ends; None: nowhere.
+    """
     plant, run = Plant(STEP_S), Run(load)
+    gain, offset = probe.pressure_gain, probe.pressure_offset_mbar
     run.advance(0, 0.0)
     pressures = [0.0]
     while not run.ended:
-        run.advance(len(pressures) * STEP_US, plant.pressure_mbar)
-        plant.step(run.set_point_mbar, run.valve_open)
+        run.advance(
+            len(pressures) * STEP_US,
+            gain * plant.pressure_mbar + offset,
+            partial(_seen, dome, probe, (len(pressures) - 1) * STEP_S, plant.pressure_mbar),
+        )
+        wanted = max(0.0, (run.set_point_mbar - offset) / gain) if run.set_point_mbar > 0 else 0.0
+        plant.step(wanted, run.valve_open)
         pressures.append(plant.pressure_mbar)
     times = STEP_S * np.arange(len(pressures), dtype=np.float64)
     return PressurePath.of_samples(times, np.array(pressures), _PATH_MBAR)
@@ -58,13 +82,16 @@ class _Dome:
 
     pressure_mbar: Array
     instant_mm: Array  # without memory, at these pressures
-    path: PressurePath
+    path: PressurePath  # of the pump
+    felt: PressurePath  # by the skin
     time_s: Array
     path_mbar: Array  # at these times
     path_mm: Array  # the same; empty where there is no memory
     shift_mbar: Array  # what memory is worth
 
     def deflection_mm(self, time_s: float, pressure_mbar: float) -> float:
+        if self.felt is not self.path:
+            pressure_mbar += float(self.felt(time_s)) - float(self.path(time_s))
         if not len(self.path_mm):
             return self._instant(pressure_mbar)
         along, on_path, shift = (
@@ -80,7 +107,8 @@ class _Dome:
 class SolvedSkin:
     """A skin of any law with any effects: its dome depends on pressure, time and cycle."""
 
-    def __init__(self, skin: SkinSection, effects: Effects) -> None:
+    def __init__(self, skin: SkinSection, effects: Effects, probe: ProbeSection = TRUTHFUL) -> None:
+        self._probe = probe
         self._law = Law((skin.X1_MPa, skin.X2_MPa, skin.nu), skin.kappa)
         if skin.law is not None:
             values = get_law(skin.law).ordered(skin.parameters)
@@ -149,26 +177,69 @@ class SolvedSkin:
         problem = self._problem_of(cycle)
         if problem not in self._domes:
             assert self._load is not None
-            self._domes[problem] = _solved(problem, self._load)
+            self._domes[problem] = _solved(problem, self._load, self._effects, self._probe)
         return self._domes[problem]
 
 
-def _solved(problem: SkinProblem, load: Load) -> _Dome:
-    path = planned(load)
-    top = load.max_pressure_mbar
-    goal = 1.1 * top + _ABOVE_MBAR
+def _seen(
+    dome: Callable[[float, float], float] | None,
+    probe: ProbeSection,
+    time_s: float,
+    pressure_mbar: float,
+) -> float:
+    if dome is None:
+        return -math.inf
+    read = probe.deflection_gain * dome(time_s, pressure_mbar)
+    return read + 1e-3 * probe.deflection_offset_um
+
+
+def _solved(
+    problem: SkinProblem, load: Load, effects: Effects, probe: ProbeSection = TRUTHFUL
+) -> _Dome:
+    path = planned(load, probe)
+    top = max(load.max_pressure_mbar, path.top_mbar)
+    untils = sum(s.kind is SegmentKind.UNTIL for s in load.segments)
+    if untils:
+        # Soft skin need not hold at pressures that its height never lets it come to
+        reach = _elastic(problem, top, whole=False)
+        path = planned(load, probe, lambda _, p: reach(np.array([p]))[0])
+        top = path.top_mbar
+    dome = _along(problem, path, top, effects, whole=not untils)
+    for _ in range(untils if problem.prony else 0):
+        # What is remembered up to a height says where it is reached, and so what follows
+        path = planned(load, probe, dome.deflection_mm)
+        dome = _along(problem, path, max(top, path.top_mbar), effects, whole=False)
+    return dome
+
+
+def _elastic(problem: SkinProblem, top_mbar: float, *, whole: bool) -> Callable[[Array], Array]:
+    """Return the dome without memory (mm) at suctions (mbar); `whole`: it must hold to the top."""
+    goal = 1.1 * top_mbar + _ABOVE_MBAR
+    instant = solve_skin(problem.elastic, PressurePath((0.0, 1.0), (0.0, goal)), MESH)
+    if whole:
+        _check(instant, top_mbar)
+    if instant.instant is None:
+        raise ValueError("the simulated skin does not hold at all")
+    return instant.instant
+
+
+def _along(
+    problem: SkinProblem, path: PressurePath, top_mbar: float, effects: Effects, *, whole: bool
+) -> _Dome:
+    """Return the tables of one loading along a path of the pump."""
+    felt = felt_path(effects, path)
+    if felt == path:
+        felt = path
     times = np.arange(path.time_s[0], path.time_s[-1] + STEP_S, STEP_S)
     along, shift = np.empty(0), np.empty(0)
     if problem.prony:
-        curve = solve_skin(problem, path, MESH)
-        _check(curve, path.top_mbar)
-        along, shift = curve.at(times, path(times)), curve.shift_mbar(times)
-    instant = solve_skin(problem.elastic, PressurePath((0.0, 1.0), (0.0, goal)), MESH)
-    _check(instant, top)
-    assert instant.instant is not None
+        curve = solve_skin(problem, felt, MESH)
+        _check(curve, felt.top_mbar)
+        along, shift = curve.at(times, felt(times)), curve.shift_mbar(times)
+    instant = _elastic(problem, max(top_mbar, felt.top_mbar), whole=whole)
     # Beyond what was solved it goes on straight: only a fault of the pump leads there
     pressure = np.arange(0.0, _HIGHEST_MBAR + shift.max(initial=0.0), _TABLE_MBAR)
-    return _Dome(pressure, instant.instant(pressure), path, times, path(times), along, shift)
+    return _Dome(pressure, instant(pressure), path, felt, times, felt(times), along, shift)
 
 
 def _check(curve: SkinCurve, top_mbar: float) -> None:
@@ -179,13 +250,58 @@ def _check(curve: SkinCurve, top_mbar: float) -> None:
         )
 
 
-def make_skin(skin: SkinSection, effects: Effects) -> Skin:
-    """Return the skin that a SKIN.toml describes.
+class Rigid:
+    """A body that no suction moves."""
+
+    def __init__(self, height_mm: float) -> None:
+        self._height_mm = height_mm
+
+    def prepare(self, aperture_mm: float, load: Load) -> None:
+        """Do nothing."""
+
+    def start(self) -> None:
+        """Do nothing."""
+
+    def deflection_mm(self, time_s: float, pressure_mbar: float) -> float:
+        """Return its height, always."""
+        return self._height_mm
+
+
+def make_skin(skin: SkinSection, effects: Effects, probe: ProbeSection = TRUTHFUL) -> Skin:
+    """Return the skin that a SKIN.toml describes, under this probe.
 
     Raises:
         ValueError: an effect or a parameter that there is not, or out of its bounds.
     """
-    return SolvedSkin(skin, effects)
+    return SolvedSkin(skin, effects, probe)
+
+
+def make_phantom(name: str, seed: int, probe: ProbeSection = TRUTHFUL) -> Skin:
+    """Return a phantom of the kit (skinlab/data/phantoms.toml), under this probe.
+
+    It differs from what its sheet states by the sheet's standard deviations; one seed, one kit.
+
+    Raises:
+        ValueError: the kit has no such phantom.
+    """
+    kit = read_phantoms()
+    known = [phantom.name for phantom in kit]
+    if name not in known:
+        raise ValueError(f"there is no phantom {name!r}; expected one of {', '.join(known)}")
+    number = known.index(name)
+    stated = kit[number]
+    off = np.random.default_rng([_KIT, seed, number]).standard_normal(2)
+    if stated.kind == "rigid":
+        return Rigid(stated.height_mm + stated.height_sd_mm * off[0])
+    assert stated.X1_MPa is not None
+    silicone = SkinSection(
+        X1_MPa=stated.X1_MPa * float(np.exp(stated.X1_relative_sd * off[0])),
+        X2_MPa=0.0,
+        nu=stated.nu,
+        kappa="consistent",
+        thickness_mm=stated.thickness_mm + stated.thickness_sd_mm * float(off[1]),
+    )
+    return SolvedSkin(silicone, {}, probe)
 
 
 # ---- curves without a wire: of a cohort -----------------------------------------------------
@@ -202,7 +318,7 @@ def load_of(program: str, rate_hz: float) -> Load:
         tuple(_segment(s) for s in asked.segments),
         rate_hz,
         asked.max_pressure_mbar,
-        asked.longest_suction_s,
+        asked.unpaused_suction_s,
     )
 
 
@@ -211,12 +327,16 @@ def program_duration_s(program: str) -> float:
     return parse_program(program).duration_s
 
 
-def _segment(segment: Ramp | Hold | Release | Rest) -> Segment:
+def _segment(segment: Ramp | Until | Hold | Release | Rest) -> Segment:
     match segment:
         case Ramp(target, rate):
             return Segment(SegmentKind.RAMP, target_mbar=target, rate_mbar_per_s=rate)
         case Hold(duration):
             return Segment(SegmentKind.HOLD, duration_s=duration)
+        case Until(height, rate, most):
+            return Segment(
+                SegmentKind.UNTIL, target_mbar=most, rate_mbar_per_s=rate, height_mm=height
+            )
         case Rest(duration):
             return Segment(SegmentKind.REST, duration_s=duration)
         case Release():
@@ -250,7 +370,7 @@ class Domes:
         when = np.asarray(self._sensors.when(time_s), dtype=float)
         felt = np.asarray(self._path(when), dtype=float)
         if self._effects:
-            dome = _solved(self._problem(skin, cycle), self._load)
+            dome = _solved(self._problem(skin, cycle), self._load, self._effects)
             clean = np.array(
                 [
                     dome.deflection_mm(t, p)

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
         read_campaign,
         read_curve,
         read_session,
+        study,
     )
     from skinlab.api.results import (
         Campaign,
@@ -24,10 +25,11 @@ if TYPE_CHECKING:
         Identification,
         Measurement,
         Session,
+        Study,
     )
     from skinlab.errors import AcquisitionError, InputError, NotTrustworthyError, SkinlabError
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 __all__ = [
     "AcquisitionError",
@@ -40,6 +42,7 @@ __all__ = [
     "NotTrustworthyError",
     "Session",
     "SkinlabError",
+    "Study",
     "explain",
     "forward",
     "identify",
@@ -48,6 +51,7 @@ __all__ = [
     "read_campaign",
     "read_curve",
     "read_session",
+    "study",
 ]
 
 

@@ -38,7 +38,7 @@ def code_hash() -> str:
     package = Path(__file__).parent
     digest = hashlib.sha256()
     for folder in (package, package.parent / "drivers"):
-        for path in sorted(folder.rglob("*.py")):
+        for path in sorted([*folder.rglob("*.py"), *folder.rglob("*.c")]):
             name = path.relative_to(folder.parent)
             if not _SCREENS & set(name.parts):
                 digest.update(f"{name.as_posix()} ".encode())

@@ -25,6 +25,7 @@ from drivers.watchdog import Watchdog
 from sim_device.program import Run
 
 STEP_S = 0.005
+DOME_MM = 0.004  # deflection per mbar
 
 
 def ready(dog: Watchdog, segments: Sequence[Segment], rate_hz: float = 20.0) -> None:
@@ -61,7 +62,7 @@ class Honest:
         step = 0
         while vented is None or pressure >= 2.0:
             time_s = step * STEP_S
-            run.advance(round(1e6 * time_s), pressure)
+            run.advance(round(1e6 * time_s), pressure, lambda mbar=pressure: DOME_MM * mbar)
             commands.append((run.set_point_mbar, run.valve_open))
             wanted, is_open = commands[max(0, step - round(self.delay_s / STEP_S))]
             constant_s = self.valve_s if is_open else self.pump_s
@@ -74,7 +75,8 @@ class Honest:
                 said.append((host_s, State(S.VENTING, PROGRAM_END, pressure)))
             if time_s >= count / self.rate_hz:
                 measured = pressure + rng.uniform(-self.noise_mbar, self.noise_mbar)
-                said.append((host_s, Sample(count, time_s, measured, 1e-4 * count, run.index)))
+                height = DOME_MM * pressure + 1e-7 * count  # never frozen
+                said.append((host_s, Sample(count, time_s, measured, height, run.index)))
                 count += 1
             step += 1
         said.append((host_s, State(S.LOADED, PROGRAM_DONE, pressure)))

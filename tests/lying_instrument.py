@@ -18,6 +18,7 @@ from drivers.dialects.reference import DIALECT
 from drivers.events import (
     PROGRAM_DONE,
     PROGRAM_END,
+    Abilities,
     Arm,
     Damaged,
     Hello,
@@ -42,6 +43,7 @@ Lie = Callable[[float, float, int], tuple[float, float, int]]
 ENDLESS: dict[str, Lie] = {  # it never says that the program is over
     "holds on": lambda t, p, s: (t, 60.0, 1),
     "vents in words": lambda t, p, s: (t, 60.0, s),
+    "passes the height": lambda t, p, s: (t, p, 0),
     "past the end": lambda t, p, s: (t, 60.0, s if t < 1.0 else 7),
     "back again": lambda t, p, s: (t, p, s if t < 1.0 else 0),
     "runs ahead": lambda t, p, s: (2 * t, 60.0, 1),
@@ -85,6 +87,8 @@ class Liar:
         match command:
             case Identify():
                 self.say(HELLO)
+                if self.lie == "passes the height":
+                    self.say(Abilities(until=True))
                 self.say(State(self.state, "identify", 0.0))
             case Load(segments, rate_hz, pressure, suction):
                 self.load = command
@@ -120,7 +124,8 @@ class Liar:
                 continue
             time_s, pressure, segment = self.alter(at_s, self.run.set_point_mbar, self.run.index)
             pressure = pressure if self.count else 0.0  # nothing can be there at once
-            self.say(Sample(self.count, time_s, pressure, 1e-4 * self.count, segment))
+            height_mm = (5e-3 if self.lie == "passes the height" else 1e-4) * self.count
+            self.say(Sample(self.count, time_s, pressure, height_mm, segment))
             self.count += 1
 
     def end(self) -> None:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import csv
 import math
+import os
 
 import numpy as np
 from click.testing import CliRunner
 
 from sim_device.cohort import CohortFile, Shifts, Size
 from skinlab.cli.main import cli
-from skinlab.study.table import Columns
+from skinlab.studies.table import Columns
 
 
 def small(**size):
@@ -66,3 +67,10 @@ def stiffness_table(seed=2, people=15):
     text = columns | extra
     order = [n for n in text if n not in ("error", "method")] + ["error", "method"]
     return Columns({n: text[n] for n in order}, tuple(order))
+
+
+def tenfold(shared, task):
+    """Return ten times the task, in a worker process; 13 kills it."""
+    if task == 13:
+        os._exit(1)
+    return shared * task

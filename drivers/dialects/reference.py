@@ -16,6 +16,7 @@ from urllib.parse import unquote_to_bytes
 from drivers.capabilities import CONTROLLABLE
 from drivers.errors import LocalProtocolError, RemoteProtocolError
 from drivers.events import (
+    Abilities,
     Arm,
     Command,
     Damaged,
@@ -178,6 +179,8 @@ class Reference:
                 )
             case Pace():
                 return _frame("PACE", _int(event.speed, _MILLI, "pace"))
+            case Abilities():
+                return _frame("CAN", *(["until"] if event.until else []))
             case Reading():
                 raise LocalProtocolError("a reading outside of a run cannot be sent")
             case _:
@@ -215,6 +218,8 @@ class Reference:
                 return InstrumentFault(_untext(fields[0]), _untext(fields[1])), None
             case "HELLO":
                 return _hello(fields), None
+            case "CAN":
+                return Abilities(until="until" in fields), None
             case "PACE":
                 _count(word, fields, 1)
                 speed = _unint(fields[0]) / _MILLI
@@ -338,6 +343,10 @@ def _segment(segment: Segment) -> str:
         case SegmentKind.RAMP:
             target = _int(segment.target_mbar, _MILLI, "target")
             return f"R:{target}:{_int(segment.rate_mbar_per_s, _MILLI, 'ramp rate')}"
+        case SegmentKind.UNTIL:
+            height = _int(segment.height_mm, _MICRO, "height")
+            rate = _int(segment.rate_mbar_per_s, _MILLI, "rate")
+            return f"U:{height}:{rate}:{_int(segment.target_mbar, _MILLI, 'target')}"
         case SegmentKind.HOLD:
             return f"H:{_int(segment.duration_s, _MICRO, 'hold')}"
         case SegmentKind.RELEASE:
@@ -368,6 +377,13 @@ def _unsegment(field: str) -> Segment:
                 SegmentKind.RAMP,
                 target_mbar=_unint(target) / _MILLI,
                 rate_mbar_per_s=_unint(rate) / _MILLI,
+            )
+        case ["U", height, rate, target]:
+            return Segment(
+                SegmentKind.UNTIL,
+                target_mbar=_unint(target) / _MILLI,
+                rate_mbar_per_s=_unint(rate) / _MILLI,
+                height_mm=_unint(height) / _MICRO,
             )
         case ["H", duration]:
             return Segment(SegmentKind.HOLD, duration_s=_unint(duration) / _MICRO)

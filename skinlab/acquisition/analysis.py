@@ -16,7 +16,6 @@ from skinlab.acquisition.gc_tuning import shorten_pauses
 from skinlab.acquisition.identification_worker import IdentifierApart
 from skinlab.acquisition.messages import (
     Adopted,
-    Compared,
     Explained,
     Explaining,
     Fitted,
@@ -134,25 +133,6 @@ class Analysis:
         """
         identifier = self.identifier
         self._post(Fitted(identifier(curves[0]) if len(curves) == 1 else identifier.joint(curves)))
-
-    def compare(self, before: Path, curves: Sequence[Curve]) -> None:
-        """Post how these curves differ from an earlier session.
-
-        Raises:
-            SkinlabError: it cannot be read, or one of the two gives nothing to compare.
-        """
-        from skinlab.inference.compare import compare, in_words
-        from skinlab.recording.session import read_session
-        from skinlab.recording.session_fit import fit_curves, fit_session
-
-        identifier = self.identifier
-        session = read_session(before)
-        earlier = fit_session(identifier, before, session)
-        found = compare(earlier, fit_curves(identifier, "this session", curves))
-        meta = session.meta
-        who = ", ".join(str(meta[k]) for k in ("subject", "site") if meta.get(k))
-        title = f"Compared with {before.name} ({who or 'no subject'}):"
-        self._post(Compared((title, *(f"  {line}" for line in in_words(found)))))
 
     def explain(self, curves: Sequence[Curve]) -> None:
         """Look for what the model misses in these curves; post each stage, and the answer.

@@ -31,13 +31,14 @@ def measure(
     pipeline: Pipeline,
     clock: Callable[[], float] = time.monotonic,
     policy: Policy | None = None,
+    acknowledged: Callable[[str], None] = lambda _: None,
 ) -> None:
     """Run the plan; curves and results go to the pipeline's listeners.
 
     The rules are those of the screen (`Measurement`). What a person decides there is decided here
     by having begun: an alarm for a lost link is acknowledged once the vent was seen, and the repeat
-    that was cut is taken again. Whatever goes wrong, the probe is told to vent and what was
-    measured has reached the pipeline.
+    that was cut is taken again; `acknowledged` gets the alarm's text. Whatever goes wrong, the
+    probe is told to vent and what was measured has reached the pipeline.
 
     Raises:
         AcquisitionError: the probe or its link failed, or the driver had to vent.
@@ -65,6 +66,8 @@ def measure(
                 runner.step()
                 held.check()
                 if runner.phase is Phase.INTERRUPTED:
+                    if (alarm := source.probe.alarm) is not None:
+                        acknowledged(alarm)
                     runner.ask(Acknowledge(), Continue())
         finally:
             runner.close()

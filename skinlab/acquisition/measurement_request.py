@@ -58,11 +58,14 @@ def with_opening(port: str, aperture_mm: float) -> str:
 
     The head of a real probe is changed by hand, and the port stays the same.
     """
-    if not port.startswith("sim:"):
-        return port
+    return with_query(port, aperture_mm=f"{aperture_mm:g}") if port.startswith("sim:") else port
+
+
+def with_query(port: str, **values: str) -> str:
+    """Return the port with these values in its query, in place of those that it had."""
     base, _, query = port.partition("?")
-    kept = [(key, value) for key, value in parse_qsl(query) if key != "aperture_mm"]
-    return f"{base}?{urlencode([*kept, ('aperture_mm', f'{aperture_mm:g}')], safe='/')}"
+    kept = [(key, value) for key, value in parse_qsl(query) if key not in values]
+    return f"{base}?{urlencode([*kept, *values.items()], safe='/')}"
 
 
 MOST_REPEATS = 20

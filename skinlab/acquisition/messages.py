@@ -111,6 +111,7 @@ class Went:
 
     phase: Phase
     left: Plan | None  # what is still to be measured, the present repeat included
+    rest_s: float | None = None  # until the next repeat, where that is waited for
 
 
 @dataclass(frozen=True, slots=True)

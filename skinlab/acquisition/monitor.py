@@ -8,7 +8,7 @@ from drivers.events import Loaded
 from skinlab.curves.curve import Curve
 from skinlab.curves.growing import GrowingCurve
 from skinlab.quality.gates import all_gates, judge
-from skinlab.quality.gates.base import CurveSoFar, Finding, Gate, beginnings
+from skinlab.quality.gates.base import CurveSoFar, Finding, Gate, as_run, beginnings
 from skinlab.recording.stream import (
     CurveCompleted,
     CurveStarted,
@@ -71,7 +71,7 @@ class Monitor:
         """Return what there is; of arrays that grow, and are not to be kept."""
         time_s, pressure_mbar, deflection_mm, segment = growing.columns
         return CurveSoFar(
-            growing.setup,
+            as_run(growing.setup, segment, pressure_mbar),
             time_s,
             pressure_mbar,
             deflection_mm,
@@ -86,7 +86,7 @@ class Monitor:
 
     def _complete(self, index: int, curve: Curve, lost: int) -> list[Flagged]:
         view = CurveSoFar(
-            curve.setup,
+            as_run(curve.setup, curve.segment, curve.pressure_mbar),
             curve.time_s,
             curve.pressure_mbar,
             curve.deflection_mm,

@@ -62,6 +62,8 @@ _POLL_S = 0.1  # also how long the stream must be quiet before the session is sa
 _BATCH_S = 0.04  # posts are no more frequent than the screen is drawn
 _CLOSE_S = 20.0
 
+_Whose = tuple[str, str, bool]  # subject, site, simulated
+
 
 class ProbeSession:
     """A probe at a time, and the session of a visit: one subject, one site.
@@ -104,6 +106,8 @@ class ProbeSession:
         self._tap = ByteTap()
         self._visit: Visit | None = None
         self._dose = Dose()  # what the site of the visit had from probes that are gone
+        self._doses: dict[_Whose, Dose] = {}  # of all sites: a new session does not rest the skin
+        self._whose: _Whose | None = None  # skin the open visit is of
         self._free = threading.Event()
         self._free.set()
         self._vents = 0
@@ -171,6 +175,9 @@ class ProbeSession:
         probe = self._probe
         if self._runner is None or probe is None or probe.hello is None:
             raise LinkError("no probe is connected")
+        known, hello = identifier.sensor.probe, probe.hello
+        if known is not None:
+            known.check_instrument(hello.serial_number, hello.aperture_mm, self._now())
         if self._visit is None:
             self._open_visit(order, probe, identifier)
         self._ask(vents, Arm(order.plan), Start())
@@ -244,6 +251,8 @@ class ProbeSession:
             _wait_closed(probe)
             self._probe = None
             self._dose = probe.dose
+            if self._whose is not None:
+                self._doses[self._whose] = probe.dose
             try:
                 self._finish(source)
             finally:
@@ -305,7 +314,7 @@ class ProbeSession:
         self._outbox.flush()
         match report:
             case Phase() if runner is not None:
-                self._post(Went(report, runner.measurement.left))
+                self._post(Went(report, runner.measurement.left, runner.rest_s))
             case measurement.Over(failed, error, left):
                 if error is not None and not isinstance(error, SkinlabError | DriverError):
                     raise error
@@ -354,6 +363,8 @@ class ProbeSession:
         runner = self._runner
         if runner is None:
             raise LinkError("no probe is connected")
+        simulated = probe.hello is not None and probe.hello.simulated
+        self._whose = (order.subject, order.site, simulated)
         path = new_session_path(self._folder, self._now())
         recording = SessionRecording(
             path,
@@ -365,13 +376,16 @@ class ProbeSession:
         )
         self._tap.into(recording.journal)
         runner.source.journal = recording.journal
+        # By the sessions on disk, or by what was seen here: whichever says more
+        doses = (recording.carry_dose(simulated=simulated), self._doses.get(self._whose, Dose()))
+        probe.carry_dose(max(doses, key=lambda dose: dose.suction_mbar_s))
         self._visit = Visit(
             recording,
             identifier,
             self.analysis.worker(identifier),
             self._outbox.add,
             lambda index, result: self._post(Estimated(index, result)),
-            simulated=probe.hello is not None and probe.hello.simulated,
+            simulated=simulated,
             dialect=describe_dialect(probe.dialect),
         )
         self._post(Recording(path))
@@ -404,7 +418,10 @@ class ProbeSession:
         """Finish the session, if there is one; whoever comes second waits until it is done."""
         with self._ending:
             visit, self._visit = self._visit, None
-            self._dose = Dose()
+            probe = self._probe
+            if self._whose is not None:
+                self._doses[self._whose] = self._dose if probe is None else probe.dose
+            self._dose, self._whose = Dose(), None
             if visit is None:
                 return
             visit.close()

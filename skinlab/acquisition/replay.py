@@ -20,6 +20,7 @@ from skinlab.inference.custom_table import with_custom_table
 from skinlab.inference.identify import Identifier
 from skinlab.inference.methods import get_method
 from skinlab.inference.population import decode_prior, with_prior
+from skinlab.inference.probe_file import ProbeErrors, decode_probe
 from skinlab.inference.problem import Options, check
 from skinlab.inference.result import Identification
 from skinlab.inference.uncertainty import Sensor
@@ -60,6 +61,7 @@ class _Settings(msgspec.Struct):
     database_hash: str | None = None
     database_path: str | None = None  # where it was, of one that does not ship
     prior: _Prior | None = None
+    probe: str | None = None  # the text of its file
 
 
 def identifier_of(
@@ -100,7 +102,7 @@ def identifier_of(
         seed=said.seed,
         kappa=said.kappa,
         phases=said.phases,
-        sensor=Sensor(said.noise_um, said.pressure_noise_mbar),
+        sensor=Sensor(said.noise_um, said.pressure_noise_mbar, probe=_probe(said.probe)),
     )
     if database.spec.model is not None:
         identifier = with_custom_table(identifier, database, phases_said=True)
@@ -118,6 +120,11 @@ def identifier_of(
             f"{database.content_hash}: results may differ"
         )
     return identifier, warning
+
+
+def _probe(text: str | None) -> ProbeErrors | None:
+    where = "the session's field identification.probe"
+    return None if text is None else decode_probe(text, where)
 
 
 def _database(stated: str | None, was: str | None, is_: Path | None) -> Table:

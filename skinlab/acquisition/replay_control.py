@@ -35,6 +35,8 @@ class ReplayControl:
         self._speed = _checked(speed)
         self._paused = paused
         self._steps = 0
+        self._until_s: float | None = None  # what was recorded before this is not waited for
+        self._to_event = False  # nor is any sample
         self._stopped = False
         self._at_s: float | None = None  # time of the record that is reached ...
         self._since_s = 0.0  # ... at this time of the clock
@@ -89,6 +91,19 @@ class ReplayControl:
             self._paused = True
             self._steps += 1
 
+    def jump(self, ahead_s: float) -> None:
+        """Let the next so many seconds of the record through without waiting."""
+        with self._lock:
+            self._settle()
+            if self._at_s is not None:
+                self._until_s = self._at_s + ahead_s
+
+    def to_next_event(self) -> None:
+        """Let samples through without waiting until something else comes; then pause."""
+        with self._lock:
+            self._settle()
+            self._to_event = True
+
     def stop(self) -> None:
         """End the replay."""
         self._stopped = True
@@ -111,6 +126,16 @@ class ReplayControl:
         self._settle()
         if self._at_s is None:
             self._at_s = record_time_s
+        if self._until_s is not None:
+            if record_time_s <= self._until_s:
+                self._at_s = max(self._at_s, record_time_s)
+                return 0.0
+            self._at_s, self._until_s = max(self._at_s, self._until_s), None
+        if self._to_event:
+            self._at_s = max(self._at_s, record_time_s)
+            if not sample:
+                self._to_event, self._paused = False, True
+            return 0.0
         if self._paused:
             if not self._steps:
                 return _NAP_S

@@ -88,6 +88,14 @@ class Runner:
         return self._measurement.phase
 
     @property
+    def rest_s(self) -> float | None:
+        """How long the rest before the next repeat still lasts; None: there is none."""
+        wake_at = self._measurement.wake_at
+        if self.phase is not Phase.RESTING or wake_at is None:
+            return None
+        return max(wake_at - self._clock(), 0.0)
+
+    @property
     def vents(self) -> int:
         """How often a vent was ordered; given to `ask`, it keeps a request behind a later vent."""
         return self._vents

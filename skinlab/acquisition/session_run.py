@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +16,7 @@ from drivers.probe import DEFAULT_LIMITS, Probe
 from skinlab.acquisition.measure import measure
 from skinlab.acquisition.measurement import Plan
 from skinlab.acquisition.pipeline import Listener, Pipeline
+from skinlab.acquisition.shutdown import HeldInterrupt
 from skinlab.acquisition.sources import LiveSource, wire_segments
 from skinlab.curves.curve import Setup
 from skinlab.curves.program import Program
@@ -83,16 +85,30 @@ def run_session(
     failed: BaseException | None = None
     try:
         with make_probe(port, dialect=dialect, on_bytes=recording.journal.raw) as probe:
-            opened(probe.open())
+            hello = probe.open()
+            opened(hello)
+            known = identifier.sensor.probe
+            if known is not None:
+                known.check_instrument(hello.serial_number, hello.aperture_mm, datetime.now(UTC))
+            before = recording.carry_dose(simulated=hello.simulated)
+            if before.time_s:
+                say(
+                    f"the site had {before.suction_mbar_s:.0f} mbar·s in this visit before, in "
+                    "other sessions of the same folder"
+                )
+                check_dose(plan, dose_limit_mbar_s, before)
+                probe.carry_dose(before)
             source = LiveSource(probe, recording.journal)
-            measure(source, plan, Pipeline(identifier, [recording, listener]))
+            pipeline = Pipeline(identifier, [recording, listener])
+            measure(source, plan, pipeline, acknowledged=recording.acknowledged)
     except BaseException as error:
         failed = error
         raise
     finally:
-        path = _finish(recording, failed, say)
-        if path is not None:
-            saved(path, recording.dose)
+        with HeldInterrupt():  # an impatient second one must not interrupt the saving
+            path = _finish(recording, failed, say)
+            if path is not None:
+                saved(path, recording.dose)
 
 
 def probes(dose_limit_mbar_s: float | None, dialect: str | None = None) -> Callable[..., Probe]:
@@ -120,8 +136,10 @@ def probes(dose_limit_mbar_s: float | None, dialect: str | None = None) -> Calla
     return make
 
 
-def check_dose(plan: Plan, dose_limit_mbar_s: float | None) -> None:
+def check_dose(plan: Plan, dose_limit_mbar_s: float | None, before: Dose | None = None) -> None:
     """Refuse, before any suction, a plan that the site may not have as a whole.
+
+    `before`: what it had in this visit already.
 
     Raises:
         InputError: it says what the plan needs.
@@ -130,10 +148,12 @@ def check_dose(plan: Plan, dose_limit_mbar_s: float | None) -> None:
         return
     limit_mbar_s = DEFAULT_DOSE_MBAR_S if dose_limit_mbar_s is None else dose_limit_mbar_s
     once = program_dose(wire_segments(plan.setup.program)).suction_mbar_s
-    if plan.repeats * once > limit_mbar_s:
+    had = 0.0 if before is None else before.suction_mbar_s
+    if plan.repeats * once + had > limit_mbar_s:
+        already = f", with the {had:.6g} mbar·s that the site had," if had else ","
         raise InputError(
             f"{plan.repeats} times {plan.setup.program} needs a dose of {plan.repeats * once:.6g} "
-            f"mbar·s, more than the {limit_mbar_s:.6g} mbar·s allowed in one visit "
+            f"mbar·s{already} more than the {limit_mbar_s:.6g} mbar·s allowed in one visit "
             "(--dose-limit-mbar-s)"
         )
 

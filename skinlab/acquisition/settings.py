@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 from platformdirs import user_config_path
@@ -24,24 +24,42 @@ def default_path() -> Path:
     return user_config_path("skinlab", appauthor=False) / "ui.json"
 
 
-def recall(path: Path | None) -> dict[str, str]:
-    """Return the texts of the fields, without those that are no good any more."""
+def _said(path: Path | None) -> dict[str, object]:
     if path is None:
         return {}
     try:
         said = read_json(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
-    if not isinstance(said, dict):
-        return {}
-    texts = {name: said[name] for name in _KEPT if isinstance(said.get(name), str)}
+    return said if isinstance(said, dict) else {}
+
+
+def recall(path: Path | None) -> dict[str, str]:
+    """Return the texts of the fields, without those that are no good any more."""
+    said = _said(path)
+    texts = {name: text for name in _KEPT if isinstance(text := said.get(name), str)}
     return {name: text for name, text in texts.items() if complaint(name, text) is None}
+
+
+def recall_choice(path: Path | None, name: str, among: Collection[str]) -> str | None:
+    """Return what was chosen of a few things; None: nothing, or none of these."""
+    chosen = _said(path).get(name)
+    return chosen if isinstance(chosen, str) and chosen in among else None
 
 
 def remember(path: Path | None, texts: Mapping[str, str]) -> None:
     """Keep the texts; where that cannot be done, the next start has the defaults."""
+    _keep(path, {name: texts[name] for name in _KEPT})
+
+
+def remember_choice(path: Path | None, name: str, chosen: str) -> None:
+    """Keep a choice beside the texts."""
+    _keep(path, {name: chosen})
+
+
+def _keep(path: Path | None, new: Mapping[str, str]) -> None:
     if path is None:
         return
-    kept = {name: texts[name] for name in _KEPT}
+    kept = {n: text for n, text in _said(path).items() if isinstance(text, str)}
     with contextlib.suppress(InputError):
-        write_file(path, json_text(kept), replace=True)
+        write_file(path, json_text({**kept, **new}), replace=True)

@@ -25,10 +25,11 @@ class HeldInterrupt:
     """While open: a signal that would interrupt vents at once, and raises only where it is asked.
 
     KeyboardInterrupt can fall between any two instructions, so that an item that has just left its
-    queue is lost. Only signals with a handler of Python's are held, and in the main thread only.
+    queue, or a file that is being written, is lost. Only signals with a handler of Python's are
+    held, and in the main thread only. Without `vent` nothing is done but to hold them.
     """
 
-    def __init__(self, vent: Callable[[str], None]) -> None:
+    def __init__(self, vent: Callable[[str], None] | None = None) -> None:
         self._vent = vent
         self._came = False
         self._handlers: dict[int, Any] = {}
@@ -58,6 +59,8 @@ class HeldInterrupt:
         if self._came:  # an impatient second one must not interrupt the vent and the saving
             return
         self._came = True
+        if self._vent is None:
+            return
         # By a thread: the one that was interrupted may hold the lock that a vent needs
         threading.Thread(target=self._vent, args=("interrupted",), daemon=True).start()
 

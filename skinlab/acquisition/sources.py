@@ -7,9 +7,10 @@ from collections import deque
 from collections.abc import Callable
 
 from drivers.events import Segment, SegmentKind
+from drivers.limits import CANNOT_UNTIL
 from drivers.probe import Probe
 from skinlab.curves.curve import Setup
-from skinlab.curves.program import MOST_SUCTION_S, Hold, Program, Ramp, Release
+from skinlab.curves.program import MOST_SUCTION_S, Hold, Program, Ramp, Release, Until
 from skinlab.errors import InputError
 from skinlab.recording.journal import Journal
 from skinlab.recording.stream import Item, Planned, setup_to_json
@@ -25,6 +26,15 @@ def wire_segments(program: Program) -> tuple[Segment, ...]:
                     SegmentKind.RAMP,
                     target_mbar=s.target_mbar,
                     rate_mbar_per_s=s.rate_mbar_per_s,
+                )
+            )
+        elif isinstance(s, Until):
+            segments.append(
+                Segment(
+                    SegmentKind.UNTIL,
+                    target_mbar=s.most_mbar,
+                    rate_mbar_per_s=s.rate_mbar_per_s,
+                    height_mm=s.height_mm,
                 )
             )
         elif isinstance(s, Release):
@@ -73,6 +83,8 @@ class LiveSource:
             raise InputError(
                 f"aperture_mm {setup.aperture_mm:g}: the connected probe has {opening_mm:g} mm"
             )
+        if setup.program is not None and setup.program.stops_at_heights:
+            self._check_heights(setup.program)
         rate = rate_hz if rate_hz is not None else hello.default_rate_hz if hello else 20.0
         if self.journal is not None:
             duration_s = MOST_SUCTION_S if setup.program is None else setup.program.duration_s
@@ -85,6 +97,12 @@ class LiveSource:
         self._program = setup.program
         if not self.read_only:
             self.probe.arm()
+
+    def _check_heights(self, program: Program) -> None:
+        if not self.probe.abilities.until:
+            hello = self.probe.hello
+            name = "this instrument" if hello is None else hello.model
+            raise InputError(f"program {program}: {name} {CANNOT_UNTIL}")
 
     def start(self) -> None:
         """Start the armed run; wait for it where somebody starts it at the instrument.

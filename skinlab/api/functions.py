@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ from skinlab.api.results import (
     Measurement,
     OnResult,
     Session,
+    Study,
 )
 from skinlab.api.simulation import simulated
 from skinlab.curves import campaign as campaigns
@@ -360,6 +361,70 @@ def measure(
     path, dose = ends[0]
     whole = document(identifier.provenance(), results, session=str(path), dose=dose)
     return Measurement(whole, answers, recorded, describe_dose(dose))
+
+
+def study(
+    folder: PathLike | Sequence[PathLike],
+    *,
+    out: PathLike,
+    explain: bool = False,
+    resume: bool = False,
+    workers: int | None = None,
+    dask: str | None = None,
+    layout: str | None = None,
+    aperture_mm: float | None = None,
+    thickness_mm: float | None = None,
+    thickness_sd_mm: float | None = None,
+    program: str | Program | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    **identification: Any,
+) -> Study:
+    """Identify every curve in a folder, or several; write the study into the folder `out`.
+
+    explain: look for missing effects, too. resume: refuse other settings than those before.
+    workers: processes; None: one a core. dask: a scheduler's address instead. layout: what paths
+    say, such as "{subject}/{site}/v{visit}". aperture_mm, thickness_mm, thickness_sd_mm, program:
+    where nothing else says them. progress is called with files (done, of all). identification:
+    what `identify` takes. Only what is new or changed is computed (docs/study.md).
+
+    Raises:
+        InputError: a folder or a setting is wrong. Files that cannot be used are in `failures`.
+    """
+    import os
+    from datetime import UTC, datetime
+
+    from skinlab.studies.run import How
+    from skinlab.studies.sources import Plan
+    from skinlab.studies.whole import make_study
+
+    if dask is not None and workers is not None:
+        raise InputError("dask and workers exclude each other")
+    if workers is not None and not 1 <= workers <= 1024:
+        raise InputError(f"workers {workers}: expected 1–1024")
+    folders = [folder] if isinstance(folder, str | os.PathLike) else list(folder)
+    if not folders:
+        raise InputError("expected a folder of curves, or several")
+    asked = _program(program)
+    stated = {
+        "aperture_mm": aperture_mm,
+        "thickness_mm": thickness_mm,
+        "thickness_sd_mm": thickness_sd_mm,
+        "program": None if asked is None else str(asked),
+    }
+    to = as_path(out)
+    plan = Plan(
+        tuple(as_path(one) for one in folders),
+        {name: value for name, value in stated.items() if value is not None},
+        layout,
+        to.resolve(),
+    )
+    how = How(workers or os.cpu_count() or 1, dask, progress or (lambda done, total: None))
+    identifier = compose_identifier(**identification)
+    now = datetime.now(UTC)
+    made = make_study(plan, to, identifier, how, resume=resume, explain=explain, now=now)
+    for sentence in made.notices:
+        _log.warning("%s", sentence)
+    return Study(made, to)
 
 
 def _with_note(error: BaseException, ends: list[tuple[Path, Any]]) -> BaseException:

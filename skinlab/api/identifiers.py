@@ -9,12 +9,12 @@ from typing import Any, get_args
 
 from skinlab.api.paths import PathLike, as_path
 from skinlab.curves.program import Phase
-from skinlab.discrepancy.model_identifier import with_model
 from skinlab.errors import InputError
 from skinlab.inference.custom_table import with_custom_table
 from skinlab.inference.identify import Identifier
 from skinlab.inference.methods import METHODS, get_method
 from skinlab.inference.population import read_prior, with_prior
+from skinlab.inference.probe_file import read_probe
 from skinlab.inference.problem import Options, check
 from skinlab.inference.uncertainty import Sensor
 from skinlab.mechanics.materials.compressibility import KappaConvention
@@ -82,6 +82,7 @@ def compose_identifier(
     pressure_noise_mbar: float | None = None,
     model: PathLike | Model | None = None,
     prior: PathLike | None = None,
+    probe: PathLike | None = None,
     database: PathLike | Table | None = None,
     **own: Any,
 ) -> Identifier:
@@ -89,6 +90,7 @@ def compose_identifier(
 
     kappa, phases: None: those of the model or database, else paper, and load. model: a MODEL.toml.
     database: a file of `skinlab database build`; None: the shipped one. prior: a study.toml.
+    probe: a PROBE.toml of `skinlab calibrate`.
 
     Raises:
         InputError: a setting is out of its range, or two contradict each other.
@@ -109,7 +111,11 @@ def compose_identifier(
         seed=seed,
         kappa="paper" if kappa is None else kappa,
         phases=("load",) if phases is None else read_phases(phases),
-        sensor=Sensor(noise_um, pressure_noise_mbar),
+        sensor=Sensor(
+            noise_um,
+            pressure_noise_mbar,
+            probe=None if probe is None else read_probe(as_path(probe)),
+        ),
     )
     asked = find_model(model)
     own_model = table.spec.model
@@ -124,7 +130,14 @@ def compose_identifier(
         identifier = with_custom_table(identifier, table, phases_said=phases is not None)
     elif asked is not None:
         check_kappa(kappa, asked, called(model, "the model"))
+        from skinlab.discrepancy.model_identifier import with_model  # slow to import
+
         identifier = with_model(identifier, asked)
+    if probe is not None and identifier.model.effects and own_model is None:
+        raise InputError(
+            "a probe file is for models without effects; in a model, deflection_gain and the other "
+            "effects of the sensors take the calibration as their priors"
+        )
     return identifier if prior is None else with_prior(identifier, read_prior(as_path(prior)))
 
 

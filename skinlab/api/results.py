@@ -6,6 +6,7 @@ import copy
 import html
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from skinlab.mechanics.model_file import Model
     from skinlab.recording import session as sessions
     from skinlab.report.measured import Measured
+    from skinlab.studies.whole import Made
     from skinlab.tables.table import Table
 
 _MANY = 40  # lines of a text, after which a notebook shows fewer
@@ -47,6 +49,20 @@ def _records(value: Any) -> Any:
     return [_records(one) for one in value] if isinstance(value, list) else value
 
 
+def pandas() -> Any:
+    """Return the module.
+
+    Raises:
+        InputError: it is not installed.
+    """
+    try:
+        return import_module("pandas")
+    except ImportError:
+        raise InputError(
+            "to_frame() needs pandas, which is not installed: pip install 'skinlab[notebook]'"
+        ) from None
+
+
 class Shown:
     """A result that prints as the command line does, and shows itself in a notebook."""
 
@@ -60,13 +76,7 @@ class Shown:
         Raises:
             InputError: pandas is not installed.
         """
-        try:
-            import pandas
-        except ImportError:
-            raise InputError(
-                "to_frame() needs pandas, which is not installed: pip install pandas"
-            ) from None
-        return pandas.DataFrame(self._columns())
+        return pandas().DataFrame(self._columns())
 
     def _columns(self) -> Mapping[str, Sequence[Any]]:
         raise NotImplementedError
@@ -438,6 +448,33 @@ class Explanation(Document):
         from skinlab.report.missing_effect import draw_residuals
 
         return draw_residuals(self._outcome)
+
+
+class Study(Document):
+    """What many curves say: the document `skinlab.study/1`; `folder` has the tables and pages."""
+
+    def __init__(self, made: Made, folder: Path) -> None:
+        super().__init__(made.document)
+        self._made, self.folder = made, folder
+
+    def to_frame(self) -> Any:
+        """Return curves.csv, a row a curve, as a pandas.DataFrame.
+
+        Raises:
+            InputError: pandas is not installed.
+        """
+        return pandas().read_csv(self.folder / "curves.csv")
+
+    def _text(self) -> str:
+        return "\n".join(self._made.lines)
+
+    def _brief(self) -> str:
+        return f"{self.folder}, {self.curves} curves"
+
+    def _figure(self) -> Figure | None:
+        from skinlab.studies.plots import draw_shares
+
+        return draw_shares(self._made.analyses) if self._made.analyses else None
 
 
 OnResult = Callable[[Identification], None]

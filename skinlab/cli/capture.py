@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from skinlab.cli.interrupts import interrupt_on_signals
 from skinlab.cli.options import dialect_option
 from skinlab.cli.output import echo
 
@@ -56,6 +55,7 @@ def command(
     from drivers.link import Link, open_link
     from drivers.passthrough import listen, open_software_side
     from drivers.probe import choose_dialect
+    from skinlab.acquisition.shutdown import HeldInterrupt
     from skinlab.errors import InputError
 
     name = split_dialect(port)[1] or dialect
@@ -70,7 +70,6 @@ def command(
         facts["dialect"] = describe_dialect(speaks)
     if out.exists():
         raise InputError(f"{out}: exists already; a capture is never overwritten")
-    interrupt_on_signals()
     with ExitStack() as stack:
         instrument = open_link(address, framing)
         stack.callback(instrument.close)
@@ -83,8 +82,9 @@ def command(
             echo(url)
             sys.stdout.flush()
         echo(f"capturing to {out}; Ctrl-C ends", err=True)
+        held = stack.enter_context(HeldInterrupt())
         try:
-            listen(instrument, software, writer.write, time.monotonic, seconds)
+            listen(instrument, software, writer.write, time.monotonic, seconds, held.check)
         finally:
             counts = ", ".join(f"{writer.bytes_of[side]} bytes from the {side}" for side in Side)
             echo(f"{out}: {counts}", err=True)

@@ -64,7 +64,7 @@ def command(
     from skinlab.inference.compare import compare, in_words
     from skinlab.recording.session import read_session
     from skinlab.recording.session_fit import fit_session
-    from skinlab.study import change
+    from skinlab.studies import change
 
     stated = None
     if placement_scatter != "auto":

@@ -52,6 +52,10 @@ def command(
         from skinlab.errors import InputError
 
         raise InputError(f"{adopt}: exists already; expected a new file")
+    if report is not None:
+        from skinlab.report.pictures import check_pictures
+
+        check_pictures()  # now, not after the computation
     from skinlab.api.explaining import adopt as write_adopted
     from skinlab.api.explaining import base_model, outcome_of
     from skinlab.api.identifiers import find_table

@@ -98,7 +98,7 @@ def _beside(
     """Return where the session's values stand in a reference."""
     from skinlab.acquisition.replay import identifier_of
     from skinlab.errors import InputError
-    from skinlab.study.reference import Placed, place, read_reference, section
+    from skinlab.studies.reference import Placed, place, read_reference, section
 
     reference = read_reference(path)
     model_hash = identifier_of(session, database_path)[0].provenance().model_hash

@@ -15,6 +15,7 @@ from skinlab.cli.options import (
     json_option,
     make_identifier,
     prior_options,
+    probe_option,
     reference_options,
     with_prior_option,
 )
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 @geometry_options(required=False)
 @identification_options()
 @database_option()
+@probe_option()
 @prior_options(site=True)
 @reference_options()
 @click.option("--joint", is_flag=True, help="One answer for all curves: one skin.")
@@ -168,7 +170,7 @@ def _beside(
 ) -> tuple[dict[str, Any] | None, list[str]]:
     """Return where a curve's values stand in a reference, as data and in lines."""
     from skinlab.errors import InputError
-    from skinlab.study.reference import place, read_reference
+    from skinlab.studies.reference import place, read_reference
 
     reference = read_reference(path)
     if not result.parameters or result.setup is None:

@@ -28,6 +28,7 @@ _COMMANDS = {
     "import": ("import_", "Make a session of curves that other software exported."),
     "watch": ("watch", "Identify each exported file as it lands in a folder."),
     "export": ("export", "Write a session as tidy files."),
+    "calibrate": ("calibrate", "Calibrate a probe on phantoms, or check it on one."),
     "capture": ("capture", "Record the raw bytes of a real instrument."),
     "forward": ("forward", "Simulate a curve."),
     "paper": ("paper", "Reproduce the paper's tables and figures."),

@@ -12,7 +12,6 @@ from drivers.capabilities import CANNOT_VENT, READ_ONLY
 from drivers.events import Damaged, InstrumentState, Sample, State
 from drivers.limits import DEFAULT_DOSE_MBAR_S
 from drivers.line_dialect import IGNORED
-from skinlab.cli.interrupts import interrupt_on_signals
 from skinlab.cli.method_options import MethodCommand
 from skinlab.cli.options import (
     database_option,
@@ -23,6 +22,7 @@ from skinlab.cli.options import (
     make_identifier,
     parse_phases,
     prior_options,
+    probe_option,
     with_prior_option,
 )
 from skinlab.cli.output import echo, echo_text, print_json
@@ -60,6 +60,7 @@ _NOT_UNDERSTOOD = 10  # lines, after which it is said
 @click.option("--out", required=True, type=click.Path(path_type=Path), help="The session to write.")
 @identification_options()
 @database_option()
+@probe_option()
 @prior_options(site=False)
 @json_option()
 def command(
@@ -180,11 +181,6 @@ def run(
         elif isinstance(message, Happened) and (words := outage_words(message.event)):
             echo(f"skinlab: {words}", err=True)
 
-    def ready() -> None:
-        # A terminated process, or one whose terminal is closed, vents like an interrupted one.
-        interrupt_on_signals()
-        shorten_pauses()
-
     def opened(hello: Hello) -> None:
         if onlooker is not None:
             onlooker.begin()
@@ -210,7 +206,7 @@ def run(
         dose_limit_mbar_s=dose_limit_mbar_s,
         listener=show,
         opened=opened,
-        ready=ready,
+        ready=shorten_pauses,
         say=lambda sentence: echo(f"skinlab: {sentence}", err=True),
     )
     return 0

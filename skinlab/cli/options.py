@@ -118,6 +118,16 @@ def json_option() -> Callable[[F], F]:
     return click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
 
 
+def probe_option() -> Callable[[F], F]:
+    """`--probe`."""
+    return click.option(
+        "--probe",
+        "probe_path",
+        type=click.Path(path_type=Path),
+        help="PROBE.toml of `skinlab calibrate`: what this probe makes of the truth.",
+    )
+
+
 def prior_options(site: bool) -> Callable[[F], F]:
     """`--prior`, `--age-years`, and `--site` where the command has none; `prior_of` takes them."""
     return _stack(
@@ -188,6 +198,7 @@ def make_identifier(
     pressure_noise_mbar: float | None = None,
     model_path: Path | None = None,
     database_path: Path | None = None,
+    probe_path: Path | None = None,
     **single: Any,
 ) -> Identifier:
     """Return the Identifier that the options describe; `single` are those of single methods.
@@ -210,6 +221,7 @@ def make_identifier(
         pressure_noise_mbar=pressure_noise_mbar,
         model=model_path,
         database=database_path,
+        probe=probe_path,
         **parsed(method, samples, single),
     )
 

@@ -36,17 +36,13 @@ def command(out: Path, page_path: Path | None, seed: int, workers: int | None) -
     Example: skinlab paper --out reproduction
     """
     from skinlab.errors import InputError
+    from skinlab.report.pictures import check_pictures
 
     if seed < 0:
         raise InputError(f"seed {seed}: expected zero or more")
     if workers is not None and not 1 <= workers <= 1024:
         raise InputError(f"workers {workers}: expected 1–1024")
-    try:
-        import matplotlib  # noqa: F401 -- said now, not after the computation
-    except ImportError:
-        raise InputError(
-            "the pictures need matplotlib, which is not installed: pip install matplotlib"
-        ) from None
+    check_pictures()
     from skinlab.reproduction.output import Target
     from skinlab.reproduction.reproduce import ORDER, reproduce
     from skinlab.reproduction.study import Study

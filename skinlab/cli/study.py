@@ -64,9 +64,9 @@ def command(
                  --thickness-mm 1.2 --program ramp:100@20 --out study
     """
     from skinlab.errors import InputError
-    from skinlab.study.run import How
-    from skinlab.study.sources import Plan
-    from skinlab.study.whole import make_study
+    from skinlab.studies.run import How
+    from skinlab.studies.sources import Plan
+    from skinlab.studies.whole import make_study
 
     if dask is not None and workers is not None:
         raise click.UsageError("--dask and --workers exclude each other")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Mapping
 from datetime import datetime
 from functools import partial
 from pathlib import Path
@@ -12,11 +13,12 @@ from typing import TYPE_CHECKING
 import click
 
 from drivers.limits import DEFAULT_DOSE_MBAR_S
-from skinlab.cli.options import database_option, dialect_option
+from skinlab.cli.options import database_option, dialect_option, probe_option
 from skinlab.cli.output import echo
 
 if TYPE_CHECKING:
     from skinlab.inference.identify import Identifier
+    from skinlab.studies.reference import Reference
     from skinlab.tui.app import SkinlabApp
 
 SIMULATED = "sim://?seed=1"
@@ -31,25 +33,45 @@ ESCAPE_MS = "40"
     "--model", "model_path", type=click.Path(path_type=Path), help="MODEL.toml to identify with."
 )
 @database_option()
+@probe_option()
 @click.option(
     "--dose-limit-mbar-s",
     type=float,
     help=f"Most suction times time for a site in a visit [default: {DEFAULT_DOSE_MBAR_S:g}].",
 )
+@click.option(
+    "--reference",
+    "reference_path",
+    type=click.Path(path_type=Path),
+    help="REFERENCE.toml whose usual ranges stand behind the values.",
+)
+@click.option("--serve", is_flag=True, help="In a browser: prints the address to open.")
+@click.option(
+    "--serve-host", default="127.0.0.1", show_default=True, help="Where to listen, with --serve."
+)
+@click.option("--serve-port", default=8017, show_default=True, help="TCP port, with --serve.")
 def command(
     port: str | None = None,
     dialect: str | None = None,
     sessions: Path | None = None,
     model_path: Path | None = None,
     database_path: Path | None = None,
+    probe_path: Path | None = None,
     dose_limit_mbar_s: float | None = None,
+    reference_path: Path | None = None,
+    serve: bool = False,
+    serve_host: str = "127.0.0.1",
+    serve_port: int = 8017,
 ) -> int:
     """Open the bedside terminal UI.
 
-    With no terminal (in a pipe): one measurement, headless, whose result is printed.
+    With no terminal (in a pipe): one measurement, headless, whose result is printed. With --serve
+    it is shown in a browser, for a tablet beside the bed: on this computer only unless --serve-host
+    says otherwise, and only to whoever has the address with its token.
 
     \b
     Example: skinlab ui --port /dev/ttyUSB0
+             skinlab ui --serve --port /dev/ttyUSB0
     """
     folder = sessions or default_folder()
     # What is wrong with these is said without a screen.
@@ -57,14 +79,35 @@ def command(
 
     get_dialect(dialect or DEFAULT)
     said = None
-    if model_path is not None or database_path is not None:
-        said = _identifier(model_path, database_path)
+    if (model_path, database_path, probe_path) != (None, None, None):
+        said = _identifier(model_path, database_path, probe_path)
+    reference = None
+    if reference_path is not None:
+        from skinlab.studies.reference import read_reference
+
+        reference = read_reference(reference_path)
+    if serve:
+        given = {
+            "--port": port,
+            "--dialect": dialect,
+            "--sessions": folder,
+            "--model": model_path,
+            "--database": database_path,
+            "--probe": probe_path,
+            "--dose-limit-mbar-s": dose_limit_mbar_s,
+            "--reference": reference_path,
+        }
+        return _serve(given, serve_host, serve_port)
     if has_screen():
-        return _on_terminal(port, dialect, folder, said, dose_limit_mbar_s)
+        return _on_terminal(port, dialect, folder, said, dose_limit_mbar_s, reference)
     return _headless(port or SIMULATED, dialect, folder, said or _identifier(), dose_limit_mbar_s)
 
 
-def _identifier(model_path: Path | None = None, database_path: Path | None = None) -> Identifier:
+def _identifier(
+    model_path: Path | None = None,
+    database_path: Path | None = None,
+    probe_path: Path | None = None,
+) -> Identifier:
     """Return what identifies with the defaults of `measure`.
 
     Raises:
@@ -72,7 +115,7 @@ def _identifier(model_path: Path | None = None, database_path: Path | None = Non
     """
     from skinlab.api.identifiers import compose_identifier
 
-    return compose_identifier(model=model_path, database=database_path)
+    return compose_identifier(model=model_path, database=database_path, probe=probe_path)
 
 
 def has_screen() -> bool:
@@ -89,6 +132,7 @@ def _on_terminal(
     folder: Path,
     identifier: Identifier | None,
     dose_limit_mbar_s: float | None,
+    reference: Reference | None,
 ) -> int:
     """Show the screen; without an identifier it makes its own, beside."""
     from skinlab.acquisition.session_run import probes
@@ -104,7 +148,22 @@ def _on_terminal(
     if identifier is not None:
         bench = partial(bench, make_identifier=lambda: identifier)
         model = identifier.model_name
-    return show(SkinlabApp(port, folder, bench, settings=default_path(), model=model))
+    app = SkinlabApp(port, folder, bench, settings=default_path(), model=model, reference=reference)
+    return show(app)
+
+
+def _serve(given: Mapping[str, object], host: str, port: int) -> int:
+    """Serve until Ctrl+C, with the options that were given."""
+    import secrets
+
+    from skinlab.tui.serve import LOOPBACK, serve
+
+    if host != LOOPBACK:
+        echo(f"skinlab: whoever reaches {host} and has the token can start suction", err=True)
+    echo("open this address in a browser; Ctrl+C ends it", err=True)
+    arguments = [str(part) for pair in given.items() if pair[1] is not None for part in pair]
+    serve(arguments, host=host, port=port, token=secrets.token_urlsafe(24), tell=echo)
+    return 0
 
 
 def replay_on_terminal(session: Path, speed: float | None, database_path: Path | None) -> int:

@@ -8,7 +8,6 @@ from typing import Any
 import click
 
 from skinlab.cli.importing import form_options, stated
-from skinlab.cli.interrupts import interrupt_on_signals
 from skinlab.cli.method_options import MethodCommand
 from skinlab.cli.options import (
     geometry_options,
@@ -57,6 +56,7 @@ def command(
     import time
     from datetime import datetime
 
+    from skinlab.acquisition.shutdown import HeldInterrupt
     from skinlab.curves.curve import Setup
     from skinlab.curves.program import parse_program
     from skinlab.errors import InputError
@@ -100,19 +100,27 @@ def command(
         elif not as_json:
             echo_text(describe(landed.result))
 
-    interrupt_on_signals()
-    try:
-        echo(f"watching {folder}; Ctrl-C ends and keeps the curves in {out}", err=True)
-        watch(Folder(folder, settle_s), watcher, tell, trouble, time.monotonic, time.sleep)
-    finally:
-        saved = None
+    with HeldInterrupt() as held:
         try:
-            saved = watcher.save()
+            echo(f"watching {folder}; Ctrl-C ends and keeps the curves in {out}", err=True)
+            watch(
+                Folder(folder, settle_s),
+                watcher,
+                tell,
+                trouble,
+                time.monotonic,
+                time.sleep,
+                held.check,
+            )
         finally:
-            if as_json:
-                results = [one.result for one in watcher.landed]
-                session = None if saved is None else str(saved)
-                print_json(document(identifier.provenance(), results, session=session))
-            elif saved is not None:
-                echo(f"session: {saved}")
+            saved = None
+            try:
+                saved = watcher.save()
+            finally:
+                if as_json:
+                    results = [one.result for one in watcher.landed]
+                    session = None if saved is None else str(saved)
+                    print_json(document(identifier.provenance(), results, session=session))
+                elif saved is not None:
+                    echo(f"session: {saved}")
     return 0

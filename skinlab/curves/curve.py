@@ -116,8 +116,16 @@ class Curve:
         """What the skin sees at each sample (n,): load, hold, unload or rest."""
         return self._phase
 
-    def _phases(self) -> list[Phase] | NDArray[np.str_]:
+    @property
+    def program_as_run(self) -> Program | None:
+        """The program, with what was reached in the place of heights; None: nobody knows it."""
         program = self.setup.program
+        if program is None or not program.stops_at_heights:
+            return program
+        return None if self.segment is None else program.as_run(self.segment, self.pressure_mbar)
+
+    def _phases(self) -> list[Phase] | NDArray[np.str_]:
+        program = self.program_as_run
         if program is not None and len(self):
             index = self.segment
             if index is None:

@@ -1,6 +1,7 @@
 """What is asked of the pump: ramps, holds, releases and rests, as text and as objects.
 
 Grammar: segments separated by commas. `ramp:P@RATE` goes to P mbar at RATE mbar/s, up or down;
+`until:Hmm@RATE[,MAX]` rises at RATE until the deflection reads H mm, to MAX mbar (500) at most;
 `hold:S` stays for S seconds; `release` vents as fast as the instrument can; `rest:S` waits at zero.
 The classic modes are short names: `mode1:P,ON,OFF[,N]`, `mode2:P@RATE[,N]`, `mode3:P,ON@RATE[,N]`,
 `mode4:P@RATE,OFF[,N]`. Every program ends with a vent, whether it says so or not.
@@ -27,6 +28,7 @@ MOST_CYCLES = 100
 STEEPEST_MBAR_PER_S = 1e5
 SLOWEST_MBAR_PER_S = 0.01  # slower than any pump; finer than that, a wire may round to nothing
 LEAST_PRESSURE_MBAR = 0.1
+HIGHEST_MM = 8.0  # of the largest opening
 STEP_RATE_MBAR_PER_S = 2000.0  # "at once" in modes 1 and 3: faster than the pump can follow
 
 Phase = Literal["load", "hold", "unload", "rest"]
@@ -41,6 +43,22 @@ class Ramp:
 
     def __str__(self) -> str:
         return f"ramp:{_text(self.target_mbar)}@{_text(self.rate_mbar_per_s)}"
+
+
+@dataclass(frozen=True, slots=True)
+class Until:
+    """Rise at `rate_mbar_per_s` until the deflection reads `height_mm`, to `most_mbar` at most.
+
+    What a program says of its pressures and times holds as if the height were never reached.
+    """
+
+    height_mm: float
+    rate_mbar_per_s: float
+    most_mbar: float = MOST_PRESSURE_MBAR
+
+    def __str__(self) -> str:
+        most = "" if self.most_mbar == MOST_PRESSURE_MBAR else f",{_text(self.most_mbar)}"
+        return f"until:{_text(self.height_mm)}mm@{_text(self.rate_mbar_per_s)}{most}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +89,7 @@ class Rest:
         return f"rest:{_text(self.duration_s)}"
 
 
-Segment = Ramp | Hold | Release | Rest
+Segment = Ramp | Until | Hold | Release | Rest
 
 
 @dataclass(frozen=True)
@@ -108,6 +126,8 @@ class Program:
         for segment in self.segments:
             if isinstance(segment, Ramp):
                 present = segment.target_mbar
+            elif isinstance(segment, Until):
+                present = segment.most_mbar
             elif isinstance(segment, Release | Rest):
                 present = 0.0
             ends.append(present)
@@ -138,9 +158,16 @@ class Program:
     @property
     def unpaused_suction_s(self) -> float:
         """Longest time that a driver counts as suction: a moment at zero is no pause for it."""
-        longest = suction_s = 0.0
+        longest = suction_s = lowest = 0.0
         for segment, start, end in zip(self.segments, self._starts(), self._ends(), strict=True):
             duration_s = _duration(segment, start)
+            if isinstance(segment, Ramp) and segment.target_mbar > start:
+                # Behind an until it may begin anywhere below
+                duration_s = (segment.target_mbar - lowest) / segment.rate_mbar_per_s
+            elif isinstance(segment, Until):
+                duration_s = (segment.most_mbar - lowest) / segment.rate_mbar_per_s
+            if not isinstance(segment, Until | Hold):
+                lowest = end
             if isinstance(segment, Release) or (
                 isinstance(segment, Rest) and duration_s >= MIN_PAUSE_S
             ):
@@ -149,6 +176,31 @@ class Program:
                 suction_s += duration_s
             longest = max(longest, suction_s)
         return longest
+
+    @property
+    def stops_at_heights(self) -> bool:
+        """Whether a height ends one of its segments."""
+        return any(isinstance(s, Until) for s in self.segments)
+
+    def as_run(self, segment: NDArray[np.intp], pressure_mbar: ArrayLike) -> Program:
+        """Return what was done: a rise that is over as the ramp to where it ended.
+
+        segment, pressure_mbar: (n,) of the samples.
+        """
+        pressure = np.asarray(pressure_mbar, dtype=float)
+        done = list(self.segments)
+        for k, one in enumerate(self.segments):
+            after = np.flatnonzero(segment > k)
+            if not isinstance(one, Until) or not after.size:
+                continue
+            inside = np.flatnonzero(segment == k)
+            near = [float(pressure[i]) for i in (*inside[-1:], *after[:1])]
+            held = isinstance(self.segments[min(k + 1, len(done) - 1)], Hold)
+            # It ended between its last reading and the next one, which a hold keeps
+            reached = max(near) if held else near[0]
+            target = min(max(reached, LEAST_PRESSURE_MBAR), one.most_mbar)
+            done[k] = Ramp(target, one.rate_mbar_per_s)
+        return Program(tuple(done)) if tuple(done) != self.segments else self
 
     @property
     def phases(self) -> tuple[Phase, ...]:
@@ -208,6 +260,8 @@ class Program:
 
 
 def _phase(segment: Segment, start: float, end: float) -> Phase:
+    if isinstance(segment, Until):
+        return "load"
     if isinstance(segment, Ramp):
         if end == start:
             return "hold" if end > 0 else "rest"
@@ -220,6 +274,8 @@ def _phase(segment: Segment, start: float, end: float) -> Phase:
 def _duration(segment: Segment, start: float) -> float:
     if isinstance(segment, Ramp):
         return abs(segment.target_mbar - start) / segment.rate_mbar_per_s
+    if isinstance(segment, Until):
+        return max(0.0, segment.most_mbar - start) / segment.rate_mbar_per_s
     return 0.0 if isinstance(segment, Release) else segment.duration_s
 
 
@@ -229,8 +285,11 @@ def _text(number: float) -> str:
 
 
 def _check(segment: Segment) -> None:
-    if isinstance(segment, Ramp):
-        if not 0 <= segment.target_mbar <= MOST_PRESSURE_MBAR:
+    if isinstance(segment, Until) and not 0 < segment.height_mm <= HIGHEST_MM:
+        raise InputError(f"segment {segment}: height must lie over 0 to {HIGHEST_MM:g} mm")
+    if isinstance(segment, Ramp | Until):
+        most = segment.most_mbar if isinstance(segment, Until) else segment.target_mbar
+        if not 0 <= most <= MOST_PRESSURE_MBAR:
             raise InputError(
                 f"segment {segment}: pressure must lie in 0–{MOST_PRESSURE_MBAR:g} mbar"
             )
@@ -254,7 +313,7 @@ def check_measurable(program: Program) -> Program:
             f"{LEAST_PRESSURE_MBAR:g} mbar"
         )
     for segment in program.segments:
-        if isinstance(segment, Ramp) and segment.rate_mbar_per_s < SLOWEST_MBAR_PER_S:
+        if isinstance(segment, Ramp | Until) and segment.rate_mbar_per_s < SLOWEST_MBAR_PER_S:
             raise InputError(
                 f"segment {segment}: expected a rate of at least {SLOWEST_MBAR_PER_S:g} mbar/s"
             )
@@ -289,7 +348,12 @@ def _parse_part(part: str, text: str) -> list[Segment]:
             f"program {text!r}: {part!r} is no segment; expected one of: {', '.join(_PARSERS)}"
         )
     form, parse = parser
-    numbers = _numbers(arguments, form)
+    plain = form.replace("mm", "")
+    if name == "until" and (units := re.fullmatch(r"([^@]*?)\s*mm\s*(@.*)", arguments)):
+        arguments = units[1] + units[2]
+    elif name == "until":
+        plain = "-"  # without the unit it is not understood
+    numbers = _numbers(arguments, plain)
     if numbers is None:
         raise InputError(f"program {text!r}: {part!r} was not understood; expected {form}")
     return parse(numbers)
@@ -342,6 +406,7 @@ def _mode4(n: list[float]) -> list[Segment]:
 
 _PARSERS: dict[str, tuple[str, Callable[[list[float]], list[Segment]]]] = {
     "ramp": ("ramp:P@RATE", lambda n: [Ramp(n[0], n[1])]),
+    "until": ("until:Hmm@RATE[,MAX]", lambda n: [Until(*n)]),
     "hold": ("hold:S", lambda n: [Hold(n[0])]),
     "release": ("release", lambda _: [Release()]),
     "rest": ("rest:S", lambda n: [Rest(n[0])]),

@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2, norm
+from scipy.special import chdtrc, ndtr
 
 from skinlab.discrepancy.records import Record
 from skinlab.inference.covariance import Covariance
-from skinlab.inference.noise import roughness
 
 Array = NDArray[np.float64]
 
 _BINS = 6  # of a phase of a curve
 _FEWEST = 6  # samples of a bin
 _NEIGHBOURS = 3  # samples apart: beyond what chance does to one distance, within a heartbeat
-_SIGMA_SD = 0.03  # relative uncertainty of a noise that was estimated from a whole campaign
-_MOST_OFF = 0.15
+_NO_DOUBT = 0.05  # of a p value: what is likelier is not looked at with other errors
 ADEQUATE = 1e-3  # a fit whose residual is less likely than this leaves more than noise
 
 
@@ -62,10 +60,7 @@ def look(
     lags = range(1, _NEIGHBOURS + 1)
     product = -sum(errors.expected_product(apart) for apart in lags)
     places: list[tuple[float, Place]] = []
-    scale = _noise_scale(records, errors.split(z_all))
-    for record, z, raw in zip(
-        records, errors.split(z_all / scale), errors.split(raw_all), strict=True
-    ):
+    for record, z, raw in zip(records, errors.split(z_all), errors.split(raw_all), strict=True):
         for apart in lags:
             product += float(z[apart:] @ z[:-apart])
             pairs += len(z) - apart
@@ -87,13 +82,13 @@ def look(
                         (float(t[0]), float(t[-1])),
                         1e3 * float(raw[at].mean()),
                         record.noise_um,
-                        2.0 * float(norm.sf(abs(score))),
+                        2.0 * float(ndtr(-abs(score))),
                     ),
                 )
             )
     freedom = max(count - unknowns, 1)
-    by_means = float(chi2.sf(total, freedom))
-    by_neighbours = float(norm.sf(product / np.sqrt(max(pairs, 1))))
+    by_means = float(chdtrc(freedom, total))
+    by_neighbours = float(ndtr(-product / np.sqrt(max(pairs, 1))))
     places.sort(key=lambda item: -item[0])
     corrected = tuple(
         Place(**{**vars(p), "p_value": min(1.0, p.p_value * len(places))}) for _, p in places
@@ -101,16 +96,24 @@ def look(
     return Residual(min(1.0, 2.0 * min(by_means, by_neighbours)), corrected)
 
 
-def _noise_scale(records: Sequence[Record], z: Sequence[Array]) -> float:
-    """Return by how much the noise may be larger than said, which must not look like structure.
+def judge(
+    records: Sequence[Record],
+    judged: Sequence[tuple[Covariance, float]],
+    deflections_mm: Sequence[Array],
+    unknowns: int,
+) -> Residual:
+    """Return the structure in residuals where the errors are known by their probabilities only.
 
-    A stated noise is taken at its word; an estimated one is corrected by how rough the residuals
-    are, as far as an estimate may be off.
+    The p value is the mean over the settings of the errors (a posterior predictive one); places are
+    those of the likeliest.
     """
-    if all(r.noise_is_stated for r in records):
-        return 1.0
-    rough = float(np.sqrt(np.average([roughness(v) ** 2 for v in z], weights=[len(v) for v in z])))
-    return float(np.clip(rough, 1.0, 1.0 + _MOST_OFF)) * (1.0 + _SIGMA_SD)
+    first = look(records, judged[0][0], deflections_mm, unknowns)
+    if first.p_value >= _NO_DOUBT:
+        return first
+    p = judged[0][1] * first.p_value
+    for errors, weight in judged[1:]:
+        p += weight * look(records, errors, deflections_mm, unknowns).p_value
+    return replace(first, p_value=p)
 
 
 def _stretches(record: Record) -> list[tuple[int, int]]:

@@ -35,7 +35,10 @@ def adopted(
     effects: dict[str, dict[str, EffectRange]] = {}
     unknowns = explanation.unknowns
     best, deviations = (x[unknowns.count :] for x in (explanation.best, explanation.deviations))
+    stated = {(k.effect, k.parameter) for k in unknowns.known if k.stated}
     for axis, u, deviation in zip(unknowns.axes, best, deviations, strict=True):
+        if (axis.effect, axis.parameter.name) in stated:
+            continue  # the thickness' uncertainty is that of these data, not of the model
         value = axis.to_value(float(u))
         sd = max(abs(axis.slope(float(u))) * float(deviation), 1e-9)
         effects.setdefault(axis.effect, {})[axis.parameter.name] = EffectRange(

@@ -15,16 +15,20 @@ from typing import Any, get_origin
 import msgspec
 import numpy as np
 import platformdirs
+from numpy.typing import NDArray
 
+from skinlab.discrepancy.discipline import Shares, Trial
 from skinlab.discrepancy.heldout import HeldOut
 from skinlab.discrepancy.next_measurement import NextMeasurement
 from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.posterior import Posterior
-from skinlab.discrepancy.records import Record
+from skinlab.discrepancy.records import Record, coarsened, without
 from skinlab.discrepancy.screen import Signature
 from skinlab.discrepancy.search import Candidate, Found
+from skinlab.discrepancy.settings import ERRORS
 from skinlab.discrepancy.verdict import Name, Verdict
 from skinlab.errors import InputError
+from skinlab.inference.covariance import Covariance
 from skinlab.io.files import write_file
 from skinlab.mechanics.effects import EFFECTS
 from skinlab.mechanics.materials import LAWS
@@ -43,6 +47,12 @@ class _Kept(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     candidates: list[Candidate]
     signatures: dict[str, Signature]
     not_screened: dict[str, str]
+    errors: Covariance
+    kept: list[NDArray[np.bool_]]
+    implausible: str
+    trials: list[Trial]
+    shares: Shares | None
+    repeats_um: float | None
     gap_before: HeldOut
     gap_after: HeldOut
     held_out: dict[tuple[str, ...], float]
@@ -75,11 +85,15 @@ def load(name: str, records: Sequence[Record], folder: Path | None = None) -> Ou
             return None  # damaged: a number that is off by a bit decodes as well as a right one
         kept = msgspec.msgpack.decode(content, type=_Kept, dec_hook=_array)
         chosen = [kept.candidates[i] for i in kept.explanations]
+        explained = without([coarsened(r, ERRORS.coarse_hz) for r in records], kept.kept)
     except (OSError, ValueError, IndexError):  # whatever is wrong with a cache: compute again
         return None
     return Outcome(
         Verdict(kept.verdict, chosen),
-        Found(kept.base, kept.signatures, kept.candidates, records, kept.not_screened),
+        Found(
+            kept.base, kept.signatures, kept.candidates, explained, kept.not_screened, kept.errors,
+            tuple(kept.kept), kept.implausible,
+        ),
         kept.gap_before,
         kept.gap_after,
         kept.held_out,
@@ -87,7 +101,10 @@ def load(name: str, records: Sequence[Record], folder: Path | None = None) -> Ou
         seed=kept.seed,
         alike=kept.alike,
         posteriors=kept.posteriors,
-    )
+        trials=tuple(kept.trials),
+        shares=kept.shares,
+        repeats_um=kept.repeats_um,
+    )  # fmt: skip
 
 
 def save(name: str, outcome: Outcome, folder: Path | None = None) -> None:
@@ -101,6 +118,12 @@ def save(name: str, outcome: Outcome, folder: Path | None = None) -> None:
         found.candidates,
         found.signatures,
         found.not_screened,
+        found.errors,
+        list(found.kept),
+        found.implausible,
+        list(outcome.trials),
+        outcome.shares,
+        outcome.repeats_um,
         outcome.gap_before,
         outcome.gap_after,
         outcome.held_out,

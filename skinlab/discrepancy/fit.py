@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from skinlab.discrepancy.records import Record
 from skinlab.discrepancy.space_mapping import MappedModel
@@ -52,6 +52,10 @@ class Fit:
         """The effects of the explanation."""
         return self.unknowns.effects
 
+    def with_errors(self, before: Covariance, after: Covariance) -> Fit:
+        """Return the same fit, whose slopes were whitened by `before`, whitened by `after`."""
+        return replace(self, jacobian=after.whiten(before.colour(self.jacobian)))
+
     @property
     def information(self) -> Array:
         """JᵀJ with the priors (k, k)."""
@@ -93,6 +97,13 @@ class Fitter:
         self.records, self.errors, self.domes = records, errors, domes
         self._finite_elements = finite_elements
         self.measured = np.concatenate([r.curve.deflection_mm for r in records])
+
+    def with_errors(self, records: Sequence[Record], errors: Covariance) -> Fitter:
+        """Return a fitter of these records with these errors."""
+        found = copy(self)
+        found.records, found.errors = records, errors
+        found.measured = np.concatenate([r.curve.deflection_mm for r in records])
+        return found
 
     def model(self, unknowns: Unknowns) -> MappedModel:
         """Return the model of an explanation, without an anchor."""
@@ -155,6 +166,8 @@ class Fitter:
         def slopes(u: Array) -> Array:
             return self.all_slopes(model, u, keep)
 
+        from scipy.optimize import least_squares  # slow to import
+
         found = least_squares(
             residuals, inside, jac=slopes, bounds=(low, high), x_scale=np.minimum(span, 1.0),
             xtol=1e-7, ftol=1e-7, gtol=1e-9, max_nfev=40,
@@ -184,6 +197,17 @@ class Fitter:
             return best
         final = self._finish(model, best.u)
         return best if final is None else replace(final, settled=best.settled)
+
+    def refined(self, fit: Fit) -> Fit:
+        """Return a fit moved to the optimum by these errors, its finite elements kept."""
+        model = self.model(fit.unknowns)
+        if not self.prepare(model, fit.u, slopes=True):
+            return fit
+        low, high = fit.unknowns.bounds
+        near = np.concatenate([fit.unknowns.reaches, np.full(len(fit.unknowns.axes), 1.0)])
+        low, high = np.maximum(low, fit.u - near), np.minimum(high, fit.u + near)
+        found = self._finish(model, self.minimise(model, fit.u, low, high))
+        return fit if found is None else found
 
     def _walk(self, unknowns: Unknowns, start: Array, limit: float) -> Fit | None:
         """Return where one model, corrected from anchor to anchor, leads."""

@@ -21,7 +21,11 @@ _TOLD = 0.3  # of its prior's standard deviation: an unknown that is known no be
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Root mean squares over whole conditions, each left out of its fit in turn."""
+    """Gaps over whole conditions, each left out of its fit in turn.
+
+    Root mean squares weighed by the errors: of independent errors the plain ones; what a placement
+    or a slow error may have done counts by how improbable it is. A perfect model leaves the noise.
+    """
 
     rms_um: float
     noise_um: float  # what a perfect model would leave
@@ -77,10 +81,12 @@ def predict_held_out(fitter: Fitter, fit: Fit, parts: Sequence[Part]) -> HeldOut
     The model stays anchored at the fit to all curves; only its unknowns are fitted again. With
     nothing to hold out the gap is that of the fit.
     """
-    sigma, measured = fitter.errors.sigma_mm, fitter.measured
+    errors, measured = fitter.errors, fitter.measured
+    process = 0.0 if errors.ou is None else errors.ou.size_mm
+    noise = 1e3 * float(np.sqrt(np.mean(errors.variance_mm2) + process**2))
     if not parts:
-        off = np.concatenate(fit.deflections_mm) - measured
-        return HeldOut(_rms_um(off), _rms_um(sigma), _rms_um(sigma), ())
+        z = errors.whiten(np.concatenate(fit.deflections_mm) - measured)
+        return HeldOut(noise * float(np.sqrt(np.mean(z**2))), noise, noise, ())
     model = fitter.model(fit.unknowns)
     fitter.prepare(model, fit.u, slopes=True)
     low, high = fit.unknowns.bounds
@@ -90,21 +96,20 @@ def predict_held_out(fitter: Fitter, fit: Fit, parts: Sequence[Part]) -> HeldOut
         if transform == "linear":
             radius[i] = _REACHES * fit.unknowns.reaches[i]
     low, high = np.maximum(low, fit.u - radius), np.minimum(high, fit.u + radius)
-    left = np.full(len(measured), np.nan)
-    expected = sigma.copy()
-    slopes = fitter.errors.colour(fit.jacobian)
+    left, doubt = 0.0, 0.0
+    held = np.zeros(len(measured), dtype=bool)
+    slopes = errors.colour(fit.jacobian)
     for out in parts:
         at = fitter.minimise(model, fit.u, low, high, fitter.kept(~out))
-        left[out] = (np.concatenate(model.predict(at)) - measured)[out]
-        doubt = np.einsum(
-            "nj,jk,nk->n", slopes[out], _covariance(fitter.errors, fit, out), slopes[out]
-        )
-        expected[out] = np.sqrt(sigma[out] ** 2 + doubt)
-    held = np.isfinite(left)
-    split = fitter.errors.split(held)
+        off = (np.concatenate(model.predict(at)) - measured)[out]
+        here = errors.only(out)
+        z, reach = here.whiten(off), here.whiten(slopes[out])
+        left += float(z @ z)
+        doubt += float(np.einsum("nj,jk,nk->", reach, _covariance(errors, fit, out), reach))
+        held |= out
+    n = int(held.sum())
+    split = errors.split(held)
     files = tuple(r.name for r, part in zip(fitter.records, split, strict=True) if part.any())
-    return HeldOut(_rms_um(left[held]), _rms_um(sigma[held]), _rms_um(expected[held]), files)
-
-
-def _rms_um(values_mm: Array) -> float:
-    return 1e3 * float(np.sqrt(np.mean(values_mm**2)))
+    return HeldOut(
+        noise * float(np.sqrt(left / n)), noise, noise * float(np.sqrt(1.0 + doubt / n)), files
+    )

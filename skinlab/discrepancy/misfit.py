@@ -30,9 +30,7 @@ OWN_FACTOR = 0.5
 
 def errors_of(records: Sequence[Record]) -> Covariance:
     """Return the errors: noise, pressure noise through dw/dp, and the discretisation's shapes."""
-    sigma, blocks, at = [], [], 0
-    starts = np.cumsum([0, *(len(r.curve) for r in records)])
-    total = int(starts[-1])
+    sigma = []
     for record in records:
         w, p = record.curve.deflection_mm, record.pressure_mbar
         slope = slope_mm_per_mbar(p, w) if record.pressure_sd_mbar > 0 else np.zeros(len(w))
@@ -43,7 +41,16 @@ def errors_of(records: Sequence[Record]) -> Covariance:
                 + (MESH_REST * w) ** 2
             )
         )
-        at += len(w)
+    variance = np.square(np.concatenate(sigma))
+    ends = tuple(int(v) for v in np.cumsum([len(r.curve) for r in records]))
+    return Covariance(variance, mesh_columns(records), ends)
+
+
+def mesh_columns(records: Sequence[Record]) -> Array:
+    """Return the shapes (u, m), mm, in which the discretisation errs."""
+    blocks = []
+    starts = np.cumsum([0, *(len(r.curve) for r in records)])
+    total = int(starts[-1])
     orders = len(MESH_OWN)
     common = np.zeros((total, orders))
     for members in by_geometry(records):
@@ -57,6 +64,4 @@ def errors_of(records: Sequence[Record]) -> Covariance:
             block[here] = OWN_FACTOR * np.array(MESH_OWN) * shapes
             common[here] = COMMON_FACTOR * np.array(MESH_COMMON) * shapes
         blocks.append(block)
-    blocks.append(common)
-    variance = np.square(np.concatenate(sigma))
-    return Covariance(variance, np.hstack(blocks), tuple(int(v) for v in starts[1:]))
+    return np.hstack([*blocks, common])

@@ -7,13 +7,14 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from skinlab.discrepancy.adequacy import Place
+from skinlab.discrepancy.discipline import Shares, Trial
 from skinlab.discrepancy.heldout import HeldOut
 from skinlab.discrepancy.next_measurement import NextMeasurement
 from skinlab.discrepancy.posterior import Posterior, gaussian
 from skinlab.discrepancy.screen import Signature
 from skinlab.discrepancy.search import Candidate, Found
 from skinlab.discrepancy.verdict import Verdict
-from skinlab.mechanics.effects import Parameter
+from skinlab.mechanics.effects import Parameter, all_effects
 from skinlab.mechanics.names import is_effects
 
 SCHEMA = "skinlab.discrepancy/1"
@@ -38,6 +39,9 @@ class Outcome:
     alike: list[tuple[str, str]] = field(default_factory=list)
     # Of the best explanation, by its effects.
     posteriors: dict[tuple[str, ...], Posterior] = field(default_factory=dict)
+    trials: tuple[Trial, ...] = ()  # what the first explanation had to stand
+    shares: Shares | None = None  # of the gap
+    repeats_um: float | None = None  # by which a curve differs from its repeats
 
     @property
     def best(self) -> Candidate:
@@ -79,7 +83,13 @@ class Outcome:
                 "after_um": self.gap_after.rms_um,
                 "noise_um": self.gap_before.noise_um,
                 "held_out": list(self.gap_before.files),
+                "expected_um": self.gap_after.expected_um,
+                "shares": None if self.shares is None else vars(self.shares),
+                "repeats_um": self.repeats_um,
             },
+            "trials": [
+                {"name": t.name, "passed": t.passed, "sentence": t.sentence} for t in self.trials
+            ],
             "parameters": {
                 "before": _base_only(self.parameters(base)),
                 "after": _base_only(self.parameters(self.best)),
@@ -121,7 +131,11 @@ class Outcome:
 
         Every effect of the library is here, in `detectable` or in `not_screened`.
         """
-        found: dict[str, str] = {}
+        found = {
+            one.name: f"it is exactly the same as {one.same_as}"
+            for one in all_effects()
+            if one.same_as and one.name not in self.found.not_screened
+        }
         for name, signature in sorted(self.found.signatures.items()):
             parameter, size = _size_needed(signature)
             if math.isfinite(size) and not _has(parameter, size):
@@ -137,7 +151,7 @@ class Outcome:
                     if signature.absorbed > 0.5
                     else "it does nothing to these curves"
                 )
-        return found
+        return dict(sorted(found.items()))
 
     @property
     def not_screened(self) -> dict[str, str]:
@@ -147,7 +161,7 @@ class Outcome:
 
 def _size_needed(signature: Signature) -> tuple[Parameter, float]:
     """Return an effect's size, and how far from its zero these data would show it."""
-    parameter = next(a.parameter for a in signature.axes if a.parameter.zero is not None)
+    parameter = signature.axes[signature.which].parameter
     assert parameter.zero is not None
     return parameter, abs(parameter.typical - parameter.zero) * signature.detectable
 

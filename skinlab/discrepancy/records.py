@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import savgol_filter
 
 from skinlab.curves.campaign import Campaign
 from skinlab.curves.curve import Curve
@@ -15,7 +14,7 @@ from skinlab.curves.pressure_path import PressurePath
 from skinlab.errors import InputError
 from skinlab.inference.batch import noise_from_repeats_um
 from skinlab.inference.noise import pressure_noise_mbar, roughness
-from skinlab.inference.samples import alike
+from skinlab.inference.samples import alike, placements_of
 from skinlab.mechanics.fem.suction import Geometry
 
 Array = NDArray[np.float64]
@@ -25,6 +24,8 @@ _WINDOW = 7  # samples over which the path of a measured pressure is smoothed, b
 _SMOOTHED = 0.58  # of the noise is left by that: sqrt(1/3)
 _AS_ASKED = 1.25  # a channel within so many times its noise of the program followed it
 _ROUNDING_UM = 0.3
+_GLITCH_WINDOW, _GLITCH, _GLITCH_LEAST_MM = 5, 8.0, 0.015  # samples; usual deviations
+_SPREAD = 0.6745  # median of |z| of a Gaussian
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +39,9 @@ class Record:
     pressure_sd_mbar: float  # how well that is known
     noise_um: float  # of one deflection sample
     noise_is_stated: bool = False
+    placement: int = 0  # which putting-on of the probe
+    coarse: int = 1  # samples that each one is the mean of
+    thickness_sd_mm: float = 0.0  # as stated
 
     @property
     def name(self) -> str:
@@ -61,10 +65,11 @@ def records_of(campaign: Campaign) -> list[Record]:
         InputError: a curve is too short; names it.
     """
     found = []
-    for curve in campaign.curves:
+    for curve, placement in zip(campaign.curves, placements_of(campaign.curves), strict=True):
         if len(curve) < _FEWEST:
             raise InputError(f"{curve.name}: {len(curve)} samples; expected {_FEWEST} or more")
-        found.append(_record(curve, campaign.noise_um, campaign.pressure_noise_mbar))
+        one = _record(curve, campaign.noise_um, campaign.pressure_noise_mbar)
+        found.append(replace(one, placement=placement))
     if campaign.noise_um is None:
         # A lone curve's roughness is known to a tenth only: one instrument, one noise.
         weights = [float(len(r.curve)) for r in found]
@@ -81,7 +86,7 @@ def records_of(campaign: Campaign) -> list[Record]:
 def _record(curve: Curve, noise_um: float | None, pressure_noise: float | None) -> Record:
     time, measured = curve.time_s, curve.pressure_mbar
     noise = pressure_noise_mbar(time, measured) if pressure_noise is None else pressure_noise
-    program = curve.setup.program
+    program = curve.program_as_run
     path = None
     if program is not None:
         t, p = program.knots()
@@ -93,6 +98,8 @@ def _record(curve: Curve, noise_um: float | None, pressure_noise: float | None) 
         # Each sample keeps its own reading: what smoothing leaves of the noise goes up and down
         # together, and through dw/dp it would look like a missing effect.
         pressure, sd = measured, noise
+        from scipy.signal import savgol_filter  # slow to import
+
         smooth = savgol_filter(measured, _WINDOW, 2, mode="interp")
         path = PressurePath.of_samples(time, smooth, max(2.5 * _SMOOTHED * noise, 0.2))
     own = noise_um
@@ -106,7 +113,84 @@ def _record(curve: Curve, noise_um: float | None, pressure_noise: float | None) 
         sd,
         float(own),
         noise_um is not None,
+        thickness_sd_mm=curve.setup.thickness_sd_mm or 0.0,
     )
+
+
+def coarsened(record: Record, rate_hz: float) -> Record:
+    """Return the record with samples averaged to about this rate, glitches left out.
+
+    Only within a phase; what is left over at the end of one is averaged as well.
+    """
+    curve = record.curve
+    step = float(np.median(np.diff(curve.time_s)))
+    size = int(1.0 / (rate_hz * step) + 1e-6)
+    if size < 2:
+        return record
+    w, phase = curve.deflection_mm, curve.phase
+    from scipy.ndimage import median_filter  # slow to import
+
+    usual = median_filter(w, _GLITCH_WINDOW, mode="nearest")
+    off = np.abs(w - usual)
+    kept = off <= np.maximum(_GLITCH * np.median(off) / _SPREAD, _GLITCH_LEAST_MM)
+    begins = np.concatenate([[True], phase[1:] != phase[:-1]])
+    run = np.cumsum(begins) - 1
+    inside = np.arange(len(w)) - np.flatnonzero(begins)[run]
+    length = np.bincount(run)[run]
+    blocks = np.maximum(length // size, 1)
+    _, block = np.unique(run * len(w) + np.minimum(inside // size, blocks - 1), return_inverse=True)
+    count = np.bincount(block, kept)
+    held = count > 0
+
+    def mean(values: Array) -> Array:
+        return np.asarray(np.bincount(block, kept * values)[held] / count[held])
+
+    segment = curve.segment
+    if segment is None and curve.setup.program is not None:
+        segment = curve.setup.program.segment_at(curve.time_s - curve.time_s[0])
+    first = np.unique(block, return_index=True)[1][held]
+    coarse = Curve(
+        curve.name, curve.setup, mean(curve.time_s), mean(curve.pressure_mbar), mean(w),
+        None if segment is None else segment[first], curve.partial,
+    )  # fmt: skip
+    if len(coarse) < _FEWEST:
+        return record
+    by = float(np.mean(count[held])) ** -0.5
+    return replace(
+        record, curve=coarse, pressure_mbar=mean(record.pressure_mbar), coarse=size,
+        pressure_sd_mbar=record.pressure_sd_mbar * by, noise_um=record.noise_um * by,
+    )  # fmt: skip
+
+
+def without(records: Sequence[Record], kept: Sequence[NDArray[np.bool_]]) -> list[Record]:
+    """Return the records with those of their samples (n,) that are kept."""
+    found = []
+    for record, mask in zip(records, kept, strict=True):
+        if mask.all():
+            found.append(record)
+            continue
+        c = record.curve
+        segment = c.segment
+        if segment is None and c.setup.program is not None:
+            segment = c.setup.program.segment_at(c.time_s - c.time_s[0])
+        curve = replace(
+            c, time_s=c.time_s[mask], pressure_mbar=c.pressure_mbar[mask],
+            deflection_mm=c.deflection_mm[mask], segment=None if segment is None else segment[mask],
+        )  # fmt: skip
+        found.append(replace(record, curve=curve, pressure_mbar=record.pressure_mbar[mask]))
+    return found
+
+
+def by_condition(records: Sequence[Record]) -> list[list[int]]:
+    """Return indices of the records by what was measured: repeats of a program are together.
+
+    Without a program a curve is alone: nobody said that its pressure was that of another.
+    """
+    keys = [
+        (r.geometry, min(r.curve.setup.cycle, 2), str(r.curve.setup.program or f"curve {i}"))
+        for i, r in enumerate(records)
+    ]
+    return alike(keys)
 
 
 def by_geometry(records: Sequence[Record]) -> list[list[int]]:

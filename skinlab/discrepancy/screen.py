@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.discrepancy.fit import Fit, Fitter
-from skinlab.discrepancy.unknowns import Axis
+from skinlab.discrepancy.unknowns import Axis, Unknowns
 
 Array = NDArray[np.float64]
 
@@ -34,6 +34,7 @@ class Signature:
     amount: float  # best size, in typical ones
     gain: float  # by which χ² would fall
     absorbed: float  # share of the raw signature that the fit's unknowns absorb
+    which: int = 0  # of the axes: the effect's size
 
     @property
     def detectable(self) -> float:
@@ -46,9 +47,19 @@ def signature(fitter: Fitter, fit: Fit, effect: str) -> Signature | None:
     unknowns = fit.unknowns.with_effect(effect)
     axes = unknowns.axes[len(fit.unknowns.axes) :]
     own = [0.0 if a.parameter.zero is not None else a.to_u(a.parameter.typical) for a in axes]
-    # The first parameter with a zero is the effect's size.
-    which = next(i for i, a in enumerate(axes) if a.parameter.zero is not None)
-    axis = axes[which]
+    sized = [i for i, a in enumerate(axes) if a.parameter.zero is not None]
+    found = [_along(fitter, fit, unknowns, own, i) for i in sized]
+    held = [s for s in found if s is not None]
+    # Where several of its parameters have a zero, it is the one that explains most.
+    return max(held, key=lambda s: (s.gain, s.size)) if held else None
+
+
+def _along(
+    fitter: Fitter, fit: Fit, unknowns: Unknowns, own: list[float], which: int
+) -> Signature | None:
+    """Return the signature of one of an effect's parameters."""
+    axes = unknowns.axes[len(fit.unknowns.axes) :]
+    axis, effect = axes[which], axes[which].effect
     here = np.concatenate(fit.deflections_mm)
     for size in _SIZES:
         step = size * axis.to_u(axis.parameter.typical)
@@ -69,14 +80,13 @@ def signature(fitter: Fitter, fit: Fit, effect: str) -> Signature | None:
     whole = float(np.linalg.norm(raw))
     if length < _INVISIBLE:
         absorbed = 1.0 if whole > _INVISIBLE else 0.0
-        return Signature(effect, axes, direction, length, 0.0, 0.0, absorbed)
+        return Signature(effect, axes, direction, length, 0.0, 0.0, absorbed, which)
     amount = float(direction @ residual) / length**2
     low, high = axis.bounds
     amount = float(np.clip(amount, low, high))
     gain = 2.0 * amount * float(direction @ residual) - amount**2 * length**2
-    return Signature(
-        effect, axes, direction, length, amount, max(gain, 0.0), 1.0 - length / max(whole, 1e-12)
-    )
+    absorbed = 1.0 - length / max(whole, 1e-12)
+    return Signature(effect, axes, direction, length, amount, max(gain, 0.0), absorbed, which)
 
 
 def _with_priors(fit: Fit) -> Array:

@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
-from itertools import product
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations, product
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.discrepancy.adequacy import ADEQUATE, Residual, look
+from skinlab.discrepancy.adequacy import ADEQUATE, Residual, judge, look
+from skinlab.discrepancy.campaign_errors import (
+    CampaignErrors,
+    Linearised,
+    learn,
+    outliers,
+    thickness_slopes,
+)
 from skinlab.discrepancy.fit import Fit, Fitter
-from skinlab.discrepancy.records import Record
+from skinlab.discrepancy.records import Record, without
 from skinlab.discrepancy.screen import Signature
 from skinlab.discrepancy.search_workers import (
     fit_elsewhere,
@@ -20,19 +27,20 @@ from skinlab.discrepancy.search_workers import (
     fit_one,
     signature_of,
 )
+from skinlab.discrepancy.settings import NAMES
 from skinlab.discrepancy.unknowns import BasePrior, Known, Unknowns
 from skinlab.errors import NotTrustworthyError
-from skinlab.mechanics.effects import effect_names
+from skinlab.inference.covariance import Covariance, independent
+from skinlab.mechanics.effects import effect_names, get_effect
 from skinlab.mechanics.model_file import BASE, Model, Normal
 from skinlab.workers import Pool
+
+THICKNESS = "thickness_error"  # the effect that the stated uncertainty of the thickness is about
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
 
 LOG10 = math.log(10.0)
-TIE = 1.3  # log10 evidence: 20 to 1
-LONE_TIE = 4.0  # the same of one condition alone, where no other one bears an explanation out
-
 # Before the data: no effect as likely as one of the library, two together a fifth of that.
 _PAIRS_ODDS = 0.2
 _SEEN = 8.0  # a gain of χ² by which an effect is worth a fit
@@ -44,6 +52,7 @@ _FAR_SHARE = 0.1  # is out of the race
 _MOST_SINGLES = 8
 _PARTNERS = 5  # of each of the best singles
 _LEADERS = 4
+_MOST_PAIRS = 8
 _AGAIN = 2  # effects that explain nothing, but most, are fitted from elsewhere too
 _MEMBERS = 4  # of pairs that explain, to be tried alone
 # Shares of the law's ranges from which the base model is fitted: of the scale, of other logarithms,
@@ -60,6 +69,7 @@ class Candidate:
     fit: Fit
     left: Residual
     log10_evidence: float  # of the data and the prior odds, relative to the base model
+    at_bound: tuple[str, ...] = ()  # unknowns that the fit has pushed to the end of their range
 
     @property
     def effects(self) -> tuple[str, ...]:
@@ -119,12 +129,16 @@ class Found:
     candidates: list[Candidate] = field(default_factory=list)  # the best first
     records: Sequence[Record] = ()  # what was explained
     not_screened: dict[str, str] = field(default_factory=dict)  # effect -> why it was not
+    # By which the explanations were fitted
+    errors: Covariance = field(default_factory=lambda: independent(np.zeros(0)))
+    kept: tuple[NDArray[np.bool_], ...] = ()  # of each record's samples; others are outliers
+    implausible: str = ""  # errors that are too large to be errors
 
     @property
     def tie(self) -> float:
         """By how much log10 evidence an explanation has to lead."""
         conditions = {record.condition for record in self.records}
-        return LONE_TIE if len(conditions) == 1 else TIE
+        return NAMES.lone_tie if len(conditions) == 1 else NAMES.tie
 
 
 class Search:
@@ -136,14 +150,23 @@ class Search:
         *,
         model: Model = BASE,
         workers: int = 1,
+        noise_um: float | None = None,
+        placement_scatter: float | None = None,
         progress: Progress = lambda _: None,
         partial: Partial | None = None,
     ) -> None:
-        self._fitter = fitter
-        self._unknowns = unknowns_of(model)
+        """`noise_um` and `placement_scatter` are as stated in a campaign; None: to be learned."""
+        self.fitter = fitter
+        self._noise_um, self._placement_scatter = noise_um, placement_scatter
+        self._thickness_mm = np.zeros(0)
+        self.errors: CampaignErrors | None = None  # None: those of the fitter, as they are
+        self._kept: tuple[NDArray[np.bool_], ...] = ()
+        self._unknowns = with_thickness(unknowns_of(model), fitter.records)
         self._own = self._unknowns.effects
         self._workers, self._progress, self._partial = workers, progress, partial
-        self._library = [n for n in effect_names() if n not in self._own]
+        self._library = [
+            n for n in effect_names() if n not in self._own and not get_effect(n).same_as
+        ]
 
     def base(self) -> Candidate:
         """Return the fit of the model as it is.
@@ -154,12 +177,12 @@ class Search:
         unknowns = self._unknowns
         plain = unknowns.plain
         begin, middle = _starts(unknowns)
-        fits = [f for f in (self._fitter.fit(plain, start) for start in begin) if f is not None]
+        fits = [f for f in (self.fitter.fit(plain, start) for start in begin) if f is not None]
         if self._own:
             # Finite elements cost more: from the best of the plain fits, and from the middle.
             fits.sort(key=lambda f: f.cost)
             starts = [*(f.u for f in fits[:1]), middle]
-            found = (self._fitter.fit(unknowns, unknowns.start(start)) for start in starts)
+            found = (self.fitter.fit(unknowns, unknowns.start(start)) for start in starts)
             fits = [f for f in found if f is not None]
         if not fits:
             raise NotTrustworthyError("the model has no answer for these curves")
@@ -167,10 +190,9 @@ class Search:
 
     def run(self) -> Found:
         """Return the base fit, the screen and the candidates."""
-        # The processes start while the base model is fitted here
-        with Pool(self._workers, self._fitter) as pool:
-            self._progress("fitting the model as it is")
-            base = self.base()
+        self._progress("fitting the model as it is")
+        base = self.learned_base()
+        with Pool(self._workers, self.fitter) as pool:
             if self._partial is not None:
                 self._partial.base = base
             self._progress(f"screening {len(self._library)} effects")
@@ -190,13 +212,83 @@ class Search:
                 # Something weaker may hide behind what explains nearly all.
                 candidates = singles + self._pairs(pool, base, explaining, 1, _BEHIND)
             elif not base.adequate:
-                pairs = self._pairs(pool, base, singles, _LEADERS, _SEEN)
+                pairs = self._pairs(pool, base, singles, _LEADERS, _SEEN, signatures)
                 candidates = self._members(pool, base, pairs) + pairs
                 named = {c.effects for c in candidates}
                 candidates += [c for c in singles if c.effects not in named]
+        base, candidates = self._weighed(base, candidates)
         candidates.sort(key=lambda c: -c.log10_evidence)
-        not_screened |= dict.fromkeys(self._own, "the model has it already")
-        return Found(base, signatures, candidates, self._fitter.records, not_screened)
+        for name in self._own:
+            stated = any(k.effect == name and k.stated for k in self._unknowns.known)
+            not_screened[name] = (
+                "the stated uncertainty of the thickness is part of every explanation"
+                if stated
+                else "the model has it already"
+            )
+        return Found(
+            base, signatures, candidates, self.fitter.records, not_screened, self.fitter.errors,
+            self._kept, "" if self.errors is None else self.errors.implausible,
+        )  # fmt: skip
+
+    def learned_base(self) -> Candidate:
+        """Return the fit of the model as it is, with the errors that repeats and roughness tell.
+
+        Raises:
+            NotTrustworthyError: it has no answer at all for these curves.
+        """
+        first = self.base()
+        before = self.fitter
+        linear = Linearised.of(first.fit, before.errors, before.measured)
+        bad = outliers(before.records, linear)
+        self._kept = tuple(before.errors.split(~bad))
+        self._progress("learning how large the errors are")
+        records = without(before.records, self._kept)
+        self._thickness_mm = thickness_slopes(before.records, first.fit, before.domes)[~bad]
+        self.errors = self._learn(records, linear.only(~bad), None)
+        self.fitter = before.with_errors(records, self.errors.working)
+        fit = self.fitter.fit(first.fit.unknowns, first.fit.u)
+        if fit is None:
+            raise NotTrustworthyError("the model has no answer for these curves")
+        return self._candidate(fit, None)
+
+    def _learn(
+        self, records: Sequence[Record], one: Linearised, before: CampaignErrors | None
+    ) -> CampaignErrors:
+        return learn(
+            records, [one], self._thickness_mm, noise_um=self._noise_um,
+            placement_scatter=self._placement_scatter, before=before,
+        )  # fmt: skip
+
+    def linear(self, fit: Fit) -> Linearised:
+        """Return an explanation about its fit."""
+        return Linearised.of(fit, self.fitter.errors, self.fitter.measured)
+
+    def _weighed(
+        self, base: Candidate, candidates: list[Candidate]
+    ) -> tuple[Candidate, list[Candidate]]:
+        """Return the candidates weighed once more, with the errors as the best of them sees them.
+
+        The errors of a wrong model are too large: looked for there alone, those of a right one
+        would be missed.
+        """
+        serving = [c for c in candidates if c.adequate] or candidates
+        if self.errors is None or not serving:
+            return base, candidates
+        best = max(serving, key=lambda c: c.log10_evidence)
+        self._progress(f"weighing {len(candidates)} explanations")
+        self.errors = self._learn(self.fitter.records, self.linear(best.fit), self.errors)
+        again = self.errors.log_evidence(self.linear(base.fit))
+        return base, [replace(c, log10_evidence=self._relative(c.fit, again)) for c in candidates]
+
+    def _relative(self, fit: Fit, base: float) -> float:
+        """Return log10 evidence with the odds, relative to that (natural) of the base model."""
+        added = len(fit.effects) - len(self._own)
+        n = max(len(self._library), 2)
+        odds = 1.0 / n if added == 1 else _PAIRS_ODDS / (0.5 * n * (n - 1))
+        evidence = (
+            fit.log_evidence if self.errors is None else self.errors.log_evidence(self.linear(fit))
+        )
+        return (evidence - base) / LOG10 + math.log10(odds)
 
     def _singles(self, pool: Pool, base: Candidate, chosen: list[Signature]) -> list[Candidate]:
         """Return fits of single effects: of the lesser ones only where the likely explain nothing.
@@ -246,9 +338,18 @@ class Search:
         return found + self._fits(pool, base, tasks[2:], limit)
 
     def _pairs(
-        self, pool: Pool, base: Candidate, singles: list[Candidate], most: int, least: float
+        self,
+        pool: Pool,
+        base: Candidate,
+        singles: list[Candidate],
+        most: int,
+        least: float,
+        signatures: Mapping[str, Signature] | None = None,
     ) -> list[Candidate]:
-        """Return pairs of the best singles, at most so many, with partners that gain so much."""
+        """Return pairs of the best singles, at most so many, with partners that gain so much.
+
+        With the signatures of single effects all their pairs are screened as well.
+        """
         leaders = sorted(singles, key=lambda c: -c.log10_evidence)[:most]
         tasks: dict[frozenset[str], tuple[Fit, Signature]] = {}
         for leader in leaders:
@@ -263,13 +364,24 @@ class Search:
                     names not in tasks or expected < tasks[names][0].cost - tasks[names][1].gain
                 ):
                     tasks[names] = leader.fit, s
-        ranked = sorted(tasks.values(), key=lambda t: t[0].cost - t[1].gain)[:8]
-        if not ranked:
+        ranked = sorted(tasks.values(), key=lambda t: t[0].cost - t[1].gain)[:_MOST_PAIRS]
+        costs = {frozenset((f.effects[-1], s.effect)): f.cost - s.gain for f, s in ranked}
+        linear: list[tuple[Unknowns, Array]] = []
+        if signatures:
+            screened = _linear_pairs(self.fitter, base.fit, signatures)
+            new = [pair for pair in screened if frozenset(pair.names) not in costs]
+            costs |= {frozenset(pair.names): base.fit.cost - pair.gain for pair in new}
+            chosen = sorted(costs, key=lambda names: costs[names])[:_MOST_PAIRS]
+            ranked = [t for t in ranked if frozenset((t[0].effects[-1], t[1].effect)) in chosen]
+            linear = [pair.task for pair in new if frozenset(pair.names) in chosen]
+        if not ranked and not linear:
             return []
-        self._progress(
-            "fitting pairs: " + ", ".join(f"{f.effects[-1]} and {s.effect}" for f, s in ranked)
-        )
-        return self._race(pool, base, ranked)
+        told = [f"{f.effects[-1]} and {s.effect}" for f, s in ranked]
+        told += [" and ".join(u.effects[len(self._own) :]) for u, _ in linear]
+        self._progress("fitting pairs: " + ", ".join(told))
+        fitted = self._race(pool, base, ranked) if ranked else []
+        fits = pool.map(fit_from, linear) if linear else []
+        return fitted + [self._candidate(fit, base) for fit in fits if fit is not None]
 
     def _members(self, pool: Pool, base: Candidate, pairs: Sequence[Candidate]) -> list[Candidate]:
         """Return fits of the single effects of pairs that explain, begun where the pair ended.
@@ -316,16 +428,74 @@ class Search:
         return found
 
     def _candidate(self, fit: Fit, base: Candidate | None) -> Candidate:
-        left = look(
-            self._fitter.records, self._fitter.errors, fit.deflections_mm, len(fit.unknowns)
-        )
+        records, k = self.fitter.records, len(fit.unknowns)
+        if self.errors is None:
+            left = look(records, self.fitter.errors, fit.deflections_mm, k)
+        else:
+            left = judge(records, self.errors.judged, fit.deflections_mm, k)
+        at_bound = tuple(n for n, f in zip(fit.unknowns.names, fit.free, strict=True) if not f)
         if base is None:
-            return Candidate(fit, left, 0.0)
-        added = len(fit.effects) - len(self._own)
-        n = len(self._library)
-        odds = 1.0 / n if added == 1 else _PAIRS_ODDS / (0.5 * n * (n - 1))
-        relative = (fit.log_evidence - base.fit.log_evidence) / LOG10 + math.log10(odds)
-        return Candidate(fit, left, relative)
+            self._base_evidence = (
+                fit.log_evidence
+                if self.errors is None
+                else self.errors.log_evidence(self.linear(fit))
+            )
+            return Candidate(fit, left, 0.0, at_bound)
+        return Candidate(fit, left, self._relative(fit, self._base_evidence), at_bound)
+
+
+def with_thickness(unknowns: Unknowns, records: Sequence[Record]) -> Unknowns:
+    """Return the unknowns with the thickness among them, where it is stated with an uncertainty.
+
+    One skin has one thickness: its relative error is common to all curves.
+    """
+    sd = max((r.thickness_sd_mm / r.geometry.thickness_mm for r in records), default=0.0)
+    if sd <= 0.0 or THICKNESS in unknowns.effects:
+        return unknowns
+    known = Known(THICKNESS, "ratio", 1.0, sd, stated=True)
+    return replace(
+        unknowns,
+        effects=tuple(sorted((*unknowns.effects, THICKNESS))),
+        known=(*unknowns.known, known),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _LinearPair:
+    names: tuple[str, str]
+    gain: float  # by which χ² would fall
+    task: tuple[Unknowns, Array]  # where a fit begins
+
+
+def _linear_pairs(
+    fitter: Fitter, fit: Fit, signatures: Mapping[str, Signature]
+) -> list[_LinearPair]:
+    """Return all pairs of effects that can be seen, linearised about a fit; the best first."""
+    residual = fitter.errors.whiten(fitter.measured - np.concatenate(fit.deflections_mm))
+    seen = [s for s in signatures.values() if math.isfinite(s.detectable)]
+    found = []
+    for one, other in combinations(seen, 2):
+        pair = (one, other)
+        directions = np.array([s.direction for s in pair])
+        score, gram = directions @ residual, directions @ directions.T
+        priors = np.diag([1.0 / s.axes[s.which].prior[1] ** 2 for s in pair])
+        bounds = np.array([s.axes[s.which].bounds for s in pair])
+        amounts = np.clip(np.linalg.solve(gram + priors, score), bounds[:, 0], bounds[:, 1])
+        gain = float(2.0 * amounts @ score - amounts @ (gram + priors) @ amounts)
+        unknowns = fit.unknowns.with_effect(one.effect).with_effect(other.effect)
+        own = [
+            np.array(
+                [
+                    amount if i == s.which else 0.0 if a.parameter.zero is not None else a.prior[0]
+                    for i, a in enumerate(s.axes)
+                ]
+            )
+            for s, amount in zip(pair, amounts, strict=True)
+        ]
+        low, high = unknowns.bounds
+        start = np.clip(np.concatenate([fit.u, *own]), low, high)
+        found.append(_LinearPair((one.effect, other.effect), gain, (unknowns, start)))
+    return sorted(found, key=lambda pair: -pair.gain)
 
 
 def _worth(signatures: Iterable[Signature]) -> list[Signature]:

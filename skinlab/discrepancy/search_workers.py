@@ -16,6 +16,7 @@ from skinlab.mechanics.effects import EFFECTS
 Array = NDArray[np.float64]
 
 _SHARES = (0.7, 0.2, 1.5)  # of the size that is expected
+_LEVELS = (1.0, 2.5, 6.0)  # typical sizes, from usual to strong
 _ELSEWHERE = ((0.2, 0.0), (0.7, 1.0), (0.2, 1.0))  # share of the expected size; more log ratios
 
 
@@ -49,9 +50,9 @@ def _start(
         axis.to_u(axis.parameter.typical)
         if axis.parameter.zero is None
         else share * seen.amount
-        if axis is next(a for a in axes if a.parameter.zero is not None)
+        if i == seen.which
         else 0.0
-        for axis in axes
+        for i, axis in enumerate(axes)
     ]
     low, high = unknowns.bounds
     start = np.concatenate([fit.u, own])
@@ -72,6 +73,30 @@ def fit_elsewhere(fitter: Fitter, task: tuple[Fit, Signature]) -> Fit | None:
         if found is not None and (best is None or found.cost < best.cost):
             best = found
         if best is not None and best.chi2 < HOPELESS * fitter.errors.count:
+            return best
+    return _continued(fitter, fit, seen, best)
+
+
+def _continued(fitter: Fitter, fit: Fit, seen: Signature, best: Fit | None) -> Fit | None:
+    """Return the best fit along the effect's amplitude, each begun where the last one ended.
+
+    A strong effect lies beyond the linear reach of the base model's fit.
+    """
+    unknowns = fit.unknowns.with_effect(seen.effect)
+    low, high = unknowns.bounds
+    size = len(fit.u) + seen.which
+    at = _start(fit, unknowns, seen, _SHARES[0]) if best is None else best.u
+    sign = -1.0 if seen.amount < 0 else 1.0
+    for level in _LEVELS:
+        start = at.copy()
+        start[size] = np.clip(sign * level, low[size], high[size])
+        found = fitter.fit(unknowns, start)
+        if found is None:
+            continue
+        at = found.u
+        if best is None or found.cost < best.cost:
+            best = found
+        if best.chi2 < HOPELESS * fitter.errors.count:
             break
     return best
 

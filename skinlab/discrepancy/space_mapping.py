@@ -19,7 +19,7 @@ from skinlab.discrepancy.table_domes import (
 )
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.errors import InputError
-from skinlab.mechanics.effects.model import Sensors, problem_of, solve_skin
+from skinlab.mechanics.effects.model import Effects, Sensors, felt_path, problem_of, solve_skin
 from skinlab.mechanics.fem.skin import SkinProblem
 from skinlab.mechanics.fem.suction import MESH_OF_RECORD, Discretisation, Geometry
 
@@ -61,6 +61,11 @@ class MappedModel:
     _anchor: Array | None = None
     _ratios: dict[tuple[Geometry, int], tuple[Array, _Learnt]] = field(default_factory=dict)
     _courses: dict[int, _Learnt] = field(default_factory=dict)
+    _felt: list[PressurePath] = field(default_factory=list)  # of each record, at the last unknowns
+
+    def _feel(self, effects: Effects) -> None:
+        """Take the suctions that the skin feels with these effects."""
+        self._felt = [felt_path(effects, r.path) for r in self.records]
 
     @property
     def corrected(self) -> bool:
@@ -71,6 +76,7 @@ class MappedModel:
         """Return the deflections (n,) of each record, mm."""
         skin, effects = self.unknowns.skin(u), self.unknowns.values(u)
         sensors = Sensors.of(effects)
+        self._feel(effects)
         off = np.zeros(len(u)) if self._anchor is None else u - self._anchor
         known: dict[tuple[Geometry, int], tuple[SkinProblem, Dome | None]] = {}
         found = []
@@ -100,16 +106,16 @@ class MappedModel:
         sensors: Sensors,
         off: Array,
     ) -> Array:
-        time = record.curve.time_s
+        time, path = record.curve.time_s, self._felt[i]
         when = sensors.when(time)
-        pressure = record.path(when)
+        pressure = path(when)
         aside = record.pressure_mbar - record.path(time)
         if np.any(aside):
             pressure = pressure + (aside if when is time else np.interp(when, time, aside))
         zero = problem.preload_mbar
         if problem.prony:
-            relaxed, zero = relaxed_pressure(problem.prony, record.path, when, problem.preload_mbar)
-            pressure = relaxed + (pressure - record.path(when))
+            relaxed, zero = relaxed_pressure(problem.prony, path, when, problem.preload_mbar)
+            pressure = relaxed + (pressure - path(when))
         else:
             pressure = pressure + zero
         w = self._height(pressure, problem, dome, key, off)
@@ -139,7 +145,11 @@ class MappedModel:
 
     def _top_mbar(self, problem: SkinProblem, stated: Geometry) -> float:
         share = sum(term.g for term in problem.prony)
-        tops = [r.path.top_mbar for r in self.records if r.geometry == stated]
+        tops = [
+            p.top_mbar
+            for r, p in zip(self.records, self._felt, strict=True)
+            if r.geometry == stated
+        ]
         # In coarse steps: models of the table are kept by it.
         wanted = (1.02 * max(tops) + problem.preload_mbar) / (1.0 - share)
         return float(np.ceil(wanted / 20.0) * 20.0)
@@ -187,6 +197,7 @@ class MappedModel:
 
     def _problems(self, u: Array) -> dict[tuple[Geometry, int], tuple[SkinProblem, int]] | None:
         skin, effects = self.unknowns.skin(u), self.unknowns.values(u)
+        self._feel(effects)
         found = {}
         for record in self.records:
             cycle = record.curve.setup.cycle
@@ -205,7 +216,11 @@ class MappedModel:
         elastic = replace(problem, prony=(), preload_mbar=0.0)
         solved = solve_skin(elastic, path, self.discretisation)
         instant = solved.instant
-        needed = max(r.path.top_mbar for r in self.records if r.geometry == stated)
+        needed = max(
+            p.top_mbar
+            for r, p in zip(self.records, self._felt, strict=True)
+            if r.geometry == stated
+        )
         if dome is None or instant is None or solved.holds_to_mbar < _LEAST_HELD * needed:
             return None
         plain = dome(nodes / problem.stiffness)
@@ -258,8 +273,9 @@ class MappedModel:
             if dome is None:
                 return False
             time = record.curve.time_s
-            solved = solve_skin(problem, record.path, self.discretisation)
-            exact = solved.at(time, record.path(time))
+            path = self._felt[i]
+            solved = solve_skin(problem, path, self.discretisation)
+            exact = solved.at(time, path(time))
             if np.isfinite(exact).mean() < 0.9:
                 return False
             plain = replace_path_pressure(record)

@@ -17,10 +17,10 @@ import math
 from bisect import bisect_left
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline, PPoly
 
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.errors import NotTrustworthyError
@@ -28,6 +28,9 @@ from skinlab.mechanics.fem.skin import Prony, SkinProblem
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.mechanics.materials.compressibility import KappaConvention
 from skinlab.tables.base import CurveModel, Database
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PPoly
 
 Array = NDArray[np.float64]
 
@@ -77,6 +80,8 @@ class _Tabulated:
         values, reach_mbar = self.model.with_reach(parameters)
         if reach_mbar[0] < least_reach_mbar or not np.isfinite(values).all():
             return None
+        from scipy.interpolate import PPoly  # slow to import
+
         spline = PPoly.construct_fast(self.spline_of @ values[0], self.nodes)
         return Dome(spline, self.scale)
 
@@ -89,6 +94,8 @@ def _tabulate(
     nodes = np.linspace(low, high, _NODES)
     pressure = scale * np.sinh(nodes)
     model = database.model(geometry, pressure, kappa, sd_mm)
+    from scipy.interpolate import CubicSpline  # slow to import
+
     return _Tabulated(model, nodes, scale, CubicSpline(nodes, np.eye(_NODES)).c)
 
 
@@ -108,7 +115,9 @@ class TableDomes:
 
         Features that it cannot speak of are left out; `top_mbar` is the highest suction asked for.
         """
-        ratio = problem.geometry.thickness_mm / stated.thickness_mm
+        # Lengths have no scale of their own: a wider opening is a thinner skin, drawn larger.
+        wider = problem.geometry.aperture_mm / stated.aperture_mm
+        ratio = problem.geometry.thickness_mm / stated.thickness_mm / wider
         free = abs(ratio - 1.0) > 1e-12
         parameters = np.array([[*problem.skin.values, *([ratio] if free else [])]])
         tabulated = _any_thickness if free else _plain
@@ -118,7 +127,11 @@ class TableDomes:
             found = tabulated(self._database, stated, top, problem.skin.kappa, sd_mm)
         except NotTrustworthyError:
             return None
-        return found.dome(parameters, _LEAST_REACH * min(top_mbar, top))
+        dome = found.dome(parameters, _LEAST_REACH * min(top_mbar, top))
+        if dome is None or wider == 1.0:
+            return dome
+        s = dome.spline
+        return Dome(type(s).construct_fast(wider * s.c, s.x), dome.scale)
 
 
 def relaxed_pressure(

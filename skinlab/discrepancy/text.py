@@ -5,6 +5,7 @@ from __future__ import annotations
 from skinlab.discrepancy.adequacy import ADEQUATE, Place
 from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.search import Candidate, Partial
+from skinlab.discrepancy.settings import NAMES
 from skinlab.mechanics.effects import get_effect
 from skinlab.mechanics.names import is_effects, plain
 from skinlab.text import inert
@@ -37,6 +38,62 @@ def verdict_words(outcome: Outcome) -> str:
             return (
                 "Something is missing, and nothing in the library explains it to within the noise."
             )
+
+
+def repeats_words(outcome: Outcome) -> list[str]:
+    """Return how far repeats disagree, where that is more than noise."""
+    found, noise = outcome.repeats_um, outcome.gap_before.noise_um
+    if found is None or found <= NAMES.repeats_factor * noise:
+        return []
+    return [
+        f"Your repeats differ by {found:.0f} µm ({found / noise:.1f} × noise); the model cannot be "
+        "judged below that."
+    ]
+
+
+def shares_words(outcome: Outcome) -> list[str]:
+    """Return what the disagreement consists of."""
+    shares = outcome.shares
+    if shares is None:
+        return []
+    parts = {
+        "noise": shares.noise_um, "placement": shares.placement_um, "mesh": shares.mesh_um,
+        "effect": shares.effect_um,
+    }  # fmt: skip
+    return [
+        "Of the disagreement (root mean squares): "
+        + ", ".join(f"{name} {size:.1f} µm" for name, size in parts.items())
+        + "."
+    ]
+
+
+def doubt_words(outcome: Outcome) -> list[str]:
+    """Return what speaks for and against the explanation, and what the fits ran into."""
+    lines = []
+    if outcome.trials:
+        good = all(t.passed for t in outcome.trials)
+        lines.append("What stands behind it:" if good else "No name is given, because:")
+        lines += [f"  {t.sentence}" for t in outcome.trials if good or not t.passed]
+    if outcome.found.implausible:
+        lines.append(f"Too large for errors of a measurement: {outcome.found.implausible}.")
+    if outcome.verdict.name == "named":
+        others = [c.log10_evidence for c in outcome.found.candidates if c is not outcome.best]
+        second = max([0.0, *others])
+        odds = outcome.best.log10_evidence - second
+        lines.append(
+            f"Doubt left: it is 10^{odds:.1f} times as probable as the next explanation, if the "
+            "truth is in the library."
+        )
+    own = set(outcome.found.base.effects)
+    shown = [outcome.found.base, *outcome.found.candidates[:_SHOWN]]
+    for candidate in shown:
+        if candidate.at_bound:
+            lines.append(
+                f"The fit of {_name(candidate, own) or 'the model as it is'} ended at a bound of "
+                + ", ".join(candidate.at_bound)
+                + ": stronger values were not allowed."
+            )
+    return lines
 
 
 def where_words(place: Place) -> str:
@@ -106,13 +163,18 @@ def limits_words(outcome: Outcome) -> list[str]:
     ):
         if entries:
             lines += [heading, *(f"  {entry}" for entry in entries)]
+    lines.append(
+        "The intervals assume that none of the effects that could not be shown or looked for is "
+        "there: each can have changed the parameters without a trace in these curves."
+    )
     return lines
 
 
 def describe(outcome: Outcome) -> str:
     """Return the whole text."""
     own = set(outcome.found.base.effects)
-    lines = [verdict_words(outcome), gap_words(outcome)]
+    lines = [*repeats_words(outcome), verdict_words(outcome), gap_words(outcome)]
+    lines += shares_words(outcome) + doubt_words(outcome)
     if outcome.where:
         lines.append("Where the model as it is disagrees:")
         lines += [f"  {where_words(p)}" for p in outcome.where[:_SHOWN]]

@@ -91,6 +91,7 @@ class Known:
     parameter: str
     value: float
     sd: float  # 0: no more than the effect's own prior
+    stated: bool = False  # with the data (the thickness' uncertainty), not by a model
 
 
 @dataclass(frozen=True)

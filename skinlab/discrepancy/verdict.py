@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from skinlab.discrepancy.discipline import Trial
 from skinlab.discrepancy.search import Candidate, Found
 
 Name = Literal["none", "named", "ambiguous", "unknown"]
@@ -25,9 +27,11 @@ def decide(found: Found) -> Verdict:
     it, the many effects that were tried counted. Else the explanations whose residual may be noise
     are compared: `named` where one is at least 20 : 1 ahead of all others, `ambiguous` where
     several are not; `unknown` where no explanation's residual may be noise. Where one condition
-    only was measured, 10,000 : 1 is asked for instead.
+    only was measured, 10,000 : 1 is asked for instead. Errors too large to be errors: `unknown`.
     """
     base, tie = found.base, found.tie
+    if found.implausible:
+        return Verdict("unknown", [])
     ahead = [c for c in found.candidates if c.log10_evidence >= tie]
     if base.adequate and not any(c.adequate for c in ahead):
         return Verdict("none", [])
@@ -44,3 +48,14 @@ def decide(found: Found) -> Verdict:
     ]
     minimal.sort(key=lambda c: -c.log10_evidence)
     return Verdict("named" if len(minimal) == 1 else "ambiguous", minimal)
+
+
+def disciplined(verdict: Verdict, found: Found, trials: Sequence[Trial]) -> Verdict:
+    """Return the verdict after the trials of its first explanation.
+
+    An explanation that failed one is none: what is left then is `none` where the model's residual
+    may be noise, else `unknown`.
+    """
+    if all(trial.passed for trial in trials):
+        return verdict
+    return Verdict("none" if found.base.adequate else "unknown", [])

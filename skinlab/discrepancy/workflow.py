@@ -7,17 +7,19 @@ from collections.abc import Callable
 import numpy as np
 
 from skinlab.curves.campaign import Campaign
-from skinlab.discrepancy.fit import Fitter
+from skinlab.discrepancy.discipline import Discipline, Trial, repeats_um, shares_of
+from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.heldout import conditions_of, predict_held_out
 from skinlab.discrepancy.misfit import errors_of
 from skinlab.discrepancy.next_measurement import advise
 from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.posterior import sample
-from skinlab.discrepancy.records import records_of
+from skinlab.discrepancy.records import by_condition, coarsened, records_of
 from skinlab.discrepancy.screen import alike
 from skinlab.discrepancy.search import Partial, Search
+from skinlab.discrepancy.settings import ERRORS
 from skinlab.discrepancy.table_domes import TableDomes
-from skinlab.discrepancy.verdict import decide
+from skinlab.discrepancy.verdict import decide, disciplined
 from skinlab.errors import InputError
 from skinlab.mechanics.model_file import BASE, Model
 from skinlab.tables.base import Database
@@ -52,24 +54,53 @@ def explain(
     check_law_of(database, model.model.law)
     if database.fixed_geometry is not None:
         raise InputError("a missing effect is looked for with a dimensionless database")
-    records = records_of(campaign)
+    records = [coarsened(r, ERRORS.coarse_hz) for r in records_of(campaign)]
     fitter = Fitter(
         records, errors_of(records), TableDomes(database), finite_elements=finite_elements
     )
-    found = Search(fitter, model=model, workers=workers, progress=progress, partial=partial).run()
-    verdict = decide(found)
+    search = Search(
+        fitter,
+        model=model,
+        workers=workers,
+        noise_um=campaign.noise_um,
+        placement_scatter=campaign.placement_scatter,
+        progress=progress,
+        partial=partial,
+    )
+    found = search.run()
+    fitter = search.fitter
+    assert search.errors is not None
+    # From here on with the errors as the best explanation sees them: those by which explanations
+    # were searched are as wide as pure error leaves them.
+    final = fitter.with_errors(fitter.records, search.errors.looks[-1].mode)
+
+    def again(fit: Fit) -> Fit:
+        return fit.with_errors(fitter.errors, final.errors)
+
+    first = decide(found)
     progress("predicting conditions held out of the fit")
-    parts = conditions_of(fitter, [c.fit for c in verdict.explanations])
-    before = predict_held_out(fitter, found.base.fit, parts)
-    held = {c.effects: predict_held_out(fitter, c.fit, parts) for c in verdict.explanations}
+    parts = conditions_of(final, [again(c.fit) for c in first.explanations])
+    before = predict_held_out(final, again(found.base.fit), parts)
+    held = {c.effects: predict_held_out(final, again(c.fit), parts) for c in first.explanations}
+    verdict, trials = first, tuple[Trial, ...]()
+    if first.explanations:
+        progress("trying whether the explanation is there again in parts of the data")
+        best = first.explanations[0]
+        serving = [c for c in found.candidates if c.adequate]
+        linear = {id(c): search.linear(c.fit) for c in (found.base, best, *serving)}
+        discipline = Discipline(fitter.records, search.errors, linear)
+        stood = discipline.trials(best, found.base, serving, parts, held[best.effects])
+        verdict, trials = disciplined(first, found, stood), tuple(stood)
     progress("drawing from the posterior")
-    best = verdict.explanations[0].fit if verdict.explanations else found.base.fit
-    posteriors = {best.effects: sample(fitter, best, np.random.default_rng(seed))}
+    chosen = verdict.explanations[0] if verdict.explanations else found.base
+    shares = shares_of(search.errors, found.base, chosen, search.linear(chosen.fit))
+    refined = final.refined(again(chosen.fit))
+    posteriors = {chosen.effects: sample(final, refined, np.random.default_rng(seed))}
     following = None
     if verdict.name == "ambiguous":
         progress("looking for the measurement that would tell them apart")
-        following = advise(fitter, [c.fit for c in verdict.explanations[:_MOST_TIED]])
-    after = held[verdict.explanations[0].effects] if verdict.explanations else before
+        following = advise(final, [again(c.fit) for c in verdict.explanations[:_MOST_TIED]])
+    after = held[chosen.effects] if verdict.explanations else before
     return Outcome(
         verdict,
         found,
@@ -80,4 +111,7 @@ def explain(
         seed=seed,
         posteriors=posteriors,
         alike=alike(found.signatures),
+        trials=trials,
+        shares=shares,
+        repeats_um=repeats_um(fitter.records, by_condition(fitter.records)),
     )

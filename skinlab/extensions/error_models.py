@@ -118,10 +118,11 @@ def _look(time_s: Any, curves: int, residual_mm: Any) -> Look:
         np.zeros(count, dtype=np.intp), np.ones(count),
     )  # fmt: skip
     square = np.square(residual_mm) / max(float(np.mean(np.square(residual_mm))), 1e-12)
+    slope = 0.0025 / np.sqrt(x + 0.01)
     return Look(
-        samples, fitted, 0.0025 / np.sqrt(x + 0.01), measured - fitted,
-        np.column_stack([fitted, fitted * x, fitted * x**2]), None, np.full(count, 0.05), None,
-        square,
+        samples, fitted, slope, measured - fitted,
+        np.column_stack([fitted, fitted * x, fitted * x**2]), None, np.full(count, 0.05),
+        0.05 * slope, None, None, square,
     )  # fmt: skip
 
 

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from skinlab.errors import InputError
 from skinlab.inference.joint import JointMisfit
@@ -153,7 +152,9 @@ def _one_skin(before: Identification, after: Identification) -> float | None:
         least = _least(left.space, JointMisfit(left.parts), starts[-1])
         apart += least
     together = _least(a.space, JointMisfit(parts), np.concatenate(starts))
-    return float(chi2.sf(max(together - apart, 0.0), a.draws.unit.shape[1]))
+    from scipy.special import chdtrc  # slow to import
+
+    return float(chdtrc(a.draws.unit.shape[1], max(together - apart, 0.0)))
 
 
 def _least(space: Any, misfit: JointMisfit, starts: Array) -> float:

@@ -18,9 +18,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dpttrf, dtbtrs
+
+from skinlab.inference import bidiagonal
 
 Array = NDArray[np.float64]
+
+_AT_ONCE = 2_000_000  # numbers
 
 
 @dataclass(frozen=True)
@@ -81,10 +84,7 @@ class Covariance:
         diagonal[1:] += phi[1:] ** 2 * d[:-1]
         if self.count < 2:
             return diagonal, np.zeros(0)
-        found, below, failed = dpttrf(diagonal, -phi[1:] * d[:-1])
-        if failed:
-            raise np.linalg.LinAlgError("the covariance of the errors is not positive definite")
-        return found, below
+        return bidiagonal.factorise(diagonal, -phi[1:] * d[:-1])
 
     def whiten_without_columns(self, values_mm: Array) -> Array:
         """Return W r (u, …) with WᵀW = (D + B)⁻¹."""
@@ -94,7 +94,7 @@ class Covariance:
         rough = np.array(flat, order="F")
         rough[1:] -= self._decay[1:, None] * flat[:-1]
         d, below = self._factor
-        found = _solve_bidiagonal(below, rough) / np.sqrt(d)[:, None]
+        found = bidiagonal.solve(below, rough) / np.sqrt(d)[:, None]
         return np.asarray(found.reshape(values_mm.shape))
 
     def transposed_without_columns(self, white: Array) -> Array:
@@ -102,7 +102,7 @@ class Covariance:
         if self.ou is None:
             return white / self.sigma_mm[:, None]
         d, below = self._factor
-        smooth = _solve_bidiagonal(below, np.asfortranarray(white / np.sqrt(d)[:, None]), trans="T")
+        smooth = bidiagonal.solve(below, np.asfortranarray(white / np.sqrt(d)[:, None]), trans="T")
         found = smooth.copy()
         found[:-1] -= self._decay[1:, None] * smooth[1:]
         return found
@@ -114,7 +114,7 @@ class Covariance:
         scaled = white * np.sqrt(d)[:, None]
         rough = np.array(scaled, order="F")
         rough[1:] += below[:, None] * scaled[:-1]
-        return _solve_bidiagonal(-self._decay[1:], rough)
+        return bidiagonal.solve(-self._decay[1:], rough)
 
     @cached_property
     def log_determinant_without_columns(self) -> float:
@@ -148,20 +148,6 @@ class Covariance:
     def log_determinant(self) -> float:
         """Log determinant of Σ, of mm²."""
         return self.log_determinant_without_columns + float(np.log1p(self._columns[1] ** 2).sum())
-
-    def products(self, values_mm: Array) -> tuple[Array, float]:
-        """Return rᵀ Σ⁻¹ r (m, m) of values (u, m), and the log determinant of Σ.
-
-        For a few values of many covariances: quicker than whitening.
-        """
-        m = values_mm.shape[1]
-        white = self.whiten_without_columns(np.column_stack([values_mm, self.columns_mm]))
-        gram = white.T @ white
-        inner = gram[m:, m:] + np.eye(len(gram) - m)
-        root = np.linalg.cholesky(inner)
-        taken = np.linalg.solve(root, gram[m:, :m])
-        log_inner = 2.0 * float(np.log(np.diag(root)).sum())
-        return gram[:m, :m] - taken.T @ taken, self.log_determinant_without_columns + log_inner
 
     def log_density(self, residuals_mm: Array) -> float:
         """Return the Gaussian log density of residuals (u,), per mm."""
@@ -206,17 +192,60 @@ class Covariance:
         return np.split(values, self.ends[:-1])
 
 
-def _solve_bidiagonal(below: Array, right: Array, trans: str = "N") -> Array:
-    """Return x with x₀ = r₀ and xᵢ + belowᵢ₋₁ xᵢ₋₁ = rᵢ, for right sides (u, m).
+def gram_matrices(covariances: Sequence[Covariance], values_mm: Array) -> tuple[Array, Array]:
+    """Return (W [values, V])ᵀ (W [values, V]) (n, m, m), and log |D + B| (n,), of many at once.
 
-    With `trans` "T" that of the transposed matrix.
+    W is that of `whiten_without_columns`. The covariances are of the same samples, have equally
+    many columns, and all or none of them have a process. Their tridiagonal systems are solved end
+    to end as one.
+
+    Raises:
+        numpy.linalg.LinAlgError: one is not positive definite.
     """
-    if len(right) < 2 or not right.shape[1]:
-        return right  # nothing to do, and LAPACK's wrapper does not bear it
-    band = np.ones((2, len(right)))
-    band[1, :-1] = below
-    found, _ = dtbtrs(band, right, uplo="L", trans=trans, diag="U")
-    return np.asarray(found)
+    first = covariances[0]
+    n, u, m = len(covariances), first.count, values_mm.shape[1]
+    at_once = max(1, _AT_ONCE // max(u * (m + first.columns_mm.shape[1]), 1))
+    if n > at_once:
+        parts = [
+            gram_matrices(covariances[i : i + at_once], values_mm) for i in range(0, n, at_once)
+        ]
+        return np.concatenate([g for g, _ in parts]), np.concatenate([d for _, d in parts])
+    both = np.empty((n, u, m + first.columns_mm.shape[1]))
+    both[:, :, :m] = values_mm
+    for i, one in enumerate(covariances):
+        both[i, :, m:] = one.columns_mm
+    d = np.array([one.variance_mm2 for one in covariances])
+    if first.ou is not None:
+        assert first.time_s is not None
+        processes = [one.ou for one in covariances if one.ou is not None]
+        squares = np.array([[ou.size_mm**2] for ou in processes])
+        times = np.array([[ou.time_s] for ou in processes])
+        phi = np.zeros((n, u))
+        phi[:, 1:] = np.exp(-np.maximum(np.diff(first.time_s), 0.0) / times)
+        phi[:, [end for end in first.ends if end < u]] = 0.0
+        diagonal = d + squares * (1.0 - phi**2)
+        diagonal[:, 1:] += phi[:, 1:] ** 2 * d[:, :-1]
+        beside = np.zeros((n, u))
+        beside[:, :-1] = -phi[:, 1:] * d[:, :-1]
+        both[:, 1:] -= phi[:, 1:, None] * both[:, :-1]
+        if n * u > 1:
+            found, below = bidiagonal.factorise(diagonal.ravel(), beside.ravel()[:-1])
+            flat = np.asfortranarray(both.reshape(n * u, -1))
+            both = bidiagonal.solve(below, flat).reshape(n, u, -1)
+            diagonal = found.reshape(n, u)
+        d = diagonal
+    both /= np.sqrt(d)[:, :, None]
+    return both.transpose(0, 2, 1) @ both, np.log(d).sum(axis=1)
+
+
+def products(covariances: Sequence[Covariance], values_mm: Array) -> tuple[Array, Array]:
+    """Return rᵀ Σ⁻¹ r (n, m, m) of values (u, m), and the log determinants (n,) of Σ."""
+    m = values_mm.shape[1]
+    gram, log_base = gram_matrices(covariances, values_mm)
+    root = np.linalg.cholesky(gram[:, m:, m:] + np.eye(gram.shape[1] - m))
+    taken = np.linalg.solve(root, gram[:, m:, :m])
+    log_inner = 2.0 * np.log(np.einsum("nii->ni", root)).sum(axis=1)
+    return gram[:, :m, :m] - taken.transpose(0, 2, 1) @ taken, log_base + log_inner
 
 
 def independent(sigma_mm: Array, columns_mm: Array | Sequence[Array] | None = None) -> Covariance:

@@ -10,14 +10,13 @@ and by the prior (a defensive mixture: Hesterberg 1995, Technometrics 37:185).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cache, cached_property, lru_cache
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gammaln, logsumexp, ndtri
-from scipy.stats import qmc
 
 from skinlab.inference.covariance import Covariance
 from skinlab.inference.error_models import ERROR_MODELS
@@ -28,6 +27,8 @@ Array = NDArray[np.float64]
 
 _STEP = 0.05  # of a logarithm, for derivatives
 _MOST_STEPS = 6
+_SHORTER = 0.3 ** np.arange(4)  # steps that are tried
+_HOPELESS = 7.0  # in log evidence: a combination so much worse is not integrated over
 _FAR = 1.5  # the longest step in a logarithm
 _LEAST_CURVATURE = 0.4  # of the log density: wider than 1.6 in a logarithm is left to the prior
 _SETTLED = 0.05  # of the log density
@@ -40,6 +41,7 @@ _NO_GAIN = 0.0  # of the log evidence with odds: below, no more models are added
 _MOST_MODELS = 4  # beside those that are always there
 _NEGLIGIBLE = 1e-3  # of all weight: nodes that carry less are dropped
 _MIXTURE_ROUNDS = 6
+POINTS = Path(__file__).parents[1] / "data" / "sobol.npz"  # tests/unit/inference/test_sobol.py
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +63,11 @@ class Combination:
     def parameters(self) -> tuple[str, ...]:
         """Names of the parameters."""
         return tuple(p.name for part in self.parts for p in part.parameters)
+
+    @cached_property
+    def lasting(self) -> frozenset[str]:
+        """Names of the parts that are correlated in time."""
+        return frozenset(part.name for part in self.parts if part.lasting)
 
     @property
     def log_odds(self) -> float:
@@ -193,12 +200,20 @@ def choose_errors(
 
     `linear` is the model about its fit; `fixed_mm` (u, m) and `fixed_mm2` (u,) are columns and
     variances of errors that are known beforehand: the mesh's. `models` are those to choose from,
-    all that there are if it is None.
+    all that there are if it is None. Of several processes in time the evidence chooses one: the sum
+    of two is not Markovian, and a curve hardly tells them apart.
+
+    Raises:
+        ValueError: two models are processes in time and always there.
     """
     models = ERROR_MODELS.all() if models is None else models
     offered = [part for model in models if (part := model.part(look)) is not None]
     always = tuple(sorted((p for p in offered if p.always), key=lambda p: p.name != "white"))
     others = [p for p in offered if not p.always]
+    processes = {part.name for part in offered if part.is_process}
+    both = [part.name for part in always if part.name in processes]
+    if len(both) > 1:
+        raise ValueError(f"error models {' and '.join(both)} are processes in time; expected one")
 
     def combine(parts: tuple[Part, ...]) -> Combination:
         return Combination(parts, look.samples.time_s, look.samples.ends, fixed_mm, fixed_mm2)
@@ -208,10 +223,16 @@ def choose_errors(
     tried = [best]
     for _ in range(_MOST_MODELS):
         names = {part.name for part in best.combination.parts}
-        more = [p for p in others if p.name not in names]
+        taken = names | processes if names & processes else names
+        more = [p for p in others if p.name not in taken]
         known = {frozenset(e.combination.name.split("+")) for e in tried}
         found = [
-            _explore(combine((*best.combination.parts, part)), linear, {**starts, **best.mode})
+            _explore(
+                combine((*best.combination.parts, part)),
+                linear,
+                {**starts, **best.mode},
+                best.log_evidence,
+            )
             for part in more
             if frozenset((*names, part.name)) not in known
         ]
@@ -233,7 +254,7 @@ def choose_errors(
 def _collect(tried: Sequence[_Explored], best: _Explored) -> ErrorChoice:
     nodes = [node for e in tried for node in e.nodes]
     log_weight = np.array([n.log_prior + n.log_marginal for n in nodes])
-    weight = np.exp(log_weight - logsumexp(log_weight))
+    weight = np.exp(log_weight - np.logaddexp.reduce(log_weight))
     order = np.argsort(-weight, kind="stable")
     order = order[np.cumsum(weight[order]) - weight[order] < 1.0 - _NEGLIGIBLE]
     kept = weight[order] / weight[order].sum()
@@ -266,87 +287,129 @@ def _starts(look: Look, linear: LinearModel) -> dict[str, float]:
     return {"white_um": math.log(size)}
 
 
-def _explore(combination: Combination, linear: LinearModel, starts: dict[str, float]) -> _Explored:
+def _explore(
+    combination: Combination,
+    linear: LinearModel,
+    starts: dict[str, float],
+    rival: float = -math.inf,
+) -> _Explored:
+    """Return the combination explored; from its mode alone if that is hopeless beside a rival."""
     each = [p for part in combination.parts for p in part.parameters]
     at = np.array([starts.get(p.name, math.log(p.median)) for p in each])
-
-    def density(log_values: Array, *, spread: bool = False) -> float:
-        found = linear.log_marginal(combination.covariance(log_values, spread=spread))
-        return found + combination.log_prior(log_values)
-
-    mode, root = _mode(density, at)
-    nodes: list[Node] = []
+    mode, root, here = _mode(_density(combination, linear), at)
+    roughly = here + 0.5 * len(mode) * math.log(2.0 * math.pi) + float(np.linalg.slogdet(root)[1])
+    roughly += combination.log_odds
+    if not combination.bound and roughly < rival - _HOPELESS:
+        return _Explored(combination, mode, (), roughly)
     values, log_drawn = _draws(combination, mode, root)
-    log_share = -math.log(len(values))
-    for value, drawn in zip(values, log_drawn, strict=True):
-        covariance = combination.covariance(value)
-        nodes.append(
-            Node(
-                combination,
-                value,
-                covariance,
-                combination.log_prior(value) - drawn + log_share + combination.log_odds,
-                linear.log_marginal(covariance),
-            )
-        )
-    evidence = float(logsumexp([n.log_prior + n.log_marginal for n in nodes]))
+    covariances = [combination.covariance(value) for value in values]
+    log_prior = np.array([combination.log_prior(value) for value in values])
+    log_prior += combination.log_odds - math.log(len(values)) - log_drawn
+    log_marginal = linear.log_marginals(covariances)
+    evidence = float(np.logaddexp.reduce(log_prior + log_marginal))
     if combination.bound:
         # The evidence is that of the mixture's own variances; the nodes' are spread.
-        right = density(mode) - density(mode, spread=True) + combination.bound
-        nodes = [replace(n, log_prior=n.log_prior + right) for n in nodes]
+        spread = _density(combination, linear, spread=True)(mode[None])[0]
+        right = here - float(spread) + combination.bound
+        log_prior += right
         evidence += right
-    return _Explored(combination, mode, tuple(nodes), evidence)
+    nodes = tuple(
+        Node(combination, *one)
+        for one in zip(values, covariances, log_prior.tolist(), log_marginal.tolist(), strict=True)
+    )
+    return _Explored(combination, mode, nodes, evidence)
 
 
-def _mode(density: Callable[[Array], float], start: Array) -> tuple[Array, Array]:
-    """Return the mode (d,), by Newton's method, and a root (d, d) of the covariance there."""
+def _density(
+    combination: Combination, linear: LinearModel, *, spread: bool = False
+) -> Callable[[Array], Array]:
+    """Return the log density (n,) of logarithms (n, d) of the errors' parameters."""
+
+    def density(log_values: Array) -> Array:
+        found = linear.log_marginals(
+            [combination.covariance(value, spread=spread) for value in log_values]
+        )
+        return np.asarray(found + [combination.log_prior(value) for value in log_values])
+
+    return density
+
+
+def _mode(density: Callable[[Array], Array], start: Array) -> tuple[Array, Array, float]:
+    """Return the mode (d,) by Newton's method, a root (d, d) of the covariance, and the density."""
     at, d = start, len(start)
-    here = density(at)
-    if not d:
-        return at, np.zeros((0, 0))
     values = np.eye(d)
-    for _ in range(_MOST_STEPS):
-        slope, curvature = _derivatives(density, at, here)
+    here, slope, curvature = _derivatives(density, at)
+    for step_number in range(_MOST_STEPS if d else 0):
+        if step_number:
+            here, slope, curvature = _derivatives(density, at)
         curve, vectors = np.linalg.eigh(-curvature)
         curve = np.maximum(np.where(curve > 0, curve, -0.3 * curve), _LEAST_CURVATURE)
         values = vectors / np.sqrt(curve)
         step = values @ (values.T @ slope)
         step *= min(1.0, _FAR / max(float(np.abs(step).max()), 1e-12))
-        expected = float(slope @ step)
-        if expected < _SETTLED:
+        if float(slope @ step) < _SETTLED:
             break
-        for _ in range(4):
-            there = density(at + step)
-            if there > here:
-                at, here = at + step, there
-                break
-            step = 0.3 * step
-        else:
+        trials = at + _SHORTER[:, None] * step
+        there = density(trials)
+        better = np.flatnonzero(there > here)
+        if not len(better):
             break
-    return at, values
+        at, here = trials[better[0]], float(there[better[0]])
+    return at, values, here
 
 
-def _derivatives(density: Callable[[Array], float], at: Array, here: float) -> tuple[Array, Array]:
+def _derivatives(density: Callable[[Array], Array], at: Array) -> tuple[float, Array, Array]:
+    """Return the density at a point (d,), its slope (d,) and curvature (d, d)."""
     d, h = len(at), _STEP
     steps = h * np.eye(d)
-    up = np.array([density(at + s) for s in steps])
-    down = np.array([density(at - s) for s in steps])
+    i, j = np.tril_indices(d, -1)
+    found = density(at + np.vstack([np.zeros((1, d)), steps, -steps, steps[i] + steps[j]]))
+    here, up, down, both = np.split(found, [1, 1 + d, 1 + 2 * d])
     slope = (up - down) / (2.0 * h)
     curvature = np.diag((up - 2.0 * here + down) / h**2)
-    for i in range(d):
-        for j in range(i):
-            both = density(at + steps[i] + steps[j])
-            curvature[i, j] = curvature[j, i] = (both - up[i] - up[j] + here) / h**2
-    return slope, curvature
+    curvature[i, j] = curvature[j, i] = (both - up[i] - up[j] + here) / h**2
+    return float(here[0]), slope, curvature
 
 
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=64)
+def normal_points(count: int, d: int) -> Array:
+    """Return normally distributed points (count, d), spread evenly: a fixed Sobol' sequence."""
+    stored = _stored_points().get(f"normal{d}")
+    if stored is not None and count <= len(stored):
+        return stored[:count]
+    from scipy.special import ndtri  # slow to import
+
+    return np.asarray(ndtri(_even(count, d)))
+
+
+@lru_cache(maxsize=64)
+def student_points(count: int, d: int) -> Array:
+    """Return Student distributed points (count, d), from one dimension more of the sequence."""
+    stored = _stored_points().get(f"student{d}")
+    if stored is not None and count <= len(stored):
+        return stored[:count]
+    from scipy.special import gammaincinv, ndtri  # slow to import
+
+    points = _even(count, d + 1)
+    chi_square = 2.0 * gammaincinv(0.5 * _FREEDOM, points[:, -1])
+    return np.asarray(ndtri(points[:, :-1]) * np.sqrt(_FREEDOM / chi_square)[:, None])
+
+
 def _even(count: int, d: int) -> Array:
-    """Return points (count, d) of the unit cube, spread evenly: a fixed Sobol' sequence."""
-    points = qmc.Sobol(d, scramble=True, rng=np.random.default_rng(0)).random(
-        1 << max(count - 1, 1).bit_length()
-    )
-    return np.clip(points[:count], 1e-3, 1 - 1e-3)
+    """Return points (count, d) of the unit cube."""
+    from scipy.stats import qmc  # slow to import
+
+    sequence = qmc.Sobol(d, scramble=True, rng=np.random.default_rng(0))
+    return np.clip(sequence.random(1 << max(count - 1, 1).bit_length())[:count], 1e-3, 1 - 1e-3)
+
+
+@cache
+def _stored_points() -> Mapping[str, Array]:
+    """Return the first points of each dimension: scipy takes half a second to make them."""
+    if not POINTS.exists():
+        return {}
+    with np.load(POINTS) as file:
+        return dict(file)
 
 
 def _draws(combination: Combination, mode: Array, root: Array) -> tuple[Array, Array]:
@@ -359,22 +422,22 @@ def _draws(combination: Combination, mode: Array, root: Array) -> tuple[Array, A
     count = _NODES.get(d, _MOST_NODES)
     first = round((1.0 - _FROM_PRIOR) * count) if d > 1 else count
     wide = _WIDER * root
-    near = mode + _student(_even(first, d + 1)) @ wide.T
+    near = mode + student_points(first, d) @ wide.T
     values = near
     share = first / count
     if first < count:
         # As wide as the prior, except where the mode is narrow: of white noise all is known.
         sure = np.sqrt(np.square(root).sum(axis=1)) < 0.3 * sd
         middle, width = np.where(sure, mode, median), np.where(sure, 1.0, sd)
-        other = ndtri(_even(count - first, d)) * width
+        other = normal_points(count - first, d) * width
         own = np.sqrt(np.square(wide).sum(axis=1))
-        other = middle + np.where(sure, 1.5 * own * ndtri(_even(count - first, d)), other)
+        other = middle + np.where(sure, 1.5 * own * normal_points(count - first, d), other)
         values = np.vstack([near, other])
         width = np.where(sure, 1.5 * own, width)
     z = np.linalg.solve(wide, (values - mode).T).T
     log_near = (
-        gammaln(0.5 * (_FREEDOM + d))
-        - gammaln(0.5 * _FREEDOM)
+        math.lgamma(0.5 * (_FREEDOM + d))
+        - math.lgamma(0.5 * _FREEDOM)
         - 0.5 * d * math.log(_FREEDOM * math.pi)
         - float(np.linalg.slogdet(wide)[1])
         - 0.5 * (_FREEDOM + d) * np.log1p(np.square(z).sum(axis=1) / _FREEDOM)
@@ -384,14 +447,6 @@ def _draws(combination: Combination, mode: Array, root: Array) -> tuple[Array, A
     off = (values - middle) / width
     log_far = -0.5 * np.square(off).sum(axis=1) - np.log(width * math.sqrt(2 * math.pi)).sum()
     return values, np.logaddexp(math.log(share) + log_near, math.log(1.0 - share) + log_far)
-
-
-def _student(points: Array) -> Array:
-    """Return Student distributed points (n, d) from points (n, d + 1) of the unit cube."""
-    from scipy.stats import chi2
-
-    stretch = np.sqrt(_FREEDOM / chi2.ppf(points[:, -1], _FREEDOM))
-    return np.asarray(ndtri(points[:, :-1]) * stretch[:, None])
 
 
 def _scale_mixture(
@@ -413,12 +468,7 @@ def _scale_mixture(
         return None
     for _ in range(_MIXTURE_ROUNDS):
         combination = combine((*plain, part))
-
-        def density(log_values: Array, of: Combination = combination) -> float:
-            found = linear.log_marginal(of.covariance(log_values, spread=False))
-            return found + of.log_prior(log_values)
-
-        at, _ = _mode(density, at)
+        at, _, _ = _mode(_density(combination, linear), at)
         stretch = part.terms(()).stretch
         assert stretch is not None
         # White errors' squares by the variance that the weights are of: that without stretch.

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from skinlab.inference.error_choice import ErrorChoice, Node
 
-_SURE = 0.9
+_SURE = 0.95
 _CONTRADICTED = 1.3
-_DOUBT = 0.05  # the stated noise is that improbable
+_DOUBT = 0.01  # the stated noise is that improbable
 _MOST_UM = 8.0  # of errors that last: more is no tremor, but something that the model misses
+_OTHER = frozenset({"pressure", "placement"})
 _SHOWS = 0.3  # of the white noise: errors that last and are smaller are not worth a word
 
 
@@ -58,10 +60,10 @@ def judge_errors(errors: ErrorChoice, stated_um: float | None) -> Judged:
         flags.append("correlated_noise")
     why = [part.why for part in errors.best.parts if part.why]
     if stated_um is not None:
-        all_um = errors.median(noise_um)
-        ratio = max(all_um / stated_um, stated_um / all_um)
-        ends = [errors.quantile(noise_um, q) for q in (_DOUBT, 1.0 - _DOUBT)]
-        if ratio > _CONTRADICTED and not ends[0] <= stated_um <= ends[1]:
+        # A statement may or may not count the rounding as noise.
+        found = [_beside(errors, stated_um, rounding=rounding) for rounding in (True, False)]
+        if all(contradicted for _, contradicted in found):
+            all_um = found[0][0]
             flags.append("stated_noise_contradicted")
             why.append(f"stated {stated_um:.3g} µm, found {all_um:.3g} µm")
             misses = misses or all_um > stated_um
@@ -75,12 +77,23 @@ def judge_errors(errors: ErrorChoice, stated_um: float | None) -> Judged:
     return Judged(summary, noise, tuple(flags), _placement(errors))
 
 
+def _beside(errors: ErrorChoice, stated_um: float, *, rounding: bool) -> tuple[float, bool]:
+    """Return the noise, µm, and whether it contradicts the stated one."""
+
+    def size(node: Node) -> float:
+        return noise_um(node, rounding=rounding)
+
+    median = errors.median(size)
+    if max(median / stated_um, stated_um / median) <= _CONTRADICTED:
+        return median, False
+    low, high = (errors.quantile(size, q) for q in (_DOUBT, 1.0 - _DOUBT))
+    return median, not low <= stated_um <= high
+
+
 def _placement(errors: ErrorChoice) -> PlacementSummary | None:
     part = next((p for p in errors.best.parts if p.name == "placement"), None)
     if part is None:
         return None
-    columns = part.terms([1.0] * len(part.parameters)).columns_mm
-    assert columns is not None
 
     def interval(name: str) -> dict[str, float]:
         def value(node: Node) -> float:
@@ -93,23 +106,23 @@ def _placement(errors: ErrorChoice) -> PlacementSummary | None:
         return {key: errors.quantile(value, share) for key, share in shares.items()}
 
     return PlacementSummary(
-        interval("placement_scatter"), interval("placement_offset_um"), columns.shape[1] // 2
+        interval("placement_scatter"),
+        interval("placement_offset_um"),
+        int(part.stated["placement_count"]),
     )
 
 
-def _lasting(node: Node) -> frozenset[str]:
-    return frozenset(part.name for part in node.combination.parts if part.lasting)
-
-
 def _lasting_um(node: Node) -> float:
-    lasting = _lasting(node)
-    return float(np.sqrt(sum(v**2 for k, v in node.sizes_um.items() if k in lasting)))
+    lasting = node.combination.lasting
+    return math.sqrt(sum(v**2 for k, v in node.sizes_um.items() if k in lasting))
 
 
-def noise_um(node: Node, *, lasting: bool = True) -> float:
+def noise_um(node: Node, *, lasting: bool = True, rounding: bool = True) -> float:
     """Return the standard deviation of a deflection sample's errors, µm.
 
-    The pressure's noise is not among them, nor, if so asked, are errors that last.
+    The pressure's noise is not among them, nor, if so asked, are errors that last and rounding.
     """
-    without = {"pressure", "placement"} | (frozenset() if lasting else _lasting(node))
-    return float(np.sqrt(sum(v**2 for k, v in node.sizes_um.items() if k not in without)))
+    without = _OTHER if lasting else _OTHER | node.combination.lasting
+    if not rounding:
+        without = without | {"quantised"}
+    return math.sqrt(sum(v**2 for k, v in node.sizes_um.items() if k not in without))

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.curves.curve import Curve
+from skinlab.curves.heights import heights_of
 
 Array = NDArray[np.float64]
 
@@ -34,9 +35,9 @@ CATALOGUE = {
         "Check opening and thickness, and do not trust the number.",
     ),
     "not_identifiable": Flag(
-        "{} is not fixed by this curve",
-        "This curve hardly fixes {}: its interval covers most of what is possible, so do not use "
-        "the number.",
+        "{} is not determined by this curve",
+        "This curve does not determine {} well: its interval covers most of what is possible. Do "
+        "not use the number.",
         "Measure with another opening or a higher pressure as well (“skinlab identify --advise” "
         "says which).",
     ),
@@ -69,6 +70,11 @@ CATALOGUE = {
         "The surface creases at the opening's edge; the answer counts with what that leaves open.",
         "Compare such a curve with care, or measure with less suction.",
     ),
+    "thinned": Flag(
+        "every {}th sample fitted",
+        "The curve is very long: every {}th sample was fitted, which tells nearly as much.",
+        "Nothing is wrong; a lower rate measures as well.",
+    ),
     "outside_database": Flag(
         "partly outside the database",
         "Samples, or the whole curve, lie where nothing was computed, and were not fitted.",
@@ -85,6 +91,11 @@ CATALOGUE = {
         "the prior was not used.",
         "Check subject, site, opening and thickness; if they are right, use the numbers as they "
         "are.",
+    ),
+    "height_not_reached": Flag(
+        "height not reached",
+        "A height that the program was to stop at was not reached within its pressure.",
+        "Let the program go higher, or look at the contact.",
     ),
     "partial_curve": Flag(
         "cut short",
@@ -107,6 +118,8 @@ def of_curves(curves: Sequence[Curve], left_out: Sequence[int]) -> list[str]:
         flags.append("outside_database")
     if any(c.setup.cycle != 1 for c in curves):
         flags.append("not_first_cycle")
+    if any(not height.reached for c in curves for height in heights_of(c)):
+        flags.append("height_not_reached")
     if any(c.partial for c in curves):
         flags.append("partial_curve")
     return flags

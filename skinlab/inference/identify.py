@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.curves.curve import Curve
+from skinlab.curves.heights import heights_of
 from skinlab.errors import InputError, NotTrustworthyError
 from skinlab.inference import flags
 from skinlab.inference.advice import advise
@@ -82,7 +83,9 @@ class Identifier:
         if self.model is not BASE:
             model += f" model={self.model.hash}"
         hashed = "sha256:" + hashlib.sha256(model.encode()).hexdigest()
+        probe = self.sensor.probe
         return Provenance(
+            probe=None if probe is None else (probe.file.serial_number, probe.hash),
             model_name=self.model.model.name,
             model_hash=self.model.hash if effects else hashed,
             effects=effects,
@@ -98,7 +101,14 @@ class Identifier:
         Raises:
             InputError: the method or its options are wrong.
         """
-        blank = Identification(curve.name, curve.setup, None, points=len(curve), phases=self.phases)
+        blank = Identification(
+            curve.name,
+            curve.setup,
+            None,
+            points=len(curve),
+            phases=self.phases,
+            heights=heights_of(curve),
+        )
         return self._identify([curve], blank)
 
     def joint(self, curves: Sequence[Curve]) -> Identification:
@@ -157,7 +167,8 @@ class Identifier:
         method = get_method(self.method)
         started = self.clock()
         try:
-            groups = group([choose(c, self.phases, self.database) for c in curves])
+            true = [self.sensor.corrected(c) for c in curves]
+            groups = group([choose(c, self.phases, self.database) for c in true])
             models = [g.model(self.database, self.kappa) for g in groups]
         except (InputError, NotTrustworthyError) as error:
             outside = isinstance(error, NotTrustworthyError)
@@ -291,7 +302,8 @@ class Identifier:
         if len(members) == 1:
             mask = members[0].mask
             model_mm = np.full(len(mask), np.nan)
-            model_mm[mask] = models[0].deflection_mm(x[None])[0]
+            at_best = models[0].deflection_mm(x[None])[0]
+            _, model_mm[mask] = self.sensor.as_read(groups[0].pressure_mbar, at_best)
             fitted, outliers = mask.copy(), np.zeros(len(mask), dtype=bool)
             fitted[mask], outliers[mask] = kept, ~kept
         points = int(kept.sum())
@@ -308,6 +320,7 @@ class Identifier:
             evaluations=estimate.evaluations,
             flags=(
                 *self._flags(members, self._space(models), estimate),
+                *(["crease"] if any(m.creases(x[None])[0] for m in models) else []),
                 *([f"outliers:{int((~kept).sum())}"] if not kept.all() else []),
             ),
             fitted=fitted,
@@ -318,14 +331,11 @@ class Identifier:
 
     def _flags(self, members: Sequence[Fitted], space: Space, estimate: Estimate) -> list[str]:
         curves = [m.curve for m in members]
-        left_out = [
-            int(c.in_phases(self.phases).sum()) - m.count
-            for c, m in zip(curves, members, strict=True)
-        ]
         unit = space.to_unit(estimate.parameters)
         return [
             *flags.of_optimum(space.names, unit, converged=estimate.converged),
-            *flags.of_curves(curves, left_out),
+            *flags.of_curves(curves, [m.beyond for m in members]),
+            *(f"thinned:{m.every}" for m in members if m.every > 1),
         ]
 
 

@@ -56,7 +56,8 @@ def summary(
 
 def is_logarithmic(prior: Array) -> bool:
     """Return whether values (n,) drawn from the prior are to be compared in logarithms."""
-    return bool(prior.min() > 0.0 and prior.max() > 5.0 * prior.min())
+    low, middle, high = np.quantile(prior, [0.0, 0.5, 1.0])
+    return bool(low > 0.0 and high > 5.0 * low and middle - low < 0.35 * (high - low))
 
 
 def correlation(parameters: Array, weight: Array) -> tuple[tuple[float, ...], ...]:

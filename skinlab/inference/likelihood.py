@@ -7,13 +7,14 @@ restricted maximum likelihood (Patterson and Thompson 1971, Biometrika 58:545).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dpotrf, dpotrs
 
-from skinlab.inference.covariance import Covariance
+from skinlab.inference.covariance import Covariance, gram_matrices
 
 Array = NDArray[np.float64]
 
@@ -29,30 +30,42 @@ class LinearModel:
     slopes_mm: Array
     precision: Array
 
+    @cached_property
+    def _log_prior(self) -> float:
+        return float(np.linalg.slogdet(self.precision)[1]) if len(self.precision) else 0.0
+
     def log_marginal(self, covariance: Covariance) -> float:
         """Return log p(r) with δ and the covariance's columns integrated out."""
-        whole, gram, log_base = self._normal(covariance)
-        root, failed = dpotrf(whole, lower=1)
-        if failed:
-            return -np.inf
-        k = len(self.precision)
-        solved, _ = dpotrs(root, gram[1:, 0], lower=1)
-        chi2 = gram[0, 0] - gram[1:, 0] @ solved
-        log_det = 2.0 * float(np.log(np.diag(root)).sum())
-        log_prior = float(np.linalg.slogdet(self.precision)[1]) if k else 0.0
-        u = len(self.residual_mm)
-        return -0.5 * float(u * _LOG_2PI + log_base + log_det - log_prior + chi2)
+        return float(self.log_marginals([covariance])[0])
 
-    def _normal(self, covariance: Covariance) -> tuple[Array, Array, float]:
-        """Return the effects' information (k + m,)², the Gram matrix of all, log |D + B|."""
+    def log_marginals(self, covariances: Sequence[Covariance]) -> Array:
+        """Return the same of many (n,); −∞ where one is not positive definite.
+
+        They are alike, as `gram_matrices` has it.
+        """
+        values = np.column_stack([self.residual_mm, self.slopes_mm])
+        try:
+            gram, log_base = gram_matrices(covariances, values)
+            whole = self._information(gram)
+            root = np.linalg.cholesky(whole)
+        except np.linalg.LinAlgError:
+            if len(covariances) == 1:
+                return np.array([-np.inf])
+            return np.concatenate([self.log_marginals([one]) for one in covariances])
+        solved = np.linalg.solve(root, gram[:, 1:, :1])[:, :, 0]
+        chi2 = gram[:, 0, 0] - np.square(solved).sum(axis=1)
+        log_det = 2.0 * np.log(np.einsum("nii->ni", root)).sum(axis=1)
+        u = len(self.residual_mm)
+        return np.asarray(-0.5 * (u * _LOG_2PI + log_base + log_det - self._log_prior + chi2))
+
+    def _information(self, gram: Array) -> Array:
+        """Return that of the effects (…, k + m, k + m), from the Gram matrices of all."""
         k = self.slopes_mm.shape[1]
-        columns = np.column_stack([self.residual_mm, self.slopes_mm, covariance.columns_mm])
-        white = covariance.whiten_without_columns(columns)
-        gram = white.T @ white
-        whole = gram[1:, 1:].copy()
-        whole[:k, :k] += self.precision
-        whole.flat[k * (len(whole) + 1) :: len(whole) + 1] += 1.0
-        return whole, gram, covariance.log_determinant_without_columns
+        whole = gram[..., 1:, 1:].copy()
+        whole[..., :k, :k] += self.precision
+        rest = np.arange(k, whole.shape[-1])
+        whole[..., rest, rest] += 1.0
+        return np.asarray(whole)
 
     def left_out(self, covariance: Covariance) -> tuple[Array, Array]:
         """Return each sample's deviation (u,) from what all others predict, and its variance.
@@ -65,7 +78,9 @@ class LinearModel:
 
     def scores(self, covariance: Covariance) -> tuple[Array, Array]:
         """Return S⁻¹ r (u,) and the diagonal (u,) of S⁻¹."""
-        whole, gram, _ = self._normal(covariance)
+        values = np.column_stack([self.residual_mm, self.slopes_mm])
+        gram = gram_matrices([covariance], values)[0][0]
+        whole = self._information(gram)
         effects = np.column_stack([self.slopes_mm, covariance.columns_mm])
         shift = np.linalg.solve(whole, gram[1:, 0])
         inner = _inverse_times(covariance, np.column_stack([self.residual_mm, effects]))

@@ -7,9 +7,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp
 
+from skinlab.inference.covariance import products
 from skinlab.inference.error_choice import ErrorChoice
+from skinlab.inference.posterior import log_sum_exp
+from skinlab.inference.samples import alike
 from skinlab.tables.base import CurveModel
 
 Array = NDArray[np.float64]
@@ -64,17 +66,20 @@ class IntegratedLikelihood:
         least = min(float(node.covariance.variance_mm2.min()) for node in self.choice.nodes)
         rank = int((s > _KEPT * np.sqrt(least * max(len(moved), 1))).sum())
         self._basis = basis[:rank].T
-        forms = []
-        for node in self.choice.nodes:
-            both = np.column_stack([self.residual_mm, self._basis])
-            gram, log_determinant = node.covariance.products(both)
-            constant = gram[0, 0] + log_determinant - 2.0 * node.log_prior
-            quadratic = gram[1:, 1:][np.tril_indices(rank)]
-            forms.append(np.concatenate([[constant], -2.0 * gram[0, 1:], quadratic]))
-        self._forms = -0.5 * np.array(forms).T
+        both = np.column_stack([self.residual_mm, self._basis])
+        forms = np.empty((len(self.choice.nodes), 1 + rank + rank * (rank + 1) // 2))
+        for members in alike([id(node.combination) for node in self.choice.nodes]):
+            nodes = [self.choice.nodes[i] for i in members]
+            gram, log_determinant = products([node.covariance for node in nodes], both)
+            prior = np.array([node.log_prior for node in nodes])
+            forms[members, 0] = gram[:, 0, 0] + log_determinant - 2.0 * prior
+            forms[members, 1 : 1 + rank] = -2.0 * gram[:, 0, 1:]
+            i, j = np.tril_indices(rank)
+            forms[members, 1 + rank :] = gram[:, 1 + i, 1 + j]
+        self._forms = -0.5 * forms.T
 
     def _density(self, at: Array) -> Array:
         i, j = np.tril_indices(at.shape[1])
         twice = np.where(i == j, 1.0, 2.0)
         features = np.column_stack([np.ones(len(at)), at, at[:, i] * at[:, j] * twice])
-        return np.asarray(logsumexp(features @ self._forms, axis=1))
+        return log_sum_exp(features @ self._forms)

@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
 
 Array = NDArray[np.float64]
+
+_QUARTILE = 0.6744897501960817  # the upper one of the normal distribution
+_Chebyshev = np.polynomial.Chebyshev
 
 # Root mean squares of the relative deviation of the mesh of record from a fine mesh, by orders of
 # shifted Legendre polynomials of p/p_max, and of the rest: `python benchmarks/model_error.py`, of
@@ -48,7 +50,7 @@ def roughness(values: Array) -> float:
         values[2:-2] - (-values[:-4] + 4 * values[1:-3] + 4 * values[3:-1] - values[4:]) / 6.0
     )
     scale = float(np.sqrt(1.0 + (1 + 16 + 16 + 1) / 36.0))
-    usual = float(np.median(bend) / norm.ppf(0.75))
+    usual = float(np.median(bend) / _QUARTILE)
     kept = bend[bend <= _CORNER * usual]
     return float(np.sqrt(np.mean(kept**2))) / scale
 
@@ -75,17 +77,44 @@ def pressure_noise_mbar(time_s: Array, pressure_mbar: Array) -> float:
         variance += weight**2
     misses = np.abs(pressure_mbar[2:-2] - guess) / np.sqrt(variance)
     steps = np.abs(np.diff(pressure_mbar)) / np.sqrt(2.0)
-    found = min(float(np.median(misses)), float(np.median(steps))) / float(norm.ppf(0.75))
+    found = min(float(np.median(misses)), float(np.median(steps))) / _QUARTILE
     return found if found >= _LEAST_PRESSURE_NOISE_MBAR else 0.0
 
 
 def slope_mm_per_mbar(pressure_mbar: Array, deflection_mm: Array) -> Array:
     """Return dw/dp (u,) of a smooth curve given at pressures in any order, within about 1 %."""
+    scale, smooth = _smooth(pressure_mbar, deflection_mm)
+    if smooth is None:
+        return np.zeros(len(pressure_mbar))
+    s = np.arcsinh(pressure_mbar / scale)
+    return np.asarray(smooth.deriv()(s) / np.hypot(pressure_mbar, scale))
+
+
+def pressure_error_mm(pressure_mbar: Array, deflection_mm: Array, sd_mbar: Array) -> Array:
+    """Return the root mean square (u,) of what noise of the pressure readings does to deflections.
+
+    It is |dw/dp| sd where the curve is straight over the noise's reach; a soft skin's is not near
+    zero pressure. By Gauss-Hermite quadrature with three points.
+    """
+    scale, smooth = _smooth(pressure_mbar, deflection_mm)
+    if smooth is None:
+        return np.zeros(len(pressure_mbar))
+    slope, ends = smooth.deriv(), smooth.domain
+
+    def curve(p: Array) -> Array:
+        s = np.arcsinh(p / scale)
+        near = np.clip(s, *ends)
+        return np.asarray(smooth(near) + slope(near) * (s - near))
+
+    here, reach = curve(pressure_mbar), np.sqrt(3.0) * sd_mbar
+    squares = sum(np.square(curve(pressure_mbar + way * reach) - here) for way in (-1.0, 1.0))
+    return np.asarray(np.sqrt(squares / 6.0))
+
+
+def _smooth(pressure_mbar: Array, deflection_mm: Array) -> tuple[float, _Chebyshev | None]:
+    """Return a pressure and a polynomial of arcsinh(p / that), close to the curve."""
     top = max(float(np.abs(pressure_mbar).max(initial=0.0)), 1e-9)
     scale = top / 20.0
     s = np.arcsinh(pressure_mbar / scale)
     degree = min(8, len(np.unique(s)) - 2)
-    if degree < 1:
-        return np.zeros(len(s))
-    smooth = np.polynomial.Chebyshev.fit(s, deflection_mm, degree)
-    return np.asarray(smooth.deriv()(s) / np.hypot(pressure_mbar, scale))
+    return scale, _Chebyshev.fit(s, deflection_mm, degree) if degree >= 1 else None

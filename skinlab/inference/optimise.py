@@ -72,10 +72,11 @@ def polish(
     while live.size and iteration < most_iterations:
         iteration += 1
         J, r = jacobian[live], residual[live]
-        gradient = np.einsum("nmk,nm->nk", J, r)
+        turned = np.swapaxes(J, 1, 2)
+        gradient = (turned @ r[..., None])[..., 0]
         at = unit[live]
         stuck = keep[live] | ((at <= 0.0) & (gradient > 0.0)) | ((at >= 1.0) & (gradient < 0.0))
-        normal = np.einsum("nmk,nml->nkl", J, J)
+        normal = turned @ J
         step = _damped_step(normal, gradient, damping[live], stuck)
         trial = np.clip(at + step, 0.0, 1.0)
         step = trial - at
@@ -103,7 +104,7 @@ def polish(
         converged[live[done]] = True
         lost = damping[live] > _MOST_DAMPING
         live = live[~(done | lost)]
-    normal = np.einsum("nmk,nml->nkl", jacobian, jacobian)
+    normal = np.swapaxes(jacobian, 1, 2) @ jacobian
     return Polished(unit, cost, normal, converged, iteration, evaluations)
 
 

@@ -20,27 +20,36 @@ Array = NDArray[np.float64]
 _FEWEST = 12
 _WIDE_MM = 0.05  # of a movement, or
 _WIDE = 10.0  # times the noise
-_USUAL = (0.5, 100.0)  # outliers of so many samples, before the data
+_USUAL = (0.1, 100.0)  # outliers of so many samples, before the data
 _MOST = 0.1  # of all samples; more are no outliers
 _ROUNDS = 12
 _LASTING_S = 0.3  # of what is correlated in the residuals
 _LEAST_MM = 5e-4  # of a noise beside which a sample can be off
+_SIZES = np.geomspace(0.1, 1.6, 13)  # of white noise, times the roughness
+_SHARES = np.concatenate([[0.0], np.geomspace(0.0025, 0.08, 16)])  # of the deflection
+_GAIN = 2.0  # in log likelihood that a share has to bring
+_MOST_BENDS = 400  # that are looked at
+_FREEDOM = 4.0  # of the Student distribution
 _SPREAD = 0.6745  # median of |z| of a Gaussian
 
 
-def outlier_probability(linear: LinearModel, samples: Samples, step_mm: float = 0.0) -> Array:
+def outlier_probability(
+    linear: LinearModel, samples: Samples, step_mm: float = 0.0, known_mm: Array | None = None
+) -> Array:
     """Return each sample's probability (u,) of being an outlier; above 0.5 it should be left out.
 
-    `step_mm` is the step of the readings, below which nothing is an outlier.
+    `step_mm` is the step of the readings, below which nothing is an outlier; `known_mm` (u,) the
+    standard deviation of errors that are known beforehand, the pressure's.
     """
     u = len(samples)
     found = np.zeros(u)
     kept = np.ones(u, dtype=bool)
     if u < _FEWEST:
         return found
+    known = np.zeros(u) if known_mm is None else known_mm
     for _ in range(_ROUNDS):
         part = LinearModel(linear.residual_mm[kept], linear.slopes_mm[kept], linear.precision)
-        covariance = _robust(part.residual_mm, samples.only(kept), step_mm)
+        covariance = _robust(part.residual_mm, samples.only(kept), step_mm, known[kept])
         off, variance = part.left_out(covariance)
         sigma = np.sqrt(variance)
         sigma = sigma * max(1.0, float(np.median(np.abs(off) / sigma)) / _SPREAD)
@@ -71,16 +80,46 @@ def _mixture(off: Array, sigma: Array, already: int) -> Array:
     return np.asarray(p)
 
 
-def _robust(residual: Array, samples: Samples, step_mm: float) -> Covariance:
+def _robust(residual: Array, samples: Samples, step_mm: float, known_mm: Array) -> Covariance:
     """Return white noise as large as the residuals are rough, and a process for the rest."""
     ends = samples.ends
-    rough = [roughness(part) for part in np.split(residual, ends[:-1])]
-    counts = np.diff([0, *ends])
-    rough = [r if np.isfinite(r) else 0.0 for r in rough]
-    total = float(np.median(np.abs(residual))) / _SPREAD
-    least = max(step_mm / np.sqrt(12.0), _LEAST_MM, 0.1 * total)
-    size = np.repeat(np.maximum(rough, least), counts)
-    smooth = max(total**2 - float(np.mean(size**2)), (0.1 * total) ** 2, _LEAST_MM**2)
+    parts = zip(
+        *(
+            np.split(values, ends[:-1])
+            for values in (residual, samples.deflection_mm - residual, known_mm)
+        ),
+        strict=True,
+    )
+    size = np.concatenate([_independent_mm(*part) for part in parts])
+    z = np.abs(residual) / np.maximum(size, _LEAST_MM)
+    total = np.maximum(size, _LEAST_MM) * float(np.median(z)) / _SPREAD
+    size = np.maximum(size, np.maximum(max(step_mm / np.sqrt(12.0), _LEAST_MM), 0.1 * total))
+    smooth = float(np.median(total)) ** 2 - float(np.median(size)) ** 2
+    smooth = max(smooth, float(np.median(0.1 * total)) ** 2, _LEAST_MM**2)
     process = OrnsteinUhlenbeck(float(np.sqrt(smooth)), _LASTING_S)
     none = np.zeros((len(residual), 0))
     return Covariance(size**2, none, ends, process, samples.time_s)
+
+
+def _independent_mm(residual: Array, deflection_mm: Array, known_mm: Array) -> Array:
+    """Return the independent errors' standard deviations (u,) within one curve.
+
+    What is known, white noise, and a share of the deflection if fourth differences call for one.
+    Their likelihood is a Student's, which single samples do not sway.
+    """
+    plain = roughness(residual)
+    if not np.isfinite(plain) or plain <= 0.0:
+        return known_mm.copy()
+    taps = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / 6.0
+    some = slice(None, None, 1 + len(residual) // _MOST_BENDS)
+    bend = np.convolve(residual, taps, "valid")[some]
+    sizes = [np.square(v) for v in (known_mm, np.ones(len(residual)), deflection_mm)]
+    known, one, squared = (np.convolve(s, taps**2, "valid")[some] for s in sizes)
+    white, share = np.meshgrid(plain * _SIZES, _SHARES)
+    variance = known + white[..., None] ** 2 * one + share[..., None] ** 2 * squared
+    each = np.log(variance) + (_FREEDOM + 1.0) * np.log1p(bend**2 / (_FREEDOM * variance))
+    worth = -0.5 * each.sum(axis=-1)
+    worth[1:] -= _GAIN
+    best = np.unravel_index(int(np.argmax(worth)), worth.shape)
+    found = sizes[0] + white[best] ** 2 + share[best] ** 2 * sizes[2]
+    return np.asarray(np.sqrt(found))

@@ -19,7 +19,6 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
-from scipy.stats import f as f_distribution
 
 from skinlab.curves.curve import Curve
 from skinlab.errors import InputError
@@ -163,6 +162,8 @@ class Prior:
     def far(self) -> float:
         """The squared distance that one of a hundred people of the population exceeds."""
         k = len(self.file.mean)
+        from scipy.stats import f as f_distribution  # slow to import
+
         return k * float(f_distribution.ppf(_RARE, k, self.file.freedom))
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from drivers.dose import Dose
 from skinlab.curves.curve import Setup
+from skinlab.curves.heights import Height
 from skinlab.inference.error_judgement import ErrorModelSummary, PlacementSummary
 from skinlab.inference.uncertainty import Uncertainty
 from skinlab.mechanics.materials import get_law
@@ -60,6 +61,7 @@ class Identification:
     fitted_points: int = 0
     files: tuple[str, ...] | None = None  # of a joint identification
     uncertainty: Uncertainty | None = None  # where the method gives intervals
+    heights: tuple[Height, ...] = ()  # of a program that stops at heights
     own_bounds: tuple[str, ...] = ()  # parameters whose bounds are a model's, not the database's
 
     def to_json(self) -> dict[str, Any]:
@@ -96,6 +98,7 @@ class Identification:
             "evaluations": self.evaluations,
             "seconds": self.seconds,
             "flags": list(self.flags),
+            **({"heights": [one.to_json() for one in self.heights]} if self.heights else {}),
         }
 
 
@@ -136,6 +139,7 @@ class Provenance:
     method: str
     seed: int
     effects: tuple[str, ...] = ()
+    probe: tuple[str, str] | None = None  # serial number and hash of its calibration
 
 
 def document(
@@ -164,6 +168,9 @@ def document(
         "joint": None if joint is None else joint.to_json(),
         "advice": None if advice is None else [a.to_json() for a in advice],
     }
+    if provenance.probe is not None:
+        serial_number, hashed = provenance.probe
+        whole["probe"] = {"serial_number": serial_number, "hash": hashed}
     if session is not None:
         whole["session"] = session
     if dose is not None:

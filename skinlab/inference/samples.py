@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
@@ -17,6 +18,7 @@ from skinlab.tables.base import CurveModel, Database
 
 Array = NDArray[np.float64]
 
+MOST_FITTED = 5000  # more say next to nothing more, since errors last, and take their time
 EVERYTHING = ("load", "hold", "unload", "rest")  # what laws with a memory are fitted to
 
 
@@ -26,6 +28,8 @@ class Fitted:
 
     curve: Curve
     mask: NDArray[np.bool_]
+    every: int = 1  # of those that could be: of a very long curve one in so many
+    beyond: int = 0  # samples that the database does not speak of
 
     @property
     def count(self) -> int:
@@ -71,6 +75,11 @@ class Samples:
         return int(self.curve[-1]) + 1 if len(self) else 0
 
     @property
+    def placements(self) -> int:
+        """Number of placements."""
+        return len(np.unique(self.placement))
+
+    @property
     def ends(self) -> tuple[int, ...]:
         """Ends of the curves."""
         return tuple(int(e) for e in np.searchsorted(self.curve, np.arange(self.curves), "right"))
@@ -88,24 +97,31 @@ class Samples:
         return Samples(*(getattr(self, f.name)[kept] for f in fields(self)))
 
 
-def samples_of(groups: Sequence[Group]) -> Samples:
-    """Return the samples of groups, in their order.
+def placements_of(curves: Sequence[Curve]) -> list[int]:
+    """Return the number of the placement that each curve belongs to.
 
-    A curve says which placement it belongs to; else one of cycle 1 begins one, and later cycles
-    belong to the one before.
+    A curve says so; else one of cycle 1 begins one, and later cycles belong to the one before.
     """
-    rows: list[tuple[NDArray[np.generic], ...]] = []
     placements: dict[str, int] = {}
-    begun = ""
-    members = [(k, m) for k, g in enumerate(groups) for m in g.members]
-    for number, (condition, member) in enumerate(members):
-        c, mask, n = member.curve, member.mask, member.count
-        label = c.setup.placement
+    found, begun = [], ""
+    for number, curve in enumerate(curves):
+        label = curve.setup.placement
         if label is not None:
             begun = f"stated {label}"
-        elif c.setup.cycle == 1 or not begun:
+        elif curve.setup.cycle == 1 or not begun:
             begun = f"curve {number}"
-        placement = placements.setdefault(begun, len(placements))
+        found.append(placements.setdefault(begun, len(placements)))
+    return found
+
+
+def samples_of(groups: Sequence[Group]) -> Samples:
+    """Return the samples of groups, in their order."""
+    rows: list[tuple[NDArray[np.generic], ...]] = []
+    members = [(k, m) for k, g in enumerate(groups) for m in g.members]
+    placements = placements_of([m.curve for _, m in members])
+    for number, (condition, member) in enumerate(members):
+        c, mask, n = member.curve, member.mask, member.count
+        placement = placements[number]
         numbers = (np.full(n, i) for i in (number, placement, condition))
         time = c.time_s[mask] - c.time_s[0]
         measured = c.pressure_mbar[mask], c.deflection_mm[mask], c.phase[mask]
@@ -114,19 +130,26 @@ def samples_of(groups: Sequence[Group]) -> Samples:
 
 
 def choose(curve: Curve, phases: tuple[str, ...], database: Database) -> Fitted:
-    """Return the samples of the phases that the database speaks of.
+    """Return the samples of the phases that the database speaks of; of very many, evenly some.
 
     Raises:
         InputError: they are too few.
         NotTrustworthyError: it does not speak of such a curve at all.
     """
-    mask = curve.in_phases(phases) & database.covers(curve)
+    asked = curve.in_phases(phases)
+    mask = asked & database.covers(curve)
     if int(mask.sum()) < FEWEST_POINTS:
         raise InputError(
             f"{curve.name}: {int(mask.sum())} samples to fit in phases {','.join(phases)}; "
             f"expected at least {FEWEST_POINTS}"
         )
-    return Fitted(curve, mask)
+    beyond = int(asked.sum()) - int(mask.sum())
+    every = math.ceil(int(mask.sum()) / MOST_FITTED)
+    if every > 1:
+        at = np.flatnonzero(mask)[::every]
+        mask = np.zeros(len(mask), dtype=bool)
+        mask[at] = True
+    return Fitted(curve, mask, every, beyond)
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,15 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from skinlab.curves.curve import Curve
 from skinlab.inference.covariance import Covariance, OnKept
 from skinlab.inference.error_choice import ErrorChoice, choose_errors
 from skinlab.inference.error_judgement import Judged, judge_errors
-from skinlab.inference.error_models.base import Look
+from skinlab.inference.error_models.base import ErrorModel, Look
 from skinlab.inference.error_models.quantised import step_um
 from skinlab.inference.joint import GaussianPrior, JointMisfit
 from skinlab.inference.likelihood import LinearModel
@@ -24,12 +26,14 @@ from skinlab.inference.marginal import IntegratedLikelihood
 from skinlab.inference.noise import (
     MESH_REST,
     mesh_error_shapes,
+    pressure_error_mm,
     pressure_noise_mbar,
     roughness,
     slope_mm_per_mbar,
 )
 from skinlab.inference.outliers import outlier_probability
 from skinlab.inference.posterior import Draws, sample
+from skinlab.inference.probe_file import ProbeErrors
 from skinlab.inference.problem import SquaredMisfit
 from skinlab.inference.samples import Group, Samples, samples_of
 from skinlab.mechanics.materials.compressibility import KappaConvention
@@ -44,6 +48,7 @@ _FLAT_PRECISION = 12.0  # of a flat prior on the unit interval
 _LEAST_ROUGH_MM = 1e-5
 _SMALL = 0.07  # of the noise: columns of so little length change nothing
 _BEYOND = 2.0  # times the squares: what a fit gains outside of the range is no small matter
+_COMMON = 0.5  # of the stated thickness' variance, where there are several placements
 _ALIKE = 2.5  # standard deviations: curves whose noises are closer have the same
 
 
@@ -54,6 +59,21 @@ class Sensor:
     noise_um: float | None = None
     pressure_noise_mbar: float | None = None
     placement_scatter: float | None = 0.0  # of log stiffness, of curves together; 0: there is none
+    probe: ProbeErrors | None = None  # as it was calibrated; None: it reads the truth
+
+    def corrected(self, curve: Curve) -> Curve:
+        """Return a curve as it truly was, as far as the probe's calibration knows.
+
+        Raises:
+            InputError: it is of another opening than the probe.
+        """
+        return curve if self.probe is None else self.probe.corrected(curve)
+
+    def as_read(self, pressure_mbar: Array, deflection_mm: Array) -> tuple[Array, Array]:
+        """Return what the probe reads of true values: of pressures, and of deflections."""
+        if self.probe is None:
+            return pressure_mbar, deflection_mm
+        return self.probe.as_read_mbar(pressure_mbar), self.probe.as_read(deflection_mm)
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +96,8 @@ class Fitted:
     models: Sequence[CurveModel]
     space: ParameterSpace
     samples: Samples
-    best_mm: Array  # (u,) of the model at the fit
+    parameters: Array  # (p,) of the fit
+    best_mm: Array  # (u,) of the model there
     linear: LinearModel
     sensor: Sensor
 
@@ -88,13 +109,28 @@ class Fitted:
             parts.append(slope_mm_per_mbar(g.pressure_mbar, w))
         return np.concatenate(parts)
 
+    @cached_property
+    def pressure_error_mm(self) -> Array:
+        """Return what the pressure readings' noise does to the deflections (u,)."""
+        sd = self.pressure_sd_mbar()
+        if not sd.any():
+            return sd
+        parts = [split_by_group(self.groups, v) for v in (self.best_mm, sd)]
+        return np.concatenate(
+            [
+                pressure_error_mm(g.pressure_mbar, *v)
+                for g, *v in zip(self.groups, *parts, strict=True)
+            ]
+        )
+
     def mesh_columns(self) -> Array:
         """Return the shapes (u, m) in which mesh and database err, of each group for itself."""
         blocks = []
         for g, model, w in zip(
             self.groups, self.models, split_by_group(self.groups, self.best_mm), strict=True
         ):
-            blocks.append(np.hstack([mesh_error_shapes(g.pressure_mbar, w), model.error_shapes_mm]))
+            own = model.error_shapes_mm(self.parameters)
+            blocks.append(np.hstack([mesh_error_shapes(g.pressure_mbar, w), own]))
         whole = np.zeros((len(self.samples), sum(b.shape[1] for b in blocks)))
         row = column = 0
         for b in blocks:
@@ -102,10 +138,19 @@ class Fitted:
             row, column = row + len(b), column + b.shape[1]
         return whole
 
+    def probe_columns(self) -> Array:
+        """Return what the probe's calibration leaves open (u, m): all samples err together."""
+        probe, samples = self.sensor.probe, self.samples
+        if probe is None:
+            return np.zeros((len(samples), 0))
+        each = (samples.time_s, samples.pressure_mbar, self.best_mm, self.slope_mm_per_mbar)
+        split = (np.split(values, samples.ends[:-1]) for values in each)
+        return np.vstack([probe.columns_mm(*parts) for parts in zip(*split, strict=True)])
+
     def outlier_probability(self) -> Array:
         """Return each sample's probability (u,) of not belonging to its curve."""
         step_mm = 1e-3 * step_um(self.samples.deflection_mm)
-        return outlier_probability(self.linear, self.samples, step_mm)
+        return outlier_probability(self.linear, self.samples, step_mm, self.pressure_error_mm)
 
     def pressure_sd_mbar(self) -> Array:
         """Return the pressure readings' standard deviations (u,): stated, or each curve's own."""
@@ -120,8 +165,17 @@ class Fitted:
                 found.append(np.full(member.count, sd))
         return np.concatenate(found)
 
-    def choose_errors(self, kept: NDArray[np.bool_]) -> ErrorChoice:
-        """Return what errors the samples have that are kept."""
+    def choose_errors(
+        self,
+        kept: NDArray[np.bool_],
+        thickness_error_mm: Array | None = None,
+        error_models: Sequence[ErrorModel] | None = None,
+    ) -> ErrorChoice:
+        """Return what errors the samples have that are kept.
+
+        `thickness_error_mm` (u,) is what a placement's own thickness does; `error_models` are those
+        to choose from, all that there are if it is None.
+        """
         samples = self.samples.only(kept)
         residual = self.linear.residual_mm[kept]
         samples = replace(samples, relative_noise=_relative_noise(residual, samples))
@@ -134,13 +188,15 @@ class Fitted:
             linear.slopes_mm,
             self.sensor.noise_um,
             self.pressure_sd_mbar()[kept],
+            self.pressure_error_mm[kept],
             self.sensor.placement_scatter,
+            None if thickness_error_mm is None else thickness_error_mm[kept],
         )
         rest = (MESH_REST * self.best_mm[kept]) ** 2
-        columns = self.mesh_columns()[kept]
+        columns = np.hstack([self.mesh_columns(), self.probe_columns()])[kept]
         least = _SMALL * max(roughness(residual), _LEAST_ROUGH_MM)
         seen = np.sqrt(np.square(columns).sum(axis=0)) > least
-        return choose_errors(look, linear, columns[:, seen], rest)
+        return choose_errors(look, linear, columns[:, seen], rest, error_models)
 
 
 def _relative_noise(residual: Array, samples: Samples) -> Array:
@@ -188,7 +244,7 @@ def about(
     residual = samples.deflection_mm - here
     columns = _within(unit, residual, slopes.T)
     linear = LinearModel(residual, columns, precision)
-    return Fitted(groups, models, space, samples, here, linear, sensor)
+    return Fitted(groups, models, space, samples, points[0], here, linear, sensor)
 
 
 def _within(unit: Array, residual: Array, slopes: Array) -> Array:
@@ -224,19 +280,23 @@ def assess(
     *,
     kept: NDArray[np.bool_] | None = None,
     priors: Sequence[GaussianPrior] = (),
+    error_models: Sequence[ErrorModel] | None = None,
 ) -> Uncertainty:
     """Return the posterior about the minima (m, k), points of the space's unit cube, best first.
 
     `models` are those of the groups at their stated thicknesses; `kept` (u,) are the samples that
-    belong to the curves.
+    belong to the curves; `error_models` are those to choose from, all that there are if None.
     """
     names = space.names
     priors = list(priors)
     modes = minima[:_MOST_MODES]
-    # One skin has one thickness: its relative error is common to all its curves.
-    relative_sd = max(g.thickness_sd_mm / g.geometry.thickness_mm for g in groups)
+    relative_sd = stated_sd = max(g.thickness_sd_mm / g.geometry.thickness_mm for g in groups)
+    own_thickness = sensor.placement_scatter != 0.0 and samples_of(groups).placements > 1
+    if own_thickness:
+        # As much of the variance is the site's, and is common, as is each placement's.
+        relative_sd *= _COMMON**0.5
+    best = space.from_unit(minima[0])
     if relative_sd > 0.0:
-        best = space.from_unit(minima[0])
         models = [g.model(database, kappa, relative_sd) for g in groups]
         low = max(float(m.space.bounds[0][-1]) for m in models)
         high = min(float(m.space.bounds[1][-1]) for m in models)
@@ -247,7 +307,14 @@ def assess(
     fitted = about(groups, models, space, modes[0], sensor, priors)
     if kept is None:
         kept = np.ones(len(fitted.samples), dtype=bool)
-    errors = fitted.choose_errors(kept)
+    thickness_error_mm = None
+    if own_thickness and stated_sd > 0.0:
+        ends = np.append(best, 1.0) * np.ones((2, 1))
+        ends[:, -1] += [-_SLOPE_STEP, _SLOPE_STEP]
+        low_mm, high_mm = np.hstack([m.deflection_mm(ends) for m in models])
+        slope = np.nan_to_num(high_mm - low_mm) / (2.0 * _SLOPE_STEP)
+        thickness_error_mm = np.sqrt(1.0 - _COMMON) * stated_sd * slope
+    errors = fitted.choose_errors(kept, thickness_error_mm, error_models)
     condition = fitted.samples.condition[kept]
     parts: list[SquaredMisfit] = [
         model.misfit(g.deflection_mm, OnKept(here, _of_group(errors.mode, condition == number)))

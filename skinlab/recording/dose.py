@@ -1,11 +1,17 @@
-"""What a session says of the suction that its site had."""
+"""What sessions say of the suction that their site had."""
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
+from pathlib import Path
+
 from drivers.dose import Dose, DoseMeter
 from drivers.events import Sample
+from skinlab.errors import InputError
 from skinlab.recording.audit import entries
-from skinlab.recording.session import Session
+from skinlab.recording.session import Session, read_session
+
+VISIT_S = 12 * 3600.0  # what was measured earlier belongs to another visit
 
 
 def dose_of(session: Session) -> Dose:
@@ -27,3 +33,32 @@ def dose_of(session: Session) -> Dose:
         for time_s, mbar in zip(curve.time_s, curve.pressure_mbar, strict=True):
             meter.add(Sample(0, float(time_s), float(mbar), 0.0, 0))
     return meter.total
+
+
+def dose_before(
+    folder: Path, subject: str, site: str, now_utc_s: float, *, simulated: bool
+) -> tuple[Dose, list[str]]:
+    """Return what a site had in this visit already, and the names of the sessions that say so.
+
+    Looked at are the sessions of a folder that were begun in the last 12 h (`VISIT_S`), with the
+    same subject and the same site, of simulated instruments or of real ones alike. Without subject
+    or site nobody can know. A session that cannot be read counts as none.
+    """
+    total, names = Dose(), list[str]()
+    if not subject or not site or not folder.is_dir():
+        return total, names
+    for path in sorted(folder.glob("*.h5")):
+        try:
+            if now_utc_s - path.stat().st_mtime > VISIT_S:  # it was begun before it was written
+                continue
+            session = read_session(path)
+            begun = datetime.fromisoformat(str(session.meta["created_utc"]))
+            age_s = now_utc_s - begun.replace(tzinfo=begun.tzinfo or UTC).timestamp()
+            of = (session.meta.get("subject"), session.meta.get("site"))
+            kind = bool(session.meta["instrument"]["simulated"])
+        except (InputError, OSError, KeyError, TypeError, ValueError):
+            continue
+        if of == (subject, site) and kind == simulated and 0 <= age_s <= VISIT_S:
+            total += dose_of(session)
+            names.append(path.name)
+    return total, names

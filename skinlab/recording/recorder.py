@@ -20,6 +20,7 @@ from skinlab.inference.methods import get_method
 from skinlab.inference.population import PopulationIdentifier
 from skinlab.mechanics.model_file import BASE
 from skinlab.recording.audit import Chain, note, operator
+from skinlab.recording.dose import dose_before
 from skinlab.recording.journal import Journal, read_journal
 from skinlab.recording.pseudonym import check_site, check_subject
 from skinlab.recording.recorded import dialect_facts
@@ -40,6 +41,7 @@ from skinlab.versions import versions
 def identification_settings(identifier: Identifier) -> dict[str, Any]:
     """Return what a replay must know to identify in the same way."""
     options, path = identifier.options, identifier.database.path
+    probe = identifier.sensor.probe
     prior = identifier.population if isinstance(identifier, PopulationIdentifier) else None
     return {
         "method": identifier.method,
@@ -56,6 +58,7 @@ def identification_settings(identifier: Identifier) -> dict[str, Any]:
         "database_hash": identifier.database.content_hash,
         "database_path": None if path is None else str(path),
         **({} if prior is None else {"prior": prior.to_json()}),
+        **({} if probe is None else {"probe": probe.text}),
     }
 
 
@@ -89,8 +92,10 @@ class Recording:
             raise InputError(f"{path}: exists already; a session is never overwritten")
         self.path = path
         self.ran = False
+        self._subject, self._site = subject, site
         self._dose = DoseMeter()
         self._saved = False
+        self._now = now
         self._clock = clock
         self._who = operator() if who is None else who
         meta = {
@@ -142,10 +147,25 @@ class Recording:
         """
         self.journal.audit(self._clock(), self._who, what, **detail)
 
+    def acknowledged(self, alarm: str) -> None:
+        """Record that an alarm was acknowledged by having started what goes on by itself."""
+        with contextlib.suppress(InputError):  # the probe has been vented for it
+            self.audit("alarm acknowledged", text=alarm, by="the start of the measurement")
+
     @property
     def dose(self) -> Dose:
         """What the site has had so far, vents included."""
         return self._dose.total
+
+    def carry_dose(self, *, simulated: bool) -> Dose:
+        """Return what the site had in this visit before, by the sessions beside this one."""
+        before, names = dose_before(
+            self.path.parent, self._subject, self._site, self._now(), simulated=simulated
+        )
+        if names:
+            detail = {"before_mbar_s": round(before.suction_mbar_s, 1), "sessions": names}
+            self.audit("dose carried over", **detail)
+        return before
 
     def _dose_detail(self) -> dict[str, float]:
         dose = self.dose

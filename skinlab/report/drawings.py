@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from skinlab.inference.result import Identification
 from skinlab.mechanics.names import label, of_law
 from skinlab.report import plots
 from skinlab.report.flags import signed
@@ -108,6 +109,23 @@ def curve_drawings(measured: Measured) -> list[Drawing]:
             )
         )
     return found
+
+
+def posterior_drawings(answer: Identification | str) -> list[Drawing]:
+    """Return the picture of what the curves together leave open, where there are draws of it."""
+    if isinstance(answer, str) or answer.uncertainty is None or len(answer.parameters or {}) < 2:
+        return []
+    names = [label(name) for name in answer.parameters or {}]
+    return [
+        Drawing(
+            "posterior",
+            lambda: plots.draw_pairs(answer),
+            f"{', '.join(names)}: draws from the posterior, each pair against each other; a narrow "
+            "slanted cloud is a valley, along which the parameters make up for each other.",
+            "What the curves together leave open: draws of the parameters, pair by pair, and each "
+            "one's own distribution. Dark is probable; a slanted cloud is a valley.",
+        )
+    ]
 
 
 def _has_values(measured: Measured) -> bool:

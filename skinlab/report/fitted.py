@@ -56,6 +56,7 @@ def fit_again(curve: Curve, result: StoredResult, identifier: Identifier) -> Fit
         InputError: this installation cannot compute it; says why in a sentence.
     """
     try:
+        curve = identifier.sensor.corrected(curve)
         chosen = choose(curve, result.phases or identifier.phases, identifier.database)
         chosen.mask[[i for i in result.outliers if 0 <= i < len(curve)]] = False
         make = _with_effects if identifier.model.effects else _from_database
@@ -65,13 +66,15 @@ def fit_again(curve: Curve, result: StoredResult, identifier: Identifier) -> Fit
     if not np.isfinite(at.model_mm).all():
         raise InputError("the model does not hold at the stored parameters")
     residual_mm = curve.deflection_mm[chosen.mask] - at.model_mm
+    _, model_mm = identifier.sensor.as_read(curve.pressure_mbar[chosen.mask], at.model_mm)
+    line_mbar, line_mm = identifier.sensor.as_read(at.line_mbar, at.line_mm)
     return Fit(
         mask=chosen.mask,
-        model_mm=at.model_mm,
+        model_mm=model_mm,
         residual_mm=residual_mm,
         noise_mm=at.noise_mm,
-        line_mbar=at.line_mbar,
-        line_mm=at.line_mm,
+        line_mbar=line_mbar,
+        line_mm=line_mm,
         ranges=at.ranges,
         remark=_remark(residual_mm, result),
     )

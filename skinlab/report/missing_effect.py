@@ -10,9 +10,13 @@ import numpy as np
 from skinlab.discrepancy.fit import Fit
 from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.text import (
+    doubt_words,
     gap_words,
+    limits_words,
     next_words,
     parameter_rows,
+    repeats_words,
+    shares_words,
     verdict_words,
     where_words,
 )
@@ -47,7 +51,17 @@ def write_report(outcome: Outcome, folder: Path) -> Path:
 def render(outcome: Outcome) -> str:
     """Return the page's text; the same outcome gives the same text."""
     sections = [
-        Section("Verdict", [verdict_words(outcome), gap_words(outcome), *next_words(outcome)]),
+        Section(
+            "Verdict",
+            [
+                *repeats_words(outcome),
+                verdict_words(outcome),
+                gap_words(outcome),
+                *shares_words(outcome),
+                *next_words(outcome),
+            ],
+            points=[line.strip() for line in doubt_words(outcome)],
+        ),
         Section(
             "Where the model as it is disagrees",
             [] if outcome.where else ["Nowhere by more than the noise."],
@@ -59,6 +73,9 @@ def render(outcome: Outcome) -> str:
             "Parameters before and after",
             ["Values with 90 % intervals. The change is the bias that the missing effect caused."],
             tables=[Table(["parameter", "before", "after"], parameter_rows(outcome))],
+        ),
+        Section(
+            "What these data cannot show", [], points=[x.strip() for x in limits_words(outcome)]
         ),
         _methods(outcome),
     ]

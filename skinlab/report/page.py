@@ -169,7 +169,11 @@ th, td { border-bottom: 1px solid #ccc; padding: 0.25rem 0.75rem 0.25rem 0; text
   vertical-align: top; }
 th { font-weight: 600; }
 .n { font-variant-numeric: tabular-nums; white-space: nowrap; }
+@page { size: A4; margin: 15mm; }
 @media print {
+  #s1 { break-after: page; }
+  #s1 h2 { border-top: none; margin-top: 0; }
+  #s1 figure img { max-height: 75mm; }
   body { max-width: none; padding: 0; font-size: 10pt; }
   nav { display: none; }
   figure, tr, li { break-inside: avoid; }

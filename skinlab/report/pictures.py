@@ -11,6 +11,7 @@ import io
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Literal
 
 from skinlab.errors import InputError
@@ -41,6 +42,26 @@ _STYLE: dict[str, object] = {
 }
 
 
+NO_PICTURES = (
+    "the pictures need matplotlib, which is not installed: pip install 'skinlab[pictures]'"
+)
+
+
+def have_pictures() -> bool:
+    """Return whether there is what draws them."""
+    return find_spec("matplotlib") is not None
+
+
+def check_pictures() -> None:
+    """Say so before long work whose pictures could not be drawn.
+
+    Raises:
+        InputError: matplotlib is not installed.
+    """
+    if not have_pictures():
+        raise InputError(NO_PICTURES)
+
+
 @contextmanager
 def style() -> Iterator[None]:
     """Draw inside of this, so that a user's own matplotlib settings change nothing.
@@ -48,12 +69,9 @@ def style() -> Iterator[None]:
     Raises:
         InputError: matplotlib is not installed, or set up wrongly.
     """
+    check_pictures()
     try:
         import matplotlib.style
-    except ImportError:
-        raise InputError(
-            "the pictures need matplotlib, which is not installed: pip install matplotlib"
-        ) from None
     except ValueError as error:  # the environment names a backend that there is not
         raise InputError(f"matplotlib, which draws the pictures, does not start: {error}") from None
     with matplotlib.style.context(["default", _STYLE]):

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from skinlab.inference.result import Identification
 from skinlab.mechanics.names import heading, is_effects, label, of_law
 from skinlab.report.flags import signed
 from skinlab.report.measured import Measured
@@ -152,6 +153,40 @@ def draw_correlation(measured: Measured) -> Figure:
         colour = "white" if abs(value) > 0.6 else "black"
         axes.text(j, i, signed(value), ha="center", va="center", color=colour, fontsize=size)
     axes.set_title(f"Curve {measured.number}: correlations")
+    return figure
+
+
+def draw_pairs(answer: Identification) -> Figure:
+    """Return the posterior's draws, pair by pair, and each parameter's own distribution."""
+    left, names = answer.uncertainty, list(answer.parameters or {})
+    assert left is not None
+    draws, weight = left.draws.parameters[:, : len(names)], left.draws.weight
+    n = len(names)
+    figure = new_figure(WIDTH_IN, 0.4 + 1.6 * n)
+    grid: Any = figure.subplots(n, n, squeeze=False)
+    span = [np.quantile(draws[:, i], [0.001, 0.999]) for i in range(n)]
+    for i, j in np.ndindex(n, n):
+        axes = grid[i, j]
+        if j > i:
+            axes.set_visible(False)
+            continue
+        wide = [(float(a), float(b)) if b > a else (float(a) - 1, float(b) + 1) for a, b in span]
+        if i == j:
+            axes.hist(draws[:, i], bins=40, range=wide[i], weights=weight, color=BLUE)
+            axes.set_yticks([])
+        else:
+            counts, x, y = np.histogram2d(
+                draws[:, j], draws[:, i], bins=40, range=[wide[j], wide[i]], weights=weight
+            )
+            axes.pcolormesh(x, y, counts.T, cmap="Blues", rasterized=True)
+        axes.grid(visible=False)
+        axes.tick_params(labelsize=7, labelbottom=i == n - 1, labelleft=j == 0 and i > 0)
+        axes.locator_params(nbins=4)
+        if i == n - 1:
+            axes.set_xlabel(heading(names[j]), parse_math=False, fontsize=8)
+        if j == 0 and i > 0:
+            axes.set_ylabel(heading(names[i]), parse_math=False, fontsize=8)
+    figure.suptitle("What the curves leave open")
     return figure
 
 

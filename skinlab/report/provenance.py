@@ -19,8 +19,8 @@ _WORDS = (
     "Numbers are those that the session stores. Fitted curves, which it does not store, and "
     "findings of the quality gates were computed again for this page. “skinlab session verify” "
     "checks the session's hash and audit trail, “skinlab replay --verify” identifies it again, "
-    "“skinlab export --to csv” gives the samples. No real instrument has been met by this program; "
-    "it is no medical device."
+    "“skinlab export --to csv” gives the samples. skinlab was not yet tested with "
+    "real hardware; it is no medical device."
 )
 
 

@@ -11,10 +11,16 @@ from typing import Literal
 from skinlab.inference.identify import Identifier
 from skinlab.recording.session import Session
 from skinlab.report.curve_section import curve_section, overview_table
-from skinlab.report.drawings import Drawing, curve_drawings, session_drawings
+from skinlab.report.drawings import (
+    Drawing,
+    curve_drawings,
+    posterior_drawings,
+    session_drawings,
+)
 from skinlab.report.measured import Measured, measured_curves
 from skinlab.report.methods import assumptions, how
 from skinlab.report.page import Illustration, Section, page
+from skinlab.report.page_one import Together, fit_together, page_one
 from skinlab.report.pictures import style, to_bytes, to_data_uri
 from skinlab.report.provenance import provenance_section
 
@@ -46,9 +52,18 @@ class SessionReport:
         return measured_curves(self.session, self.identifier)
 
     @cached_property
+    def together(self) -> Together:
+        """What the comparable curves say together."""
+        return fit_together(self.session, self.identifier)
+
+    @cached_property
     def drawings(self) -> list[Drawing]:
         """All pictures, in the order in which they stand on the page."""
-        return session_drawings(self.curves) + [d for m in self.curves for d in curve_drawings(m)]
+        return [
+            *session_drawings(self.curves),
+            *posterior_drawings(self.together.answer),
+            *(d for m in self.curves for d in curve_drawings(m)),
+        ]
 
     def names(self, kind: Format) -> list[str]:
         """Return the names of the files, before anything is drawn."""
@@ -83,6 +98,7 @@ class SessionReport:
 
         with style():
             overview = tuple(illustrate(session_drawings(self.curves)))
+            posterior = tuple(illustrate(posterior_drawings(self.together.answer)))
             each = [tuple(illustrate(curve_drawings(m))) for m in self.curves]
         meta = self.session.meta
         about = [f"Subject {meta['subject']}"] if meta.get("subject") else []
@@ -93,9 +109,15 @@ class SessionReport:
         return page(
             "Skin measurement report",
             [
-                self._overview(overview),
+                page_one(
+                    self.session,
+                    self.curves,
+                    self.together,
+                    overview or (each[0][:1] if each else ()),
+                    self.more,
+                ),
+                self._overview(posterior),
                 *(curve_section(m, f) for m, f in zip(self.curves, each, strict=True)),
-                *self.more,
                 *self._methods(),
                 provenance_section(self.session, self.identifier),
             ],
@@ -112,13 +134,13 @@ class SessionReport:
 
     def _overview(self, figures: tuple[Illustration, ...]) -> Section:
         if not self.curves:
-            return Section("In short", ("The session holds no curves.",))
+            return Section("Curve by curve", ("The session holds no curves.",))
         done = sum(m.result is not None and bool(m.result.parameters) for m in self.curves)
         count = f"{len(self.curves)} curves, of which {done} with values"
         if len(self.curves) == 1:
             count = f"One curve, {'with' if done else 'without'} values"
         return Section(
-            "In short",
+            "Curve by curve",
             (
                 f"{count}. Brackets hold 90 % intervals. Read the flags before a number is used: "
                 "each curve's section says what they mean.",

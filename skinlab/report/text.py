@@ -40,6 +40,14 @@ def describe(result: Identification) -> str:
         if is_poisson(name) and true_nu is not None:
             text += f"(linear elasticity's nu: {true_nu:.3f})"
         lines.append(text.rstrip())
+    for height in result.heights:
+        if height.pressure_mbar is None:
+            lines.append(f"  {height.height_mm:g} mm {'' if height.reached else 'not '}reached")
+        else:
+            lines.append(
+                f"  {height.height_mm:g} mm needed {height.pressure_mbar:.1f} mbar "
+                f"(± {height.pressure_sd_mbar:.1f})"
+            )
     if result.error_um is not None and result.rms_um is not None:
         text = f"  E   {result.error_um:10.3g} µm   rms residual {result.rms_um:.3g} µm"
         if result.noise_um:
@@ -90,7 +98,9 @@ def explain(result: Identification, noise_um: float | None = None) -> list[str]:
     loose = [f.split(":")[1] for f in result.flags if f.startswith("not_identifiable:")]
     if loose:
         names = " and ".join(plain(name)[0] for name in loose)
-        found.append(f"These data hardly fix {names}: the interval is most of what is possible.")
+        found.append(
+            f"These data do not determine {names}: the interval is most of what is possible."
+        )
     if "misfit_above_noise" in result.flags:
         much = "clearly more than"
         if noise_um and result.rms_um:

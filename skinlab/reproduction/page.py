@@ -39,19 +39,14 @@ in `skinlab-paper.json`); evaluations of the model stand here in their place.
 def page(study: Study, parts: Sequence[Part], link: Callable[[str], str]) -> str:
     """Return the page as Markdown; `link` turns a file's name into where it is, seen from there."""
     seed = f" --seed {study.seed}" if study.seed else ""
-    said = [c for part in parts for c in part.comparisons]
-    agreed = sum(c.agrees for c in said)
+    said = [(part.title.split(":")[0], c) for part in parts for c in part.comparisons]
+    yes, no, open_ = ([one for one in said if one[1].agrees is v] for v in (True, False, None))
     blocks = [_HEAD.format(seed=seed)]
     blocks.append(
-        f"## In short\n\nOf {len(said)} statements compared, {agreed} hold here and "
-        f"{len(said) - agreed} do not:\n\n"
-        + "\n".join(
-            f"- {part.title.split(':')[0]}: {c.what}. Here: {c.ours}."
-            for part in parts
-            for c in part.comparisons
-            if not c.agrees
-        )
-        + "\n"
+        f"## In short\n\nOf {len(said)} statements compared, {len(yes)} hold here, {len(no)} do "
+        f"not, and {len(open_)} cannot be tested here: they are about real curves that nobody here "
+        "has, and what a stand-in does in their place was decided when it was made. What does not "
+        "hold:\n\n" + "\n".join(f"- {title}: {c.what}. Here: {c.ours}." for title, c in no) + "\n"
     )
     blocks += [_section(part, link) for part in parts]
     return "\n".join(blocks)
@@ -74,5 +69,6 @@ def _section(part: Part, link: Callable[[str], str]) -> str:
 
 
 def _row(c: Comparison) -> str:
-    cells = (c.what, c.paper, c.ours, "yes" if c.agrees else "**no**", c.why)
+    verdict = f"**{c.verdict}**" if c.agrees is False else c.verdict
+    cells = (c.what, c.paper, c.ours, verdict, c.why)
     return "| " + " | ".join(cells) + " |"

@@ -53,8 +53,15 @@ class Comparison:
     what: str
     paper: str
     ours: str
-    agrees: bool
-    why: str = ""  # where they differ, or agree for another reason than they seem to
+    agrees: bool | None  # None: it cannot be tested here
+    why: str = ""  # where they differ, agree for another reason than they seem to, or say nothing
+
+    @property
+    def verdict(self) -> str:
+        """In words."""
+        if self.agrees is None:
+            return "cannot be tested here"
+        return "yes" if self.agrees else "no"
 
 
 @dataclass(frozen=True)

@@ -104,11 +104,11 @@ def _figure_6(study: Study) -> Part:
         (n for n, d in enumerate(draws) if not _inside(plane, d, np.array(BLIND_TRUTH))), None
     )
     comparison = Comparison(
-        "each box is spanned by the N_b best of the one before, and closes in on the optimum",
+        "the boxes close in on the optimum",
         "Figure 6, steps 0 to 2",
-        "as described; the truth is inside all boxes shown"
+        "the truth is inside all boxes shown"
         if lost is None
-        else f"as described; but box {lost} no longer holds the truth",
+        else f"box {lost} no longer holds the truth",
         lost is None,
         ""
         if lost is None

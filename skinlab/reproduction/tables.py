@@ -3,12 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
 from skinlab.inference.problem import Options
+from skinlab.mechanics.fem.suction import solve
+from skinlab.mechanics.materials import get_law
 from skinlab.reproduction import published_values
-from skinlab.reproduction.cases import BLIND_TRUTH, RECIPE, Blind, Case, StandIn, model_mm
+from skinlab.reproduction.cases import (
+    BLIND_TRUTH,
+    PRESSURE_MBAR,
+    RECIPE,
+    SKIN,
+    Blind,
+    Case,
+    StandIn,
+)
 from skinlab.reproduction.jobs import BestAtNu, Found, Identify, Job, Results
 from skinlab.reproduction.part import Cell, Comparison, Part, Table
 from skinlab.reproduction.scatter import NAMES, Scatter, row_words
@@ -17,6 +28,8 @@ from skinlab.reproduction.study import TOLERANCE_UM, Study
 FORGETTING = (0.9, 0.99)  # λ0 in the text, and in Figure 10's caption
 COARSE_TOLERANCE_UM = 1e-2  # "for higher values … the convergence can be reached"
 VALLEY_NU = tuple(round(0.20 + 0.02 * k, 2) for k in range(15))
+
+_MADE_THERE = "the stand-in was made with Table 2's values; its valley decides"
 
 _COLUMNS = (
     "method", "cases", *NAMES, "E_um", "sd_X1_MPa", "sd_X2_MPa", "sd_nu", "iterations",
@@ -125,8 +138,8 @@ def _table_1(study: Study, results: Results) -> Part:
             "N hardly influences the results",
             "X2 0.93, 1.05, 1.01",
             "standard deviation of X2: " + _series(study.samples, [s.sd[1] for s in scatters]),
-            False,
-            "one random case each hides it: the scatter falls with N",
+            bool(scatters[0].sd[1] < 1.5 * scatters[-1].sd[1]),
+            "one random case each hides how the scatter changes with N",
         )
     )
     return Part(
@@ -164,10 +177,11 @@ def _table_2(study: Study, results: Results) -> Part:
             "STO shows the best results, whatever N",
             "E = 2 µm for each N",
             "mean E " + _series(study.samples, [s.error_um.mean() for s in scatters.values()], 3),
-            all(s.error_um.mean() < min(2.5, gn.error_um) for s in scatters.values()),
+            None,
+            "the stand-in was made with E = 2 µm at its best fit",
         ),
         *(
-            _row_comparison(n, scatters[n], row)
+            replace(_row_comparison(n, scatters[n], row), agrees=None, why=_MADE_THERE)
             for n, row in published_values.TABLE_2_STO.items()
             if n in scatters
         ),
@@ -175,14 +189,14 @@ def _table_2(study: Study, results: Results) -> Part:
             "GN ends at bounds of the space",
             "0.016, 0.1, 0.48",
             f"{', '.join(row_words(gn.parameters))} ({', '.join(gn.at_bounds()) or 'no bound'})",
-            bool(gn.at_bounds()),
+            None,
             _gauss_newton_words(redrawn),
         ),
         Comparison(
             "GN's error there is high",
             "E = 43 µm",
             f"E = {gn.error_um:.1f} µm, {gn.error_um / lowest:.1f} times the least",
-            bool(gn.error_um > 10.0 * lowest),
+            None,
             _papers_end_words(),
         ),
         Comparison(
@@ -194,8 +208,8 @@ def _table_2(study: Study, results: Results) -> Part:
                 + f" passes, E = {p.error_um:.2f} µm"
                 for f, p in zip(FORGETTING, fine, strict=True)
             ),
-            not any(p.converged for p in fine),
-            "Figure 10 shows the passes",
+            None,
+            "Figure 10 shows the passes; they hang on the curve",
         ),
         Comparison(
             "RLS settles for C = 10⁻² µm",
@@ -205,8 +219,8 @@ def _table_2(study: Study, results: Results) -> Part:
                 + ("" if p.converged else ", not settled")
                 for f, p in zip(FORGETTING, coarse, strict=True)
             ),
-            all(p.converged and abs(p.error_um - 2.1) < 0.3 for p in coarse),
-            "it settles in the valley, where E is low, not at STO's values",
+            None,
+            "it settles in the stand-in's valley, where E is low by its making",
         ),
     ]
     return Part(
@@ -343,15 +357,24 @@ def _gauss_newton_words(redrawn: list[Found]) -> str:
 
 
 def _papers_end_words() -> str:
-    """Say what our model is where the paper's Gauss-Newton ended."""
-    there = model_mm(np.array([published_values.TABLE_2_GN.parameters]))[0]
-    if np.isfinite(there).all():
-        away = 1e3 * float(np.linalg.norm(there - StandIn().measured()[1])) / len(there)
-        return f"our model, too, is {away:.0f} µm away at the paper's end; it is not where GN ends"
+    """Say what our model is where the paper's Gauss-Newton ended: direct finite elements."""
+    away = papers_end_um()
+    if not np.isfinite(away):
+        return "our finite elements crease at the paper's end before 100 mbar"
     return (
-        "our model has no value at the paper's end: so soft a skin creases at the tape's edge "
-        "before 100 mbar, and a step that leads there is halved until it does not"
+        f"at the paper's end our finite elements reach 100 mbar and are {away:.1f} µm away from "
+        "the stand-in: the 43 µm are what E is there. Whether a search ends there hangs on its "
+        "curve and its steps, and ours does not on the stand-in"
     )
+
+
+def papers_end_um() -> float:
+    """Return E of the stand-in at the paper's Gauss-Newton row, by direct finite elements."""
+    law, x = get_law(), published_values.TABLE_2_GN.parameters
+    coefficients = law.coefficients(law.named(x), "paper")
+    curve = solve(SKIN, coefficients, float(PRESSURE_MBAR[-1]))
+    left = curve(PRESSURE_MBAR) - StandIn().measured()[1]
+    return 1e3 * float(np.linalg.norm(left)) / len(left)
 
 
 def _series(samples: Iterable[int], values: Iterable[float], digits: int = 2) -> str:

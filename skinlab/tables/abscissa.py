@@ -12,13 +12,13 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import make_interp_spline
 
 from skinlab.curves.curve import FEWEST_POINTS, Curve
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import Program
 from skinlab.errors import NotTrustworthyError
 from skinlab.mechanics.fem.suction import EXTENSION_ABOVE, EXTENSION_BELOW_MBAR
+from skinlab.tables.splines import basis, inverse
 
 Array = NDArray[np.float64]
 Respond = Callable[[PressurePath, Array, Array], Array]
@@ -152,11 +152,11 @@ class _Place:
         even = np.linspace(0.0, 1.0, nodes)
         share = 0.5 - 0.5 * np.cos(np.pi * even) if denser_at_ends else even
         self.nodes = low + (high - low) * share
-        self._spline = make_interp_spline(even, np.eye(nodes), k=3)
+        self._even = even
 
     def matrix(self, at: Array) -> Array:
         """Return the matrix (u, nodes) that takes nodal values to points (u,), ends held."""
         share = np.clip((at - self._low) / (self._high - self._low), 0.0, 1.0)
         if self._cosine:
             share = np.arccos(1.0 - 2.0 * share) / np.pi
-        return np.asarray(self._spline(share))
+        return basis(self._even, share) @ inverse(len(self._even))

@@ -14,7 +14,6 @@ from typing import Literal
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import make_interp_spline
 
 from skinlab.errors import InputError
 from skinlab.mechanics.materials.compressibility import (
@@ -22,7 +21,7 @@ from skinlab.mechanics.materials.compressibility import (
     kappa_ratio,
     nu_from_ratio,
 )
-from skinlab.tables.splines import inverse, knots
+from skinlab.tables.splines import inverse, inverse_of, knots, knots_through
 
 Array = NDArray[np.float64]
 Spacing = Literal["linear", "log", "chebyshev"]
@@ -103,6 +102,12 @@ class Coordinate:
                 found = nu_from_ratio(ratio, self.stored)
         return np.where(possible, found, np.nan)
 
+    def dilatation_ratio(self, value: float) -> float | None:
+        """Return κ/(μ/2) of a value of Poisson's ratio; None of another parameter."""
+        if self.kind not in ("dilatation", "poisson"):
+            return None
+        return float(kappa_ratio(value, self.kappa))
+
     def by_parameter(self, slopes: Array, values: Array) -> Array:
         """Return derivatives (n, k) by the parameter at values (n,), from those by the coordinate.
 
@@ -133,8 +138,7 @@ class TableAxis:
         if self.degree == 3 and self._even:
             return knots(self.nodes), inverse(len(self.nodes))
         # Even degrees other than the full one would need knots of their own choice; there are none.
-        spline = make_interp_spline(self.nodes, np.eye(len(self.nodes)), k=self.degree)
-        return spline.t, spline.c
+        return knots_through(self.nodes, self.degree), inverse_of(self.nodes, self.degree)
 
     @property
     def knots(self) -> Array:

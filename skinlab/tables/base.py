@@ -25,9 +25,15 @@ class CurveModel(Protocol):
         """Where the model holds at all."""
         ...
 
-    @property
-    def error_shapes_mm(self) -> Array:
-        """Shapes (u, m), each as large as its standard deviation, in which it errs as a whole."""
+    def error_shapes_mm(self, parameters: Array) -> Array:
+        """Return shapes (u, m) in which the curve of a candidate (p,) errs as a whole.
+
+        Each is as large as its standard deviation.
+        """
+        ...
+
+    def creases(self, parameters: Array) -> NDArray[np.bool_]:
+        """Return which candidates (n,) end before the samples do, and go on all the same."""
         ...
 
     def deflection_mm(self, parameters: Array) -> Array:

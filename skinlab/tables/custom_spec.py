@@ -30,7 +30,7 @@ from skinlab.tables.evaluator import Evaluator, TensorSpline
 from skinlab.tables.extrapolate import fill_curves
 from skinlab.tables.grid_spec import TOLERANCE_MM
 from skinlab.tables.meshes import MESHES
-from skinlab.tables.svd_basis import components, least_of_corners
+from skinlab.tables.svd_basis import components
 from skinlab.tables.table import Dataset, Table
 
 Array = NDArray[np.float64]
@@ -327,14 +327,14 @@ class CustomSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         wide, turn = np.linalg.qr(operator)
         curves = table.values.reshape(-1, table.values.shape[-1]) @ turn.T
         q = components(curves)  # of samples, in an orthonormal basis
-        top = max(float(abscissa.along(pressure_mbar, time_s).max(initial=0.0)), 0.0)
+        end = float(abscissa.nodes[-1]) - 1e-6
         return Evaluator(
             self.space(table, kappa),
             axes,
             TensorSpline(axes, (curves @ q).reshape(*self.shape, -1)),
             wide @ q,
-            least_of_corners(table.holds_to),
-            min(top, float(abscissa.nodes[-1])) - 1e-6,
+            table.holds_to,
+            np.minimum(abscissa.along(pressure_mbar, time_s), end),
             errors_mm=operator @ errors.T / np.sqrt(len(errors)),
         )
 

@@ -21,12 +21,10 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from itertools import pairwise
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import BSpline
 
 from skinlab.curves.curve import Curve
 from skinlab.errors import InputError, NotTrustworthyError
@@ -49,8 +47,8 @@ from skinlab.tables.evaluator import Evaluator, TensorSpline
 from skinlab.tables.extrapolate import fill_ratios
 from skinlab.tables.grid_spec import plain_point
 from skinlab.tables.meshes import MESHES
-from skinlab.tables.splines import basis, coefficients, knots
-from skinlab.tables.svd_basis import components, least_of_corners
+from skinlab.tables.splines import TensorBSpline, basis, coefficients, knots
+from skinlab.tables.svd_basis import components
 from skinlab.tables.table import Dataset, Table
 
 Array = NDArray[np.float64]
@@ -66,19 +64,38 @@ _THICKNESS_REACH = 3.5  # standard deviations, or as far as the table goes
 _SETTINGS = StepSettings(extrapolation_error=3e-5, smallest_step_mbar=0.5, limit_mbar=20.0)
 
 THICKNESS = "thickness_over_radius"
+# κ/(μ/2) for ν to 0.499, from 0 (κ as in the paper) or 0.2 (consistent). Close together where
+# curves bend; towards incompressibility they hardly do.
+_DILATATION = (*np.geomspace(2.66, 100.2, 18).tolist(), 220.0, 1010.0)
 
 
 @dataclass(frozen=True)
 class Axis:
-    """Nodes of one coordinate, evenly spaced in its logarithm, or as `spacing` says."""
+    """Nodes of one coordinate, evenly spaced in its logarithm, or as `spacing` says.
+
+    With `values` these are the nodes, the ends among them, and the spacing is theirs.
+    """
 
     low: float
     high: float
     nodes: int
     spacing: Literal["log", "linear"] = field(default="log", repr=False)
+    values: tuple[float, ...] = field(default=(), repr=False)
+
+    @classmethod
+    def at(cls, *values: float) -> Axis:
+        """Return the axis with these nodes, in the coordinate's logarithm."""
+        return cls(values[0], values[-1], len(values), values=values)
+
+    @property
+    def stored(self) -> tuple[float, ...]:
+        """What a file says of it."""
+        return (self.low, self.high, self.nodes, *self.values)
 
     def coordinates(self) -> Array:
         """Return the nodes, in the coordinate: their logarithms."""
+        if self.values:
+            return np.log(self.values)
         if self.spacing == "linear":
             return np.linspace(self.low, self.high, self.nodes)
         return np.linspace(np.log(self.low), np.log(self.high), self.nodes)
@@ -103,8 +120,7 @@ def default_axes(law: Law) -> tuple[tuple[str, Axis], ...]:
     found = [(THICKNESS, Axis(0.125, 3.0, 18))]  # 0.5 mm under 8 mm … 3 mm under 2 mm
     for parameter, search in zip(law.parameters[1:], law.search[1:], strict=True):
         if parameter.name == law.poisson:
-            # ν of 0.2 to 0.49 in both conventions
-            axis = Axis(2.66, 100.2, 18)
+            axis = Axis.at(*_DILATATION)
         else:
             linear = search.transform == "linear"
             axis = Axis(search.low, search.high, 26, "linear" if linear else "log")
@@ -348,8 +364,8 @@ class DimensionlessSpec:
             axes,
             TensorSpline(axes, grid),
             q if wide is None else wide @ q,
-            self._cells_hold_to(table, thicknesses),
-            max(float(pressure_mbar.max(initial=0.0)), 1e-8),
+            self._hold_to(table, thicknesses),
+            pressure_mbar,
             load_mbar=1.0 / MBAR,
         )
 
@@ -381,9 +397,8 @@ class DimensionlessSpec:
         axis = self.load_coordinates()
         spline = knots(axis)
         at = np.clip(self.coordinate(load, math.exp(log_thickness)), spline[0], spline[-1])
-        design = BSpline.design_matrix(at.ravel(), spline, 3)
         flat = at_thickness.reshape(-1, len(axis))
-        log_compliance = design @ np.ascontiguousarray(flat.T)  # (scale · u, ratios)
+        log_compliance = TensorBSpline([spline], [3], flat.T)(at.reshape(-1, 1))  # (…, ratios)
         curves = np.exp(log_compliance, out=log_compliance)
         curves *= load.ravel()[:, None]
         n1, u = load.shape
@@ -413,17 +428,13 @@ class DimensionlessSpec:
         spread = basis(nodes, at) @ coefficients(np.eye(_PRESSURE_NODES), 0)
         return softest / MBAR * self.load(nodes, thickness), spread
 
-    def _cells_hold_to(self, table: Table, log_thicknesses: Array) -> Array:
-        """Return the load to which each cell (scale, ratios…[, thickness]) holds."""
+    def _hold_to(self, table: Table, log_thicknesses: Array) -> Array:
+        """Return the load to which the nodes (ratios…[, thickness]) hold."""
         nodes = self.thickness.coordinates()
-        at_nodes = []
-        for t in log_thicknesses:
-            i = int(np.clip(np.searchsorted(nodes, t, side="right") - 1, 0, len(nodes) - 2))
-            at_nodes.append(least_of_corners(table.holds_to[i : i + 2].min(axis=0)))
-        cells = at_nodes[0]
-        if len(at_nodes) > 1:
-            cells = np.stack([np.minimum(a, b) for a, b in pairwise(at_nodes)], axis=-1)
-        return np.broadcast_to(cells, (_SCALE_NODES - 1, *cells.shape))
+        limits = np.log(table.holds_to).reshape(len(nodes), -1)
+        at = np.stack([np.interp(log_thicknesses, nodes, each) for each in limits.T])
+        held = np.exp(at).reshape(*self.shape[1:], -1)
+        return held[..., 0] if len(log_thicknesses) == 1 else held
 
     def describe(self, table: Table) -> list[str]:
         """Return what is in it."""
@@ -449,11 +460,12 @@ class DimensionlessSpec:
     def _text(self) -> str:
         axes = "".join(f"{name}={axis!r}, " for name, axis in self.axis)
         linear = [name for name, axis in self.axis if axis.spacing == "linear"]
+        uneven = {name: axis.values for name, axis in self.axis if axis.values}
         return (
             f"DimensionlessSpec(law={self.law!r}, {get_law(self.law).scale}={self.scale_mpa!r}, "
             f"pressure_mbar={self.pressure_mbar!r}, {axes}load_nodes={self.load_nodes!r}, "
             f"load_scale={self.load_scale!r}, least_load={self.least_load!r}"
-            f"{f', linear={linear!r}' if linear else ''})"
+            f"{f', linear={linear!r}' if linear else ''}{f', at={uneven!r}' if uneven else ''})"
         )
 
     def head(self, table: Table) -> str:
@@ -470,7 +482,7 @@ class DimensionlessSpec:
             "load_nodes": self.load_nodes,
             "load_scale": self.load_scale,
             "least_load": self.least_load,
-            **{name: (axis.low, axis.high, axis.nodes) for name, axis in self.axis},
+            **{name: axis.stored for name, axis in self.axis},
         }
 
     def datasets(self, table: Table) -> list[Dataset]:
@@ -488,7 +500,7 @@ class DimensionlessSpec:
         attrs = file.attrs
         law = get_law(str(attrs["law"]))
         axes = tuple(
-            (name, replace(axis, low=float(at[0]), high=float(at[1]), nodes=int(at[2])))
+            (name, _stored_axis(axis, np.asarray(at, dtype=float).tolist()))
             for name, axis in default_axes(law)
             for at in [attrs[name]]
         )
@@ -510,6 +522,11 @@ class DimensionlessSpec:
             str(attrs["mesh"]),
             str(attrs["solver_version"]),
         )
+
+
+def _stored_axis(default: Axis, at: list[float]) -> Axis:
+    low, high, nodes, *values = at
+    return Axis(low, high, int(nodes), default.spacing, tuple(values))
 
 
 def _compliance(thickness_over_radius: float) -> float:

@@ -7,13 +7,17 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import NdBSpline
 
 from skinlab.parameters import Space
 from skinlab.tables.axes import TableAxis
 from skinlab.tables.misfit import Misfit, Whitening
+from skinlab.tables.model_errors import crease_shapes, locking
+from skinlab.tables.splines import TensorBSpline
 
 Array = NDArray[np.float64]
+
+CONTINUED = 1.15  # times as far as it holds, a curve goes on
+_NOTHING = 1e-300
 
 
 class Tensor(Protocol):
@@ -35,26 +39,24 @@ class TensorSpline:
         """`values` (n1, …, nd, k) are those at the nodes."""
         for d, axis in enumerate(axes):
             values = axis.coefficients(values, d)
-        self._orders = np.eye(len(axes), dtype=int)
-        self._spline = NdBSpline(
-            tuple(axis.knots for axis in axes),
-            np.ascontiguousarray(values),
-            tuple(axis.degree for axis in axes),
+        self._spline = TensorBSpline(
+            [axis.knots for axis in axes], [axis.degree for axis in axes], values
         )
 
     def __call__(self, points: Array) -> Array:
         """Return the values (n, k) at points (n, d)."""
-        return np.asarray(self._spline(points))
+        return self._spline(points)
 
     def slope(self, points: Array, d: int) -> Array:
         """Return their derivatives (n, k) by coordinate `d`."""
-        return np.asarray(self._spline(points, nu=self._orders[d]))
+        return self._spline(points, slope=d)
 
 
 class Evaluator:
     """The curves of a table at given samples, as components of an orthonormal basis.
 
-    A candidate has an answer where all corners of its cell hold as far as the samples go.
+    How far a candidate holds is interpolated between the nodes. It has an answer a little beyond
+    that too, since finer meshes end elsewhere; `error_shapes_mm` says how wrong it may be there.
     """
 
     def __init__(
@@ -64,21 +66,26 @@ class Evaluator:
         tensor: Tensor,
         basis: Array,
         holds_to: Array,
-        top: float,
+        along: Array,
         *,
         load_mbar: float | None = None,
         errors_mm: Array | None = None,
     ) -> None:
         """Prepare.
 
-        `basis` (u, k) is orthonormal, `tensor` gives components; `holds_to` is how far each cell
-        holds and `top` how far it has to: both along what the table holds its curves, or, with
-        `load_mbar`, in mbar, `holds_to` per unit of `load_mbar` times the law's scale.
+        `basis` (u, k) is orthonormal, `tensor` gives components; `holds_to` (n1, …, nd) is how
+        far each node holds and `along` (u,) where the samples are, both along what the table holds
+        its curves. With `load_mbar` the latter are in mbar, and `holds_to` (n2, …, nd), which does
+        not depend on the law's scale, is per unit of `load_mbar` times that.
         `errors_mm` (u, m) are shapes in which the curves err as a whole.
         """
         self.space = space
         self._axes, self._tensor, self._q = tuple(axes), tensor, basis
-        self._holds_to, self._top, self._load_mbar = holds_to, top, load_mbar
+        self._limit_axes = self._axes if load_mbar is None else self._axes[1:]
+        self._log_limit = np.log(np.maximum(holds_to, _NOTHING)).ravel()
+        self._limit_shape = holds_to.shape
+        self._along, self._load_mbar = along, load_mbar
+        self._top = max(float(along.max(initial=0.0)), 1e-8)
         self._errors = np.zeros((len(basis), 0)) if errors_mm is None else errors_mm
 
     def _points(self, parameters: Array) -> tuple[Array, Array]:
@@ -86,25 +93,40 @@ class Evaluator:
         points = np.empty_like(parameters, dtype=float)
         inside = np.ones(len(parameters), dtype=bool)
         scale = parameters[:, 0]
-        cells = []
         for d, axis in enumerate(self._axes):
             at = axis.coordinate(parameters[:, d], scale)
             inside &= axis.inside(at)
-            cells.append(axis.cell(at))
-            points[:, d] = np.clip(at, axis.nodes[0], axis.nodes[-1])
-        reach = self._holds_to[tuple(cells)]
+            points[:, d] = np.fmin(np.fmax(at, axis.nodes[0]), axis.nodes[-1])
+        reach = np.exp(self._log_reach(points[:, len(self._axes) - len(self._limit_axes) :]))
         if self._load_mbar is not None:
             reach = reach * scale * self._load_mbar
         return points, np.where(inside, reach, -np.inf)
+
+    def _log_reach(self, points: Array) -> Array:
+        """Return how far points (n, d) hold, as a logarithm (n,): linear between the nodes."""
+        rows = np.zeros((len(points), 1), dtype=np.intp)
+        weights = np.ones((len(points), 1))
+        for axis, at, size in zip(self._limit_axes, points.T, self._limit_shape, strict=True):
+            cell = axis.cell(at)
+            share = (at - axis.nodes[cell]) / (axis.nodes[cell + 1] - axis.nodes[cell])
+            both = np.stack([1.0 - share, share], axis=1)
+            corners = np.stack([cell, cell + 1], axis=1)
+            rows = (rows[:, :, None] * size + corners[:, None, :]).reshape(len(points), -1)
+            weights = (weights[:, :, None] * both[:, None, :]).reshape(len(points), -1)
+        return np.asarray((self._log_limit[rows] * weights).sum(axis=1))
 
     def holds_to(self, parameters: Array) -> Array:
         """Return how far (n,) candidates hold; -inf outside of the table."""
         return self._points(parameters)[1]
 
+    def creases(self, parameters: Array) -> NDArray[np.bool_]:
+        """Return which candidates (n,) end before the samples do, and go on all the same."""
+        return np.asarray(self._points(parameters)[1] < self._top)
+
     def coordinates(self, parameters: Array) -> Array:
         """Return the components (n, k) of candidates (n, p); NaN where the table does not hold."""
         points, reach = self._points(parameters)
-        inside = reach >= self._top
+        inside = reach * CONTINUED >= self._top
         if inside.all():
             return self._tensor(points)
         found = np.full((len(points), self._q.shape[1]), np.nan)
@@ -114,7 +136,7 @@ class Evaluator:
     def coordinate_slopes(self, parameters: Array) -> Array:
         """Return derivatives (n, k, p) of the components by the parameters."""
         points, reach = self._points(parameters)
-        inside = reach >= self._top
+        inside = reach * CONTINUED >= self._top
         slopes = np.full((len(points), self._q.shape[1], len(self._axes)), np.nan)
         points, values = points[inside], parameters[inside]
         # A ratio's coordinate falls as the scale, the first parameter, rises.
@@ -126,10 +148,19 @@ class Evaluator:
             slopes[inside, :, d] = axis.coordinate.by_parameter(by[d], values[:, d])
         return slopes
 
-    @property
-    def error_shapes_mm(self) -> Array:
-        """Shapes (u, m) in which it errs as a whole; none where that is less than any noise."""
-        return self._errors
+    def error_shapes_mm(self, parameters: Array) -> Array:
+        """Return shapes (u, m) in which the curve of a candidate (p,) errs as a whole.
+
+        Each is as large as its standard deviation.
+        """
+        points, reach = self._points(parameters[None])
+        deflection = self._tensor(points)[0] @ self._q.T
+        relative = crease_shapes(self._along / max(float(reach[0]), _NOTHING))
+        for axis, value in zip(self._axes, parameters, strict=True):
+            ratio = axis.coordinate.dilatation_ratio(float(value))
+            if ratio is not None:
+                relative = np.column_stack([relative, np.full(len(relative), locking(ratio))])
+        return np.hstack([self._errors, deflection[:, None] * relative])
 
     def deflection_mm(self, parameters: Array) -> Array:
         """Return the curves (n, u) of candidates (n, p); NaN where the table does not hold."""

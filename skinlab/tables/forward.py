@@ -85,9 +85,9 @@ def simulate_from(
     holds, fails = 0, 1 + (len(covered) if covered.all() else int(covered.argmin()))
     while fails - holds > 1:  # the whole first, then halves: a part holds where more of it does
         samples = fails - 1 if holds == 0 and fails > len(time_s) else (holds + fails) // 2
-        found = model(samples).deflection_mm(parameters[None])[0]
-        if np.isfinite(found).all():
-            deflection[:samples], holds = found, samples
+        there = model(samples)
+        if not there.creases(parameters[None])[0]:
+            deflection[:samples], holds = there.deflection_mm(parameters[None])[0], samples
         else:
             fails = samples
     return _as_far_as_it_holds(setup, time_s, pressure, deflection)

@@ -30,7 +30,6 @@ from skinlab.parameters import Space
 from skinlab.tables.axes import Coordinate, TableAxis
 from skinlab.tables.evaluator import Evaluator
 from skinlab.tables.lagrange import TensorLagrange, matrix
-from skinlab.tables.svd_basis import least_of_corners
 from skinlab.tables.table import Dataset, Table
 
 Array = NDArray[np.float64]
@@ -38,6 +37,7 @@ Axes = tuple[tuple[str, tuple[float, ...]], ...]
 
 TOLERANCE_MM = 1e-6  # other processors round differently; the numbers mean no more than this
 _KEPT_MM = 1e-6  # components whose part in all curves together is below 1 nm are dropped
+_FOLLOWED = 1.5  # times the last pressure
 _ITERATIONS = "newton_iterations"
 
 
@@ -113,7 +113,8 @@ class GridSpec:
         """Return one entry: its curve (p,), to which mbar it holds, Newton's iterations.
 
         Where the skin creases before the last pressure, the curve goes on along the creased branch:
-        it supports the interpolation of neighbours that hold, and is never an answer itself.
+        it supports the interpolation of neighbours that hold. Where it does not, it is followed a
+        little beyond the last pressure, so that the limit of what lies between is known too.
         """
         law = get_law(self.law)
         parameters = law.coefficients(law.named(self.parameters(entry)), self.kappa)
@@ -122,6 +123,8 @@ class GridSpec:
         if held.stopped:
             unchecked = StepSettings(limits=NO_LIMITS)
             curve = solve(self.geometry, parameters, top, law=self.law, settings=unchecked)
+        else:
+            held = solve(self.geometry, parameters, _FOLLOWED * top, law=self.law)
         deflection = curve(np.array(self.pressure_mbar))
         return np.append(deflection, [held.holds_to_mbar, curve.iterations])
 
@@ -232,8 +235,8 @@ class GridSpec:
             axes,
             TensorLagrange(self.nodes, (coordinates @ r.T).reshape(*self.shape, -1)),
             q,
-            least_of_corners(table.holds_to),
-            min(float(pressure_mbar.max(initial=0.0)), max(self.pressure_mbar)),
+            table.holds_to,
+            np.minimum(pressure_mbar, max(self.pressure_mbar)),
         )
 
     def describe(self, table: Table) -> list[str]:

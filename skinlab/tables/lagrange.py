@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import csr_array
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -66,6 +65,8 @@ class TensorLagrange:
         # does not depend on the others.
         ends = np.arange(0, weights.size + 1, weights.shape[1])
         shape = (count, len(self._values))
+        from scipy.sparse import csr_array  # slow to import
+
         matrix = csr_array((weights.ravel(), rows.ravel(), ends), shape=shape)
         return np.asarray(matrix @ self._values)
 

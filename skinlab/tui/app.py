@@ -23,33 +23,77 @@ from skinlab.acquisition.measurement_request import Order, check_limits, read_or
 from skinlab.acquisition.messages import Adopted, Connected, Disconnected, Done, Failed, Heard, News
 from skinlab.acquisition.probe_session import ProbeSession
 from skinlab.acquisition.replayer import Replayer, example_session, next_speed
-from skinlab.acquisition.settings import recall, remember
+from skinlab.acquisition.settings import recall, recall_choice, remember, remember_choice
 from skinlab.acquisition.shutdown import INTERRUPTED
 from skinlab.errors import InputError, SkinlabError
 from skinlab.io.log import log_exception
 from skinlab.recording.curve_selection import Deed
 from skinlab.recording.session_fit import comparable
-from skinlab.recording.stream import Sampled
+from skinlab.recording.stream import Identified, Sampled
+from skinlab.tui.choices import choices_for
+from skinlab.tui.goal import GOALS, distance
 from skinlab.tui.inert import InertText
 from skinlab.tui.no_color import StyledFirst
 from skinlab.tui.screens.alarm import AlarmScreen
 from skinlab.tui.screens.help import HelpScreen
 from skinlab.tui.screens.main import MainScreen
+from skinlab.tui.screens.messages import MessagesScreen
 from skinlab.tui.screens.missing import MissingScreen
 from skinlab.tui.screens.over import ConfirmScreen
+from skinlab.tui.screens.palette import Command, PaletteScreen
+from skinlab.tui.screens.pick import PickScreen
 from skinlab.tui.screens.ports import PortsScreen
 from skinlab.tui.screens.session import SessionScreen
+from skinlab.tui.screens.visits import VisitsScreen
 from skinlab.tui.screens.welcome import EXAMPLE, SIMULATED, WelcomeScreen
 from skinlab.tui.text import adoption_lines
+from skinlab.tui.themes import ORDER, OWN, WORDS, next_theme
 from skinlab.tui.typing_guard import TypingGuard, is_typing
-from skinlab.tui.ui_state import EXPLAINING, MEASURING, Board, Level, Missing, Playing, Review
+from skinlab.tui.ui_state import (
+    EXPLAINING,
+    MEASURING,
+    Aimed,
+    Board,
+    Level,
+    Missing,
+    Playing,
+    Review,
+)
 from skinlab.tui.widgets.fields import Fields
 
 if TYPE_CHECKING:
+    from skinlab.curves.curve import Curve
     from skinlab.discrepancy.next_measurement import NextMeasurement
     from skinlab.discrepancy.outcome import Outcome
+    from skinlab.studies.reference import Reference
 
-_DARK, _LIGHT = "textual-dark", "textual-light"
+_COMMANDS = (
+    Command("app.help", "Help: all keys", "?"),
+    Command("want('session')", "Session: means, joint fit, compare, notes", "s"),
+    Command("want('visits')", "Visits: search, compare, trend", "F5"),
+    Command("want('missing')", "Look for what the model misses", "d"),
+    Command("want('goal')", "Set the goal of this visit", "g"),
+    Command("want('next')", "Load the measurement that brings the goal nearer", "F7"),
+    Command("want('card')", "R0 to R9 of a step curve, or the values", "r"),
+    Command("want('rested')", "The site has rested: count loadings from 1", "F6"),
+    Command("settings", "Edit the settings", "F3"),
+    Command("want('pick')", "Choose a program by its name", "F4"),
+    Command("app.ports", "Choose a port", "F2"),
+    Command("app.messages", "Read the messages again", "w"),
+    Command("app.theme", "Other colours: dark, light, high contrast, colour-blind safe", "t"),
+    Command("app.vent", "Vent", "v"),
+    Command("app.leave", "Quit", "q"),
+)
+_TICK_S = 0.1
+_LEFT_BY_VENT = (
+    HelpScreen,
+    MessagesScreen,
+    MissingScreen,
+    PaletteScreen,
+    PickScreen,
+    PortsScreen,
+    VisitsScreen,
+)
 
 
 class SkinlabApp(App[None]):
@@ -58,7 +102,7 @@ class SkinlabApp(App[None]):
     class Said(Message):
         """News of the probe session, on their way from a thread to the screen."""
 
-        def __init__(self, news: News) -> None:
+        def __init__(self, news: News | Aimed) -> None:
             super().__init__()
             self.news = news
 
@@ -69,7 +113,7 @@ class SkinlabApp(App[None]):
     CSS_PATH = "app.tcss"
     ENABLE_COMMAND_PALETTE = False
     # Style classes from so many columns, and rows, on
-    HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (76, "-normal"), (110, "-wide")]  # noqa: RUF012
+    HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (76, "-normal"), (110, "-wide"), (140, "-widest")]  # noqa: RUF012
     VERTICAL_BREAKPOINTS = [(0, "-low"), (23, "-usual"), (34, "-tall")]  # noqa: RUF012 -- Textual's own form
     BINDINGS: ClassVar[list[BindingType]] = [
         # Each screen shows v, first of all; a terminal may hold a lone Esc back
@@ -78,6 +122,8 @@ class SkinlabApp(App[None]):
         Binding("question_mark", "help", "Help", key_display="?"),
         Binding("f1", "help", "Help", show=False, priority=True),
         Binding("t", "theme", "Theme", show=False),
+        Binding("w", "messages", "Messages", show=False),
+        Binding("ctrl+p", "palette", "Commands", show=False, priority=True),
         Binding("q", "leave", "Quit"),
         Binding("f2", "ports", "Ports", key_display="F2", priority=True),
         Binding("ctrl+q", "leave", "Quit", show=False, priority=True),
@@ -96,13 +142,20 @@ class SkinlabApp(App[None]):
         model: str | None = None,
         make_replayer: Callable[..., Replayer] = Replayer,
         clock: Callable[[], float] = time.monotonic,
+        reference: Reference | None = None,
     ) -> None:
         """Begin with a port, with the replay of a session, or (neither) by asking.
 
         Settings are kept for the next time in `settings`; None: nowhere. `model` names what
         curves are identified with; None: the base law. `clock` (s) tells typing from confirming.
+        `reference` has the usual ranges that values are shown against.
         """
         super().__init__()
+        for theme in OWN:
+            self.register_theme(theme)
+        chosen = recall_choice(settings, "theme", ORDER)
+        if chosen is not None:
+            self.theme = chosen
         self.guard = TypingGuard(clock)
         self.board = Board(port or SIMULATED)
         self._folder = folder
@@ -114,12 +167,14 @@ class SkinlabApp(App[None]):
         self.bench: ProbeSession | Replayer = make_bench(folder, self._post)
         self._make_replayer = make_replayer
         self.board.model = model
+        self.board.reference = reference
         self.failure: Exception | None = None  # a bug that ended the app
         self._queued: Order | None = None  # to be shown once its port is connected
         self._unnamed: tuple[str, str] | None = None  # visit that may do without a subject
         self._next_port: str | None = None  # to be connected once the present one is closed
         self._anew = False  # what is connected next begins another session
         self._leaving = False
+        self._clock = clock
 
     # ---- life ---------------------------------------------------------------------------------
 
@@ -130,6 +185,8 @@ class SkinlabApp(App[None]):
     def on_ready(self) -> None:
         """Connect, and load what identification needs meanwhile."""
         self._main.begin()
+        self._tick()
+        self.set_interval(_TICK_S, self._tick)
         if self._ask:
             self.push_screen(WelcomeScreen(self.board, self._ports()), self._welcomed)
         elif self._replay is not None:
@@ -137,6 +194,9 @@ class SkinlabApp(App[None]):
         else:
             self._connect(self.board.port)
         self._perform("preparing", self.bench.analysis.prepare)
+
+    def _tick(self) -> None:
+        self.board.tick(self._clock())
 
     def _welcomed(self, choice: str | None) -> None:
         if choice is None:
@@ -181,10 +241,24 @@ class SkinlabApp(App[None]):
                 (control.resume if control.paused else control.pause)()
             case "step":
                 control.step()
+            case "event":
+                control.to_next_event()
             case _:
                 control.set_speed(next_speed(control.speed, faster=what == "faster"))
         playing.paused, playing.speed = control.paused, control.speed
         self.board.touch()
+
+    def _jump(self, part: float) -> None:
+        """Go to a part of the record without waiting."""
+        replayer, playing = self.bench, self.board.playing
+        if not isinstance(replayer, Replayer) or playing is None or playing.ended:
+            return
+        ahead_s = part * playing.length_s - playing.at_s
+        if ahead_s <= 0:
+            said = "a replay goes forward only: at its end Space plays it again"
+            self.board.answer(Level.INFO, said)
+            return
+        replayer.control.jump(ahead_s)
 
     def on_unmount(self) -> None:
         """Whatever ended the app: vent, and finish the session."""
@@ -216,7 +290,7 @@ class SkinlabApp(App[None]):
 
     # ---- threads ------------------------------------------------------------------------------
 
-    def _post(self, news: News) -> None:
+    def _post(self, news: News | Aimed) -> None:
         try:
             self.post_message(self.Said(news))
         except RuntimeError:
@@ -237,6 +311,7 @@ class SkinlabApp(App[None]):
             else:
                 self._post(Done(doing))
 
+        self.board.compute(doing)
         self.run_worker(work, name=doing, group=doing, thread=True, exit_on_error=False)
 
     # ---- news ---------------------------------------------------------------------------------
@@ -261,6 +336,8 @@ class SkinlabApp(App[None]):
                 self._leave()
             case _:
                 pass
+        if isinstance(news, Heard) and any(isinstance(m, Identified) for m in news.messages):
+            self._aim()
         if self.board.alarm is not None:
             self._raise_alarm(self.board.alarm)
         if self.screen is self._main and not _only_samples(news):
@@ -303,6 +380,13 @@ class SkinlabApp(App[None]):
 
     # ---- keys ---------------------------------------------------------------------------------
 
+    async def _on_key(self, event: events.Key) -> None:
+        """Say so where a key has no meaning here: nothing took it on its way."""
+        event.prevent_default()  # the base class would do what the key does once more
+        if not await self._check_bindings(event.key):
+            name = event.character if event.is_printable and event.character else event.key
+            self.board.say(Level.INFO, f"{name}: no meaning here; ? lists the keys")
+
     async def on_event(self, event: events.Event) -> None:
         """Tell the guard of what is typed or pasted, before any key does anything."""
         pasted = isinstance(event, events.Paste)
@@ -344,7 +428,9 @@ class SkinlabApp(App[None]):
             self.screen.leave_line()
         elif isinstance(self.screen, ConfirmScreen):
             self.screen.dismiss(False)
-        elif isinstance(self.screen, HelpScreen | PortsScreen | MissingScreen):
+        elif isinstance(
+            self.screen, HelpScreen | PortsScreen | PickScreen | MissingScreen | VisitsScreen
+        ):
             self.pop_screen()
         self._main.set_focus(None)
         if self._main.is_mounted:
@@ -353,7 +439,40 @@ class SkinlabApp(App[None]):
     def action_help(self) -> None:
         """Open the help."""
         if not isinstance(self.screen, ModalScreen):
-            self.push_screen(HelpScreen(self.board))
+            self.push_screen(HelpScreen(self.board, self._keys_here()))
+
+    def _keys_here(self) -> list[tuple[str, str]]:
+        """Return the keys of a screen over the main one, with what they do."""
+        if self.screen is self._main:
+            return []
+        here: dict[str, str] = {}
+        for active in self.screen.active_bindings.values():
+            binding = active.binding
+            if active.node is self.screen and active.enabled and binding.description:
+                key = binding.key_display or self.get_key_display(binding)
+                here.setdefault(binding.description, key)
+        return [(key, what) for what, key in here.items()]
+
+    def action_palette(self) -> None:
+        """Search among all that can be done."""
+        if isinstance(self.screen, ModalScreen):
+            return
+        self.board.withdraw()
+
+        async def chosen(action: str | None) -> None:
+            if action is not None and self.screen is self._main:
+                done = await self.run_action(action, self._main)
+                if not done:
+                    self.board.answer(Level.INFO, "that means nothing at this moment")
+
+        while self.screen is not self._main:
+            self.pop_screen()
+        self.push_screen(PaletteScreen(self.board, _COMMANDS), chosen)
+
+    def action_messages(self) -> None:
+        """Show all that was said."""
+        if not isinstance(self.screen, ModalScreen):
+            self.push_screen(MessagesScreen(self.board))
 
     def action_ports(self) -> None:
         """Choose a port."""
@@ -361,8 +480,11 @@ class SkinlabApp(App[None]):
         self.push_screen(PortsScreen(self.board), self._port_chosen)
 
     def action_theme(self) -> None:
-        """Change between dark and light."""
-        self.theme = _LIGHT if self.current_theme.dark else _DARK
+        """Change the colours: dark, light, high contrast, colour-blind safe."""
+        self.theme = next_theme(self.theme)
+        remember_choice(self._settings, "theme", self.theme)
+        self.board.answer(Level.INFO, f"colours: {WORDS[self.theme]}")
+        self._main.redraw()
 
     def action_leave(self) -> None:
         """Ask whether to vent, finish the session and quit; where that was asked, press F9."""
@@ -400,14 +522,99 @@ class SkinlabApp(App[None]):
                 self._check()
             case "start" | "early" if self.board.can_arm:
                 self._confirm()
-            case "play" | "step" | "faster" | "slower":
+            case "play" | "step" | "faster" | "slower" | "event":
                 self._control(message.what)
+            case what if what.startswith("to "):
+                self._jump(int(what.removeprefix("to ")) / 10)
+            case "pick" if self.board.can_arm:
+                self._pick()
+            case "visits":
+                analysis = self.bench.analysis
+                self.push_screen(
+                    VisitsScreen(self.board, self._folder, lambda: analysis.identifier)
+                )
+            case "goal":
+                self._choose_goal()
+            case "next" if self.board.can_arm:
+                self._load_advice()
+            case "rested" if self.board.can_arm:
+                self._count_anew()
+            case "card":
+                self.board.second_card = not self.board.second_card
+                self.board.touch()
             case "session":
                 self.push_screen(SessionScreen(self.board))
             case "missing":
                 self._show_missing()
             case _:
                 pass
+
+    def _pick(self) -> None:
+        """Offer a list for the field that is typed in; without one, that of programs."""
+        self.board.withdraw()
+        focused = self._main.focused
+        field = str(focused.id) if isinstance(focused, Input) else "program"
+        choices = choices_for(field)
+        if not choices:
+            self.board.answer(Level.INFO, "lists there are for site, opening and program")
+            return
+
+        def chosen(text: str | None) -> None:
+            if text is not None:
+                self._fields.put(field, text)
+                self._fields.follow()
+
+        title = {"aperture_mm": "Opening", "site": "Site"}.get(field, "Program")
+        screen = PickScreen(self.board, title, choices, body=field == "site")
+        self.push_screen(screen, chosen)
+
+    def _choose_goal(self) -> None:
+        """Offer what a visit can aim at."""
+
+        def chosen(text: str | None) -> None:
+            if text is None:
+                return
+            self.board.goal = next((g for g in GOALS if g.words == text), None)
+            self.board.goal_is = None
+            self.board.touch()
+            self._aim()
+
+        choices = [("no goal", "no goal"), *((g.words, g.words) for g in GOALS)]
+        self.push_screen(PickScreen(self.board, "Goal of this visit", choices), chosen)
+
+    def _aim(self) -> None:
+        """Find out beside how far the visit is from its goal."""
+        board, goal = self.board, self.board.goal
+        curves = comparable(board.used)
+        if goal is None or not curves or board.playing is not None:
+            return
+        analysis = self.bench.analysis
+
+        def work() -> None:
+            self._post(Aimed(distance(goal, curves, analysis.identifier)))
+
+        self._perform("aiming", work)
+
+    def _load_advice(self) -> None:
+        """Put into the fields what would narrow the goal's interval most."""
+        found = self.board.goal_is
+        if found is None or found.following is None:
+            self.board.answer(Level.INFO, "no measurement is suggested (g sets a goal)")
+            return
+        following = found.following
+        self._fields.put("aperture_mm", f"{following.aperture_mm:g}")
+        self._fields.put("program", following.program)
+        what = f"{following.program}, {following.aperture_mm:g} mm opening"
+        self.board.answer(Level.INFO, f"loaded: {what}; F8 goes on")
+
+    def _count_anew(self) -> None:
+        """Take the next loading for a first one, because the operator says so."""
+        self.board.withdraw()
+        self._fields.put("cycle", "1")
+        counted = self.board.next_cycle
+        seen = f" (by count it would be loading {counted})" if counted > 1 else ""
+        note = f"the next curve is a first loading: fully rested, or another spot{seen}"
+        self.board.answer(Level.INFO, note)
 
     @on(Fields.Named)
     def _named(self, message: Fields.Named) -> None:
@@ -442,7 +649,17 @@ class SkinlabApp(App[None]):
             self._perform("fitting", lambda: self.bench.analysis.fit_together(curves))
         else:
             path = Path(message.path).expanduser()
-            self._perform("comparing", lambda: self.bench.analysis.compare(path, curves))
+            self._perform("comparing", lambda: self._compare(path, curves))
+
+    def _compare(self, path: Path, curves: Sequence[Curve]) -> None:
+        """Post whether the skin changed since another session; slow."""
+        from skinlab.tui.comparing import compare_with
+
+        board, names = self.board, {curve.name for curve in curves}
+        results = [e.result for e in board.entries.values() if e.curve.name in names and e.result]
+        serial = "" if board.hello is None else board.hello.serial_number
+        identifier = self.bench.analysis.identifier
+        self._post(compare_with(path, curves, results, identifier, serial))
 
     # ---- the missing effect -------------------------------------------------------------------
 
@@ -520,6 +737,8 @@ class SkinlabApp(App[None]):
             self._perform("resetting", self.bench.reset)
             return
         self._fields.follow()  # what was typed last may not have come through
+        self.board.name(self._fields.who)
+        self._fields.count(self.board.next_cycle)
         try:
             texts = self._fields.texts()
             order = read_order(texts)
@@ -569,7 +788,8 @@ class SkinlabApp(App[None]):
         goes_on = board.left is not None and order == board.asked
         if goes_on and board.left is not None:
             order = order.with_left(board.left)
-        review = Review(order, fields.texts(), goes_on, fields.assumed_thickness)
+        counted = None if goes_on else board.next_cycle
+        review = Review(order, fields.texts(), goes_on, fields.assumed_thickness, counted)
         self._main.set_focus(None)
         self.guard.hidden()
         self.board.propose(review)
@@ -626,5 +846,5 @@ class SkinlabApp(App[None]):
         self._perform("connecting", lambda: self.bench.serve(port, anew=anew))
 
 
-def _only_samples(news: News) -> bool:
+def _only_samples(news: News | Aimed) -> bool:
     return isinstance(news, Heard) and all(isinstance(m, Sampled) for m in news.messages)

@@ -65,10 +65,16 @@ def share(values: ArrayLike, low: float, high: float) -> NDArray[np.float64]:
     return (np.asarray(values, dtype=float) - low) / (span if span > 0 else 1.0)
 
 
-def interval_bar(low: float, best: float, high: float, columns: int) -> str:
-    """Return an interval as a bar; all three as shares of the width, arrows where it goes beyond.
+def interval_bar(
+    low: float,
+    best: float,
+    high: float,
+    columns: int,
+    behind: tuple[float, float] | None = None,
+) -> str:
+    """Return an interval as a bar; all as shares of the width, arrows where it goes beyond.
 
-    For example `  ├───●────┤   `.
+    `behind` is a range to compare with. For example `  ├──●──┤ ░░░ `.
     """
     if columns < 1:
         return ""
@@ -77,7 +83,10 @@ def interval_bar(low: float, best: float, high: float, columns: int) -> str:
     def cell(share: float) -> int:
         return min(max(round(share * last), 0), last)
 
-    cells = [" "] * columns
+    cells = ["·"] * columns
+    if behind is not None and behind[1] >= 0 and behind[0] <= 1:
+        first, end = cell(behind[0]), cell(behind[1])
+        cells[first : end + 1] = "░" * (end - first + 1)
     begin, end = cell(low), cell(high)
     cells[begin : end + 1] = "─" * (end - begin + 1)
     cells[begin] = "◄" if low < 0 else "├"

@@ -1,57 +1,144 @@
-"""What the missing-effect screen says and draws, as pure functions.
+"""What the missing-effect screen says and draws, as pure functions: rows of (text, style).
 
-The workflow is slow to import, and is imported where there is an outcome.
+Styles are `text`, `strong`, `quiet`, `before`, `after` and `band`. The workflow is slow to import,
+and is imported where there is an outcome.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skinlab.mechanics.names import is_effects
-from skinlab.tui.canvas import Bits, dots, level, share
+from skinlab.inference.result import Value
+from skinlab.mechanics.names import is_effects, parameter_of
+from skinlab.parameters import stem
+from skinlab.report.rounding import best_words, interval_words
+from skinlab.tui.canvas import Bits, dots, runs, share
+from skinlab.tui.curve_drawing import Run
 from skinlab.tui.plot_data import round_up
-from skinlab.tui.text import digits, name_of
+from skinlab.tui.text import digits, meaning, name_of, scaled_bar, shortened, value_scale
 
 if TYPE_CHECKING:
-    from skinlab.discrepancy.fit import Fit
     from skinlab.discrepancy.outcome import Outcome
     from skinlab.discrepancy.search import Candidate
     from skinlab.tui.ui_state import Missing
 
 _MOST = 5  # places, and candidates, that are told
 _NOISE = 2.0  # standard deviations of the band
-_VALUE = 26  # cells of a value with its interval
+_DECADES = 4.0  # of evidence, over which the bars of explanations shrink to nothing
+_PANEL = (30, 3)  # cells of a small picture: at least so wide, and rows of residuals in it
+_NAME = 22
+_BAR = 30
+
+Rows = list[list[Run]]
 
 
-def outcome_lines(outcome: Outcome) -> list[str]:
-    """Return verdict, gap, where, which, parameters before and after, and what to measure next."""
-    from skinlab.discrepancy.text import (
-        gap_words,
-        limits_words,
-        next_words,
-        verdict_words,
-        where_words,
-    )
+def plain_text(rows: Rows) -> str:
+    """Return the rows without their styles."""
+    return "\n".join("".join(text for text, _ in row) for row in rows)
 
-    lines = [verdict_words(outcome), gap_words(outcome), *next_words(outcome)]
+
+def outcome_rows(outcome: Outcome, columns: int) -> Rows:
+    """Return the whole answer: what is missing, how sure that is, pictures, values, limits."""
+    from skinlab.discrepancy.text import doubt_words, limits_words, repeats_words, where_words
+
+    rows: Rows = [[(line, "strong")] for line in repeats_words(outcome) + verdict_lines(outcome)]
+    rows += [[(line, "text")] for line in next_lines(outcome)]
+    rows += _candidate_rows(outcome)
+    rows += _share_rows(outcome)
+    rows += [[(line, "quiet")] for line in doubt_words(outcome)]
+    rows += [[], *_multiples(outcome, columns)]
+    rows += [[], *_value_rows(outcome, columns)]
     if outcome.where:
-        lines += ["", "Where the model as it is disagrees:"]
-        lines += [f"  {where_words(place)}" for place in outcome.where[:_MOST]]
-    candidates = outcome.found.candidates
-    if outcome.verdict.name != "none" and candidates:
-        lines += ["", "Which explanations were tried (log10 evidence, the best has 0):"]
-        best = candidates[0].log10_evidence
-        for c in candidates[:_MOST]:
-            fits = "explains the data" if c.adequate else "does not explain the data"
-            lines.append(f"  {_effects(c, outcome):<30}{c.log10_evidence - best:9.1f}  {fits}")
-    lines += ["", *_parameter_lines(outcome)]
-    lines += ["", *limits_words(outcome)]
+        rows += [[], [("Where the model as it is disagrees:", "quiet")]]
+        rows += [[(f"  {where_words(place)}", "quiet")] for place in outcome.where[:_MOST]]
+    rows += [[], *([(line, "quiet")] for line in limits_words(outcome))]
     if outcome.alike:
         pairs = "; ".join(f"{a} and {b}" for a, b in outcome.alike)
-        lines += ["", f"With these measurements nobody could tell apart: {pairs}."]
-    return lines
+        said = f"With these measurements nobody could tell apart: {pairs}."
+        rows += [[], [(said, "quiet")]]
+    return rows
+
+
+def verdict_lines(outcome: Outcome) -> list[str]:
+    """Return the verdict in a sentence with its doubt, the effect's size, and the gap."""
+    from skinlab.discrepancy.text import gap_words, verdict_words
+
+    lines = [f"{verdict_words(outcome)} {_doubt(outcome)}".rstrip()]
+    if outcome.verdict.explanations:
+        after = outcome.parameters(outcome.best)
+        sizes = [
+            f"{name_of_effect(name)} {size_words(name, Value(**value))}"
+            for name, value in after.items()
+            if is_effects(name)
+        ]
+        if sizes:
+            lines.append(f"Its size: {'; '.join(sizes)}.")
+    return [*lines, gap_words(outcome)]
+
+
+def _doubt(outcome: Outcome) -> str:
+    """Return how much likelier the best explanation is than the next one."""
+    candidates = outcome.found.candidates
+    if outcome.verdict.name != "named" or not candidates:
+        return ""
+    if len(candidates) == 1:
+        return f"It is {odds_words(candidates[0].log10_evidence)} likelier than none at all."
+    best, following = candidates[0], candidates[1]
+    ratio = odds_words(best.log10_evidence - following.log10_evidence)
+    return f"It is {ratio} likelier than the next, {_effects(following, outcome)}."
+
+
+def odds_words(log10_ratio: float) -> str:
+    """Return how many times, in round words."""
+    if log10_ratio > _DECADES:
+        return f"more than {10**_DECADES:,.0f} times"
+    times = 10**log10_ratio
+    if times < 10:
+        return f"{digits(times, 2)} times"
+    return f"{float(f'{times:.2g}'):,.0f} times"
+
+
+def next_lines(outcome: Outcome) -> list[str]:
+    """Return the one next step, with its key."""
+    following = outcome.next_measurement
+    if following is not None:
+        return [
+            f"Next: F7 loads {following.program} through {following.aperture_mm:g} mm, expected to "
+            f"make one explanation {odds_words(following.expected_log10_evidence)} likelier."
+        ]
+    if outcome.verdict.name == "named":
+        return ["Next: a adopts the model with it; it asks first."]
+    if outcome.verdict.name == "none":
+        return ["Next: b goes back; nothing has to be done."]
+    return ["Next: measure through another opening, or with a hold, then d looks again."]
+
+
+_SMALL = {"s": ("ms", 1e3, 0.5), "mm": ("µm", 1e3, 0.2)}  # below this, in the smaller unit
+
+
+def size_words(name: str, value: Value) -> str:
+    """Return a value with its unit and interval, in the unit that suits: 23 ms (17–28)."""
+    declared = parameter_of(name)
+    unit = "" if declared is None else declared.unit
+    largest = max(abs(value.value), abs(value.low or 0.0), abs(value.high or 0.0))
+    if unit in _SMALL and largest < _SMALL[unit][2]:
+        unit, scale, _ = _SMALL[unit]
+        ends = [None if x is None else x * scale for x in (value.low, value.high)]
+        value = Value(value.value * scale, *ends)
+    words = f"{best_words(value)}{unit and ' '}{unit}"
+    return words if value.low is None else f"{words} ({interval_words(value)})"
+
+
+def name_of_effect(name: str) -> str:
+    """Return how an effect's parameter is called in a sentence: lag."""
+    declared = parameter_of(name)
+    if declared is None:
+        return name
+    return stem(declared.name, declared.unit.replace("µ", "u").replace("/", "_per_"))
 
 
 def _effects(candidate: Candidate, outcome: Outcome) -> str:
@@ -59,46 +146,173 @@ def _effects(candidate: Candidate, outcome: Outcome) -> str:
     return " and ".join(e for e in candidate.effects if e not in own)
 
 
-def _parameter_lines(outcome: Outcome) -> list[str]:
+def _candidate_rows(outcome: Outcome) -> Rows:
+    candidates = outcome.found.candidates
+    if outcome.verdict.name == "none" or not candidates:
+        return []
+    best = candidates[0].log10_evidence
+    rows: Rows = [[], [("Explanations, by how likely they are:", "quiet")]]
+    for c in candidates[:_MOST]:
+        behind = best - c.log10_evidence
+        length = round(_BAR * max(1.0 - behind / _DECADES, 0.0))
+        odds = "the best" if c is candidates[0] else f"{odds_words(behind)} less likely"
+        fits = "" if c.adequate else ", and leaves more than noise"
+        name = shortened(_effects(c, outcome), _NAME)
+        rows.append(
+            [
+                (f" {name:<{_NAME}} ", "text"),
+                ("█" * length or "▏", "after" if c.adequate else "before"),
+                (f" {odds}{fits}", "quiet"),
+            ]
+        )
+    return rows
+
+
+def _share_rows(outcome: Outcome) -> Rows:
+    """Return what the gap is made of, as shares of its mean square."""
+    if outcome.shares is None:
+        return []
+    squares = [
+        ("░", "band", "noise", outcome.shares.noise_um**2),
+        ("▒", "before", "placement", outcome.shares.placement_um**2),
+        ("▓", "quiet", "mesh", outcome.shares.mesh_um**2),
+        ("█", "after", "the effect", outcome.shares.effect_um**2),
+    ]
+    whole = sum(square for *_, square in squares)
+    if not whole > 0:
+        return []
+    bar: list[Run] = [(" " * (_NAME + 2), "text")]
+    ends = np.cumsum([0.0, *(square for *_, square in squares)]) / whole
+    cells = np.round(ends * _BAR).astype(int)
+    for (cell, style, *_), begin, end in zip(squares, cells[:-1], cells[1:], strict=True):
+        bar.append((cell * int(end - begin), style))
+    words = ", ".join(f"{c} {what} {100 * x / whole:.0f} %" for c, _, what, x in squares)
+    return [
+        [],
+        [("What the gap is made of, by its mean square:", "quiet")],
+        [*bar, (f" {words}", "quiet")],
+    ]
+
+
+def _value_rows(outcome: Outcome, columns: int) -> Rows:
+    """Return the law's values before and after, as intervals on one scale each."""
     before = outcome.parameters(outcome.found.base)
     after = outcome.parameters(outcome.best) if outcome.verdict.explanations else {}
-    title = f"{'':<10}{'before':<{_VALUE}}{'after' if after else ''}"
-    lines = [title.rstrip()]
-    for name in sorted({**before, **after}, key=is_effects):  # the law's first
-        label = name_of(name)
-        values = f"{_value(before.get(name)):<{_VALUE}}{_value(after.get(name))}".rstrip()
-        if len(label) < 10:
-            lines.append(f"{label:<10}{values}")
-        else:
-            lines += [label, f"{'':<10}{values}"]
-    return lines
+    rows: Rows = [[("Values, with 90 % intervals:", "quiet")]]
+    for name in before:
+        if is_effects(name):
+            continue
+        pairs = [("before", before[name])] + ([("after", after[name])] if name in after else [])
+        values = [(when, Value(**found)) for when, found in pairs]
+        ends = [x for _, v in values for x in (v.low, v.high) if x is not None]
+        rows.append([(f" {name_of(name)} {meaning(name)}", "text")])
+        low, high, logarithmic = value_scale(name, ends or [values[0][1].value])
+        left, right = f"{low:g} ", f" {high:g} "
+        width = min(columns - 10 - len(left) - len(right) - 26, 2 * _BAR)
+        for when, value in values:
+            bar = ""
+            if width >= 8 and value.low is not None:
+                drawn = scaled_bar(value, low, high, width, logarithmic=logarithmic)
+                bar = f"{left}{drawn}{right}"
+            rows.append(
+                [(f"  {when:<7} ", "quiet"), (bar, when), (size_words(name, value), "text")]
+            )
+    return rows
 
 
-def _value(value: dict[str, float] | None) -> str:
-    if value is None:
-        return ""
-    low, high = digits(value["low"], 3), digits(value["high"], 3)
-    return f"{digits(value['value'], 4)} ({low}–{high})"
+# ---- small pictures ---------------------------------------------------------------------------
 
 
-def missing_lines(missing: Missing | None) -> list[str]:
+def _multiples(outcome: Outcome, columns: int) -> Rows:
+    """Return the residuals of each curve, before and after, on one scale; noise shaded."""
+    fits = [("before", outcome.found.base.fit)]
+    if outcome.verdict.explanations:
+        fits.append(("after", outcome.best.fit))
+    records = outcome.found.records
+    least, height = _PANEL
+    across = max(1, min(columns // (least + 2), len(records)))
+    width = max(columns // across - 2, 8)
+    lefts = {
+        name: [
+            1e3 * (record.curve.deflection_mm - w)
+            for record, w in zip(records, fit.deflections_mm, strict=True)
+        ]
+        for name, fit in fits
+    }
+    noise_um = [record.noise_um for record in records]
+    largest = max(float(np.abs(x).max(initial=0.0)) for some in lefts.values() for x in some)
+    most_um = round_up(1.05 * max(largest, _NOISE * max(noise_um)), least=0.1)
+    title = f"What each curve leaves, all to ±{most_um:g} µm; shaded: noise (±2 sd)"
+    rows: Rows = [[(title, "quiet")]]
+    panels = [
+        _panel(
+            f"{record.name}, {record.geometry.aperture_mm:g} mm",
+            [(name, lefts[name][i]) for name, _ in fits],
+            most_um,
+            noise_um[i],
+            width,
+            height,
+        )
+        for i, record in enumerate(records)
+    ]
+    for begin in range(0, len(panels), across):
+        for line in zip(*panels[begin : begin + across], strict=True):
+            rows.append([run for part in line for run in (*part, ("  ", "text"))])
+    return rows
+
+
+def _panel(
+    title: str,
+    residuals: Sequence[tuple[str, np.ndarray]],
+    most_um: float,
+    noise_um: float,
+    width: int,
+    height: int,
+) -> Rows:
+    rows: Rows = [[(shortened(title, width).ljust(width), "text")]]
+    for name, left_um in residuals:
+        rms = float(np.sqrt(np.mean(np.square(left_um)))) if len(left_um) else math.nan
+        caption = f"{name}: {digits(rms, 2)} µm rms"
+        rows.append([(shortened(caption, width).ljust(width), "quiet")])
+        at = (np.arange(len(left_um)) + 0.5) / max(len(left_um), 1)
+        main = dots(at, share(left_um, -most_um, most_um), width, height)
+        band = _shade(_NOISE * noise_um / most_um, width, height)
+        rows += [
+            [(text, (name, "band")[layer]) for text, layer in row] for row in runs((main, band))
+        ]
+    return rows
+
+
+def _shade(reach: float, width: int, height: int) -> Bits:
+    """Return sparse dots over all that lies within `reach` (of the half height) of zero."""
+    up = (np.arange(4 * height) + 0.5) / (4 * height)
+    up = up[np.abs(2 * up - 1) <= max(reach, 0.5 / height)]
+    across = (np.arange(0, 2 * width, 3) + 0.5) / (2 * width)
+    x, y = np.meshgrid(across, up[::2])
+    return dots(x.ravel(), y.ravel(), width, height)
+
+
+# ---- all of it --------------------------------------------------------------------------------
+
+
+def missing_rows(missing: Missing | None, columns: int) -> Rows:
     """Return all that there is to say at this moment."""
     if missing is None:
-        return ["No curve has been looked at yet: d begins."]
-    lines = [f"Looked at: {', '.join(missing.curves)}"]
+        return [[("No curve has been looked at yet: d begins.", "text")]]
+    looked: list[Run] = [(f"Looked at: {', '.join(missing.curves)}", "quiet")]
     if missing.outcome is not None:
-        lines += ["", *outcome_lines(missing.outcome)]
+        rows = outcome_rows(missing.outcome, columns)
         if missing.adopted is not None:
-            lines += ["", f"Adopted: {missing.adopted} (Ctrl+Z goes back to the model before)"]
-        return lines
+            said = f"Adopted: {missing.adopted} (Ctrl+Z goes back to the model before)"
+            rows = [[(said, "strong")], *rows]
+        return [*rows, [], looked]
     done, last = missing.stages[:-1], missing.stages[-1:]
-    lines += [f"  done: {stage}" for stage in done]
+    rows = [looked, *([(f"  done: {stage}", "quiet")] for stage in done)]
     if missing.running:
-        lines += [f"  now:  {stage} …" for stage in last or ["beginning"]]
-        lines += ["", "This can take minutes. The probe can be used meanwhile; Del gives up."]
-    else:
-        lines += ["", missing.failed or "Given up; d begins anew."]
-    return lines
+        rows += [[(f"  now:  {stage} …", "text")] for stage in last or ["beginning"]]
+        said = "This can take minutes. The probe can be used meanwhile; Del gives up."
+        return [*rows, [], [(said, "text")]]
+    return [*rows, [], [(missing.failed or "Given up; d begins anew.", "text")]]
 
 
 def hints(missing: Missing | None) -> tuple[bool, bool]:
@@ -108,44 +322,3 @@ def hints(missing: Missing | None) -> tuple[bool, bool]:
         return False, False
     named = outcome.verdict.name == "named" and missing.adopted is None
     return outcome.next_measurement is not None, named
-
-
-def residual_picture(outcome: Outcome, columns: int, rows: int) -> list[tuple[str, Bits, Bits]]:
-    """Return (caption, residuals, noise band) before and after; curves side by side, in order.
-
-    One scale for both: what the effect takes away can be seen.
-    """
-    fits = [("before", outcome.found.base.fit)]
-    if outcome.verdict.explanations:
-        fits.append(("after", outcome.best.fit))
-    records = outcome.found.records
-    noise_um = float(np.sqrt(np.mean([r.noise_um**2 for r in records])))
-    lefts = [_left_um(outcome, fit) for _, fit in fits]
-    largest = max(float(np.abs(left).max()) for left in lefts)
-    most_um = round_up(1.05 * max(largest, _NOISE * noise_um), least=0.1)
-    ends = np.cumsum([len(r.curve) for r in records])
-    at = (np.arange(ends[-1]) + 0.5) / ends[-1]
-    band = level(float(share(_NOISE * noise_um, -most_um, most_um)), columns, rows)
-    band = band | level(float(share(-_NOISE * noise_um, -most_um, most_um)), columns, rows)
-    for end in ends[:-1]:  # where one curve ends and the next begins
-        up = (np.arange(0, 4 * rows, 2) + 0.5) / max(4 * rows, 1)
-        band = band | dots(np.full(len(up), end / ends[-1]), up, columns, rows)
-    pictures = []
-    for (name, _), left in zip(fits, lefts, strict=True):
-        rms = float(np.sqrt(np.mean(left**2)))
-        caption = (
-            f"residual {name}, µm, of ±{most_um:g}: rms {digits(rms, 3)}, "
-            f"dotted: noise ±{digits(_NOISE * noise_um, 2)}"
-        )
-        pictures.append((caption, dots(at, share(left, -most_um, most_um), columns, rows), band))
-    return pictures
-
-
-def _left_um(outcome: Outcome, fit: Fit) -> np.ndarray:
-    """Return measured less fitted deflection, µm, of all samples (n,)."""
-    return np.concatenate(
-        [
-            1e3 * (record.curve.deflection_mm - w)
-            for record, w in zip(outcome.found.records, fit.deflections_mm, strict=True)
-        ]
-    )

@@ -14,6 +14,7 @@ from skinlab.tui.ui_state import Entry, Live
 
 Array = NDArray[np.float64]
 
+_BAND_POINTS = 100
 MOST_POINTS = 1500  # more than a terminal can tell apart
 _NOISE = 2.0  # standard deviations: 19 of 20 residuals lie inside the band
 _STEPS = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
@@ -47,6 +48,18 @@ def fitted(entry: Entry) -> Trace | None:
     if not there.any():
         return None
     return thin(Trace(entry.curve.pressure_mbar[there], np.asarray(result.model_mm)[there]))
+
+
+def fit_band(entry: Entry) -> tuple[Trace, ...]:
+    """Return the lines between which 19 of 20 samples of the fitted curve are expected."""
+    line = fitted(entry)
+    mbar, sd_um = noise_band(entry)
+    if line is None or not len(mbar):
+        return ()
+    order = np.argsort(line.pressure_mbar)
+    at, w = line.pressure_mbar[order], line.deflection_mm[order]
+    wide = _NOISE * 1e-3 * np.interp(at, mbar, sd_um)
+    return tuple(thin(Trace(at, w + side * wide), _BAND_POINTS) for side in (-1.0, 1.0))
 
 
 def thin(trace: Trace, most: int = MOST_POINTS) -> Trace:
@@ -105,9 +118,15 @@ def box_around(program_max_mbar: float | None, traces: list[Trace]) -> Box:
 
 def round_up(value: float, least: float) -> float:
     """Return the next round number that is not below `value` nor below `least`."""
-    value = max(value, least)
+    value = max(value, least) or 1.0
     decade = 10.0 ** math.floor(math.log10(value))
     return next(s for s in _STEPS if s * decade >= value * (1 - 1e-12)) * decade
+
+
+def round_down(value: float) -> float:
+    """Return the round number that is not above `value`, which is positive."""
+    decade = 10.0 ** math.floor(math.log10(value))
+    return max(s for s in _STEPS if s * decade <= value * (1 + 1e-12)) * decade
 
 
 def nice_ticks(low: float, high: float, most: int) -> list[float]:

@@ -10,28 +10,37 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from drivers.capabilities import READ_ONLY
-from drivers.events import (
-    Hello,
-    Sample,
-)
-from skinlab.curves.curve import Setup
-from skinlab.curves.program import Hold, Program, Ramp, Release, Segment
+from drivers.dose import Dose
+from drivers.events import Hello, Sample
+from skinlab.curves.curve import Curve, Setup
+from skinlab.curves.program import Hold, Program, Ramp, Release, Segment, Until
+from skinlab.errors import InputError
 from skinlab.inference.flags import CATALOGUE
 from skinlab.inference.result import Identification, Value
 from skinlab.mechanics.materials.base import NU_CONSISTENT
-from skinlab.mechanics.names import is_poisson, of_law, plain
+from skinlab.mechanics.names import (
+    is_logarithmic,
+    is_poisson,
+    of_law,
+    parameter_of,
+    plain,
+    unit_of,
+)
 from skinlab.quality.gates.base import Finding
+from skinlab.report.rounding import best_words, decimals, interval_words, rounded
 from skinlab.report.text import explain
+from skinlab.report.verdict import Step, Use, Verdict, judge, step_words
 from skinlab.tui.canvas import interval_bar, share
-from skinlab.tui.plot_data import noise_band
+from skinlab.tui.plot_data import noise_band, round_down, round_up
 from skinlab.tui.ui_state import Board, Entry, Live, Playing
 
 if TYPE_CHECKING:
     from skinlab.acquisition.measurement_request import Order
     from skinlab.discrepancy.outcome import Outcome
+    from skinlab.studies.reference import Range
 
 
-_LABEL = 5  # cells of a parameter's name
+_LEAST_BAR = 8  # cells; a shorter one shows nothing
 _BAR = 12  # cells of the progress bar
 _PROGRAM = 24  # cells of a program in the list
 _WHOSE = 14  # cells of subject and site in the list
@@ -49,26 +58,37 @@ def flag_words(flag: str) -> str:
     return words.format(name_of(parameter)) if "{}" in words else words
 
 
-def where_text(board: Board) -> str:
-    """Return whose visit it is, since when, and what is connected, for the header."""
+def where_text(board: Board, columns: int = 200) -> str:
+    """Return whose visit it is, its dose, the opening, since when, and what is connected.
+
+    What matters least is left out where not all of it has room.
+    """
     hello = board.hello
+    busy = f"{board.busy} …" if board.busy else ""
     if board.playing is not None:
-        if board.visit is None:
-            return f"replay of {board.port}"
-        return f"{who_text(board.visit)}  replay of {board.port}"
+        whose = "" if board.visit is None else who_text(board.visit)
+        return _fitting([busy, whose, f"replay of {board.port}"], columns, keep=2)
     who = board.who if board.elsewhere or board.visit is None else board.visit
-    since = "" if board.elsewhere or board.begun_at is None else f", since {clock(board.begun_at)}"
-    probe = board.port
+    since = "" if board.elsewhere or board.begun_at is None else f"since {clock(board.begun_at)}"
+    opening, probe = "", board.port
     if hello is not None:
-        opening = "" if hello.aperture_mm is None else f"{hello.aperture_mm:g} mm, "
-        probe = f"{opening}{hello.model}"
-    return f"{who_text(who)}{since}  {probe}{dose_text(board)}"
+        opening = "" if hello.aperture_mm is None else f"{hello.aperture_mm:g} mm"
+        probe = hello.model
+    dose = "" if board.elsewhere else dose_text(board.dose)
+    return _fitting([busy, who_text(who), dose, opening, since, probe], columns, keep=2)
 
 
-def dose_text(board: Board) -> str:
-    """Return what the site has had in this visit; nothing where it had no suction."""
-    dose = board.dose.total
-    return f"; {dose.suction_mbar_s:.0f} mbar·s in {dose.time_s:.0f} s" if dose.time_s else ""
+def _fitting(parts: Sequence[str], columns: int, *, keep: int) -> str:
+    """Return as many of the parts, in order, as have room; the first ones in any case."""
+    there = [part for part in parts if part]
+    while len(there) > keep and len("  ".join(there)) > columns:
+        there.pop()
+    return "  ".join(there)
+
+
+def dose_text(dose: Dose) -> str:
+    """Return what the site has had; nothing where it had no suction."""
+    return f"{dose.suction_mbar_s:.0f} mbar·s in {dose.time_s:.0f} s" if dose.time_s else ""
 
 
 def who_text(visit: tuple[str, str] | None) -> str:
@@ -170,8 +190,13 @@ def _progress(live: Live) -> str:
     return f"{bar} {done:.1f}/{whole:.1f} s, part {number} of {len(program.segments)}"
 
 
-def order_lines(order: Order, *, assumed_thickness: bool = False) -> list[str]:
-    """Return what will happen, for a last look before the start."""
+def order_lines(
+    order: Order, *, assumed_thickness: bool = False, counted: int | None = None
+) -> list[str]:
+    """Return what will happen, for a last look before the start.
+
+    `counted` is which loading of the site this is by what the program has seen.
+    """
     setup, program = order.setup, order.setup.program
     assumed = " (default, not measured)" if assumed_thickness else ""
     repeats = f"{order.repeats}, {order.rest_s:g} s rest between" if order.repeats > 1 else "once"
@@ -183,9 +208,15 @@ def order_lines(order: Order, *, assumed_thickness: bool = False) -> list[str]:
         f"program  {shortened(str(program), _MOST_PROGRAM)}",
         *([] if program is None else [f"         {program_words(program)}"]),
         *([] if program is None else [f"peak     {program_extent(program)}"]),
-        f"loading  {setup.cycle} of this site",
+        f"loading  {setup.cycle} of this site{_as_stated(setup.cycle, counted)}",
         f"repeats  {repeats}",
     ]
+
+
+def _as_stated(cycle: int, counted: int | None) -> str:
+    if counted is None or cycle == counted:
+        return ""
+    return f" (as you say: {counted} by count)"
 
 
 def _thickness(setup: Setup) -> str:
@@ -203,7 +234,8 @@ def settings_line(board: Board, texts: Mapping[str, str]) -> str:
         setup = shown.setup
         return f"{setup.aperture_mm:g} mm, {_thickness(setup)} of skin, {setup.program}"
     who = who_text((texts["subject"].strip(), texts["site"].strip()))
-    return f"next: {who}: {texts['aperture_mm']} mm, {texts['program']}"
+    whose = "" if (texts["subject"], texts["site"]) == board.visit else f"{who}: "
+    return f"next: {whose}{texts['aperture_mm']} mm, {texts['program']}"
 
 
 def program_extent(program: Program) -> str:
@@ -236,6 +268,8 @@ def _segment_words(segment: Segment) -> str:
     match segment:
         case Ramp(target, rate):
             return f"go to {target:g} mbar at {rate:g} mbar/s"
+        case Until(height, rate, most):
+            return f"rise at {rate:g} mbar/s until {height:g} mm, to {most:g} mbar at most"
         case Hold(duration):
             return f"hold {duration:g} s"
         case Release():
@@ -245,6 +279,85 @@ def _segment_words(segment: Segment) -> str:
 
 
 REVIEW_TITLE = "THIS WILL HAPPEN: F9 starts, Esc leaves it"
+
+
+@dataclass(frozen=True)
+class VerdictText:
+    """The answer to "can I use it, and what next?"; `use` is None where there is no curve."""
+
+    words: str
+    following: str
+    use: Use | None = None
+
+
+def verdict_text(board: Board) -> VerdictText:
+    """Return what stands above everything else on the main screen."""
+    live, entry = board.live, board.entry
+    if board.review is not None:
+        return VerdictText("Read what will happen", "F9 starts it, Esc leaves it")
+    if live is not None:
+        against = judge(None, live.findings, None, partial=False)
+        if against is not None:
+            return VerdictText(against.words, f"{against.advice}; v vents", against.use)
+        how = "end it at the instrument" if board.read_only else "v vents"
+        return VerdictText(f"Measuring curve {live.index} …", how)
+    left_s = board.rest_left_s
+    if left_s is not None:
+        so_far = "" if entry is None or entry.verdict is None else f". {entry.verdict.words}"
+        more = "" if board.left is None else f" ({board.left.repeats} to come)"
+        use = None if entry is None or entry.verdict is None else entry.verdict.use
+        return VerdictText(f"Resting: next repeat in {left_s} s{so_far}", f"v ends it{more}", use)
+    if board.doing is not None and board.playing is None and board.doing != "venting":
+        vents = "v gives up" if board.read_only else "v vents"
+        return VerdictText(f"{board.phase.capitalize()} …", vents if board.moving else "wait")
+    if board.left is not None:
+        return VerdictText("The link was lost, and is back", "F8 shows the repeat that was cut")
+    if entry is not None:
+        return _of_entry(board, entry)
+    if board.playing is not None:
+        return VerdictText("A replay", "Space pauses, . steps, + and - change the speed")
+    if board.hello is None:
+        return VerdictText("No probe is connected", "F2 chooses a port; F8 tries this one")
+    if board.elsewhere:
+        return VerdictText(f"A new visit: {who_text(board.who)}", "F8 shows what will happen")
+    return VerdictText("Ready", "F8 shows what will happen, F9 then starts it")
+
+
+def _of_entry(board: Board, entry: Entry) -> VerdictText:
+    reason = board.ledger.excluded.get(entry.index)
+    if reason is not None:
+        return VerdictText(f"Left out: {reason}", "s and Del take it in again", Use.NOT)
+    verdict = entry.verdict
+    if verdict is None:
+        return VerdictText(f"Curve {entry.index}: identifying …", "wait")
+    following = _following(board, verdict) if board.playing is None else step_words(verdict)
+    return VerdictText(verdict.words, following, verdict.use)
+
+
+def _following(board: Board, verdict: Verdict) -> str:
+    """Return the one next step, with its key."""
+    openings = {curve.setup.aperture_mm for curve in board.used if not curve.partial}
+    if verdict.use is Use.GOOD and board.goal_is is not None:
+        return board.goal_is.words
+    match verdict.step:
+        case Step.ADVICE:
+            return f"{verdict.advice}; then F8"
+        case Step.MEASURE_AGAIN:
+            return "F8 measures again"
+        case Step.CHECK_SETTINGS | Step.LOWER:
+            return "F3: check opening, thickness, program; then F8"
+        case Step.LOOK_FOR_EFFECT:
+            return "hold the probe still and repeat (F8); stays it so, d looks for why"
+        case Step.OTHER_OPENING if len(openings) > 1:
+            return "s, then j: fit the openings together"
+        case Step.OTHER_OPENING:
+            return "rest, put another opening on, F8; then s and j fit them together"
+        case Step.REST:
+            return "let the site rest; F6 says that it has rested, or is another one"
+        case Step.REPEAT_TO_CONFIRM if len(board.used) > 1:
+            return "s shows what the curves say together; F8 measures on"
+        case _:
+            return "F8 repeats it"
 
 
 @dataclass(frozen=True)
@@ -261,7 +374,9 @@ def card_text(board: Board, columns: int) -> CardText:
     live, entry, review = board.live, board.entry, board.review
     model = () if board.model is None else (f"model    {board.model}",)
     if review is not None:
-        lines = order_lines(review.order, assumed_thickness=review.assumed_thickness)
+        lines = order_lines(
+            review.order, assumed_thickness=review.assumed_thickness, counted=review.counted
+        )
         return CardText(REVIEW_TITLE, (*lines, *model))
     if live is not None:
         whose = who_text(board.visit)
@@ -280,64 +395,147 @@ def card_text(board: Board, columns: int) -> CardText:
     if entry is None:
         return CardText("result", ("F8 shows what will happen, F9 then starts it",))
     title, whose = f"curve {entry.index}  {clock(entry.at)}".rstrip(), who_text(entry.visit)
+    if board.second_card:
+        return CardText(f"{title}  R0–R9", (whose, *step_lines(entry.curve)))
     if entry.result is None:
         return CardText(title, (whose, "identifying …"), final=False)
     return CardText(
         title,
         (
             whose,
-            *result_lines(entry.result, columns),
+            *result_lines(entry.result, columns, board.ranges(entry)),
             *advice_lines(entry.result, entry.findings, sample_noise_um(entry)),
         ),
     )
 
 
-def result_lines(result: Identification, columns: int = 34) -> list[str]:
-    """Return what was identified: values, intervals in numbers and as bars, and how well it fits.
+def step_lines(curve: Curve) -> list[str]:
+    """Return the numbers that a step curve gives by the Cutometer's definitions."""
+    from skinlab.curves.cutometer import step_numbers  # not needed for what is not looked at
 
-    A bar shows a stiffness from a third of the value to three times it, and nu over its range.
+    try:
+        found = step_numbers(curve)
+    except InputError as error:
+        return ["only for step programs (mode1:P,ON,OFF):", str(error)]
+    lines = []
+    for name, number in found.numbers.items():
+        if number.value is None:
+            lines.append(f"{name:<3} -  {number.reason}")
+            continue
+        unit = "" if number.unit == "1" else f" {number.unit}"
+        scatter = ""
+        if number.sd:
+            places = decimals(0.0, 4.0 * number.sd)
+            scatter = f" ± {rounded(2.0 * number.sd, places)}"
+            lines.append(f"{name:<3} {rounded(number.value, places)}{scatter}{unit}")
+        else:
+            lines.append(f"{name:<3} {digits(number.value, 3)}{unit}")
+    return [*lines, "± is twice the noise of a reading; formulas: skinlab cutometer --help"]
+
+
+def result_lines(
+    result: Identification, columns: int = 34, ranges: Mapping[str, Range] | None = None
+) -> list[str]:
+    """Return what was identified, and how well it fits.
+
+    Of each parameter: what it is, its interval in numbers, and as a bar on a labelled scale, with
+    the range that is usual (░) behind it.
     """
     if result.error is not None:
         return ["not identified:", result.error]
     lines = []
     for name, value in (result.parameters or {}).items():
-        label, unit = plain(name)
-        if len(label) >= _LABEL:  # of an effect
-            lines.append(label)
-            label = ""
-        lines.append(
-            f"{label:<{_LABEL}}{digits(value.value, 4):<8}{unit:<5}{interval_text(value)}".rstrip()
-        )
-        bar = value_bar(name, value, columns - _LABEL)
+        loose = f"not_identifiable:{name}" in result.flags
+        lines.append(shortened(f"{name_of(name)} {meaning(name)}", columns))
+        lines.append(f" {value_words(name, value, loose=loose, columns=columns - 1)}")
+        bar = value_bar(name, value, columns - 1, (ranges or {}).get(name))
         if bar:
-            lines.append(f"{'':<{_LABEL}}{bar}".rstrip())
+            lines.append(f" {bar}")
         true_nu = result.derived.get(NU_CONSISTENT)
         if is_poisson(name) and true_nu is not None:
-            lines.append(f"{'':<5}{digits(true_nu, 4):<8}true nu")
-    if result.error_um is not None and result.rms_um is not None:
-        lines.append(f"E {digits(result.error_um, 3)} µm, rms {digits(result.rms_um, 3)} µm")
+            lines.append(f" true nu {_like(true_nu, value)}, linear elasticity")
+    if result.rms_um is not None:
+        lines.append(f"rms {digits(result.rms_um, 3)} µm")
     fitted = result.fitted_points
     lines.append(f"{fitted} of {result.points} points fitted")
     return lines
 
 
-_BAR_FACTOR = 3.0
+def meaning(name: str) -> str:
+    """Return what a parameter is, in a few words."""
+    found = parameter_of(name)
+    return name if found is None else found.meaning.partition(",")[0]
+
+
+def value_words(name: str, value: Value, *, loose: bool = False, columns: int = 80) -> str:
+    """Return interval and unit, and then the value or why there is no use in it."""
+    unit = unit_of(name)
+    interval = f"{interval_text(value) or best_words(value)}{unit and ' '}{unit}"
+    if loose:
+        long = f"{interval}, not fixed by this curve"
+        return long if len(long) <= columns else f"{interval}, not fixed"
+    if value.low is None or value.high is None:
+        return f"{interval}, no interval"
+    return f"{interval}  ({best_words(value)})"
+
+
+def _like(number: float, value: Value) -> str:
+    """Return a number with the decimals of another one."""
+    if value.low is None or value.high is None:
+        return digits(number, 3)
+    return rounded(number, decimals(value.low, value.high))
+
+
 _POISSON_RANGE = (0.2, 0.5)
+_ROOM = 2.0  # at both ends of an interval, on a scale of its own
 
 
-def value_bar(name: str, value: Value, columns: int) -> str:
-    """Return the interval as a bar, or nothing where there is none."""
+def value_scale(name: str, values: Sequence[float]) -> tuple[float, float, bool]:
+    """Return round ends of a scale for these values, and whether it is logarithmic."""
+    low, high = min(values), max(values)
+    if is_poisson(name):
+        return (*_POISSON_RANGE, False)
+    if low > 0 and is_logarithmic(name):
+        return round_down(low / _ROOM), round_up(high * _ROOM, least=0.0), True
+    room = (high - low) / _ROOM or abs(high) or 1.0
+    reach = round_up(room, least=0.0)
+    return (
+        reach * np.floor((low - 0.2 * room) / reach),
+        reach * np.ceil((high + 0.2 * room) / reach),
+        False,
+    )
+
+
+def value_bar(name: str, value: Value, columns: int, usual: Range | None = None) -> str:
+    """Return the interval as a bar between the labels of its scale; nothing where there is none."""
     if value.low is None or value.high is None:
         return ""
-    numbers = np.array([value.low, value.value, value.high])
-    if is_poisson(name):
-        at = share(numbers, *_POISSON_RANGE)
-    elif value.low > 0:
-        at = 0.5 + 0.5 * np.log(numbers / value.value) / np.log(_BAR_FACTOR)
-    else:
+    behind = None if usual is None else (usual.points[1][0], usual.points[1][-1])
+    ends = (value.low, value.high, *(behind or ()))
+    low, high, logarithmic = value_scale(name, ends)
+    left, right = f"{low:g} ", f" {high:g}"
+    width = columns - len(left) - len(right)
+    if width < _LEAST_BAR:
         return ""
-    low, best, high = (float(x) for x in at)
-    return interval_bar(low, best, high, columns)
+    return f"{left}{scaled_bar(value, low, high, width, behind, logarithmic=logarithmic)}{right}"
+
+
+def scaled_bar(
+    value: Value,
+    low: float,
+    high: float,
+    columns: int,
+    behind: tuple[float, float] | None = None,
+    *,
+    logarithmic: bool,
+) -> str:
+    """Return the interval of a value as a bar on this scale."""
+    numbers = np.array([value.low, value.value, value.high, *(behind or ())], dtype=float)
+    ends = np.array([low, high])
+    if logarithmic:
+        numbers, ends = np.log(numbers), np.log(ends)
+    at = [float(x) for x in share(numbers, *ends.tolist())]
+    return interval_bar(at[0], at[1], at[2], columns, (at[3], at[4]) if behind else None)
 
 
 _WHAT_TO_DO = {  # with the screen's own keys; the rest is the catalogue's advice
@@ -380,10 +578,8 @@ def digits(value: float, significant: int) -> str:
 
 
 def interval_text(value: Value) -> str:
-    """Return the interval, or nothing where the method gives none."""
-    if value.low is None or value.high is None:
-        return ""
-    return f"{digits(value.low, 3)}–{digits(value.high, 3)}"
+    """Return the interval, rounded to what it carries, or nothing where there is none."""
+    return "" if value.low is None or value.high is None else interval_words(value)
 
 
 def value_columns(entries: Iterable[Entry]) -> tuple[str, ...]:
@@ -397,7 +593,7 @@ def column_title(name: str) -> str:
 
 
 def row_texts(entry: Entry, names: Sequence[str] | None = None) -> tuple[str, ...]:
-    """Return the cells of the list: number, whose, when, program, cycle, parameters, E, remarks.
+    """Return the cells of the list, in the order of `ROW`, with the parameters in their place.
 
     `names` are the parameters that have a column; None: those of the curve's own law.
     """
@@ -405,14 +601,35 @@ def row_texts(entry: Entry, names: Sequence[str] | None = None) -> tuple[str, ..
     setup: Setup = entry.curve.setup
     result = entry.result
     values = (result.parameters if result is not None else None) or {}
-    numbers = [digits(values[name].value, 4) if name in values else "" for name in names]
-    error = "" if result is None or result.error_um is None else digits(result.error_um, 3)
+    loose = () if result is None else result.flags
+    numbers = [
+        f"{interval_words(values[n])}{'?' if f'not_identifiable:{n}' in loose else ''}"
+        if n in values
+        else ""
+        for n in names
+    ]
+    rms = "" if result is None or result.rms_um is None else digits(result.rms_um, 3)
     remarks = "" if result is None else ", ".join(flag_words(flag) for flag in result.flags)
     if result is not None and result.error is not None:
         remarks = "not identified"
-    program = shortened(str(setup.program))
-    whose, at = shortened(who_text(entry.visit), _WHOSE), clock(entry.at)
-    return (str(entry.index), whose, at, program, str(setup.cycle), *numbers, error, remarks)
+    verdict = entry.verdict
+    return (
+        str(entry.index),
+        shortened(who_text(entry.visit), _WHOSE),
+        clock(entry.at),
+        "" if verdict is None else _USE[verdict.use],
+        f"{setup.aperture_mm:g}",
+        str(setup.cycle),
+        *numbers,
+        shortened(str(setup.program)),
+        rms,
+        remarks,
+    )
+
+
+ROW_BEFORE = ("#", "whose", "time", "use", "mm", "load")
+ROW_AFTER = ("program", "rms µm", "remarks")
+_USE = {Use.GOOD: "good", Use.REPEAT: "repeat", Use.NOT: "no"}
 
 
 def adoption_lines(outcome: Outcome, file_stem: str) -> list[str]:
@@ -426,9 +643,10 @@ def adoption_lines(outcome: Outcome, file_stem: str) -> list[str]:
     ]
     for name, value in after.items():
         old = before.get(name)
-        was = "" if old is None else f"{digits(old['value'], 3)} → "
-        interval = f"({digits(value['low'], 3)}–{digits(value['high'], 3)})"
-        lines.append(f"  {name_of(name)} {was}{digits(value['value'], 3)} {interval}")
+        was = "" if old is None else f"{interval_words(Value(**old))} → "
+        unit = unit_of(name)
+        now = f"{interval_words(Value(**value))}{unit and ' '}{unit}"
+        lines.append(f"  {name_of(name)} {was}{now}")
     return [
         *lines,
         "Results that are there already stay as they are; the next curve begins a new session.",

@@ -7,8 +7,10 @@ from collections.abc import Callable
 QUIET_S = 1.0  # after the last letter, Space or Enter
 LOOK_S = 0.3  # for which a question must have been in view; also longer than a key's repetition
 
-CONFIRM_KEY = "f9"  # no word contains it, and every terminal since the VT220 has it
-CHECK_KEY = "f8"
+# No word contains them, and every terminal since the VT220 has them; the second of each is for a
+# left hand alone, while the right one holds the probe
+CONFIRM_KEY = "f9,ctrl+g"
+CHECK_KEY = "f8,ctrl+t"
 _TEXT_KEYS = frozenset({"enter", "space", "tab", "shift+tab", "backspace"})
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -9,7 +11,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from drivers.dose import DoseMeter
+from drivers.dose import SUCTION_MBAR, Dose, DoseMeter
 from drivers.events import (
     Alarm,
     Damaged,
@@ -43,6 +45,7 @@ from skinlab.acquisition.messages import (
 )
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.growing import GrowingCurve
+from skinlab.errors import InputError
 from skinlab.inference.result import Identification
 from skinlab.quality.gates.base import Finding
 from skinlab.recording.curve_selection import Ledger
@@ -56,9 +59,12 @@ from skinlab.recording.stream import (
     Sampled,
 )
 from skinlab.report.outage import event_note
+from skinlab.report.verdict import Verdict, judge
 
 if TYPE_CHECKING:
     from skinlab.discrepancy.outcome import Outcome
+    from skinlab.studies.reference import Range, Reference
+    from skinlab.tui.goal import Distance, Goal
 
 _S = InstrumentState
 SEARCHING = "searching"  # for a link that was lost
@@ -74,6 +80,7 @@ _DOING = {
 }
 EXPLAINING = "explaining"  # what the model misses; everything else goes on beside it
 _RATE_SAMPLES = 41
+_MOST_EARLIER = 4  # curves drawn behind the shown one
 _MOVING = frozenset({_S.ARMED, _S.RUNNING, _S.VENTING})
 
 
@@ -86,6 +93,19 @@ class Level(StrEnum):
 
 
 _RANK = {Level.INFO: 0, Level.WARNING: 1, Level.ERROR: 2}
+_LASTS_S = {Level.INFO: 12.0, Level.WARNING: 45.0, Level.ERROR: 120.0}  # on the screen
+_MOST_TOLD = 200  # messages that can be read again
+_BUSY_S = 0.3  # what takes longer is named
+_BUSY = {
+    "preparing": "loading the tables",
+    "fitting": "fitting together",
+    "comparing": "comparing",
+    "aiming": "seeing how far the goal is",
+    "adopting": "writing the model",
+    "undoing": "undoing",
+    "resetting": "clearing the fault",
+    "explaining": "looking for what is missing",
+}
 
 
 @dataclass(slots=True)
@@ -128,6 +148,11 @@ class Entry:
         """What it was measured with."""
         return self.curve.setup
 
+    @property
+    def verdict(self) -> Verdict | None:
+        """Whether it can be used; None: not known yet."""
+        return judge(self.result, self.findings, self.cut, partial=self.curve.partial)
+
 
 @dataclass(frozen=True, slots=True)
 class Review:
@@ -137,6 +162,14 @@ class Review:
     texts: Mapping[str, str]  # of the fields
     goes_on: bool = False  # with what a lost link has cut
     assumed_thickness: bool = False  # nobody typed it for this subject and site
+    counted: int | None = None  # which loading of the site it is, by what was seen
+
+
+@dataclass(frozen=True, slots=True)
+class Aimed:
+    """News: how far the visit is from its goal."""
+
+    distance: Distance
 
 
 @dataclass(slots=True)
@@ -183,12 +216,19 @@ class Board:
         self.latest_at: datetime | None = None
         self.begun_at: datetime | None = None  # the visit, in local time
         self.entries: dict[int, Entry] = {}
-        self.dose = DoseMeter()  # of the site, in this session
+        self._simulated = False
+        # Of each subject and site, in this program: a new session does not rest the skin
+        self._doses: dict[tuple[tuple[str, str] | None, bool], DoseMeter] = {}
+        self._loadings: dict[tuple[tuple[str, str], bool], int] = {}
         self.ledger = Ledger()
         self.joint: Identification | None = None  # of the curves that are used
         self.compared: list[str] = []  # with another session, in sentences
         self.missing: Missing | None = None  # what was looked for in the curves
         self.model: str | None = None  # that was adopted, by its name
+        self.second_card = False  # the Cutometer's numbers in the place of the values
+        self.reference: Reference | None = None  # to compare values with
+        self.goal: Goal | None = None  # of the visit
+        self.goal_is: Distance | None = None  # how far it is
         self.shown: int | None = None  # which entry is looked at
         self.session = 0  # counts connections: entries of another one are gone
         self.path: Path | None = None  # of this connection's session, once there is one
@@ -197,6 +237,13 @@ class Board:
         self.alarm: str | None = None
         self.note = ""
         self.level = Level.INFO
+        self.told: deque[tuple[str, Level]] = deque(
+            maxlen=_MOST_TOLD
+        )  # all notes, to be read again
+        self._noted: tuple[str, Level, float] = ("", Level.INFO, 0.0)  # with since when
+        self._busy: dict[str, float | None] = {}  # what computes beside, since when
+        self._now_s = 0.0
+        self.rest_until_s: float | None = None  # when the next repeat is due, by the same clock
         self.version = 0
 
     # ---- what may be done ---------------------------------------------------------------------
@@ -269,6 +316,39 @@ class Board:
         )
 
     @property
+    def simulated(self) -> bool:
+        """Whether what is, or was last, connected is no real skin; a replay is none either."""
+        return self.playing is not None or self._simulated
+
+    @property
+    def dose(self) -> Dose:
+        """What the site has had of this program, in all its sessions."""
+        meter = self._doses.get((self.visit, self.simulated))
+        return Dose() if meter is None else meter.total
+
+    @property
+    def next_cycle(self) -> int:
+        """Which loading of its site the next curve of whom the fields name will be."""
+        return self._loadings.get((self.who, self.simulated), 0) + 1
+
+    @property
+    def busy(self) -> str:
+        """What takes longer than one waits for unasked, in a few words; or nothing."""
+        long = [
+            what
+            for what, since_s in self._busy.items()
+            if since_s is not None and self._now_s - since_s > _BUSY_S
+        ]
+        return ", ".join(_BUSY[what] for what in long)
+
+    @property
+    def rest_left_s(self) -> int | None:
+        """Whole seconds until the next repeat; None: none is waited for."""
+        if self.rest_until_s is None or self.doing != _DOING[Phase.RESTING]:
+            return None
+        return max(0, math.ceil(self.rest_until_s - self._now_s))
+
+    @property
     def entry(self) -> Entry | None:
         """The completed curve that is looked at."""
         return None if self.shown is None or self.elsewhere else self.entries.get(self.shown)
@@ -277,6 +357,37 @@ class Board:
     def used(self) -> list[Curve]:
         """The curves that the operator did not leave out."""
         return [e.curve for i, e in self.entries.items() if i not in self.ledger.excluded]
+
+    def earlier(self, shown: Live | Entry) -> list[Entry]:
+        """Return the last used curves before this one that were measured alike."""
+        return [
+            e
+            for e in self.entries.values()
+            if e.index < shown.index
+            and e.index not in self.ledger.excluded
+            and e.visit == (self.visit if isinstance(shown, Live) else shown.visit)
+            and e.setup.aperture_mm == shown.setup.aperture_mm
+            and e.setup.program == shown.setup.program
+        ][-_MOST_EARLIER:]
+
+    def ranges(self, entry: Entry) -> dict[str, Range]:
+        """Return the usual range of each parameter that the reference has for such a curve."""
+        if self.reference is None or entry.result is None or not entry.result.parameters:
+            return {}
+        from skinlab.studies.reference import place  # slow to import
+
+        values = {name: value.value for name, value in entry.result.parameters.items()}
+        try:
+            placed = place(
+                self.reference,
+                values,
+                site=(entry.visit or ("", ""))[1],
+                aperture_mm=entry.setup.aperture_mm,
+                program=str(entry.setup.program) if entry.setup.program else None,
+            )
+        except InputError:
+            return {}  # it has nothing to compare this curve with
+        return {one.quantity: one.range for one in placed}
 
     # ---- what the operator does ---------------------------------------------------------------
 
@@ -311,11 +422,31 @@ class Board:
         """Something was changed by hand: draw it."""
         self.version += 1
 
+    def tick(self, now_s: float) -> None:
+        """Let time pass, to `now_s` by a clock that never goes back: messages end, rests run."""
+        drawn = (self.busy, self.rest_left_s)
+        self._now_s = now_s
+        self._busy = {what: now_s if s is None else s for what, s in self._busy.items()}
+        note, level, since_s = self._noted
+        if (note, level) != (self.note, self.level):
+            self._noted = (self.note, self.level, now_s)
+        elif note and now_s - since_s > _LASTS_S[level]:
+            self.note, self.level = "", Level.INFO
+            self.version += 1
+        if drawn != (self.busy, self.rest_left_s):
+            self.version += 1
+
+    def compute(self, what: str) -> None:
+        """Something began that may take long, and goes on beside."""
+        if what in _BUSY:
+            self._busy[what] = None
+
     def say(self, level: Level, note: str) -> None:
         """Say something, unless something worse is being said."""
         if _RANK[level] >= _RANK[self.level]:
-            self.note, self.level = note, level
-            self.version += 1
+            self.answer(level, note)
+        else:
+            self.told.append((note, level))
 
     def refuse(self, note: str) -> None:
         """Say why what was asked for is not done."""
@@ -323,6 +454,8 @@ class Board:
 
     def answer(self, level: Level, note: str) -> None:
         """Say what a key came to, whatever was said before."""
+        if note:
+            self.told.append((note, level))
         self.note, self.level = note, level
         self.version += 1
 
@@ -339,15 +472,18 @@ class Board:
 
     # ---- news ---------------------------------------------------------------------------------
 
-    def see(self, news: News) -> None:
+    def see(self, news: News | Aimed) -> None:
         """Take in what the probe session said."""
         self.version += 1
         self._take_in(news)
         if not self.can_arm:
             self.review = None  # what was shown is not what would happen now
 
-    def _take_in(self, news: News) -> None:
+    def _take_in(self, news: News | Aimed) -> None:
         match news:
+            case Aimed(found):
+                if found.goal == self.goal:
+                    self.goal_is = found
             case Connected(port, hello, goes_on):
                 self._connected(port, hello, goes_on=goes_on)
                 if self.playing is not None:
@@ -386,7 +522,8 @@ class Board:
             case Saved(path):
                 self.saved = path
                 self.say(Level.INFO, f"saved: {path}")
-            case Went(phase, left):
+            case Went(phase, left, rest_s):
+                self.rest_until_s = None if rest_s is None else self._now_s + rest_s
                 self._went(phase, left)
             case Over(failed, given_up):
                 self._over(failed, given_up)
@@ -395,6 +532,7 @@ class Board:
                 self.hello = self.instrument = self.live = self.series = self.left = None
             case Failed(doing, text):
                 self._done(doing)
+                self._busy.pop(doing, None)
                 if doing == MEASURING:
                     self._done(_DOING[Phase.ARMING])
                     self.series = self.left = None
@@ -403,6 +541,7 @@ class Board:
                 self.refuse(text)
             case Done(doing):
                 self._done(doing)
+                self._busy.pop(doing, None)
                 if doing == EXPLAINING and self.missing is not None:
                     self.missing.running = False  # given up, where there is no answer
 
@@ -423,17 +562,16 @@ class Board:
                 how = "end it at the instrument" if self.read_only else "v vents"
                 self.say(Level.INFO, f"suction; {how}")
             case Phase.RESTING if left is not None and not self.read_only:
-                what = f"{left.repeats} more, the next after {left.rest_s:g} s of rest; v ends it"
-                self.say(Level.INFO, what)
+                self.say(Level.INFO, f"{left.repeats} more to come; v ends them")
             case Phase.SEARCHING:
                 self.instrument = self.live = None
             case Phase.INTERRUPTED:
                 # Plainly better news than what was said before
                 again = "the link is back; F8 shows the repeat that was cut, F9 takes it again"
-                self.note, self.level = again, Level.WARNING
+                self.answer(Level.WARNING, again)
             case Phase.READY if searched:
                 again = "the link is back and the session goes on; F8 shows what comes next"
-                self.note, self.level = again, Level.WARNING
+                self.answer(Level.WARNING, again)
             case _:
                 pass
 
@@ -443,15 +581,14 @@ class Board:
             self.say(Level.WARNING, "vented: the repeats that were left are given up")
 
     def _connected(self, port: str, hello: Hello, *, goes_on: bool) -> None:
-        self.port, self.hello = port, hello
+        self.port, self.hello, self._simulated = port, hello, hello.simulated
         self.live = self.latest = self.latest_at = None
         self.damaged = 0
         if not goes_on:
             self.visit = self.path = self.shown = self.begun_at = None
             self.entries.clear()
-            self.dose = DoseMeter()
             self.ledger, self.joint, self.compared = Ledger(), None, []
-            self.missing = None
+            self.missing = self.goal_is = None
             self.session += 1
         self._done("connecting")
         if goes_on:
@@ -473,7 +610,7 @@ class Board:
                 self.begun_at = self.begun_at or at
             case Sampled(index, sample):
                 self.latest, self.latest_at = sample, at
-                self.dose.add(sample)
+                self._load(index, sample)
                 if self.live is not None and self.live.index == index:
                     self.live.last = sample
             case CurveCompleted(index, curve, cut, lost):
@@ -483,7 +620,7 @@ class Board:
                 )
                 self.live, self.shown = None, index
                 if cut is not None:
-                    self.say(Level.WARNING, f"curve {index} was cut short: {cut}")
+                    self.told.append((f"curve {index} was cut short: {cut}", Level.WARNING))
             case Identified(index, _, result):
                 self.entries[index].result = result
             case Flagged(index, finding):
@@ -491,9 +628,20 @@ class Board:
                 whose = of or self.entries.get(index)
                 if whose is not None:
                     whose.findings.append(finding)
-                self.say(Level.WARNING, f"curve {index}: {finding.sentence}; {finding.advice}")
+                # The line of the verdict says it, for as long as it holds
+                note = f"curve {index}: {finding.sentence}; {finding.advice}"
+                self.told.append((note, Level.WARNING))
             case Happened(event):
                 self._happened(event)
+
+    def _load(self, index: int, sample: Sample) -> None:
+        """Count what the site has had."""
+        key = (self.visit, self.simulated)
+        self._doses.setdefault(key, DoseMeter()).add(sample)
+        live = self.live
+        loads = sample.pressure_mbar >= SUCTION_MBAR and live is not None and live.index == index
+        if loads and live is not None and self.visit is not None:
+            self._loadings[self.visit, self.simulated] = live.setup.cycle
 
     def _happened(self, event: Event) -> None:
         match event:

@@ -265,7 +265,7 @@ def test_in_process(monkeypatch):
             return 0.05 * pressure_mbar**0.7
 
     # The finite elements are in the other tests, in a process that keeps them on one core
-    monkeypatch.setattr("sim_device.skin.make_skin", lambda skin, effects: PowerSkin())
+    monkeypatch.setattr("sim_device.skin.make_skin", lambda *_: PowerSkin())
     with Probe("sim://?seed=2&speed=20&aperture_mm=4") as probe:
         assert probe.open().aperture_mm == 4
         probe.load(PROGRAM, 100)
@@ -308,7 +308,7 @@ def test_unplugged_in_process(monkeypatch, tmp_path):
         def deflection_mm(self, *arguments):
             return 0.05 * arguments[-1] ** 0.7
 
-    monkeypatch.setattr("sim_device.skin.make_skin", lambda skin, effects: PowerSkin())
+    monkeypatch.setattr("sim_device.skin.make_skin", lambda *_: PowerSkin())
     faults = tmp_path / "FAULTS.toml"
     faults.write_text('[[fault]]\nkind = "unplug"\nat_s = 1.0\nfor_s = 5.0\n')
     url = f"sim://?seed=2&speed=10&faults={faults}"

@@ -402,6 +402,41 @@ def test_a_program_that_does_not_end(pty):
     assert 2.0 < at_s <= 2.5
 
 
+TO_A_HEIGHT = (
+    Segment(SegmentKind.UNTIL, target_mbar=100, rate_mbar_per_s=20, height_mm=0.2),
+    hold(1),
+)
+
+
+def test_a_height_that_is_passed():
+    """It reads 0.2 mm after 0.8 s, and rises on: its pressure and time would allow 5 s."""
+    reason, at_s = caught("passes the height", segments=TO_A_HEIGHT)
+    assert "passed" in reason
+    # 0.1 mm of tolerance, 0.15 s, and a sample
+    assert 1.2 < at_s <= 1.5
+
+
+def test_a_height_that_is_not_reached(simulate):
+    """The most that was allowed is never exceeded, and the program goes on and ends."""
+    simulated = simulate("--tcp", "0", speed=2)
+    high = (Segment(SegmentKind.UNTIL, target_mbar=60, rate_mbar_per_s=60, height_mm=3), hold(1))
+    with Probe(simulated.url, limits=PATIENT) as probe:
+        start(probe, high)
+        seen = []
+        until(probe, VentConfirmed, seen)
+        assert not [event for event in seen if isinstance(event, HostVented)]
+    assert 55 < max(p for _, p, _ in simulated.rows()) < 62
+
+
+def test_a_height_for_an_instrument_that_cannot():
+    """One that has not said that it can is not even asked."""
+    with (
+        pytest.raises(LocalProtocolError, match="cannot stop at a height"),
+        lying("truth", segments=TO_A_HEIGHT, start=False),
+    ):
+        pass
+
+
 def test_pressure_after_the_end():
     """It says that it vents, and pulls."""
     reason, at_s = caught("vents in words")
@@ -514,7 +549,8 @@ HAZARDS = (
     "wrong firmware", "clock jump", "disk full", "power lost",
     "program that does not end", "suction that goes on", "too high for this moment",
     "segment that cannot be", "the instrument's clock", "started by itself", "another program",
-    "suction without a pause", "too much in one visit",
+    "suction without a pause", "height that is passed", "height that is never reached",
+    "height for an instrument", "too much in one visit",
 )  # fmt: skip
 
 

@@ -28,7 +28,10 @@ LONG = "ramp:100@2"  # 50 s, of which 1 s is waited for
 class Terminal:
     """A program in a tmux of its own."""
 
-    def __init__(self, folder: Path, size: tuple[int, int], port: str, program: str) -> None:
+    def __init__(
+        self, folder: Path, size: tuple[int, int], port: str, program: str, *, colour: bool = True
+    ) -> None:
+        self._colour = {} if colour else {"NO_COLOR": "1"}
         self.sessions = folder / "sessions"
         self._settings = folder / "settings"
         kept = self._settings / "skinlab" / "ui.json"  # of the last time, as if there was one
@@ -57,6 +60,7 @@ class Terminal:
                 "LC_ALL": "C.UTF-8",
                 "SHELL": "/bin/sh",
                 "XDG_CONFIG_HOME": str(self._settings),
+                **self._colour,
             },
         )
         return done.stdout
@@ -138,8 +142,10 @@ def open_terminal(tmp_path: Path) -> Iterator[Callable[..., Terminal]]:
         size: tuple[int, int] = (80, 24),
         port: str = "sim://?seed=1&speed=10",
         program: str = "ramp:100@20",
+        *,
+        colour: bool = True,
     ) -> Terminal:
-        opened.append(Terminal(tmp_path, size, port, program))
+        opened.append(Terminal(tmp_path, size, port, program, colour=colour))
         return opened[-1]
 
     yield open_it
@@ -159,6 +165,43 @@ def test_a_measurement_by_keys(open_terminal, size):
     last = terminal.until_all("exit status 0", "session:")
     assert "Traceback" not in last
     assert terminal.session().results[0]["parameters"] is not None
+
+
+def test_three_visits_with_the_left_hand_alone_in_a_small_window_without_colour(open_terminal):
+    terminal = open_terminal((60, 20), "sim://?seed=1&speed=2", colour=False)
+    terminal.until_all("READY", "SIMULATED", "Next: F8")
+    for number, subject in enumerate(("A1", "A2", "A3"), start=1):
+        terminal.press("F3")  # goes to the program; back over the fields to the subject
+        for _ in range(8):
+            terminal.press("BTab")
+        terminal.press("C-u", *subject)
+        terminal.until(lambda screen, s=subject: s in screen)
+        terminal.press("F3", "C-t")
+        terminal.until_all("THIS WILL HAPPEN", f"subject  {subject}", "loading  1", "repeats")
+        time.sleep(QUIET_S)
+        terminal.press("C-g")
+        terminal.until_all("Good curve", f"{subject}", "Next: ", "MPa")
+        if number == 2:  # once more, and vented
+            terminal.press("C-t")
+            terminal.until_all("THIS WILL HAPPEN", "loading  2 of this site", "repeats")
+            time.sleep(QUIET_S)
+            terminal.press("C-g")
+            terminal.until(lambda screen: "Measuring curve 2" in screen)
+            terminal.press("v")
+            terminal.until_all("Repeat: it was cut short")
+    terminal.press("F5")
+    terminal.until_all("Visits in", "A2", "A1")
+    terminal.press("v")
+    terminal.until_all("Next: ", "A3")
+    terminal.press("q")
+    terminal.until_all("Quit?", "F9 yes")
+    time.sleep(QUIET_S)
+    terminal.press("C-g")
+    last = terminal.until_all("exit status 0")
+    assert "Traceback" not in last
+    sessions = [read_session(path) for path in sorted(terminal.sessions.glob("*.h5"))]
+    assert [s.meta["subject"] for s in sessions] == ["A1", "A2", "A3"]
+    assert [[c.partial for c in s.curves] for s in sessions] == [[False], [False, True], [False]]
 
 
 def test_a_terminated_program_vents_and_saves(open_terminal):

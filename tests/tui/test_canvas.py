@@ -56,9 +56,10 @@ def test_cells_of_one_colour_come_together_and_the_first_layer_is_on_top():
 
 
 def test_bars():
-    assert interval_bar(0.25, 0.5, 0.75, 9) == "  ├─●─┤  "
+    assert interval_bar(0.25, 0.5, 0.75, 9) == "··├─●─┤··"
     assert interval_bar(-1, 0.5, 2, 9) == "◄───●───►"
-    assert interval_bar(0.5, 0.5, 0.5, 9) == "    ●    "
+    assert interval_bar(0.5, 0.5, 0.5, 9) == "····●····"
+    assert interval_bar(0, 0.25, 0.5, 9, (0.5, 1)) == "├─●─┤░░░░"
     assert interval_bar(0, 0, 1, 0) == ""
 
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import re
 import threading
 from dataclasses import replace
 from functools import partial
 
-import numpy as np
 import pytest
 from explained import UP, UP_AND_DOWN, campaign
 from textual.widgets import Input
@@ -17,10 +17,18 @@ from skinlab.acquisition.probe_session import ProbeSession
 from skinlab.discrepancy.next_measurement import NextMeasurement
 from skinlab.discrepancy.verdict import Verdict
 from skinlab.errors import InputError, SkinlabError
+from skinlab.inference.result import Value
 from skinlab.mechanics.model_file import BASE, read_model
 from skinlab.recording.audit import entries
 from skinlab.recording.session import read_session
-from skinlab.tui.missing import hints, missing_lines, outcome_lines, residual_picture
+from skinlab.tui.missing import (
+    hints,
+    missing_rows,
+    odds_words,
+    outcome_rows,
+    plain_text,
+    size_words,
+)
 from skinlab.tui.screens.main import MainScreen
 from skinlab.tui.screens.missing import MissingScreen
 from skinlab.tui.screens.over import ConfirmScreen
@@ -98,7 +106,6 @@ async def test_the_search_blocks_nothing_and_the_next_measurement_is_one_key_awa
         await bed.until(lambda: isinstance(bed.app.screen, MissingScreen))
         await bed.until(lambda: "tied" in bed.text("#missing-text"))
         assert len(search.asked) == 1  # shown, not looked for again
-        await bed.until(lambda: bed.app.screen.query_one("#missing-picture").display)
         await bed.press("f7")
         await bed.until(lambda: isinstance(bed.app.screen, MainScreen))
         values = {str(f.id): f.value for f in bed.app.screen.query(Input)}
@@ -213,43 +220,77 @@ async def test_a_search_that_fails_is_a_sentence(bedside):
 # ---- words and picture ----------------------------------------------------------------------
 
 
+def words(missing):
+    return plain_text(missing_rows(missing, 80))
+
+
 def test_an_outcome_in_words(named, ambiguous):
-    text = "\n".join(outcome_lines(named))
-    for words in ("Missing: deflection_offset", "Gap", "before", "after", "× noise", "X1", "nu"):
-        assert words in text
+    text = plain_text(outcome_rows(named, 80))
+    for part in ("Missing: deflection_offset", "Gap", "before", "after", "× noise", "X1", "nu"):
+        assert part in text
+    assert "times likelier than " in text  # the doubt
+    assert "offset 30" in text or "offset 29" in text or "offset 31" in text
+    assert " µm (" in text  # a unit with every size
     assert "curve 1, load" in text  # where
-    assert "explains the data" in text  # which
-    assert "To tell them apart, measure" in "\n".join(outcome_lines(ambiguous))
+    assert "Next: a adopts" in text
+    assert "log10" not in text
+    assert "Next: F7 loads ramp:300@60,ramp:0@60" in plain_text(outcome_rows(ambiguous, 80))
+
+
+def test_sizes_have_the_unit_that_suits_and_odds_are_round():
+    assert size_words("pressure_lag.lag_s", Value(0.02313, 0.0174, 0.0281)) == "23 ms (17–28)"
+    assert size_words("pressure_lag.lag_s", Value(0.7, 0.61, 0.82)) == "0.70 s (0.61–0.82)"
+    assert size_words("tape_slip.slip_mm", Value(0.15, 0.12, 0.17)) == "150 µm (120–170)"
+    assert size_words("natural_tension.stretch", Value(1.024, 1.022, 1.026)) == (
+        "1.0240 (1.0220–1.0260)"
+    )
+    assert odds_words(1.3) == "20 times"
+    assert odds_words(9.0) == "more than 10,000 times"
+
+
+def test_shares_of_the_gap_sum_up_and_bars_are_drawn(named):
+    shown = plain_text(outcome_rows(named, 80))
+    assert "█" in shown
+    found = {
+        what: int(percent)
+        for what, percent in re.findall(
+            "[░▒▓█] (noise|placement|mesh|the effect) ([0-9]+) %", shown
+        )
+    }
+    assert sum(found.values()) == pytest.approx(100, abs=2)
+    assert found["the effect"] > 90  # the offset is all that was hidden
 
 
 def test_what_is_known_is_said_at_every_moment(named, tmp_path):
-    assert "d begins" in missing_lines(None)[0]
+    assert "d begins" in words(None)
     missing = Missing(("curve 1",))
     assert hints(missing) == (False, False)
     missing.stages += ["one", "two"]
-    assert "  done: one" in missing_lines(missing)
-    assert any("two …" in line for line in missing_lines(missing))
+    assert "  done: one" in words(missing)
+    assert "two …" in words(missing)
     missing.running = False
-    assert "Given up" in missing_lines(missing)[-1]
+    assert "Given up" in words(missing)
     missing.outcome = named
     assert hints(missing) == (False, True)
     missing.adopted = tmp_path
     assert hints(missing) == (False, False)
-    assert str(tmp_path) in missing_lines(missing)[-1]
+    assert words(missing).startswith(f"Adopted: {tmp_path}")
 
 
-def test_the_picture_has_one_scale_before_and_after(named):
-    before, after = residual_picture(named, 40, 4)
-    assert "residual before" in before[0]
-    assert "residual after" in after[0]
-    assert before[1].shape == after[1].shape == (4, 40)
-
-    def height(bits):
-        return np.flatnonzero(bits.any(axis=1))
-
-    assert len(height(after[1])) < len(height(before[1]))
-    assert (before[2] == after[2]).all()
-    assert residual_picture(named, 0, 0)[0][1].size == 0
+@pytest.mark.parametrize("columns", [58, 80, 160])
+def test_each_curve_has_its_picture_before_and_after_on_one_scale(named, columns):
+    rows = outcome_rows(named, columns)
+    text = plain_text(rows)
+    assert "curve 1, 6 mm" in text
+    assert "before: " in text
+    assert "after: " in text
+    dots = {name: [t for row in rows for t, style in row if style == name] for name in
+            ("before", "after")}  # fmt: skip
+    # Before, dots go up to the offset; after, they are within the band
+    assert sum(map(len, dots["before"])) > 0
+    pictures = [row for row in rows if any("⠀" < c <= "⣿" for t, _ in row for c in t)]
+    assert pictures
+    assert all(sum(len(t) for t, _ in row) <= columns for row in pictures)
 
 
 # ---- the model ------------------------------------------------------------------------------

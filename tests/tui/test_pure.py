@@ -17,6 +17,8 @@ from skinlab.errors import InputError
 from skinlab.inference.result import Identification, Value
 from skinlab.recording.recorder import new_session_path
 from skinlab.recording.stream import CurveCompleted, CurveStarted, Happened, Identified, Sampled
+from skinlab.report.rounding import interval_words
+from skinlab.studies.reference import Range
 from skinlab.tui.plot_data import (
     Trace,
     box_around,
@@ -94,13 +96,34 @@ def test_what_has_no_complaint_makes_an_order_and_the_other_way_round(text):
 
 def test_a_result_in_words():
     lines = result_lines(result())
-    assert lines[0] == "X1   0.02500 MPa  0.0210–0.0300"
-    assert lines[1].strip() == "├─●─┤"
-    assert lines[2] == "X2   2.900   MPa"  # no interval: nothing is said
-    assert lines[3] == "nu   0.2800       0.210–0.460"
-    assert lines[5] == "     0.3240  true nu"
-    assert "E 0.420 µm, rms 3.00 µm" in lines
+    assert lines[:2] == ["X1 stiffness at small stretch", " 0.021–0.030 MPa  (0.025)"]
+    assert lines[2].split()[0] == "0.01"  # the scale is labelled at both ends
+    assert "├─●─┤" in lines[2]
+    assert lines[4] == " 2.90 MPa, no interval"
+    assert lines[6] == " 0.21–0.46, not fixed"  # no number stands over what no data fix
+    assert lines[8] == " true nu 0.32, linear elasticity"
+    assert "rms 3.00 µm" in lines
     assert all(len(line) <= 34 for line in lines)  # the panel at 80 columns
+    wide = result_lines(result(), 60)
+    assert " 0.21–0.46, not fixed by this curve" in wide
+
+
+def test_the_usual_range_stands_behind_the_bar():
+    usual = Range(
+        quantity="X1_MPa", site="arm", aperture_mm=6.0, program="ramp:100@20",
+        percentiles={"5": 0.04, "95": 0.08}, n=40,
+    )  # fmt: skip
+    (bar,) = [b for b in result_lines(result(), 40, {"X1_MPa": usual}) if "░" in b]
+    assert bar.index("┤") < bar.index("░")  # below what is usual
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "text"),
+    [(1.034, 3.317, "1.0–3.3"), (0.02213, 0.02664, "0.0221–0.0266"), (0.2, 0.378, "0.20–0.38"),
+     (123.4, 987.0, "100–1000"), (1.0, 1.0, "1.00–1.00")],
+)  # fmt: skip
+def test_a_number_has_the_digits_that_its_interval_carries(low, high, text):
+    assert interval_words(Value((low + high) / 2, low, high)) == text
 
 
 def test_no_result_says_why():
@@ -110,11 +133,13 @@ def test_no_result_says_why():
 
 def test_rows_of_the_list():
     entry = Entry(1, curve(), None, 0)
-    assert row_texts(entry) == ("1", "no subject", "", "ramp:100@20", "1", "", "", "", "", "")
+    empty = ("1", "no subject", "", "", "6", "1", "", "", "", "ramp:100@20", "", "")
+    assert row_texts(entry) == empty
     entry.visit, entry.at = ("P07", "forearm"), datetime(2026, 1, 2, 14, 32)
     assert row_texts(entry)[1:3] == ("P07, forearm", "14:32")
     entry.result = result()
-    assert row_texts(entry)[5:9] == ("0.02500", "2.900", "0.2800", "0.420")
+    assert row_texts(entry)[6:9] == ("0.021–0.030", "2.90", "0.21–0.46?")
+    assert row_texts(entry)[3] == "good"
 
 
 def test_unknown_flags_are_readable():

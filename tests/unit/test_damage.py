@@ -127,6 +127,7 @@ def test_deep_brackets_in_toml_are_a_sentence(tmp_path, capfd):
         refused(capfd, "database", "build", "--spec", deep, "--out", tmp_path / "d.h5")
         with pytest.raises(ValueError, match=r"deep\.toml"):
             load_skin_file(deep)
+        refused(capfd, "capture", "--port", "x", "--dialect", deep, "--out", tmp_path / "c.jsonl")
 
 
 def test_a_zero_character_in_a_campaigns_path(tmp_path, capfd):

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+from datetime import datetime
 
 import pytest
 
 from drivers.dose import Dose
 from skinlab.cli.main import run as skinlab
-from skinlab.recording.dose import dose_of
+from skinlab.recording.audit import entries
+from skinlab.recording.dose import dose_before, dose_of
 from skinlab.recording.session import read_session
 from skinlab.tui.text import where_text
 from skinlab.tui.ui_state import Board
@@ -62,11 +64,44 @@ def test_refused_before_any_suction(tmp_path, capsys, limit, said):
     assert not list(tmp_path.iterdir())
 
 
-def test_the_header_says_it():
+def test_the_header_says_it(monkeypatch):
     from drivers.events import Hello
 
     board = Board("port")
     board.hello = Hello("reference", 1, "rig", "1.0", "7", 6.0, 500, 60, 1, 1000, False)
-    before = where_text(board)
-    board.dose.total = Dose(1234.4, 25.2)
-    assert where_text(board) == f"{before}; 1234 mbar·s in 25 s"
+    assert "mbar·s" not in where_text(board)
+    monkeypatch.setattr(Board, "dose", Dose(1234.4, 25.2))
+    assert "1234 mbar·s in 25 s" in where_text(board)
+
+
+def test_another_session_of_the_same_site_goes_on(tmp_path, capsys):
+    who = ["--subject", "P-7", "--site", "forearm"]
+    assert measure(tmp_path / "a.h5", *who) == 0
+    assert "before" not in capsys.readouterr().err
+    assert measure(tmp_path / "b.h5", *who, "--json") == 0
+    said = capsys.readouterr()
+    assert "the site had 12" in said.err
+    # A session says what was measured in it; the limit counts what came before it
+    assert json.loads(said.out)["dose"]["suction_mbar_s"] == pytest.approx(125, rel=0.05)
+    carried = [e for e in entries(read_session(tmp_path / "b.h5").records) if "carried" in e.what]
+    assert carried[0].detail["sessions"] == ["a.h5"]
+    assert measure(tmp_path / "c.h5", *who, "--dose-limit-mbar-s", "300") == 3
+    assert "mbar·s that the site had" in capsys.readouterr().err
+    assert not (tmp_path / "c.h5").exists()
+    elsewhere = ["--subject", "P-7", "--site", "cheek", "--dose-limit-mbar-s", "130"]
+    assert measure(tmp_path / "c.h5", *elsewhere) == 0
+
+
+@pytest.mark.parametrize(
+    ("subject", "site", "later_h", "simulated", "counts"),
+    [("P-7", "forearm", 11, True, True), ("P-7", "forearm", 13, True, False),
+     ("P-7", "forearm", 1, False, False), ("P-8", "forearm", 1, True, False),
+     ("", "forearm", 1, True, False), ("P-7", "", 1, True, False)],
+)  # fmt: skip
+def test_what_belongs_to_one_visit(tmp_path, subject, site, later_h, simulated, counts):
+    measure(tmp_path / "a.h5", "--subject", "P-7", "--site", "forearm")
+    (tmp_path / "b.h5").write_text("no session")
+    begun = datetime.fromisoformat(read_session(tmp_path / "a.h5").meta["created_utc"])
+    now_s = begun.timestamp() + 3600 * later_h
+    found, names = dose_before(tmp_path, subject, site, now_s, simulated=simulated)
+    assert (found.suction_mbar_s > 100) == (names == ["a.h5"]) == counts

@@ -104,21 +104,25 @@ def watch(
     trouble: Callable[[str], None],
     clock: Callable[[], float],
     sleep: Callable[[float], None],
+    check: Callable[[], None],
     poll_s: float = 0.5,
 ) -> None:
-    """Take files for ever; an interrupt ends it, and `watcher.save` is then the caller's.
+    """Take files until `check` raises, which is called between two files and two looks.
 
     `tell` gets each file's outcome, `trouble` a sentence where the session could not be written,
-    which the next file tries again.
+    which the next file tries again. At the end `watcher.save` is the caller's.
 
     Raises:
         InputError: the folder is gone.
+        KeyboardInterrupt: of `check`; the file in hand is identified and kept.
     """
     while True:
+        check()
         for arrival in folder.poll(clock()):
             tell(watcher.take(arrival))
             try:
                 watcher.save()
             except InputError as error:
                 trouble(str(error))
+            check()
         sleep(poll_s)

@@ -42,8 +42,12 @@ def table_from_workbook(data: bytes, answers: Answers) -> tuple[Table, str]:
 
 
 def _sheets(data: bytes) -> dict[str, list[Line]]:
-    import openpyxl
-
+    try:
+        import openpyxl
+    except ImportError:
+        raise InputError(
+            ".xlsx needs openpyxl, which is not installed: pip install 'skinlab[excel]'"
+        ) from None
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of styles and extensions: they do not concern us

@@ -76,6 +76,11 @@ class Part:
     spread: float = 1.0  # by which `stretch` is to be multiplied for the information to be right
     again: Callable[[Array], Part] | None = None  # a scale mixture, given other `white_square`
 
+    @property
+    def is_process(self) -> bool:
+        """Whether it is a process in time: a combination can have one of these at most."""
+        return self.terms([p.median for p in self.parameters]).ou is not None
+
 
 @dataclass(frozen=True, eq=False)
 class Look:
@@ -88,8 +93,11 @@ class Look:
     slopes: Array  # (u, k) of the model by unknowns, which absorb a part of any error
     noise_um: float | None  # as stated
     pressure_sd_mbar: Array  # (u,) of the readings
+    pressure_error_mm: Array  # (u,) root mean square of what these do to the deflections
     placement_scatter: float | None = 0.0
     """Standard deviation of log stiffness between placements; None: to be learned, 0: none."""
+    thickness_error_mm: Array | None = None
+    """(u,) deflection that one standard deviation of a placement's own thickness makes."""
     white_square: Array | None = None
     """(u,) expected squares of the white parts of the errors, in their own variances, by the best
     combination so far: what models of heavy tails look at."""

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from scipy.special import digamma, gammaln
 
 from skinlab.inference.error_models.base import Array, Look, Part, Terms
 
@@ -73,9 +72,15 @@ def bound(square: Array, freedom: float) -> Array:
     """
     a, b = 0.5 * (freedom + 1.0), 0.5 * (freedom + square)
     a0 = b0 = 0.5 * freedom
+    from scipy.special import digamma  # slow to import
+
     mean_log = digamma(a) - np.log(b)
     apart = (
-        (a - a0) * digamma(a) - gammaln(a) + gammaln(a0) + a0 * np.log(b / b0) + a * (b0 - b) / b
+        (a - a0) * digamma(a)
+        - math.lgamma(a)
+        + math.lgamma(a0)
+        + a0 * np.log(b / b0)
+        + a * (b0 - b) / b
     )
     return np.asarray(0.5 * (mean_log - np.log(a / b)) - apart)
 

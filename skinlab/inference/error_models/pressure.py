@@ -25,7 +25,7 @@ class Pressure:
         typical = float(np.sqrt(np.mean(np.square(look.pressure_sd_mbar))))
         if typical <= 0.0:
             return None
-        per_mbar = np.square(look.slope_mm_per_mbar * look.pressure_sd_mbar / typical)
+        per_mbar = np.square(look.pressure_error_mm / typical)
 
         def terms(values: Sequence[float]) -> Terms:
             return Terms(values[0] ** 2 * per_mbar)

@@ -1,7 +1,15 @@
 """Rounding to a step, which is found in the readings themselves.
 
-Where the noise is above half a step, rounding is one more independent error of variance step²/12
-(Widrow and Kollár 2008, Quantization Noise); below, see `interval_likelihood`.
+Where the noise is above half a step, rounding is one more independent error of variance step²/12.
+Below, its error is in part a function of the deflection itself, periodic with the step: the mean of
+a reading at w, with Gaussian noise of σ before the rounding, is off by
+
+    Σₖ (step/πk) exp(−2π²k²σ²/step²) (−1)ᵏ sin(2πkw/step)
+
+(Widrow and Kollár 2008, Quantization Noise, chapters 4 and 15). The first of these waves are
+columns, over the fitted deflections, their phases unknown since the fit is off by a little; only
+what is left of step²/12 is independent. Taking all of it as independent makes intervals too wide
+and calls the waves errors that last.
 """
 
 from __future__ import annotations
@@ -17,18 +25,23 @@ from skinlab.inference.error_models.base import Look, Part, Terms
 Array = NDArray[np.float64]
 
 _LEAST_UM = 0.2  # a smaller step is no error beside any sensor's noise
+_WAVES = 3
+_LEAST_WAVE = 0.02  # of step/√12: smaller ones are left to what is independent
 _OFF = 0.02  # of a step: how far from its lattice a reading may be
 _FEWEST = 8  # different readings
+_AGAIN = 4  # samples a reading
 
 
 def step_um(deflection_mm: Array) -> float:
     """Return the step of the lattice on which all readings (u,) lie, µm; 0 where there is none."""
     levels = np.unique(np.round(1e3 * deflection_mm, 6))
-    if len(levels) < 3:
+    if len(levels) < 2:
         return 0.0
     gaps = np.diff(levels)
     step = float(gaps.min())
-    if step < _LEAST_UM or len(levels) < _FEWEST:
+    # Few different readings are a lattice only if each of them comes again and again.
+    few = len(levels) < _FEWEST and len(levels) * _AGAIN > len(deflection_mm)
+    if step < _LEAST_UM or few:
         return 0.0
     at = (levels - levels[0]) / step
     return step if float(np.abs(at - np.round(at)).max()) < _OFF else 0.0
@@ -40,23 +53,41 @@ class Quantised:
 
     name: str = "quantised"
     meaning: str = "rounding to a step, which is found in the readings"
-    prior: str = "step²/12"
+    prior: str = (
+        "step²/12, of which a part goes with the deflection if the noise is below half a step"
+    )
 
     def part(self, look: Look) -> Part | None:
         """Return its part where the readings lie on a lattice."""
         step = step_um(look.samples.deflection_mm)
         if not step:
             return None
-        variance = (1e-3 * step) ** 2 / 12.0
+        waves = _waves(look, 1e-3 * step)
+        variance = (1e-3 * step) ** 2 / 12.0 - np.square(waves).sum(axis=1)
 
         def terms(values: Sequence[float]) -> Terms:
             del values
-            return Terms(variance)
+            return Terms(variance, columns_mm=waves if waves.shape[1] else None)
 
         return Part(
             "quantised", (), terms, always=True, stated={"step_um": step},
             why=f"readings come in steps of {step:g} µm",
         )  # fmt: skip
+
+
+def _waves(look: Look, step_mm: float) -> Array:
+    """Return sine and cosine (u, 2 waves), each as large as its standard deviation, mm."""
+    freedom = max(len(look.samples) - look.slopes.shape[1], 1)
+    square = float(look.residual_mm @ look.residual_mm) / freedom
+    before = max(square - step_mm**2 / 12.0, 0.0)  # noise that the rounding met
+    columns = []
+    for k in range(1, _WAVES + 1):
+        damped = np.exp(-2.0 * (np.pi * k) ** 2 * before / step_mm**2)
+        size = step_mm / (np.pi * k) * damped / np.sqrt(2.0)
+        if size > _LEAST_WAVE * step_mm / np.sqrt(12.0):
+            angle = 2.0 * np.pi * k * look.deflection_mm / step_mm
+            columns += [size * np.sin(angle), size * np.cos(angle)]
+    return np.column_stack(columns) if columns else np.zeros((len(look.samples), 0))
 
 
 ERROR_MODEL = Quantised()

@@ -13,6 +13,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from skinlab.curves.pressure_path import PressurePath
 from skinlab.errors import InputError
 from skinlab.mechanics.fem.skin import SkinProblem
 from skinlab.parameters import Parameter
@@ -43,9 +44,14 @@ class Effect:
         """Return the mechanical problem with this effect, in this cycle (1 = first loading)."""
         return problem
 
-    # ---- what sensor effects override ----
+    same_as: ClassVar[str] = ""  # what no curve can tell it from; such an effect is never named
+    order: ClassVar[int] = 0  # of `felt` and of `read`, on the way from the pump to the record
 
-    order: ClassVar[int] = 0  # of `read`, from the skin to the record
+    def felt(self, path: PressurePath, values: Values) -> PressurePath:
+        """Return the suction that the skin feels where this one is measured."""
+        return path
+
+    # ---- what sensor effects override ----
 
     def when(self, time_s: Array, values: Values) -> Array:
         """Return the times (n,) whose deflection is recorded at these times (n,)."""

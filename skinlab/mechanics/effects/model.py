@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicHermiteSpline
 
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.mechanics.effects import checked, get_effect
@@ -27,6 +27,9 @@ from skinlab.mechanics.fem.suction import (
     Geometry,
     trace,
 )
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicHermiteSpline
 
 Array = NDArray[np.float64]
 Effects = Mapping[str, Mapping[str, float]]  # name of the effect -> parameter -> value
@@ -93,6 +96,18 @@ def problem_of(skin: Skin, effects: Effects, geometry: Geometry, cycle: int = 1)
     return problem
 
 
+def felt_path(effects: Effects, path: PressurePath) -> PressurePath:
+    """Return the suction that the skin feels along a measured path.
+
+    Raises:
+        InputError: an effect or a parameter is not known, missing or out of bounds.
+    """
+    chosen = [(get_effect(name), values) for name, values in checked(effects).items()]
+    for effect, values in sorted(chosen, key=lambda pair: (pair[0].order, pair[0].name)):
+        path = effect.felt(path, values)
+    return path
+
+
 def is_physical(effects: Effects) -> bool:
     """Return whether any of the effects needs the finite elements."""
     return any(get_effect(name).physical for name in effects)
@@ -123,11 +138,12 @@ def response(
     problem = problem_of(skin, effects, geometry, cycle)
     sensors = Sensors.of(full)
     when = sensors.when(times)
-    pressure = path(when)
+    felt = felt_path(full, path)
+    pressure = felt(when)
     if pressure_mbar is not None:
         off = np.asarray(pressure_mbar, dtype=float) - path(times)
         pressure = pressure + (off if when is times else np.interp(when, times, off))
-    curve = solve_skin(problem, path, discretisation)
+    curve = solve_skin(problem, felt, discretisation)
     w = sensors.read(times, curve.at(when, pressure), float(times[0]) if len(times) else 0.0)
     return Response(w, curve.holds_to_mbar, curve.stopped)
 

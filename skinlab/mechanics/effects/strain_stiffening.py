@@ -15,6 +15,7 @@ class Cubic(Energy):
     """W = X3 (J1 − 3)³, the third term of Yeoh's law."""
 
     name = "cubic"
+    linear = True
     parameter_names = ("X3_MPa",)
     source = "Yeoh 1993"
 

@@ -43,7 +43,7 @@ def fault(assembly: Assembly, unknowns: Array, state: State, limits: Limits) -> 
         return "the surface creases at the tape's edge"
     if not (limits.j_min <= state.j_min and state.j_max <= limits.j_max):
         return "the change of volume is out of bounds"
-    if limits.elliptic and not ellipticity(state.moduli).min() > 0.0:
+    if limits.elliptic and not state.least_acoustic() > 0.0:
         return "the material loses ellipticity"
     return ""
 
@@ -62,23 +62,3 @@ def surface(assembly: Assembly, unknowns: Array) -> tuple[float, float]:
     cosine = (chords * before).sum(axis=1) / np.maximum(length * length_before, 1e-300)
     tilt = float(np.degrees(np.arccos(np.clip(cosine.min(initial=1.0), -1.0, 1.0))))
     return tilt, float((length / length_before).min(initial=np.inf))
-
-
-_ANGLES = np.arange(8) * np.pi / 8
-_QUADRATIC_FORMS = np.column_stack(
-    [np.cos(_ANGLES) ** 2, np.cos(_ANGLES) * np.sin(_ANGLES), np.sin(_ANGLES) ** 2]
-)
-
-
-def ellipticity(moduli: Array) -> Array:
-    """Return the least eigenvalue of the acoustic tensor over directions in the r-z plane, MPa.
-
-    `moduli` (5, 5, ...) are ∂²W/∂F²; the result has the shape of what follows. Legendre and
-    Hadamard: where it is not positive, a band of intense shear can form inside the material.
-    """
-    a = moduli.reshape(5, 5, -1)
-    rr = _QUADRATIC_FORMS @ np.stack([a[0, 0], 2 * a[0, 1], a[1, 1]])
-    zz = _QUADRATIC_FORMS @ np.stack([a[2, 2], 2 * a[2, 3], a[3, 3]])
-    rz = _QUADRATIC_FORMS @ np.stack([a[0, 2], a[0, 3] + a[1, 2], a[1, 3]])
-    least = 0.5 * (rr + zz) - np.sqrt(0.25 * (rr - zz) ** 2 + rz * rz)
-    return np.asarray(least.min(axis=0)).reshape(moduli.shape[2:])

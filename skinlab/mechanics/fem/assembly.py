@@ -9,11 +9,14 @@ Elements with dilatation modes see, in place of J, its projection J̄ on the con
 functions of the element (Nagtegaal, Parks and Rice 1974; Simo, Taylor and Pister 1985). The stored
 energy is ∫ W(F) − U(J) + U(J̄), with U(J) the law's energy of a pure dilatation F = J^(1/3) 1, so
 that any law can be used; for W = W_iso + U it is ∫ W_iso(F) + U(J̄).
+
+All of it but the dilatation modes is also in `kernel.c`, which is used where it was compiled.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import ctypes
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
 from typing import Any
@@ -21,6 +24,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from skinlab.mechanics.fem import kernel
+from skinlab.mechanics.fem.banded import Banded, KernelBanded, LapackBanded
 from skinlab.mechanics.fem.element import Element, dilatation_basis, line_shape, quadrature, shape
 from skinlab.mechanics.fem.mesh import Mesh
 from skinlab.mechanics.materials.base import HasPotential
@@ -35,23 +40,37 @@ class State:
 
     energy: float  # stored energy, N mm
     residual: Array  # (dofs,) internal minus external force
-    tangent: Array  # (dofs, band + 1): column j holds K[j:j+band+1, j], LAPACK's lower band storage
+    matrix: Banded  # the tangent's symmetric part
     load: Array  # (dofs,) external force per MPa of suction
     volume: float  # under the dome, mm³: the pressure's work is the integral of p dV
     j_min: float  # smallest and largest det F at a quadrature point
     j_max: float
     skew: tuple[Array, Array, float] | None  # see `Assembly._rim_terms`; None where the rim is held
-    deformation: Array  # (5, m, q) deformation gradients, and
-    moduli: Array  # (5, 5, m, q) ∂²W/∂F² there, MPa: what admissibility is judged by
+    deformation: Array  # (5, m, q) deformation gradients
+    least_acoustic: Callable[[], float]  # least `ellipticity` over the points, MPa
+
+    @property
+    def tangent(self) -> Array:
+        """(dofs, band + 1): column j holds K[j:j+band+1, j], LAPACK's lower band storage."""
+        return self.matrix.lower
 
 
 class Assembly:
     """The discrete suction problem of one mesh and law: evaluates a State at given unknowns."""
 
-    def __init__(self, mesh: Mesh, element: Element, law: HasPotential, fixed: Index) -> None:
+    def __init__(
+        self,
+        mesh: Mesh,
+        element: Element,
+        law: HasPotential,
+        fixed: Index,
+        *,
+        compiled: bool = True,
+    ) -> None:
         """Prepare gradients and the sparsity pattern.
 
-        `fixed` are the degrees of freedom (2 node + direction) that do not move.
+        `fixed` are the degrees of freedom (2 node + direction) that do not move. The compiled inner
+        loops are used where they are there, unless `compiled` is False.
         """
         self.mesh, self.element, self.law = mesh, element, law
         n_dofs = 2 * len(mesh.nodes)
@@ -65,8 +84,27 @@ class Assembly:
         self._set_gradients()
         self._set_edges()
         self._set_pattern()
+        library = kernel.library() if compiled and not element.dilatation_modes else None
+        self._kernel = None if library is None else self._prepared_kernel(library)
 
     # ---- preparation ----
+
+    def _prepared_kernel(self, library: ctypes.CDLL) -> kernel.Kernel:
+        m, q = self.volumes.shape
+        return kernel.Kernel(
+            library,
+            gradients=self._scalar_gradients.reshape(m, 3, q, -1),
+            volumes=self.volumes,
+            start=np.broadcast_to(self._start[..., 0], (3, m)),
+            element=self.mesh.elements,
+            equations=self.equation[self.dofs],
+            unknowns=self.n,
+            band=self.band,
+            edge_form=self._edge_form,
+            edge_place=self._edge_x,
+            edge=self.mesh.loaded_edges,
+            edge_equations=self.equation[self._edge_dofs],
+        )
 
     def _set_gradients(self) -> None:
         at, weights = quadrature(self.element.points_1d)
@@ -120,6 +158,8 @@ class Assembly:
         new._start = np.stack([plane, through, plane])[..., 0]
         det = (plane**2 * through)[..., 0]
         new.volumes = self.volumes * factor[:, None] / det
+        if self._kernel is not None:
+            new._kernel = new._prepared_kernel(self._kernel.library)
         return new
 
     def _set_edges(self) -> None:
@@ -192,6 +232,8 @@ class Assembly:
         ½ S : C.
         """
         u = self.full(unknowns)
+        if self._kernel is not None:
+            return self._evaluate_compiled(self._kernel, u, pressure_mpa, parameters, stress_2pk)
         f = self.deformation_gradients(u)
         energy, stress, moduli, det = stress_and_tangent(f, self.law, parameters)
         if stress_2pk is not None:
@@ -229,14 +271,91 @@ class Assembly:
             skew=self._rim_terms(u),
             energy=float((energy * w).sum()),
             residual=internal - pressure_mpa * external,
-            tangent=band.reshape(self.n, self.band + 1),
+            matrix=LapackBanded(band.reshape(self.n, self.band + 1)),
             load=external,
             volume=volume,
             j_min=j_min,
             j_max=j_max,
             deformation=f,
-            moduli=moduli,
+            least_acoustic=lambda: float(ellipticity(moduli).min()),
         )
+
+    def _evaluate_compiled(
+        self,
+        compiled: kernel.Kernel,
+        u: Array,
+        pressure_mpa: float,
+        parameters: Mapping[str, Any],
+        stress_2pk: Array | None,
+    ) -> State | None:
+        f, i1, i2, det = compiled.strain(u)
+        j_min, j_max = float(det.min()), float(det.max())
+        if not j_min > 0.0:
+            return None
+        potential = self.law.potential(i1, i2, det, parameters)
+        stored = float(np.vdot(self.volumes, potential.energy))
+        if stress_2pk is not None:
+            work = 0.5 * (first_stress(f, stress_2pk) * f).sum(axis=0)
+            stored += float(np.vdot(self.volumes, work))
+        band, internal, external, volume = compiled.assemble(
+            u, f, potential, stress_2pk, pressure_mpa
+        )
+        return State(
+            skew=self._rim_terms(u),
+            energy=stored,
+            residual=internal - pressure_mpa * external,
+            matrix=KernelBanded(compiled, band),
+            load=external,
+            volume=volume,
+            j_min=j_min,
+            j_max=j_max,
+            deformation=f,
+            least_acoustic=lambda: compiled.ellipticity(f, potential, stress_2pk),
+        )
+
+    def internal_forces(
+        self, unknowns: Array, sums: Sequence[Sequence[tuple[float, Mapping[str, Any]]]]
+    ) -> Array | None:
+        """Return k sums (k, dofs) of internal forces, N: of each a factor, and its parameters.
+
+        None where an element is turned inside out.
+        """
+        u = self.full(unknowns)
+        found = np.zeros((len(sums), self.n))
+        if self._kernel is not None:
+            f, i1, i2, det = self._kernel.strain(u)
+            if not det.min() > 0.0:
+                return None
+            for row, terms in zip(found, sums, strict=True):
+                first: list[Any] = [0.0, 0.0, 0.0]
+                for factor, parameters in terms:
+                    p = self.law.potential(i1, i2, det, parameters)
+                    for k, part in enumerate((p.d_i1, p.d_i2, p.d_j)):
+                        first[k] = first[k] + factor * part
+                row[:] = self._kernel.forces(u, f, (first[0], first[1], first[2]))[0]
+            return found
+        for k, terms in enumerate(sums):
+            for factor, parameters in terms:
+                state = self.evaluate(unknowns, 0.0, parameters)
+                if state is None:
+                    return None
+                found[k] += factor * state.residual
+        return found
+
+    def unbalanced(
+        self, unknowns: Array, pressure_mpa: float, parameters: Mapping[str, Any]
+    ) -> Array | None:
+        """Return the residual (dofs,) alone, N; None where an element is turned inside out."""
+        if self._kernel is None:
+            state = self.evaluate(unknowns, pressure_mpa, parameters)
+            return None if state is None else state.residual
+        u = self.full(unknowns)
+        f, i1, i2, det = self._kernel.strain(u)
+        if not det.min() > 0.0:
+            return None
+        potential = self.law.potential(i1, i2, det, parameters)
+        internal, load = self._kernel.forces(u, f, (potential.d_i1, potential.d_i2, potential.d_j))
+        return internal - pressure_mpa * load
 
     def forces(self, f: Array, stress_2pk: Array) -> Array:
         """Return the internal forces (dofs,) of a second Piola-Kirchhoff stress (4, m, q), in N."""
@@ -434,3 +553,23 @@ def stress_and_tangent(
     tangent[:4, 4] = tangent[4, :4] = 2 * w_af * plane + w_jf * cof
     tangent[4, 4] = w_ff
     return p.energy, stress, tangent, det
+
+
+_ANGLES = np.arange(8) * np.pi / 8
+_QUADRATIC_FORMS = np.column_stack(
+    [np.cos(_ANGLES) ** 2, np.cos(_ANGLES) * np.sin(_ANGLES), np.sin(_ANGLES) ** 2]
+)
+
+
+def ellipticity(moduli: Array) -> Array:
+    """Return the least eigenvalue of the acoustic tensor over directions in the r-z plane, MPa.
+
+    `moduli` (5, 5, ...) are ∂²W/∂F²; the result has the shape of what follows. Legendre and
+    Hadamard: where it is not positive, a band of intense shear can form inside the material.
+    """
+    a = moduli.reshape(5, 5, -1)
+    rr = _QUADRATIC_FORMS @ np.stack([a[0, 0], 2 * a[0, 1], a[1, 1]])
+    zz = _QUADRATIC_FORMS @ np.stack([a[2, 2], 2 * a[2, 3], a[3, 3]])
+    rz = _QUADRATIC_FORMS @ np.stack([a[0, 2], a[0, 3] + a[1, 2], a[1, 3]])
+    least = 0.5 * (rr + zz) - np.sqrt(0.25 * (rr - zz) ** 2 + rz * rz)
+    return np.asarray(least.min(axis=0)).reshape(moduli.shape[2:])

@@ -8,16 +8,16 @@ the interpolation's: for equal steps the remainders h²(2h)² f⁗/4! and (h/2)�
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import lapack
 
 from skinlab.mechanics.fem.admissibility import DEFAULT_LIMITS, Limits, fault
 from skinlab.mechanics.fem.assembly import Assembly, State
+from skinlab.mechanics.fem.banded import Factor
 
 Array = NDArray[np.float64]
 
@@ -66,6 +66,7 @@ class Point:
     volume: float
     state: State  # just before the last, negligible, correction
     contraction: float | None  # second correction over the first squared, mm⁻¹; None: only one
+    factor: Factor  # of the tangent at `state`
 
 
 def solve_point(
@@ -92,8 +93,8 @@ def solve_point(
         state = assembly.evaluate(u, pressure_mpa, parameters, stress_2pk)
         if state is None:
             return None, iteration
-        factor, info = lapack.dpbtrf(state.tangent.T, lower=1, overwrite_ab=1)
-        if info != 0:
+        factor = state.matrix.factorise()
+        if factor is None:
             return None, iteration
         step = solve_linear(factor, state, pressure_mpa, -state.residual)
         correction = float(np.abs(step).max())
@@ -118,28 +119,29 @@ def solve_point(
                 state.volume + float(state.load @ step),
                 state,
                 seen,
+                factor,
             )
             return point, iteration
         last = correction
     return None, settings.most_iterations
 
 
-def solve_linear(factor: Array, state: State, pressure_mpa: float, right: Array) -> Array:
-    """Return x of K x = right (n,), from the Cholesky factor of the tangent's symmetric part.
+def solve_linear(factor: Factor, state: State, pressure_mpa: float, right: Array) -> Array:
+    """Return x of K x = right, (n,) or several (k, n), from the factor of its symmetric part.
 
     Where the load ends on a surface that moves, K has a skew part of rank two besides.
     """
-    x, _ = lapack.dpbtrs(factor, right, lower=1)
+    x = factor.solve(right)
     if state.skew is None:
-        return np.asarray(x)
+        return x
     e_r, e_z, size = state.skew
     k = pressure_mpa * size
-    by, _ = lapack.dpbtrs(factor, np.column_stack([e_r, e_z]), lower=1)
     # K = K_s − k (e_z e_rᵀ − e_r e_zᵀ), by Woodbury: y = (e_r·x, e_z·x) of the solution
     seen = np.stack([e_r, e_z])
-    coupling = k * (seen @ by) @ np.array([[0.0, -1.0], [1.0, 0.0]])
-    y = np.linalg.solve(np.eye(2) - coupling, seen @ x)
-    return np.asarray(x + k * (by[:, 1] * y[0] - by[:, 0] * y[1]))
+    by = factor.solve(seen)
+    coupling = k * (seen @ by.T) @ np.array([[0.0, -1.0], [1.0, 0.0]])
+    y = np.linalg.solve(np.eye(2) - coupling, seen @ x.T)
+    return np.asarray(x + k * (np.multiply.outer(y[0], by[1]) - np.multiply.outer(y[1], by[0])))
 
 
 def follow(
@@ -149,11 +151,13 @@ def follow(
     scale_mm: float,
     settings: StepSettings | None = None,
     watch: int | None = None,
+    look: Callable[[float, Point], None] | None = None,
 ) -> EquilibriumPath:
     """Return the path from zero to `goal_mpa` (either sign), or as far as it goes.
 
     `watch` is the unknown whose extrapolation error steers the steps (the apex deflection);
-    `scale_mm` is what that error is measured against.
+    `scale_mm` is what that error is measured against. `look` is shown the pressure (MPa) and each
+    point of the path, while its factor is there.
     """
     settings = settings or StepSettings()
     path = EquilibriumPath()
@@ -163,6 +167,8 @@ def follow(
         path.stopped = "the tangent of the unloaded skin is not positive definite"
         return path
     _append(path, 0.0, start)
+    if look is not None:
+        look(0.0, start)
     sign = 1.0 if goal_mpa >= 0 else -1.0
     compliance = float(abs(start.slope[watch]) if watch is not None else abs(start.slope).max())
     step = min(settings.first_step * scale_mm / max(compliance, 1e-300), abs(goal_mpa))
@@ -207,6 +213,8 @@ def follow(
             continue  # a first step this curved would spoil the interpolation across it
         tries = 0
         _append(path, target, point)
+        if look is not None:
+            look(target, point)
         if ceiling - abs(target) <= settings.limit_mbar * 1e-4:
             path.stopped = _stopped(reason_above, path)
             break

@@ -21,18 +21,21 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicSpline
-from scipy.linalg import lapack
 
 from skinlab.errors import InputError
 from skinlab.mechanics.fem.admissibility import fault
 from skinlab.mechanics.fem.assembly import Assembly, State
+from skinlab.mechanics.fem.banded import Factor
 from skinlab.mechanics.fem.newton import Point, StepSettings, follow, solve_linear, solve_point
 from skinlab.mechanics.fem.skin import Prepared, Prony
 from skinlab.mechanics.fem.suction import MBAR
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 Array = NDArray[np.float64]
 
@@ -179,9 +182,11 @@ class _Stepper:
         self.iterations = self.steps = 0
         self.reason = ""
         self.contraction = math.inf  # as seen last, see `solve_point`
-        self._tangent: tuple[Array, State, Array, Array] | None = None  # of these unknowns
+        self._tangent: tuple[Array, State, Factor, Array] | None = None  # of these unknowns
 
     def run(self, time_s: Array, pressure_mbar: Array, preload_mbar: float) -> RelaxingCurve:
+        from scipy.interpolate import CubicSpline  # slow to import
+
         history = self._rest(preload_mbar)
         zero = 0.0 if history is None else float(history.unknowns[self.apex])
         times, pressures = list(time_s), list(pressure_mbar)
@@ -357,7 +362,7 @@ class _Stepper:
 
     def _factorise(
         self, history: _History, pressure_mpa: float
-    ) -> tuple[State, Array, Array] | None:
+    ) -> tuple[State, Factor, Array] | None:
         """Return the state, the tangent's factor and the forces that fade in a second, N/s."""
         nothing = np.zeros_like(history.iso)
         pairs = list(zip(self.prony, history.over, strict=True))
@@ -367,7 +372,7 @@ class _Stepper:
         state = self.assembly.evaluate(history.unknowns, pressure_mpa, parameters, stress)
         if state is None:
             return None
-        factor, info = lapack.dpbtrf(state.tangent.T, lower=1, overwrite_ab=1)
-        if info != 0:
+        factor = state.matrix.factorise()
+        if factor is None:
             return None
         return state, factor, self.assembly.forces(state.deformation, fades)

@@ -17,11 +17,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from skinlab.errors import InputError
 from skinlab.mechanics.fem.assembly import Assembly, stress_and_tangent
-from skinlab.mechanics.fem.suction import MESH_OF_RECORD, Discretisation, Geometry
+from skinlab.mechanics.fem.suction import MESH_OF_RECORD, RIM_MM, Discretisation, Geometry
 from skinlab.mechanics.materials import DEFAULT_LAW, Energy, Law, Potential, get_law
 from skinlab.mechanics.materials.base import HasPotential
 from skinlab.mechanics.materials.compressibility import KappaConvention
@@ -166,6 +165,21 @@ class Body:
             together.append(values)
         return Potential(*together)
 
+    def rise(
+        self, up: Mapping[str, Any], down: Mapping[str, Any]
+    ) -> list[tuple[float, Mapping[str, Any]]]:
+        """Return factors and parameters whose energies' sum is W(up) − W(down)."""
+        linear = self.law.linear and all(term.linear for term in self.terms)
+        if not linear or up["isochoric"] != down["isochoric"]:
+            return [(1.0, up), (-1.0, down)]
+
+        def less(one: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]:
+            return {name: one[name] - other[name] for name in one}
+
+        own = tuple(map(less, up["own"], down["own"]))
+        layers = less(up["layers"], down["layers"])
+        return [(1.0, {"own": own, "isochoric": up["isochoric"], "layers": layers})]
+
     def isochoric(
         self, i1: Array, i2: Array, j: Array, own: Sequence[Mapping[str, float]]
     ) -> Potential:
@@ -212,6 +226,7 @@ def prepare(problem: SkinProblem, discretisation: Discretisation = MESH_OF_RECOR
         problem.slip_mm,
         tuple(layer.thickness_mm for layer in problem.above),
         tuple(layer.thickness_mm for layer in problem.below),
+        _rim_mm(problem),
     )
     layer, own_layer = assembly.mesh.layer, len(problem.above)
     own = (problem.skin.coefficients, *(dict(term.parameters) for term in problem.terms))
@@ -240,6 +255,19 @@ def prepare(problem: SkinProblem, discretisation: Discretisation = MESH_OF_RECOR
     return Prepared(assembly, apex, body, own, layers)
 
 
+def _rim_mm(problem: SkinProblem) -> float:
+    """Return how sharp the edge is under layers on top: see `RIM_MM`.
+
+    A layer that carries more than the skin does not crease, and needs to be resolved.
+    """
+    if not problem.above:
+        return 0.0
+    skin = problem.skin
+    own = get_law(skin.law).half_shear_modulus(skin.named) * problem.geometry.thickness_mm
+    carried = sum(layer.thickness_mm * layer.half_shear_mpa for layer in problem.above)
+    return float(RIM_MM / (1.0 + (carried / own) ** 2))
+
+
 def through_thickness(stretch: float, energy: HasPotential, parameters: Mapping[str, Any]) -> float:
     """Return the stretch through the thickness that leaves no stress there, under one in the plane.
 
@@ -252,6 +280,8 @@ def through_thickness(stretch: float, energy: HasPotential, parameters: Mapping[
     def stress(through: float) -> float:
         f = np.array([stretch, 0.0, 0.0, through, stretch])[:, None]
         return float(stress_and_tangent(f, energy, parameters)[1][3, 0])
+
+    from scipy.optimize import brentq  # slow to import
 
     try:
         return float(brentq(stress, 0.2, 5.0, xtol=1e-15, rtol=1e-14))
@@ -268,8 +298,9 @@ def _assembly(
     slip_mm: float,
     above_mm: tuple[float, ...],
     below_mm: tuple[float, ...],
+    rim_mm: float,
 ) -> tuple[Assembly, int, Body]:
-    mesh = discretisation.mesh(geometry, slip_mm, above_mm, below_mm)
+    mesh = discretisation.mesh(geometry, slip_mm, above_mm, below_mm, rim_mm)
     fixed = [2 * mesh.axis, 2 * mesh.tape, 2 * mesh.tape + 1, 2 * mesh.outer]
     if below_mm:
         fixed += [2 * mesh.bottom, 2 * mesh.bottom + 1]

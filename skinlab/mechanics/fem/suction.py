@@ -8,14 +8,13 @@ follower pressure on the deformed top surface r < R.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicHermiteSpline
 
 from skinlab.errors import InputError
 from skinlab.mechanics.fem.assembly import Assembly
@@ -26,14 +25,21 @@ from skinlab.mechanics.fem.element import (
     Element,
 )
 from skinlab.mechanics.fem.mesh import Grading, Mesh, suction_mesh
-from skinlab.mechanics.fem.newton import EquilibriumPath, StepSettings, follow
+from skinlab.mechanics.fem.newton import EquilibriumPath, Point, StepSettings, follow
 from skinlab.mechanics.materials import DEFAULT_LAW, get_law
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicHermiteSpline
 
 Array = NDArray[np.float64]
 
 MBAR = 1e-4  # MPa
 
-SOLVER_VERSION = "3"  # raise it whenever a curve changes by more than round-off
+# How sharp an opening's edge can be: what counts as sharp in workshops (ISO 13715: ± 0.05 mm), and
+# about the thickness of a tape's adhesive. docs/decisions/0023-the-rim-has-a-length.md
+RIM_MM = 0.05
+
+SOLVER_VERSION = "4"  # raise it whenever a curve changes by more than round-off
 
 # Below zero and above the programmed maximum a noisy pressure channel still has a model.
 EXTENSION_BELOW_MBAR = 2.0
@@ -89,16 +95,20 @@ class Discretisation:
         slip_mm: float = 0.0,
         above_mm: tuple[float, ...] = (),
         below_mm: tuple[float, ...] = (),
+        rim_mm: float = 0.0,
     ) -> Mesh:
         """Return the mesh for this geometry.
 
         The tape holds from R + `slip_mm` on; `above_mm` and `below_mm` are the thicknesses of
-        layers inside the skin, from its top down, and of layers under it.
+        layers inside the skin, from its top down, and of layers under it. Under thin layers the
+        edge's element is no shorter than `rim_mm`.
         """
         r = geometry.radius_mm
         edge, counts = self.edge * r, self.counts
         if above_mm:  # a stiff layer bends at the edge within about its own thickness
             edge = min(edge, max(0.25 * edge, min(above_mm)))
+            if self.quarter_point:  # other elements are for comparisons in a sharp edge's limit
+                edge = max(edge, rim_mm)
             counts = counts and (counts[0] + 2, counts[1] + 1, counts[2])
         grading = Grading(
             edge=edge,
@@ -170,6 +180,8 @@ class SuctionCurve:
     @property
     def spline(self) -> CubicHermiteSpline:
         """The curve as a function of pressure (mbar) that does not ask whether it holds."""
+        from scipy.interpolate import CubicHermiteSpline  # slow to import
+
         return CubicHermiteSpline(self.pressure_mbar, self.deflection_mm, self.slope_mm_per_mbar)
 
 
@@ -227,9 +239,13 @@ def trace(
     settings: StepSettings | None = None,
     *,
     below_mbar: float = 0.0,
+    look: Callable[[float, Point], None] | None = None,
 ) -> SuctionCurve:
-    """Return the curve of this unknown, the apex, from `-below_mbar` to `goal_mbar`."""
-    path = follow(assembly, goal_mbar * MBAR, parameters, scale_mm, settings, watch=apex)
+    """Return the curve of this unknown, the apex, from `-below_mbar` to `goal_mbar`.
+
+    `look`: see `newton.follow`.
+    """
+    path = follow(assembly, goal_mbar * MBAR, parameters, scale_mm, settings, apex, look)
     pressures = [p / MBAR for p in path.pressure_mpa]
     displacements, slopes = list(path.displacements), list(path.slopes)
     holds_to = goal_mbar if not path.stopped else pressures[-1] if pressures else 0.0

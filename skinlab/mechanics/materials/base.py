@@ -75,6 +75,7 @@ class Energy:
 
     name: ClassVar[str]
     source: ClassVar[str]
+    linear: ClassVar[bool] = False  # W is a sum of parameters times functions of the invariants
     parameter_names: tuple[str, ...]
 
     def isochoric(self, i1: Array, i2: Array, j: Array, parameters: Mapping[str, Any]) -> Potential:

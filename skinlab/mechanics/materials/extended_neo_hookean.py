@@ -24,6 +24,7 @@ class ExtendedNeoHookean(Law):
     formula = "W = X1 (J1 − 3) + X2 (J1 − 3)(J2 − 3) + κ/2 (J − 1)²"
     meaning = "X1, X2: stiffness at small and at large stretch"
     source = "eq. (1)"
+    linear = True
     poisson = NU
     dilatation_scale = "kappa_over_X1"  # X1 is half the shear modulus
     parameters = (
@@ -44,7 +45,7 @@ class ExtendedNeoHookean(Law):
         Parameter(
             NU, "", "Poisson's ratio at small stretch", 0.0, 0.49999, None,
             0.32, "the paper, section 2.3", symbol="ν",
-            search=Search(0.2, 0.49, step=0.02, reach=0.1),
+            search=Search(0.0, 0.499, step=0.02, reach=0.1),
             axis=Nodes(0.2, 0.48, 6),
             published=tuple(round(0.2 + 0.04 * i, 10) for i in range(8)),
         ),

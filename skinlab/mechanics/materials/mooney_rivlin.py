@@ -22,6 +22,7 @@ class MooneyRivlin(Law):
     formula = "W = C10 (J1 − 3) + C01 (J2 − 3) + κ/2 (J − 1)²"
     meaning = "C10 + C01: half the shear modulus"
     source = "Rivlin 1948"
+    linear = True
     poisson = "nu"
     parameters = (
         Parameter(
@@ -34,7 +35,7 @@ class MooneyRivlin(Law):
         ),
         Parameter(
             "nu", "", "Poisson's ratio at small stretch", 0.0, 0.49999, None, 0.4, "Rivlin 1948",
-            symbol="ν", search=Search(0.2, 0.49), axis=Nodes(0.2, 0.48, 6),
+            symbol="ν", search=Search(0.0, 0.499), axis=Nodes(0.2, 0.48, 6),
         ),
     )  # fmt: skip
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.curves.program import Program, Ramp, Release, Rest
+from skinlab.curves.program import Program, Ramp, Release, Rest, Until
 
 Array = NDArray[np.float64]
 
@@ -62,7 +62,9 @@ def _corners(
         # It began somewhere between the sample before and its own first one.
         now = now if seen is None else min(max(now, seen - interval_s), seen)
         begin = 0.0 if isinstance(segment, Release | Rest) else present
-        end = segment.target_mbar if isinstance(segment, Ramp) else begin
+        end = begin
+        if isinstance(segment, Ramp | Until):
+            end = segment.target_mbar if isinstance(segment, Ramp) else segment.most_mbar
         times += [now, now + float(durations[k])]
         pressures += [begin, end]
         present, now = end, times[-1]
@@ -71,7 +73,10 @@ def _corners(
 
 def _lags(program: Program, segment: NDArray[np.intp] | None, n: int) -> Array:
     """Return how late (n,) the pressure may be: steps take longer than ramps."""
-    steps = [isinstance(s, Ramp) and s.rate_mbar_per_s > STEP_MBAR_PER_S for s in program.segments]
+    steps = [
+        isinstance(s, Ramp | Until) and s.rate_mbar_per_s > STEP_MBAR_PER_S
+        for s in program.segments
+    ]
     if segment is None or not any(steps):
         return np.full(n, LAG_OF_STEPS_S if any(steps) else LAG_S)
     late = np.array([*steps, False]) | np.array([False, *steps])  # a step, and what follows it

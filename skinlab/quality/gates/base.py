@@ -113,7 +113,7 @@ def check_gate(one: object) -> None:
 def whole(curve: Curve, earlier: tuple[Curve, ...] = ()) -> CurveSoFar:
     """Return a completed curve as gates see it, where nothing but the curve is known."""
     return CurveSoFar(
-        curve.setup,
+        as_run(curve.setup, curve.segment, curve.pressure_mbar),
         curve.time_s,
         curve.pressure_mbar,
         curve.deflection_mm,
@@ -122,6 +122,14 @@ def whole(curve: Curve, earlier: tuple[Curve, ...] = ()) -> CurveSoFar:
         cut=curve.partial,
         earlier=earlier,
     )
+
+
+def as_run(setup: Setup, segment: NDArray[np.intp] | None, pressure_mbar: Array) -> Setup:
+    """Return the setup with what was reached so far in the place of heights."""
+    program = setup.program
+    if program is None or segment is None or not program.stops_at_heights:
+        return setup
+    return replace(setup, program=program.as_run(segment, pressure_mbar))
 
 
 def beginnings(curve: Curve) -> tuple[tuple[int, float], ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from skinlab.curves.program import Ramp
+from skinlab.curves.program import Ramp, Until
 from skinlab.quality.gates.asked import LAG_S, STEP_MBAR_PER_S
 from skinlab.quality.gates.base import Array, CurveSoFar, Finding, Gate, longest_run
 from skinlab.quality.gates.expected import (
@@ -56,7 +56,7 @@ def _slope(view: CurveSoFar) -> Finding | None:
     if program is None or view.segment is None:
         return None
     for k, segment in enumerate(program.segments):
-        if not isinstance(segment, Ramp) or segment.rate_mbar_per_s > STEP_MBAR_PER_S:
+        if not isinstance(segment, Ramp | Until) or segment.rate_mbar_per_s > STEP_MBAR_PER_S:
             continue
         here = np.flatnonzero(view.segment == k)
         begun = dict(view.began_s).get(k)

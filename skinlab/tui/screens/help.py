@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import ClassVar
 
 from textual.app import ComposeResult
@@ -10,19 +11,26 @@ from textual.containers import VerticalScroll
 from textual.widgets import Static
 
 from skinlab.tui.screens.over import OverScreen
+from skinlab.tui.ui_state import Board
 
 _KEYS = """\
-F8         check the settings, connect if need be, show what will happen
-F9         start what is shown; also "yes" to a question, and takes an alarm away
-v  Esc     vent: open the valve now, and stop
-F3  Tab    the settings; there Tab and Enter go round; F3 or Esc leaves them
-F2         choose a port
-s          session: means, joint fit, compare, leave out (Del), notes, undo (Ctrl+Z)
-d          what the model misses in these curves; what to measure next
-up  down   look at another curve
-t          light or dark
-?  F1      this help
-q  Ctrl+Q  asks, then vents, saves the session, quits (Ctrl+C vents first)
+F8        check, connect if need be, show what will happen
+F9        start what is shown; "yes"; takes an alarm away
+v  Esc    vent: open the valve now, and stop
+F3  Tab   the settings; Tab and Enter go round, F3 leaves
+F4        lists: sites on the body, openings, programs
+F6        the site has rested: count loadings from 1
+F2        choose a port
+F5        visits: search, compare, trend
+s         session: means, joint fit, compare, leave out
+d         what the model misses; what to measure next
+g  F7     goal of the visit; load what brings it nearer
+r         R0 to R9 of a step curve, and back
+up down   another curve; left right: more of its row
+PgUp PgDn more of the card
+Ctrl+P    everything, by searching
+w  t      messages again; other colours
+q Ctrl+Q  asks, then vents, saves, quits (Ctrl+C vents first)
 """
 
 _TEXT = """\
@@ -33,14 +41,19 @@ where a question is asked.
 In a field v, q, t and ? are text while nothing moves; Esc vents even then. While what will happen \
 is shown, and while anything moves, the fields are closed, and v always vents.
 
-Bars: stiffness from a third of the value to three times it, nu from 0.2 to 0.5. Grey numbers are \
-not final. Below the plot: both channels against time, then what the fit leaves, with twice the \
-noise dotted. "last:" means that nothing is being read now.
+The line on top says whether the curve is good, and the next step. Bars are 90 % intervals on the \
+scale at their ends; ░ is the usual range, where a reference was given. Grey numbers \
+are not final. Below the plot: both channels against time, then what the fit leaves, with \
+twice the noise dotted. "last:" means that nothing is being read now.
 
 With several repeats each follows by itself after the rest; v ends that too. A terminal may hold a \
 lone Esc back for a moment: v is the sure key.
 
-In a replay: Space pauses, the full stop steps, + and - change the speed.
+In a replay: Space pauses, the full stop steps, + and - change the speed, e goes on to the next \
+event, 1 to 9 to tenths of the record.
+
+Loadings are counted for each site, over all sessions of this program: a later one is never taken \
+for a first. F6 says that the site has fully rested.
 
 The session file is written after each curve, and everything goes to its journal as it happens. \
 Another subject or site begins another visit, with a thickness of its own; another opening goes on \
@@ -59,9 +72,18 @@ class HelpScreen(OverScreen[None]):
         Binding("enter,space,question_mark,f1,f8,q", "dismiss", "Close", priority=True),
     ]
 
+    def __init__(self, board: Board, here: Sequence[tuple[str, str]] = ()) -> None:
+        """Tell first of `here`: (key, what it does) of the screen that help was asked for on."""
+        super().__init__(board)
+        self._here = here
+
     def compose_box(self) -> ComposeResult:
         """Yield the text."""
         with VerticalScroll(id="help"):
             yield Static("skinlab: keys (Enter closes)", classes="title", markup=False)
+            if self._here:
+                lines = ["On the screen that you came from:"]
+                lines += [f"{key:<10} {what}" for key, what in self._here]
+                yield Static("\n".join([*lines, ""]), id="help-here", markup=False)
             yield Static(_KEYS, markup=False)
             yield Static(_TEXT, markup=False)

@@ -23,8 +23,10 @@ from skinlab.tui.widgets.curve_plot import CurvePlot
 from skinlab.tui.widgets.curves import Curves
 from skinlab.tui.widgets.fields import Fields
 from skinlab.tui.widgets.header import Top
+from skinlab.tui.widgets.intervals import Intervals
 from skinlab.tui.widgets.reading import Reading
 from skinlab.tui.widgets.strip import Strip
+from skinlab.tui.widgets.verdict import VerdictLine
 
 _FRAMES_PER_S = 16
 _ANSWER_S = 0.15
@@ -52,13 +54,25 @@ class MainScreen(Screen[None]):
         Binding("full_stop", "step", "Step", key_display="."),
         Binding("plus,equals_sign", "speed(1)", "Faster", key_display="+"),
         Binding("minus", "speed(-1)", "Slower", key_display="-"),
+        Binding("e", "event", "Next event", show=False),
+        *(Binding(str(n), f"jump({n})", show=False) for n in range(1, 10)),
         Binding("f3", "settings", "Edit", key_display="F3", priority=True),
         # With priority: keys that wait behind one of these already go to the next field
         Binding("tab", "form(1)", show=False, priority=True),
         Binding("shift+tab", "form(-1)", show=False, priority=True),
         Binding("enter", "next", show=False, priority=True),
+        Binding("f6", "want('rested')", "Rested", key_display="F6", show=False, priority=True),
+        Binding("f5", "want('visits')", "Visits", key_display="F5", priority=True),
+        Binding("f4", "want('pick')", "Pick", key_display="F4", show=False, priority=True),
+        Binding("f7", "want('next')", "Load next", key_display="F7", show=False, priority=True),
+        Binding("g", "want('goal')", "Goal", show=False),
         Binding("up", "look(-1)", show=False),
         Binding("down", "look(1)", show=False),
+        Binding("left", "across(-1)", show=False),
+        Binding("right", "across(1)", show=False),
+        Binding("pageup", "page(-1)", show=False),
+        Binding("pagedown", "page(1)", show=False),
+        Binding("r", "want('card')", "R0–R9", show=False),
         Binding("s", "want('session')", "Session"),
         Binding("d,D", "want('missing')", "Missing", key_display="d"),
     ]
@@ -77,14 +91,17 @@ class MainScreen(Screen[None]):
     def compose(self) -> ComposeResult:
         """Yield the parts, from top to bottom."""
         yield Top(self._board)
+        yield VerdictLine()
         with Horizontal(id="middle"):
             with Vertical(id="left"):
                 yield Static("", id="settings-line", markup=False)
                 yield Fields(self._board.port, self._settings)
+                yield Static("", id="card-title", markup=False)
                 yield Card(id="card")
             with Vertical(id="right"):
                 yield CurvePlot()
                 yield Strip()
+            yield Intervals()
         yield Reading(id="reading")
         yield Curves()
         yield Static("", id="note", markup=False)
@@ -103,12 +120,15 @@ class MainScreen(Screen[None]):
         self.close_fields(closed=board.moving or board.review is not None)
         self.set_class(board.review is not None, "-review")
         self.query_one(Top).draw()
+        self.query_one(VerdictLine).show(board)
+        self.query_one(Fields).count(board.next_cycle)
         self.query_one(Card).show(board)
         self.fold()
         self._ask()
         self.query_one(Fields).know(board.hello)
         self.query_one(CurvePlot).show(board)
         self.query_one(Strip).show(board)
+        self.query_one(Intervals).show(board)
         self.query_one(Reading).show(board)
         self.query_one(Curves).show(board)
         self._write_note(board.note, str(board.level))
@@ -199,6 +219,24 @@ class MainScreen(Screen[None]):
         curves = self.query_one(Curves)
         curves.move_cursor(row=curves.cursor_row + by)
 
+    def action_across(self, by: int) -> None:
+        """Move the list of curves sideways."""
+        self.query_one(Curves).scroll_relative(x=8 * by, animate=False, force=True)
+
+    def action_page(self, by: int) -> None:
+        """Show more of the card."""
+        card = self.query_one(Card)
+        card.scroll_relative(y=by * max(card.size.height - 1, 1), animate=False)
+
+    def on_resize(self) -> None:
+        """Draw again once the new layout is there."""
+        self.call_after_refresh(self.redraw)
+
+    def redraw(self) -> None:
+        """Draw all of it again: the size or the colours are others."""
+        self._drawn = -1
+        self.draw()
+
     def action_nothing(self) -> None:
         """Say which key means what Enter and Space do not."""
         if self._board.can_arm:
@@ -213,15 +251,17 @@ class MainScreen(Screen[None]):
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Let keys pass where they mean nothing here."""
-        if action in {"play", "step", "speed"}:
+        if action in {"play", "step", "speed", "event", "jump"}:
             return self._board.playing is not None
         if action == "want":
             what = parameters[0]
             if what == "start":
                 return self._board.review is not None
-            if what == "session":
+            if what in {"session", "goal"}:
                 return not self.typing
-            if what == "missing":
+            if what == "visits":
+                return True
+            if what in {"missing", "card"}:
                 return bool(self._board.entries) and not self.typing
             return self._board.can_arm
         if action == "settings":
@@ -239,6 +279,14 @@ class MainScreen(Screen[None]):
     def action_step(self) -> None:
         """Pass on that a replay is to go one sample further."""
         self.post_message(self.Wanted("step"))
+
+    def action_event(self) -> None:
+        """Pass on that a replay is to go on to the next event."""
+        self.post_message(self.Wanted("event"))
+
+    def action_jump(self, tenths: int) -> None:
+        """Pass on that a replay is to go to a part of the record."""
+        self.post_message(self.Wanted(f"to {tenths}"))
 
     def action_speed(self, by: int) -> None:
         """Pass on that a replay is to be faster or slower."""

@@ -12,42 +12,30 @@ from textual.message import Message
 from textual.screen import Screen
 from textual.widgets import Footer, Static
 
-from skinlab.tui.canvas import runs
-from skinlab.tui.missing import hints, missing_lines, residual_picture
+from skinlab.tui.missing import hints, missing_rows
 from skinlab.tui.ui_state import Board, Missing
 from skinlab.tui.widgets.header import Top
 
 _FRAMES_PER_S = 8
+_USUAL_COLUMNS = 76  # before the first layout
+_STYLES = ("text", "strong", "quiet", "before", "after", "band")
 
 
-class MissingPicture(Static):
-    """The residuals before and after, one above the other."""
+class MissingAnswer(Static):
+    """Words, bars and small pictures, one under the other."""
 
-    COMPONENT_CLASSES: ClassVar[set[str]] = {"missing--residual", "missing--band"}
+    COMPONENT_CLASSES: ClassVar[set[str]] = {f"missing--{name}" for name in _STYLES}
 
     def draw(self, missing: Missing | None) -> None:
-        """Draw, where there is an answer and room for it."""
-        outcome = None if missing is None else missing.outcome
-        self.display = outcome is not None
-        if outcome is None:
-            return
-        count = 2 if outcome.verdict.explanations else 1
-        columns, rows = self.size.width - 1, self.size.height // count - 1
-        if columns < 1 or rows < 1:
-            return
-        styles = [
-            self.get_component_rich_style(f"missing--{layer}") for layer in ("residual", "band")
-        ]
-        text = Text(no_wrap=True, overflow="crop")
-        for caption, main, band in residual_picture(outcome, columns, rows):
-            text.append(f" {caption}\n")
-            for row in runs((main, band)):
-                text.append(" ")
-                for cells, layer in row:
-                    text.append(cells, styles[layer])
-                text.append("\n")
+        """Draw."""
+        styles = {name: self.get_component_rich_style(f"missing--{name}") for name in _STYLES}
+        text = Text()
+        for row in missing_rows(missing, self.size.width or _USUAL_COLUMNS):
+            for cells, style in row:
+                text.append(cells, styles[style])
+            text.append("\n")
         text.right_crop(1)
-        self.update(text, layout=False)
+        self.update(text)
 
 
 class MissingScreen(Screen[None]):
@@ -82,14 +70,12 @@ class MissingScreen(Screen[None]):
         yield Top(self._board)
         yield Static("", id="missing-title", markup=False)
         with VerticalScroll(id="missing-says"):
-            yield Static("", id="missing-text", markup=False)
-        yield MissingPicture("", id="missing-picture", markup=False)
+            yield MissingAnswer("", id="missing-text", markup=False)
         yield Static("", id="missing-note", markup=False)
         yield Footer(show_command_palette=False, compact=True)
 
     def on_mount(self) -> None:
         """Begin to draw."""
-        self.query_one(MissingPicture).display = False
         self.draw()
         self.set_interval(1 / _FRAMES_PER_S, self.draw)
 
@@ -97,8 +83,8 @@ class MissingScreen(Screen[None]):
         """Draw where something changed; nothing once the screen is being taken down."""
         if not self.display:
             return
-        board, picture = self._board, self.query_one(MissingPicture)
-        drawn = (board.version, picture.size)
+        board, answer = self._board, self.query_one(MissingAnswer)
+        drawn = (board.version, answer.size.width, self.app.theme)
         if drawn == self._drawn:
             return
         self._drawn = drawn
@@ -106,9 +92,8 @@ class MissingScreen(Screen[None]):
         state = "" if missing is None else "looking …" if missing.running else "done"
         title = f"What is missing in the model? {state}"
         self.query_one("#missing-title", Static).update(title)
-        self.query_one("#missing-text", Static).update("\n".join(missing_lines(missing)))
+        answer.draw(missing)
         self.query_one("#missing-note", Static).update(board.note)
-        picture.draw(missing)
         keys = (missing and missing.running, missing and missing.adopted, hints(missing))
         if keys != self._keys:
             self._keys = keys

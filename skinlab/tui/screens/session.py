@@ -17,8 +17,10 @@ from textual.widgets import DataTable, Footer, Input, Static
 from skinlab.errors import InputError
 from skinlab.recording.curve_selection import Deed
 from skinlab.recording.pseudonym import check_note
-from skinlab.tui.summary import repeats, repeats_lines
+from skinlab.tui.summary import left_out, repeats, repeats_lines
 from skinlab.tui.text import (
+    ROW_AFTER,
+    ROW_BEFORE,
     clock,
     column_title,
     result_lines,
@@ -30,8 +32,6 @@ from skinlab.tui.typing_guard import CHECK_KEY
 from skinlab.tui.ui_state import Board
 from skinlab.tui.widgets.header import Top
 
-_BEFORE = ("#", "whose", "time", "mm", "program", "cycle")
-_AFTER = ("E µm", "used")
 _FRAMES_PER_S = 8
 
 
@@ -65,6 +65,8 @@ class SessionScreen(Screen[None]):
         Binding("ctrl+z", "undo", "Undo", key_display="^z", priority=True),
         Binding(CHECK_KEY, "cancel", "No", key_display="F8", priority=True),
         Binding("tab,shift+tab", "stay", show=False, priority=True),
+        Binding("pageup", "page(-1)", show=False, priority=True),
+        Binding("pagedown", "page(1)", show=False, priority=True),
         Binding("s,b,q", "back", "Back", key_display="s"),
     ]
 
@@ -107,15 +109,12 @@ class SessionScreen(Screen[None]):
         names = value_columns(board.entries.values())
         table.clear(columns=names != self._names)
         if names != self._names:
-            table.add_columns(*_BEFORE, *map(column_title, names), *_AFTER)
+            table.add_columns("used", *ROW_BEFORE, *map(column_title, names), *ROW_AFTER)
             self._names = names
         for index, entry in board.entries.items():
-            number, whose, at_time, program, cycle, *values, _ = row_texts(entry, names)
             reason = board.ledger.excluded.get(index)
-            used = "yes" if reason is None else f"no: {reason}"
-            opening = f"{entry.curve.setup.aperture_mm:g}"
-            cells = (number, whose, at_time, opening, program, cycle, *values, Text(used))
-            table.add_row(*cells, key=str(index))
+            used = Text("yes" if reason is None else f"no: {reason}")
+            table.add_row(used, *row_texts(entry, names), key=str(index))
         if board.entries:
             table.move_cursor(row=min(at, len(board.entries) - 1))
         self.query_one("#session-text", Static).update("\n".join(self._lines()))
@@ -123,10 +122,14 @@ class SessionScreen(Screen[None]):
 
     def _lines(self) -> list[str]:
         board = self._board
-        lines = repeats_lines(repeats(board.entries.values(), board.ledger.excluded))
+        entries, excluded = board.entries.values(), board.ledger.excluded
+        lines = repeats_lines(repeats(entries, excluded), left_out(entries, excluded))
         if board.joint is not None:
             curves = ", ".join(board.joint.files or (board.joint.file,))
-            lines += [f"Together ({curves}):"]
+            names = [entry.curve.name for entry in board.entries.values()]
+            aside = [n for n in names if n not in (board.joint.files or (board.joint.file,))]
+            later = f"; without {', '.join(aside)}: cut, left out, or later loadings"
+            lines += [f"Together ({curves}{later if aside else ''}):"]
             lines += [f"  {line}" for line in result_lines(board.joint, 50)]
         lines += board.compared
         lines += [f"Note: {note}" for note in board.ledger.notes]
@@ -186,6 +189,11 @@ class SessionScreen(Screen[None]):
         if deed is not None:
             self._board.touch()
             self.post_message(self.Decided(deed, undone=True))
+
+    def action_page(self, by: int) -> None:
+        """Show more of what the curves say together."""
+        says = self.query_one("#session-says")
+        says.scroll_relative(y=by * max(says.size.height - 1, 1), animate=False)
 
     def action_back(self) -> None:
         """Go back to the main screen."""

@@ -4,24 +4,21 @@ from __future__ import annotations
 
 from textual.widgets import DataTable
 
-from skinlab.mechanics.names import unit_of
-from skinlab.tui.text import column_title, row_texts, value_columns
+from skinlab.tui.text import ROW_AFTER, ROW_BEFORE, column_title, row_texts, value_columns
 from skinlab.tui.ui_state import Board
 
-# Columns, and the widths of those whose cells are filled later: a table does not always make room.
-_BEFORE: dict[str, int | None] = {
-    "#": None,
-    "whose": 14,
-    "time": 5,
-    "program": None,
-    "cycle": None,
-}
-_VALUE = 7
-_AFTER: dict[str, int | None] = {"E µm": 6, "remarks": 60}
+# Widths of columns whose cells are filled later: a table does not always make room.
+_WIDTHS = {"whose": 14, "time": 5, "use": 6, "rms µm": 7, "remarks": 60}
+_VALUE = 14
 
 
 def _widths(names: tuple[str, ...]) -> dict[str, int | None]:
-    return {**_BEFORE, **{column_title(n): _VALUE - (not unit_of(n)) for n in names}, **_AFTER}
+    values = dict.fromkeys(map(column_title, names), _VALUE)
+    return {
+        **{title: _WIDTHS.get(title) for title in ROW_BEFORE},
+        **values,
+        **{title: _WIDTHS.get(title) for title in ROW_AFTER},
+    }
 
 
 class Curves(DataTable[str]):

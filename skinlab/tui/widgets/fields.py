@@ -53,6 +53,7 @@ class Fields(Vertical):
         self._known: dict[tuple[str, str], tuple[str, ...]] = {}  # thickness, by who it is of
         self._put = self._thickness_start  # by the program, not by hand
         self._by_program = True  # what is in the field now
+        self._cycle_put = self._start["cycle"]  # as counted, not as typed
 
     def compose(self) -> ComposeResult:
         """Yield a line of fields and a line for complaints for each row."""
@@ -86,12 +87,27 @@ class Fields(Vertical):
         return tuple(self.query_one(f"#{name}", Input).value for name in _THICKNESS)
 
     @property
+    def who(self) -> tuple[str, str]:
+        """Subject and site."""
+        return self._who
+
+    @property
     def assumed_thickness(self) -> bool:
         """Whether nobody typed the thickness for this subject and site."""
         return self._who not in self._known and self._by_program
 
+    def count(self, next_cycle: int) -> None:
+        """Put in which loading of the site comes next, unless somebody typed another one."""
+        if self._cycle_put == str(next_cycle):
+            return
+        field = self.query_one("#cycle", Input)
+        by_hand, self._cycle_put = field.value != self._cycle_put, str(next_cycle)
+        if not by_hand:
+            field.value = self._cycle_put
+
     def accept(self) -> None:
-        """Let the thickness be that of this subject and site from here on."""
+        """Let the thickness be that of this subject and site from here on, and count on."""
+        self._cycle_put = self.query_one("#cycle", Input).value
         if not self.assumed_thickness:
             self._known[self._who] = self._put = self._thickness
             self._by_program = True
@@ -107,6 +123,7 @@ class Fields(Vertical):
         if who == self._who:
             return
         self._who = who
+        self._cycle_put = self.query_one("#cycle", Input).value  # that was typed for another skin
         if self._by_program:  # else it was typed for whoever is typed now
             self._put = self._known.get(who, self._thickness_start)
             for name, text in zip(_THICKNESS, self._put, strict=True):

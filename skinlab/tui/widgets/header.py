@@ -11,6 +11,7 @@ from skinlab.tui.ui_state import Board
 
 _CLASSES = {"ARMED": "-armed", "RUNNING": "-running", "FAULT": "-fault", "NO PROBE": "-fault"}
 _FRAMES_PER_S = 10
+_USUAL_COLUMNS = 46  # before the first layout
 
 
 class Top(Vertical):
@@ -22,7 +23,7 @@ class Top(Vertical):
     def __init__(self, board: Board) -> None:
         super().__init__(classes="top")
         self._board = board
-        self._seen = -1  # version of the board
+        self._seen = (-1, 0)  # version of the board, and how wide it was drawn
         self._drawn: tuple[str, ...] = ()
 
     def compose(self) -> ComposeResult:
@@ -41,10 +42,12 @@ class Top(Vertical):
     def draw(self) -> None:
         """Draw where something changed."""
         board = self._board
-        if board.version == self._seen or not self.is_mounted:
+        columns = self.query_one("#where", Static).content_size.width if self.is_mounted else 0
+        if (board.version, columns) == self._seen or not self.is_mounted:
             return
-        self._seen = board.version
-        drawn = (board.phase, suction_text(board), where_text(board), banner_text(board.hello))
+        self._seen = (board.version, columns)
+        where = where_text(board, columns or _USUAL_COLUMNS)
+        drawn = (board.phase, suction_text(board), where, banner_text(board.hello))
         if drawn == self._drawn:
             return
         self._drawn = drawn

@@ -36,6 +36,11 @@ class Strip(Static):
         drawing = _drawing(shown, columns, rows)
         self.update("" if drawing is None else self._text(drawing), layout=False)
 
+    def notify_style_update(self) -> None:
+        """Draw again in the colours of another theme, with what is drawn next."""
+        super().notify_style_update()
+        self._drawn = None
+
     def _text(self, drawing: Drawing) -> Text:
         text = Text(" " + drawing.caption, no_wrap=True, overflow="crop")
         styles = [

@@ -5,7 +5,11 @@ import threading
 
 import pytest
 
+from drivers.passthrough import listen
 from skinlab.acquisition.shutdown import INTERRUPTED, HeldInterrupt, Lifeline
+from skinlab.cli.main import run
+from skinlab.recording.audit import entries
+from skinlab.recording.session import read_session
 
 PATIENCE_S = 120.0
 
@@ -76,15 +80,6 @@ def test_nothing_happens_where_nothing_does():
     assert program.calls == []
 
 
-@pytest.fixture
-def interruptible():
-    """A background job's children ignore Ctrl-C, and so would these tests."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
-
-
-@pytest.mark.usefixtures("interruptible")
 def test_an_interrupt_is_held_until_it_is_asked_for_and_vents_at_once():
     vented = threading.Event()
     with HeldInterrupt(lambda reason: vented.set()) as held:
@@ -96,7 +91,41 @@ def test_an_interrupt_is_held_until_it_is_asked_for_and_vents_at_once():
             held.check()
 
 
-@pytest.mark.usefixtures("interruptible")
+def test_without_a_vent_it_only_holds():
+    with HeldInterrupt() as held:
+        signal.raise_signal(signal.SIGINT)
+        with pytest.raises(KeyboardInterrupt):
+            held.check()
+
+
+def test_a_capture_ends_between_two_reads_and_loses_none():
+    class Instrument:
+        def read(self, most, timeout_s):
+            signal.raise_signal(signal.SIGINT)  # comes while a chunk is in hand
+            return b"abc"
+
+    chunks = []
+    with HeldInterrupt() as held, pytest.raises(KeyboardInterrupt):
+        listen(Instrument(), None, chunks.append, lambda: 0.0, None, held.check)
+    assert [chunk.data for chunk in chunks] == [b"abc"]
+
+
+def test_an_alarm_that_is_acknowledged_without_a_person_is_in_the_audit_trail(tmp_path):
+    (tmp_path / "f.toml").write_text('[[fault]]\nkind = "unplug"\nat_s = 1.0\nfor_s = 1.0\n')
+    out = tmp_path / "s.h5"
+    status = run(
+        ["measure", "--port", f"sim://?seed=1&speed=5&faults={tmp_path / 'f.toml'}",
+         "--aperture-mm", "6", "--thickness-mm", "1", "--program", "ramp:50@20",
+         "--rest-s", "0", "--out", str(out)]
+    )  # fmt: skip
+    assert status == 0
+    trail = entries(read_session(out).records)
+    alarm = next(e for e in trail if e.what == "alarm")
+    acknowledged = next(e for e in trail if e.what == "alarm acknowledged")
+    assert acknowledged.number > alarm.number
+    assert acknowledged.detail["text"] == alarm.detail["text"]
+
+
 def test_an_interrupt_is_the_caller_s_again_afterwards():
     with HeldInterrupt(lambda reason: None):
         pass

@@ -60,10 +60,22 @@ def test_the_page_runs_as_one_program(tmp_path):
         "assert again.order[3] == 'deflection_offset.offset_um'\n"
         "assert explanation.adopted_model == 'model.toml'\n"
         "assert 'data:image/' in explanation._repr_html_()\n"
+        "assert len(table) == study.curves == 6 and study.failures == []\n"
+        "assert table.subject.unique().tolist() == list(people)\n"
+        "assert 'data:image/' in study._repr_html_()\n"
     )
     done = python("\n".join([*blocks, facts]), tmp_path)
     assert done.returncode == 0, done.stderr
     assert "nothing.csv: No such file" in done.stdout
+
+
+def test_a_study_says_what_it_needs(tmp_path):
+    with pytest.raises(skinlab.InputError, match="no such folder"):
+        skinlab.study(tmp_path / "nothing", out=tmp_path / "study")
+    with pytest.raises(skinlab.InputError, match="expected a folder"):
+        skinlab.study([], out=tmp_path / "study")
+    with pytest.raises(skinlab.InputError, match="workers 0"):
+        skinlab.study(tmp_path, out=tmp_path / "study", workers=0)
 
 
 def test_importing_is_light_and_complete(tmp_path):
@@ -217,7 +229,7 @@ def test_frames(curve):
 
 def test_without_pandas_a_sentence_says_what_to_install(curve, monkeypatch):
     monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(skinlab.InputError, match="pip install pandas"):
+    with pytest.raises(skinlab.InputError, match=r"pip install 'skinlab\[notebook\]'"):
         curve.to_frame()
 
 

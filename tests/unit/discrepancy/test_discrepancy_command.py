@@ -29,6 +29,7 @@ def write_campaign(folder, effects, curves=((6.0, "ramp:100@20,ramp:0@20"), (2.0
     folder.mkdir()
     rng = np.random.default_rng(3)
     lines = ["[campaign]", "noise_um = 3.0", "pressure_noise_mbar = 0.0"]
+    lines += ["placement_scatter = 0.0"]  # else two placements might each have such a zero
     for i, (aperture, text) in enumerate(curves):
         program = parse_program(text)
         time = np.arange(int(program.duration_s * 20 + 1e-9) + 1) / 20

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.envelope import Envelope, targets
+from drivers.errors import LocalProtocolError
 from drivers.events import HostVented, InstrumentState, Sample, Segment, SegmentKind, State
 from drivers.limits import Limits, program_bounds
 from drivers.watchdog import Watchdog
@@ -25,6 +26,10 @@ def hold(seconds):
 
 def rest(seconds):
     return Segment(SegmentKind.REST, duration_s=seconds)
+
+
+def until(height, rate, most):
+    return Segment(SegmentKind.UNTIL, target_mbar=most, rate_mbar_per_s=rate, height_mm=height)
 
 
 RELEASE = Segment(SegmentKind.RELEASE)
@@ -118,10 +123,35 @@ def test_small_leads_do_not_add_up():
     assert any("ahead" in (each or "") for each in said)
 
 
+def test_what_follows_a_height_begins_where_it_was_reached():
+    envelope = Envelope((until(0.4, 20, 100), hold(2), ramp(0, 20)), LIMITS)
+    assert envelope.see(0, 0.0) is None
+    assert envelope.highest_mbar(2.0) == 40
+    assert envelope.see(0, 2.0) is None
+    assert envelope.see(1, 2.05) is None  # reached between the two samples
+    assert envelope.highest_mbar(3.0) == pytest.approx(41)
+    assert 35 < envelope.least_mbar(1) <= 40
+    assert envelope.see(1, 4.05) is None
+    assert "behind the program" in envelope.see(1, 4.3)
+    assert envelope.see(2, 4.1) is None
+    assert envelope.see(2, 6.0) is None
+    assert "behind the program" in envelope.see(2, 6.5)  # down from 41 mbar it takes 2.05 s
+
+
+def test_a_height_that_is_never_reached_ends_at_the_most():
+    envelope = Envelope((until(0.4, 20, 100), hold(2)), LIMITS)
+    for time_s in (0.0, 2.5, 5.1):
+        assert envelope.see(0, time_s) is None
+    assert envelope.highest_mbar(5.1) == 100
+    assert "behind the program" in envelope.see(0, 5.2)
+
+
 # ---- honest instruments -------------------------------------------------------------------------
 
 rates = st.sampled_from([5.0, 20.0, 60.0, 300.0, 1e5])
 pieces = st.one_of(
+    # To more than any ramp goes to, since it may not be below what comes before it
+    st.builds(until, st.floats(0.01, 1.0), rates, st.floats(150, 200)),
     st.builds(ramp, st.floats(0, 150), rates),
     st.builds(hold, st.floats(0, 2)),
     st.builds(rest, st.floats(0, 2)),
@@ -130,11 +160,14 @@ pieces = st.one_of(
 
 
 def short_enough(program):
-    bounds = program_bounds(program)
+    try:
+        bounds = program_bounds(program)
+    except LocalProtocolError:  # an until below the one before it
+        return False
     lasts = 0.0
     before = 0.0
     for segment, target in zip(program, targets(program), strict=True):
-        if segment.kind is SegmentKind.RAMP:
+        if segment.kind in {SegmentKind.RAMP, SegmentKind.UNTIL}:
             lasts += abs(target - before) / segment.rate_mbar_per_s
         lasts += segment.duration_s
         before = target

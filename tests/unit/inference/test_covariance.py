@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from skinlab.inference.covariance import Covariance, OrnsteinUhlenbeck, independent
+from skinlab.inference.covariance import Covariance, OrnsteinUhlenbeck, independent, products
 
 
 def dense(covariance: Covariance) -> np.ndarray:
@@ -51,9 +53,11 @@ def test_whitening_and_determinant_are_those_of_the_dense_matrix(covariance):
 def test_products_are_those_of_whitened_values(covariance):
     values = np.random.default_rng(0).normal(size=(covariance.count, 3))
     white = covariance.whiten(values)
-    products, log_determinant = covariance.products(values)
-    np.testing.assert_allclose(products, white.T @ white, rtol=1e-6, atol=1e-8)
-    assert log_determinant == pytest.approx(covariance.log_determinant, abs=1e-7)
+    other = replace(covariance, variance_mm2=2.0 * covariance.variance_mm2)
+    found, log_determinant = products([other, covariance], values)
+    np.testing.assert_allclose(found[1], white.T @ white, rtol=1e-6, atol=1e-8)
+    assert log_determinant[1] == pytest.approx(covariance.log_determinant, abs=1e-7)
+    assert log_determinant[0] == pytest.approx(other.log_determinant, abs=1e-7)
 
 
 @given(covariances(), st.randoms(use_true_random=False))

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 from scipy.stats import kstest, norm
 
+from skinlab.inference.covariance import OrnsteinUhlenbeck, independent
 from skinlab.inference.error_choice import choose_errors
 from skinlab.inference.error_judgement import judge_errors
 from skinlab.inference.error_models import ERROR_MODELS
-from skinlab.inference.error_models.base import Look
+from skinlab.inference.error_models.base import Hyperparameter, Look, Part, Terms
 from skinlab.inference.error_models.ornstein_uhlenbeck import ERROR_MODEL as OU
+from skinlab.inference.error_models.placement import ERROR_MODEL as PLACEMENT
 from skinlab.inference.error_models.quantised import step_um
 from skinlab.inference.error_models.white import ERROR_MODEL as WHITE
 from skinlab.inference.likelihood import LinearModel
@@ -33,9 +37,10 @@ def samples_of(deflection_mm):
 
 def chosen(errors_mm, *, noise_um=None, models=None, pressure_sd=0.0):
     linear = LinearModel(errors_mm, SLOPES, PRECISION)
+    slope = np.gradient(COURSE, 100 * X)
     look = Look(
-        samples_of(COURSE + errors_mm), COURSE, np.gradient(COURSE, 100 * X), errors_mm, SLOPES,
-        noise_um, np.full(N, pressure_sd),
+        samples_of(COURSE + errors_mm), COURSE, slope, errors_mm, SLOPES,
+        noise_um, np.full(N, pressure_sd), slope * pressure_sd,
     )  # fmt: skip
     return choose_errors(look, linear, np.zeros((N, 0)), np.zeros(N), models)
 
@@ -87,6 +92,14 @@ def test_a_statement_that_is_wrong_is_contradicted_with_both_numbers():
     assert "stated_noise_contradicted" not in right.flags
 
 
+@pytest.mark.parametrize("stated_um", [1.0, 3.0])
+def test_rounding_may_be_part_of_a_statement_or_not(stated_um):
+    w = COURSE + white(np.random.default_rng(2), 1.0)
+    choice = chosen(0.01 * np.round(w / 0.01) - COURSE, noise_um=stated_um)
+    assert "stated_noise_contradicted" not in judge_errors(choice, stated_um).flags
+    assert "stated_noise_contradicted" in judge_errors(choice, 12.0).flags
+
+
 def test_breathing_is_found_with_its_frequency():
     rng = np.random.default_rng(5)
     pulse = 4e-3 * np.sin(2 * np.pi * 1.2 * TIME + 1.0)
@@ -115,10 +128,52 @@ def test_steps_are_found_in_the_readings():
     assert step_um(np.round(w, 6)) == 0.0  # as a file has it: nothing beside any noise
 
 
+def test_rounding_of_a_quiet_curve_is_a_wave_over_the_deflection_and_no_error_that_lasts():
+    """With noise below half a step; the truth must be as near as what is promised says."""
+    held = lasting = 0
+    narrower = []
+    for seed in range(30):
+        rng = np.random.default_rng(seed)
+        truth = 2e-3 * rng.standard_normal(3)
+        w = COURSE + SLOPES @ truth + white(rng, 1.0)
+        errors = 0.01 * np.round(w / 0.01) - COURSE
+        choice = chosen(errors)
+        lasting += "correlated_noise" in judge_errors(choice, None).flags
+        for covariance, rounding in ((choice.mode, 0), (independent(np.full(N, 3.05e-3)), 1)):
+            W = covariance.whiten(np.column_stack([errors, SLOPES]))
+            inverse = np.linalg.inv(W[:, 1:].T @ W[:, 1:])
+            off = (inverse @ W[:, 1:].T @ W[:, 0] - truth)[2] / np.sqrt(inverse[2, 2])
+            if not rounding:
+                held += abs(off) < 1.645
+                narrower.append(np.sqrt(inverse[2, 2]))
+            else:
+                narrower[-1] /= np.sqrt(inverse[2, 2])
+    assert held >= 24
+    assert lasting <= 1
+    assert np.median(narrower) < 0.9
+
+
+def test_rounding_of_a_noisy_curve_is_independent():
+    rng = np.random.default_rng(3)
+    found = chosen(0.002 * np.round((COURSE + white(rng)) / 0.002) - COURSE)
+    assert "quantised" in found.best.name
+    assert found.mode.columns_mm.shape == (N, 0)
+    assert found.parameters()["white_um"] == pytest.approx(3.0, rel=0.2)
+
+
+def test_a_curve_of_a_few_steps_has_them_found():
+    """A stiff skin's curve of 30 µm has four readings, each of which comes again and again."""
+    w = 0.06 * COURSE + white(np.random.default_rng(7), 1.0)
+    assert step_um(0.01 * np.round(w / 0.01)) == pytest.approx(10.0)
+    assert step_um(w[:6]) == 0.0
+
+
 class TestOutliers:
-    def probability(self, errors_mm):
+    def probability(self, errors_mm, known_mm=None):
         return outlier_probability(
-            LinearModel(errors_mm, SLOPES, PRECISION), samples_of(COURSE + errors_mm)
+            LinearModel(errors_mm, SLOPES, PRECISION),
+            samples_of(COURSE + errors_mm),
+            known_mm=known_mm,
         )
 
     def test_one_glitch_is_found_wherever_it_is(self):
@@ -140,6 +195,33 @@ class TestOutliers:
             found += int((self.probability(errors) > 0.5).sum())
         assert found <= 4  # of 6,060
 
+    def test_errors_that_grow_with_the_deflection_have_none(self):
+        found = 0
+        for seed in range(20):
+            rng = np.random.default_rng(seed)
+            errors = white(rng, 1.0) + 0.02 * COURSE * rng.standard_normal(N)
+            found += bool((self.probability(errors) > 0.5).any())
+        assert found <= 1
+
+    def test_the_pressures_noise_makes_none(self):
+        slope = np.gradient(COURSE, 100 * X)
+        found = 0
+        for seed in range(20):
+            rng = np.random.default_rng(seed)
+            errors = white(rng, 1.0) + slope * rng.standard_normal(N)
+            found += bool((self.probability(errors, slope) > 0.5).any())
+        assert found <= 1
+
+    def test_white_noise_has_none_and_a_glitch_of_50_um_is_found(self):
+        clean, found = 0, 0
+        for seed in range(40):
+            errors = white(np.random.default_rng(100 + seed))
+            clean += bool((self.probability(errors) > 0.5).any())
+            errors[seed] += 0.05
+            found += bool(self.probability(errors)[seed] > 0.5)
+        assert clean <= 1
+        assert found == 40
+
     def test_a_wave_is_no_outlier(self):
         assert (self.probability(0.02 * np.sin(8 * X)) <= 0.5).all()
 
@@ -149,7 +231,9 @@ def test_ranks_are_uniform_where_the_errors_are_drawn_from_their_priors():
     rng = np.random.default_rng(8)
     below = []
     for _ in range(150):
-        look = Look(samples_of(COURSE), COURSE, COURSE, COURSE, SLOPES, None, np.zeros(N))
+        look = Look(
+            samples_of(COURSE), COURSE, COURSE, COURSE, SLOPES, None, np.zeros(N), np.zeros(N)
+        )
         size = {
             p.name: p.median * np.exp(p.log_sd * rng.standard_normal())
             for model in (WHITE, OU)
@@ -171,10 +255,61 @@ def test_ranks_are_uniform_where_the_errors_are_drawn_from_their_priors():
     assert kstest(below, "uniform").pvalue > 1e-3
 
 
+def test_a_placement_has_a_stiffness_a_zero_and_where_stated_a_thickness():
+    half = (np.arange(N) >= 50).astype(np.intp)
+    samples = replace(samples_of(COURSE), curve=half, placement=half)
+    look = Look(
+        samples, COURSE, COURSE, COURSE, SLOPES, None, np.zeros(N), np.zeros(N), None,
+        thickness_error_mm=0.01 * X,
+    )  # fmt: skip
+    part = PLACEMENT.part(look)
+    columns = part.terms([4.0, 0.05]).columns_mm
+    np.testing.assert_allclose(columns[:, 4:].sum(axis=1), 0.01 * X)
+    assert not columns[:50, 5].any()
+    assert not columns[50:, 4].any()
+    assert part.stated["placement_count"] == 2
+    without = PLACEMENT.part(replace(look, thickness_error_mm=None))
+    np.testing.assert_allclose(without.terms([4.0, 0.05]).columns_mm, columns[:, :4])
+
+
+class Tape:
+    """Another process in time: slow creep of the tape."""
+
+    name = "tape"
+    meaning = "creep of the tape"
+    prior = "3 µm; 20 s"
+    always = False
+
+    def part(self, look):
+        def terms(values):
+            return Terms(ou=OrnsteinUhlenbeck(1e-3 * values[0], 20.0))
+
+        size = Hyperparameter("tape_um", 30.0, 0.6)
+        return Part("tape", (size,), terms, 0.0, always=self.always, lasting=True)
+
+
+def test_of_two_processes_in_time_the_evidence_chooses_one():
+    rng = np.random.default_rng(0)
+    found = [
+        chosen(white(rng, 1.0) + process(rng, size, time), models=(WHITE, OU, Tape()))
+        for size, time in ((3.0, 0.2), (40.0, 20.0))
+    ]
+    for choice, expected in zip(found, ("white+ou", "white+tape"), strict=True):
+        assert choice.best.name == expected
+        assert not any(n.combination.name.count("+") > 1 for n in choice.nodes)
+
+
+def test_two_processes_that_are_always_there_are_refused():
+    one = Tape()
+    one.always = True
+    with pytest.raises(ValueError, match="tape and tape are processes in time"):
+        chosen(white(np.random.default_rng(0)), models=(WHITE, one, one))
+
+
 def test_every_model_is_declared_in_a_file_of_its_own():
     names = set(ERROR_MODELS.names())
     assert {"white", "ou", "proportional", "pressure", "quantised", "heavy_tails"} <= names
-    look = Look(samples_of(COURSE), COURSE, COURSE, COURSE, SLOPES, None, np.ones(N))
+    look = Look(samples_of(COURSE), COURSE, COURSE, COURSE, SLOPES, None, np.ones(N), np.ones(N))
     for model in ERROR_MODELS.all():
         part = model.part(look)
         if part is None:

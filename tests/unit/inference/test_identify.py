@@ -185,3 +185,16 @@ def test_the_document_has_the_contracts_fields(grid, blind_curve):
     }  # fmt: skip
     assert entry["order"] == ["X1_MPa", "X2_MPa", "nu"]
     assert set(entry["parameters"]["nu"]) == {"value", "low", "high"}
+
+
+def test_a_very_long_curve_is_thinned_and_says_so(grid, blind_curve):
+    at = np.linspace(0, 100, 30_000)
+    deflection = np.interp(at, blind_curve.pressure_mbar, blind_curve.deflection_mm)
+    long = dataclasses.replace(
+        blind_curve, time_s=at / 20, pressure_mbar=at, deflection_mm=deflection, segment=None
+    )
+    result = Identifier(grid, method="lm")(long)
+    assert "thinned:6" in result.flags
+    assert "outside_database" not in result.flags
+    assert result.fitted_points == 5000
+    assert result.points == 30_000

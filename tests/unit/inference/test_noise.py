@@ -8,6 +8,7 @@ from skinlab.inference.noise import (
     MESH_ERROR,
     legendre,
     mesh_error_shapes,
+    pressure_error_mm,
     pressure_noise_mbar,
     roughness,
     slope_mm_per_mbar,
@@ -87,6 +88,18 @@ def test_slopes_agree_with_the_models(table):
         np.testing.assert_allclose(
             slope_mm_per_mbar(pressure, model), (up - down) / 0.1, rtol=0.05, atol=2e-5
         )
+
+
+def test_what_pressure_noise_does_is_its_slope_or_what_the_bend_leaves_of_that():
+    pressure = np.linspace(0, 100, 101)
+    curve = 0.1 * np.cbrt(pressure + 0.5)  # steep near zero
+    found = pressure_error_mm(pressure, curve, np.full(101, 0.5))
+    straight = slope_mm_per_mbar(pressure, curve) * 0.5
+    np.testing.assert_allclose(found[20:], straight[20:], rtol=0.01)
+    z = np.random.default_rng(5).standard_normal(20_000)
+    at = pressure[5] + 0.5 * z
+    expected = np.sqrt(np.mean((0.1 * np.cbrt(at + 0.5) - curve[5]) ** 2))
+    assert found[5] == pytest.approx(expected, rel=0.05)
 
 
 def test_one_glitch_is_not_rough():

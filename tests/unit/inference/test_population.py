@@ -28,7 +28,7 @@ from skinlab.mechanics.fem.suction import Geometry
 from skinlab.mechanics.materials import get_law
 from skinlab.recording.recorder import identification_settings
 from skinlab.recording.session import read_session
-from skinlab.study.population import to_toml
+from skinlab.studies.population import to_toml
 from skinlab.tables.store import shipped_table
 
 TRUE = np.array([0.03, 1.2, 0.3])

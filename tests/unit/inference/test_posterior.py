@@ -5,7 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skinlab.inference.intervals import correlation, most_of_the_range, summary
+from skinlab.inference.intervals import (
+    correlation,
+    is_logarithmic,
+    most_of_the_range,
+    summary,
+)
 from skinlab.inference.joint import GaussianPrior, JointMisfit
 from skinlab.inference.optimise import polish
 from skinlab.inference.posterior import sample
@@ -196,6 +201,11 @@ class TestSummary:
         middle, low, high = summary(x, np.array([0.0, 1.0, 0.0]), np.array([-9e9, 0.0, -np.inf]))
         assert low <= middle <= high
         assert np.isfinite([low, middle, high]).all()
+
+    def test_a_flat_range_that_begins_near_zero_is_not_logarithmic(self):
+        share = np.random.default_rng(0).random(1000)
+        assert not is_logarithmic(0.499 * share)  # its least draw is far below a fifth of the most
+        assert is_logarithmic(0.005 * 40**share)
 
     def test_most_of_the_range(self):
         prior = np.random.default_rng(2).random(2000)

@@ -197,7 +197,7 @@ class TestErrorsAsTheyAre:
         json.dumps(result.to_json(), allow_nan=False)
         assert all(v.low <= v.value <= v.high for v in result.parameters.values())
         assert "at_bound:X1_MPa" in result.flags
-        assert "misfit_above_noise" in result.flags
+        assert "crease" in result.flags
 
 
 def test_the_value_is_inside_its_interval_and_the_optimum_is_kept(table):
@@ -327,6 +327,18 @@ class TestPlacement:
                 held[stated] += value.low <= self.skin[0] <= value.high
         assert held[None] >= 5
         assert held[0.0] < held[None]
+
+    def test_a_stated_deviation_of_the_thickness_is_each_placements_too(self, table):
+        stated = [
+            replace(c, setup=replace(c.setup, thickness_sd_mm=0.06, placement=label))
+            for c, label in zip(self.curves(table, 0.0), "abcd", strict=True)
+        ]
+        exact = Identifier(table, sensor=Sensor(3.0, 0.0, 0.01))
+        known, doubted = exact.joint(self.curves(table, 0.0)), exact.joint(stated)
+        assert known.placement.count == doubted.placement.count == 4
+        ends = [r.parameters["X1_MPa"] for r in (known, doubted)]
+        assert ends[1].high / ends[1].low > 1.05 * ends[0].high / ends[0].low
+        assert doubted.uncertainty.relative_thickness_sd == pytest.approx(0.06 / 2**0.5)
 
     def test_later_cycles_belong_to_the_placement_before(self, table):
         one = curve_of(table, SKIN)
@@ -468,7 +480,7 @@ class TestCommand:
         out = capsys.readouterr().out
         assert "3 curves together" in out
         assert "measure next" in out
-        assert "hardly fix" in out
+        assert "do not determine" in out
 
     def test_advice_without_intervals_is_wrong_usage(self, table, tmp_path, capsys):
         path = self.campaign(table, tmp_path)

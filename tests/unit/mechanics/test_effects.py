@@ -1,5 +1,7 @@
 """Each effect against theory: closed forms, limits, and what it must equal."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.special import iv
@@ -67,7 +69,7 @@ def test_a_stretched_skin_at_rest_is_in_equilibrium_to_round_off(element):
     f = np.array([1.05, 0.0, 0.0, through, 1.05])[:, None]
     energy, stress, _, det = stress_and_tangent(f, LAW, parameters)
     assert abs(stress[3, 0]) < 1e-15
-    assert np.abs(state.residual).max() < 1e-13 * np.abs(stress).max()
+    assert np.abs(state.residual).max() < 1e-12 * np.abs(stress).max()
     # the energy is W per volume of the skin before it was stretched
     assert state.energy == pytest.approx(float((energy / det)[0]) * np.pi * 4.0, rel=1e-13)
 
@@ -133,11 +135,35 @@ def test_a_hypodermis_holds_the_more_the_stiffer_and_the_thinner():
 
 @pytest.mark.parametrize("thickness_um", [5.0, 20.0, 100.0])
 def test_a_surface_layer_of_the_skins_own_law_is_none(thickness_um):
-    """But for the mesh that it gets: the edge is resolved otherwise."""
+    """But for the edge, which is as sharp as a real one under a layer, and no sharper."""
     skin = Skin((0.04, 0.0, 0.32))
     p = np.array([1.0, 4.0])
     layer = {"surface_layer": {"thickness_um": thickness_um, "X1_MPa": 0.04}}
-    np.testing.assert_allclose(dome(layer, skin, pressure=p), dome({}, skin, pressure=p), rtol=2e-3)
+    np.testing.assert_allclose(dome(layer, skin, pressure=p), dome({}, skin, pressure=p), rtol=3e-3)
+
+
+# Skin (X1, X2, ν), its thickness, layer (µm, MPa), and the apex (µm) at 40 and 100 mbar that
+# another program finds with a 40 µm edge; with one of 10 µm it finds no answer beyond 69 mbar.
+CREASING = [
+    ((0.02, 1.8, 0.3), 1.1, (25.0, 0.25), (448.22, 795.74)),
+    ((0.03, 1.0, 0.32), 1.0, (5.0, 0.5), (494.99, 892.33)),
+]
+
+
+@pytest.mark.parametrize(("skin", "thickness", "layer", "other"), CREASING)
+def test_a_thin_layer_does_not_end_the_curve_at_the_edge(skin, thickness, layer, other):
+    values = {"surface_layer": {"thickness_um": layer[0], "X1_MPa": layer[1]}}
+    geometry, p = Geometry(6.0, thickness), np.array([40.0, 100.0])
+    found = dome(values, Skin(skin), geometry, p)
+    np.testing.assert_allclose(1e3 * found, other, rtol=2.5e-3)
+    finer = replace(MESH_OF_RECORD, name="finer", counts=(20, 18, 16))
+    np.testing.assert_allclose(dome(values, Skin(skin), geometry, p, mesh=finer), found, rtol=2e-4)
+
+
+def test_without_a_layer_the_edge_is_as_it_was():
+    mesh = MESH_OF_RECORD.mesh(Geometry(2.0, 1.0))
+    rim = np.sort(np.abs(np.unique(mesh.nodes[mesh.free_surface, 0]) - 1.0))
+    assert rim[2] == pytest.approx(1 / 60)
 
 
 def test_a_skin_that_is_nearly_all_surface_layer_is_made_of_it():

@@ -129,6 +129,18 @@ class TestStandIn:
         assert found.at_bounds() == ("ν = 0.48",)
         assert found.error_um > 4.0
 
+    def test_direct_finite_elements_reach_100_mbar_at_the_papers_end(self):
+        """And are as far from the stand-in there as Table 2 says, 43 µm, but for rounding."""
+        assert tables.papers_end_um() == pytest.approx(46.0, abs=0.2)
+
+    def test_no_statement_is_judged_that_the_stand_in_decides(self, small):
+        parts, _ = small
+        on_it = ("table_2", "figure_9", "figure_10", "figure_11", "figure_12")
+        for part in parts:
+            for said in part.comparisons:
+                assert (said.agrees is None) >= (part.name in on_it), said.what
+        assert sum(c.agrees is None for part in parts for c in part.comparisons) >= 15
+
     def test_the_valley_is_nearly_flat(self):
         """ν from 0.22 to 0.40 costs less than a tenth of a µm of E."""
         floor = [BestAtNu(StandIn(), nu)() for nu in (0.22, 0.26, 0.34, 0.40)]
@@ -138,10 +150,10 @@ class TestStandIn:
         assert (np.diff(x2) < 0).all()
         assert [f.parameters[2] for f in floor] == [0.22, 0.26, 0.34, 0.40]
 
-    def test_recursive_least_squares_does_not_settle(self):
+    def test_recursive_least_squares_comes_near_soon_and_leaves_again(self):
         found = tables.recursive(Study(passes=30), StandIn(), 0.9)()
         assert not found.converged
-        assert found.passes[:, 3].min() < 2.3 < found.passes[10:, 3].max()
+        assert found.passes[:5, 3].min() < 2.3 < found.passes[5:, 3].max()
 
 
 def test_a_plane_is_the_box_with_one_parameter_fixed():
@@ -267,11 +279,14 @@ def test_the_page_counts_what_holds_and_says_what_does_not():
     said = (
         Comparison("it rains", "wet", "wet", True),
         Comparison("it snows", "white", "green", False, "it is May"),
+        Comparison("it will snow", "soon", "who knows", None, "not yet"),
     )
     part = Part("figure_7", "Figure 7: weather", Table(("a",), ()), said)
     text = page.page(Study(seed=4), [part], lambda name: f"there/{name}")
     assert "`skinlab paper --seed 4`" in text
-    assert "Of 2 statements compared, 1 hold here and 1 do not" in text
+    assert "Of 3 statements compared, 1 hold here, 1 do not, and 1 cannot be tested here" in text
+    assert "- Figure 7: it will snow" not in text
+    assert "| it will snow | soon | who knows | cannot be tested here | not yet |" in text
     assert "- Figure 7: it snows. Here: green." in text
     assert "| it snows | white | green | **no** | it is May |" in text
     assert "[figure_7.csv](there/figure_7.csv)" in text

@@ -7,6 +7,7 @@ from itertools import pairwise
 import pytest
 
 from drivers.events import (
+    Abilities,
     Arm,
     Hello,
     Identify,
@@ -56,7 +57,8 @@ def states(events):
 
 def test_a_run(make_bench):
     bench = make_bench(sensor=QUIET)
-    hello, state = bench.tell(Identify())
+    hello, abilities, state = bench.tell(Identify())
+    assert abilities == Abilities(until=True)
     assert isinstance(hello, Hello)
     assert (state.state, state.pressure_mbar) == (S.IDLE, 0.0)
     events = bench.run(LOAD)
@@ -270,7 +272,7 @@ def test_damaged_commands_are_dropped(make_bench):
         bench.device.receive(frame[:position] + b"\x07" + frame[position + 1 :])
     bench.device.receive(bytes(range(256)) * 40)
     assert bench.hear() == []
-    assert len(bench.tell(Identify())) == 2
+    assert len(bench.tell(Identify())) == 3
 
 
 def test_rest_costs_nothing(make_bench):

@@ -313,7 +313,7 @@ def test_frozen_and_drifting_sensors():
 
 
 def test_another_firmware():
-    error, hello, state = Bench(Fault("wrong_firmware")).tell(Identify())
+    error, hello, _, state = Bench(Fault("wrong_firmware")).tell(Identify())
     assert hello.firmware == "2.0"
     assert isinstance(error, RemoteProtocolError)
     assert isinstance(state, State)

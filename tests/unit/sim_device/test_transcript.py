@@ -6,6 +6,7 @@ from drivers.connection import STATES
 from drivers.dialects import get_dialect
 from drivers.dialects.reference import crc16
 from drivers.events import (
+    Abilities,
     Arm,
     Command,
     Hello,
@@ -112,15 +113,21 @@ WHOLE = (
     Segment(SegmentKind.RELEASE),
     Segment(SegmentKind.REST, duration_s=2),
 )
+TO_A_HEIGHT = (
+    Segment(SegmentKind.UNTIL, target_mbar=150, rate_mbar_per_s=20, height_mm=0.4),
+    Segment(SegmentKind.HOLD, duration_s=1),
+)
 VECTORS = (
     (Identify(), 0),
     (Load(WHOLE, 20, 100, 6.5), 7),
+    (Load(TO_A_HEIGHT, 20, 150, 8.5), 7),
     (Arm(), 8),
     (Start(), 9),
     (Vent(), 0),
     (KeepAlive(), 0),
     (Reset(), 65535),
     (HELLO, 0),
+    (Abilities(until=True), 0),
     (Loaded(WHOLE, 20, 100, 6.5), 7),
     (State(InstrumentState.RUNNING, "started", 0.0), 0),
     (State(InstrumentState.VENTING, "program end", -0.2), 0),
@@ -172,7 +179,7 @@ def in_state(make_bench, state):
 
 ASKED = {"ID": Identify(), "LOAD": None, "ARM": Arm(), "START": Start(), "RESET": Reset(),
          "VENT": Vent(), "KEEP": KeepAlive()}  # fmt: skip
-SHORT = {Hello: "HELLO", Loaded: "LOADED", Refused: "REFUSED", Sample: "S"}
+SHORT = {Hello: "HELLO", Abilities: "CAN", Loaded: "LOADED", Refused: "REFUSED", Sample: "S"}
 
 
 def answers(make_bench) -> str:

@@ -338,17 +338,18 @@ def test_where_a_skin_creases_there_is_no_answer(tmp_path):
     assert (soft < 100).all()
     assert (stiff >= 100).all()
     assert np.isfinite(database.values).all()
-    at = np.array([[0.03, 1.0, 0.25]])
+    at = np.array([[0.012, 0.12, 0.25]])
     to_the_top = database.model(GEOMETRY, np.linspace(0, 100, 11))
     assert np.isnan(to_the_top.deflection_mm(at)).all()
     low = database.model(GEOMETRY, np.linspace(0, 0.9 * database.holds_to.min(), 11))
     assert np.isfinite(low.deflection_mm(at)).all()
-    # Forward ends where the cell does, and says so.
+    # Forward ends where the skin does, as far as can be told between nodes, and says so.
     setup = Setup(6.0, 1.0, parse_program("ramp:100@20"))
-    base = {"X1_MPa": 0.03, "X2_MPa": 1.0, "nu": 0.25}
+    base = {"X1_MPa": 0.012, "X2_MPa": 0.12, "nu": 0.25}
     curve, warning = simulate_from(database, Skin(tuple(base.values())), {}, setup)
-    assert curve.pressure_mbar[-1] <= database.holds_to.min()
-    assert curve.pressure_mbar[-1] > 0.9 * database.holds_to.min() - 1.0
+    limit = float(to_the_top.holds_to(at)[0])
+    assert database.holds_to.min() < limit < database.holds_to.max()
+    assert limit - 1.0 < curve.pressure_mbar[-1] <= limit
     assert "holds to" in warning
 
 

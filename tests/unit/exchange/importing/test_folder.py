@@ -132,7 +132,14 @@ def test_what_lands_is_identified_and_kept(tmp_path, table):
 
     with pytest.raises(Done):
         watch(
-            Folder(exports), watcher, told.append, pytest.fail, lambda: time_s[0], sleep, poll_s=1.0
+            Folder(exports),
+            watcher,
+            told.append,
+            pytest.fail,
+            lambda: time_s[0],
+            sleep,
+            lambda: None,
+            poll_s=1.0,
         )
     assert [one.path.name for one in told] == [
         "a.csv",

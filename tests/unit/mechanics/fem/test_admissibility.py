@@ -1,10 +1,12 @@
 """What is not admissible is marked, with the pressure up to which the curve holds."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
-from skinlab.mechanics.fem.admissibility import NO_LIMITS, Limits, ellipticity, fault, surface
-from skinlab.mechanics.fem.assembly import stress_and_tangent
+from skinlab.mechanics.fem.admissibility import NO_LIMITS, Limits, fault, surface
+from skinlab.mechanics.fem.assembly import ellipticity, stress_and_tangent
 from skinlab.mechanics.fem.newton import StepSettings
 from skinlab.mechanics.fem.suction import MESH_OF_RECORD, Geometry, assembly_for, solve
 from skinlab.mechanics.materials import get_law
@@ -64,9 +66,9 @@ def test_each_check_answers_with_its_phrase():
     assert "creases" in fault(assembly, u, state, Limits(surface_stretch=1.1))
     assert "volume" in fault(assembly, u, state, Limits(j_max=0.9))
     assert "volume" in fault(assembly, u, state, Limits(j_min=1.1))
-    state.moduli[:2, :2] -= 1.0
-    assert "ellipticity" in fault(assembly, u, state, Limits())
-    assert fault(assembly, u, state, NO_LIMITS) == ""
+    shears = dataclasses.replace(state, least_acoustic=lambda: -1e-9)
+    assert "ellipticity" in fault(assembly, u, shears, Limits())
+    assert fault(assembly, u, shears, NO_LIMITS) == ""
     nodes = assembly.mesh.free_surface
     rim, next_to_it = assembly.mesh.nodes[nodes[-1], 0], nodes[-2]
     u[assembly.equation[2 * next_to_it]] = 0.1  # beyond the rim

@@ -19,11 +19,12 @@ def order(steps, errors):
 
 def product(state, v):
     """K v, from the lower band."""
-    n, width = state.tangent.shape
-    out = state.tangent[:, 0] * v
+    band = state.tangent
+    n, width = band.shape
+    out = band[:, 0] * v
     for k in range(1, width):
-        out[k:] += state.tangent[: n - k, k] * v[: n - k]
-        out[: n - k] += state.tangent[: n - k, k] * v[k:]
+        out[k:] += band[: n - k, k] * v[: n - k]
+        out[: n - k] += band[: n - k, k] * v[k:]
     return out
 
 

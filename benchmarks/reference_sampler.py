@@ -1,0 +1,144 @@
+"""The posterior beside a reference sampler: emcee over the skin's and the errors' parameters.
+
+    OPENBLAS_NUM_THREADS=1 python benchmarks/identification.py sampler [--curves 50]
+        [--seed 20261122]
+
+Curves are those of the row ou_0.3s of coverage.py. Both sides have white errors and errors that
+last, with the same priors; skinlab integrates the errors' parameters by a quadrature over a
+linearised model, emcee (Foreman-Mackey et al. 2013, PASP 125:306) walks over all six unknowns of
+the model as it is. Where skinlab's quantile q of a marginal is, emcee has a share of its draws
+below; that less q, by its own Monte Carlo error, is z.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import emcee
+import numpy as np
+from coverage import NAMES, ROWS, measured
+from numpy.typing import NDArray
+from prior_skins import Skin, skins
+
+from skinlab.inference.covariance import Covariance, OrnsteinUhlenbeck, products
+from skinlab.inference.error_models.base import ErrorModel, Look, Part
+from skinlab.inference.error_models.ornstein_uhlenbeck import ERROR_MODEL as OU
+from skinlab.inference.error_models.white import ERROR_MODEL as WHITE
+from skinlab.inference.identify import Identifier
+from skinlab.inference.samples import choose, group
+from skinlab.inference.uncertainty import Sensor, about, assess
+from skinlab.tables.store import shipped_table
+
+Array = NDArray[np.float64]
+
+SHARES = (0.05, 0.25, 0.5, 0.75, 0.95)
+WALKERS, STEPS, FIRST = 24, 3000, 600
+NO_SENSOR = Sensor(None, 0.0)
+
+
+@dataclass(frozen=True)
+class Always:
+    """An error model that is always there."""
+
+    model: ErrorModel
+
+    def __getattr__(self, name: str) -> Any:
+        """Return what the model has."""
+        return getattr(self.model, name)
+
+    def part(self, look: Look) -> Part | None:
+        """Return its part, as one that always is there."""
+        part = self.model.part(look)
+        return None if part is None else replace(part, always=True, log_odds=0.0)
+
+
+def one(skin: Skin, seed: int) -> dict[str, Any]:
+    """Return by how much the two differ on one curve."""
+    row = ROWS["ou_0.3s"]
+    curve = measured(
+        row.errors, skin, row.rate_hz, np.random.default_rng([seed, skin.number])
+    ).curve
+    table = shipped_table()
+    groups = group([choose(curve, ("load",), table)])
+    models = [g.model(table, "paper") for g in groups]
+    space = models[0].space
+    optimum = Identifier(table, sensor=NO_SENSOR)(curve).optimum or {}
+    starts = space.to_unit(np.array([optimum[n] for n in NAMES]))[None]
+    offered: Sequence[Any] = (WHITE, Always(OU))
+    rng = np.random.default_rng([seed, skin.number, 1])
+    ours = assess(
+        table, "paper", groups, models, space, starts, NO_SENSOR, rng, error_models=offered
+    ).draws
+    fitted = about(groups, models, space, starts[0], NO_SENSOR)
+    choice = fitted.choose_errors(np.ones(len(fitted.samples), dtype=bool), error_models=offered)
+    each = [p for part in choice.best.parts for p in part.parameters]
+    white = next(p for p in choice.best.parts if p.name == "white")
+    plain, columns = choice.best.fixed_mm2, choice.mode.columns_mm
+    measured_mm, time_s = fitted.samples.deflection_mm, fitted.samples.time_s
+
+    def log_density(at: Array) -> Array:
+        """Return the log densities (n,) of skins and errors' parameters (n, 3 + errors)."""
+        found = np.full(len(at), -np.inf)
+        inside = ((at[:, :3] >= 0.0) & (at[:, :3] <= 1.0)).all(axis=1)
+        model_mm = models[0].deflection_mm(space.from_unit(np.clip(at[:, :3], 0.0, 1.0)))
+        live = np.flatnonzero(inside & np.isfinite(model_mm).all(axis=1))
+        if not len(live):
+            return found
+        covariances = []
+        for i in live:
+            value = dict(zip([p.name for p in each], np.exp(at[i, 3:]).tolist(), strict=True))
+            variance = plain + white.terms([value["white_um"]]).variance_mm2
+            process = OrnsteinUhlenbeck(1e-3 * value["ou_um"], value["ou_s"])
+            covariances.append(Covariance(variance, columns, (len(time_s),), process, time_s))
+        squares, log_determinant = products(covariances, (measured_mm - model_mm[live]).T)
+        prior = [sum(p.log_prior(v) for p, v in zip(each, at[i, 3:], strict=True)) for i in live]
+        found[live] = prior - 0.5 * (np.einsum("nii->ni", squares).diagonal() + log_determinant)
+        return found
+
+    nodes = rng.choice(len(choice.nodes), WALKERS, p=choice.weight)
+    first = rng.choice(len(ours.weight), WALKERS, p=ours.weight)
+    begin = np.column_stack(
+        [
+            np.clip(ours.unit[first] + 1e-3 * rng.standard_normal((WALKERS, 3)), 1e-6, 1 - 1e-6),
+            np.array([choice.nodes[i].log_values for i in nodes])
+            + 1e-2 * rng.standard_normal((WALKERS, len(each))),
+        ]
+    )
+    moves = [(emcee.moves.DEMove(), 0.8), (emcee.moves.DESnookerMove(), 0.2)]
+    sampler = emcee.EnsembleSampler(
+        WALKERS, begin.shape[1], log_density, moves=moves, vectorize=True
+    )
+    sampler.random_state = np.random.RandomState(seed + skin.number).get_state()
+    sampler.run_mcmc(begin, STEPS + FIRST)
+    chain = sampler.get_chain(discard=FIRST)
+    length = emcee.autocorr.integrated_time(chain, quiet=True)[:3]
+    walked = space.from_unit(chain.reshape(-1, chain.shape[-1])[:, :3])
+    found: dict[str, Any] = {"skin": skin.number, "effective": {}, "off": {}, "z": {}}
+    for i, name in enumerate(NAMES):
+        order = np.argsort(ours.parameters[:, i])
+        below = np.cumsum(ours.weight[order])
+        values = np.interp(SHARES, below, ours.parameters[order, i])
+        off = [float((walked[:, i] < v).mean() - q) for v, q in zip(values, SHARES, strict=True)]
+        effective = WALKERS * STEPS / float(length[i])
+        error = [np.sqrt(q * (1 - q) * (1 / effective + 1 / ours.effective)) for q in SHARES]
+        found["effective"][name] = round(effective)
+        found["off"][name] = np.round(off, 4).tolist()
+        found["z"][name] = np.round(np.array(off) / error, 2).tolist()
+    return found
+
+
+def sampler(curves: int, seed: int) -> dict[str, Any]:
+    """Return how the quantiles of both agree."""
+    found = [one(skin, seed) for skin in skins(curves, seed=seed)]
+    z = np.array([[f["z"][n] for n in NAMES] for f in found])
+    off = np.array([[f["off"][n] for n in NAMES] for f in found])
+    return {
+        "curves": curves,
+        "shares": SHARES,
+        "mean_off": off.mean(axis=0).round(4).tolist(),
+        "root_mean_square_off": np.sqrt((off**2).mean(axis=0)).round(4).tolist(),
+        "root_mean_square_z": np.sqrt((z**2).mean(axis=0)).round(2).tolist(),
+        "each": found,
+    }

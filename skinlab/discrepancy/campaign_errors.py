@@ -1,0 +1,354 @@
+"""The errors of a campaign, learned without believing any explanation, and alike for all of them.
+
+What repeats and roughness say (pure error): polynomials in time, free for every phase of every
+condition but common to its repeats, stand for whatever a model may miss. What is left tells of the
+noise, how long it lasts, its steps, breathing, and of how placements differ. Each explanation is
+then judged with the errors' parameters integrated out: "people place the probe differently" is
+weighed against every effect.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+
+from skinlab.discrepancy.fit import Fit
+from skinlab.discrepancy.misfit import mesh_columns
+from skinlab.discrepancy.records import Record, by_condition
+from skinlab.discrepancy.settings import ERRORS
+from skinlab.discrepancy.table_domes import TableDomes
+from skinlab.inference.covariance import Covariance
+from skinlab.inference.error_choice import ErrorChoice, Node, choose_errors
+from skinlab.inference.error_models import ERROR_MODELS
+from skinlab.inference.error_models.base import ErrorModel, Hyperparameter, Look, Part, Terms
+from skinlab.inference.error_models.quantised import step_um
+from skinlab.inference.likelihood import LinearModel
+from skinlab.inference.noise import (
+    MESH_REST,
+    legendre,
+    pressure_error_mm,
+    roughness,
+    slope_mm_per_mbar,
+)
+from skinlab.inference.outliers import outlier_probability
+from skinlab.inference.samples import Samples
+from skinlab.mechanics.fem.skin import SkinProblem
+from skinlab.mechanics.fem.suction import Geometry
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_LOG_2PI = float(np.log(2.0 * np.pi))
+_SEEN = 0.07  # of the noise: columns of so little length change nothing
+_LEAST_ROUGH_MM = 1e-5
+
+
+@dataclass(frozen=True, eq=False)
+class Linearised:
+    """An explanation about its fit: r = r0 − J δ, with its priors."""
+
+    residual_mm: Array  # (u,) measured − model
+    slopes_mm: Array  # (u, k)
+    free: Mask  # (k,) unknowns at no bound
+    prior: Array  # (priors,) deviations at the fit
+    prior_slopes: Array  # (priors, k)
+    flat: Array  # (k, k) precision of the flat priors
+    log_prior_volume: float
+
+    @classmethod
+    def of(cls, fit: Fit, errors: Covariance, measured_mm: Array) -> Linearised:
+        """Return it at a fit, whose slopes were whitened by these errors."""
+        unknowns, k = fit.unknowns, len(fit.u)
+        slopes = unknowns.prior_slopes(fit.u)
+        flat = unknowns.information(np.zeros((0, k)), fit.u) - slopes.T @ slopes
+        return cls(
+            measured_mm - np.concatenate(fit.deflections_mm),
+            errors.colour(fit.jacobian),
+            fit.free,
+            unknowns.prior_rows(fit.u),
+            slopes,
+            flat,
+            unknowns.log_prior_volume,
+        )
+
+    def only(self, kept: Mask) -> Linearised:
+        """Return the same of some samples (u,)."""
+        return Linearised(
+            self.residual_mm[kept], self.slopes_mm[kept], self.free, self.prior, self.prior_slopes,
+            self.flat, self.log_prior_volume,
+        )  # fmt: skip
+
+    def log_evidence(self, errors: Covariance, more: Array | None = None) -> float:
+        """Return log p(data | errors), unknowns and columns integrated out.
+
+        `more` (u, m) are columns beside those of the errors.
+        """
+        k = len(self.free)
+        columns = [self.residual_mm, self.slopes_mm, errors.columns_mm]
+        white = errors.whiten_without_columns(
+            np.column_stack(columns if more is None else [*columns, more])
+        )
+        gram = white.T @ white
+        whole, right = gram[1:, 1:].copy(), gram[1:, 0].copy()
+        whole[:k, :k] += self.prior_slopes.T @ self.prior_slopes + self.flat
+        whole.flat[k * (len(whole) + 1) :: len(whole) + 1] += 1.0
+        right[:k] -= self.prior_slopes.T @ self.prior
+        moving = np.concatenate([self.free, np.ones(len(whole) - k, dtype=bool)])
+        taken = np.linalg.solve(whole[np.ix_(moving, moving)], right[moving])
+        chi2 = gram[0, 0] + self.prior @ self.prior - right[moving] @ taken
+        log_det = float(np.linalg.slogdet(whole)[1]) + errors.log_determinant_without_columns
+        n = len(self.residual_mm)
+        return float(-0.5 * (n * _LOG_2PI + log_det + chi2 - k * _LOG_2PI) - self.log_prior_volume)
+
+    def shares(self, errors: Covariance) -> Array:
+        """Return what each of the errors' columns probably did (u, m), mm."""
+        k = len(self.free)
+        columns = np.column_stack([self.residual_mm, self.slopes_mm[:, self.free]])
+        white = errors.whiten_without_columns(np.column_stack([columns, errors.columns_mm]))
+        gram = white.T @ white
+        whole = gram[1:, 1:].copy()
+        own = self.free.sum()
+        slopes = self.prior_slopes[:, self.free]
+        whole[:own, :own] += slopes.T @ slopes + self.flat[np.ix_(self.free, self.free)]
+        whole.flat[own * (len(whole) + 1) :: len(whole) + 1] += 1.0
+        right = gram[1:, 0].copy()
+        right[:own] -= slopes.T @ self.prior
+        del k
+        return np.asarray(errors.columns_mm * np.linalg.solve(whole, right)[own:])
+
+
+@dataclass(frozen=True, eq=False)
+class CampaignErrors:
+    """What the errors of a campaign may be: settings with their weights, of several looks.
+
+    Each look (pure error first; the model as it is; the best explanation) explored the same prior
+    where it saw likely settings: their mean integrates over all that any explanation prefers.
+    """
+
+    looks: tuple[ErrorChoice, ...]
+
+    @property
+    def pure(self) -> ErrorChoice:
+        """What repeats and roughness say."""
+        return self.looks[0]
+
+    @property
+    def working(self) -> Covariance:
+        """The covariance by which explanations are fitted."""
+        return self.pure.mode
+
+    @cached_property
+    def judged(self) -> list[tuple[Covariance, float]]:
+        """The likeliest settings by pure error, with weights that sum up to 1."""
+        nodes = self.pure.nodes[: ERRORS.judged_nodes]
+        weight = self.pure.weight[: len(nodes)]
+        return [(n.covariance, float(w)) for n, w in zip(nodes, weight / weight.sum(), strict=True)]
+
+    @property
+    def implausible(self) -> str:
+        """What is too large for an error, as the best explanation leaves it; empty if nothing."""
+        look, found = self.looks[-1], []
+        for name, most in ERRORS.largest_um.items():
+            size = look.median(partial(_size_um, name=name))
+            if size > most:
+                found.append(f"{name} of {size:.1f} µm (more than {most:g} µm is no error)")
+        return ", ".join(found)
+
+    def log_evidence(self, one: Linearised, more: Array | None = None) -> float:
+        """Return log p(data), errors' parameters integrated out."""
+        each = [
+            logsumexp([n.log_prior + one.log_evidence(n.covariance, more) for n in look.nodes])
+            for look in self.looks
+        ]
+        return float(logsumexp(each) - np.log(len(each)))
+
+
+@dataclass(frozen=True, eq=False)
+class ThicknessScatter:
+    """Each site where the probe is put on is a little thicker or thinner: an error model."""
+
+    slope_mm: Array  # (u,) dw/d(log thickness)
+    name: str = "placement_thickness"
+    meaning: str = "the skin's thickness differs from placement to placement"
+    prior: str = "2 %, 0.8; always there"
+
+    def part(self, look: Look) -> Part | None:
+        """Return its part for several placements, unless there is said to be no scatter."""
+        numbers = np.unique(look.samples.placement)
+        if look.placement_scatter == 0.0 or len(numbers) < 2:
+            return None
+        one = (look.samples.placement[:, None] == numbers).astype(float)
+        columns = self.slope_mm[:, None] * one
+
+        def terms(values: Sequence[float]) -> Terms:
+            return Terms(columns_mm=values[0] * columns)
+
+        size = Hyperparameter(self.name, *ERRORS.thickness_scatter)
+        return Part(self.name, (size,), terms, always=True)
+
+
+def thickness_slopes(records: Sequence[Record], fit: Fit, domes: TableDomes) -> Array:
+    """Return dw/d(log thickness) (u,), mm, of the plain skin at a fit, where the table speaks."""
+    skin, change = fit.unknowns.skin(fit.u), 1.05
+    relative: dict[Geometry, tuple[Array, Array]] = {}
+    found = []
+    for record, deflection_mm in zip(records, fit.deflections_mm, strict=True):
+        at = record.geometry
+        if at not in relative:
+            top = max(r.path.top_mbar for r in records if r.geometry == at)
+            other = replace(at, thickness_mm=at.thickness_mm * change)
+            p = top * np.linspace(0.02, 1.0, 40)
+            both = [domes(SkinProblem(g, skin), g, top) for g in (at, other)]
+            slope = np.zeros(len(p))
+            if both[0] is not None and both[1] is not None:
+                slope = np.log(both[1](p) / both[0](p)) / np.log(change)
+            relative[at] = p, np.nan_to_num(slope)
+        here = np.interp(record.pressure_mbar, *relative[at])
+        # The model's deflection: the measured one's noise would explain the noise.
+        found.append(here * deflection_mm)
+    return np.concatenate(found)
+
+
+def _size_um(node: Node, name: str) -> float:
+    return node.sizes_um.get(name, 0.0)
+
+
+def samples_of(records: Sequence[Record]) -> Samples:
+    """Return the samples of records, in their order."""
+    counts = [len(r.curve) for r in records]
+    geometries = list(dict.fromkeys(r.geometry for r in records))
+    number = np.repeat(np.arange(len(records)), counts)
+    return Samples(
+        np.concatenate([r.curve.time_s - r.curve.time_s[0] for r in records]),
+        np.concatenate([r.pressure_mbar for r in records]),
+        np.concatenate([r.curve.deflection_mm for r in records]),
+        np.concatenate([r.curve.phase for r in records]),
+        number,
+        np.repeat([r.placement for r in records], counts),
+        np.repeat([geometries.index(r.geometry) for r in records], counts),
+        np.repeat([r.coarse**-0.5 for r in records], counts),
+    )
+
+
+def learn(
+    records: Sequence[Record],
+    fits: Sequence[Linearised],
+    thickness_mm: Array,
+    *,
+    noise_um: float | None,
+    placement_scatter: float | None,
+    before: CampaignErrors | None = None,
+) -> CampaignErrors:
+    """Return the errors as pure error and each of these explanations see them.
+
+    `thickness_mm` (u,) are `thickness_slopes`. `noise_um` is that which was stated;
+    `placement_scatter` as in a campaign. `before` is what was learned already: looks are added.
+    """
+    looks = [] if before is None else list(before.looks)
+    models: list[ErrorModel] = [*ERROR_MODELS.all(), ThicknessScatter(thickness_mm)]
+    if not looks:
+        linear = pure_error(records, fits[0])
+        looks.append(_choose(records, linear, noise_um, placement_scatter, models))
+    kept = {part.name for part in looks[0].best.parts} | {"ou"}
+    models = [m for m in models if m.name in kept]
+    for one in fits:
+        precision = one.flat + one.prior_slopes.T @ one.prior_slopes
+        linear = LinearModel(one.residual_mm, one.slopes_mm[:, one.free], _sub(precision, one.free))
+        looks.append(_choose(records, linear, noise_um, placement_scatter, models))
+    return CampaignErrors(tuple(looks))
+
+
+def _sub(matrix: Array, kept: Mask) -> Array:
+    return np.asarray(matrix[np.ix_(kept, kept)])
+
+
+def pure_error(records: Sequence[Record], base: Linearised) -> LinearModel:
+    """Return the model as it is with free polynomials, common to repeats."""
+    waves = smooth_columns(records, ERRORS.smooth_degree)
+    k = int(base.free.sum())
+    precision = np.zeros((k + waves.shape[1],) * 2)
+    own = base.flat + base.prior_slopes.T @ base.prior_slopes
+    precision[:k, :k] = _sub(own, base.free)
+    precision.flat[k * (len(precision) + 1) :: len(precision) + 1] = (
+        1e3 / ERRORS.smooth_sd_um
+    ) ** 2
+    slopes = np.hstack([base.slopes_mm[:, base.free], waves])
+    return LinearModel(base.residual_mm, slopes, precision)
+
+
+def smooth_columns(records: Sequence[Record], degree: int) -> Array:
+    """Return polynomials in time (u, m) of each phase of each condition, of mean square 1."""
+    starts = np.cumsum([0, *(len(r.curve) for r in records)])
+    columns = []
+    for members in by_condition(records):
+        phases = list(dict.fromkeys(str(p) for i in members for p in records[i].curve.phase))
+        for phase in phases:
+            block = np.zeros((starts[-1], degree + 1))
+            for i in members:
+                here = np.flatnonzero(records[i].curve.phase == phase)
+                if not len(here):
+                    continue
+                t = records[i].curve.time_s[here]
+                x = (t - t[0]) / max(t[-1] - t[0], 1e-9)
+                block[starts[i] + here] = legendre(x, degree + 1)
+            few = np.count_nonzero(block[:, 0]) <= degree + 1
+            columns.append(block[:, :1] if few else block)
+    return np.hstack(columns)
+
+
+def outliers(records: Sequence[Record], base: Linearised) -> Mask:
+    """Return which samples (u,) do not belong to their curve, whatever the model."""
+    samples = samples_of(records)
+    step_mm = 1e-3 * step_um(samples.deflection_mm)
+    probability = outlier_probability(
+        pure_error(records, base), samples, step_mm, pressure_errors_mm(records)
+    )
+    return np.asarray(probability > 0.5)
+
+
+def _choose(
+    records: Sequence[Record],
+    linear: LinearModel,
+    noise_um: float | None,
+    placement_scatter: float | None,
+    models: Sequence[ErrorModel],
+) -> ErrorChoice:
+    samples = samples_of(records)
+    model_mm = samples.deflection_mm - linear.residual_mm
+    look = Look(
+        samples,
+        model_mm,
+        slopes_mm_per_mbar(records),
+        linear.residual_mm,
+        linear.slopes_mm,
+        noise_um,
+        np.repeat([r.pressure_sd_mbar for r in records], [len(r.curve) for r in records]),
+        pressure_errors_mm(records),
+        placement_scatter,
+    )
+    columns = mesh_columns(records)
+    least = _SEEN * max(roughness(linear.residual_mm), _LEAST_ROUGH_MM)
+    seen = np.sqrt(np.square(columns).sum(axis=0)) > least
+    rest = (MESH_REST * samples.deflection_mm) ** 2
+    return choose_errors(look, linear, columns[:, seen], rest, models)
+
+
+def pressure_errors_mm(records: Sequence[Record]) -> Array:
+    """Return what the pressure readings' noise does to the deflections (u,)."""
+    found = []
+    for r in records:
+        sd_mbar = np.full(len(r.curve), r.pressure_sd_mbar)
+        found.append(pressure_error_mm(r.pressure_mbar, r.curve.deflection_mm, sd_mbar))
+    return np.concatenate(found)
+
+
+def slopes_mm_per_mbar(records: Sequence[Record]) -> Array:
+    """Return dw/dp (u,) of the measured curves."""
+    return np.concatenate(
+        [slope_mm_per_mbar(r.pressure_mbar, r.curve.deflection_mm) for r in records]
+    )

@@ -1,0 +1,250 @@
+"""What an explanation has to stand before it is a name, beyond its evidence.
+
+It has to be worth a name (its size), to be there again in part of the data, to beat a small smooth
+error of the model, and to predict what was left out: chosen again without it, better than the model
+as it is by more than chance, and about as well as may be expected.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+
+from skinlab.discrepancy.campaign_errors import CampaignErrors, Linearised
+from skinlab.discrepancy.heldout import HeldOut
+from skinlab.discrepancy.records import Record, by_geometry
+from skinlab.discrepancy.search import LOG10, Candidate
+from skinlab.discrepancy.settings import NAMES
+from skinlab.inference.covariance import Covariance
+from skinlab.inference.noise import legendre
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_PER_LOOK = 4  # settings of the errors from each look: evidence of parts of the data
+_RIVALS = 3
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One test of an explanation: whether it stood it, and a sentence."""
+
+    name: str
+    passed: bool
+    sentence: str
+
+
+class Discipline:
+    """The tests of one campaign's explanations."""
+
+    def __init__(
+        self, records: Sequence[Record], errors: CampaignErrors, linear: dict[int, Linearised]
+    ) -> None:
+        """`linear` are the explanations about their fits, by `id` of the candidate."""
+        self._records, self._errors, self._linear = records, errors, linear
+        nodes = [n for look in errors.looks for n in look.nodes[:_PER_LOOK]]
+        self._nodes = [(n.covariance, n.log_prior) for n in nodes]
+        self._kept: dict[bytes, list[tuple[Covariance, float]]] = {}
+
+    def _part(self, kept: Mask) -> list[tuple[Covariance, float]]:
+        key = np.packbits(kept).tobytes()
+        if key not in self._kept:
+            self._kept[key] = [(c.only(kept), p) for c, p in self._nodes]
+        return self._kept[key]
+
+    def log10_evidence(self, one: Candidate, kept: Mask) -> float:
+        """Return log10 p of some samples (u,), odds not counted."""
+        part = self._linear[id(one)].only(kept)
+        return float(logsumexp([p + part.log_evidence(c) for c, p in self._part(kept)])) / LOG10
+
+    def ahead(self, one: Candidate, base: Candidate, kept: Mask) -> float:
+        """Return log10 evidence in some samples over the model as it is, the odds not counted."""
+        return self.log10_evidence(one, kept) - self.log10_evidence(base, kept)
+
+    def trials(
+        self,
+        best: Candidate,
+        base: Candidate,
+        others: Sequence[Candidate],
+        parts: Sequence[Mask],
+        held: HeldOut,
+    ) -> list[Trial]:
+        """Return the tests of `best`; `parts` (u,) are what was held out, `held` what it left."""
+        rivals = [c for c in others if c is not best][:_RIVALS]
+        everything = np.ones(sum(len(r.curve) for r in self._records), dtype=bool)
+        whole = self.ahead(best, base, everything)
+        odds = best.log10_evidence - whole  # of the prior, and what fewer settings change
+        found = [self._size(best, base), self._smooth(best, base)]
+        found.append(self._again(best, base, rivals, odds, everything))
+        if parts:
+            found.append(self._chosen_again(best, base, rivals, parts, everything))
+            ratio = held.rms_um / max(held.expected_um, 1e-9)
+            found.append(
+                Trial(
+                    "predicts",
+                    ratio <= NAMES.held_out_ratio,
+                    f"what was left out is predicted to {held.rms_um:.1f} µm, "
+                    f"{ratio:.2f} times what is expected",
+                )
+            )
+        return found
+
+    def _size(self, best: Candidate, base: Candidate) -> Trial:
+        changed = np.concatenate(best.fit.deflections_mm) - np.concatenate(base.fit.deflections_mm)
+        size = 1e3 * float(np.sqrt(np.mean(changed**2)))
+        return Trial(
+            "size",
+            size >= NAMES.practical_um,
+            f"it changes the fitted curves by {size:.1f} µm, once the law's parameters have "
+            "been fitted again",
+        )
+
+    def _smooth(self, best: Candidate, base: Candidate) -> Trial:
+        shapes = smooth_shapes(self._records, NAMES.smooth_degree)
+        mine = self._linear[id(base)]
+        plain = self._errors.log_evidence(mine) / LOG10
+        each = [
+            self._errors.log_evidence(mine, 1e-3 * size * shapes) / LOG10 - plain
+            for size in NAMES.smooth_sizes_um
+        ]
+        mean = float(logsumexp(np.array(each) * LOG10)) / LOG10 - math.log10(len(each))
+        size = NAMES.smooth_sizes_um[int(np.argmax(each))]
+        lead = best.log10_evidence - max(mean, 0.0)
+        return Trial(
+            "smooth",
+            lead >= NAMES.tie,
+            f"against a smooth error of the model of about {size:g} µm it leads by "
+            f"{lead:.1f} in log10 evidence",
+        )
+
+    def _again(
+        self,
+        best: Candidate,
+        base: Candidate,
+        rivals: Sequence[Candidate],
+        odds: float,
+        everything: Mask,
+    ) -> Trial:
+        """Return whether it is there with every second sample dropped, and with any one curve."""
+        counts = [len(r.curve) for r in self._records]
+        second = np.concatenate([np.arange(n) % 2 == 0 for n in counts])
+        number = np.repeat(np.arange(len(counts)), counts)
+        drops = {"every second sample": second}
+        if len(counts) > 1:
+            drops |= {r.name: number != i for i, r in enumerate(self._records)}
+        failed = []
+        for what, kept in drops.items():
+            lead = self.ahead(best, base, kept)
+            behind = [
+                self.log10_evidence(r, kept) - self.log10_evidence(best, kept) for r in rivals
+            ]
+            needed = NAMES.tie - odds if what == "every second sample" else 0.0
+            if lead < needed or max(behind, default=0.0) > NAMES.tie:
+                failed.append(what)
+        return Trial(
+            "again",
+            not failed,
+            "it is there again with every second sample left out, and with any one curve"
+            if not failed
+            else "it is not there without " + ", ".join(failed),
+        )
+
+    def _chosen_again(
+        self,
+        best: Candidate,
+        base: Candidate,
+        rivals: Sequence[Candidate],
+        parts: Sequence[Mask],
+        everything: Mask,
+    ) -> Trial:
+        """Return whether what is chosen without a part predicts it better than the base."""
+        gain = 0.0
+        whole = {id(c): self.log10_evidence(c, everything) for c in (base, best, *rivals)}
+        for out in parts:
+            kept = {id(c): self.log10_evidence(c, ~out) for c in (base, best, *rivals)}
+            chosen = max((best, *rivals), key=lambda c: kept[id(c)])
+            gain += (whole[id(chosen)] - kept[id(chosen)]) - (whole[id(base)] - kept[id(base)])
+        return Trial(
+            "chosen again",
+            gain >= NAMES.held_out_chance,
+            "what is chosen without them predicts the conditions left out better than the model "
+            f"as it is by {gain:.1f} in log10 density",
+        )
+
+
+def smooth_shapes(records: Sequence[Record], degree: int) -> Array:
+    """Return polynomials in p/p_max (u, m) of each opening, on the way up and after it apart.
+
+    Scaled so that all together have the mean square of one.
+    """
+    starts = np.cumsum([0, *(len(r.curve) for r in records)])
+    blocks = []
+    for members in by_geometry(records):
+        top = max(1e-9, *(float(records[i].pressure_mbar.max()) for i in members))
+        for up in (True, False):
+            block = np.zeros((starts[-1], degree + 1))
+            for i in members:
+                here = np.flatnonzero((records[i].curve.phase == "load") == up)
+                x = np.clip(records[i].pressure_mbar[here] / top, 0.0, 1.0)
+                block[starts[i] + here] = legendre(x, degree + 1)
+            if block.any():
+                blocks.append(block)
+    return np.hstack(blocks) / math.sqrt(degree + 1)
+
+
+@dataclass(frozen=True)
+class Shares:
+    """Root mean squares (µm) of what the residual of the model as it is consists of."""
+
+    noise_um: float
+    placement_um: float
+    mesh_um: float
+    effect_um: float
+
+
+def shares_of(
+    errors: CampaignErrors, base: Candidate, best: Candidate, linear: Linearised
+) -> Shares:  # fmt: skip
+    """Return the shares of the gap, by the most probable errors under `best`."""
+    node = errors.looks[-1].nodes[0]
+    did = linear.shares(node.covariance)
+    at = node.combination.fixed_mm.shape[1]
+    mesh = did[:, :at].sum(axis=1)
+    placement = np.zeros(len(did))
+    for part in node.combination.parts:
+        columns = part.terms([1.0] * len(part.parameters)).columns_mm
+        if columns is not None:
+            end = at + columns.shape[1]
+            if part.name.startswith("placement"):
+                placement += did[:, at:end].sum(axis=1)
+            at = end
+    effect = np.concatenate(best.fit.deflections_mm) - np.concatenate(base.fit.deflections_mm)
+    rest = linear.residual_mm - mesh - placement
+    return Shares(*(1e3 * float(np.sqrt(np.mean(v**2))) for v in (rest, placement, mesh, effect)))
+
+
+def repeats_um(records: Sequence[Record], members: Sequence[Sequence[int]]) -> float | None:
+    """Return by how much a curve differs from its repeats, root mean square; None without any."""
+    squares, count = 0.0, 0
+    for group in members:
+        if len(group) < 2:
+            continue
+        first = records[group[0]]
+        t = first.curve.time_s - first.curve.time_s[0]
+        curves = np.array(
+            [
+                np.interp(
+                    t, records[i].curve.time_s - records[i].curve.time_s[0],
+                    records[i].curve.deflection_mm,
+                )
+                for i in group
+            ]
+        )  # fmt: skip
+        squares += float(np.square(curves - curves.mean(axis=0)).sum())
+        count += (len(group) - 1) * len(t)
+    return 1e3 * math.sqrt(squares / count) if count else None

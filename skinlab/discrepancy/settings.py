@@ -1,0 +1,59 @@
+"""The numbers that decide, each with its unit and where it is from; all in one place."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True)
+class ErrorRules:
+    """How the errors of a campaign are learned."""
+
+    smooth_degree: int = 3
+    """Of the polynomials in time, of each phase of each condition, that any model may leave: what
+    they take up is not counted as noise. A quartic fit leaves the noise of traction records."""
+    smooth_sd_um: float = 100.0
+    """Prior of their coefficients: larger than what any effect leaves after a refit (140 µm)."""
+    thickness_scatter: tuple[float, float] = (0.02, 0.8)
+    """Median and logarithmic standard deviation before the data of the scatter of log thickness
+    between placements: 1 to 5 % (ultrasound, site)."""
+    coarse_hz: float = 25.0
+    """Samples are averaged to about this rate: the shortest correlation time is 0.1 s."""
+    judged_nodes: int = 12
+    """Settings of the errors by which a residual is judged and robustness is looked at."""
+    largest_um: Mapping[str, float] = field(
+        default_factory=lambda: {"ou": 8.0, "breathing": 6.0, "pulse": 5.0}
+    )
+    """Root mean squares above which what lasts or repeats is no error, but something missing: twice
+    what docs/intervals.md lists."""
+    thickness_reach: float = 3.0
+    """A typed thickness further off than so many of its standard deviations is told of."""
+
+
+@dataclass(frozen=True)
+class NameRules:
+    """What a name needs. docs/missing-effect.md tells them in words."""
+
+    tie: float = 1.3
+    """log10 evidence by which the best has to lead: 20 to 1."""
+    lone_tie: float = 4.0
+    """The same where one condition only was measured: no other one bears an explanation out."""
+    held_out_ratio: float = 1.2
+    """Of the gap on what was left out to what is expected there."""
+    held_out_chance: float = 1.3
+    """log10 of the ratio of predictive densities of what was left out: 20 to 1 against chance."""
+    practical_um: float = 1.0
+    """Root mean square that an effect has to change the curves by after the law's parameters have
+    been fitted again: a tenth of the coarsest sensor's step, below every sensor's noise."""
+    smooth_sizes_um: tuple[float, ...] = (0.5, 1.0, 2.0, 4.0)
+    """Sizes, equally likely, of a smooth error of the model, which competes for every gap: tight,
+    or it explains everything (Brynjarsdottir and O'Hagan 2014). Two meshes: 0.3 to 2 µm."""
+    smooth_degree: int = 4
+    """Of the smooth error, a polynomial in p/p_max, loading and unloading apart."""
+    repeats_factor: float = 2.0
+    """Repeats that differ by more than so many times the noise are told of first."""
+
+
+ERRORS = ErrorRules()
+NAMES = NameRules()

@@ -1,0 +1,250 @@
+"""A probe file: what one probe makes of the truth, as a calibration found it, and how sure that is.
+
+The probe reads `gain` × height + offset, `lag` late, and `pressure_gain` × pressure + offset.
+Identification takes this off the readings, and carries what the calibration left open as errors
+that all samples have in common (columns of the covariance). The readings stay as they are.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Literal
+
+import msgspec
+import numpy as np
+from msgspec import Meta
+from numpy.typing import NDArray
+
+from skinlab.curves.curve import APERTURES_MM, Curve
+from skinlab.curves.phantoms import Phantom
+from skinlab.errors import InputError
+from skinlab.io.documents import read_toml, toml_text
+
+Array = NDArray[np.float64]
+
+SCHEMA = "skinlab.probe/1"
+# In the order of the covariance; mm where the file's fields say µm
+PARAMETERS = (
+    "deflection_gain", "deflection_offset_um", "pressure_gain", "pressure_offset_mbar", "lag_s",
+)  # fmt: skip
+_SMOOTH = 5  # samples over which dp/dt is read
+
+
+class Interval(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A value with its 90 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+    def __post_init__(self) -> None:
+        """Refuse what is no interval."""
+        numbers = (self.low, self.value, self.high)
+        if not all(map(math.isfinite, numbers)) or not self.low <= self.value <= self.high:
+            raise ValueError("expected low ≤ value ≤ high, finite")
+
+
+class CheckCurve(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What this probe read on one phantom: deflection (n,) at readings of the pressure (n,)."""
+
+    phantom: Phantom
+    pressure_mbar: list[float]
+    deflection_mm: list[float]
+
+    def __post_init__(self) -> None:
+        """Refuse what is no curve."""
+        p, w = np.array(self.pressure_mbar), np.array(self.deflection_mm)
+        if len(p) < 3 or len(p) != len(w) or not (np.isfinite(p).all() and np.isfinite(w).all()):
+            raise ValueError("expected as many deflections as pressures, at least 3, finite")
+        if not (np.diff(p) > 0).all():
+            raise ValueError("expected pressures that increase")
+
+
+class ProbeFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A whole PROBE.toml."""
+
+    schema: Literal["skinlab.probe/1"]
+    serial_number: str
+    model: str
+    aperture_mm: float
+    calibrated_utc: str
+    valid_until_utc: str
+    deflection_gain: Interval
+    deflection_offset_um: Interval
+    pressure_gain: Interval
+    pressure_offset_mbar: Interval
+    lag_s: Interval
+    covariance: list[list[float]]  # of PARAMETERS, in their units
+    noise_um: Annotated[float, Meta(ge=0)]
+    pressure_noise_mbar: Annotated[float, Meta(ge=0)]
+    misfit: Annotated[float, Meta(ge=0)]  # χ² of the calibration, per degree of freedom
+    not_determined: list[str]  # of PARAMETERS, which these phantoms cannot show
+    phantoms_off: list[str]  # which the readings put far from their sheets
+    phantoms: list[Phantom]
+    check: CheckCurve | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what is no calibration."""
+        if self.aperture_mm not in APERTURES_MM:
+            raise ValueError(f"aperture_mm {self.aperture_mm:g}: no probe has this opening")
+        matrix = np.array(self.covariance, dtype=float)
+        n = len(PARAMETERS)
+        if matrix.shape != (n, n) or not np.isfinite(matrix).all():
+            raise ValueError(f"covariance: expected {n} rows of {n} finite numbers")
+        if not np.allclose(matrix, matrix.T) or np.linalg.eigvalsh(matrix).min() < -1e-12:
+            raise ValueError("covariance: expected a symmetric, positive matrix")
+        for name in ("deflection_gain", "pressure_gain"):
+            if not 0.5 <= getattr(self, name).value <= 2:
+                raise ValueError(f"{name}: expected 0.5 to 2")
+        for name in ("calibrated_utc", "valid_until_utc"):
+            if datetime.fromisoformat(getattr(self, name)).tzinfo is None:
+                raise ValueError(f"{name}: expected a time with its zone")
+
+    @property
+    def valid_until(self) -> datetime:
+        """Until when the calibration holds."""
+        return datetime.fromisoformat(self.valid_until_utc)
+
+
+@dataclass(frozen=True)
+class ProbeErrors:
+    """A probe file as identification uses it; `text` is the file."""
+
+    file: ProbeFile
+    text: str
+
+    @property
+    def hash(self) -> str:
+        """`sha256:…` over the file."""
+        return "sha256:" + hashlib.sha256(self.text.encode()).hexdigest()
+
+    @cached_property
+    def _root(self) -> Array:
+        """A root (5, 5) of the covariance, mm for µm."""
+        scale = np.array([1.0, 1e-3, 1.0, 1.0, 1.0])
+        matrix = np.array(self.file.covariance) * np.outer(scale, scale)
+        values, vectors = np.linalg.eigh(matrix)
+        return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+
+    def check_curve(self, curve: Curve) -> None:
+        """Refuse a curve of another opening.
+
+        Raises:
+            InputError: so.
+        """
+        if curve.setup.aperture_mm != self.file.aperture_mm:
+            raise InputError(
+                f"{curve.name}: aperture_mm {curve.setup.aperture_mm:g}; the probe file is of "
+                f"{self.file.aperture_mm:g} mm"
+            )
+
+    def check_instrument(
+        self, serial_number: str, aperture_mm: float | None, when: datetime
+    ) -> None:
+        """Refuse another probe, another opening, or a calibration that is over.
+
+        Raises:
+            InputError: so.
+        """
+        file = self.file
+        if serial_number != file.serial_number:
+            raise InputError(
+                f"the probe file is of serial number {file.serial_number!r}; connected is "
+                f"{serial_number!r}"
+            )
+        if aperture_mm is not None and abs(aperture_mm - file.aperture_mm) > 1e-6:
+            raise InputError(
+                f"the probe file is of an opening of {file.aperture_mm:g} mm; connected is "
+                f"{aperture_mm:g} mm"
+            )
+        if when.astimezone(UTC) > file.valid_until.astimezone(UTC):
+            raise InputError(
+                f"the probe file was valid until {file.valid_until_utc[:10]}; calibrate again "
+                "(skinlab calibrate), or leave --probe out"
+            )
+
+    def corrected(self, curve: Curve) -> Curve:
+        """Return a curve of true pressures and deflections, as far as they are known.
+
+        Raises:
+            InputError: it is of another opening.
+        """
+        self.check_curve(curve)
+        file, t = self.file, curve.time_s
+        # Not read between samples, which would average their noise and make it last
+        felt = curve.pressure_mbar - file.lag_s.value * _rate(t, curve.pressure_mbar)
+        pressure = (felt - file.pressure_offset_mbar.value) / file.pressure_gain.value
+        deflection = curve.deflection_mm - 1e-3 * file.deflection_offset_um.value
+        return replace(
+            curve, pressure_mbar=pressure, deflection_mm=deflection / file.deflection_gain.value
+        )
+
+    def as_read(self, deflection_mm: Array) -> Array:
+        """Return what the probe reads of true deflections (n,)."""
+        offset_mm = 1e-3 * self.file.deflection_offset_um.value
+        return self.file.deflection_gain.value * deflection_mm + offset_mm
+
+    def as_read_mbar(self, pressure_mbar: Array) -> Array:
+        """Return what the probe reads of true pressures (n,)."""
+        return self.file.pressure_gain.value * pressure_mbar + self.file.pressure_offset_mbar.value
+
+    def columns_mm(
+        self, time_s: Array, pressure_mbar: Array, deflection_mm: Array, slope: Array
+    ) -> Array:
+        """Return what the calibration leaves open, as columns (u, 5) of errors of a curve.
+
+        For samples of one curve in time order: true pressures, deflections, and dw/dp in mm/mbar.
+        """
+        gain, pressure_gain = self.file.deflection_gain.value, self.file.pressure_gain.value
+        each = np.column_stack(
+            [
+                -deflection_mm / gain,
+                np.full(len(time_s), -1.0 / gain),
+                slope * pressure_mbar / pressure_gain,
+                slope / pressure_gain,
+                slope * _rate(time_s, pressure_mbar),
+            ]
+        )
+        return np.asarray(each @ self._root)
+
+
+def _rate(time_s: Array, pressure_mbar: Array) -> Array:
+    """Return dp/dt (n,) of the pump, without the readings' noise."""
+    if len(time_s) <= _SMOOTH:
+        return np.zeros(len(time_s))
+    padded = np.pad(pressure_mbar, _SMOOTH // 2, mode="reflect", reflect_type="odd")
+    return np.gradient(np.convolve(padded, np.ones(_SMOOTH) / _SMOOTH, "valid"), time_s)
+
+
+def read_probe(path: Path) -> ProbeErrors:
+    """Return the probe of a PROBE.toml.
+
+    Raises:
+        InputError: it cannot be read, or a field is wrong.
+    """
+    try:
+        return decode_probe(path.read_text(encoding="utf-8"), str(path))
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: {getattr(error, 'strerror', None) or error}") from None
+
+
+def decode_probe(text: str, where: str) -> ProbeErrors:
+    """Return the probe of this text, which is that of `where`.
+
+    Raises:
+        InputError: as `read_probe`.
+    """
+    try:
+        return ProbeErrors(msgspec.convert(read_toml(text), ProbeFile), text)
+    except ValueError as error:  # InputError is one
+        raise InputError(f"{where}: {error}") from None
+
+
+def probe_text(file: ProbeFile) -> str:
+    """Return a probe file as text."""
+    return toml_text(msgspec.to_builtins(file))

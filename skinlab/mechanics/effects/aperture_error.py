@@ -1,0 +1,47 @@
+"""A probe's opening is not as wide as it is said to be."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from skinlab.curves.curve import APERTURES_MM
+from skinlab.mechanics.effects.base import Effect, Parameter, Values
+from skinlab.mechanics.fem.skin import SkinProblem
+
+_SIZE = "wear and glue at the rim: some tenths of a mm; no published size"
+
+
+class ApertureError(Effect):
+    """See the module: each opening is a head of its own, and may be off by itself."""
+
+    name = "aperture_error"
+    meaning = "an opening is wider or narrower than it is said to be"
+    formula = "aperture = ratio × the stated one, of each opening for itself"
+    source = "dimensions of exchangeable heads: wear, glue and skin at the rim"
+    physical = True
+    parameters = tuple(
+        Parameter(
+            f"ratio{a:g}", "", f"true over stated of the {a:g} mm opening; 1 is right", 0.8, 1.25,
+            1.0, 1.03, _SIZE,
+        )
+        for a in sorted(APERTURES_MM, key=lambda a: a != 6.0)  # the usual one first
+    )  # fmt: skip
+
+    def full(self, values: Values) -> dict[str, float]:
+        """Return the values; openings that are not told of are right.
+
+        Raises:
+            InputError: a parameter is not known or out of bounds.
+        """
+        return super().full({p.name: 1.0 for p in self.parameters} | dict(values))
+
+    def change(self, problem: SkinProblem, values: Values, cycle: int) -> SkinProblem:
+        """Widen."""
+        stated = problem.geometry.aperture_mm
+        ratio = values.get(f"ratio{stated:g}", 1.0)
+        if ratio == 1.0:
+            return problem
+        return replace(problem, geometry=replace(problem.geometry, aperture_mm=stated * ratio))
+
+
+EFFECT = ApertureError()

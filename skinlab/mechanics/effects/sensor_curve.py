@@ -1,0 +1,33 @@
+"""The deflection sensor is not linear."""
+
+from __future__ import annotations
+
+from skinlab.mechanics.effects.base import Array, Effect, Parameter, Values
+
+
+class SensorCurve(Effect):
+    """See the module."""
+
+    name = "sensor_curve"
+    meaning = "the deflection sensor is not linear"
+    formula = "w + bend × w (w − exact)"
+    source = "characteristic curve of optical distance sensors, calibrated at 0 and one height"
+    physical = False
+    parameters = (
+        Parameter(
+            "bend_um_per_mm2", "µm/mm²", "curvature of its characteristic", -500.0, 500.0, 0.0,
+            20.0, "no published size: a range to look in",
+        ),
+        Parameter(
+            "exact_mm", "mm", "height at which it was calibrated", 0.05, 10.0, None, 1.0,
+            "height of a dome: 0.1–2 mm", "log",
+        ),
+    )  # fmt: skip
+
+    def read(self, since_s: Array, deflection_mm: Array, values: Values) -> Array:
+        """Bend."""
+        bend = 1e-3 * values["bend_um_per_mm2"]
+        return deflection_mm + bend * deflection_mm * (deflection_mm - values["exact_mm"])
+
+
+EFFECT = SensorCurve()

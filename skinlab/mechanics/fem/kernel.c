@@ -1,0 +1,610 @@
+/* The finite elements' inner loops: from displacements to residual, banded tangent and its solution.
+ *
+ * The same formulas as `assembly.py`, which holds without this library and says what they are. An
+ * energy is asked for in Python between `skinlab_strain` and `skinlab_assemble`: any law can be used.
+ * Points are numbered through all elements; N = elements * points. Components of F in the order rr,
+ * rz, zr, zz, hoop. Nothing is kept between calls: threads may share a mesh.
+ */
+#include <math.h>
+#include <stdint.h>
+#include <string.h>
+
+#if defined(__x86_64__) && defined(__gnu_linux__) && defined(__GNUC__) && !defined(__clang__)
+/* One library for all processors of a kind; the loader picks. */
+#define FAST __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
+#else
+#define FAST
+#endif
+#define INLINE static inline __attribute__((always_inline))
+
+#define CHUNK 8       /* elements whose points are taken together, so that loops over points are long */
+#define MOST_POINTS 9 /* of an element */
+#define MOST_NODES 9
+#define SPAN (CHUNK * MOST_POINTS)
+#define BLOCK 8  /* columns that are factorised together */
+#define TILE 16  /* rows that are kept in registers */
+
+typedef double Eight __attribute__((vector_size(64), aligned(8)));
+
+INLINE Eight load8(const double *at) { return *(const Eight *)at; }
+
+typedef struct {
+    int64_t elements, points, nodes; /* of each element */
+    int64_t unknowns, width;         /* column j of the tangent begins at j * width */
+    int64_t edges;
+    const double *gradients;   /* (elements, 3, points, nodes): dN/dr, dN/dz, N/r */
+    const double *by_node;     /* (elements, 3, nodes, points): the same */
+    const double *volumes;     /* (elements, points) */
+    const double *start;       /* (3, elements): F_rr, F_zz, F_hoop where nothing has moved */
+    const int32_t *element;    /* (elements, nodes) */
+    const int32_t *equations;  /* (elements, 2 nodes): r and z in turn; `unknowns` where it is fixed */
+    const int32_t *slots;      /* (elements, 3, nodes, nodes): see `scatter` */
+    const double *edge_form;   /* (edges, 3, 3, 3) */
+    const double *edge_place;  /* (edges, 3, 2) */
+    const int32_t *edge;       /* (edges, 3): nodes */
+    const int32_t *edge_equations; /* (edges, 6) */
+} Mesh;
+
+/* The energy's derivatives at the points, in the order of `Potential` */
+typedef struct {
+    const double *energy, *i1, *i2, *j, *i1_i1, *i1_i2, *i2_i2, *i1_j, *i2_j, *j_j;
+} Energy;
+
+/* Symmetric 5 x 5, lower part by rows */
+#define AT(i, k) ((i) * ((i) + 1) / 2 + (k))
+#define PAIRS 15
+
+INLINE void strain(const Mesh *s, const int q, const int a, int64_t e, const double *restrict u,
+                   double *restrict f, double *restrict i1, double *restrict i2, double *restrict det) {
+    const int64_t n = s->elements * q, at = e * q;
+    double value[6][MOST_POINTS] = {{0}};
+    for (int k = 0; k < a; k++) {
+        const int64_t node = s->element[e * a + k];
+        const double ur = u[2 * node], uz = u[2 * node + 1];
+        const double *g = s->by_node + (e * 3 * a + k) * q;
+        for (int p = 0; p < q; p++) {
+            value[0][p] += ur * g[p];
+            value[1][p] += ur * g[a * q + p];
+            value[4][p] += ur * g[2 * a * q + p];
+            value[2][p] += uz * g[p];
+            value[3][p] += uz * g[a * q + p];
+        }
+    }
+    const double s0 = s->start[e], s1 = s->start[s->elements + e], s2 = s->start[2 * s->elements + e];
+    for (int p = 0; p < q; p++) {
+        const double rr = value[0][p] + s0, rz = value[1][p], zr = value[2][p];
+        const double zz = value[3][p] + s1, hoop = value[4][p] + s2;
+        const double plane = rr * rr + rz * rz + zr * zr + zz * zz, j = rr * zz - rz * zr;
+        const double h2 = hoop * hoop;
+        f[at + p] = rr;
+        f[n + at + p] = rz;
+        f[2 * n + at + p] = zr;
+        f[3 * n + at + p] = zz;
+        f[4 * n + at + p] = hoop;
+        i1[at + p] = plane + h2;
+        i2[at + p] = j * j + plane * h2;
+        det[at + p] = j * hoop;
+    }
+}
+
+FAST void skinlab_strain(const Mesh *s, const double *u, double *f, double *i1, double *i2, double *det) {
+    for (int64_t e = 0; e < s->elements; e++) {
+        if (s->points == 9 && s->nodes == 8)
+            strain(s, 9, 8, e, u, f, i1, i2, det);
+        else
+            strain(s, (int)s->points, (int)s->nodes, e, u, f, i1, i2, det);
+    }
+}
+
+/* First Piola-Kirchhoff stress at `count` points from `at` on. */
+INLINE void stress_at(const double *restrict f, int64_t n, int64_t at, int count, const Energy *w,
+                      const double *restrict extra, double stress[5][SPAN]) {
+    const double *rr = f + at, *rz = f + n + at, *zr = f + 2 * n + at, *zz = f + 3 * n + at;
+    const double *hp = f + 4 * n + at;
+    const double *d1 = w->i1 + at, *d2 = w->i2 + at, *d3 = w->j + at;
+    for (int p = 0; p < count; p++) {
+        const double h = hp[p], h2 = h * h;
+        const double a = rr[p] * rr[p] + rz[p] * rz[p] + zr[p] * zr[p] + zz[p] * zz[p];
+        const double j = rr[p] * zz[p] - rz[p] * zr[p];
+        const double wa = 2 * (d1[p] + h2 * d2[p]), wj = 2 * j * d2[p] + h * d3[p];
+        stress[0][p] = wa * rr[p] + wj * zz[p];
+        stress[1][p] = wa * rz[p] - wj * zr[p];
+        stress[2][p] = wa * zr[p] - wj * rz[p];
+        stress[3][p] = wa * zz[p] + wj * rr[p];
+        stress[4][p] = 2 * h * (d1[p] + a * d2[p]) + j * d3[p];
+    }
+    if (extra) {
+        const double *s0 = extra + at, *s1 = extra + n + at, *s2 = extra + 2 * n + at;
+        const double *s3 = extra + 3 * n + at;
+        for (int p = 0; p < count; p++) {
+            stress[0][p] += rr[p] * s0[p] + rz[p] * s1[p];
+            stress[1][p] += rr[p] * s1[p] + rz[p] * s2[p];
+            stress[2][p] += zr[p] * s0[p] + zz[p] * s1[p];
+            stress[3][p] += zr[p] * s1[p] + zz[p] * s2[p];
+            stress[4][p] += hp[p] * s3[p];
+        }
+    }
+}
+
+/* The second derivative of the energy by F at `count` points from `at` on. */
+INLINE void moduli_at(const double *restrict f, int64_t n, int64_t at, int count, const Energy *w,
+                      const double *restrict extra, double c[PAIRS][SPAN]) {
+    const double *frr = f + at, *frz = f + n + at, *fzr = f + 2 * n + at, *fzz = f + 3 * n + at;
+    const double *hp = f + 4 * n + at;
+    for (int p = 0; p < count; p++) {
+        const double f0 = frr[p], f1 = frz[p], f2 = fzr[p], f3 = fzz[p], h = hp[p], h2 = h * h;
+        const double c0 = f3, c1 = -f2, c2 = -f1, c3 = f0;
+        const double a = f0 * f0 + f1 * f1 + f2 * f2 + f3 * f3, j = f0 * f3 - f1 * f2;
+        const double d1 = w->i1[at + p], d2 = w->i2[at + p], d3 = w->j[at + p];
+        const double d11 = w->i1_i1[at + p], d12 = w->i1_i2[at + p], d22 = w->i2_i2[at + p];
+        const double d13 = w->i1_j[at + p], d23 = w->i2_j[at + p], d33 = w->j_j[at + p];
+        const double j2 = 2 * j, h_2 = 2 * h;
+        const double wa = d1 + h2 * d2, wj = j2 * d2 + h * d3, byf = d1 + a * d2;
+        const double a1 = d11 + h2 * d12, a2 = d12 + h2 * d22, a3 = d13 + h2 * d23;
+        const double jj2 = j2 * d22 + h * d23, jj3 = j2 * d23 + h * d33;
+        const double g1 = d11 + a * d12, g2 = d12 + a * d22, g3 = d13 + a * d23;
+        const double waa = 4 * (a1 + h2 * a2), waj = 2 * (j2 * a2 + h * a3);
+        const double wjj = 2 * d2 + j2 * jj2 + h * jj3;
+        const double waf = 2 * (h_2 * (d2 + a1 + a * a2) + j * a3);
+        const double wjf = d3 + h_2 * (j2 * g2 + h * g3) + j * jj3;
+        const double wff = 2 * byf + h_2 * (h_2 * (g1 + a * g2) + 2 * j * g3) + j * j * d33;
+        const double l0 = waa * f0 + waj * c0, l1 = waa * f1 + waj * c1;
+        const double l2 = waa * f2 + waj * c2, l3 = waa * f3 + waj * c3;
+        const double r0 = waj * f0 + wjj * c0, r1 = waj * f1 + wjj * c1;
+        const double r2 = waj * f2 + wjj * c2, r3 = waj * f3 + wjj * c3;
+        c[AT(0, 0)][p] = l0 * f0 + r0 * c0 + 2 * wa;
+        c[AT(1, 0)][p] = l1 * f0 + r1 * c0;
+        c[AT(1, 1)][p] = l1 * f1 + r1 * c1 + 2 * wa;
+        c[AT(2, 0)][p] = l2 * f0 + r2 * c0;
+        c[AT(2, 1)][p] = l2 * f1 + r2 * c1 - wj;
+        c[AT(2, 2)][p] = l2 * f2 + r2 * c2 + 2 * wa;
+        c[AT(3, 0)][p] = l3 * f0 + r3 * c0 + wj;
+        c[AT(3, 1)][p] = l3 * f1 + r3 * c1;
+        c[AT(3, 2)][p] = l3 * f2 + r3 * c2;
+        c[AT(3, 3)][p] = l3 * f3 + r3 * c3 + 2 * wa;
+        c[AT(4, 0)][p] = waf * f0 + wjf * c0;
+        c[AT(4, 1)][p] = waf * f1 + wjf * c1;
+        c[AT(4, 2)][p] = waf * f2 + wjf * c2;
+        c[AT(4, 3)][p] = waf * f3 + wjf * c3;
+        c[AT(4, 4)][p] = wff;
+    }
+    if (extra) {
+        for (int p = 0; p < count; p++) {
+            const double rr = extra[at + p], rz = extra[n + at + p], zz = extra[2 * n + at + p];
+            c[AT(0, 0)][p] += rr;
+            c[AT(1, 0)][p] += rz;
+            c[AT(1, 1)][p] += zz;
+            c[AT(2, 2)][p] += rr;
+            c[AT(3, 2)][p] += rz;
+            c[AT(3, 3)][p] += zz;
+            c[AT(4, 4)][p] += extra[3 * n + at + p];
+        }
+    }
+}
+
+INLINE void force_of(const Mesh *s, const int q, const int a, int64_t e, int first,
+                     const double stress[5][SPAN], double *restrict force) {
+    double fr[MOST_NODES] = {0}, fz[MOST_NODES] = {0};
+    for (int p = 0; p < q; p++) {
+        const double *gr = s->gradients + (e * 3 * q + p) * a, *gz = gr + q * a, *gh = gz + q * a;
+        const double w = s->volumes[e * q + p];
+        const double s0 = w * stress[0][first + p], s1 = w * stress[1][first + p];
+        const double s2 = w * stress[2][first + p], s3 = w * stress[3][first + p];
+        const double s4 = w * stress[4][first + p];
+        for (int k = 0; k < a; k++) {
+            fr[k] += s0 * gr[k] + s1 * gz[k] + s4 * gh[k];
+            fz[k] += s2 * gr[k] + s3 * gz[k];
+        }
+    }
+    const int32_t *eq = s->equations + e * 2 * a;
+    for (int k = 0; k < a; k++) {
+        force[eq[2 * k]] += fr[k];
+        force[eq[2 * k + 1]] += fz[k];
+    }
+}
+
+/* `slots` are places in the band for rr, rz and zz of each pair of nodes. */
+INLINE void scatter(const int a, const int32_t *slots, const double *rr, const double *rz,
+                    const double *zz, double *restrict band) {
+    for (int i = 0; i < a; i++) {
+        for (int k = 0; k <= i; k++) {
+            band[slots[a * i + k]] += rr[a * i + k];
+            band[slots[2 * a * a + a * i + k]] += zz[a * i + k];
+        }
+        for (int k = 0; k < a; k++) band[slots[a * a + a * i + k]] += rz[a * i + k];
+    }
+}
+
+INLINE void stiffness_of(const Mesh *s, int64_t e, int first, const double c[PAIRS][SPAN],
+                         double *restrict band) {
+    const int q = (int)s->points, a = (int)s->nodes;
+    double rr[MOST_NODES * MOST_NODES] = {0}, rz[MOST_NODES * MOST_NODES] = {0};
+    double zz[MOST_NODES * MOST_NODES] = {0};
+    for (int p = 0; p < q; p++) {
+        const double *gr = s->gradients + (e * 3 * q + p) * a, *gz = gr + q * a, *gh = gz + q * a;
+        const double w = s->volumes[e * q + p];
+        double d[PAIRS];
+        for (int k = 0; k < PAIRS; k++) d[k] = w * c[k][first + p];
+        for (int k = 0; k < a; k++) {
+            const double x = gr[k], y = gz[k], h = gh[k];
+            const double t0 = d[AT(0, 0)] * x + d[AT(1, 0)] * y + d[AT(4, 0)] * h;
+            const double t1 = d[AT(1, 0)] * x + d[AT(1, 1)] * y + d[AT(4, 1)] * h;
+            const double t4 = d[AT(4, 0)] * x + d[AT(4, 1)] * y + d[AT(4, 4)] * h;
+            const double u0 = d[AT(2, 0)] * x + d[AT(3, 0)] * y;
+            const double u1 = d[AT(2, 1)] * x + d[AT(3, 1)] * y;
+            const double u4 = d[AT(4, 2)] * x + d[AT(4, 3)] * y;
+            const double v2 = d[AT(2, 2)] * x + d[AT(3, 2)] * y;
+            const double v3 = d[AT(3, 2)] * x + d[AT(3, 3)] * y;
+            for (int i = 0; i < a; i++) {
+                rr[a * i + k] += gr[i] * t0 + gz[i] * t1 + gh[i] * t4;
+                rz[a * i + k] += gr[i] * u0 + gz[i] * u1 + gh[i] * u4;
+                zz[a * i + k] += gr[i] * v2 + gz[i] * v3;
+            }
+        }
+    }
+    scatter(a, s->slots + e * 3 * a * a, rr, rz, zz, band);
+}
+
+/* The same for 8 nodes: a row of the stiffness is one vector. */
+INLINE void stiffness_of_8(const Mesh *s, int64_t e, int first, const double c[PAIRS][SPAN],
+                           double *restrict band) {
+    const int q = (int)s->points;
+    Eight rr[8] = {{0}}, rz[8] = {{0}}, zz[8] = {{0}};
+    for (int p = 0; p < q; p++) {
+        const double *gr = s->gradients + (e * 3 * q + p) * 8, *gz = gr + q * 8, *gh = gz + q * 8;
+        const double w = s->volumes[e * q + p];
+        const Eight x = w * load8(gr), y = w * load8(gz), h = w * load8(gh);
+#define D(i, k) c[AT(i, k)][first + p]
+        const Eight t0 = D(0, 0) * x + D(1, 0) * y + D(4, 0) * h;
+        const Eight t1 = D(1, 0) * x + D(1, 1) * y + D(4, 1) * h;
+        const Eight t4 = D(4, 0) * x + D(4, 1) * y + D(4, 4) * h;
+        const Eight u0 = D(2, 0) * x + D(3, 0) * y;
+        const Eight u1 = D(2, 1) * x + D(3, 1) * y;
+        const Eight u4 = D(4, 2) * x + D(4, 3) * y;
+        const Eight v2 = D(2, 2) * x + D(3, 2) * y;
+        const Eight v3 = D(3, 2) * x + D(3, 3) * y;
+#undef D
+        for (int i = 0; i < 8; i++) {
+            rr[i] += gr[i] * t0 + gz[i] * t1 + gh[i] * t4;
+            rz[i] += gr[i] * u0 + gz[i] * u1 + gh[i] * u4;
+            zz[i] += gr[i] * v2 + gz[i] * v3;
+        }
+    }
+    scatter(8, s->slots + e * 192, (const double *)rr, (const double *)rz, (const double *)zz, band);
+}
+
+INLINE void add(const Mesh *s, double *restrict band, int32_t i, int32_t k, double value) {
+    const int32_t col = i < k ? i : k, row = i < k ? k : i;
+    if (row < s->unknowns) band[col * s->width + (row - col)] += value;
+}
+
+/* The follower pressure on the deformed surface; returns the volume under the dome. */
+static double suction(const Mesh *s, const double *u, double pressure, double *band, double *load) {
+    double volume = 0;
+    for (int64_t e = 0; e < s->edges; e++) {
+        const double *t = s->edge_form + 27 * e;
+        const int32_t *eq = s->edge_equations + 6 * e;
+        double r[3], z[3], tr[3][3] = {{0}}, tdr[3][3] = {{0}}, tdz[3][3] = {{0}}, k[6][6] = {{0}};
+        for (int b = 0; b < 3; b++) {
+            const int64_t node = s->edge[3 * e + b];
+            r[b] = s->edge_place[6 * e + 2 * b] + u[2 * node];
+            z[b] = s->edge_place[6 * e + 2 * b + 1] + u[2 * node + 1];
+        }
+        for (int a = 0; a < 3; a++)
+            for (int b = 0; b < 3; b++)
+                for (int c = 0; c < 3; c++) {
+                    const double form = t[9 * a + 3 * b + c];
+                    tr[a][c] += form * r[b];
+                    tdr[a][b] += form * r[c];
+                    tdz[a][b] += form * z[c];
+                }
+        for (int a = 0; a < 3; a++) {
+            double fr = 0, fz = 0;
+            for (int c = 0; c < 3; c++) {
+                fz += tr[a][c] * r[c];
+                fr -= tr[a][c] * z[c];
+                k[2 * a + 1][2 * c] = tr[a][c] + tdr[a][c];
+                k[2 * a][2 * c + 1] = -tr[a][c];
+                k[2 * a][2 * c] = -tdz[a][c];
+            }
+            volume += fz * z[a];
+            load[eq[2 * a]] += fr;
+            load[eq[2 * a + 1]] += fz;
+        }
+        if (band)
+            for (int a = 0; a < 6; a++)
+                for (int b = 0; b <= a; b++)
+                    add(s, band, eq[a], eq[b], -pressure * 0.5 * (k[a][b] + k[b][a]));
+    }
+    return volume;
+}
+
+/* `band` has whole blocks of columns and one entry more; `internal` and `load` (unknowns + 1) are zero on
+ * entry; `extra` (4, N) is a second Piola-Kirchhoff stress, or nothing. Returns the volume under the
+ * dome. */
+FAST double skinlab_assemble(const Mesh *s, const double *u, const double *f, const Energy *w,
+                             const double *extra, double pressure, double *band, double *internal,
+                             double *load) {
+    const int q = (int)s->points, a = (int)s->nodes;
+    const int64_t n = s->elements * q;
+    const int64_t columns = (s->unknowns + BLOCK - 1) / BLOCK * BLOCK;
+    double c[PAIRS][SPAN], stress[5][SPAN];
+    memset(band, 0, (columns * s->width + 1) * sizeof *band);
+    for (int64_t e0 = 0; e0 < s->elements; e0 += CHUNK) {
+        const int64_t left = s->elements - e0;
+        const int many = left < CHUNK ? (int)left : CHUNK;
+        stress_at(f, n, e0 * q, many * q, w, extra, stress);
+        moduli_at(f, n, e0 * q, many * q, w, extra, c);
+        for (int k = 0; k < many; k++) {
+            if (q == 9 && a == 8) {
+                force_of(s, 9, 8, e0 + k, 9 * k, (const double (*)[SPAN])stress, internal);
+                stiffness_of_8(s, e0 + k, 9 * k, (const double (*)[SPAN])c, band);
+            } else {
+                force_of(s, q, a, e0 + k, q * k, (const double (*)[SPAN])stress, internal);
+                if (a == 8)
+                    stiffness_of_8(s, e0 + k, q * k, (const double (*)[SPAN])c, band);
+                else
+                    stiffness_of(s, e0 + k, q * k, (const double (*)[SPAN])c, band);
+            }
+        }
+    }
+    return suction(s, u, pressure, band, load);
+}
+
+/* The same without the tangent; of the energy the first derivatives are enough. */
+FAST double skinlab_forces(const Mesh *s, const double *u, const double *f, const double *d_i1,
+                           const double *d_i2, const double *d_j, double *internal, double *load) {
+    const int q = (int)s->points, a = (int)s->nodes;
+    const int64_t n = s->elements * q;
+    const Energy w = {.i1 = d_i1, .i2 = d_i2, .j = d_j};
+    double stress[5][SPAN];
+    for (int64_t e0 = 0; e0 < s->elements; e0 += CHUNK) {
+        const int64_t left = s->elements - e0;
+        const int many = left < CHUNK ? (int)left : CHUNK;
+        stress_at(f, n, e0 * q, many * q, &w, 0, stress);
+        for (int k = 0; k < many; k++) {
+            if (q == 9 && a == 8)
+                force_of(s, 9, 8, e0 + k, 9 * k, (const double (*)[SPAN])stress, internal);
+            else
+                force_of(s, q, a, e0 + k, q * k, (const double (*)[SPAN])stress, internal);
+        }
+    }
+    return suction(s, u, 0.0, 0, load);
+}
+
+/* The least eigenvalue of the acoustic tensor over directions in the r-z plane and over all points. */
+FAST double skinlab_ellipticity(const Mesh *s, const double *f, const Energy *w, const double *extra) {
+    const int q = (int)s->points;
+    const int64_t n = s->elements * q;
+    double c[PAIRS][SPAN], least[SPAN], sum[SPAN], result = INFINITY;
+    for (int64_t at = 0; at < n; at += SPAN) {
+        const int count = n - at < SPAN ? (int)(n - at) : SPAN;
+        moduli_at(f, n, at, count, w, extra, c);
+        for (int p = 0; p < count; p++) least[p] = INFINITY, sum[p] = 0;
+        for (int angle = 0; angle < 8; angle++) {
+            const double x = cos(angle * 3.14159265358979323846 / 8);
+            const double y = sin(angle * 3.14159265358979323846 / 8);
+            const double xx = x * x, xy = x * y, yy = y * y;
+            for (int p = 0; p < count; p++) {
+                const double rr = xx * c[AT(0, 0)][p] + 2 * xy * c[AT(1, 0)][p] + yy * c[AT(1, 1)][p];
+                const double zz = xx * c[AT(2, 2)][p] + 2 * xy * c[AT(3, 2)][p] + yy * c[AT(3, 3)][p];
+                const double rz = xx * c[AT(2, 0)][p] + xy * (c[AT(3, 0)][p] + c[AT(2, 1)][p]) +
+                                  yy * c[AT(3, 1)][p];
+                const double half = 0.5 * (rr - zz);
+                const double value = 0.5 * (rr + zz) - sqrt(half * half + rz * rz);
+                least[p] = value < least[p] ? value : least[p];
+                sum[p] += value; /* not a number where one is not */
+            }
+        }
+        for (int p = 0; p < count; p++) {
+            if (sum[p] != sum[p]) return NAN;
+            result = least[p] < result ? least[p] : result;
+        }
+    }
+    return result;
+}
+
+/* SHA-256 of this file when it was compiled: an older library is not used. */
+const char *skinlab_source(void) { return SKINLAB_SOURCE; }
+
+/* ---- Cholesky factor of a banded matrix ----
+ *
+ * Entry (i, j), i >= j, is at j * width + i - j: a matrix with the leading dimension width - 1. Columns
+ * are longer than the band by zeros, BLOCK + TILE of them, and there are whole blocks of columns, so
+ * that no loop has to look where the band ends.
+ */
+FAST int64_t skinlab_factorise(int64_t unknowns, int64_t width, double *band, double *inverse) {
+    const int64_t ld = width - 1, reach = width - 1 - BLOCK - TILE; /* of the band itself */
+    for (int64_t j = unknowns; j % BLOCK; j++) band[j * width] = 1.0;
+    for (int64_t j0 = 0; j0 < unknowns; j0 += BLOCK) {
+        double *diagonal = band + j0 * ld + j0;
+        double scale[BLOCK], low[BLOCK][BLOCK];
+        { /* the block on the diagonal */
+            Eight sum[BLOCK];
+            for (int c = 0; c < BLOCK; c++) sum[c] = load8(diagonal + c * ld);
+            for (int64_t k = j0 - reach > 0 ? j0 - reach : 0; k < j0; k++) {
+                const double *column = band + k * ld + j0;
+                const Eight x = load8(column);
+                for (int c = 0; c < BLOCK; c++) sum[c] -= x * column[c];
+            }
+            for (int c = 0; c < BLOCK; c++) {
+                for (int d = 0; d < c; d++) sum[c] -= sum[d] * low[c][d];
+                const double square = sum[c][c];
+                if (!(square > 0.0) || !isfinite(square)) return j0 + c + 1;
+                scale[c] = 1.0 / sqrt(square);
+                inverse[j0 + c] = scale[c];
+                sum[c] = sum[c] * scale[c];
+                for (int i = c; i < BLOCK; i++) {
+                    low[i][c] = sum[c][i];
+                    diagonal[c * ld + i] = low[i][c];
+                }
+            }
+        }
+        for (int64_t i0 = j0 + BLOCK; i0 < j0 + BLOCK + reach; i0 += TILE) {
+            Eight x[BLOCK], y[BLOCK];
+            double *here = band + j0 * ld + i0;
+            for (int c = 0; c < BLOCK; c++) {
+                x[c] = load8(here + c * ld);
+                y[c] = load8(here + c * ld + 8);
+            }
+            for (int64_t k = i0 - reach > 0 ? i0 - reach : 0; k < j0; k++) {
+                const double *column = band + k * ld;
+                const Eight a = load8(column + i0), b = load8(column + i0 + 8);
+                for (int c = 0; c < BLOCK; c++) {
+                    x[c] -= a * column[j0 + c];
+                    y[c] -= b * column[j0 + c];
+                }
+            }
+            for (int c = 0; c < BLOCK; c++) {
+                for (int d = 0; d < c; d++) {
+                    x[c] -= x[d] * low[c][d];
+                    y[c] -= y[d] * low[c][d];
+                }
+                x[c] = x[c] * scale[c];
+                y[c] = y[c] * scale[c];
+                *(Eight *)(here + c * ld) = x[c];
+                *(Eight *)(here + c * ld + 8) = y[c];
+            }
+        }
+    }
+    return 0;
+}
+
+/* `right` (many, stride) holds right sides, zeros behind each, and becomes solutions; the stride is at
+ * least unknowns + width. */
+FAST void skinlab_solve(int64_t unknowns, int64_t width, const double *band, const double *inverse,
+                        int64_t many, int64_t stride, double *right) {
+    const int64_t ld = width - 1, reach = width - 1 - BLOCK - TILE;
+    const int64_t last = (unknowns - 1) / BLOCK * BLOCK;
+    for (int64_t r = 0; r < many; r++) {
+        double *x = right + r * stride;
+        for (int64_t j0 = 0; j0 <= last; j0 += BLOCK) {
+            const double *columns = band + j0 * ld;
+            double y[BLOCK];
+            for (int c = 0; c < BLOCK; c++) {
+                double value = x[j0 + c];
+                for (int d = 0; d < c; d++) value -= columns[d * ld + j0 + c] * y[d];
+                y[c] = value * inverse[j0 + c];
+                x[j0 + c] = y[c];
+            }
+            for (int64_t i = j0 + BLOCK; i < j0 + BLOCK + reach; i += 8) {
+                Eight sum = load8(x + i), other = {0};
+                for (int c = 0; c < BLOCK; c += 2) {
+                    sum -= y[c] * load8(columns + c * ld + i);
+                    other -= y[c + 1] * load8(columns + (c + 1) * ld + i);
+                }
+                *(Eight *)(x + i) = sum + other;
+            }
+        }
+        for (int64_t j = unknowns; j < stride; j++) x[j] = 0;
+        for (int64_t j0 = last; j0 >= 0; j0 -= BLOCK) {
+            const double *columns = band + j0 * ld;
+            Eight sum[BLOCK] = {{0}};
+            for (int64_t i = j0 + BLOCK; i < j0 + BLOCK + reach; i += 8) {
+                const Eight here = load8(x + i);
+                for (int c = 0; c < BLOCK; c++) sum[c] += here * load8(columns + c * ld + i);
+            }
+            for (int c = BLOCK - 1; c >= 0; c--) {
+                const Eight t = sum[c];
+                double value = x[j0 + c] - (((t[0] + t[4]) + (t[1] + t[5])) + ((t[2] + t[6]) + (t[3] + t[7])));
+                for (int d = c + 1; d < BLOCK; d++) value -= columns[c * ld + j0 + d] * x[j0 + d];
+                x[j0 + c] = value * inverse[j0 + c];
+            }
+        }
+    }
+}
+
+/* Values of the B-splines that are not zero at `x`, or their slopes; returns the first of them. */
+static int64_t local_basis(const double *knots, int64_t size, int64_t degree, double x, int slope,
+                           double *values) {
+    int64_t piece = degree, high = size; /* knots[piece] <= x < knots[high], or an end */
+    while (high - piece > 1) {
+        const int64_t middle = (piece + high) / 2;
+        if (x >= knots[middle]) piece = middle;
+        else high = middle;
+    }
+    values[0] = degree || !slope;
+    for (int64_t k = 1; k <= degree; k++) {
+        double saved = 0;
+        for (int64_t i = 0; i < k; i++) {
+            const double right = knots[piece + i + 1], left = knots[piece + i + 1 - k];
+            const double share = values[i] / (right - left);
+            if (slope && k == degree) {
+                values[i] = saved - k * share;
+                saved = k * share;
+            } else {
+                values[i] = saved + (right - x) * share;
+                saved = (x - left) * share;
+            }
+        }
+        values[k] = saved;
+    }
+    return piece - degree;
+}
+
+#define MOST_AXES 16
+#define MOST_WIDE 64 /* degree + 1 */
+
+/* A spline along d axes with `sizes` and `degrees`, all knots end to end, coefficients (rows, k), at
+ * `at` (points, d); the slope along axis `slope`, or none where it is negative. Returns 0, or 1 where
+ * there are more axes or higher degrees than it has room for. */
+FAST int64_t skinlab_spline(int64_t points, int64_t d, const int64_t *sizes, const int64_t *degrees,
+                            const double *knots, const double *at, int64_t slope,
+                            const double *coefficients, int64_t k, double *out) {
+    double basis[MOST_AXES][MOST_WIDE];
+    int64_t stride[MOST_AXES], place[MOST_AXES], rows = 1;
+    if (d > MOST_AXES) return 1;
+    for (int64_t i = d - 1; i >= 0; i--) {
+        if (degrees[i] + 1 > MOST_WIDE) return 1;
+        stride[i] = rows, rows *= sizes[i];
+    }
+    memset(out, 0, points * k * sizeof *out);
+    for (int64_t p = 0; p < points; p++) {
+        double *restrict sum = out + p * k;
+        const double *t = knots;
+        int64_t row = 0;
+        for (int64_t i = 0; i < d; i++) {
+            row += stride[i] * local_basis(t, sizes[i], degrees[i], at[p * d + i], i == slope, basis[i]);
+            t += sizes[i] + degrees[i] + 1;
+            place[i] = 0;
+        }
+        for (;;) {
+            double weight = 1;
+            int64_t here = row, i = d - 2;
+            for (int64_t a = 0; a < d - 1; a++) weight *= basis[a][place[a]], here += place[a] * stride[a];
+            for (int64_t last = 0; last <= degrees[d - 1]; last++) {
+                const double w = weight * basis[d - 1][last];
+                const double *restrict from = coefficients + (here + last) * k;
+                for (int64_t c = 0; c < k; c++) sum[c] += w * from[c];
+            }
+            while (i >= 0 && ++place[i] > degrees[i]) place[i--] = 0;
+            if (i < 0) break;
+        }
+    }
+    return 0;
+}
+
+/* L diag(d) L' of a tridiagonal matrix, in place: `diagonal` (n) becomes d, `beside` (n - 1) what is below
+ * the ones of L. Returns 0, or where it is not positive definite, from 1. */
+FAST int64_t skinlab_tridiagonal(int64_t n, double *diagonal, double *beside) {
+    for (int64_t i = 0; i < n; i++) {
+        if (!(diagonal[i] > 0.0)) return i + 1;
+        if (i + 1 < n) {
+            const double e = beside[i];
+            beside[i] = e / diagonal[i];
+            diagonal[i + 1] -= beside[i] * e;
+        }
+    }
+    return 0;
+}
+
+/* Solves with L, ones and `below` (n - 1), or with its transpose, in place: `right` (n, many) by rows. */
+FAST void skinlab_bidiagonal(int64_t n, int64_t many, const double *below, int64_t transposed,
+                             double *restrict right) {
+    if (transposed)
+        for (int64_t i = n - 2; i >= 0; i--)
+            for (int64_t k = 0; k < many; k++) right[i * many + k] -= below[i] * right[(i + 1) * many + k];
+    else
+        for (int64_t i = 1; i < n; i++)
+            for (int64_t k = 0; k < many; k++) right[i * many + k] -= below[i - 1] * right[(i - 1) * many + k];
+}

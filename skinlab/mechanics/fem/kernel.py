@@ -1,0 +1,279 @@
+"""The compiled inner loops, `kernel.c`, where an installation has them.
+
+They are built when the package is installed where there is a C compiler (`hatch_build.py`).
+Without them `assembly.py` computes the same with numpy, in some three times the time.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinlab.mechanics.materials.base import Potential
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+_FOLDER = Path(__file__).parent
+LIBRARY = _FOLDER / "_kernel.so"
+SOURCE = _FOLDER / "kernel.c"
+_PADDING = 24  # zeros behind each column of the band: BLOCK + TILE of the source
+_BLOCK = 8
+_SPARES = 2
+_POINTER, _INTEGER, _REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
+
+
+@cache
+def library() -> ctypes.CDLL | None:
+    """Return this installation's library, loaded once; None where there is none to use."""
+    return load(LIBRARY, SOURCE)
+
+
+def load(path: Path, source: Path) -> ctypes.CDLL | None:
+    """Return the library; None where there is none, or one that is not of this source."""
+    try:
+        found = ctypes.CDLL(str(path))
+        found.skinlab_source.restype = ctypes.c_char_p
+        if found.skinlab_source().decode() != hashlib.sha256(source.read_bytes()).hexdigest():
+            return None
+    except (OSError, AttributeError):
+        return None
+    found.skinlab_strain.argtypes = [_POINTER] * 6
+    found.skinlab_assemble.argtypes = [*[_POINTER] * 5, _REAL, *[_POINTER] * 3]
+    found.skinlab_forces.argtypes = [_POINTER] * 8
+    found.skinlab_ellipticity.argtypes = [_POINTER] * 4
+    found.skinlab_factorise.argtypes = [_INTEGER, _INTEGER, _POINTER, _POINTER]
+    found.skinlab_solve.argtypes = [
+        _INTEGER, _INTEGER, _POINTER, _POINTER, _INTEGER, _INTEGER, _POINTER,
+    ]  # fmt: skip
+    found.skinlab_tridiagonal.argtypes = [_INTEGER, _POINTER, _POINTER]
+    found.skinlab_tridiagonal.restype = _INTEGER
+    found.skinlab_bidiagonal.argtypes = [_INTEGER, _INTEGER, _POINTER, _INTEGER, _POINTER]
+    found.skinlab_bidiagonal.restype = None
+    found.skinlab_spline.argtypes = [
+        _INTEGER, _INTEGER, *[_POINTER] * 4, _INTEGER, _POINTER, _INTEGER, _POINTER,
+    ]  # fmt: skip
+    found.skinlab_spline.restype = _INTEGER
+    found.skinlab_strain.restype = found.skinlab_solve.restype = None
+    found.skinlab_assemble.restype = found.skinlab_forces.restype = _REAL
+    found.skinlab_ellipticity.restype = _REAL
+    found.skinlab_factorise.restype = _INTEGER
+    return found
+
+
+class _Mesh(ctypes.Structure):
+    _fields_ = [
+        *(
+            (name, _INTEGER)
+            for name in ("elements", "points", "nodes", "unknowns", "width", "edges")
+        ),
+        *(
+            (name, _POINTER)
+            for name in (
+                "gradients", "by_node", "volumes", "start", "element", "equations", "slots",
+                "edge_form", "edge_place", "edge", "edge_equations",
+            )
+        ),
+    ]  # fmt: skip
+
+
+class Kernel:
+    """One mesh, prepared for the library."""
+
+    def __init__(
+        self,
+        found: ctypes.CDLL,
+        *,
+        gradients: Array,  # (m, 3, q, a): ∂N/∂r, ∂N/∂z, N/r
+        volumes: Array,  # (m, q)
+        start: Array,  # (3, m)
+        element: Index,  # (m, a) nodes
+        equations: Index,  # (m, 2 a)
+        unknowns: int,
+        band: int,
+        edge_form: Array,
+        edge_place: Array,
+        edge: Index,
+        edge_equations: Index,
+    ) -> None:
+        """Keep copies in the layout that the library wants."""
+        m, _, q, a = gradients.shape
+        self.library = found
+        self.shape, self.unknowns, self.band = (m, q), unknowns, band
+        self.width = band + 1 + _PADDING
+        self._columns = -(-unknowns // _BLOCK) * _BLOCK
+        real = [gradients, gradients.transpose(0, 1, 3, 2), volumes, start]
+        whole = [element, equations, self._slots(equations)]
+        parts: list[NDArray[Any]] = [
+            *(np.ascontiguousarray(x, dtype=np.float64) for x in real),
+            *(np.ascontiguousarray(x, dtype=np.int32) for x in whole),
+            *(np.ascontiguousarray(x, dtype=np.float64) for x in (edge_form, edge_place)),
+            *(np.ascontiguousarray(x, dtype=np.int32) for x in (edge, edge_equations)),
+        ]
+        self._spare: list[Array] = []
+        self._parts = parts  # kept alive: the structure holds addresses only
+        self._mesh = _Mesh(
+            m, q, a, unknowns, self.width, len(edge), *(_address(part) for part in parts)
+        )
+        self._at = ctypes.addressof(self._mesh)
+
+    def _slots(self, equations: Index) -> Index:
+        """Return where in the band rr, rz and zz of each pair of nodes go: (m, 3, a, a)."""
+        r, z = equations[:, 0::2, None], equations[:, 1::2, None]
+        rows = np.stack(np.broadcast_arrays(r, r, z), axis=1)
+        columns = np.stack([x.transpose(0, 2, 1) for x in np.broadcast_arrays(r, z, z)], axis=1)
+        low, high = np.minimum(rows, columns), np.maximum(rows, columns)
+        outside = self._columns * self.width  # what is fixed shares a dustbin at the end
+        return np.where(high < self.unknowns, low * self.width + high - low, outside)
+
+    def strain(self, displacements: Array) -> tuple[Array, Array, Array, Array]:
+        """Return F (5, m, q), I1, I2 and det F (m, q)."""
+        f = np.empty((5, *self.shape))
+        invariants = np.empty((3, *self.shape))
+        i1, i2, det = invariants
+        self.library.skinlab_strain(
+            self._at,
+            _address(displacements),
+            _address(f),
+            _address(i1),
+            _address(i2),
+            _address(det),
+        )
+        return f, i1, i2, det
+
+    def assemble(
+        self,
+        displacements: Array,
+        f: Array,
+        potential: Potential,
+        stress_2pk: Array | None,
+        pressure_mpa: float,
+    ) -> tuple[Array, Array, Array, float]:
+        """Return the band as the library has it, internal forces, load (dofs,), and the volume."""
+        band = self._spare.pop() if self._spare else np.empty(self._columns * self.width + 1)
+        forces = np.zeros((2, self.unknowns + 1))
+        energy = _Energy(potential, self.shape)
+        extra = None if stress_2pk is None else np.ascontiguousarray(stress_2pk)
+        volume = self.library.skinlab_assemble(
+            self._at, _address(displacements), _address(f), energy.at, _address(extra),
+            pressure_mpa, _address(band), _address(forces[0]), _address(forces[1]),
+        )  # fmt: skip
+        return band, forces[0, :-1], forces[1, :-1], float(volume)
+
+    def lower(self, band: Array) -> Array:
+        """Return the band (dofs, band + 1) without the padding, a copy."""
+        columns = band[:-1].reshape(self._columns, self.width)
+        return columns[: self.unknowns, : self.band + 1].copy()
+
+    def give_back(self, band: Array) -> None:
+        """Keep the memory of a band that is no longer needed: new pages are slow."""
+        if len(self._spare) < _SPARES:
+            self._spare.append(band)
+
+    def forces(
+        self, displacements: Array, f: Array, by_invariants: tuple[Array, Array, Array]
+    ) -> tuple[Array, Array]:
+        """Return internal forces and load per MPa (dofs,), of an energy's first derivatives."""
+        forces = np.zeros((2, self.unknowns + 1))
+        d_i1, d_i2, d_j = (self._whole(x) for x in by_invariants)
+        self.library.skinlab_forces(
+            self._at, _address(displacements), _address(f),
+            _address(d_i1), _address(d_i2), _address(d_j),
+            _address(forces[0]), _address(forces[1]),
+        )  # fmt: skip
+        return forces[0, :-1], forces[1, :-1]
+
+    def _whole(self, values: Array) -> Array:
+        if np.shape(values) != self.shape:
+            values = np.broadcast_to(values, self.shape)
+        return np.ascontiguousarray(values, dtype=np.float64)
+
+    def ellipticity(self, f: Array, potential: Potential, stress_2pk: Array | None) -> float:
+        """Return the least of `admissibility.ellipticity` over all points."""
+        energy = _Energy(potential, self.shape)
+        extra = None if stress_2pk is None else np.ascontiguousarray(stress_2pk)
+        return float(
+            self.library.skinlab_ellipticity(self._at, _address(f), energy.at, _address(extra))
+        )
+
+    def factorise(self, band: Array) -> Array | None:
+        """Turn the band into its Cholesky factor; return 1 / its diagonal, None: there is none."""
+        inverse = np.empty(self._columns)
+        failed = self.library.skinlab_factorise(
+            self.unknowns, self.width, _address(band), _address(inverse)
+        )
+        return None if failed else inverse
+
+    def solve(self, factor: Array, inverse: Array, right: Array) -> Array:
+        """Return solutions (k, dofs) of right sides (k, dofs)."""
+        k, n = right.shape
+        padded = np.zeros((k, n + self.width))
+        padded[:, :n] = right
+        self.library.skinlab_solve(
+            n, self.width, _address(factor), _address(inverse), k, padded.shape[1], _address(padded)
+        )
+        return padded[:, :n]
+
+
+def spline(
+    knots: Array, sizes: Index, degrees: Index, coefficients: Array, points: Array, slope: int
+) -> Array | None:
+    """Return a spline's values (n, k) at points (n, d); None where the library cannot.
+
+    `knots` of all axes end to end, `coefficients` (all, k); the slope along axis `slope` unless
+    that is negative.
+    """
+    found = library()
+    if found is None:
+        return None
+    at = np.ascontiguousarray(points, dtype=np.float64)
+    out = np.empty((len(points), coefficients.shape[1]))
+    failed = found.skinlab_spline(
+        len(points), len(sizes), _address(sizes), _address(degrees), _address(knots), _address(at),
+        slope, _address(coefficients), coefficients.shape[1], _address(out),
+    )  # fmt: skip
+    return None if failed else out
+
+
+def factorise_tridiagonal(diagonal: Array, beside: Array) -> tuple[Array, Array, int] | None:
+    """Return d, e and where it fails, as LAPACK's dpttrf; None where there is no library."""
+    found = library()
+    if found is None:
+        return None
+    d, e = np.array(diagonal, dtype=np.float64), np.array(beside, dtype=np.float64)
+    return d, e, int(found.skinlab_tridiagonal(len(d), _address(d), _address(e)))
+
+
+def solve_bidiagonal(below: Array, right: Array, *, transposed: bool) -> Array | None:
+    """Return the solutions (n, m), see `skinlab.inference.bidiagonal`; None without a library."""
+    found = library()
+    if found is None:
+        return None
+    x = np.array(right, dtype=np.float64, order="C")
+    beside = np.ascontiguousarray(below, dtype=np.float64)
+    found.skinlab_bidiagonal(len(x), x.shape[1], _address(beside), int(transposed), _address(x))
+    return x
+
+
+class _Energy:
+    """Addresses of a potential's arrays."""
+
+    def __init__(self, potential: Potential, shape: tuple[int, int]) -> None:
+        self._kept = [
+            np.ascontiguousarray(
+                x if np.shape(x) == shape else np.broadcast_to(x, shape), dtype=np.float64
+            )
+            for x in (getattr(potential, name) for name in Potential.__slots__)
+        ]
+        self._addresses = (_POINTER * len(self._kept))(*(_address(x) for x in self._kept))
+        self.at = ctypes.addressof(self._addresses)
+
+
+def _address(array: NDArray[np.generic] | None) -> int | None:
+    return None if array is None else int(array.__array_interface__["data"][0])

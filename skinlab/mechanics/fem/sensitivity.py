@@ -1,0 +1,114 @@
+"""How a curve changes with its parameters, by direct differentiation.
+
+At equilibrium the residual vanishes, R(u, θ) = 0, so that K du/dθ = −∂R/∂θ, with K the tangent
+whose factor Newton's method has left. ∂R/∂θ at the same u is a central difference of residuals,
+which is exact to round-off where the energy is linear in θ, and costs no solution. A parameter may
+move the mesh: the unknowns are displacements of its nodes, of which there are as many.
+
+Source: Kleiber, Antúnez, Hien and Kowalczyk, Parameter Sensitivity in Nonlinear Mechanics (1997).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from skinlab.errors import InputError
+from skinlab.mechanics.fem.newton import Point, StepSettings, solve_linear
+from skinlab.mechanics.fem.skin import SkinProblem, prepare
+from skinlab.mechanics.fem.suction import (
+    EXTENSION_ABOVE,
+    MBAR,
+    MESH_OF_RECORD,
+    Discretisation,
+    SuctionCurve,
+    trace,
+)
+
+Array = NDArray[np.float64]
+
+Change = tuple[SkinProblem, SkinProblem, float]
+"""The problem with a parameter a little higher and a little lower, and by how much they differ."""
+
+
+@dataclass(frozen=True)
+class Slopes:
+    """Derivatives (k, points) of the deflection, mm per unit of each of k parameters.
+
+    NaN where a change has no state, and beyond where the curve holds.
+    """
+
+    pressure_mbar: Array
+    by_parameter: Array
+
+    def __call__(self, pressure_mbar: ArrayLike) -> Array:
+        """Return the derivatives (k, n) at pressures (n,), a thousandth off at most."""
+        from scipy.interpolate import make_interp_spline  # slow to import
+
+        at, known = np.asarray(pressure_mbar, dtype=float), self.pressure_mbar
+        if len(known) < 2:
+            return np.full((len(self.by_parameter), len(at)), np.nan)
+        there = np.isfinite(self.by_parameter).all(axis=1)
+        found = np.full((len(self.by_parameter), len(at)), np.nan)
+        spline = make_interp_spline(known, self.by_parameter[there].T, k=min(3, len(known) - 1))
+        found[there] = spline(at).T
+        return np.where(at <= known[-1] * (1 + EXTENSION_ABOVE) + 1e-9, found, np.nan)
+
+
+def solve_with_slopes(
+    problem: SkinProblem,
+    changes: Sequence[Change],
+    goal_mbar: float,
+    discretisation: Discretisation = MESH_OF_RECORD,
+    settings: StepSettings | None = None,
+) -> tuple[SuctionCurve, Slopes]:
+    """Return the elastic curve from 0 to `goal_mbar`, and how it changes.
+
+    Memory, and the preload, are left out: these are the caller's.
+
+    Raises:
+        InputError: a change alters the number of nodes.
+    """
+    prepared = prepare(problem, discretisation)
+    assembly, apex = prepared.assembly, prepared.apex
+    moved = [
+        (prepare(up, discretisation), prepare(down, discretisation)) for up, down, _ in changes
+    ]
+    steps = np.array([step for *_, step in changes])
+    for up, down in moved:
+        if (up.assembly.n, down.assembly.n) != (assembly.n, assembly.n):
+            raise InputError("a change of the mesh's topology has no derivative")
+    in_law = [i for i, pair in enumerate(moved) if all(each.assembly is assembly for each in pair)]
+    rises = [prepared.body.rise(moved[i][0].parameters(), moved[i][1].parameters()) for i in in_law]
+    columns: list[Array] = []
+    at: list[float] = []
+
+    def look(pressure_mpa: float, point: Point) -> None:
+        rise = np.full((len(changes), assembly.n), np.nan)
+        law_rise = assembly.internal_forces(point.unknowns, rises)
+        if law_rise is not None:
+            rise[in_law] = law_rise
+        for i, (up, down) in enumerate(moved):
+            if i not in in_law:
+                ends = [
+                    each.assembly.unbalanced(point.unknowns, pressure_mpa, each.parameters())
+                    for each in (up, down)
+                ]
+                if ends[0] is not None and ends[1] is not None:
+                    rise[i] = ends[0] - ends[1]
+        known = np.isfinite(rise).all(axis=1)
+        column = np.full(len(changes), np.nan)
+        if known.any():
+            solved = solve_linear(point.factor, point.state, pressure_mpa, rise[known])
+            column[known] = -solved[:, apex] / steps[known]
+        columns.append(column)
+        at.append(pressure_mpa / MBAR)
+
+    curve = trace(
+        assembly, apex, prepared.parameters(), goal_mbar, problem.geometry.radius_mm, settings,
+        look=look,
+    )  # fmt: skip
+    return curve, Slopes(np.array(at), np.array(columns).T.reshape(len(changes), len(columns)))

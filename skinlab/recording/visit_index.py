@@ -1,0 +1,150 @@
+"""The visits in a folder of sessions, kept in an index so that opening the list is quick.
+
+The index is a cache: it may be deleted at any time, and is made again from the sessions.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sqlite3
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from skinlab.errors import SkinlabError
+from skinlab.recording.session import read_session
+
+NAME = ".visits.sqlite"  # in the folder of the sessions
+_SCHEMA = 1
+_COLUMNS = (
+    "file", "mtime_ns", "size", "created_utc", "subject", "site", "simulated", "curves", "alike",
+    "parameters", "problem",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class VisitRow:
+    """One session: whose, when, and what its whole first loadings gave (median of the curves)."""
+
+    file: str
+    created_utc: str
+    subject: str
+    site: str
+    simulated: bool
+    curves: int
+    alike: tuple[str, ...]  # openings and programs, so that only the same is compared
+    parameters: dict[str, tuple[float, float, float]]  # value, low, high
+    problem: str = ""  # why it cannot be read
+
+
+def visits(
+    folder: Path, tell: Callable[[int, int], None] = lambda done, of: None
+) -> list[VisitRow]:
+    """Return the visits of a folder, the latest first; `tell` hears how far new files are read.
+
+    Only files that are new or changed are opened. Without a place to write, nothing is kept.
+    """
+    paths = sorted(folder.glob("*.h5")) if folder.is_dir() else []
+    with _database(folder) as database:
+        known = {
+            str(row[0]): row
+            for row in database.execute(f"SELECT {', '.join(_COLUMNS)} FROM visits")
+        }
+        gone = set(known) - {path.name for path in paths}
+        database.executemany("DELETE FROM visits WHERE file = ?", [(name,) for name in gone])
+        found = []
+        for number, path in enumerate(paths):
+            row = known.get(path.name)
+            stat = path.stat()
+            if row is None or (row[1], row[2]) != (stat.st_mtime_ns, stat.st_size):
+                tell(number, len(paths))
+                row = (path.name, stat.st_mtime_ns, stat.st_size, *_read(path))
+                marks = ", ".join("?" * len(_COLUMNS))
+                database.execute(f"REPLACE INTO visits VALUES ({marks})", row)
+            found.append(_row(row))
+        database.commit()
+    return sorted(found, key=lambda v: (v.created_utc, v.file), reverse=True)
+
+
+@contextmanager
+def _database(folder: Path) -> Iterator[sqlite3.Connection]:
+    path = folder / NAME
+    try:
+        connection = _open(path)
+    except sqlite3.Error:  # damaged, or of another kind: it is only a cache
+        with suppress(OSError):
+            path.unlink()
+        try:
+            connection = _open(path)
+        except sqlite3.Error:
+            connection = _prepared(sqlite3.connect(":memory:"))
+    with closing(connection):
+        yield connection
+
+
+def _open(path: Path) -> sqlite3.Connection:
+    with suppress(OSError):  # for its owner only, as the sessions are
+        os.close(os.open(path, os.O_CREAT | os.O_RDWR, 0o600))
+    connection = sqlite3.connect(path)
+    try:
+        return _prepared(connection)
+    except sqlite3.Error:
+        connection.close()
+        raise
+
+
+def _prepared(connection: sqlite3.Connection) -> sqlite3.Connection:
+    (version,) = connection.execute("PRAGMA user_version").fetchone()
+    if version != _SCHEMA:
+        connection.execute("DROP TABLE IF EXISTS visits")
+        connection.execute(f"PRAGMA user_version = {_SCHEMA}")
+    columns = ", ".join(("file PRIMARY KEY", *_COLUMNS[1:]))
+    connection.execute(f"CREATE TABLE IF NOT EXISTS visits ({columns})")
+    connection.execute("SELECT file FROM visits LIMIT 1").fetchall()
+    return connection
+
+
+def _read(path: Path) -> tuple[Any, ...]:
+    try:
+        session = read_session(path)
+    except SkinlabError as error:
+        return ("", "", "", 0, 0, "[]", "{}", str(error))
+    meta = session.meta
+    instrument = meta.get("instrument")
+    simulated = isinstance(instrument, dict) and bool(instrument.get("simulated"))
+    kept = [
+        (curve, result["parameters"])
+        for curve, result in zip(session.curves, session.results, strict=True)
+        if result and result.get("parameters") and not curve.partial and curve.setup.cycle == 1
+    ]
+    alike = sorted({f"{c.setup.aperture_mm:g} mm {c.setup.program or ''}".strip() for c, _ in kept})
+    names = [n for n in (kept[0][1] if kept else {}) if all(n in values for _, values in kept)]
+    parameters = {}
+    for name in names:
+        ends = [
+            [values[name].get(which) for _, values in kept] for which in ("value", "low", "high")
+        ]
+        if all(isinstance(x, int | float) for of in ends for x in of):
+            parameters[name] = [float(np.median(of)) for of in ends]
+    return (
+        str(meta.get("created_utc") or ""),
+        str(meta.get("subject") or ""),
+        str(meta.get("site") or ""),
+        int(simulated),
+        len(session.curves),
+        json.dumps(alike),
+        json.dumps(parameters),
+        "",
+    )
+
+
+def _row(row: tuple[Any, ...]) -> VisitRow:
+    file, _, _, created, subject, site, simulated, curves, alike, parameters, problem = row
+    values = {name: (v[0], v[1], v[2]) for name, v in json.loads(parameters).items()}
+    whose = (str(created), str(subject), str(site), bool(simulated), int(curves))
+    return VisitRow(str(file), *whose, tuple(json.loads(alike)), values, str(problem))

@@ -1,0 +1,361 @@
+"""Has a skin changed? Two sessions, and what else than the skin makes two sessions differ.
+
+The curves' own noise is the least of it: the probe is placed anew, on another day, by another hand.
+A study of repeats says how much each adds (`components.csv`). Without one the scatter of placements
+is learned from the sessions' own repeats with a prior around published values (docs/study.md), and
+what a visit adds stays unknown. A second site that was left alone takes away what visit, operator
+and probe have in common.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t as t_distribution
+
+from skinlab.errors import InputError
+from skinlab.inference.result import Identification
+from skinlab.mechanics.names import plain
+from skinlab.recording.audit import entries
+from skinlab.recording.session import Session
+from skinlab.recording.session_fit import comparable, excluded_of
+from skinlab.studies.components import WITHIN
+from skinlab.studies.reliability import main_scale
+
+Array = NDArray[np.float64]
+Verdict = Literal["changed", "not_shown", "cannot_say"]
+
+LEVEL = 0.95
+RELEVANT_PERCENT = 30.0
+_RELEVANT_LINEAR = 0.1  # of a parameter without a unit, such as ν
+
+# Published reproducibility of placing the probe anew: 6.4 % to 12.4 % (Diridollou 2000).
+_PRIOR_SD = 0.08
+_PRIOR_FREEDOM = 6.0
+_PRIOR_SD_LINEAR = 0.03
+_LEAST_FREEDOM = 4.0
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """Variances of one quantity, on its main scale, and the degrees of freedom behind them."""
+
+    visit: float
+    operator: float
+    probe: float
+    placed: float  # of one placement, the identification's own share left out
+    freedom: float
+    source: str
+    visit_known: bool
+
+
+@dataclass(frozen=True)
+class Side:
+    """One session: its joint answer, its single answers, how often the probe was placed."""
+
+    answer: Identification
+    singles: Sequence[Mapping[str, float]]
+    placements: int
+    operator: str
+    probe: str
+    conditions: frozenset[tuple[float, str]]
+
+    @property
+    def site_words(self) -> str:
+        """How it was measured."""
+        return ", ".join(f"{a:g} mm {p}" for a, p in sorted(self.conditions))
+
+
+@dataclass(frozen=True)
+class Changed:
+    """One parameter: the change (a log ratio, or a difference), and what could have been shown."""
+
+    name: str
+    scale: str
+    change: float
+    low: float
+    high: float
+    smallest: float  # change that could have been shown, on the same scale
+    verdict: Verdict
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it as plain data; a log ratio as per cent."""
+        logs = self.scale == "log"
+        values = [self.change, self.low, self.high, self.smallest]
+        if logs:
+            values = [100.0 * math.expm1(min(v, 20.0)) for v in values]
+        change, low, high, smallest = values
+        return {
+            "verdict": self.verdict,
+            "change": change,
+            "low": low,
+            "high": high,
+            "smallest_shown": smallest,
+            "unit": "%" if logs else "1",
+        }
+
+
+@dataclass(frozen=True)
+class Changes:
+    """All parameters, and what the judgement rests on.
+
+    `stiffness` is a factor common to all stiffnesses of the law: curves tell it far better than any
+    single one of them. None where the law has but one.
+    """
+
+    parameters: tuple[Changed, ...]
+    stiffness: Changed | None
+    basis: str
+    paired: bool
+    level: float = LEVEL
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return {
+            "level": self.level,
+            "basis": self.basis,
+            "paired": self.paired,
+            "parameters": {c.name: c.to_json() for c in self.parameters},
+            "stiffness": None if self.stiffness is None else self.stiffness.to_json(),
+        }
+
+
+def side_of(session: Session, answer: Identification) -> Side:
+    """Return what a session gives for the comparison."""
+    kept = comparable(session.curves, excluded_of(session))
+    names = {c.name for c in kept}
+    singles = [
+        {n: v["value"] for n, v in (result.get("parameters") or {}).items()}
+        for curve, result in zip(session.curves, session.results, strict=True)
+        if result is not None and curve.name in names
+    ]
+    instrument = session.meta.get("instrument")
+    return Side(
+        answer,
+        [s for s in singles if s],
+        max(1, sum(c.setup.cycle == 1 for c in kept)),
+        next((e.who for e in entries(session.records)), ""),
+        str(instrument.get("serial_number", "")) if isinstance(instrument, dict) else "",
+        frozenset((c.setup.aperture_mm, str(c.setup.program or "")) for c in kept),
+    )
+
+
+def changes(
+    before: Side,
+    after: Side,
+    *,
+    study: Path | None = None,
+    control: tuple[Side, Side] | None = None,
+    placement_scatter: float | None = None,
+    relevant_percent: float = RELEVANT_PERCENT,
+) -> Changes:
+    """Return whether each parameter changed.
+
+    `placement_scatter` is a standard deviation of log stiffness that is known; None: of the study,
+    or learned from the repeats.
+
+    Raises:
+        InputError: an answer has no intervals, parameters differ, or the study is of another
+            opening or program.
+    """
+    sides = [before, after, *(control or ())]
+    parts = [_moments(side.answer) for side in sides]
+    if any(list(p) != list(parts[0]) for p in parts):
+        raise InputError("the sessions have different parameters")
+    if before.conditions != after.conditions:
+        raise InputError(
+            f"measured differently: {before.site_words} before, {after.site_words} after; expected "
+            "the same openings and programs"
+        )
+    signs = (-1.0, 1.0) if control is None else (-1.0, 1.0, 1.0, -1.0)
+    found = []
+    basis = ""
+    for name in parts[0]:
+        scatter = _scatter(name, sides, study, placement_scatter)
+        basis = scatter.source
+        change = sum(s * p[name][0] for s, p in zip(signs, parts, strict=True))
+        own = sum(p[name][1] for p in parts)
+        found.append(_judged(name, change, own, scatter, sides, relevant_percent))
+    stiffness = None
+    names = [n for n in parts[0] if main_scale(n) == "log"]
+    if len(names) > 1:
+        change, own = _common(sides, signs, list(parts[0]), names)
+        scatter = _scatter(names[0], sides, study, placement_scatter)
+        stiffness = _judged("stiffness", change, own, scatter, sides, relevant_percent, "log")
+    return Changes(tuple(found), stiffness, basis, control is not None)
+
+
+def _judged(
+    name: str,
+    change: float,
+    own: float,
+    scatter: Scatter,
+    sides: Sequence[Side],
+    relevant_percent: float,
+    scale: str | None = None,
+) -> Changed:
+    """Return the verdict on a change whose curves' own variance is `own`."""
+    paired = len(sides) > 2
+    variance = own + sum(scatter.placed / side.placements for side in sides)
+    if not paired:  # at a control site the same visit, operator and probe add the same
+        before, after = sides
+        variance += 2.0 * scatter.visit
+        variance += 2.0 * scatter.operator * (before.operator != after.operator)
+        variance += 2.0 * scatter.probe * (before.probe != after.probe)
+    reach = float(t_distribution.ppf(0.5 + LEVEL / 2, scatter.freedom)) * math.sqrt(variance)
+    scale = scale or main_scale(name)
+    relevant = math.log1p(relevant_percent / 100) if scale == "log" else _RELEVANT_LINEAR
+    verdict: Verdict = "cannot_say"
+    if abs(change) > reach:
+        verdict = "changed"
+    elif reach <= relevant:
+        verdict = "not_shown"
+    if verdict == "changed" and not scatter.visit_known and not paired:
+        # What a visit adds is not known: as much again as a placement may be in it.
+        extra = variance + 2.0 * scatter.placed
+        if abs(change) <= reach * math.sqrt(extra / variance):
+            verdict = "cannot_say"
+    return Changed(name, scale, change, change - reach, change + reach, reach, verdict)
+
+
+def _common(
+    sides: Sequence[Side], signs: Sequence[float], names: Sequence[str], logs: Sequence[str]
+) -> tuple[float, float]:
+    """Return the factor common to these parameters, as a logarithm, and its own variance.
+
+    By generalised least squares, with all other parameters as they were.
+    """
+    difference = np.zeros(len(names))
+    covariance = np.zeros((len(names), len(names)))
+    for side, sign in zip(sides, signs, strict=True):
+        left = side.answer.uncertainty
+        assert left is not None
+        x, w = left.draws.parameters[:, : len(names)], left.draws.weight
+        z = np.column_stack(
+            [np.log(c) if main_scale(n) == "log" else c for n, c in zip(names, x.T, strict=True)]
+        )
+        mean = w @ z
+        difference += sign * mean
+        covariance += (w[:, None] * (z - mean)).T @ (z - mean)
+    along = np.array([float(n in logs) for n in names])
+    scale = np.sqrt(np.diag(covariance))
+    inverse = np.linalg.pinv(covariance / np.outer(scale, scale), hermitian=True)
+    inverse = inverse / np.outer(scale, scale)
+    information = float(along @ inverse @ along)
+    return float(along @ inverse @ difference) / information, 1.0 / information
+
+
+def _moments(answer: Identification) -> dict[str, tuple[float, float]]:
+    """Return mean and variance of each parameter's posterior, on its main scale."""
+    left = answer.uncertainty
+    if left is None or answer.parameters is None:
+        why = answer.error or "the method gives no intervals"
+        raise InputError(f"{answer.file}: nothing to compare ({why})")
+    found = {}
+    for i, name in enumerate(answer.parameters):
+        x, w = left.draws.parameters[:, i], left.draws.weight
+        y = np.log(x) if main_scale(name) == "log" else x
+        mean = float(w @ y)
+        found[name] = mean, float(w @ np.square(y - mean))
+    return found
+
+
+def _scatter(name: str, sides: Sequence[Side], study: Path | None, stated: float | None) -> Scatter:
+    if study is not None:
+        return _of_study(name, sides[0], study)
+    if stated is not None:
+        source = f"a placement scatter of {100 * stated:g} %, stated; what a visit adds is unknown"
+        return Scatter(0.0, 0.0, 0.0, stated**2, 1e6, source, visit_known=False)
+    prior = _PRIOR_SD if main_scale(name) == "log" else _PRIOR_SD_LINEAR
+    squares, freedom = 0.0, 0
+    for side in sides:
+        values = np.array([s[name] for s in side.singles if name in s])
+        if len(values) < 2:
+            continue
+        y = np.log(values) if main_scale(name) == "log" else values
+        own = _single_variance(side, name)
+        squares += max(float(np.square(y - y.mean()).sum()) - own * (len(y) - 1), 0.0)
+        freedom += len(y) - 1
+    variance = (_PRIOR_FREEDOM * prior**2 + squares) / (_PRIOR_FREEDOM + freedom)
+    source = (
+        f"published scatter of placements and {freedom} repeats in these sessions; what a visit "
+        "adds is unknown (--study FOLDER says it)"
+    )
+    return Scatter(0.0, 0.0, 0.0, variance, _PRIOR_FREEDOM + freedom, source, visit_known=False)
+
+
+def _single_variance(side: Side, name: str) -> float:
+    """Return about what one curve's identification adds, from that of all together."""
+    return _moments(side.answer)[name][1] * max(len(side.singles), 1)
+
+
+def _of_study(name: str, side: Side, study: Path) -> Scatter:
+    path = study / "components.csv" if study.is_dir() else study
+    try:
+        with path.open(encoding="utf-8", newline="") as stream:
+            rows = list(csv.DictReader(stream))
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: cannot be read ({error}); expected that of a study") from None
+    words = {f"{a:g} mm, {p or 'program not stated'}" for a, p in side.conditions}
+    known = {r.get("condition", "") for r in rows}
+    if not words <= known:
+        raise InputError(
+            f"{path}: a study of {'; '.join(sorted(known)) or 'nothing'}; these sessions are of "
+            f"{'; '.join(sorted(words))}: expected the same opening and program"
+        )
+    try:
+        of = {
+            r["component"]: (float(r["variance"]), float(r["freedom"] or 0))
+            for r in rows
+            if r["quantity"] == name
+            and r["scale"] == main_scale(name)
+            and r["condition"] == min(words)
+        }
+        within, freedom = of[WITHIN]
+    except (KeyError, ValueError):
+        raise InputError(f"{path}: no components of {name}; expected those of a study") from None
+    placed = of.get("placement", (0.0, 0.0))[0] + within
+    placed = max(placed - of.get("of which identification", (0.0, 0.0))[0], 0.0)
+    visit, visit_freedom = of.get("visit", (0.0, 0.0))
+    frees = [f for f in (freedom, visit_freedom) if f > 0]
+    return Scatter(
+        visit,
+        of.get("operator", (0.0, 0.0))[0],
+        of.get("probe", (0.0, 0.0))[0],
+        placed,
+        max(min(frees, default=_LEAST_FREEDOM), _LEAST_FREEDOM),
+        f"the components of variance of {path}",
+        visit_known="visit" in of,
+    )
+
+
+_WORDS = {
+    "changed": "changed",
+    "not_shown": "no change is shown",
+    "cannot_say": "cannot be said",
+}
+
+
+def in_words(found: Changes) -> list[str]:
+    """Return the answer in sentences."""
+    lines = []
+    whole = () if found.stiffness is None else (found.stiffness,)
+    for one in (*whole, *found.parameters):
+        said = one.to_json()
+        name = plain(one.name)[0]
+        unit = " %" if said["unit"] == "%" else ""
+        lines.append(
+            f"{name}: {_WORDS[one.verdict]}: {said['change']:+.3g}{unit} "
+            f"({said['low']:+.3g} to {said['high']:+.3g}); the smallest change that could have "
+            f"been shown is {said['smallest_shown']:.3g}{unit}."
+        )
+    control = ", less the change of the control site" if found.paired else ""
+    lines.append(f"At {100 * found.level:g} %{control}, by {found.basis}.")
+    return lines

@@ -1,0 +1,179 @@
+"""One file to the rows of its curves. Runs in any process; the same bits wherever it runs."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinlab.curves.csv import COLUMNS
+from skinlab.curves.curve import Curve
+from skinlab.curves.cutometer import step_numbers
+from skinlab.errors import InputError, SkinlabError
+from skinlab.exchange.importing.questions import Answers
+from skinlab.exchange.importing.reader import import_file
+from skinlab.inference.batch import with_stated_noise
+from skinlab.inference.identify import Identifier
+from skinlab.inference.result import Identification
+from skinlab.io.log import log_exception
+from skinlab.recording.audit import entries
+from skinlab.recording.load_inputs import read_input
+from skinlab.recording.session import Session, read_session
+from skinlab.recording.stream import setup_to_json
+from skinlab.studies.sources import SESSIONS, Facts, setup_of, sha256_of
+
+Array = NDArray[np.float64]
+
+DRAWS = 256  # of each curve's posterior, equally weighted, kept for the model of the population
+
+
+@dataclass(frozen=True)
+class Task:
+    """A file to compute; `facts` are what is known of it beforehand."""
+
+    number: int
+    path: Path
+    facts: Facts
+
+
+@dataclass(frozen=True)
+class Row:
+    """One curve: what is known of it as JSON, and its draws (n, p) as float32 bytes."""
+
+    text: str
+    draws: bytes
+
+
+@dataclass(frozen=True)
+class Computed:
+    """What became of a file: its rows, or why there are none.
+
+    `again`: not the file's fault, so that the next run tries again.
+    """
+
+    number: int
+    sha256: str
+    rows: tuple[Row, ...]
+    error: str | None = None
+    again: bool = False
+
+
+def compute(identifier: Identifier, tasks: Sequence[Task]) -> list[Computed]:
+    """Return what each file gives; whatever is wrong with one of them, the others are computed."""
+    return [_computed(identifier, task) for task in tasks]
+
+
+def _computed(identifier: Identifier, task: Task) -> Computed:
+    digest = ""
+    try:
+        digest = sha256_of(task.path)
+        return Computed(task.number, digest, tuple(_rows(identifier, task)))
+    except SkinlabError as error:
+        return Computed(task.number, digest, (), str(error))
+    except OSError as error:
+        return Computed(task.number, digest, (), f"{task.path}: {error.strerror or error}")
+    except Exception as error:  # noqa: BLE001 -- one file never stops the rest; the log has details
+        where = log_exception(error)
+        reason = f"{task.path}: internal error ({type(error).__name__}: {error}); see {where}"
+        return Computed(task.number, digest, (), reason, again=True)
+
+
+def _rows(identifier: Identifier, task: Task) -> list[Row]:
+    path, facts = task.path, task.facts
+    if path.suffix.lower() in SESSIONS:
+        session = read_session(path)
+        known = labels_of(session)
+        return [_row(identifier, curve, known) for curve in session.curves]
+    curve = curves_of(path, facts)[0]
+    noise, pressure = facts.get("noise_um"), facts.get("pressure_noise_mbar")
+    knowing = with_stated_noise(identifier, [curve], noise or None, pressure)
+    return [_row(knowing, curve, {})]
+
+
+def curves_of(path: Path, facts: Facts) -> list[Curve]:
+    """Return the curves of a file, given what is known of it.
+
+    Raises:
+        InputError: it cannot be read, or too little is known of it.
+    """
+    if path.suffix.lower() in SESSIONS:
+        return list(read_session(path).curves)
+    setup = setup_of(facts)
+    if path.suffix.lower() == ".csv" and _is_ours(path):
+        curve = read_input(path, setup).curves[0]
+    else:
+        curve = import_file(path, setup, Answers()).curve
+    return [replace(curve, name=path.name)]
+
+
+def _is_ours(path: Path) -> bool:
+    """Return whether a CSV has our own heading; else it is what other software exports."""
+    with path.open("rb") as file:
+        first = file.readline(4096).decode("utf-8-sig", errors="replace")
+    return all(name in first for name in COLUMNS)
+
+
+def labels_of(session: Session) -> dict[str, Any]:
+    """Return what a session says of whose curves it holds."""
+    meta = session.meta
+    instrument = meta.get("instrument")
+    who = next((entry.who for entry in entries(session.records)), "")
+    known = {
+        "subject": meta.get("subject"),
+        "site": meta.get("site"),
+        "visit": str(meta.get("created_utc") or "")[:10],  # the day
+        "operator": who,
+        "probe": instrument.get("serial_number") if isinstance(instrument, dict) else None,
+    }
+    return {name: str(value) for name, value in known.items() if value}
+
+
+def _row(identifier: Identifier, curve: Curve, known: dict[str, Any]) -> Row:
+    result = identifier(curve)
+    answer = result.to_json()
+    for name in ("file", "seconds"):  # the first is the table's, the second differs every time
+        answer.pop(name, None)
+    said = {
+        "curve": curve.name,
+        "partial": curve.partial,
+        "setup": setup_to_json(curve.setup),
+        "known": known,
+        "result": answer,
+        "step": _step(curve),
+    }
+    return Row(json.dumps(said, allow_nan=False), draws_of(result).astype("<f4").tobytes())
+
+
+def _step(curve: Curve) -> dict[str, float]:
+    """Return the Cutometer's own numbers of a step curve; nothing for any other."""
+    try:
+        found = step_numbers(curve)
+    except (InputError, IndexError, ValueError):
+        return {}
+    return {
+        name: float(number.value)
+        for name, number in found.numbers.items()
+        if number.value is not None and np.isfinite(number.value)
+    }
+
+
+def draws_of(result: Identification, count: int = DRAWS) -> Array:
+    """Return equally weighted draws (count, p) of a curve's posterior, its parameters in order.
+
+    The one place that knows how an identification keeps its draws. (0, 0) where it has none. Same
+    answer, same draws: they are taken at even steps of the weight along the first parameter.
+    """
+    left = result.uncertainty
+    if left is None or not result.parameters:
+        return np.zeros((0, 0))
+    parameters, weight = left.draws.parameters, left.draws.weight
+    order = np.argsort(parameters[:, 0], kind="stable")
+    share = np.cumsum(weight[order])
+    at = (np.arange(count) + 0.5) / count * share[-1]
+    chosen = order[np.minimum(np.searchsorted(share, at), len(order) - 1)]
+    return np.asarray(parameters[chosen, : len(result.parameters)])

@@ -1,0 +1,519 @@
+"""How far a study's values can be relied on: variance shares, ICC, SEM, MDC, repeats, agreement.
+
+One opening and one program at a time. Stiffnesses scatter by a factor, so that they are taken in
+logarithms (`scale` is `log`), and once more as they are (`linear`); all else is taken as it is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import linregress
+from scipy.stats import t as t_distribution
+
+from skinlab.mechanics.names import is_logarithmic
+from skinlab.studies.agreement import LEVEL as PUBLISHED_LEVEL
+from skinlab.studies.agreement import BlandAltman, bland_altman, shrout_fleiss
+from skinlab.studies.components import (
+    LEVEL,
+    WITHIN,
+    Components,
+    Effect,
+    components,
+    effect,
+    interval,
+)
+from skinlab.studies.sources import LABELS
+from skinlab.studies.table import Cell, Columns
+
+Array = NDArray[np.float64]
+Row = dict[str, Cell]
+
+PEOPLE = ("subject", "subject:site")
+REPEATS = (1, 2, 3, 5, 10)
+_FEWEST = 6  # curves of one condition
+_MOST_PAIRS = 6  # of operators, probes or visits that are held against each other
+_MOST_REPEATS = 1000
+_90 = 1.6448536269514722
+
+
+@dataclass(frozen=True)
+class Facet:
+    """What is done anew when a skin is measured again."""
+
+    name: str
+    error: tuple[str, ...]
+    words: str
+    form: str  # the number that Shrout and Fleiss give such an intraclass correlation
+
+    @property
+    def same(self) -> tuple[str, ...]:
+        """What stays part of the thing measured: the people, and the visit where it is one."""
+        return PEOPLE if "visit" in self.error else (*PEOPLE, "visit")
+
+
+_PLACED = ("placement", WITHIN)
+FACETS = (
+    Facet("placement", _PLACED, "placed anew: same visit, operator and probe", "1"),
+    Facet("operator", ("operator", *_PLACED), "another operator: same visit and probe", "2"),
+    Facet("probe", ("probe", *_PLACED), "another probe: same visit and operator", "2"),
+    Facet("visit", ("visit", *_PLACED), "another visit: same operator and probe", "2"),
+    Facet(
+        "anew",
+        ("visit", "operator", "probe", *_PLACED),
+        "another visit, operator and probe",
+        "2",
+    ),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Analysis:
+    """One quantity under one opening and program, on one scale."""
+
+    condition: str
+    quantity: str
+    scale: str
+    people: int
+    found: Components | None
+    why: str | None  # why there are no components
+    identification: float | None  # mean variance of single curves' own intervals
+
+    @property
+    def key(self) -> Row:
+        """The columns that name it."""
+        return {"condition": self.condition, "quantity": self.quantity, "scale": self.scale}
+
+    def facets(self) -> Iterator[Facet]:
+        """Yield the facets of which the study can say something."""
+        if self.found is None:
+            return
+        for facet in FACETS:
+            own = [n for n in facet.error if n not in _PLACED]
+            if all(self.found.has(n) for n in own) or (
+                facet.name == "anew" and sum(self.found.has(n) for n in own) >= 2
+            ):
+                yield facet
+
+
+@dataclass(frozen=True, eq=False)
+class Reliability:
+    """All that a table says of the reliability of its quantities."""
+
+    analyses: tuple[Analysis, ...]
+    components: tuple[Row, ...]
+    agreement: tuple[Row, ...]
+    bland_altman: tuple[Row, ...]
+    pairs: tuple[Row, ...]  # what Bland and Altman's limits are of
+    trends: tuple[Row, ...]
+    notes: tuple[str, ...]
+
+    def of(self, quantity: str, scale: str | None = None) -> Analysis | None:
+        """Return the analysis of a quantity with the most curves; None where there is none."""
+        fitting = [
+            a
+            for a in self.analyses
+            if a.found is not None
+            and a.quantity == quantity
+            and a.scale == (scale or main_scale(quantity))
+        ]
+        return max(fitting, key=lambda a: a.found.count if a.found else 0, default=None)
+
+
+def main_scale(quantity: str) -> str:
+    """Return the scale on which a quantity scatters most evenly."""
+    return "log" if is_logarithmic(quantity) else "linear"
+
+
+def usable(table: Columns) -> Columns:
+    """Return the rows that count: whole curves, each file once."""
+    once = table.text["same_as"] == ""
+    whole = table.text["partial"] != "true"
+    return table.where(once & whole)
+
+
+def reliability(table: Columns, seed: int = 0) -> Reliability:
+    """Return what the table says of the reliability of its quantities."""
+    kept = usable(table)
+    analyses: list[Analysis] = []
+    blands: list[Row] = []
+    pairs: list[Row] = []
+    trends: list[Row] = []
+    tables: list[Row] = []
+    notes: dict[str, None] = {}
+    for condition, rows in conditions(kept):
+        for quantity in kept.quantities:
+            values = rows.number(quantity)
+            there = np.isfinite(values)
+            if there.sum() < _FEWEST:
+                continue
+            part, values = rows.where(there), values[there]
+            for scale in dict.fromkeys((main_scale(quantity), "linear")):
+                if scale == "log" and not (values > 0).all():
+                    continue
+                y = np.log(values) if scale == "log" else values
+                one = _analysis(condition, quantity, scale, part, y, seed)
+                analyses.append(one)
+                notes |= dict.fromkeys(_notes(one))
+                tables += _from_tables(one, part, y)
+                for row, pair in _agreements(one, part, y):
+                    blands.append(row)
+                    pairs += pair
+                trends += _trends(one, part, y)
+    found = [row for one in analyses for row in _components(one)]
+    agreement = [row for one in analyses for row in _agreement(one)] + tables
+    return Reliability(
+        tuple(analyses),
+        tuple(found),
+        tuple(agreement),
+        tuple(blands),
+        tuple(pairs),
+        tuple(trends),
+        tuple(notes),
+    )
+
+
+def conditions(table: Columns) -> Iterator[tuple[str, Columns]]:
+    """Yield the openings and programs of a table with their rows, the most frequent first."""
+    names = np.array(
+        [
+            f"{float(a):g} mm, {p or 'program not stated'}"
+            for a, p in zip(
+                table.text["aperture_mm"].tolist(), table.text["program"].tolist(), strict=True
+            )
+        ],
+        dtype=str,
+    )
+    found, counts = np.unique(names, return_counts=True)
+    for name in found[np.argsort(-counts, kind="stable")].tolist():
+        yield name, table.where(names == name)
+
+
+def effects_of(table: Columns) -> list[Effect]:
+    """Return the random effects that the labels of a table describe."""
+    subject, visit, site, operator, probe, placement = (table.text[n] for n in LABELS)
+    several_sites = len(np.unique(site)) > 1
+    effects = [effect("subject", subject)]
+    if several_sites:
+        effects += [effect("site", site), effect("subject:site", subject, site)]
+    effects += [
+        effect("visit", subject, visit),
+        effect("operator", operator),
+        effect("probe", probe),
+        effect("placement", subject, visit, site, operator, probe, placement),
+    ]
+    return effects
+
+
+def cycles_of(table: Columns) -> Array | None:
+    """Return columns (n, k) of fixed effects: later cycles of a site differ from its first."""
+    cycle = table.text["cycle"]
+    later = np.unique(cycle)[1:]
+    if not later.size:
+        return None
+    return np.asarray(cycle[:, None] == later[None], dtype=float)
+
+
+def _analysis(
+    condition: str, quantity: str, scale: str, table: Columns, y: Array, seed: int
+) -> Analysis:
+    found, why = None, None
+    people = len(np.unique(table.text["subject"]))
+    try:
+        found = components(y, effects_of(table), cycles_of(table), seed=seed)
+    except ValueError as error:
+        why = f"{quantity}, {condition}: no components of variance ({error})"
+    return Analysis(
+        condition, quantity, scale, people, found, why, _identification(table, quantity, scale)
+    )
+
+
+def _identification(table: Columns, quantity: str, scale: str) -> float | None:
+    """Return the mean variance that single curves' own intervals state."""
+    if quantity not in table.parameters:
+        return None
+    low, high = table.number(f"{quantity}_low"), table.number(f"{quantity}_high")
+    if scale == "log":
+        with np.errstate(divide="ignore", invalid="ignore"):
+            low, high = np.log(low), np.log(high)
+    variance = np.square((high - low) / (2 * _90))
+    variance = variance[np.isfinite(variance)]
+    return float(variance.mean()) if variance.size else None
+
+
+def _notes(one: Analysis) -> list[str]:
+    notes = [] if one.why is None else [one.why]
+    if one.found is not None:
+        notes += [f"{one.condition}: {note}" for note in one.found.notes]
+    return notes
+
+
+# ---- tables ---------------------------------------------------------------------------------
+
+
+def _components(one: Analysis) -> Iterator[Row]:
+    if one.found is None:
+        return
+    for part in one.found.parts:
+        row = asdict(part)
+        name = row.pop("name")
+        yield {
+            **one.key,
+            "curves": one.found.count,
+            "people": one.people,
+            "component": name,
+            "sd": math.sqrt(part.variance),
+            **row,
+            "level": LEVEL,
+        }
+    if one.identification is not None:
+        total = sum(p.variance for p in one.found.parts)
+        yield {
+            **one.key,
+            "curves": one.found.count,
+            "people": one.people,
+            "component": "of which identification",
+            "sd": math.sqrt(one.identification),
+            "variance": one.identification,
+            "share": one.identification / total,
+            "levels": one.found.count,
+        }
+
+
+def _agreement(one: Analysis) -> Iterator[Row]:
+    found = one.found
+    if found is None:
+        return
+    for facet in one.facets():
+        error, drawn = found.variance(facet.error), found.drawn(facet.error)
+        repeated = found.variance(_PLACED)
+        true, drawn_true = found.variance(facet.same), found.drawn(facet.same)
+        key: Row = {**one.key, "facet": facet.name, "by": "components", "level": LEVEL}
+        for k in (1, 2, 3):
+            value = true / (true + error / k) if true + error > 0 else 0.0
+            low, high = interval(drawn_true / (drawn_true + drawn / k), value)
+            form = f"ICC({facet.form},{'1' if k == 1 else 'k'})"
+            yield {
+                **key,
+                "measure": form,
+                "k": k,
+                "value": value,
+                "low": low,
+                "high": high,
+                "unit": "1",
+                "definition": f"{'+'.join(facet.same)} / (the same + ({'+'.join(facet.error)})/k)",
+            }
+        unit = "log" if one.scale == "log" else "of the quantity"
+        for k in REPEATS:
+            # Repeats are new placements: what a visit, operator or probe adds stays.
+            left = error - repeated + repeated / k
+            ends = found.sum_interval({n: 1 / k if n in _PLACED else 1.0 for n in facet.error})
+            for measure, factor in (("SEM", 1.0), ("MDC95", 1.96 * math.sqrt(2.0))):
+                value = factor * math.sqrt(left)
+                low = min(factor * math.sqrt(ends[0]), value)
+                high = max(factor * math.sqrt(ends[1]), value)
+                row: Row = {**key, "measure": measure, "k": k}
+                yield {
+                    **row,
+                    "value": value,
+                    "low": low,
+                    "high": high,
+                    "unit": unit,
+                    "definition": f"{'1.96 √2 ' if factor > 1 else ''}√({'+'.join(facet.error)})",
+                }
+                name = "CV" if measure == "SEM" else "MDC95 %"
+                percent = [_percent(v, one, measure) for v in (value, low, high)]
+                yield {
+                    **row,
+                    "measure": name,
+                    "value": percent[0],
+                    "low": percent[1],
+                    "high": percent[2],
+                    "unit": "%",
+                    "definition": _percent_words(one.scale, measure),
+                }
+
+
+def _percent(value: float, one: Analysis, measure: str) -> float:
+    assert one.found is not None
+    if one.scale == "linear":
+        return 100.0 * value / abs(one.found.mean) if one.found.mean else math.nan
+    if measure == "SEM":
+        return 100.0 * math.sqrt(math.expm1(min(value, 20.0) ** 2))
+    return 100.0 * math.expm1(min(value, 20.0))
+
+
+def _percent_words(scale: str, measure: str) -> str:
+    if scale == "linear":
+        return f"100 {measure} / mean"
+    return "100 √(exp(SEM²) − 1)" if measure == "SEM" else "100 (exp(MDC95) − 1): a rise"
+
+
+def repeats_for(one: Analysis, percent: float, facet: Facet) -> int | None:
+    """Return how many placements must be averaged for an MDC95 of so many per cent.
+
+    None where no number is enough, because the visit, operator or probe alone adds more.
+    """
+    found = one.found
+    if found is None:
+        return None
+    repeated = found.variance(_PLACED)
+    rest = found.variance(facet.error) - repeated
+    if one.scale == "log":
+        wanted = math.log1p(percent / 100.0)
+    else:
+        wanted = percent / 100.0 * abs(found.mean)
+    left = (wanted / (1.96 * math.sqrt(2.0))) ** 2 - rest
+    if left <= 0:
+        return None
+    return max(1, math.ceil(repeated / left - 1e-9)) if repeated / left < _MOST_REPEATS else None
+
+
+# ---- pairs and complete tables --------------------------------------------------------------
+
+_AGAIN: Mapping[str, tuple[str, ...]] = {
+    "operator": ("subject", "site", "visit"),
+    "probe": ("subject", "site", "visit"),
+    "visit": ("subject", "site"),
+    "placement": ("subject", "site", "visit", "operator", "probe"),
+}
+
+
+def _cells(
+    table: Columns, y: Array, facet: str
+) -> dict[tuple[str, ...], dict[str, tuple[float, int]]]:
+    """Return the mean of each target by the facet's levels, with the number of curves."""
+    names = _AGAIN[facet]
+    keys = list(zip(*(table.text[n].tolist() for n in names), strict=True))
+    sums: dict[tuple[str, ...], dict[str, tuple[float, int]]] = {}
+    for key, level, value in zip(keys, table.text[facet].tolist(), y.tolist(), strict=True):
+        cell = sums.setdefault(key, {})
+        total, count = cell.get(level, (0.0, 0))
+        cell[level] = (total + value, count + 1)
+    return {k: {m: (t / c, c) for m, (t, c) in v.items()} for k, v in sums.items()}
+
+
+def _from_tables(one: Analysis, table: Columns, y: Array) -> Iterator[Row]:
+    """Yield the intraclass correlations of complete two-way tables, as publications have them."""
+    for facet in _AGAIN:
+        levels = _ordered(np.unique(table.text[facet]).tolist())
+        if not 2 <= len(levels) <= 20:
+            continue
+        cells = _cells(table, y, facet)
+        whole = [
+            [cell[level][0] for level in levels]
+            for cell in cells.values()
+            if all(level in cell for level in levels)
+        ]
+        if len(whole) < 3:
+            continue
+        try:
+            found = shrout_fleiss(np.array(whole))
+        except ValueError:
+            continue
+        for icc in found:
+            yield {
+                **one.key,
+                "facet": facet,
+                "by": "table",
+                "level": PUBLISHED_LEVEL,
+                "measure": icc.form,
+                "k": 1 if icc.form.endswith("1)") else len(levels),
+                "value": icc.value,
+                "low": icc.low,
+                "high": icc.high,
+                "unit": "1",
+                "definition": f"Shrout and Fleiss 1979: {len(whole)} targets "
+                f"({'×'.join(_AGAIN[facet])}) × {len(levels)} of {facet}, means of cells",
+            }
+
+
+def _agreements(one: Analysis, table: Columns, y: Array) -> Iterator[tuple[Row, list[Row]]]:
+    for facet in _AGAIN:
+        levels = _ordered(np.unique(table.text[facet]).tolist())
+        if len(levels) < 2:
+            continue
+        cells = _cells(table, y, facet)
+        for first, second in list(combinations(levels[:20], 2))[:_MOST_PAIRS]:
+            both = [(k, c) for k, c in cells.items() if first in c and second in c]
+            a = np.array([c[first][0] for _, c in both])
+            b = np.array([c[second][0] for _, c in both])
+            try:
+                found: BlandAltman = bland_altman(a, b)
+            except ValueError:
+                continue
+            key: Row = {**one.key, "facet": facet, "first": first, "second": second}
+            targets = [" ".join(k) for k, _ in both]
+            pairs: list[Row] = [
+                {**key, "target": t, "mean": float(m), "difference": float(d)}
+                for t, m, d in zip(targets, (a + b) / 2, b - a, strict=True)
+            ]
+            yield {**key, **asdict(found), "level": PUBLISHED_LEVEL}, pairs
+
+
+def _ordered(levels: Sequence[str]) -> list[str]:
+    """Return labels in the order of their numbers, where all are numbers."""
+    try:
+        return sorted(levels, key=float)
+    except ValueError:
+        return sorted(levels)
+
+
+# ---- trends ---------------------------------------------------------------------------------
+
+_NOT_COVARIATES = frozenset({"seed", "numpy", "scipy", "method"})
+
+
+def _trends(one: Analysis, table: Columns, y: Array) -> Iterator[Row]:
+    """Yield slopes: of people's means over numbers known of them, and over the order of visits."""
+    subjects, at = np.unique(table.text["subject"], return_inverse=True)
+    counts = np.bincount(at)
+    means = np.bincount(at, y) / counts
+    for name in covariates_of(table):
+        values = table.number(name)
+        by_person = np.bincount(at, np.nan_to_num(values, nan=np.inf)) / counts
+        there = np.isfinite(by_person)
+        if there.sum() >= 5 and np.ptp(by_person[there]) > 0:
+            yield _slope(one, name, by_person[there], means[there], int(there.sum()) - 2)
+    visits = _ordered(np.unique(table.text["visit"]).tolist())
+    if len(visits) > 1:
+        order = {visit: k for k, visit in enumerate(visits)}
+        x = np.array([order[v] for v in table.text["visit"].tolist()], dtype=float)
+        within_x = x - (np.bincount(at, x) / counts)[at]
+        within_y = y - means[at]
+        freedom = len(y) - len(subjects) - 1
+        if freedom >= 3 and np.ptp(within_x) > 0:
+            yield _slope(one, "visit (in order)", within_x, within_y, freedom)
+
+
+def covariates_of(table: Columns) -> list[str]:
+    """Return the columns of what else is known of the people, and is a number."""
+    names = list(table.names)
+    begin, end = names.index("error") + 1, names.index("method")
+    return [
+        n
+        for n in names[begin:end]
+        if n not in _NOT_COVARIATES and np.isfinite(table.number(n)).sum() >= 5
+    ]
+
+
+def _slope(one: Analysis, against: str, x: Array, y: Array, freedom: int) -> Row:
+    fit = linregress(x, y)
+    slope = float(fit.slope)
+    error = float(fit.stderr) * math.sqrt((len(x) - 2) / max(freedom, 1))
+    reach = float(t_distribution.ppf(0.95, max(freedom, 1))) * error
+    return {
+        **one.key,
+        "against": against,
+        "slope": slope,
+        "low": slope - reach,
+        "high": slope + reach,
+        "level": LEVEL,
+        "correlation": float(fit.rvalue),
+        "count": len(x),
+    }

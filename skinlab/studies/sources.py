@@ -1,0 +1,409 @@
+"""Which files a study is made of, and what is known of each before it is read.
+
+What a curve was measured with, and whose it is, comes from the first of these that says it:
+
+1. a row of a table: any CSV in the folder with a column `file` (`skinlab export` writes one);
+2. a campaign.toml that lists the file;
+3. `--layout`, a pattern of the path such as `{subject}/{site}/v{visit}_p{placement}`, and parts of
+   the path such as `subject=P-017`;
+4. the file itself, where it is a session;
+5. the command line.
+
+A CSV with a column `subject` and none of `file` says what is known of the people: age, sex, group.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import os
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from skinlab.curves.curve import Setup
+from skinlab.curves.program import parse_program
+from skinlab.errors import InputError
+from skinlab.exchange.importing.folder import SUFFIXES
+from skinlab.io.documents import read_toml
+from skinlab.mechanics.names import parameter_of
+from skinlab.recording.pseudonym import check_subject
+
+LABELS = ("subject", "visit", "site", "operator", "probe", "placement")
+SETUP = ("aperture_mm", "thickness_mm", "thickness_sd_mm", "program", "cycle", "repeat")
+NOISE = ("noise_um", "pressure_noise_mbar")
+SESSIONS = frozenset({".h5", ".hdf5"})
+
+_NUMBERS = frozenset({"aperture_mm", "thickness_mm", "thickness_sd_mm", *NOISE})
+_WHOLE = frozenset({"cycle", "repeat"})
+_HEAD_BYTES = 4096
+_CHUNK_BYTES = 1 << 20
+_LONGEST = 200  # characters of a label
+_OURS = re.compile(  # columns of exported tables that a study computes itself
+    r".*(_MPa|_low|_high|_um)|name|samples|points|partial|flags|not_identified|error|sha256"
+)
+
+Facts = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Source:
+    """One file: its name in the study, its path, what is known of it, or why it cannot be used."""
+
+    name: str
+    path: Path
+    facts: Facts = field(default_factory=dict)
+    error: str | None = None
+
+
+@dataclass(frozen=True)
+class Table:
+    """A CSV with a heading: rows as they stand, by column, each with its line."""
+
+    path: Path
+    columns: tuple[str, ...]
+    rows: Sequence[tuple[int, dict[str, str]]]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How to look at the folders."""
+
+    folders: tuple[Path, ...]
+    stated: Mapping[str, Any] = field(default_factory=dict)  # by the command line
+    layout: str | None = None
+    without: Path | None = None  # the study's own folder
+
+
+def sha256_of(path: Path) -> str:
+    """Return the hash of a file's bytes, read in pieces.
+
+    Raises:
+        OSError: it cannot be read.
+    """
+    digest = hashlib.sha256()
+    with path.open("rb") as file:
+        while piece := file.read(_CHUNK_BYTES):
+            digest.update(piece)
+    return digest.hexdigest()
+
+
+def find_sources(plan: Plan) -> Iterator[Source | Table]:
+    """Yield tables of people, then every file, folder by folder, in the order of their names.
+
+    Raises:
+        InputError: a folder does not exist, or the layout is none.
+    """
+    pattern = None if plan.layout is None else layout_pattern(plan.layout)
+    names = _folder_names(plan.folders)
+    for folder, prefix in zip(plan.folders, names, strict=True):
+        if folder.is_file():
+            yield _source(folder, folder.name, {}, plan, pattern)
+            continue
+        if not folder.is_dir():
+            raise InputError(f"{folder}: no such folder")
+        yield from _walk(folder, prefix, {}, plan, pattern, folder)
+
+
+def _walk(
+    folder: Path,
+    prefix: str,
+    known: Mapping[Path, Facts],
+    plan: Plan,
+    pattern: re.Pattern[str] | None,
+    top: Path,
+) -> Iterator[Source | Table]:
+    """Yield what is in one folder; what its tables say of deeper files goes down with it."""
+    try:
+        entries = sorted(os.scandir(folder), key=lambda e: e.name)
+    except OSError as error:
+        yield Source(prefix or folder.name, folder, error=f"{folder}: {error.strerror or error}")
+        return
+    folders, files = [], []
+    for entry in entries:
+        path = Path(entry.path)
+        if entry.name.startswith((".", "~")):
+            continue
+        if entry.is_dir(follow_symlinks=False):
+            if plan.without is None or path.resolve() != plan.without:
+                folders.append(path)
+        elif entry.is_file():
+            files.append(path)
+    listed = dict(known)
+    curves: list[Path] = []
+    for path in files:
+        suffix = path.suffix.lower()
+        try:
+            if suffix == ".toml":
+                listed |= _campaign(path)
+            elif suffix == ".csv" and (table := read_table(path)) is not None:
+                if "file" in table.columns:
+                    listed |= _listed(table)
+                else:
+                    yield table
+            elif suffix in SUFFIXES or suffix in SESSIONS:
+                curves.append(path)
+            elif suffix == ".journal":
+                reason = f"{path}: a measurement that did not end; see `skinlab recover`"
+                yield Source(_name(path, top, prefix), path, error=reason)
+        except InputError as error:
+            yield Source(_name(path, top, prefix), path, error=str(error))
+    present = set(curves)
+    for path in curves:
+        facts = listed.pop(path, {})
+        yield _source(path, _name(path, top, prefix), facts, plan, pattern)
+    inside = set(folders)
+    below: dict[Path, dict[Path, Facts]] = {}
+    for path, facts in listed.items():
+        if path in present:
+            continue
+        branch = next((p for p in path.parents if p in inside), None)
+        if branch is not None:
+            below.setdefault(branch, {})[path] = facts
+        else:
+            reason = f"{path}: listed in {facts['listed']}, and not there"
+            yield Source(_name(path, top, prefix), path, error=reason)
+    for path in folders:
+        yield from _walk(path, prefix, below.get(path, {}), plan, pattern, top)
+
+
+def _source(
+    path: Path, name: str, facts: Facts, plan: Plan, pattern: re.Pattern[str] | None
+) -> Source:
+    """Return a file with all that is known of it."""
+    if "error" in facts:
+        return Source(name, path, error=str(facts["error"]))
+    try:
+        by_path = _from_path(name, plan.layout, pattern)
+        merged = {**plan.stated, **by_path, **facts}
+        merged.pop("listed", None)
+        return Source(name, path, _checked(merged, str(path)))
+    except InputError as error:
+        return Source(name, path, error=str(error))
+
+
+def _name(path: Path, top: Path, prefix: str) -> str:
+    try:
+        inside = path.relative_to(top).as_posix()
+    except ValueError:
+        inside = path.name
+    return f"{prefix}/{inside}" if prefix else inside
+
+
+def _folder_names(folders: Sequence[Path]) -> list[str]:
+    """Return what each folder is called in the names of its files; nothing where there is one."""
+    if len(folders) == 1:
+        return [""]
+    names = [folder.resolve().name for folder in folders]
+    return [
+        name if names.count(name) == 1 else f"{name}-{k}" for k, name in enumerate(names, start=1)
+    ]
+
+
+# ---- what a path says -----------------------------------------------------------------------
+
+
+def layout_pattern(layout: str) -> re.Pattern[str]:
+    """Return the pattern of `{subject}/{site}/v{visit}` as a regular expression.
+
+    Raises:
+        InputError: it names something that there is not, or nothing, or something twice.
+    """
+    parts = re.split(r"\{(\w+)\}", layout)
+    names = parts[1::2]
+    known = (*LABELS, *SETUP)
+    for name in names:
+        if name not in known and name != "any":
+            raise InputError(
+                f"--layout {layout}: {{{name}}} is unknown; expected of "
+                f"{', '.join('{' + k + '}' for k in known)} and {{any}}"
+            )
+    stated = [name for name in names if name != "any"]
+    if not stated or len(set(stated)) < len(stated):
+        raise InputError(f"--layout {layout}: expected each name once, at least one")
+    text = "".join(
+        re.escape(part) if k % 2 == 0 else "[^/]+" if part == "any" else f"(?P<{part}>[^/]+?)"
+        for k, part in enumerate(parts)
+    )
+    return re.compile(rf"(?:.*/)?{text}")
+
+
+def _from_path(name: str, layout: str | None, pattern: re.Pattern[str] | None) -> Facts:
+    stem = name.rsplit(".", 1)[0]
+    found: Facts = {}
+    for part in re.split(r"[/,]", stem):
+        key, equals, value = part.partition("=")
+        if equals and key in (*LABELS, *SETUP) and value:
+            found[key] = value
+    if pattern is not None:
+        match = pattern.fullmatch(stem)
+        if match is None:
+            raise InputError(f"{name}: does not fit --layout {layout}")
+        found |= {key: value for key, value in match.groupdict().items() if value}
+    return found
+
+
+# ---- what tables say ------------------------------------------------------------------------
+
+
+def read_table(path: Path) -> Table | None:
+    """Return a table of files or people; None where this CSV is a curve.
+
+    Raises:
+        InputError: it is one, and cannot be read.
+    """
+    try:
+        with path.open("rb") as file:
+            head = file.read(_HEAD_BYTES)
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}") from None
+    first = head.split(b"\n", 1)[0].decode("utf-8-sig", errors="replace").strip()
+    sign = max(",;\t", key=first.count)
+    columns = tuple(c.strip().strip('"') for c in first.split(sign))
+    if "file" not in columns and "subject" not in columns:
+        return None
+    if "time_s" in columns:
+        return None
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError):
+        raise InputError(f"{path}: not UTF-8 text; expected a table") from None
+    reader = csv.reader(text.splitlines(), delimiter=sign)
+    columns = tuple(c.strip() for c in next(reader, []))
+    if len(set(columns)) < len(columns):
+        raise InputError(f"{path}: line 1: a column is there twice")
+    rows = []
+    for values in reader:
+        if not any(v.strip() for v in values):
+            continue
+        if len(values) != len(columns):
+            raise InputError(
+                f"{path}: line {reader.line_num}: {len(values)} fields, expected {len(columns)}"
+            )
+        cells = {c: v.strip() for c, v in zip(columns, values, strict=True) if v.strip()}
+        rows.append((reader.line_num, cells))
+    return Table(path, columns, rows)
+
+
+def _listed(table: Table) -> dict[Path, Facts]:
+    """Return what a table says of files, by path; a row that is wrong as an error of its file."""
+    found: dict[Path, Facts] = {}
+    folder = table.path.parent
+    for line, cells in table.rows:
+        if "file" not in cells:
+            continue
+        path = Path(os.path.normpath(folder / cells["file"]))
+        where = f"{table.path}: line {line}"
+        facts: Facts = {"listed": table.path.name}
+        if path in found:
+            facts["error"] = f"{where}: {cells['file']} is listed twice"
+        elif not path.is_relative_to(folder):
+            continue  # outside of the table's folder: not this study's to read
+        else:
+            wanted = {k: v for k, v in cells.items() if k != "file" and not _is_ours(k)}
+            try:
+                facts |= _checked(wanted | {k: cells[k] for k in NOISE if k in cells}, where)
+            except InputError as error:
+                facts["error"] = str(error)
+        found[path] = facts
+    return found
+
+
+def _is_ours(column: str) -> bool:
+    return bool(_OURS.fullmatch(column)) or parameter_of(column) is not None
+
+
+def _campaign(path: Path) -> dict[Path, Facts]:
+    """Return what a campaign says of its files; nothing where this TOML is none.
+
+    Raises:
+        InputError: it is a campaign, and damaged.
+    """
+    try:
+        data = read_toml(path.read_bytes())
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: {error}") from None
+    header, entries = data.get("campaign"), data.get("curve")
+    if not isinstance(header, dict) or not isinstance(entries, list):
+        return {}
+    shared = {k: v for k, v in header.items() if k in (*NOISE, *LABELS)}
+    found: dict[Path, Facts] = {}
+    for number, entry in enumerate(entries, start=1):
+        where = f"{path}: curve {number}"
+        if not isinstance(entry, dict) or not isinstance(entry.get("file"), str):
+            raise InputError(f"{where}: expected a field file")
+        known = (*SETUP, *LABELS)
+        facts: Facts = {"listed": path.name, "campaign": path.parent.name}
+        try:
+            facts |= _checked(shared | {k: v for k, v in entry.items() if k in known}, where)
+        except InputError as error:
+            facts["error"] = str(error)
+        found[Path(os.path.normpath(path.parent / entry["file"]))] = facts
+    return found
+
+
+def _checked(facts: Mapping[str, Any], where: str) -> Facts:
+    """Return facts as numbers and text.
+
+    Raises:
+        InputError: a value is out of its range or none.
+    """
+    found: Facts = {}
+    for name, value in facts.items():
+        if value is None or value == "":
+            continue
+        if name in _NUMBERS or name in _WHOLE:
+            try:
+                found[name] = int(str(value)) if name in _WHOLE else float(value)
+            except (TypeError, ValueError):
+                raise InputError(f"{where}: {name} is {value!r}, expected a number") from None
+        else:
+            found[name] = " ".join(str(value).split())[:_LONGEST]
+    try:
+        if "program" in found:
+            parse_program(found["program"])
+        setup = {k: found[k] for k in SETUP if k in found and k != "program"}
+        Setup(**{"aperture_mm": 6.0, "thickness_mm": 1.0, **setup})
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
+    for name in NOISE:
+        if name in found and not 0 <= found[name] < 1e6:
+            raise InputError(f"{where}: {name} is {found[name]:g}, expected zero or more")
+    return found
+
+
+def pseudonym(subject: str) -> str:
+    """Return the subject as it may stand in tables: what looks like a name is replaced by a code.
+
+    The code is made from the text, so that the same subject has the same code everywhere.
+    """
+    try:
+        return check_subject(subject)
+    except InputError:
+        number = int(hashlib.sha256(subject.encode()).hexdigest()[:12], 16) % 10**7
+        return f"S{number:07d}"
+
+
+def setup_of(facts: Mapping[str, Any]) -> Setup:
+    """Return what the curve was measured with.
+
+    Raises:
+        InputError: aperture or thickness is not known.
+    """
+    missing = [name for name in ("aperture_mm", "thickness_mm") if name not in facts]
+    if missing:
+        raise InputError(
+            f"nothing says its {' and '.join(missing)}: expected a table with the columns file, "
+            "aperture_mm and thickness_mm, or the options --aperture-mm and --thickness-mm"
+        )
+    program = facts.get("program")
+    return Setup(
+        aperture_mm=facts["aperture_mm"],
+        thickness_mm=facts["thickness_mm"],
+        program=None if program is None else parse_program(program),
+        cycle=facts.get("cycle", 1),
+        repeat=facts.get("repeat", 1),
+        thickness_sd_mm=facts.get("thickness_sd_mm"),
+    )

@@ -1,0 +1,280 @@
+"""What a study has computed so far: an SQLite file that a killed process leaves whole.
+
+`study.sqlite` in the study's folder: `source`, one row a file with a hash of all that its rows
+depend on; `curve`, one row a curve; `person`, what is known of the people. A file whose hash is as
+it was is not computed again.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sqlite3
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from skinlab.errors import InputError
+from skinlab.studies.compute import Computed, Row, Task
+from skinlab.studies.sources import LABELS, pseudonym
+
+SCHEMA = "skinlab.study.state/1"
+NAME = "study.sqlite"
+
+_TABLES = """
+CREATE TABLE IF NOT EXISTS meta (name TEXT PRIMARY KEY, value TEXT NOT NULL);
+CREATE TABLE IF NOT EXISTS source (
+  number INTEGER PRIMARY KEY, name TEXT UNIQUE NOT NULL, path TEXT NOT NULL, facts TEXT NOT NULL,
+  scan INTEGER NOT NULL, wanted TEXT NOT NULL, done TEXT NOT NULL DEFAULT '',
+  sha256 TEXT NOT NULL DEFAULT '', error TEXT);
+CREATE INDEX IF NOT EXISTS source_done ON source (done);
+CREATE TABLE IF NOT EXISTS curve (
+  source INTEGER NOT NULL, number INTEGER NOT NULL, text TEXT NOT NULL, draws BLOB NOT NULL,
+  PRIMARY KEY (source, number)) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS campaign (
+  name TEXT PRIMARY KEY, wanted TEXT NOT NULL, text TEXT NOT NULL);
+CREATE TABLE IF NOT EXISTS person (subject TEXT PRIMARY KEY, facts TEXT NOT NULL);
+"""
+
+
+@dataclass(frozen=True)
+class Stored:
+    """One curve as it is stored, with its file."""
+
+    source: str  # the file's name in the study
+    sha256: str
+    facts: dict[str, Any]
+    number: int  # of the curve in its file, from 1
+    said: dict[str, Any]
+    draws: bytes
+
+
+@dataclass(frozen=True)
+class Readable:
+    """A file that could be read, with what is known of whose curves it holds."""
+
+    name: str
+    path: Path
+    sha256: str
+    facts: dict[str, Any]
+    labels: dict[str, str]
+
+
+class State:
+    """The file; a context manager. One study at a time writes to it.
+
+    Raises:
+        InputError: the folder holds something else, cannot be written, or another process has it.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.path = folder / NAME
+        if folder.exists() and not folder.is_dir():
+            raise InputError(f"{folder}: expected a folder for the study")
+        if folder.is_dir() and not self.path.exists() and any(folder.iterdir()):
+            raise InputError(f"{folder}: not empty, and no study; expected a new folder")
+        try:
+            folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+            # About people: for its owner only, as SQLite makes its side files too.
+            os.close(os.open(self.path, os.O_CREAT | os.O_RDWR, 0o600))
+            self._db = sqlite3.connect(self.path, timeout=0.2, isolation_level=None)
+            self._db.execute("PRAGMA locking_mode=EXCLUSIVE")
+            self._db.execute("PRAGMA journal_mode=WAL")
+            self._db.execute("PRAGMA synchronous=NORMAL")
+            self._db.executescript(_TABLES)
+        except sqlite3.OperationalError as error:
+            if "locked" in str(error):
+                raise InputError(
+                    f"{folder}: another process has its study.sqlite open; one at a time"
+                ) from None
+            raise InputError(f"{self.path}: cannot be written ({error})") from None
+        except sqlite3.DatabaseError as error:
+            raise InputError(f"{self.path}: damaged ({error}); remove it to begin anew") from None
+        except OSError as error:
+            raise InputError(f"{folder}: cannot be written ({error.strerror or error})") from None
+        if self._meta("schema") not in (None, SCHEMA):
+            raise InputError(f"{self.path}: {self._meta('schema')}; expected {SCHEMA}")
+        self._set("schema", SCHEMA)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._db.close()
+
+    @property
+    def settings(self) -> str | None:
+        """How the curves were identified, as JSON; None for a new study."""
+        return self._meta("settings")
+
+    def begin(self, settings: str) -> int:
+        """Begin a look at the folders; return its number."""
+        scan = int(self._meta("scan") or 0) + 1
+        self._db.execute("BEGIN")
+        self._set("scan", str(scan))
+        self._set("settings", settings)
+        self._db.execute("DELETE FROM person")
+        return scan
+
+    def found(
+        self,
+        scan: int,
+        name: str,
+        path: Path,
+        facts: dict[str, Any],
+        wanted: str,
+        error: str | None,
+    ) -> None:
+        """Note that a file is there, and the hash of all that its rows depend on."""
+        self._db.execute(
+            "INSERT INTO source (name, path, facts, scan, wanted, error) VALUES (?, ?, ?, ?, ?, ?) "
+            "ON CONFLICT (name) DO UPDATE SET path = excluded.path, facts = excluded.facts, "
+            "scan = excluded.scan, wanted = excluded.wanted, "
+            "error = CASE WHEN excluded.error IS NULL AND excluded.wanted = done THEN error "
+            "ELSE excluded.error END",
+            (name, str(path), json.dumps(facts), scan, wanted, error),
+        )
+
+    def person(self, subject: str, facts: dict[str, Any]) -> None:
+        """Note what is known of one of the people."""
+        before = self._db.execute("SELECT facts FROM person WHERE subject = ?", (subject,))
+        row = before.fetchone()
+        merged = {**(json.loads(row[0]) if row else {}), **facts}
+        self._db.execute(
+            "INSERT OR REPLACE INTO person (subject, facts) VALUES (?, ?)",
+            (subject, json.dumps(merged)),
+        )
+
+    def end(self, scan: int) -> None:
+        """End the look: what is no longer there is dropped, what only moved keeps its rows."""
+        self._db.execute(
+            "CREATE TEMP TABLE moved AS SELECT n.number AS new, MIN(o.number) AS old, "
+            "o.sha256, o.error FROM source n JOIN source o ON o.done = n.wanted "
+            "WHERE n.scan = ?1 AND n.done != n.wanted AND n.wanted != '' AND o.number != n.number "
+            "AND o.error IS NULL "
+            "GROUP BY n.number",
+            (scan,),
+        )
+        self._db.execute("DELETE FROM curve WHERE source IN (SELECT new FROM moved)")
+        self._db.execute(
+            "INSERT INTO curve SELECT moved.new, curve.number, text, draws FROM moved "
+            "JOIN curve ON curve.source = moved.old"
+        )
+        self._db.execute(
+            "UPDATE source SET done = wanted, (sha256, error) = "
+            "(SELECT sha256, error FROM moved WHERE new = source.number) "
+            "WHERE number IN (SELECT new FROM moved)"
+        )
+        self._db.execute("DROP TABLE moved")
+        self._db.execute(
+            "DELETE FROM curve WHERE source IN (SELECT number FROM source WHERE scan != ?)", (scan,)
+        )
+        self._db.execute("DELETE FROM source WHERE scan != ?", (scan,))
+        self._db.execute("COMMIT")
+
+    def counts(self) -> tuple[int, int]:
+        """Return how many files can be computed, and how many of them are."""
+        row = self._db.execute(
+            "SELECT COUNT(*), COALESCE(SUM(done = wanted), 0) FROM source WHERE wanted != ''"
+        ).fetchone()
+        return int(row[0]), int(row[1])
+
+    def pending(self, size: int) -> Iterator[list[Task]]:
+        """Yield batches of files to compute, in the order of their names."""
+        last = ""
+        while True:
+            rows = self._db.execute(
+                "SELECT number, path, facts, name FROM source "
+                "WHERE wanted != '' AND done != wanted AND name > ? ORDER BY name LIMIT ?",
+                (last, size),
+            ).fetchall()
+            if not rows:
+                return
+            last = rows[-1][3]
+            yield [Task(r[0], Path(r[1]), json.loads(r[2])) for r in rows]
+
+    def add(self, computed: Sequence[Computed], wanted: dict[int, str]) -> None:
+        """Keep what was computed, all of it or nothing; `wanted` by file says of which state."""
+        self._db.execute("BEGIN")
+        for one in computed:
+            self._db.execute("DELETE FROM curve WHERE source = ?", (one.number,))
+            self._db.executemany(
+                "INSERT INTO curve VALUES (?, ?, ?, ?)",
+                [(one.number, k, row.text, row.draws) for k, row in enumerate(one.rows, start=1)],
+            )
+            self._db.execute(
+                "UPDATE source SET done = ?, sha256 = ?, error = ? WHERE number = ?",
+                ("" if one.again else wanted[one.number], one.sha256, one.error, one.number),
+            )
+        self._db.execute("COMMIT")
+
+    def wanted(self, numbers: Iterable[int]) -> dict[int, str]:
+        """Return the hash that each of these files should have."""
+        return {
+            n: str(
+                self._db.execute("SELECT wanted FROM source WHERE number = ?", (n,)).fetchone()[0]
+            )
+            for n in numbers
+        }
+
+    def people(self) -> dict[str, dict[str, Any]]:
+        """Return what is known of the people, by subject."""
+        rows = self._db.execute("SELECT subject, facts FROM person")
+        return {subject: json.loads(facts) for subject, facts in rows}
+
+    def failures(self) -> Iterator[tuple[str, str]]:
+        """Yield the files that could not be read, each with its reason."""
+        yield from self._db.execute(
+            "SELECT name, error FROM source WHERE error IS NOT NULL ORDER BY name"
+        )
+
+    def curves(self) -> Iterator[Stored]:
+        """Yield every curve, in the order of the files' names."""
+        rows = self._db.execute(
+            "SELECT s.name, s.sha256, s.facts, c.number, c.text, c.draws FROM source s "
+            "JOIN curve c ON c.source = s.number WHERE s.error IS NULL AND s.done = s.wanted "
+            "ORDER BY s.name, c.number"
+        )
+        for name, sha, facts, number, text, draws in rows:
+            yield Stored(name, sha, json.loads(facts), number, json.loads(text), draws)
+
+    def readable(self) -> Iterator[Readable]:
+        """Yield the files that could be read, in the order of their names."""
+        rows = self._db.execute(
+            "SELECT s.name, s.path, s.sha256, s.facts, c.text FROM source s JOIN curve c "
+            "ON c.source = s.number AND c.number = 1 WHERE s.error IS NULL AND s.done = s.wanted "
+            "ORDER BY s.name"
+        )
+        for name, path, sha, text, curve in rows:
+            facts = json.loads(text)
+            known = {**json.loads(curve)["known"], **facts}
+            labels = {n: str(known[n]) for n in LABELS if known.get(n)}
+            if "subject" in labels:
+                labels["subject"] = pseudonym(labels["subject"])
+            yield Readable(name, Path(path), sha, facts, labels)
+
+    def explained(self) -> dict[str, tuple[str, str]]:
+        """Return what is said of campaigns: by name the hash it depends on, and the text."""
+        rows = self._db.execute("SELECT name, wanted, text FROM campaign")
+        return {name: (wanted, text) for name, wanted, text in rows}
+
+    def add_explained(self, name: str, wanted: str, text: str) -> None:
+        """Keep what is said of a campaign."""
+        self._db.execute("INSERT OR REPLACE INTO campaign VALUES (?, ?, ?)", (name, wanted, text))
+
+    def _meta(self, name: str) -> str | None:
+        row = self._db.execute("SELECT value FROM meta WHERE name = ?", (name,)).fetchone()
+        return None if row is None else str(row[0])
+
+    def _set(self, name: str, value: str) -> None:
+        self._db.execute("INSERT OR REPLACE INTO meta VALUES (?, ?)", (name, value))
+
+
+__all__ = ["NAME", "Row", "State", "Stored"]

@@ -1,0 +1,63 @@
+"""Has the skin changed since another session? Computed beside; slow to import."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from skinlab.acquisition.messages import Compared
+
+if TYPE_CHECKING:
+    from skinlab.curves.curve import Curve
+    from skinlab.inference.identify import Identifier
+    from skinlab.inference.result import Identification
+    from skinlab.recording.session import Session
+    from skinlab.studies.change import Changes
+
+
+def compare_with(
+    before: Path,
+    curves: Sequence[Curve],
+    results: Sequence[Identification],
+    identifier: Identifier,
+    serial_number: str,
+    study: Path | None = None,
+) -> Compared:
+    """Return how curves, with their own results, differ from an earlier session.
+
+    What placing the probe anew scatters counts, and the smallest change that could have been shown
+    is said.
+
+    Raises:
+        SkinlabError: it cannot be read, or one of the two gives nothing to compare.
+    """
+    from skinlab.recording.audit import operator
+    from skinlab.recording.session import read_session
+    from skinlab.recording.session_fit import fit_curves, fit_session
+    from skinlab.studies import change
+
+    session = read_session(before)
+    earlier = change.side_of(session, fit_session(identifier, before, session))
+    now = change.Side(
+        fit_curves(identifier, "this session", curves),
+        [
+            {name: value.value for name, value in result.parameters.items()}
+            for result in results
+            if result.parameters
+        ],
+        max(1, sum(curve.setup.cycle == 1 for curve in curves)),
+        operator(),
+        serial_number,
+        frozenset((c.setup.aperture_mm, str(c.setup.program or "")) for c in curves),
+    )
+    return Compared(_lines(before, session, change.changes(earlier, now, study=study)))
+
+
+def _lines(before: Path, session: Session, found: Changes) -> tuple[str, ...]:
+    from skinlab.studies import change
+
+    meta = session.meta
+    who = ", ".join(str(meta[k]) for k in ("subject", "site") if meta.get(k))
+    title = f"Changed since {before.name} ({who or 'no subject'})?"
+    return (title, *(f"  {line}" for line in change.in_words(found)))

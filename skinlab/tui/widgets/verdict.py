@@ -1,0 +1,37 @@
+"""The two lines that never scroll: whether the curve is good, and the one next step."""
+
+from __future__ import annotations
+
+from textual.app import ComposeResult
+from textual.containers import Vertical
+from textual.widgets import Static
+
+from skinlab.report.verdict import Use
+from skinlab.tui.text import VerdictText, verdict_text
+from skinlab.tui.ui_state import Board
+
+_SIGN = {Use.GOOD: "✔ ", Use.REPEAT: "↻ ", Use.NOT: "✘ "}  # not by colour alone
+
+
+class VerdictLine(Vertical):
+    """Good curve / Repeat: … / Do not use: …, and what to do next."""
+
+    def __init__(self) -> None:
+        super().__init__(id="verdict")
+        self._drawn: VerdictText | None = None
+
+    def compose(self) -> ComposeResult:
+        """Yield both lines."""
+        yield Static("", id="verdict-words", markup=False)
+        yield Static("", id="verdict-next", markup=False)
+
+    def show(self, board: Board) -> None:
+        """Draw."""
+        text = verdict_text(board)
+        if text == self._drawn:
+            return
+        self._drawn = text
+        sign = "" if text.use is None else _SIGN[text.use]
+        self.query_one("#verdict-words", Static).update(sign + text.words, layout=False)
+        self.query_one("#verdict-next", Static).update(f"Next: {text.following}", layout=False)
+        self.set_classes("" if text.use is None else f"-{text.use}")

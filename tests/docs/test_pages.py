@@ -1,0 +1,164 @@
+"""The pages: every link leads somewhere, every command and every Python block runs.
+
+```sh
+A block of `sh` is run, after those above it on its page, in an empty folder beside `examples`.
+```
+A block of `console` needs what nobody else has (an instrument, somebody's sessions): its commands
+and options exist. A block of `python` is run, or is an excerpt of a file that other tests run.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import click
+import pytest
+
+from skinlab.cli.main import cli
+
+ROOT = Path(__file__).parents[2]
+PAGES = sorted(
+    [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").rglob("*.md")],
+    key=lambda path: path.relative_to(ROOT),
+)
+NAMES = [str(path.relative_to(ROOT)) for path in PAGES]
+# Python of these pages is run elsewhere, or is quoted from these files
+RUN_BY = {
+    "docs/python.md": "tests/unit/api/test_python.py",
+    "docs/dialects.md": "tests/unit/drivers/test_capture.py",
+}
+QUOTED_FROM = {"docs/extending.md": "examples/plugin/**/*.py"}
+
+
+def blocks(page: str, language: str) -> list[str]:
+    text = (ROOT / page).read_text(encoding="utf-8")
+    return re.findall(rf"^```{language}\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
+
+
+def having(language: str) -> list[str]:
+    return [name for name in NAMES if blocks(name, language)]
+
+
+def prose(path: Path) -> str:
+    return re.sub(
+        r"^```.*?^```", "", path.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE
+    )
+
+
+def anchors(path: Path) -> set[str]:
+    """Return the anchors of a page's headings, as GitHub and the site make them."""
+    found = set()
+    for heading in re.findall(r"^#+ (.*)$", prose(path), re.MULTILINE):
+        plain = re.sub(r"[`*]|\]\(.*?\)|\[", "", heading).strip().lower()
+        found.add(re.sub(r"[^\w\- ]", "", plain).replace(" ", "-"))
+    return found
+
+
+@pytest.mark.parametrize("page", NAMES)
+def test_links_lead_somewhere(page):
+    path = ROOT / page
+    wrong = []
+    for link in re.findall(r"\]\(([^)\s]+)\)", prose(path)):
+        if re.match(r"[a-z]+:", link):
+            continue
+        file, _, anchor = link.partition("#")
+        target = (path.parent / file).resolve() if file else path
+        if not target.exists() or (
+            anchor and target.suffix == ".md" and anchor not in anchors(target)
+        ):
+            wrong.append(link)
+    assert not wrong
+
+
+def test_every_page_is_in_the_navigation():
+    shown = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
+    pages = [
+        str(path.relative_to(ROOT / "docs"))
+        for path in (ROOT / "docs").rglob("*.md")
+        if "decisions" not in path.parts
+    ]
+    assert [page for page in pages if not re.search(rf"[ ]{re.escape(page)}$", shown, re.M)] == []
+
+
+def test_the_readme_is_short():
+    text = re.sub(r"\]\([^)]*\)", "]", prose(ROOT / "README.md"))
+    assert len(text.split()) <= 500
+
+
+@pytest.mark.parametrize("page", having("sh"))
+def test_what_is_run_has_no_gaps(page):
+    for block in blocks(page, "sh"):
+        assert "…" not in block
+        assert " ..." not in block
+        assert "/dev/tty" not in block
+
+
+def commands_of(block: str) -> list[list[str]]:
+    lines = block.replace("\\\n", " ").splitlines()
+    words = [shlex.split(line, comments=True) for line in lines]
+    return [line for line in words if line and line[0] == "skinlab"]
+
+
+@pytest.mark.parametrize("page", having("console"))
+def test_what_cannot_be_run_here_exists(page):
+    for words in [words for block in blocks(page, "console") for words in commands_of(block)]:
+        command: click.Command = cli
+        for word in words[1:]:
+            if isinstance(command, click.Group) and not word.startswith("-"):
+                found = command.get_command(click.Context(command), word)
+                assert found is not None, words
+                command = found
+        options = {o for p in command.params for o in (*p.opts, *p.secondary_opts)}
+        used = {word.partition("=")[0] for word in words if word.startswith("--")}
+        assert used <= options, words
+
+
+@pytest.mark.parametrize("page", having("python"))
+def test_python_is_run(page, tmp_path):
+    found = blocks(page, "python")
+    if page in RUN_BY:
+        assert page in (ROOT / RUN_BY[page]).read_text(encoding="utf-8")
+    elif page in QUOTED_FROM:
+        sources = [path.read_text(encoding="utf-8") for path in ROOT.glob(QUOTED_FROM[page])]
+        lines = {line.strip() for text in sources for line in text.splitlines()}
+        said = [line.strip() for block in found for line in block.splitlines()]
+        assert [line for line in said if line not in lines] == []
+    else:
+        script = tmp_path / "page.py"
+        script.write_text("\n".join(found), encoding="utf-8")
+        done = subprocess.run([sys.executable, str(script)], cwd=tmp_path, check=False)
+        assert done.returncode == 0
+
+
+@pytest.mark.docs
+@pytest.mark.parametrize("page", [page for page in having("sh") if page != "CONTRIBUTING.md"])
+def test_commands_run(page, tmp_path):
+    script = "\n".join(block for block in blocks(page, "sh") if not block.startswith("make "))
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    (tmp_path / ".venv").symlink_to(sys.prefix)
+    programs = str(Path(sys.executable).parent)
+    done = subprocess.run(
+        ["bash", "-euo", "pipefail", "-c", script],
+        cwd=tmp_path,
+        env={
+            **os.environ,
+            "PATH": f"{programs}:{os.environ['PATH']}",
+            "OPENBLAS_NUM_THREADS": "1",
+        },
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_make_has_what_the_readme_says():
+    said = re.findall(r"^make (\w+)", "\n".join(blocks("README.md", "sh")), re.MULTILINE)
+    rules = (ROOT / "Makefile").read_text(encoding="utf-8")
+    assert said == ["run", "test"]
+    assert all(re.search(rf"^{name}:", rules, re.MULTILINE) for name in said)

@@ -1,0 +1,293 @@
+"""What the screen says of a visit: counted loadings, doses, honest numbers, messages, keys."""
+
+from __future__ import annotations
+
+from drivers.events import Hello, InstrumentState, Sample, State
+from skinlab.acquisition.measurement import Phase, Plan
+from skinlab.acquisition.messages import Connected, Done, Heard, Went
+from skinlab.acquisition.replayer import example_session
+from skinlab.curves.curve import Setup
+from skinlab.curves.growing import GrowingCurve
+from skinlab.curves.program import parse_program
+from skinlab.quality.gates.base import Finding
+from skinlab.recording.session import read_session
+from skinlab.recording.stream import CurveStarted, Happened, Sampled
+from skinlab.tui.summary import left_out, repeats, repeats_lines
+from skinlab.tui.text import dose_text, verdict_text, where_text
+from skinlab.tui.ui_state import Board, Level
+from skinlab.tui.widgets.card import Card
+from skinlab.tui.widgets.curve_plot import CurvePlot
+from skinlab.tui.widgets.curves import Curves
+
+HELLO = Hello("reference", 1, "rig", "1.0", "7", 6.0, 500.0, 60.0, 1.0, 1000.0, simulated=False)
+SETUP = Setup(6.0, 1.0, parse_program("ramp:100@20"))
+
+
+def connected_board():
+    board = Board("p")
+    board.see(Connected("p", HELLO))
+    return board
+
+
+def load(board, who, seconds=5.0, mbar=50.0, index=1):
+    """One loading of a site: a second of suction at each of several samples."""
+    board.visit = who
+    growing = GrowingCurve(SETUP)
+    board.see(Heard((CurveStarted(index, growing), Happened(State(InstrumentState.RUNNING, "")))))
+    for k in range(int(seconds) + 1):
+        sample = Sample(k, float(k), mbar, 0.1, 0)
+        growing.append(sample)
+        board.see(Heard((Sampled(index, sample),)))
+    board.live = None
+
+
+async def begin_visit(bed, subject):
+    """Measure once for another subject than before."""
+    await bed.fill("subject", subject)
+    await bed.check()
+    assert not bed.board.entries
+    await bed.press("f9")
+    await bed.until(lambda: bed.board.entry and bed.board.entry.result and bed.board.can_arm)
+
+
+# ---- loadings and dose ----------------------------------------
+
+
+async def test_loadings_are_counted_for_each_site(bedside, session_files):
+    async with bedside() as bed:
+        await bed.connected()
+        cycle = bed.app.screen.query_one("#cycle")
+        await bed.fill("subject", "P01")
+        await bed.run()
+        await bed.run()
+        await bed.check()
+        assert "loading  3 of this site" in bed.text("#card-text")
+        await bed.press("v")
+        await bed.until(lambda: bed.board.can_arm and bed.board.review is None)
+        await bed.fill("subject", "P02")
+        await bed.until(lambda: cycle.value == "1")
+        await begin_visit(bed, "P02")
+        await bed.fill("subject", "P01")
+        await bed.until(lambda: cycle.value == "3")  # in another session of the same program, too
+        await bed.press("f6")
+        await bed.until(lambda: cycle.value == "1")
+        await bed.check()
+        assert "loading  1 of this site (as you say: 3 by count)" in bed.text("#card-text")
+        await bed.press("f9")
+        await bed.until(lambda: bed.board.entry and bed.board.entry.result and bed.board.can_arm)
+        await bed.until(lambda: cycle.value == "2")
+        await bed.quit()
+    loadings = [[c.setup.cycle for c in read_session(p).curves] for p in session_files()]
+    assert loadings == [[1, 2], [1], [1]]
+
+
+async def test_the_dose_of_a_site_goes_on_in_its_next_session(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        await bed.fill("subject", "P01")
+        await bed.run()
+        once = bed.board.dose.suction_mbar_s
+        await begin_visit(bed, "P02")
+        await begin_visit(bed, "P01")
+        assert bed.board.dose.suction_mbar_s > 1.9 * once
+        assert bed.app.bench._probe.dose.suction_mbar_s > 1.9 * once  # which the limit is held to
+        await bed.quit()
+
+
+def test_a_dose_and_a_count_belong_to_a_site():
+    board = connected_board()
+    load(board, ("P01", "arm"))
+    board.name(("P01", "arm"))
+    assert board.next_cycle == 2
+    assert dose_text(board.dose) == "250 mbar·s in 5 s"
+    board.name(("P01", "leg"))
+    assert board.next_cycle == 1
+
+
+def test_the_dose_stays_in_the_header_where_the_rest_has_no_room():
+    board = connected_board()
+    load(board, ("P01", "forearm, volar"))
+    board.name(("P01", "forearm, volar"))
+    assert "250 mbar·s in 5 s" in where_text(board, 48)
+    assert "rig" not in where_text(board, 48)
+    assert "rig" in where_text(board, 120)
+
+
+# ---- honest numbers ----------------------------------------
+
+
+async def test_only_what_is_alike_is_averaged(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        for cut in (False, True, False, False):
+            await bed.press("f6")
+            await bed.run()
+            if cut:
+                last = bed.board.entries[max(bed.board.entries)]
+                last.cut = "vented"
+        await bed.run()  # a later loading
+        entries = bed.board.entries
+        assert [e.setup.cycle for e in entries.values()] == [1, 1, 1, 1, 2]
+        (group,) = repeats(entries.values(), {})
+        assert group.curves == (1, 3, 4), left_out(entries.values(), {})
+        assert group.first
+        out = left_out(entries.values(), {3: "moved"})
+        assert out == {2: "cut short", 3: "moved"}
+        loose = {flag.partition(":")[2] for e in entries.values() for flag in e.result.flags}
+        assert group.mean.keys().isdisjoint(loose)  # no mean over what no curve fixes
+        text = "\n".join(repeats_lines([group], out))
+        assert "first loadings" in text
+        assert "Curve 2 is left out: cut short" in text
+        assert "nu: no mean" in text
+
+
+async def test_changed_says_what_could_have_been_shown(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        await bed.fill("program", "ramp:100@20,ramp:0@50")  # as in the example
+        await bed.run()
+        await bed.press("s")
+        await bed.until(lambda: bed.app.screen.query("#session-text"))
+        await bed.press("c")
+        await bed.until(lambda: bed.app.focused.id == "session-line")
+        bed.app.focused.value = str(example_session())
+        await bed.press("enter")
+        await bed.until(lambda: "Changed since example.h5" in bed.text("#session-text"))
+        text = bed.text("#session-text")
+        assert "the smallest change that could have been shown is" in text
+        assert "scatter of placements" in text
+        assert "probability" not in text
+
+
+# ---- the verdict ----------------------------------------
+
+
+async def test_the_verdict_says_what_is_wrong_and_the_next_step(bedside):
+    async with bedside(size=(60, 20)) as bed:
+        await bed.connected()
+        assert bed.text("#verdict-next") == "Next: F8 shows what will happen, F9 then starts it"
+        await bed.run()
+        await bed.until(lambda: bed.text("#verdict-words").startswith("✔ Good curve"))
+        bed.board.entry.findings.append(Finding("leak", "the pressure falls", "press evenly"))
+        bed.board.touch()
+        await bed.until(lambda: bed.text("#verdict-words") == "↻ Repeat: the pressure falls")
+        assert bed.text("#verdict-next") == "Next: press evenly; then F8"
+        bed.board.entry.findings[:] = [Finding("saturated", "it stays", "go lower")]
+        bed.board.touch()
+        await bed.until(lambda: bed.text("#verdict-words") == "✘ Do not use: it stays")
+        region = bed.app.screen.query_one("#verdict").region
+        assert bed.app.screen.region.contains_region(region)
+
+
+async def test_earlier_repeats_are_behind_the_curve(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        await bed.run()
+        await bed.run()
+        plot = bed.app.screen.query_one(CurvePlot)
+        await bed.until(lambda: len(plot.drawn_layers.earlier) == 1)
+        await bed.fill("program", "ramp:60@20")
+        await bed.run()
+        await bed.until(lambda: not plot.drawn_layers.earlier)  # measured otherwise
+
+
+async def test_the_second_card_has_the_numbers_of_a_step(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        await bed.fill("program", "mode1:100,2,1")
+        await bed.run()
+        await bed.press("r")
+        await bed.until(lambda: "R0–R9" in bed.text("#card-title"))
+        card = bed.text("#card-text")
+        assert "Ue " in card
+        assert "R2 " in card
+        assert "R3  -  needs several pulses" in card
+        await bed.press("r")
+        await bed.until(lambda: "R0–R9" not in bed.text("#card-title"))
+
+
+# ---- messages, redraw, keys ----------------------------------------
+
+
+def test_messages_end_and_can_be_read_again():
+    board = Board("p")
+    board.say(Level.INFO, "saved")
+    board.tick(1.0)
+    board.tick(2.0)
+    assert board.note == "saved"
+    board.tick(60.0)
+    assert board.note == ""
+    assert ("saved", Level.INFO) in board.told
+    board.say(Level.WARNING, "look")
+    board.tick(61.0)
+    board.tick(90.0)
+    assert board.note == "look"  # what matters more stays longer
+    board.tick(200.0)
+    assert board.note == ""
+
+
+def test_what_takes_longer_is_named():
+    board = Board("p")
+    board.tick(10.0)
+    board.compute("fitting")
+    board.tick(10.1)
+    assert board.busy == ""
+    board.tick(10.6)
+    assert board.busy == "fitting together"
+    assert "fitting together …" in where_text(board)
+    board.see(Done("fitting"))
+    assert board.busy == ""
+
+
+def test_the_rest_between_repeats_is_counted_down():
+    board = connected_board()
+    board.tick(100.0)
+    board.see(Went(Phase.RESTING, Plan(SETUP, 2, 30.0), 29.5))
+    assert verdict_text(board).words == "Resting: next repeat in 30 s"
+    board.tick(112.0)
+    assert board.rest_left_s == 18
+    assert "v ends it" in verdict_text(board).following
+    board.see(Went(Phase.ARMING, Plan(SETUP, 1, 30.0)))
+    assert board.rest_left_s is None
+
+
+async def test_no_key_is_silent(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        await bed.press("x")
+        await bed.until(lambda: bed.board.note == "x: no meaning here; ? lists the keys")
+        await bed.press("f11")
+        await bed.until(lambda: bed.board.note == "f11: no meaning here; ? lists the keys")
+
+
+async def test_everything_is_drawn_again_in_another_size_and_theme(bedside):
+    async with bedside(size=(80, 24)) as bed:
+        await bed.connected()
+        await bed.run()
+        plot, strip = bed.app.screen.query_one(CurvePlot), bed.app.screen.query_one("#strip")
+        await bed.until(lambda: "● measured" in str(plot.render()))
+        lines = str(plot.render()).splitlines()
+        residual = str(strip.render())
+        await bed.pilot.resize_terminal(140, 40)
+        await bed.until(lambda: len(str(plot.render()).splitlines()) > len(lines))
+        await bed.until(lambda: str(strip.render()) != residual)
+        await bed.until(lambda: "X1" in bed.text("#intervals-text"))  # room that is used
+        before = bed.screenshot()
+        await bed.press("t")
+        await bed.until(lambda: bed.screenshot() != before)
+
+
+async def test_what_does_not_fit_can_be_scrolled_by_keys_and_says_so(bedside):
+    async with bedside(size=(60, 20)) as bed:
+        await bed.connected()
+        await bed.run()
+        card, curves = bed.app.screen.query_one(Card), bed.app.screen.query_one(Curves)
+        await bed.until(lambda: "▼ PgDn" in bed.text("#card-title"))
+        for _ in range(20):
+            await bed.press("pagedown")
+        await bed.until(lambda: card.scroll_offset.y == card.max_scroll_y > 0)
+        await bed.until(lambda: "▼" not in bed.text("#card-title"))
+        await bed.press("pageup")
+        await bed.until(lambda: "▼ PgDn" in bed.text("#card-title"))
+        await bed.press("right", "right")
+        await bed.until(lambda: curves.scroll_offset.x > 0)

@@ -1,0 +1,250 @@
+"""Visits, pick-lists, goals, the palette, messages, help, colours: finding one's way."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+from textual.widgets import DataTable, Input, OptionList
+
+from skinlab.acquisition.replay_control import ReplayControl
+from skinlab.acquisition.replayer import example_session
+from skinlab.curves.program import check_measurable, parse_program
+from skinlab.inference.result import Advice, Value
+from skinlab.recording.pseudonym import check_site
+from skinlab.recording.visit_index import NAME, visits
+from skinlab.tui.choices import PROGRAMS, SITES, body_map, nearest_site
+from skinlab.tui.goal import GOALS, Distance, Goal, half_width_percent
+from skinlab.tui.screens.help import HelpScreen
+from skinlab.tui.screens.main import MainScreen
+from skinlab.tui.screens.messages import MessagesScreen
+from skinlab.tui.screens.palette import PaletteScreen
+from skinlab.tui.screens.pick import PickScreen
+from skinlab.tui.screens.session import SessionScreen
+from skinlab.tui.screens.visits import VisitsScreen
+from skinlab.tui.themes import ORDER
+from skinlab.tui.visits import found, series, trend_lines
+
+# ---- visits ----------------------------------------
+
+
+@pytest.fixture
+def folder(tmp_path) -> Path:
+    shutil.copy(example_session(), tmp_path / "monday.h5")
+    shutil.copy(example_session(), tmp_path / "friday.h5")
+    (tmp_path / "bad.h5").write_bytes(b"no session")
+    return tmp_path
+
+
+def test_the_index_is_a_cache_that_may_be_deleted(folder):
+    first = visits(folder)
+    assert [v.file for v in first][-1] == "bad.h5"
+    assert first[-1].problem
+    assert first[0].subject == "SIM-1"
+    assert first[0].simulated
+    assert {"X1_MPa", "X2_MPa"} <= first[0].parameters.keys()
+    index = folder / NAME
+    assert index.stat().st_mode & 0o777 == 0o600
+    opened = []
+    assert visits(folder, lambda done, of: opened.append(done)) == first
+    assert opened == []  # nothing is read twice
+    index.write_bytes(b"damaged")
+    assert visits(folder) == first
+    index.unlink()
+    (folder / "friday.h5").unlink()
+    assert [v.file for v in visits(folder)] == ["monday.h5", "bad.h5"]
+    assert visits(folder / "nowhere") == []
+
+
+def test_visits_are_searched_and_followed(folder):
+    rows = visits(folder)
+    assert [v.file for v in found(rows, "FOREARM sim-1 monday")] == ["monday.h5"]
+    assert found(rows, "leg") == []
+    same = series(rows, rows[0])
+    assert len(same) == 2
+    text = "\n".join(trend_lines(same, 80, None))
+    assert "2 visits" in text
+    assert "X1 (MPa)  stiffness at small stretch" in text
+    assert text.count("●") >= 6
+    assert "two visits" in trend_lines(same[:1], 80, None)[0]
+
+
+async def test_the_list_of_visits_by_keys(bedside, folder):
+    async with bedside() as bed:
+        await bed.connected()
+        await bed.press("f5")
+        await bed.until(lambda: isinstance(bed.app.screen, VisitsScreen))
+        table = bed.app.screen.query_one(DataTable)
+        await bed.until(lambda: table.row_count == 3)
+        await bed.press("m", "down", "c")
+        await bed.until(lambda: "could have been shown" in bed.text("#visits-text"))
+        await bed.press("t")
+        await bed.until(lambda: "░ no change could be shown within it" in bed.text("#visits-text"))
+        await bed.press("enter")
+        await bed.until(lambda: "curve 1: 6 mm" in bed.text("#visits-text"))
+        await bed.press("slash", *"bad")
+        await bed.until(lambda: table.row_count == 1)
+        await bed.press("enter", "enter")
+        await bed.until(lambda: "bad.h5" in bed.text("#visits-text"))
+        vents = bed.app.bench.vents
+        await bed.press("v")  # also from here
+        await bed.until(lambda: bed.app.bench.vents > vents)
+        await bed.until(lambda: isinstance(bed.app.screen, MainScreen))
+        await bed.quit()
+
+
+# ---- pick-lists ----------------------------------------
+
+
+def test_what_is_offered_can_be_measured():
+    for _, program in PROGRAMS:
+        check_measurable(parse_program(program))
+    names = [site.name for site in SITES]
+    assert len(set(names)) == len(names)
+    for site in SITES:
+        check_site(site.name)
+        assert nearest_site(site.column, site.row) == site
+        assert body_map(site.name).count("●") == 1
+    assert "●" not in body_map("")
+
+
+async def test_a_site_a_program_and_an_opening_are_picked(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        bed.app.screen.query_one("#site").focus()
+        await bed.until(lambda: bed.app.focused and bed.app.focused.id == "site")
+        await bed.press("f4")
+        await bed.until(lambda: isinstance(bed.app.screen, PickScreen))
+        await bed.press("down", "down")
+        await bed.until(lambda: "●" in bed.text("#body"))
+        await bed.press("enter")
+        site = bed.app.screen_stack[0].query_one("#site", Input)
+        await bed.until(lambda: site.value == SITES[2].name)
+        bed.app.screen.set_focus(None)
+        await bed.press("f4")
+        await bed.until(lambda: isinstance(bed.app.screen, PickScreen))
+        await bed.press("down", "enter")
+        program = bed.app.screen_stack[0].query_one("#program", Input)
+        await bed.until(lambda: program.value == PROGRAMS[1][1])
+        await bed.press("f4")
+        await bed.until(lambda: isinstance(bed.app.screen, PickScreen))
+        await bed.press("f8")  # nothing chosen, nothing changed
+        await bed.until(lambda: isinstance(bed.app.screen, MainScreen))
+        assert program.value == PROGRAMS[1][1]
+        assert bed.board.review is None
+
+
+# ---- goals ----------------------------------------
+
+
+def test_a_goal_says_how_far_it_is():
+    goal = Goal("X1_MPa", 5.0)
+    assert half_width_percent(Value(0.025, 0.02, 0.03125)) == pytest.approx(25.0)
+    advice = Advice(2.0, "ramp:300@20", {"X1_MPa": 0.4})
+    words = Distance(goal, 20.0, advice).words
+    assert "± 20 % now" in words
+    assert "F7 loads 2 mm, ramp:300@20 (expected ± 8 %)" in words
+    assert "will not help" in Distance(goal, 20.0, None).words
+    assert "reached" in Distance(goal, 4.9, None).words
+    assert "no interval" in Distance(goal, None, None).words
+
+
+async def test_a_visit_with_a_goal_says_what_to_measure_next(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        await bed.press("g")
+        await bed.until(lambda: isinstance(bed.app.screen, PickScreen))
+        await bed.press("down", "enter")
+        await bed.until(lambda: bed.board.goal == GOALS[0])
+        await bed.run()
+        await bed.until(lambda: bed.board.goal_is is not None)
+        await bed.until(lambda: "goal X1 to ± 3 %" in bed.text("#verdict-next"))
+        await bed.press("f7")
+        following = bed.board.goal_is.following
+        program = bed.app.screen.query_one("#program", Input)
+        await bed.until(lambda: program.value == following.program)
+        assert not bed.board.moving
+
+
+# ---- palette, messages, help, colours ----------------------------------------
+
+
+async def test_the_palette_finds_and_starts_nothing(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        await bed.press("ctrl+p")
+        await bed.until(lambda: isinstance(bed.app.screen, PaletteScreen))
+        found = bed.app.screen.query_one(OptionList)
+        everything = [found.get_option_at_index(i).id for i in range(found.option_count)]
+        assert not {"want('start')", "want('early')", "want('check')"} & set(everything)
+        await bed.press(*"joint")
+        await bed.until(lambda: found.option_count == 1)
+        await bed.press("enter")
+        await bed.until(lambda: isinstance(bed.app.screen, SessionScreen))
+        await bed.press("ctrl+p")
+        await bed.until(lambda: isinstance(bed.app.screen, PaletteScreen))
+        await bed.press(*"misses", "enter")
+        await bed.until(lambda: "means nothing at this moment" in bed.board.note)
+
+
+async def test_messages_can_be_read_again(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        await bed.press("x", "w")
+        await bed.until(lambda: isinstance(bed.app.screen, MessagesScreen))
+        shown = " ".join(str(s.render()) for s in bed.app.screen.query("#help Static"))
+        assert "x: no meaning here" in shown
+        await bed.press("enter")
+        await bed.until(lambda: isinstance(bed.app.screen, MainScreen))
+
+
+async def test_help_begins_with_the_keys_of_the_screen_it_was_asked_for_on(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        await bed.press("f5")
+        await bed.until(lambda: isinstance(bed.app.screen, VisitsScreen))
+        await bed.press("f1")
+        await bed.until(lambda: isinstance(bed.app.screen, HelpScreen))
+        here = bed.text("#help-here")
+        for words in ("Trend", "Compare", "Search", "Mark"):
+            assert words in here
+
+
+async def test_colours_are_changed_and_kept(bedside, tmp_path):
+    kept = tmp_path / "config" / "ui.json"
+    async with bedside(settings=kept) as bed:
+        await bed.connected()
+        assert bed.app.theme == ORDER[0]
+        for name in (*ORDER[1:], ORDER[0], ORDER[1]):
+            await bed.press("t")
+            await bed.until(lambda n=name: bed.app.theme == n)
+    async with bedside(settings=kept) as bed:
+        await bed.connected()
+        assert bed.app.theme == ORDER[1]
+
+
+# ---- jumping in a replay ----------------------------------------
+
+
+def test_a_replay_jumps_by_time_and_to_the_next_event():
+    now, slept = [0.0], []
+
+    def sleep(seconds):
+        slept.append(seconds)
+        now[0] += seconds
+
+    control = ReplayControl(1.0, clock=lambda: now[0], sleep=sleep)
+    assert control.wait(100.0, sample=True)
+    control.jump(5.0)
+    for k in range(1, 6):
+        assert control.wait(100.0 + k, sample=True)
+    assert sum(slept) == 0.0  # all of it at once
+    assert control.wait(106.0, sample=True)
+    assert sum(slept) == pytest.approx(1.0, abs=0.1)  # and then at its pace
+    control.to_next_event()
+    slept.clear()
+    assert control.wait(110.0, sample=True)
+    assert control.wait(120.0, sample=False)
+    assert sum(slept) == 0.0
+    assert control.paused

@@ -1,0 +1,261 @@
+"""A probe's hidden errors come back within their intervals, from the simulated probe's phantoms."""
+
+from __future__ import annotations
+
+import json
+from datetime import UTC, datetime
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from drivers.dialects import get_dialect
+from drivers.events import Arm, InstrumentState, KeepAlive, Sample, Start
+from sim_device.device import Device
+from sim_device.files import ProbeSection, SensorSection
+from sim_device.skin import load_of, make_phantom
+from skinlab.cli.main import run
+from skinlab.curves.curve import Curve, Setup
+from skinlab.curves.phantoms import read_phantoms
+from skinlab.errors import InputError
+from skinlab.inference.calibration import Reading, calibrate, check_probe
+from skinlab.inference.probe_file import PARAMETERS, decode_probe, probe_text
+
+NOW = datetime(2026, 1, 1, tzinfo=UTC)
+WIRE = get_dialect("reference")
+RESULTS = Path(__file__).parents[3] / "benchmarks" / "results" / "calibration.json"
+HIDDEN = ProbeSection("P-9", 1.06, -35.0, 0.97, 0.6, 0.03)
+
+
+def measured(phantom, probe, seed, *, kit=None, rate_hz=100.0):
+    """What a simulated probe with these errors reads on a phantom, without a host."""
+    skin = make_phantom(phantom.name, seed if kit is None else kit, probe)
+    device = Device(skin, SensorSection(), seed=seed, probe=probe)
+    load = load_of(str(phantom.asked), rate_hz)
+    for number, command in enumerate((load, Arm(), Start())):
+        device.receive(WIRE.encode_command(command, number))
+    raw, samples = bytearray(), []
+    while device.state not in {InstrumentState.LOADED, InstrumentState.FAULT} or not samples:
+        device.process(0.1)
+        device.receive(WIRE.encode_command(KeepAlive(), 0))
+        raw += device.transmit()
+        while (frame := WIRE.take(raw)) is not None:
+            event = WIRE.decode_event(frame)[0]
+            if isinstance(event, Sample) and event.segment < len(load.segments):
+                samples.append(event)
+    columns = ((s.device_time_s, s.pressure_mbar, s.deflection_mm) for s in samples)
+    time_s, pressure, deflection = map(np.array, zip(*columns, strict=True))
+    segment = np.array([s.segment for s in samples])
+    return Curve(
+        phantom.name, Setup(6.0, 1.0, phantom.asked), time_s, pressure, deflection, segment
+    )
+
+
+def calibrated(probe, seed, kit=None):
+    readings = [Reading(p, measured(p, probe, seed)) for p in kit or read_phantoms()]
+    return calibrate(readings, serial_number=probe.serial_number, model="m", now=NOW)
+
+
+@pytest.fixture(scope="module")
+def known():
+    return calibrated(HIDDEN, 3)
+
+
+def drawn(seed):
+    rng = np.random.default_rng([41, seed])
+    return ProbeSection(
+        deflection_gain=float(rng.uniform(0.9, 1.1)),
+        deflection_offset_um=float(rng.uniform(-60, 60)),
+        pressure_gain=float(rng.uniform(0.93, 1.07)),
+        pressure_offset_mbar=float(rng.uniform(-1, 1)),
+        lag_s=int(rng.integers(0, 80)) / 1000,
+    )
+
+
+def within(seeds):
+    """How often the 90 % intervals hold the truth, by parameter; and the intervals' half widths."""
+    held = {name: [] for name in PARAMETERS}
+    half = {name: [] for name in PARAMETERS}
+    for seed in seeds:
+        probe = drawn(seed)
+        found = calibrated(probe, seed)
+        for name in PARAMETERS:
+            one = getattr(found, name)
+            held[name].append(one.low <= getattr(probe, name) <= one.high)
+            half[name].append((one.high - one.low) / 2)
+    return held, half
+
+
+def test_hidden_errors_come_back_within_their_intervals():
+    held, half = within(range(5))
+    # 25 intervals of 90 %: fewer than 18 of them would happen once in a thousand times
+    assert sum(sum(h) for h in held.values()) >= 18
+    # and they are narrow enough to be of use
+    assert np.median(half["deflection_gain"]) < 0.01
+    assert np.median(half["deflection_offset_um"]) < 1.0
+    assert np.median(half["pressure_offset_mbar"]) < 0.1
+    assert np.median(half["lag_s"]) < 0.002
+    # Silicone whose stiffness is known to 2 % cannot tell a pressure better than that
+    assert 0.015 < np.median(half["pressure_gain"]) < 0.04
+
+
+@pytest.mark.soak
+def test_coverage_over_many_kits_and_probes():
+    seeds = range(1000, 1100)
+    held, half = within(seeds)
+    share = {name: float(np.mean(h)) for name, h in held.items()}
+    RESULTS.write_text(
+        json.dumps(
+            {
+                "command": "make soak",
+                "what": "90 % intervals that hold the hidden truth; kits, probes, noise drawn anew",
+                "seeds": [seeds.start, seeds.stop],
+                "coverage": share,
+                "median_half_width": {name: float(np.median(h)) for name, h in half.items()},
+            },
+            indent=1,
+        )
+        + "\n"
+    )
+    assert min(share.values()) > 0.8
+
+
+def test_rigid_bodies_alone_say_nothing_of_the_pressure():
+    rigid = [p for p in read_phantoms() if p.kind == "rigid"]
+    found = calibrated(HIDDEN, 5, rigid)
+    assert set(found.not_determined) == {"pressure_gain", "pressure_offset_mbar", "lag_s"}
+    assert abs(found.deflection_gain.value - 1.06) < 0.01
+    assert found.check is None
+
+
+def test_a_phantom_that_is_not_its_sheet_is_said_and_makes_intervals_wider(known):
+    assert known.misfit < 1.2
+    assert known.phantoms_off == []
+    kit = read_phantoms()
+    # The same step twice, and once its sheet is wrong
+    other = msgspec.structs.replace(kit[1], name="other", height_mm=0.7)
+    readings = [Reading(p, measured(p, HIDDEN, 3)) for p in kit]
+    readings.append(Reading(other, readings[1].curve))
+    found = calibrate(readings, serial_number="", model="", now=NOW)
+    assert "other" in found.phantoms_off
+    one, before = found.deflection_gain, known.deflection_gain
+    assert one.high - one.low > 3 * (before.high - before.low)
+
+
+@pytest.mark.parametrize(
+    ("change", "agrees"),
+    [({}, True), ({"deflection_gain": 1.10}, False), ({"deflection_offset_um": -55.0}, False),
+     ({"pressure_gain": 1.0}, False), ({"deflection_offset_um": -36.0}, True)],
+)  # fmt: skip
+def test_a_check_curve_says_whether_the_probe_still_agrees(known, change, agrees):
+    probe = msgspec.structs.replace(HIDDEN, **change)
+    soft = known.check.phantom
+    # The same kit, another day: other noise
+    assert check_probe(known, measured(soft, probe, 8, kit=3)).agrees == agrees
+
+
+def test_a_probe_file_reads_back_and_is_strict(known):
+    text = probe_text(known)
+    assert decode_probe(text, "p.toml").file == known
+    assert decode_probe(text, "p.toml").hash.startswith("sha256:")
+    for old, new in (
+        ('schema = "skinlab.probe/1"', 'schema = "other"'),
+        ("aperture_mm = 6.0", "aperture_mm = 5.0"),
+        ("misfit", "misfits"),
+        ("[lag_s]", "[lag_s]\nsomething = 1"),
+        ("not_determined = []", "not_determined = 3"),
+    ):
+        assert old in text
+        with pytest.raises(InputError, match=r"p\.toml"):
+            decode_probe(text.replace(old, new, 1), "p.toml")
+
+
+def test_another_probe_and_another_day_are_refused(known):
+    probe = decode_probe(probe_text(known), "p.toml")
+    probe.check_instrument("P-9", 6.0, NOW)
+    for serial, opening, when in (
+        ("P-8", 6.0, NOW),
+        ("P-9", 8.0, NOW),
+        ("P-9", 6.0, NOW.replace(year=2028)),
+    ):
+        with pytest.raises(InputError, match="probe file"):
+            probe.check_instrument(serial, opening, when)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A probe that was calibrated by the command, and measured with."""
+    at = tmp_path_factory.mktemp("probe")
+    (at / "skin.toml").write_text(
+        "[probe]\nserial_number = 'P-9'\ndeflection_gain = 1.06\ndeflection_offset_um = -35\n"
+        "pressure_gain = 0.97\npressure_offset_mbar = 0.6\nlag_s = 0.03\n"
+    )
+    port = f"sim://?seed=3&speed=20&skin={at / 'skin.toml'}"
+    assert run(["calibrate", "--port", port, "--out", str(at / "probe.toml")]) == 0
+    status = run(
+        ["measure", "--port", port, "--aperture-mm", "6", "--thickness-mm", "1", "--program",
+         "ramp:100@20", "--probe", str(at / "probe.toml"), "--out", str(at / "s.h5")]
+    )  # fmt: skip
+    assert status == 0
+    return at
+
+
+def test_the_session_keeps_the_probe_and_replays_with_it(folder, capsys):
+    assert run(["replay", str(folder / "s.h5"), "--speed", "max", "--verify", "--json"]) == 0
+    again = json.loads(capsys.readouterr().out)
+    assert again["probe"]["serial_number"] == "P-9"
+    # without it the same curve is not explained by any skin
+    assert run(["identify", str(folder / "s.h5"), "--json"]) == 0
+    blind = json.loads(capsys.readouterr().out)
+    assert "probe" not in blind
+    with_probe, without = again["curves"][0], blind["curves"][0]
+    assert without["rms_um"] > 1.5 * with_probe["rms_um"]
+    truth = {"X1_MPa": 0.025, "X2_MPa": 2.95, "nu": 0.28}
+    for name, value in truth.items():
+        one = with_probe["parameters"][name]
+        assert one["low"] <= value <= one["high"]
+
+
+def test_what_the_calibration_leaves_open_makes_intervals_wider(folder, tmp_path, capsys):
+    text = (folder / "probe.toml").read_text()
+    known = decode_probe(text, "p")
+    sure = msgspec.structs.replace(known.file, covariance=(np.zeros((5, 5))).tolist())
+    (tmp_path / "sure.toml").write_text(probe_text(sure))
+    widths = []
+    for path in (folder / "probe.toml", tmp_path / "sure.toml"):
+        assert run(["identify", str(folder / "s.h5"), "--probe", str(path), "--json"]) == 0
+        one = json.loads(capsys.readouterr().out)["curves"][0]["parameters"]["X1_MPa"]
+        widths.append(np.log(one["high"] / one["low"]))
+    assert widths[0] > widths[1]
+
+
+def test_another_probe_is_refused_before_any_suction(folder, tmp_path, capsys):
+    status = run(
+        ["measure", "--port", "sim://?seed=3&speed=20", "--aperture-mm", "6", "--thickness-mm", "1",
+         "--program", "ramp:100@20", "--probe", str(folder / "probe.toml"),
+         "--out", str(tmp_path / "s.h5")]
+    )  # fmt: skip
+    assert status == 3
+    assert "'P-9'; connected is 'SIM-1'" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_commands_answers(folder, capsys):
+    port = f"sim://?seed=3&speed=20&skin={folder / 'skin.toml'}"
+    check = ["calibrate", "--port", port, "--check", str(folder / "probe.toml"), "--json"]
+    assert run(check) == 0
+    assert json.loads(capsys.readouterr().out)["agrees"] is True
+    (folder / "drifted.toml").write_text((folder / "skin.toml").read_text().replace("1.06", "1.12"))
+    check[2] = port.replace("skin.toml", "drifted.toml")
+    assert run(check) == 1
+    assert json.loads(capsys.readouterr().out)["agrees"] is False
+    out = str(folder / "probe.toml")
+    assert run(["calibrate", "--port", port, "--out", out]) == 3
+    assert "never overwritten" in capsys.readouterr().err
+    assert run(["calibrate", "--port", "/dev/null", "--out", "x.toml"]) == 2
+    assert run(["calibrate", "--port", port]) == 2
+    (folder / "kit.toml").write_text('schema = "skinlab.phantoms/1"\nphantom = [{name = "a"}]\n')
+    kit = ["--phantoms", str(folder / "kit.toml"), "--out", str(folder / "x.toml")]
+    assert run(["calibrate", "--port", port, *kit]) == 3
+    assert "kit.toml" in capsys.readouterr().err

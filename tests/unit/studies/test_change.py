@@ -1,0 +1,130 @@
+"""Has a skin changed: placements, visits and a control site count."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from skinlab.cli.main import cli
+from skinlab.curves.curve import Setup
+from skinlab.errors import InputError
+from skinlab.inference.posterior import Draws
+from skinlab.inference.result import Identification, Value
+from skinlab.studies.change import Side, changes, in_words
+
+CONDITIONS = frozenset({(6.0, "ramp:100@20")})
+HEAD = "condition,quantity,scale,component,variance,freedom\n"
+WORDS = '"6 mm, ramp:100@20",X1_MPa,log'
+
+
+def side(x1, placements=1, sd=0.01, seed=0, singles=(), operator="a", conditions=CONDITIONS):
+    values = np.exp(np.log(x1) + sd * np.random.default_rng(seed).standard_normal((4000, 1)))
+
+    class Left:
+        draws = Draws(values, values, np.full(4000, 1 / 4000), np.zeros(4000), 0)
+
+    answer = Identification(
+        "s.h5", Setup(6.0, 1.0), None, parameters={"X1_MPa": Value(x1)}, uncertainty=Left
+    )
+    return Side(answer, [{"X1_MPa": s} for s in singles], placements, operator, "", conditions)
+
+
+def verdict(*sides, **options):
+    (one,) = changes(*sides, **options).parameters
+    return one
+
+
+def test_a_difference_that_placing_anew_explains_is_no_change():
+    # 10 %: ten times the curves' own noise, and less than a placement's.
+    one = verdict(side(0.030), side(0.033), placement_scatter=0.08)
+    assert one.verdict == "not_shown"
+    assert one.smallest == pytest.approx(1.96 * np.sqrt(2 * (0.08**2 + 0.01**2)), rel=0.02)
+    assert verdict(side(0.03), side(0.05), placement_scatter=0.08).verdict == "changed"
+    assert verdict(side(0.03), side(0.033, seed=1), placement_scatter=0.2).verdict == "cannot_say"
+
+
+def test_more_placements_show_smaller_changes():
+    sizes = [verdict(side(0.03, n), side(0.03, n), placement_scatter=0.08).smallest for n in (1, 4)]
+    assert sizes[1] == pytest.approx(sizes[0] / 2, rel=0.05)
+
+
+def test_the_sessions_own_repeats_say_how_much_placements_scatter():
+    wild = [0.02, 0.03, 0.045, 0.028, 0.04]
+    calm = [0.03, 0.0301, 0.0299, 0.03, 0.0302]
+    found = [
+        verdict(side(0.03, 5, singles=s), side(0.03, 5, singles=s)).smallest for s in (wild, calm)
+    ]
+    assert found[0] > 2 * found[1]
+
+
+@pytest.fixture
+def study(tmp_path):
+    rows = [("subject", 0.09, 20), ("visit", 0.0025, 20), ("operator", 0.01, 2)]
+    rows += [("within", 0.0064, 40), ("of which identification", 0.0004, "")]
+    text = "".join(f"{WORDS},{name},{v},{f}\n" for name, v, f in rows)
+    (tmp_path / "components.csv").write_text(HEAD + text)
+    return tmp_path
+
+
+def test_a_study_says_what_a_visit_and_another_operator_add(study):
+    same = verdict(side(0.03), side(0.03), study=study)
+    other = verdict(side(0.03), side(0.03, operator="b"), study=study)
+    variance = 2 * 0.0025 + 2 * (0.0064 - 0.0004) + 2 * 0.01**2
+    assert same.smallest == pytest.approx(2.086 * np.sqrt(variance), rel=0.03)
+    assert other.smallest > 1.3 * same.smallest
+    found = changes(side(0.03), side(0.03), study=study)
+    assert "components of variance" in found.basis
+    assert "smallest change that could have been shown" in in_words(found)[0]
+
+
+def test_a_control_site_takes_away_what_the_day_does(study):
+    day = 1.25  # all skin is a quarter stiffer that day
+    alone = verdict(side(0.03, 4), side(0.03 * day, 4), study=study)
+    paired = verdict(
+        side(0.03, 4),
+        side(0.03 * day, 4),
+        study=study,
+        control=(side(0.04, 4), side(0.04 * day, 4)),
+    )
+    assert alone.verdict == "changed"
+    assert paired.verdict == "not_shown"
+    assert paired.change == pytest.approx(0.0, abs=1e-3)
+
+
+def test_a_common_factor_is_told_where_no_single_stiffness_is():
+    # X1 and X2 trade off along a valley; what they do together is known ten times better.
+    rng = np.random.default_rng(0)
+    valley = rng.standard_normal((4000, 1)) * np.array([[0.2, -0.4]])
+    sides = []
+    for factor in (1.0, 1.5):
+        values = (
+            np.array([0.03, 1.5]) * factor * np.exp(valley + 0.01 * rng.standard_normal((4000, 2)))
+        )
+
+        class Left:
+            draws = Draws(values, values, np.full(4000, 1 / 4000), np.zeros(4000), 0)
+
+        found = {"X1_MPa": Value(0.03), "X2_MPa": Value(1.5)}
+        answer = Identification("s", Setup(6.0, 1.0), None, parameters=found, uncertainty=Left)
+        sides.append(Side(answer, (), 2, "", "", CONDITIONS))
+    judged = changes(*sides, placement_scatter=0.06)
+    assert [one.verdict for one in judged.parameters] == ["cannot_say", "cannot_say"]
+    assert judged.stiffness.verdict == "changed"
+    assert judged.stiffness.change == pytest.approx(np.log(1.5), abs=0.05)
+    assert judged.to_json()["stiffness"]["change"] == pytest.approx(50.0, abs=5.0)
+
+
+def test_other_openings_are_refused(study):
+    two = frozenset({(2.0, "ramp:100@20")})
+    with pytest.raises(InputError, match="expected the same openings"):
+        changes(side(0.03), side(0.03, conditions=two))
+    with pytest.raises(InputError, match="expected the same opening and program"):
+        changes(side(0.03, conditions=two), side(0.03, conditions=two), study=study)
+
+
+def test_a_scatter_that_is_none_is_refused():
+    done = CliRunner().invoke(
+        cli, ["compare", "a.h5", "b.h5", "--placement-scatter", "much"], standalone_mode=False
+    )
+    assert "expected auto or 0 to 2" in str(done.exception)

@@ -1,0 +1,294 @@
+"""The tidy table: every file at any depth, once, whatever happens to the process."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from contextlib import closing
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from click.testing import CliRunner
+from studies import rows_of, study
+
+from skinlab.cli.main import cli
+from skinlab.errors import InputError
+from skinlab.recording.session import read_session
+from skinlab.studies.compute import draws_of
+from skinlab.studies.sources import layout_pattern, pseudonym
+from skinlab.studies.table import Placements
+
+
+def test_every_curve_is_a_row_and_every_broken_file_has_a_reason(cohort, made):
+    out, done = made
+    assert done.return_value == 3
+    document = json.loads(done.stdout)
+    rows, listed = rows_of(out / "curves.csv"), rows_of(cohort / "curves.csv")
+    good = [r for r in listed if not r["file"].startswith("broken/")]
+    assert [r["file"] for r in rows] == sorted(r["file"] for r in good)
+    known = {r["file"]: r for r in good}
+    for row in rows:
+        for name in ("subject", "site", "visit", "operator", "probe", "placement", "program"):
+            assert row[name] == known[row["file"]][name]
+        low, value, high = (float(row[f"X1_MPa{e}"]) for e in ("_low", "", "_high"))
+        assert low <= value <= high
+        assert row["model_hash"].startswith("sha256:")
+        assert len(row["sha256"]) == 64
+        assert float(row["age_years"]) >= 20
+    failures = rows_of(out / "failures.csv")
+    assert document["failures"] == failures
+    assert {f["file"] for f in failures} == {r["file"] for r in listed} - set(known)
+    assert all(f["file"].split("/")[-1] in f["reason"] for f in failures)
+    assert document["curves"] == len(rows)
+
+
+def test_parquet_has_the_same_table(made):
+    out, _ = made
+    table = pq.read_table(out / "curves.parquet").to_pylist()
+    rows = rows_of(out / "curves.csv")
+    assert [r["file"] for r in table] == [r["file"] for r in rows]
+    assert [r["X2_MPa"] for r in table] == [float(r["X2_MPa"]) for r in rows]
+    assert isinstance(table[0]["cycle"], int)
+    assert table[0]["partial"] is False
+
+
+def test_files_are_for_their_owner_only(made):
+    out, _ = made
+    assert all(path.stat().st_mode & 0o077 == 0 for path in out.iterdir())
+
+
+def test_only_what_changed_is_computed_again(cohort, made, tmp_path):
+    folder, out = tmp_path / "curves", tmp_path / "study"
+    shutil.copytree(cohort, folder)
+    shutil.copytree(made[0], out)
+    before = (out / "curves.csv").read_bytes()
+    times = _stamps(out)
+    study(folder, "--out", out, "--workers", 1)
+    assert (out / "curves.csv").read_bytes() == before
+    assert _stamps(out) == times
+    changed = folder / "P001" / "forearm" / "v1_p1_c1.csv"
+    text = changed.read_text().replace("0.05,", "0.051,", 1)
+    changed.write_text(text)
+    (folder / "P002" / "forearm" / "v1_p1_c1.csv").unlink()
+    listed = (folder / "curves.csv").read_text().replace("P003,forearm,1,op2", "P003,forearm,1,op1")
+    (folder / "curves.csv").write_text(listed)  # a label is no reason to compute again
+    study(folder, "--out", out, "--workers", 1)
+    after = _stamps(out)
+    assert {n for n in after if after[n] != times.get(n)} == {"P001/forearm/v1_p1_c1.csv"}
+    rows = rows_of(out / "curves.csv")
+    assert "P002/forearm/v1_p1_c1.csv" not in {r["file"] for r in rows}
+    assert not any(
+        r["operator"] == "op2" for r in rows if r["subject"] == "P003" and r["visit"] == "1"
+    )
+    reasons = {f["file"]: f["reason"] for f in rows_of(out / "failures.csv")}
+    assert "not there" in reasons["P002/forearm/v1_p1_c1.csv"]
+
+
+def _stamps(out):
+    """Return the hash that each file's rows were computed from."""
+    with closing(sqlite3.connect(out / "study.sqlite")) as state:
+        return dict(state.execute("SELECT name, done FROM source WHERE error IS NULL"))
+
+
+def test_a_killed_study_goes_on_and_ends_in_the_same_bytes(cohort, made, tmp_path):
+    out = tmp_path / "study"
+    command = [sys.executable, "-m", "skinlab", "study", str(cohort), "--out", str(out)]
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
+    kept = 0
+    for _ in range(2):
+        process = subprocess.Popen(
+            [*command, "--workers", "2", "--resume"],
+            env=environment,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        while process.poll() is None and _kept(out) < kept + 4:
+            time.sleep(0.05)
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        assert _kept(out) > kept or process.returncode != -signal.SIGKILL
+        kept = _kept(out)
+    last = subprocess.run([*command, "--workers", "1", "--resume"], env=environment, check=False)
+    assert last.returncode == 3
+    assert (out / "curves.csv").read_bytes() == (made[0] / "curves.csv").read_bytes()
+    assert (out / "components.csv").read_bytes() == (made[0] / "components.csv").read_bytes()
+
+
+def _kept(out):
+    """Return how many curves are kept; copied, because the study holds its own file."""
+    path = out / "study.sqlite"
+    if not path.exists():
+        return 0
+    copy = out.parent / "look"
+    shutil.rmtree(copy, ignore_errors=True)
+    try:
+        shutil.copytree(out, copy)
+        with closing(sqlite3.connect(copy / "study.sqlite")) as state:
+            return state.execute("SELECT COUNT(*) FROM curve").fetchone()[0]
+    except (sqlite3.Error, OSError, shutil.Error):
+        return 0
+
+
+def test_other_settings_are_refused_with_resume_and_computed_again_without(cohort, made, tmp_path):
+    out = tmp_path / "study"
+    shutil.copytree(made[0], out)
+    with pytest.raises(InputError, match="seed: 0 then, 7 now"):
+        study(cohort, "--out", out, "--workers", 1, "--resume", "--seed", 7)
+
+
+def test_two_studies_do_not_write_to_one_folder(cohort, made, tmp_path):
+    from skinlab.studies.state import State
+
+    out = tmp_path / "study"
+    with State(out), pytest.raises(InputError, match="one at a time"):
+        study(cohort, "--out", out, "--workers", 1)
+
+
+def test_a_folder_of_something_else_is_left_alone(cohort, tmp_path):
+    (tmp_path / "thesis.txt").write_text("mine")
+    with pytest.raises(InputError, match="not empty, and no study"):
+        study(cohort, "--out", tmp_path)
+
+
+def test_sessions_campaigns_exports_and_paths_say_whose_curves_they_are(cohort, tmp_path):
+    folder = tmp_path / "in"
+    one = (cohort / "P001" / "forearm" / "v1_p1_c1.csv").read_text()
+    for path in ("subject=A1/site=cheek/visit=2/c.csv", "B2/back/v3_p4.csv", "plain/x.csv"):
+        (folder / path).parent.mkdir(parents=True, exist_ok=True)
+        (folder / path).write_text(one + "\n")
+    german = folder / "D1" / "export.txt"
+    german.parent.mkdir()
+    lines = [line.split(",") for line in one.splitlines()[1:]]
+    german.write_text(
+        "Zeit [s]\tDruck [mbar]\tHöhe [mm]\n"
+        + "\n".join("\t".join(v.replace(".", ",") for v in row) for row in lines),
+        encoding="latin-1",
+    )
+    (folder / "camp").mkdir()
+    (folder / "camp" / "d.csv").write_text(one)
+    (folder / "camp" / "campaign.toml").write_text(
+        '[campaign]\ntitle = "x"\n[[curve]]\nfile = "d.csv"\naperture_mm = 6.0\n'
+        'thickness_mm = 1.5\nsubject = "C3"\nprogram = "ramp:100@20"\n'
+    )
+    (folder / "names.csv").write_text("subject,group\nA1,control\n")
+    (folder / ".hidden.csv").write_text("no")
+    (tmp_path / "x.csv").write_text(one)
+    CliRunner().invoke(
+        cli,
+        f"import {tmp_path / 'x.csv'} --aperture-mm 6 --thickness-mm 1.1 --subject E5 --site leg "
+        f"--out {folder / 'visit.h5'}",
+    )
+    assert read_session(folder / "visit.h5").meta["subject"] == "E5"
+    out = tmp_path / "out"
+    study(folder, "--out", out, "--workers", 1, "--aperture-mm", 6, "--thickness-mm", 1.2)
+    rows = {r["file"]: r for r in rows_of(out / "curves.csv")}
+    by_path = rows["subject=A1/site=cheek/visit=2/c.csv"]
+    assert (by_path["subject"], by_path["site"], by_path["visit"]) == ("A1", "cheek", "2")
+    assert by_path["group"] == "control"
+    assert rows["camp/d.csv"]["subject"] == "C3"
+    assert float(rows["camp/d.csv"]["thickness_mm"]) == 1.5
+    assert (rows["visit.h5"]["subject"], rows["visit.h5"]["site"]) == ("E5", "leg")
+    assert float(rows["visit.h5"]["thickness_mm"]) == 1.1
+    same = float(rows["camp/d.csv"]["X1_MPa"]), float(rows["D1/export.txt"]["X1_MPa"])
+    assert same[0] != same[1]  # another thickness
+    assert rows["D1/export.txt"]["error"] == ""
+    assert rows["plain/x.csv"]["same_as"] == "B2/back/v3_p4.csv"
+    layout = tmp_path / "layout"
+    done = study(
+        folder / "B2", "--out", layout, "--workers", 1, "--aperture-mm", 6, "--thickness-mm", 1.2,
+        "--layout", "{site}/v{visit}_p{placement}", "--json",
+    )  # fmt: skip
+    row = rows_of(layout / "curves.csv")[0]
+    assert (row["site"], row["visit"], row["placement"]) == ("back", "3", "4")
+    assert json.loads(done.stdout)["curves"] == 1
+
+
+def test_without_aperture_a_curve_is_listed_and_the_sentence_says_what_to_do(cohort, tmp_path):
+    (tmp_path / "in").mkdir()
+    shutil.copy(cohort / "P001" / "forearm" / "v1_p1_c1.csv", tmp_path / "in" / "c.csv")
+    study(tmp_path / "in", "--out", tmp_path / "out", "--workers", 1)
+    (failure,) = rows_of(tmp_path / "out" / "failures.csv")
+    assert "aperture_mm and thickness_mm" in failure["reason"]
+    assert "--aperture-mm" in failure["reason"]
+
+
+def test_a_wrong_value_in_a_table_names_its_line(cohort, tmp_path):
+    folder = tmp_path / "in"
+    folder.mkdir()
+    shutil.copy(cohort / "P001" / "forearm" / "v1_p1_c1.csv", folder / "c.csv")
+    (folder / "list.csv").write_text("file;aperture_mm;thickness_mm\nc.csv;5;1\n")
+    study(folder, "--out", tmp_path / "out", "--workers", 1)
+    (failure,) = rows_of(tmp_path / "out" / "failures.csv")
+    assert "line 2: aperture_mm 5: no probe has this opening" in failure["reason"]
+
+
+def test_a_layout_says_what_is_wrong_with_it():
+    assert layout_pattern("{subject}/v{visit}").fullmatch("x/P1/v2")["visit"] == "2"
+    for wrong in ("{who}", "plain", "{site}/{site}"):
+        with pytest.raises(InputError, match="--layout"):
+            layout_pattern(wrong)
+
+
+def test_names_do_not_reach_the_table():
+    assert pseudonym("P-017") == "P-017"
+    code = pseudonym("Anna Meier")
+    assert code == pseudonym("Anna Meier") != pseudonym("Anna Maier")
+    assert code.startswith("S")
+    assert code[1:].isdigit()
+
+
+def test_placements_begin_with_first_cycles_and_stated_ones_stay():
+    one = {"subject": "P1", "visit": "1", "site": "a", "operator": "", "probe": ""}
+    placements = Placements()
+    rows = [{**one, "aperture_mm": 6.0, "cycle": c, "placement": None} for c in (1, 2, 1, 1, 2)]
+    assert [placements.of(r) for r in rows] == ["1", "1", "2", "3", "3"]
+    assert placements.of({**rows[0], "placement": "x"}) == "x"
+    assert placements.of({**rows[0], "subject": "P2"}) == "1"
+
+
+def test_draws_stand_for_their_weights():
+    class Result:
+        class uncertainty:  # noqa: N801 -- stands for an attribute
+            class draws:  # noqa: N801
+                parameters = np.array([[1.0, 5.0], [2.0, 6.0], [3.0, 7.0]])
+                weight = np.array([0.5, 0.25, 0.25])
+
+        parameters = {"a": 1, "b": 2}  # noqa: RUF012
+
+    drawn = draws_of(Result, 8)
+    assert drawn.tolist() == [[1, 5]] * 4 + [[2, 6]] * 2 + [[3, 7]] * 2
+
+
+@pytest.mark.filterwarnings("ignore")  # dask's own
+def test_a_dask_cluster_gives_the_same_table(cohort, made, tmp_path):
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
+    ) as cluster:
+        study(cohort, "--out", tmp_path / "study", "--dask", cluster.scheduler_address)
+    table = (tmp_path / "study" / "curves.csv").read_bytes()
+    assert table == (made[0] / "curves.csv").read_bytes()
+
+
+def test_without_dask_a_sentence_says_what_to_install(cohort, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(InputError, match=r"pip install 'skinlab\[dask\]'"):
+        study(cohort, "--out", tmp_path / "study", "--dask", "tcp://127.0.0.1:8786")
+
+
+def test_without_pictures_all_else_is_written(cohort, made, tmp_path, monkeypatch):
+    out = tmp_path / "study"
+    shutil.copytree(made[0], out)
+    monkeypatch.setattr("skinlab.studies.whole.have_pictures", lambda: False)
+    done = study(cohort, "--out", out, "--workers", 1)
+    assert "pip install 'skinlab[pictures]'" in done.stderr
+    assert not (out / "report.html").exists()
+    assert (out / "components.csv").read_bytes() == (made[0] / "components.csv").read_bytes()
+    assert "report.html" not in json.loads((out / "study.json").read_text())["files"]
