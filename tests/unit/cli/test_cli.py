@@ -362,3 +362,24 @@ def test_dialects_that_do_not_fit_are_refused(
     assert found == status
     assert words in " ".join(err.split())
     assert not list(tmp_path.glob("s.h5*"))
+
+
+@pytest.mark.parametrize(
+    ("words", "meant"),
+    [
+        (["exprot", "a.h5"], "did you mean export?"),
+        (["session", "verfy", "a.h5"], "did you mean verify?"),
+        (["database", "biuld"], "did you mean build?"),
+        (["identify", "--apertur-mm", "6", "c.csv"], "--aperture-mm"),
+    ],
+)
+def test_a_slip_is_answered_with_what_was_meant(capsys, words, meant):
+    status, out, err = call(capsys, *words)
+    assert (status, out) == (2, "")
+    assert meant in err
+
+
+def test_a_word_that_is_like_no_command_gets_no_guess(capsys):
+    _, _, err = call(capsys, "zzz")
+    assert "No such command 'zzz'." in err
+    assert "did you mean" not in err
