@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from skinlab.inference.identify import Identifier
     from skinlab.studies.reference import Reference
     from skinlab.tui.app import SkinlabApp
+    from skinlab.tui.settings_file import UserSettings
 
 SIMULATED = "sim://?seed=1"
 ESCAPE_MS = "40"
@@ -87,6 +88,7 @@ def command(
 
         reference = read_reference(reference_path)
     if serve:
+        user_settings()
         given = {
             "--port": port,
             "--dialect": dialect,
@@ -143,13 +145,34 @@ def _on_terminal(
     from skinlab.acquisition.settings import default_path
     from skinlab.tui.app import SkinlabApp
 
+    user = user_settings()
     bench = partial(ProbeSession, apart=True, make_probe=make_probe)
     model = None
     if identifier is not None:
         bench = partial(bench, make_identifier=lambda: identifier)
         model = identifier.model_name
-    app = SkinlabApp(port, folder, bench, settings=default_path(), model=model, reference=reference)
+    app = SkinlabApp(
+        port,
+        folder,
+        bench,
+        settings=default_path(),
+        model=model,
+        reference=reference,
+        user=user,
+    )
     return show(app)
+
+
+def user_settings() -> UserSettings:
+    """Return what the user's settings file says of the screen.
+
+    Raises:
+        InputError: something in it is wrong.
+    """
+    from skinlab.tui.app import owners
+    from skinlab.tui.settings_file import default_settings_path, read_settings
+
+    return read_settings(default_settings_path(), owners())
 
 
 def _serve(given: Mapping[str, object], host: str, port: int) -> int:
@@ -173,7 +196,15 @@ def replay_on_terminal(session: Path, speed: float | None, database_path: Path |
     from skinlab.tui.app import SkinlabApp
 
     player = partial(Replayer, database_path=database_path)
-    return show(SkinlabApp(None, session.parent, replay=session, speed=speed, make_replayer=player))
+    app = SkinlabApp(
+        None,
+        session.parent,
+        replay=session,
+        speed=speed,
+        make_replayer=player,
+        user=user_settings(),
+    )
+    return show(app)
 
 
 def show(app: SkinlabApp) -> int:

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from textual import events, on
 from textual.app import App
 from textual.binding import Binding, BindingType
 from textual.filter import LineFilter
 from textual.message import Message
-from textual.screen import ModalScreen
+from textual.screen import ModalScreen, Screen
 from textual.widgets import Input
 
 from drivers.errors import DriverError
@@ -46,6 +47,7 @@ from skinlab.tui.screens.ports import PortsScreen
 from skinlab.tui.screens.session import SessionScreen
 from skinlab.tui.screens.visits import VisitsScreen
 from skinlab.tui.screens.welcome import EXAMPLE, SIMULATED, WelcomeScreen
+from skinlab.tui.settings_file import UserSettings
 from skinlab.tui.text import adoption_lines
 from skinlab.tui.themes import ORDER, OWN, WORDS, next_theme
 from skinlab.tui.typing_guard import TypingGuard, is_typing
@@ -117,15 +119,15 @@ class SkinlabApp(App[None]):
     VERTICAL_BREAKPOINTS = [(0, "-low"), (23, "-usual"), (34, "-tall")]  # noqa: RUF012 -- Textual's own form
     BINDINGS: ClassVar[list[BindingType]] = [
         # Each screen shows v, first of all; a terminal may hold a lone Esc back
-        Binding("v", "vent_key", "Vent", show=False, priority=True),
+        Binding("v", "vent_key", "Vent", show=False, priority=True, id="vent"),
         Binding("escape", "vent", "Vent", show=False, priority=True),
-        Binding("question_mark", "help", "Help", key_display="?"),
+        Binding("question_mark", "help", "Help", key_display="?", id="help"),
         Binding("f1", "help", "Help", show=False, priority=True),
-        Binding("t", "theme", "Theme", show=False),
-        Binding("w", "messages", "Messages", show=False),
-        Binding("ctrl+p", "palette", "Commands", show=False, priority=True),
-        Binding("q", "leave", "Quit"),
-        Binding("f2", "ports", "Ports", key_display="F2", priority=True),
+        Binding("t", "theme", "Theme", show=False, id="theme"),
+        Binding("w", "messages", "Messages", show=False, id="messages"),
+        Binding("ctrl+p", "palette", "Commands", show=False, priority=True, id="palette"),
+        Binding("q", "leave", "Quit", id="quit"),
+        Binding("f2", "ports", "Ports", key_display="F2", priority=True, id="ports"),
         Binding("ctrl+q", "leave", "Quit", show=False, priority=True),
         Binding("ctrl+c", "stop", "Vent and quit", show=False, priority=True),
     ]
@@ -143,19 +145,24 @@ class SkinlabApp(App[None]):
         make_replayer: Callable[..., Replayer] = Replayer,
         clock: Callable[[], float] = time.monotonic,
         reference: Reference | None = None,
+        user: UserSettings | None = None,
     ) -> None:
         """Begin with a port, with the replay of a session, or (neither) by asking.
 
         Settings are kept for the next time in `settings`; None: nowhere. `model` names what
         curves are identified with; None: the base law. `clock` (s) tells typing from confirming.
-        `reference` has the usual ranges that values are shown against.
+        `reference` has the usual ranges that values are shown against. `user` has colours and further
+        keys of the settings file.
         """
         super().__init__()
         for theme in OWN:
             self.register_theme(theme)
-        chosen = recall_choice(settings, "theme", ORDER)
+        user = user or UserSettings()
+        chosen = user.theme or recall_choice(settings, "theme", ORDER)
         if chosen is not None:
             self.theme = chosen
+        self.set_keymap(user.keymap)
+        self._own_keys = user.keymap
         self.guard = TypingGuard(clock)
         self.board = Board(port or SIMULATED)
         self._folder = folder
@@ -437,21 +444,34 @@ class SkinlabApp(App[None]):
             self._main.draw()
 
     def action_help(self) -> None:
-        """Open the help."""
-        if not isinstance(self.screen, ModalScreen):
+        """Open the help, unless an alarm is to be read; close it where it is open."""
+        if isinstance(self.screen, HelpScreen):
+            self.screen.dismiss()
+        elif not isinstance(self.screen, AlarmScreen):
             self.push_screen(HelpScreen(self.board, self._keys_here()))
 
     def _keys_here(self) -> list[tuple[str, str]]:
-        """Return the keys of a screen over the main one, with what they do."""
-        if self.screen is self._main:
+        """Return the keys of the present screen that mean something now, with what they do.
+
+        Those of the main screen are in the list below, unless the settings file adds some.
+        """
+        if self.screen is self._main and not self._own_keys:
             return []
-        here: dict[str, str] = {}
+        here: dict[str, list[str]] = {}
         for active in self.screen.active_bindings.values():
             binding = active.binding
             if active.node is self.screen and active.enabled and binding.description:
-                key = binding.key_display or self.get_key_display(binding)
-                here.setdefault(binding.description, key)
-        return [(key, what) for what, key in here.items()]
+                keys = here.setdefault(binding.description, [])
+                shown = self.get_key_display(binding)
+                if shown not in keys:
+                    keys.append(shown)
+        return [("  ".join(keys), what) for what, keys in here.items()]
+
+    def get_key_display(self, binding: Binding) -> str:
+        """Return a key as it stands on the keyboard."""
+        shown = binding.key_display or super().get_key_display(binding)
+        named = {"delete": "Del", "pageup": "PgUp", "pagedown": "PgDn", "escape": "Esc"}
+        return named.get(shown, shown.upper() if re.fullmatch(r"f\d+", shown) else shown)
 
     def action_palette(self) -> None:
         """Search among all that can be done."""
@@ -848,3 +868,24 @@ class SkinlabApp(App[None]):
 
 def _only_samples(news: News | Aimed) -> bool:
     return isinstance(news, Heard) and all(isinstance(m, Sampled) for m in news.messages)
+
+
+def owners() -> dict[str, list[Binding]]:
+    """Return the bindings of the screens on which the settings file may add keys, by their name."""
+    screens: dict[str, type[App[None]] | type[Screen[Any]]] = {
+        "app": SkinlabApp,
+        "main": MainScreen,
+        "session": SessionScreen,
+        "missing": MissingScreen,
+        "visits": VisitsScreen,
+        "question": ConfirmScreen,
+    }
+    return {
+        name: [
+            binding
+            for cls in owner.__mro__
+            for binding in vars(cls).get("BINDINGS", ())
+            if isinstance(binding, Binding) and cls.__module__.startswith("skinlab")
+        ]
+        for name, owner in screens.items()
+    }

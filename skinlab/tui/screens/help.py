@@ -82,7 +82,7 @@ class HelpScreen(OverScreen[None]):
         with VerticalScroll(id="help"):
             yield Static("skinlab: keys (Enter closes)", classes="title", markup=False)
             if self._here:
-                lines = ["On the screen that you came from:"]
+                lines = ["On the screen that you came from, now:"]
                 lines += [f"{key:<10} {what}" for key, what in self._here]
                 yield Static("\n".join([*lines, ""]), id="help-here", markup=False)
             yield Static(_KEYS, markup=False)
