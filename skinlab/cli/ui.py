@@ -17,6 +17,7 @@ from skinlab.cli.options import database_option, dialect_option, probe_option
 from skinlab.cli.output import echo
 
 if TYPE_CHECKING:
+    from skinlab.acquisition.protocol import NamedProtocol
     from skinlab.inference.identify import Identifier
     from skinlab.studies.reference import Reference
     from skinlab.tui.app import SkinlabApp
@@ -46,6 +47,12 @@ ESCAPE_MS = "40"
     type=click.Path(path_type=Path),
     help="REFERENCE.toml whose usual ranges stand behind the values.",
 )
+@click.option(
+    "--protocol",
+    "protocol_path",
+    type=click.Path(path_type=Path),
+    help="PROTOCOL.toml of a study, through which the screen leads.",
+)
 @click.option("--serve", is_flag=True, help="In a browser: prints the address to open.")
 @click.option(
     "--serve-host", default="127.0.0.1", show_default=True, help="Where to listen, with --serve."
@@ -60,6 +67,7 @@ def command(
     probe_path: Path | None = None,
     dose_limit_mbar_s: float | None = None,
     reference_path: Path | None = None,
+    protocol_path: Path | None = None,
     serve: bool = False,
     serve_host: str = "127.0.0.1",
     serve_port: int = 8017,
@@ -87,6 +95,11 @@ def command(
         from skinlab.studies.reference import read_reference
 
         reference = read_reference(reference_path)
+    protocol = None
+    if protocol_path is not None:
+        from skinlab.acquisition.protocol import read_protocol
+
+        protocol = read_protocol(protocol_path)
     if serve:
         user_settings()
         given = {
@@ -98,10 +111,13 @@ def command(
             "--probe": probe_path,
             "--dose-limit-mbar-s": dose_limit_mbar_s,
             "--reference": reference_path,
+            "--protocol": protocol_path,
         }
         return _serve(given, serve_host, serve_port)
     if has_screen():
-        return _on_terminal(port, dialect, folder, said, dose_limit_mbar_s, reference)
+        return _on_terminal(port, dialect, folder, said, dose_limit_mbar_s, reference, protocol)
+    if protocol is not None:
+        raise click.UsageError("--protocol needs a terminal; measure --protocol does without one")
     return _headless(port or SIMULATED, dialect, folder, said or _identifier(), dose_limit_mbar_s)
 
 
@@ -135,6 +151,7 @@ def _on_terminal(
     identifier: Identifier | None,
     dose_limit_mbar_s: float | None,
     reference: Reference | None,
+    protocol: NamedProtocol | None,
 ) -> int:
     """Show the screen; without an identifier it makes its own, beside."""
     from skinlab.acquisition.session_run import probes
@@ -159,6 +176,7 @@ def _on_terminal(
         model=model,
         reference=reference,
         user=user,
+        protocol=protocol,
     )
     return show(app)
 

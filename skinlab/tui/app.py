@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 import time
 from collections.abc import Callable, Sequence
@@ -21,7 +22,16 @@ from drivers.errors import DriverError
 from drivers.events import InstrumentState
 from drivers.link import PortInfo, list_ports
 from skinlab.acquisition.measurement_request import Order, check_limits, read_order, with_opening
-from skinlab.acquisition.messages import Adopted, Connected, Disconnected, Done, Failed, Heard, News
+from skinlab.acquisition.messages import (
+    Adopted,
+    Connected,
+    Disconnected,
+    Done,
+    Failed,
+    Heard,
+    News,
+    Recording,
+)
 from skinlab.acquisition.probe_session import ProbeSession
 from skinlab.acquisition.replayer import Replayer, example_session, next_speed
 from skinlab.acquisition.settings import recall, recall_choice, remember, remember_choice
@@ -44,6 +54,7 @@ from skinlab.tui.screens.over import ConfirmScreen
 from skinlab.tui.screens.palette import Command, PaletteScreen
 from skinlab.tui.screens.pick import PickScreen
 from skinlab.tui.screens.ports import PortsScreen
+from skinlab.tui.screens.protocol import ProtocolScreen
 from skinlab.tui.screens.session import SessionScreen
 from skinlab.tui.screens.visits import VisitsScreen
 from skinlab.tui.screens.welcome import EXAMPLE, SIMULATED, WelcomeScreen
@@ -64,6 +75,7 @@ from skinlab.tui.ui_state import (
 from skinlab.tui.widgets.fields import Fields
 
 if TYPE_CHECKING:
+    from skinlab.acquisition.protocol import NamedProtocol
     from skinlab.curves.curve import Curve
     from skinlab.discrepancy.next_measurement import NextMeasurement
     from skinlab.discrepancy.outcome import Outcome
@@ -74,8 +86,9 @@ _COMMANDS = (
     Command("want('session')", "Session: means, joint fit, compare, notes", "s"),
     Command("want('visits')", "Visits: search, compare, trend", "F5"),
     Command("want('missing')", "Look for what the model misses", "d"),
+    Command("want('protocol')", "Protocol: its steps, conditions, what is missing", "p"),
     Command("want('goal')", "Set the goal of this visit", "g"),
-    Command("want('next')", "Load the measurement that brings the goal nearer", "F7"),
+    Command("want('next')", "Load the next step of the protocol, or what the goal needs", "F7"),
     Command("want('card')", "R0 to R9 of a step curve, or the values", "r"),
     Command("want('rested')", "The site has rested: count loadings from 1", "F6"),
     Command("settings", "Edit the settings", "F3"),
@@ -94,6 +107,7 @@ _LEFT_BY_VENT = (
     PaletteScreen,
     PickScreen,
     PortsScreen,
+    ProtocolScreen,
     VisitsScreen,
 )
 
@@ -146,13 +160,14 @@ class SkinlabApp(App[None]):
         clock: Callable[[], float] = time.monotonic,
         reference: Reference | None = None,
         user: UserSettings | None = None,
+        protocol: NamedProtocol | None = None,
     ) -> None:
         """Begin with a port, with the replay of a session, or (neither) by asking.
 
         Settings are kept for the next time in `settings`; None: nowhere. `model` names what
         curves are identified with; None: the base law. `clock` (s) tells typing from confirming.
-        `reference` has the usual ranges that values are shown against. `user` has colours and further
-        keys of the settings file.
+        `reference` has the usual ranges that values are shown against, `user` the colours and
+        further keys of the settings file, `protocol` what a study demands.
         """
         super().__init__()
         for theme in OWN:
@@ -175,6 +190,8 @@ class SkinlabApp(App[None]):
         self._make_replayer = make_replayer
         self.board.model = model
         self.board.reference = reference
+        self.board.protocol = protocol
+        self._otherwise: list[str] = []  # than the protocol says, to be recorded
         self.failure: Exception | None = None  # a bug that ended the app
         self._queued: Order | None = None  # to be shown once its port is connected
         self._unnamed: tuple[str, str] | None = None  # visit that may do without a subject
@@ -332,6 +349,8 @@ class SkinlabApp(App[None]):
         match news:
             case Connected():
                 self._connected(news)
+            case Recording():
+                self._record_protocol()
             case Adopted():
                 self._anew = news.anew  # a session is identified with one model
             case Disconnected() if self._next_port is not None:
@@ -435,9 +454,7 @@ class SkinlabApp(App[None]):
             self.screen.leave_line()
         elif isinstance(self.screen, ConfirmScreen):
             self.screen.dismiss(False)
-        elif isinstance(
-            self.screen, HelpScreen | PortsScreen | PickScreen | MissingScreen | VisitsScreen
-        ):
+        elif isinstance(self.screen, _LEFT_BY_VENT):
             self.pop_screen()
         self._main.set_focus(None)
         if self._main.is_mounted:
@@ -553,10 +570,13 @@ class SkinlabApp(App[None]):
                 self.push_screen(
                     VisitsScreen(self.board, self._folder, lambda: analysis.identifier)
                 )
+            case "protocol":
+                self.push_screen(ProtocolScreen(self.board))
             case "goal":
                 self._choose_goal()
             case "next" if self.board.can_arm:
-                self._load_advice()
+                if not self._load_step():
+                    self._load_advice()
             case "rested" if self.board.can_arm:
                 self._count_anew()
             case "card":
@@ -626,6 +646,109 @@ class SkinlabApp(App[None]):
         self._fields.put("program", following.program)
         what = f"{following.program}, {following.aperture_mm:g} mm opening"
         self.board.answer(Level.INFO, f"loaded: {what}; F8 goes on")
+
+    # ---- a protocol ---------------------------------------------------------------------------
+
+    @on(ProtocolScreen.Wanted)
+    def _step_wanted(self) -> None:
+        while self.screen is not self._main:
+            self.pop_screen()
+        if not self._load_step():
+            self.board.answer(Level.INFO, "all steps of the protocol are done")
+
+    @on(ProtocolScreen.Stated)
+    def _conditions_stated(self) -> None:
+        board = self.board
+        if board.path is not None and board.visit == board.who:
+            self._audit("conditions", **board.stated)
+
+    def _load_step(self) -> bool:
+        """Put the next step of the protocol into the fields; False: there is none."""
+        board = self.board
+        named, walk = board.protocol, board.walk
+        if named is None or walk is None:
+            return False
+        sites = named.protocol.study.sites
+        state = walk.next
+        site = board.who[1]
+        if sites and (state is None or site not in sites):
+            left = [s for s in sites if not board.site_done(s) and s != site]
+            if left:  # another visit begins there, with the first step
+                self._fields.put("site", left[0])
+                self._fields.follow()
+                board.name(self._fields.who)
+                walk = board.walk
+                state = None if walk is None else walk.next
+        if state is None:
+            return False
+        step = state.step
+        self._fields.put("aperture_mm", f"{step.aperture_mm:g}")
+        self._fields.put("program", step.program)
+        self._fields.put("repeats", str(state.left))
+        self._fields.put("rest_s", f"{step.rest_s:g}")
+        board.answer(Level.INFO, f"loaded: {walk.words if walk else ''}; F8 shows it")
+        return True
+
+    def _against_protocol(self, order: Order) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Return which step an order is, and what is otherwise than the protocol says."""
+        board = self.board
+        named, walk = board.protocol, board.walk
+        if named is None or walk is None:
+            return (), ()
+        from skinlab.acquisition.protocol import conditions_missing
+        from skinlab.report.protocol import rest_due_s, serves
+
+        protocol, otherwise = named.protocol, []
+        fitting = [s for s in walk.steps if serves(s.step, order.setup)]
+        state = next((s for s in fitting if s.left), None)
+        step = "no step asks for this"
+        if state is not None:
+            step = f"step {state.number} of {len(walk.steps)}: {state.step.words}"
+            if walk.next is not None and state is not walk.next:
+                otherwise.append(f"step {walk.next.number} comes before it")
+            if order.repeats != state.left:
+                otherwise.append(f"repeats: {order.repeats}, not {state.left}")
+            if order.repeats > 1 and order.rest_s < state.step.rest_s:
+                otherwise.append(f"rest {order.rest_s:g} s, not {state.step.rest_s:g} s")
+            done = board.done_curves
+            due_s = rest_due_s(state, done[-1] if done else None, board.now_s)
+            if due_s > 1:
+                otherwise.append(f"the site is to rest {due_s:.0f} s more")
+        elif fitting:
+            step = f"step {fitting[-1].number} is done: this is one more"
+        if state is None:
+            otherwise.append(step)
+        sites = protocol.study.sites
+        if sites and order.site not in sites:
+            otherwise.append(f"the protocol does not name the site {order.site or 'none given'}")
+        otherwise += conditions_missing(protocol, board.stated)
+        if protocol.conditions.thickness_measured and self._fields.assumed_thickness:
+            otherwise.append("the thickness is not measured")
+        return ((step,) if state is not None else ()), tuple(otherwise)
+
+    def _record_protocol(self) -> None:
+        """Write what is demanded, and under which conditions it begins, into the new session."""
+        named = self.board.protocol
+        if named is None:
+            return
+        sha256 = hashlib.sha256(named.text.encode()).hexdigest()
+        title = named.protocol.study.title
+        self._audit("protocol", title=title, file=named.file, sha256=sha256, text=named.text)
+        self._audit("conditions", **self.board.stated)
+        self._record_otherwise()
+
+    def _record_otherwise(self) -> None:
+        from skinlab.report.protocol import DEVIATION
+
+        clauses, self._otherwise = self._otherwise, []
+        for clause in clauses:
+            self._audit(DEVIATION, text=clause)
+
+    def _audit(self, what: str, **detail: Any) -> None:
+        try:
+            self.bench.audit(what, **detail)
+        except SkinlabError as error:
+            self.board.refuse(str(error))
 
     def _count_anew(self) -> None:
         """Take the next loading for a first one, because the operator says so."""
@@ -809,7 +932,16 @@ class SkinlabApp(App[None]):
         if goes_on and board.left is not None:
             order = order.with_left(board.left)
         counted = None if goes_on else board.next_cycle
-        review = Review(order, fields.texts(), goes_on, fields.assumed_thickness, counted)
+        protocol, otherwise = ((), ()) if goes_on else self._against_protocol(order)
+        review = Review(
+            order,
+            fields.texts(),
+            goes_on,
+            fields.assumed_thickness,
+            counted,
+            protocol,
+            otherwise,
+        )
         self._main.set_focus(None)
         self.guard.hidden()
         self.board.propose(review)
@@ -831,6 +963,9 @@ class SkinlabApp(App[None]):
             return
         board.review = None
         self._fields.accept()
+        self._otherwise = list(review.otherwise)
+        if board.path is not None and not self._anew:
+            self._record_otherwise()  # else once there is a session
         self._run(review)
 
     def _run(self, review: Review) -> None:
@@ -878,6 +1013,7 @@ def owners() -> dict[str, list[Binding]]:
         "session": SessionScreen,
         "missing": MissingScreen,
         "visits": VisitsScreen,
+        "protocol": ProtocolScreen,
         "question": ConfirmScreen,
     }
     return {

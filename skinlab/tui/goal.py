@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from skinlab.mechanics.names import plain
+from skinlab.report.rounding import half_width_percent
 
 if TYPE_CHECKING:
     from skinlab.curves.curve import Curve
     from skinlab.inference.identify import Identifier
-    from skinlab.inference.result import Advice, Identification, Value
+    from skinlab.inference.result import Advice, Identification
 
 _NO_HELP = 0.97  # expected ratio of widths from which on another measurement is no use
 _SEED = 0  # of the draws that advice looks at: the same question has the same answer
@@ -64,18 +64,6 @@ class Distance:
         expected = self.percent * self.following.narrows[self.goal.parameter]
         what = f"{self.following.aperture_mm:g} mm, {self.following.program}"
         return f"{now}; F7 loads {what} (expected ± {expected:.2g} %)"
-
-
-def half_width_percent(value: Value) -> float | None:
-    """Return half the interval as per cent of its middle; None where there is no interval.
-
-    Of a stiffness by the ratio of its ends, as it is looked for in its logarithm.
-    """
-    if value.low is None or value.high is None or not value.high > 0:
-        return None
-    if value.low <= 0:
-        return math.inf
-    return 100.0 * (math.sqrt(value.high / value.low) - 1.0)
 
 
 def distance(goal: Goal, curves: Sequence[Curve], identifier: Identifier) -> Distance:

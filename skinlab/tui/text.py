@@ -320,7 +320,22 @@ def verdict_text(board: Board) -> VerdictText:
         return VerdictText("No probe is connected", "F2 chooses a port; F8 tries this one")
     if board.elsewhere:
         return VerdictText(f"A new visit: {who_text(board.who)}", "F8 shows what will happen")
-    return VerdictText("Ready", "F8 shows what will happen, F9 then starts it")
+    step = protocol_text(board)
+    return VerdictText("Ready", step or "F8 shows what will happen, F9 then starts it")
+
+
+def protocol_text(board: Board) -> str:
+    """Return the next step of the protocol with its key; nothing where there is none."""
+    walk = board.walk
+    if walk is None:
+        return ""
+    sites = () if board.protocol is None else board.protocol.protocol.study.sites
+    elsewhere = [site for site in sites if not board.site_done(site) and site != board.who[1]]
+    if walk.next is not None:
+        return f"{walk.words}; F7 loads it, p shows all"
+    if elsewhere:
+        return f"this site is done; F7 goes on to {elsewhere[0]}"
+    return f"{walk.words}; p shows them"
 
 
 def _of_entry(board: Board, entry: Entry) -> VerdictText:
@@ -337,6 +352,8 @@ def _of_entry(board: Board, entry: Entry) -> VerdictText:
 def _following(board: Board, verdict: Verdict) -> str:
     """Return the one next step, with its key."""
     openings = {curve.setup.aperture_mm for curve in board.used if not curve.partial}
+    if verdict.use is Use.GOOD and (step := protocol_text(board)):
+        return step
     if verdict.use is Use.GOOD and board.goal_is is not None:
         return board.goal_is.words
     match verdict.step:
@@ -377,6 +394,8 @@ def card_text(board: Board, columns: int) -> CardText:
         lines = order_lines(
             review.order, assumed_thickness=review.assumed_thickness, counted=review.counted
         )
+        lines += [f"protocol {clause}" for clause in review.protocol]
+        lines += [f"{'NOTE':<8} {clause}" for clause in review.otherwise]
         return CardText(REVIEW_TITLE, (*lines, *model))
     if live is not None:
         whose = who_text(board.visit)

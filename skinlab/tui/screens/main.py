@@ -85,6 +85,7 @@ class MainScreen(Screen[None]):
             priority=True,
             id="load",
         ),
+        Binding("p", "want('protocol')", "Protocol", show=False, id="protocol"),
         Binding("g", "want('goal')", "Goal", show=False, id="goal"),
         Binding("up", "look(-1)", show=False),
         Binding("down", "look(1)", show=False),
@@ -277,6 +278,8 @@ class MainScreen(Screen[None]):
             what = parameters[0]
             if what == "start":
                 return self._board.review is not None
+            if what == "protocol":
+                return self._board.protocol is not None and not self.typing
             if what in {"session", "goal"}:
                 return not self.typing
             if what == "visits":
