@@ -41,8 +41,9 @@ from skinlab.io.log import log_exception
 from skinlab.recording.curve_selection import Deed
 from skinlab.recording.session_fit import comparable
 from skinlab.recording.stream import Identified, Sampled
+from skinlab.recording.visit_index import visit_before
 from skinlab.tui.choices import choices_for
-from skinlab.tui.goal import GOALS, distance
+from skinlab.tui.goal import CHOICES, ChangeGoal, change_distance, distance
 from skinlab.tui.inert import InertText
 from skinlab.tui.no_color import StyledFirst
 from skinlab.tui.screens.alarm import AlarmScreen
@@ -614,12 +615,12 @@ class SkinlabApp(App[None]):
         def chosen(text: str | None) -> None:
             if text is None:
                 return
-            self.board.goal = next((g for g in GOALS if g.words == text), None)
+            self.board.goal = next((g for g in CHOICES if g.words == text), None)
             self.board.goal_is = None
             self.board.touch()
             self._aim()
 
-        choices = [("no goal", "no goal"), *((g.words, g.words) for g in GOALS)]
+        choices = [("no goal", "no goal"), *((g.words, g.words) for g in CHOICES)]
         self.push_screen(PickScreen(self.board, "Goal of this visit", choices), chosen)
 
     def _aim(self) -> None:
@@ -628,10 +629,19 @@ class SkinlabApp(App[None]):
         curves = comparable(board.used)
         if goal is None or not curves or board.playing is not None:
             return
-        analysis = self.bench.analysis
+        identifier = self.bench.analysis.identifier
+        by_name = {e.curve.name: e.result for e in board.entries.values() if e.result is not None}
+        known = [curve for curve in curves if curve.name in by_name]
+        results = [by_name[curve.name] for curve in known]
+        visit, path, simulated = board.visit, board.path, board.simulated
+        serial = "" if board.hello is None else board.hello.serial_number
 
         def work() -> None:
-            self._post(Aimed(distance(goal, curves, analysis.identifier)))
+            if not isinstance(goal, ChangeGoal):
+                self._post(Aimed(distance(goal, curves, identifier)))
+                return
+            before = visit_before(self._folder, visit, path, simulated=simulated)
+            self._post(Aimed(change_distance(goal, before, known, results, identifier, serial)))
 
         self._perform("aiming", work)
 

@@ -352,10 +352,11 @@ def _of_entry(board: Board, entry: Entry) -> VerdictText:
 def _following(board: Board, verdict: Verdict) -> str:
     """Return the one next step, with its key."""
     openings = {curve.setup.aperture_mm for curve in board.used if not curve.partial}
-    if verdict.use is Use.GOOD and (step := protocol_text(board)):
-        return step
-    if verdict.use is Use.GOOD and board.goal_is is not None:
+    walk = board.walk
+    if verdict.use is Use.GOOD and board.goal_is is not None and (walk is None or not walk.next):
         return board.goal_is.words
+    if verdict.use is Use.GOOD and walk is not None:
+        return protocol_text(board)
     match verdict.step:
         case Step.ADVICE:
             return f"{verdict.advice}; then F8"

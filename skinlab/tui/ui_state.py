@@ -67,7 +67,7 @@ if TYPE_CHECKING:
     from skinlab.report.protocol import Done as DoneCurve
     from skinlab.report.protocol import Progress
     from skinlab.studies.reference import Range, Reference
-    from skinlab.tui.goal import Distance, Goal
+    from skinlab.tui.goal import AnyDistance, AnyGoal
 
 _S = InstrumentState
 SEARCHING = "searching"  # for a link that was lost
@@ -177,7 +177,7 @@ class Review:
 class Aimed:
     """News: how far the visit is from its goal."""
 
-    distance: Distance
+    distance: AnyDistance
 
 
 @dataclass(slots=True)
@@ -238,8 +238,8 @@ class Board:
         self.protocol: NamedProtocol | None = None  # that the screen walks through
         self._stated: dict[str, dict[str, str]] = {}  # conditions, by subject
         self._sites_done: set[tuple[str, str]] = set()  # subject and site, by the protocol
-        self.goal: Goal | None = None  # of the visit
-        self.goal_is: Distance | None = None  # how far it is
+        self.goal: AnyGoal | None = None  # of the visit
+        self.goal_is: AnyDistance | None = None  # how far it is
         self.shown: int | None = None  # which entry is looked at
         self.session = 0  # counts connections: entries of another one are gone
         self.path: Path | None = None  # of this connection's session, once there is one
@@ -542,6 +542,7 @@ class Board:
             case Aimed(found):
                 if found.goal == self.goal:
                     self.goal_is = found
+                    self.told.append((found.words, Level.INFO))  # whole, where a line has no room
             case Connected(port, hello, goes_on):
                 self._connected(port, hello, goes_on=goes_on)
                 if self.playing is not None:

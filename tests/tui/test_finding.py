@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -14,8 +15,10 @@ from skinlab.curves.program import check_measurable, parse_program
 from skinlab.inference.result import Advice, Value
 from skinlab.recording.pseudonym import check_site
 from skinlab.recording.visit_index import NAME, visits
+from skinlab.report.rounding import half_width_percent
+from skinlab.studies.change import Changed
 from skinlab.tui.choices import PROGRAMS, SITES, body_map, nearest_site
-from skinlab.tui.goal import GOALS, Distance, Goal, half_width_percent
+from skinlab.tui.goal import GOALS, ChangeDistance, ChangeGoal, Distance, Following, Goal
 from skinlab.tui.screens.help import HelpScreen
 from skinlab.tui.screens.main import MainScreen
 from skinlab.tui.screens.messages import MessagesScreen
@@ -248,3 +251,55 @@ def test_a_replay_jumps_by_time_and_to_the_next_event():
     assert control.wait(120.0, sample=False)
     assert sum(slept) == 0.0
     assert control.paused
+
+
+SKIN = "[skin]\nX1_MPa = {x1}\nX2_MPa = 1.0\nnu = 0.3\nthickness_mm = 1.0\n"
+
+
+async def measured(bedside, skin, times=1, goal=False):
+    """Visit P01's arm with this skin; return what the goal's line says after each curve."""
+    said = []
+    async with bedside(f"sim://?seed=3&speed=20&skin={skin}", size=(120, 30)) as bed:
+        await bed.connected()
+        await bed.fill("subject", "P01")
+        await bed.fill("site", "arm")
+        if goal:
+            await bed.press("g")
+            await bed.until(lambda: isinstance(bed.app.screen, PickScreen))
+            await bed.press("end", "enter")
+            await bed.until(lambda: isinstance(bed.board.goal, ChangeGoal))
+        for _ in range(times):
+            await bed.press("f6")
+            bed.board.goal_is = None
+            await bed.run()
+            if goal:
+                await bed.until(lambda: bed.board.goal_is is not None)
+                said.append(bed.board.goal_is)
+        await bed.quit()
+    return said
+
+
+async def test_the_goal_says_whether_the_skin_has_changed(bedside, tmp_path):
+    soft, stiff = tmp_path / "soft.toml", tmp_path / "stiff.toml"
+    soft.write_text(SKIN.format(x1=0.02))
+    stiff.write_text(SKIN.format(x1=0.05))
+    (nothing,) = await measured(bedside, soft, goal=True)
+    assert "no earlier visit" in nothing.words
+    (same,) = await measured(bedside, soft, goal=True)
+    assert same.found.verdict != "changed"
+    assert same.found.low < 0 < same.found.high
+    (other,) = await measured(bedside, stiff, goal=True)
+    assert other.found.verdict == "changed"
+    assert other.found.low > 0
+    assert other.reached
+    assert "changed since session-" in other.words
+
+
+def test_a_question_of_change_says_what_to_measure_and_when_more_will_not_help():
+    found = Changed("stiffness", "log", 0.05, -0.35, 0.45, 0.4, "cannot_say")
+    again = ChangeDistance(ChangeGoal(), "a.h5", found, Following(6.0, "ramp:100@20"), 35.0)
+    assert "not before 49 % of stiffness" in again.words
+    assert "F7: 6 mm, ramp:100@20 (then 35 %)" in again.words
+    assert "will not help" in ChangeDistance(ChangeGoal(), "a.h5", found).words
+    shown = replace(found, verdict="not_shown")
+    assert "no change of stiffness is shown" in ChangeDistance(ChangeGoal(), "a.h5", shown).words

@@ -133,3 +133,11 @@ async def test_help_tells_the_keys_of_a_list_too(bedside):
         await bed.until(lambda: isinstance(bed.app.screen, PickScreen))
         await bed.press("f8")
         await bed.quit()
+
+
+def test_the_page_s_example_is_a_settings_file(tmp_path):
+    page = (ROOT / "docs" / "bedside.md").read_text(encoding="utf-8")
+    text = page.split("```toml\n")[1].split("```")[0]
+    found = settings(tmp_path, text)
+    assert found.theme == "skinlab-contrast"
+    assert found.keymap["confirm"] == "f9,ctrl+g,f11"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from skinlab.acquisition.protocol import (
@@ -135,3 +137,11 @@ def test_conditions_are_marked_where_missing_or_outside():
     assert condition_complaint("room_temperature_c", "warm") is not None
     assert condition_complaint("operator", "Dr. Anna Schmidt") is not None
     assert condition_complaint("operator", "OP-1") is None
+
+
+def test_the_page_s_example_is_a_protocol():
+    page = (Path(__file__).parents[3] / "docs" / "files.md").read_text(encoding="utf-8")
+    text = page.split("## PROTOCOL.toml")[1].split("```toml\n")[1].split("```")[0]
+    found = decode_protocol(text, "docs")
+    assert [step.repeats for step in found.step] == [3, 1]
+    assert len(demanded(found)) == 5
