@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -11,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from skinlab.acquisition.protocol import (
+    NamedProtocol,
     Protocol,
     ProtocolStep,
     conditions_missing,
@@ -169,6 +171,17 @@ def _scatter(protocol: Protocol, state: StepState) -> list[str]:
                 f"{plain(name)[0]} scatters by {scatter:.2g} % over its repeats, not {percent:g} %"
             )
     return found
+
+
+def protocol_trail(
+    named: NamedProtocol, stated: Mapping[str, str], otherwise: Sequence[str] = ()
+) -> list[tuple[str, dict[str, Any]]]:
+    """Return what a session's audit trail keeps of a protocol: (what, detail)."""
+    sha256 = hashlib.sha256(named.text.encode()).hexdigest()
+    title = named.protocol.study.title
+    about = {"title": title, "file": named.file, "sha256": sha256, "text": named.text}
+    deviations = [(DEVIATION, {"text": clause}) for clause in otherwise]
+    return [("protocol", about), ("conditions", dict(stated)), *deviations]
 
 
 # ---- of a session that was recorded --------------------------------------------------------------

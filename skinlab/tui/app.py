@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
 import time
 from collections.abc import Callable, Sequence
@@ -741,10 +740,10 @@ class SkinlabApp(App[None]):
         named = self.board.protocol
         if named is None:
             return
-        sha256 = hashlib.sha256(named.text.encode()).hexdigest()
-        title = named.protocol.study.title
-        self._audit("protocol", title=title, file=named.file, sha256=sha256, text=named.text)
-        self._audit("conditions", **self.board.stated)
+        from skinlab.report.protocol import protocol_trail
+
+        for what, detail in protocol_trail(named, self.board.stated):
+            self._audit(what, **detail)
         self._record_otherwise()
 
     def _record_otherwise(self) -> None:
