@@ -47,6 +47,7 @@ from skinlab.tui.inert import InertText
 from skinlab.tui.no_color import StyledFirst
 from skinlab.tui.screens.alarm import AlarmScreen
 from skinlab.tui.screens.help import HelpScreen
+from skinlab.tui.screens.line import LineScreen, seconds
 from skinlab.tui.screens.main import MainScreen
 from skinlab.tui.screens.messages import MessagesScreen
 from skinlab.tui.screens.missing import MissingScreen
@@ -59,7 +60,7 @@ from skinlab.tui.screens.session import SessionScreen
 from skinlab.tui.screens.visits import VisitsScreen
 from skinlab.tui.screens.welcome import EXAMPLE, SIMULATED, WelcomeScreen
 from skinlab.tui.settings_file import UserSettings
-from skinlab.tui.text import adoption_lines
+from skinlab.tui.text import adoption_lines, undone_words
 from skinlab.tui.themes import ORDER, OWN, WORDS, next_theme
 from skinlab.tui.typing_guard import TypingGuard, is_typing
 from skinlab.tui.ui_state import (
@@ -102,6 +103,7 @@ _COMMANDS = (
 _TICK_S = 0.1
 _LEFT_BY_VENT = (
     HelpScreen,
+    LineScreen,
     MessagesScreen,
     MissingScreen,
     PaletteScreen,
@@ -272,12 +274,31 @@ class SkinlabApp(App[None]):
         playing.paused, playing.speed = control.paused, control.speed
         self.board.touch()
 
-    def _jump(self, part: float) -> None:
-        """Go to a part of the record without waiting."""
+    def _ask_time(self) -> None:
+        """Ask to which time of the record to go."""
+        playing = self.board.playing
+        if playing is None or playing.ended:
+            return
+
+        def answered(text: str | None) -> None:
+            if text is None:
+                return
+            at_s = seconds(text)
+            if at_s is None or not at_s <= playing.length_s:
+                ends = f"0 to {playing.length_s:.1f} s, or minutes as 1:30"
+                self.board.answer(Level.ERROR, f"time {text!r}: expected {ends}")
+                return
+            self._jump(at_s)
+
+        what = f"Go on to which time? (now {playing.at_s:.1f} of {playing.length_s:.1f} s)"
+        self.push_screen(LineScreen(self.board, what), answered)
+
+    def _jump(self, at_s: float) -> None:
+        """Go to a time of the record without waiting."""
         replayer, playing = self.bench, self.board.playing
         if not isinstance(replayer, Replayer) or playing is None or playing.ended:
             return
-        ahead_s = part * playing.length_s - playing.at_s
+        ahead_s = at_s - playing.at_s
         if ahead_s <= 0:
             said = "a replay goes forward only: at its end Space plays it again"
             self.board.answer(Level.INFO, said)
@@ -561,8 +582,11 @@ class SkinlabApp(App[None]):
                 self._confirm()
             case "play" | "step" | "faster" | "slower" | "event":
                 self._control(message.what)
+            case "time":
+                self._ask_time()
             case what if what.startswith("to "):
-                self._jump(int(what.removeprefix("to ")) / 10)
+                length_s = 0.0 if self.board.playing is None else self.board.playing.length_s
+                self._jump(int(what.removeprefix("to ")) / 10 * length_s)
             case "pick" if self.board.can_arm:
                 self._pick()
             case "visits":
@@ -786,7 +810,10 @@ class SkinlabApp(App[None]):
         except SkinlabError as error:
             self.board.refuse(str(error))
         else:
-            self.board.say(Level.INFO, f"recorded: {what}")
+            said = (
+                f"undone: {undone_words(message.deed)}" if message.undone else f"recorded: {what}"
+            )
+            self.board.answer(Level.INFO, said)
 
     @on(SessionScreen.Wanted)
     def _session_wanted(self, message: SessionScreen.Wanted) -> None:

@@ -27,6 +27,7 @@ from skinlab.mechanics.names import (
     unit_of,
 )
 from skinlab.quality.gates.base import Finding
+from skinlab.recording.curve_selection import Deed
 from skinlab.report.rounding import best_words, decimals, interval_words, rounded
 from skinlab.report.text import explain
 from skinlab.report.verdict import Step, Use, Verdict, judge, step_words
@@ -678,3 +679,14 @@ def adoption_lines(outcome: Outcome, file_stem: str) -> list[str]:
 def shortened(text: str, most: int = _PROGRAM) -> str:
     """Return the text, cut where it is too long for the list."""
     return text if len(text) <= most else text[: most - 1] + "…"
+
+
+def undone_words(deed: Deed) -> str:
+    """Return what taking a decision back comes to."""
+    match deed.what:
+        case "note":
+            return f"the note “{deed.text}” is struck out"
+        case "curve excluded":
+            return f"curve {deed.curve} is used again"
+        case _:
+            return f"curve {deed.curve} is left out again"

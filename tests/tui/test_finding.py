@@ -20,6 +20,7 @@ from skinlab.studies.change import Changed
 from skinlab.tui.choices import PROGRAMS, SITES, body_map, nearest_site
 from skinlab.tui.goal import GOALS, ChangeDistance, ChangeGoal, Distance, Following, Goal
 from skinlab.tui.screens.help import HelpScreen
+from skinlab.tui.screens.line import LineScreen, seconds
 from skinlab.tui.screens.main import MainScreen
 from skinlab.tui.screens.messages import MessagesScreen
 from skinlab.tui.screens.palette import PaletteScreen
@@ -303,3 +304,60 @@ def test_a_question_of_change_says_what_to_measure_and_when_more_will_not_help()
     assert "will not help" in ChangeDistance(ChangeGoal(), "a.h5", found).words
     shown = replace(found, verdict="not_shown")
     assert "no change of stiffness is shown" in ChangeDistance(ChangeGoal(), "a.h5", shown).words
+
+
+# ---- mouse, undo, a time of a replay ----------------------------------------
+
+
+async def test_the_next_step_can_be_clicked_and_never_starts_suction(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        await bed.fill("subject", "P01")
+        assert "F8 shows what will happen" in bed.text("#verdict-next")
+        await bed.pilot.click("#verdict-next")
+        await bed.until(lambda: bed.board.review)
+        bed.clock.now_s += 2.0
+        await bed.pilot.click("#verdict")
+        assert bed.board.review
+        assert not bed.board.moving
+        await bed.press("v")
+
+
+async def test_undo_says_what_it_undid(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        await bed.fill("subject", "P01")
+        await bed.run()
+        await bed.press("s")
+        await bed.until(lambda: isinstance(bed.app.screen, SessionScreen))
+        await bed.press("ctrl+z")
+        assert bed.board.note == "there is nothing to undo"
+        await bed.press("delete")
+        bed.app.screen.query_one(Input).value = "slipped"
+        await bed.press("enter")
+        await bed.until(lambda: bed.board.ledger.excluded)
+        await bed.press("ctrl+z")
+        await bed.until(lambda: bed.board.note == "undone: curve 1 is used again")
+        await bed.press("b")
+        await bed.quit()
+
+
+@pytest.mark.parametrize(
+    ("text", "s"), [("12.5", 12.5), ("12,5", 12.5), ("1:30", 90.0), ("soon", None), ("-1", None)]
+)
+def test_a_time_is_typed_in_seconds_or_minutes(text, s):
+    assert seconds(text) == s
+
+
+async def test_a_replay_goes_on_to_a_time(bedside):
+    async with bedside(None, replay=example_session(), speed=0.01) as bed:
+        await bed.until(lambda: bed.board.playing and bed.board.playing.length_s > 4)
+        await bed.press("j")
+        await bed.until(lambda: isinstance(bed.app.screen, LineScreen))
+        await bed.press("9", "9", "9", "9", "enter")
+        await bed.until(lambda: "expected 0 to" in bed.board.note)
+        await bed.press("j")
+        await bed.until(lambda: isinstance(bed.app.screen, LineScreen))
+        await bed.press("4", "enter")
+        await bed.until(lambda: bed.board.playing.at_s > 3.5)
+        assert not bed.board.playing.ended

@@ -50,7 +50,7 @@ With several repeats each follows by itself after the rest; v ends that too. A t
 lone Esc back for a moment: v is the sure key.
 
 In a replay: Space pauses, the full stop steps, + and - change the speed, e goes on to the next \
-event, 1 to 9 to tenths of the record.
+event, j asks for a time, 1 to 9 go to tenths of the record.
 
 Loadings are counted for each site, over all sessions of this program: a later one is never taken \
 for a first. F6 says that the site has fully rested.

@@ -56,6 +56,7 @@ class MainScreen(Screen[None]):
         Binding("full_stop", "step", "Step", key_display="."),
         Binding("plus,equals_sign", "speed(1)", "Faster", key_display="+"),
         Binding("minus", "speed(-1)", "Slower", key_display="-"),
+        Binding("j", "time", "Go to a time", show=False, id="time"),
         Binding("e", "event", "Next event", show=False, id="event"),
         *(Binding(str(n), f"jump({n})", show=False) for n in range(1, 10)),
         Binding("f3", "settings", "Edit", key_display="F3", priority=True, id="settings"),
@@ -272,7 +273,7 @@ class MainScreen(Screen[None]):
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Let keys pass where they mean nothing here."""
-        if action in {"play", "step", "speed", "event", "jump"}:
+        if action in {"play", "step", "speed", "event", "time", "jump"}:
             return self._board.playing is not None
         if action == "want":
             what = parameters[0]
@@ -306,6 +307,10 @@ class MainScreen(Screen[None]):
     def action_event(self) -> None:
         """Pass on that a replay is to go on to the next event."""
         self.post_message(self.Wanted("event"))
+
+    def action_time(self) -> None:
+        """Pass on that a replay is to go on to a time."""
+        self.post_message(self.Wanted("time"))
 
     def action_jump(self, tenths: int) -> None:
         """Pass on that a replay is to go to a part of the record."""

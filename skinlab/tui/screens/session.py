@@ -29,7 +29,7 @@ from skinlab.tui.text import (
     who_text,
 )
 from skinlab.tui.typing_guard import CHECK_KEY
-from skinlab.tui.ui_state import Board
+from skinlab.tui.ui_state import Board, Level
 from skinlab.tui.widgets.header import Top
 
 _FRAMES_PER_S = 8
@@ -186,9 +186,11 @@ class SessionScreen(Screen[None]):
     def action_undo(self) -> None:
         """Take the last decision back."""
         deed = self._board.ledger.undo()
-        if deed is not None:
-            self._board.touch()
-            self.post_message(self.Decided(deed, undone=True))
+        if deed is None:
+            self._board.answer(Level.INFO, "there is nothing to undo")
+            return
+        self._board.touch()
+        self.post_message(self.Decided(deed, undone=True))
 
     def action_page(self, by: int) -> None:
         """Show more of what the curves say together."""
