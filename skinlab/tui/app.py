@@ -810,10 +810,10 @@ class SkinlabApp(App[None]):
         except SkinlabError as error:
             self.board.refuse(str(error))
         else:
-            said = (
-                f"undone: {undone_words(message.deed)}" if message.undone else f"recorded: {what}"
-            )
-            self.board.answer(Level.INFO, said)
+            # More than a note: not to be covered by "saved"
+            level = Level.WARNING if message.undone else Level.INFO
+            undone = f"undone: {undone_words(message.deed)}"
+            self.board.answer(level, undone if message.undone else f"recorded: {what}")
 
     @on(SessionScreen.Wanted)
     def _session_wanted(self, message: SessionScreen.Wanted) -> None:

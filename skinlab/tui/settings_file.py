@@ -23,8 +23,8 @@ from skinlab.tui.themes import WORDS
 
 # What only looks, asks or ends suction: a letter may do it
 _LOOKING = frozenset({
-    "vent", "help", "theme", "messages", "quit", "goal", "card", "session", "missing", "event", "time",
-    "adopt", "joint", "compare", "note", "search", "order", "mark", "trend", "protocol",
+    "vent", "help", "theme", "messages", "quit", "goal", "card", "session", "missing", "event",
+    "time", "adopt", "joint", "compare", "note", "search", "order", "mark", "trend", "protocol",
 })  # fmt: skip
 # Where the usual key of an action goes round in fields, or is another one's byte on the wire
 _NEVER = frozenset({
