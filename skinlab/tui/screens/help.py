@@ -24,7 +24,8 @@ F2        choose a port
 F5        visits: search, compare, trend
 s         session: means, joint fit, compare, leave out
 d         what the model misses; what to measure next
-g  F7     goal of the visit; load what brings it nearer
+g  F7     goal of the visit; load what comes next
+p         protocol of the study, where one was given
 r         R0 to R9 of a step curve, and back
 up down   another curve; left right: more of its row
 PgUp PgDn more of the card
