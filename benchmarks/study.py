@@ -11,8 +11,8 @@ visits, operators, probes, placements), whole and with 15 % of their curves lost
 intervals of variances, shares, ICC and MDC hold the true value.
 
 `prior`: cohorts of the simulator, curves by finite elements. A population is learned from some of
-the people and used for others: how often their 90 % intervals hold the truth, and how much narrower
-they are than without it.
+the people and used for others: how often their 90 % intervals contain the true value, and how much
+narrower they are than without it.
 
 `speed`: 16 curves of each person through `skinlab study`, 50 broken files among them, killed twice.
 """

@@ -35,7 +35,7 @@ from skinlab.cli.output import echo, print_json
 @click.option(
     "--relevant-percent",
     type=float,
-    help="A change that matters: where it could not have been shown, nothing is said  "
+    help="Smallest change that matters; where it could not have been shown, the answer stays open  "
     "[default: 30].",
 )
 @json_option()

@@ -31,7 +31,7 @@ class Flag:
 CATALOGUE = {
     "at_bound": Flag(
         "{} at the edge of its range",
-        "The best fit has {} at the end of what was searched: the truth may lie beyond.",
+        "The best fit has {} at the end of the searched range: the true value may lie beyond.",
         "Check opening and thickness, and do not trust the number.",
     ),
     "not_identifiable": Flag(

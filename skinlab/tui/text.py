@@ -366,7 +366,7 @@ def _following(board: Board, verdict: Verdict) -> str:
         case Step.CHECK_SETTINGS | Step.LOWER:
             return "F3: check opening, thickness, program; then F8"
         case Step.LOOK_FOR_EFFECT:
-            return "hold the probe still and repeat (F8); stays it so, d looks for why"
+            return "hold the probe still and repeat (F8); if it stays so, d looks for why"
         case Step.OTHER_OPENING if len(openings) > 1:
             return "s, then j: fit the openings together"
         case Step.OTHER_OPENING:
