@@ -9,6 +9,7 @@ Where a law has Poisson's ratio, its compressibility is κ = (μ/2) · ratio(ν)
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -67,7 +68,7 @@ class HasPotential(Protocol):
         ...
 
 
-class Energy:
+class Energy(ABC):
     """An isotropic hyperelastic energy W = W_iso + κ/2 (J − 1)²; subclasses give W_iso.
 
     `potential` takes what is in `parameter_names`, in MPa or without unit.
@@ -78,9 +79,9 @@ class Energy:
     linear: ClassVar[bool] = False  # W is a sum of parameters times functions of the invariants
     parameter_names: tuple[str, ...]
 
+    @abstractmethod
     def isochoric(self, i1: Array, i2: Array, j: Array, parameters: Mapping[str, Any]) -> Potential:
         """Return W_iso and its derivatives. It may depend on its parameters in any way."""
-        raise NotImplementedError
 
     def potential(
         self,
@@ -118,9 +119,9 @@ class Law(Energy):
     dilatation_scale: ClassVar[str] = DILATATION_SCALE
     derived_names: ClassVar[tuple[str, ...]] = (NU_CONSISTENT, KAPPA)
 
+    @abstractmethod
     def half_shear_modulus(self, values: Mapping[str, Any]) -> Any:
         """Return μ/2 at rest, MPa, from the parameters by name."""
-        raise NotImplementedError
 
     # ---- the same for all ----
 
