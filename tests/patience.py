@@ -16,6 +16,12 @@ import sys
 import threading
 import time
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+from drivers.errors import LinkError
+
+if TYPE_CHECKING:
+    from drivers.probe import Probe
 
 LONGEST_S = 0.02
 FORGIVING_S = 60.0  # instead of the limits that would notice that another process did not run
@@ -47,6 +53,22 @@ def be_patient(*, apart: bool = False) -> None:
     if apart:
         TIMING.keep_alive_s = DEFAULTS.open_timeout_s = DEFAULTS.command_timeout_s = FORGIVING_S
         DEFAULTS.limits = Limits(stale_s=FORGIVING_S, clock_s=FORGIVING_S, vent_time_s=FORGIVING_S)
+
+
+def reopen(probe: Probe) -> None:
+    """Open a probe again whose device comes back; often, because its time passes where one looks.
+
+    Raises LinkError where it does not come.
+    """
+    end = time.monotonic() + 300.0
+    while True:
+        try:
+            probe.reopen()
+            return
+        except LinkError:
+            if time.monotonic() > end:
+                raise
+            time.sleep(0.01)
 
 
 def module_command(module: str, *arguments: str) -> list[str]:
