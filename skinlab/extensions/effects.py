@@ -50,8 +50,8 @@ def _apart(a: Array, b: Array) -> float:
 
 def _in_a_name(unit: str) -> str:
     """Return how a name ends with a unit: um_per_mm2 of µm/mm², per_mm of 1/mm."""
-    words = unit.replace("/", "_per_").removeprefix("1_")
-    return words.translate(str.maketrans({"µ": "u", "²": "2", "³": "3", "%": "percent"}))
+    words = unit.replace("/", "_per_").removeprefix("1_").replace("%", "percent")
+    return words.translate(str.maketrans("µ²³", "u23"))
 
 
 def it_says_what_it_is(effect: Effect) -> None:
