@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from skinlab import __version__
 from skinlab.errors import InputError
 from skinlab.inference.identify import Identifier
 from skinlab.recording.recorder import identification_settings
@@ -30,6 +29,7 @@ from skinlab.studies.sources import (
     sha256_of,
 )
 from skinlab.studies.state import State
+from skinlab.versions import __version__
 from skinlab.workers import on_cluster
 
 _BATCH = 8  # files a task: a second of work, lost at most when a process is killed
