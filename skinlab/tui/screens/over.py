@@ -42,8 +42,8 @@ class AskingScreen(OverScreen[bool]):
     """
 
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding(CONFIRM_KEY, "answer_yes", "Yes", priority=True),
-        Binding(CHECK_KEY, "answer_no", "No", priority=True),
+        Binding(CONFIRM_KEY, "answer_yes", "Yes", priority=True, id="confirm"),
+        Binding(CHECK_KEY, "answer_no", "No", priority=True, id="check"),
     ]
     _hint = "F9 yes      F8 no"
     _box = "question"
