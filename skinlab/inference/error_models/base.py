@@ -27,7 +27,8 @@ class Hyperparameter:
     """One positive number of an error model, whose name carries its unit: white_um.
 
     Before the data its logarithm is Gaussian about that of `median`. With `outlying`, a share of
-    the prior, it is that of `outlying_sd` instead: a statement that may be wrong.
+    the prior, it is that of `outlying_sd` instead: a statement that may be wrong. `start` is where
+    to look first, if the data say; else the median.
     """
 
     name: str
@@ -35,6 +36,7 @@ class Hyperparameter:
     log_sd: float
     outlying: float = 0.0
     outlying_sd: float = 1.5
+    start: float | None = None
 
     def log_prior(self, log_value: float) -> float:
         """Return the log density of the logarithm."""
