@@ -428,9 +428,7 @@ class SkinlabApp(App[None]):
             self.screen.leave_line()
         elif isinstance(self.screen, ConfirmScreen):
             self.screen.dismiss(False)
-        elif isinstance(
-            self.screen, HelpScreen | PortsScreen | PickScreen | MissingScreen | VisitsScreen
-        ):
+        elif isinstance(self.screen, _LEFT_BY_VENT):
             self.pop_screen()
         self._main.set_focus(None)
         if self._main.is_mounted:
