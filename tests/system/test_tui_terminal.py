@@ -193,8 +193,8 @@ def test_three_visits_with_the_left_hand_alone_in_a_small_window_without_colour(
         terminal.press("F3")  # goes to the program; back over the fields to the subject
         for _ in range(8):
             terminal.press("BTab")
-        terminal.press("C-u", *subject)
-        terminal.until(lambda screen, s=subject: s in screen)
+        terminal.press(*subject)  # in the place of what is there
+        terminal.until(lambda screen, s=subject: f"Subject {s}" in screen)
         terminal.press("F3", "C-t")
         terminal.until_all("THIS WILL HAPPEN", f"subject  {subject}", "loading  1", "repeats")
         terminal.confirm("C-g")
