@@ -27,7 +27,7 @@ from skinlab.discrepancy.search_workers import (
     fit_one,
     signature_of,
 )
-from skinlab.discrepancy.settings import NAMES
+from skinlab.discrepancy.settings import ERRORS, NAMES
 from skinlab.discrepancy.unknowns import BasePrior, Known, Unknowns
 from skinlab.errors import NotTrustworthyError
 from skinlab.inference.covariance import Covariance, independent
@@ -277,18 +277,25 @@ class Search:
         best = max(serving, key=lambda c: c.log10_evidence)
         self._progress(f"weighing {len(candidates)} explanations")
         self.errors = self._learn(self.fitter.records, self.linear(best.fit), self.errors)
-        again = self.errors.log_evidence(self.linear(base.fit))
-        return base, [replace(c, log10_evidence=self._relative(c.fit, again)) for c in candidates]
+        linear = [self.linear(c.fit) for c in (base, *candidates)]
+        least, *each = self.errors.log_evidences(linear).tolist()
+        weighed = [
+            replace(c, log10_evidence=(one - least) / LOG10 + self._log10_odds(c.fit))
+            for c, one in zip(candidates, each, strict=True)
+        ]
+        return base, weighed
 
-    def _relative(self, fit: Fit, base: float) -> float:
-        """Return log10 evidence with the odds, relative to that (natural) of the base model."""
+    def _log10_odds(self, fit: Fit) -> float:
+        """Return the odds before the data against the base model."""
         added = len(fit.effects) - len(self._own)
         n = max(len(self._library), 2)
-        odds = 1.0 / n if added == 1 else _PAIRS_ODDS / (0.5 * n * (n - 1))
-        evidence = (
-            fit.log_evidence if self.errors is None else self.errors.log_evidence(self.linear(fit))
-        )
-        return (evidence - base) / LOG10 + math.log10(odds)
+        return math.log10(1.0 / n if added == 1 else _PAIRS_ODDS / (0.5 * n * (n - 1)))
+
+    def _roughly(self, fit: Fit) -> float:
+        """Return the log evidence (natural) by which explanations are ranked."""
+        if self.errors is None:
+            return fit.log_evidence
+        return float(self.errors.log_evidences([self.linear(fit)], ERRORS.rough_nodes)[0])
 
     def _singles(self, pool: Pool, base: Candidate, chosen: list[Signature]) -> list[Candidate]:
         """Return fits of single effects: of the lesser ones only where the likely explain nothing.
@@ -435,13 +442,10 @@ class Search:
             left = judge(records, self.errors.judged, fit.deflections_mm, k)
         at_bound = tuple(n for n, f in zip(fit.unknowns.names, fit.free, strict=True) if not f)
         if base is None:
-            self._base_evidence = (
-                fit.log_evidence
-                if self.errors is None
-                else self.errors.log_evidence(self.linear(fit))
-            )
+            self._base_evidence = self._roughly(fit)
             return Candidate(fit, left, 0.0, at_bound)
-        return Candidate(fit, left, self._relative(fit, self._base_evidence), at_bound)
+        ahead = (self._roughly(fit) - self._base_evidence) / LOG10 + self._log10_odds(fit)
+        return Candidate(fit, left, ahead, at_bound)
 
 
 def with_thickness(unknowns: Unknowns, records: Sequence[Record]) -> Unknowns:

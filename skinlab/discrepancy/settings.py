@@ -20,6 +20,11 @@ class ErrorRules:
     between placements: 1 to 5 % (ultrasound, site)."""
     coarse_hz: float = 25.0
     """Samples are averaged to about this rate: the shortest correlation time is 0.1 s."""
+    weight_kept: float = 0.99
+    """Of the probability of settings of the errors, over which evidence is integrated: the rest is
+    0.004 in log10 evidence, and a third of the time."""
+    rough_nodes: int = 12
+    """Settings of each look by which explanations are ranked while the search goes on."""
     judged_nodes: int = 12
     """Settings of the errors by which a residual is judged and robustness is looked at."""
     largest_um: Mapping[str, float] = field(

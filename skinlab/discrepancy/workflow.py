@@ -87,7 +87,7 @@ def explain(
         progress("trying whether the explanation is there again in parts of the data")
         best = first.explanations[0]
         serving = [c for c in found.candidates if c.adequate]
-        linear = {id(c): search.linear(c.fit) for c in (found.base, best, *serving)}
+        linear = {id(c): search.linear(c.fit) for c in (found.base, best, *serving[:_MOST_TIED])}
         discipline = Discipline(fitter.records, search.errors, linear)
         stood = discipline.trials(best, found.base, serving, parts, held[best.effects])
         verdict, trials = disciplined(first, found, stood), tuple(stood)

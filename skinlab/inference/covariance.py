@@ -91,7 +91,7 @@ class Covariance:
         flat = values_mm.reshape(self.count, -1)
         if self.ou is None:
             return np.asarray((flat / self.sigma_mm[:, None]).reshape(values_mm.shape))
-        rough = np.array(flat, order="F")
+        rough = flat.copy()
         rough[1:] -= self._decay[1:, None] * flat[:-1]
         d, below = self._factor
         found = bidiagonal.solve(below, rough) / np.sqrt(d)[:, None]
@@ -102,7 +102,7 @@ class Covariance:
         if self.ou is None:
             return white / self.sigma_mm[:, None]
         d, below = self._factor
-        smooth = bidiagonal.solve(below, np.asfortranarray(white / np.sqrt(d)[:, None]), trans="T")
+        smooth = bidiagonal.solve(below, white / np.sqrt(d)[:, None], trans="T")
         found = smooth.copy()
         found[:-1] -= self._decay[1:, None] * smooth[1:]
         return found
@@ -112,7 +112,7 @@ class Covariance:
             return white * self.sigma_mm[:, None]
         d, below = self._factor
         scaled = white * np.sqrt(d)[:, None]
-        rough = np.array(scaled, order="F")
+        rough = scaled.copy()
         rough[1:] += below[:, None] * scaled[:-1]
         return bidiagonal.solve(-self._decay[1:], rough)
 
@@ -230,8 +230,7 @@ def gram_matrices(covariances: Sequence[Covariance], values_mm: Array) -> tuple[
         both[:, 1:] -= phi[:, 1:, None] * both[:, :-1]
         if n * u > 1:
             found, below = bidiagonal.factorise(diagonal.ravel(), beside.ravel()[:-1])
-            flat = np.asfortranarray(both.reshape(n * u, -1))
-            both = bidiagonal.solve(below, flat).reshape(n, u, -1)
+            both = bidiagonal.solve(below, both.reshape(n * u, -1)).reshape(n, u, -1)
             diagonal = found.reshape(n, u)
         d = diagonal
     both /= np.sqrt(d)[:, :, None]
