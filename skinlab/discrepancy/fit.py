@@ -109,9 +109,11 @@ class Fitter:
         """Return the model of an explanation, without an anchor."""
         return MappedModel(self.records, unknowns, self.domes)
 
-    def prepare(self, model: MappedModel, u: Array, *, slopes: bool = False) -> bool:
+    def prepare(
+        self, model: MappedModel, u: Array, *, slopes: bool = False, memory: bool = True
+    ) -> bool:
         """Solve the finite elements at u where they are to be used; False where they fail."""
-        return not self._finite_elements or model.anchor(u, slopes=slopes)
+        return not self._finite_elements or model.anchor(u, slopes=slopes, memory=memory)
 
     def kept(self, samples: NDArray[np.bool_]) -> Kept:
         """Return some of the samples (u,), with their errors, to be fitted alone."""

@@ -46,7 +46,7 @@ class Posterior:
         space, found = self.unknowns.space, {}
         logarithmic = {
             n for n, t in zip(space.names, space.transforms, strict=True) if t != "linear"
-        }
+        } | {axis.name for axis in self.unknowns.axes if axis.parameter.zero is None}
         for name, values in self._named().items():
             bounds = (low[name], high[name])
             middle, *ends = summary(

@@ -60,5 +60,36 @@ class NameRules:
     """Repeats that differ by more than so many times the noise are told of first."""
 
 
+@dataclass(frozen=True)
+class PlanRules:
+    """What further measurements cost, and when a plan is worth telling.
+
+    Times are those of a visit as docs/bedside.md describes it, not measured in a clinic. All of it
+    moves "advice settles" of benchmarks/missing_effect.py.
+    """
+
+    tie: float = NameRules.tie
+    """log10 evidence by which an explanation has to lead."""
+    lone_tie: float = NameRules.lone_tie
+    """The same where no other condition is measured."""
+    settled: float = 0.8
+    """Probability of the right name from which on a plan settles it."""
+    least_gain: float = 0.05
+    """Gain of that probability below which a measurement is not worth its time."""
+    useless: float = 0.3
+    """Expected log10 evidence, below which it tells nothing either: 2 to 1."""
+    placement_min: float = 1.5
+    """Minutes to put the probe on and off, and for the skin to recover."""
+    opening_min: float = 2.0
+    """Minutes to change the opening."""
+    most_placements: int = 3
+    """Of one measurement: more than that is not borne at one visit."""
+    most_measurements: int = 4
+    """Of a plan."""
+    most_minutes: float = 30.0
+    """Of a plan: a visit."""
+
+
 ERRORS = ErrorRules()
 NAMES = NameRules()
+PLANS = PlanRules()

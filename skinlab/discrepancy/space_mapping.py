@@ -232,12 +232,12 @@ class MappedModel:
 
     # ---- the finite elements ----
 
-    def anchor(self, u: Array, *, slopes: bool = True) -> bool:
+    def anchor(self, u: Array, *, slopes: bool = True, memory: bool = True) -> bool:
         """Solve the finite elements at u, so that the model is exact there.
 
         With `slopes` it is also known how what they correct changes around it, relaxation apart:
-        that is learnt from anchor to anchor. Returns False where they do not hold over most of the
-        pressures.
+        that is learnt from anchor to anchor; without `memory` it stays approximate. Returns False
+        where they do not hold over most of the pressures.
         """
         here = self._candidate(u)
         if here is None:
@@ -251,7 +251,7 @@ class MappedModel:
                     return False
                 ratios[key] = found
         self._ratios, self._anchor = ratios, u.copy()
-        return self._anchor_courses(here, off)
+        return not memory or self._anchor_courses(here, off)
 
     def _ratio(
         self, u: Array, here: _Candidate, key: Key, *, slopes: bool

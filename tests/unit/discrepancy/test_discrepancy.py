@@ -19,7 +19,7 @@ from skinlab.discrepancy.misfit import (
     OWN_FACTOR,
     errors_of,
 )
-from skinlab.discrepancy.next_measurement import MENU, advise
+from skinlab.discrepancy.next_measurement import MENU, PlannedErrors, advise
 from skinlab.discrepancy.records import by_geometry, records_of
 from skinlab.discrepancy.screen import alike, signature
 from skinlab.discrepancy.search import Candidate, Found
@@ -473,15 +473,42 @@ def test_the_advice_separates_what_one_ramp_leaves_tied(table):
     offset, drift = Unknowns(("deflection_offset",)), Unknowns(("baseline_drift",))
     tied = [fitter.fit(offset, np.append(TRUE, 1.0)), fitter.fit(drift, np.append(TRUE, 3.0))]
     base = fitter.fit(Unknowns(()), TRUE)
-    same = advise(fitter, [base, base])
+    errors, rng = PlannedErrors(white_um=3.0), np.random.default_rng(0)
+    same = advise(fitter, [base, base], [0.0, 0.0], errors, rng)
     assert same is None  # nothing tells a thing from itself
     # Two explanations with sizes that one ramp cannot see, but a long hold can.
     far = [replace(f, u=np.append(f.u[:3], s)) for f, s in zip(tied, (1.0, 10.0), strict=True)]
-    found = advise(fitter, far)
+    found = advise(fitter, far, [0.0, 0.5], errors, rng)
     assert found is not None
     assert found.separates == (("deflection_offset",), ("baseline_drift",))
     assert found.expected_log10_evidence > 1.3
     assert (found.aperture_mm, found.program) != (6.0, "ramp:100@20")
+    # What it is expected to lead to adds up, and a name is more probable with it than without.
+    alone = found.alone
+    assert alone is not None
+    assert alone.settled + alone.wrong + alone.tied == pytest.approx(1.0)
+    assert alone.settled > 0.5
+    assert alone.minutes > 0
+    # The shortest plan that settles it takes no longer than this one, where this one does.
+    assert found.plan is not None
+    assert found.plan.settled >= min(alone.settled, 0.8) - 1e-9
+    if alone.settled >= 0.8:
+        assert found.plan.minutes <= alone.minutes
+
+
+def test_placements_that_scatter_are_met_by_putting_the_probe_on_again(table):
+    """A zero that differs by placement hides an offset; a mean of several shows more of it."""
+    fitter = fitter_of(measured({}, [(6.0, "ramp:100@20", 1)]), table)
+    unknowns = Unknowns(("deflection_offset",))
+    one = fitter.fit(unknowns, np.append(TRUE, 1.0))
+    far = [replace(one, u=np.append(one.u[:3], s)) for s in (0.0, 2.0)]
+
+    def hoped(offset_um: float) -> float:
+        errors = PlannedErrors(white_um=3.0, offset_um=offset_um)
+        found = advise(fitter, far, [0.0, 0.0], errors, np.random.default_rng(0))
+        return 0.0 if found is None else found.plan.settled
+
+    assert hoped(0.0) > hoped(30.0)
 
 
 def test_the_finite_elements_and_the_table_agree_on_the_plain_skin(table):
