@@ -89,6 +89,15 @@ class Partial:
     base: Candidate | None = None
     candidates: list[Candidate] = field(default_factory=list)
 
+    def add(self, one: Candidate, *, base: bool) -> None:
+        """Take what has just been fitted; of one explanation the better fit."""
+        if base:
+            self.base = one
+            return
+        same = [c for c in self.candidates if c.effects == one.effects]
+        if not same or one.fit.cost < same[0].fit.cost:
+            self.candidates = [c for c in self.candidates if c.effects != one.effects] + [one]
+
 
 def unknowns_of(model: Model) -> Unknowns:
     """Return the unknowns of a model, with what it says of its effects as their priors."""
@@ -193,8 +202,6 @@ class Search:
         self._progress("fitting the model as it is")
         base = self.learned_base()
         with Pool(self._workers, self.fitter) as pool:
-            if self._partial is not None:
-                self._partial.base = base
             self._progress(f"screening {len(self._library)} effects")
             signatures, not_screened = self._screen(pool, base.fit, self._library)
             chosen = _worth(signatures.values())
@@ -204,8 +211,6 @@ class Search:
             if chosen:
                 self._progress(f"fitting {', '.join(s.effect for s in chosen)}")
                 singles = self._singles(pool, base, chosen)
-            if self._partial is not None:
-                self._partial.candidates = singles
             candidates = singles
             explaining = [c for c in singles if c.adequate]
             if explaining:
@@ -441,11 +446,15 @@ class Search:
         else:
             left = judge(records, self.errors.judged, fit.deflections_mm, k)
         at_bound = tuple(n for n, f in zip(fit.unknowns.names, fit.free, strict=True) if not f)
+        ahead = 0.0
         if base is None:
             self._base_evidence = self._roughly(fit)
-            return Candidate(fit, left, 0.0, at_bound)
-        ahead = (self._roughly(fit) - self._base_evidence) / LOG10 + self._log10_odds(fit)
-        return Candidate(fit, left, ahead, at_bound)
+        else:
+            ahead = (self._roughly(fit) - self._base_evidence) / LOG10 + self._log10_odds(fit)
+        found = Candidate(fit, left, ahead, at_bound)
+        if self._partial is not None:
+            self._partial.add(found, base=base is None)
+        return found
 
 
 def with_thickness(unknowns: Unknowns, records: Sequence[Record]) -> Unknowns:

@@ -12,6 +12,7 @@ from skinlab.mechanics.names import is_effects, plain
 from skinlab.text import inert
 
 _SHOWN = 5
+_MOST_DECADES = 6  # nobody needs to know more
 
 
 def verdict_words(outcome: Outcome) -> str:
@@ -147,8 +148,8 @@ def next_words(outcome: Outcome) -> list[str]:
         return []
     lines = [
         f"To tell them apart, measure {following.program} with the {following.aperture_mm:g} mm "
-        f"opening{_times(following.placements)} (expected log10 evidence "
-        f"{following.expected_log10_evidence:.1f})."
+        f"opening{_times(following.placements)}; it is expected to make one of them "
+        f"{_odds(following.expected_log10_evidence)} as probable as the others."
     ]
     if following.alone is not None:
         lines.append("That " + _prospect(following.alone))
@@ -164,6 +165,13 @@ def next_words(outcome: Outcome) -> list[str]:
         said = "The shortest plan that would settle it" if enough else "No plan is sure; the best"
         lines.append(f"{said}: {steps}. It {_prospect(plan)}")
     return lines
+
+
+def _odds(log10_ratio: float) -> str:
+    if log10_ratio > _MOST_DECADES:
+        return f"more than {10**_MOST_DECADES:,} times"
+    times = 10.0**log10_ratio
+    return f"{times:.1f} times" if times < 10 else f"{float(f'{times:.1g}'):,.0f} times"
 
 
 def _times(placements: int) -> str:
@@ -232,8 +240,7 @@ def partial_words(partial: Partial) -> str:
     lines = ["Interrupted; known so far:"]
     left = partial.base.left
     lines.append(
-        f"The model as it is leaves {'noise' if left.p_value >= ADEQUATE else 'more than noise'} "
-        f"(p = {left.p_value:.1g})."
+        f"The model as it is leaves {'noise' if left.p_value >= ADEQUATE else 'more than noise'}."
     )
     lines += [f"  {where_words(p)}" for p in left.places[:_SHOWN] if p.p_value < 0.01]
     for c in sorted(partial.candidates, key=lambda c: -c.log10_evidence):

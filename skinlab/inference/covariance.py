@@ -202,6 +202,14 @@ def gram_matrices(covariances: Sequence[Covariance], values_mm: Array) -> tuple[
     Raises:
         numpy.linalg.LinAlgError: one is not positive definite.
     """
+    leaders, scales = _scaled_alike(covariances)
+    if len(leaders) < len(covariances):
+        gram, log_base = gram_matrices([covariances[i] for i in leaders], values_mm)
+        place = {leader: i for i, leader in enumerate(leaders)}
+        which = [place[leader] for leader, _ in scales]
+        whole = np.ones((len(covariances), gram.shape[1]))
+        whole[:, values_mm.shape[1] :] = [scale for _, scale in scales]
+        return gram[which] * whole[:, :, None] * whole[:, None, :], log_base[which]
     first = covariances[0]
     n, u, m = len(covariances), first.count, values_mm.shape[1]
     at_once = max(1, _AT_ONCE // max(u * (m + first.columns_mm.shape[1]), 1))
@@ -235,6 +243,33 @@ def gram_matrices(covariances: Sequence[Covariance], values_mm: Array) -> tuple[
         d = diagonal
     both /= np.sqrt(d)[:, :, None]
     return both.transpose(0, 2, 1) @ both, np.log(d).sum(axis=1)
+
+
+def _scaled_alike(covariances: Sequence[Covariance]) -> tuple[list[int], list[tuple[int, Array]]]:
+    """Return which covariances to compute, and of each its leader and its columns' scales (m,).
+
+    Where only the sizes of random effects differ, D + B is the same and the columns are the
+    leader's, each longer or shorter.
+    """
+    known: dict[tuple[bytes, OrnsteinUhlenbeck | None], tuple[int, Array, Array]] = {}
+    leaders, found = [], []
+    for i, one in enumerate(covariances):
+        key = (one.variance_mm2.tobytes(), one.ou)
+        if key in known:
+            leader, rows, largest = known[key]
+            before = covariances[leader].columns_mm
+            if before.shape == one.columns_mm.shape:
+                scale = one.columns_mm[rows, np.arange(len(rows))] / largest
+                if np.allclose(before * scale, one.columns_mm, rtol=1e-12, atol=0.0):
+                    found.append((leader, scale))
+                    continue
+        columns = one.columns_mm
+        rows = np.abs(columns).argmax(axis=0) if len(columns) else np.zeros(0, dtype=np.intp)
+        largest = columns[rows, np.arange(columns.shape[1])]
+        known[key] = i, rows, np.where(largest == 0.0, 1.0, largest)
+        leaders.append(i)
+        found.append((i, np.ones(columns.shape[1])))
+    return leaders, found
 
 
 def products(covariances: Sequence[Covariance], values_mm: Array) -> tuple[Array, Array]:
