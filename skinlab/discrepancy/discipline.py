@@ -20,7 +20,6 @@ from skinlab.discrepancy.heldout import HeldOut
 from skinlab.discrepancy.records import Record, by_geometry
 from skinlab.discrepancy.search import LOG10, Candidate
 from skinlab.discrepancy.settings import NAMES
-from skinlab.inference.covariance import Covariance
 from skinlab.inference.noise import legendre
 
 Array = NDArray[np.float64]

@@ -2,8 +2,8 @@
 
 Each explanation that is still possible predicts what a measurement would give, as far as the
 campaign at hand tells its unknowns (linearised). From every one of them outcomes are drawn; each
-outcome is weighed by all, and so becomes a verdict. What counts is how probable a right name is, and
-how many minutes of a patient it costs. Sources: Box and Hill 1967 (Technometrics 9:57); Hunter and
+outcome is weighed by all, and so becomes a verdict. What counts is how probable a right name is,
+and how many minutes of a patient it costs. Sources: Box and Hill 1967 (Technometrics 9:57); Hunter and
 Reiner 1965 (ibid. 7:307).
 """
 
@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -179,7 +179,7 @@ class _Odds:
         at = vectors[:, kept] * np.sqrt(values[kept])  # each column's coordinates (columns, d)
         d = at.shape[1]
         ends = np.cumsum([n, *self.widths])
-        ways = [at[a:b].T for a, b in zip(ends[:-1], ends[1:], strict=True)]  # (d, k)
+        ways = [at[a:b].T for a, b in pairwise(ends.tolist())]  # (d, k)
         roots = [np.linalg.cholesky(np.eye(d) + w @ w.T) for w in ways]
         log_det = np.array([2.0 * np.log(np.diag(r)).sum() for r in roots])
         tie = self.tie if any(look.fresh for look in looks) else max(self.tie, PLANS.lone_tie)
@@ -349,9 +349,7 @@ def _errors(
     w, p = first.curve.deflection_mm, first.pressure_mbar
     slope = slope_mm_per_mbar(p, w)
     variance = (
-        (1e-3 * errors.white_um) ** 2
-        + (slope * first.pressure_sd_mbar) ** 2
-        + (MESH_REST * w) ** 2
+        (1e-3 * errors.white_um) ** 2 + (slope * first.pressure_sd_mbar) ** 2 + (MESH_REST * w) ** 2
     )
     own = [errors.stiffness * p * slope, np.full(n, 1e-3 * errors.offset_um)]
     if errors.thickness:

@@ -360,9 +360,7 @@ class MappedModel:
             correction = np.interp(time, time[held], (exact - at_anchor)[held])
             if i in before:
                 before[i].move(correction, off)
-            self._courses[i] = before.get(
-                i, _Learnt(correction, np.zeros((len(time), len(off))))
-            )
+            self._courses[i] = before.get(i, _Learnt(correction, np.zeros((len(time), len(off)))))
         return True
 
 

@@ -183,7 +183,6 @@ def test_whitening_is_that_of_the_dense_covariance():
 
 
 def test_domes_are_the_databases(table):
-    geometry = Geometry(6.0, 1.1)
     pressure = np.linspace(0.0, 100.0, 41)
     for thickness in (1.1, 1.23):
         problem = SkinProblem(Geometry(6.0, thickness), SKIN)
