@@ -17,6 +17,7 @@ from scipy.special import logsumexp
 
 from skinlab.discrepancy.campaign_errors import CampaignErrors, Linearised, log_evidences
 from skinlab.discrepancy.heldout import HeldOut
+from skinlab.discrepancy.odds import odds_words
 from skinlab.discrepancy.records import Record, by_geometry
 from skinlab.discrepancy.search import LOG10, Candidate
 from skinlab.discrepancy.settings import NAMES
@@ -115,8 +116,8 @@ class Discipline:
         return Trial(
             "smooth",
             lead >= NAMES.tie,
-            f"against a smooth error of the model of about {size:g} µm it leads by "
-            f"{lead:.1f} in log10 evidence",
+            f"it is {odds_words(lead)} likelier than a smooth error of the model of about "
+            f"{size:g} µm",
         )
 
     def _again(
@@ -169,8 +170,8 @@ class Discipline:
         return Trial(
             "chosen again",
             gain >= NAMES.held_out_chance,
-            "what is chosen without them predicts the conditions left out better than the model "
-            f"as it is by {gain:.1f} in log10 density",
+            "for what is chosen without them, the conditions left out are "
+            f"{odds_words(gain)} likelier than for the model as it is",
         )
 
 

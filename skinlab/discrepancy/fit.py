@@ -121,7 +121,7 @@ class Fitter:
 
     def residuals(self, model: MappedModel, u: Array, keep: Kept | None = None) -> Array:
         """Return whitened residuals (n,); large where there is no model."""
-        return self.residuals_of_many(model, u[None], keep)[0]
+        return np.asarray(self.residuals_of_many(model, u[None], keep)[0])
 
     def residuals_of_many(self, model: MappedModel, u: Array, keep: Kept | None = None) -> Array:
         """Return whitened residuals (candidates, n) of unknowns (candidates, k)."""
@@ -137,7 +137,7 @@ class Fitter:
 
     def jacobian(self, model: MappedModel, u: Array, keep: Kept | None = None) -> Array:
         """Return derivatives (n, k) of `residuals`, by differences inside the bounds."""
-        return self.jacobians(model, u[None], keep)[0]
+        return np.asarray(self.jacobians(model, u[None], keep)[0])
 
     def jacobians(self, model: MappedModel, u: Array, keep: Kept | None = None) -> Array:
         """Return derivatives (candidates, n, k) for unknowns (candidates, k), in one batch."""

@@ -3,8 +3,8 @@
 Each explanation that is still possible predicts what a measurement would give, as far as the
 campaign at hand tells its unknowns (linearised). From every one of them outcomes are drawn; each
 outcome is weighed by all, and so becomes a verdict. What counts is how probable a right name is,
-and how many minutes of a patient it costs. Sources: Box and Hill 1967 (Technometrics 9:57); Hunter and
-Reiner 1965 (ibid. 7:307).
+and how many minutes of a patient it costs. Sources: Box and Hill 1967 (Technometrics 9:57);
+Hunter and Reiner 1965 (ibid. 7:307).
 """
 
 from __future__ import annotations

@@ -191,8 +191,8 @@ class MappedModel:
         pressure = on_path
         aside = record.pressure_mbar - record.path(time)
         if aside.any():
-            late = [aside if not moved else np.interp(t, time, aside) for t in when]
-            pressure = pressure + np.array(late)
+            shifted = [aside if not moved else np.interp(t, time, aside) for t in when]
+            pressure = pressure + np.array(shifted)
         zero = np.array([p.preload_mbar for p in problems])
         if any(p.prony for p in problems):
             terms = _as_many([p.prony for p in problems])
@@ -213,12 +213,11 @@ class MappedModel:
         if zero.any():
             w = w - self._height(zero[:, None], stiffness, domes, key, off)
         if i in self._courses:
-            late = self._courses[i].at(off)
-            w = w + (
-                late
-                if not moved
-                else [np.interp(t, time, row) for t, row in zip(when, late, strict=True)]
-            )
+            course = self._courses[i].at(off)
+            if moved:
+                rows = zip(when, course, strict=True)
+                course = np.array([np.interp(t, time, row) for t, row in rows])
+            w = w + course
         return w
 
     def _height(
