@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import ClassVar, TypeVar
 
 from textual.app import ComposeResult
@@ -29,9 +30,9 @@ class OverScreen(ModalScreen[Answer]):
         yield Top(self._board)
         yield from self.compose_box()
 
+    @abstractmethod
     def compose_box(self) -> ComposeResult:
         """Yield the box."""
-        raise NotImplementedError
 
 
 class AskingScreen(OverScreen[bool]):
