@@ -9,13 +9,13 @@ from functools import partial
 
 import pytest
 from explained import UP, UP_AND_DOWN, campaign
-from skinlab.discrepancy.odds import odds_words
 from textual.widgets import Input
 
 from skinlab.acquisition.adopting import write_adopted
 from skinlab.acquisition.explainer import Explainer
 from skinlab.acquisition.probe_session import ProbeSession
 from skinlab.discrepancy.next_measurement import NextMeasurement
+from skinlab.discrepancy.odds import odds_words
 from skinlab.discrepancy.verdict import Verdict
 from skinlab.errors import InputError, SkinlabError
 from skinlab.inference.result import Value
