@@ -424,3 +424,11 @@ def test_a_step_of_a_protocol_is_measured_and_its_session_keeps_what_was_otherwi
     assert "protocol deviation: text not stated: operator" in printed
     assert "conditions: room_temperature_c 26" in printed
     assert "[[step]]" not in printed
+
+
+def test_a_slip_in_a_program_or_an_effect_is_answered_too(capsys, tmp_path):
+    model = tmp_path / "m.toml"
+    model.write_text('[model]\nname = "a"\n[effects.viscoelasticty.g]\nvalue = 0.3\n')
+    assert "did you mean ramp?" in call(capsys, *FORWARD, "--program", "rump:100@20")[2]
+    _, _, err = call(capsys, *FORWARD, *RAMP, "--model", model)
+    assert "did you mean viscoelasticity?" in err
