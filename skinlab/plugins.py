@@ -103,8 +103,8 @@ class Registry(Generic[T]):
             why = self._refused.get(name)
             known, near = ", ".join(self.names()), did_you_mean(name, self.names())
             raise InputError(
-                f"{self._called(name)} is not known{f' ({why})' if why else ''}"
-                f"{near}; expected one of: {known or 'none is there'}"
+                f"{self._called(name)} is not known{f' ({why})' if why else ''}; "
+                f"expected one of: {known or 'none is there'}{near}"
             ) from None
 
     def origin(self, name: str) -> Origin | None:

@@ -346,8 +346,8 @@ def _parse_part(part: str, text: str) -> list[Segment]:
     parser = _PARSERS.get(name)
     if parser is None:
         raise InputError(
-            f"program {text!r}: {part!r} is no segment{did_you_mean(name, _PARSERS)}; expected one "
-            f"of: {', '.join(_PARSERS)}"
+            f"program {text!r}: {part!r} is no segment; expected one of: "
+            f"{', '.join(_PARSERS)}{did_you_mean(name, _PARSERS)}"
         )
     form, parse = parser
     in_mm = re.fullmatch(r"([^@]*?)\s*mm\s*(@.*)", arguments)
