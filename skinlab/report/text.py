@@ -132,7 +132,7 @@ def describe_advice(advice: Sequence[Advice], most: int = 5) -> str:
     """Return the best measurements in a few lines."""
     if not advice:
         return "No further measurement of the menu would help, or none can be computed."
-    lines = ["To narrow the intervals, measure next (expected widths, of today's):"]
+    lines = ["To narrow the intervals, measure next (expected widths, today's being 100 %):"]
     for item in advice[:most]:
         widths = ", ".join(
             f"{plain(name)[0]} {100 * ratio:.0f} %" for name, ratio in item.narrows.items()
