@@ -19,7 +19,9 @@ from skinlab.recording.session import read_session
 
 GEOMETRY = ["--aperture-mm", "6", "--thickness-mm", "1"]
 SKIN = ["--x1-mpa", "0.03", "--x2-mpa", "1.5", "--nu", "0.3"]
-SPEC = """[axis.X1_MPa]
+SPEC = """[model]
+name = "small"
+[axis.X1_MPa]
 low = 0.02
 high = 0.05
 nodes = 2
