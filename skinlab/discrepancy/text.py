@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from skinlab.discrepancy.adequacy import ADEQUATE, Place
+from skinlab.discrepancy.next_measurement import Plan
 from skinlab.discrepancy.odds import behind_words, chance_words, odds_words
 from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.search import Candidate, Partial
-from skinlab.discrepancy.settings import NAMES
+from skinlab.discrepancy.settings import NAMES, PLANS
 from skinlab.mechanics.effects import get_effect
 from skinlab.mechanics.names import is_effects, plain
 from skinlab.text import inert
@@ -152,11 +153,40 @@ def next_words(outcome: Outcome) -> list[str]:
     following = outcome.next_measurement
     if following is None:
         return []
-    return [
+    lines = [
         f"To tell them apart, measure {following.program} with the {following.aperture_mm:g} mm "
-        "opening: it is expected to make one of them "
+        f"opening{_times(following.placements)}: it is expected to make one of them "
         f"{odds_words(following.expected_log10_evidence)} likelier."
     ]
+    if following.alone is not None:
+        lines.append("That " + _prospect(following.alone))
+    plan = following.plan
+    if plan is not None and (
+        following.alone is None or plan.measurements != following.alone.measurements
+    ):
+        steps = ", then ".join(
+            f"{m.program} with the {m.aperture_mm:g} mm opening{_times(m.placements)}"
+            for m in plan.measurements
+        )
+        enough = plan.settled >= PLANS.settled
+        said = "The shortest plan that would settle it" if enough else "No plan is sure; the best"
+        lines.append(f"{said}: {steps}. It {_prospect(plan)}")
+    return lines
+
+
+def _times(placements: int) -> str:
+    return "" if placements == 1 else f", putting the probe on {placements} times"
+
+
+def _prospect(plan: Plan) -> str:
+    """Return what a plan costs and is expected to lead to."""
+    each = ", ".join(
+        f"{' and '.join(names) or 'nothing missing'} {100 * p:.0f} %" for names, p in plan.named
+    )
+    return (
+        f"takes {plan.minutes:.0f} min; chances of a name: {each}; of a wrong one "
+        f"{100 * plan.wrong:.0f} %, of no decision {100 * plan.tied:.0f} %."
+    )
 
 
 def limits_words(outcome: Outcome) -> list[str]:

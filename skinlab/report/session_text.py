@@ -62,7 +62,9 @@ def describe_session(path: Path, session: Session) -> str:
         detail = ", ".join(
             f"{key} {value}"
             for key, value in entry.detail.items()
-            if value is not None and not isinstance(value, dict | list)
+            if value is not None
+            and not isinstance(value, dict | list)
+            and not (entry.what == "protocol" and key == "text")
         )
         about = f": {detail}" if detail and entry.what != "session opened" else ""
         tell(f"  {entry.number:3d}  {entry.utc[:23]}  {entry.who}  {entry.what}{about}")

@@ -85,10 +85,15 @@ def next_lines(outcome: Outcome) -> list[str]:
     """Return the one next step, with its key."""
     following = outcome.next_measurement
     if following is not None:
-        return [
-            f"Next: F7 loads {following.program} through {following.aperture_mm:g} mm, expected to "
-            f"make one explanation {odds_words(following.expected_log10_evidence)} likelier."
+        times = f", put on {following.placements} times" if following.placements > 1 else ""
+        lines = [
+            f"Next: F7 loads {following.program} through {following.aperture_mm:g} mm{times}, "
+            f"expected to make one explanation {odds_words(following.expected_log10_evidence)} "
+            "likelier."
         ]
+        from skinlab.discrepancy.text import next_words
+
+        return lines + next_words(outcome)[1:]
     if outcome.verdict.name == "named":
         return ["Next: a adopts the model with it; it asks first."]
     if outcome.verdict.name == "none":

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from patience import FORGIVING_S, module_command
+from patience import FORGIVING_S, module_command, reopen
 
 from drivers.errors import LocalProtocolError, RemoteProtocolError
 from drivers.events import (
@@ -28,7 +28,6 @@ from drivers.events import (
     VentConfirmed,
 )
 from drivers.probe import Limits, Probe
-from drivers.reconnect import reconnect
 from skinlab.cli.main import run as skinlab
 from skinlab.recording.session import read_session
 
@@ -150,7 +149,7 @@ def test_link_lost(simulate, link):
         until(probe, LinkLost, seen)
         assert "lift the probe" in until(probe, Alarm, seen).text
         simulated.until_vented()
-        reconnect(probe)
+        reopen(probe)
         until(probe, VentConfirmed, seen)
         until(probe, LinkRestored, seen)
         with pytest.raises(LocalProtocolError, match="acknowledge the alarm"):
@@ -354,7 +353,7 @@ def test_power_lost(simulate):
         until(probe, LinkLost, seen)
         assert "lift the probe" in until(probe, Alarm, seen).text
         again = simulate("--tcp", simulated.url.rpartition(":")[2])
-        reconnect(probe)
+        reopen(probe)
         until(probe, VentConfirmed, seen)
         probe.acknowledge_alarm()
         with pytest.raises(LocalProtocolError, match="load a program first"):
