@@ -106,6 +106,6 @@ def test_every_file_that_a_command_writes(folder):
     assert written >= {
         "crashed.h5", "curve.csv", "s.h5", "session.json", "report.html", "imported.h5",
         "traffic.jsonl", "table.h5", "study.sqlite", "curves.csv", "curves.parquet", "study.json",
-        "reference.toml", "ro-crate-metadata.json",
+        "ro-crate-metadata.json",
     }  # fmt: skip
     assert readable_by_others(folder) == []
