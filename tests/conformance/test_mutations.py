@@ -476,11 +476,11 @@ def readers(kind: str, count: int, seed: int, folder: Path) -> None:
         rng = random.Random(f"{kind} {seed} {number}")
         change = rng.choice([in_text, in_structure, in_structure, splice])
         path.write_bytes(change(text.encode(), rng))
-        begin = time.monotonic()
+        begin = time.process_time()
         # A dialect is the drivers', which know no InputError
         with contextlib.suppress(ValueError if kind == "dialect" else InputError):
             read(path)
-        assert time.monotonic() - begin < 10.0
+        assert time.process_time() - begin < 10.0
 
 
 @pytest.mark.parametrize("kind", READERS)
