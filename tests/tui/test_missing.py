@@ -9,6 +9,7 @@ from functools import partial
 
 import pytest
 from explained import UP, UP_AND_DOWN, campaign
+from skinlab.discrepancy.odds import odds_words
 from textual.widgets import Input
 
 from skinlab.acquisition.adopting import write_adopted
@@ -24,7 +25,6 @@ from skinlab.recording.session import read_session
 from skinlab.tui.missing import (
     hints,
     missing_rows,
-    odds_words,
     outcome_rows,
     plain_text,
     size_words,
