@@ -440,7 +440,15 @@ class SkinlabApp(App[None]):
         key = event if isinstance(event, events.Key) and not event.is_forwarded else None
         if pasted or (key is not None and is_typing(key.key, printable=key.is_printable)):
             self.guard.typed()
+        if key is not None and key.key in self._vent_keys and self.board.moving:
+            # Textual would let a line that is typed in, of a list or a note, take the letter
+            self.action_vent()
+            return
         await super().on_event(event)
+
+    @property
+    def _vent_keys(self) -> list[str]:
+        return self._own_keys.get("vent", "v").split(",")
 
     @property
     def _main(self) -> MainScreen:
