@@ -21,6 +21,8 @@ from skinlab.inference.samples import Samples
 
 Array = NDArray[np.float64]
 
+_EDGE = 0.02  # of a logarithm: how soon what is beyond reach is impossible
+
 
 @dataclass(frozen=True)
 class Hyperparameter:
@@ -28,7 +30,8 @@ class Hyperparameter:
 
     Before the data its logarithm is Gaussian about that of `median`. With `outlying`, a share of
     the prior, it is that of `outlying_sd` instead: a statement that may be wrong. `start` is where
-    to look first, if the data say; else the median.
+    to look first, if the data say; else the median. Beyond `reach`, in the logarithm from the
+    median, it is all but impossible.
     """
 
     name: str
@@ -37,11 +40,14 @@ class Hyperparameter:
     outlying: float = 0.0
     outlying_sd: float = 1.5
     start: float | None = None
+    reach: float = math.inf
 
     def log_prior(self, log_value: float) -> float:
         """Return the log density of the logarithm."""
         off = log_value - math.log(self.median)
         found = _log_normal(off, self.log_sd)
+        if abs(off) > self.reach:
+            found -= 0.5 * ((abs(off) - self.reach) / _EDGE) ** 2
         if not self.outlying:
             return found
         other = math.log(self.outlying) + _log_normal(off, self.outlying_sd)
