@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING
 
 import click
 
+from skinlab.cli.groups import SuggestingGroup
 from skinlab.cli.output import echo, echo_text
 
 if TYPE_CHECKING:
     from skinlab.tables.table import Spec
 
 
-@click.group()
+@click.group(cls=SuggestingGroup)
 def command() -> None:
     """The precomputed finite-element database."""
 

@@ -11,7 +11,7 @@ from skinlab.discrepancy.discipline import Discipline, Trial, repeats_um, shares
 from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.heldout import conditions_of, predict_held_out
 from skinlab.discrepancy.misfit import errors_of
-from skinlab.discrepancy.next_measurement import advise
+from skinlab.discrepancy.next_measurement import PlannedErrors, advise
 from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.posterior import sample
 from skinlab.discrepancy.records import by_condition, coarsened, records_of
@@ -87,7 +87,7 @@ def explain(
         progress("trying whether the explanation is there again in parts of the data")
         best = first.explanations[0]
         serving = [c for c in found.candidates if c.adequate]
-        linear = {id(c): search.linear(c.fit) for c in (found.base, best, *serving)}
+        linear = {id(c): search.linear(c.fit) for c in (found.base, best, *serving[:_MOST_TIED])}
         discipline = Discipline(fitter.records, search.errors, linear)
         stood = discipline.trials(best, found.base, serving, parts, held[best.effects])
         verdict, trials = disciplined(first, found, stood), tuple(stood)
@@ -99,7 +99,14 @@ def explain(
     following = None
     if verdict.name == "ambiguous":
         progress("looking for the measurement that would tell them apart")
-        following = advise(final, [again(c.fit) for c in verdict.explanations[:_MOST_TIED]])
+        tied = verdict.explanations[:_MOST_TIED]
+        following = advise(
+            final,
+            [again(c.fit) for c in tied],
+            [c.log10_evidence for c in tied],
+            PlannedErrors.of(search.errors.looks[-1]),
+            np.random.default_rng([seed, 1]),
+        )
     after = held[chosen.effects] if verdict.explanations else before
     return Outcome(
         verdict,

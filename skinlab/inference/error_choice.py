@@ -221,8 +221,8 @@ def choose_errors(
         return Combination(parts, look.samples.time_s, look.samples.ends, fixed_mm, fixed_mm2)
 
     starts = _starts(look, linear)
-    bases = [(*plain, rival) for rival in rivals] or [plain]
-    tried = [_explore(combine(base), linear, starts) for base in bases]
+    sets = [(*plain, rival) for rival in rivals] or [plain]
+    tried = [_explore(combine(parts), linear, starts) for parts in sets]
     best = max(tried, key=lambda e: e.log_evidence)
     for _ in range(_MOST_MODELS):
         names = best.combination.names

@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skinlab.discrepancy.fit import Fit
+from skinlab.discrepancy.odds import behind_words, chance_words
 from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.text import (
     doubt_words,
     gap_words,
+    lead_words,
     limits_words,
     next_words,
     parameter_rows,
@@ -56,6 +58,7 @@ def render(outcome: Outcome) -> str:
             [
                 *repeats_words(outcome),
                 verdict_words(outcome),
+                *lead_words(outcome),
                 gap_words(outcome),
                 *shares_words(outcome),
                 *next_words(outcome),
@@ -89,9 +92,9 @@ def _which(outcome: Outcome) -> Section:
     rows = [
         [
             " and ".join(e for e in c.effects if e not in own),
-            f"{c.log10_evidence - best:.1f}",
+            behind_words(best - c.log10_evidence),
             "yes" if c.adequate else "no",
-            f"{c.left.p_value:.1g}",
+            chance_words(c.left.p_value),
         ]
         for c in candidates
     ]
@@ -110,9 +113,9 @@ def _which(outcome: Outcome) -> Section:
         tables.insert(
             0,
             Table(
-                ["explanation", "log10 evidence", "explains the data", "p of what it leaves"],
+                ["explanation", "how likely", "explains the data", "what it leaves"],
                 rows,
-                "Explanations that were fitted; evidence relative to the best",
+                "Explanations that were fitted",
             ),
         )
     meanings = [
