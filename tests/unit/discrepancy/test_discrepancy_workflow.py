@@ -103,7 +103,8 @@ def test_a_hidden_effect_is_named_and_the_gap_shrinks_to_the_noise(table, effect
     # The bias that the missing effect had caused is gone.
     after = found["parameters"]["after"]["X1_MPa"]
     assert after["value"] == pytest.approx(SKIN.values[0], rel=0.1)
-    if name != "deflection_offset":  # each placement might have had a zero of its own
+    # Each placement might have had a zero of its own, or been as much stiffer as a preload makes it.
+    if name not in ("deflection_offset", "contact_preload"):
         assert found["where"][0]["p_value"] < 1e-3
 
 
@@ -160,7 +161,7 @@ def test_where_nothing_is_hidden_nothing_is_found(table):
 class NoSurfaceLayer(Fitter):
     """Finite elements that find no equilibrium of a skin with a surface layer."""
 
-    def prepare(self, model, u, *, slopes=False):
+    def prepare(self, model, u, *, slopes=False, memory=True):
         return "surface_layer" not in model.unknowns.effects
 
 
