@@ -103,7 +103,7 @@ def test_a_hidden_effect_is_named_and_the_gap_shrinks_to_the_noise(table, effect
     # The bias that the missing effect had caused is gone.
     after = found["parameters"]["after"]["X1_MPa"]
     assert after["value"] == pytest.approx(SKIN.values[0], rel=0.1)
-    # Each placement might have had a zero of its own, or been as much stiffer as a preload makes it.
+    # Each placement might have had a zero of its own, or a stiffness as of a preload.
     if name not in ("deflection_offset", "contact_preload"):
         assert found["where"][0]["p_value"] < 1e-3
 
