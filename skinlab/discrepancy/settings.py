@@ -32,8 +32,6 @@ class ErrorRules:
     )
     """Root mean squares above which what lasts or repeats is no error, but something missing: twice
     what docs/intervals.md lists."""
-    thickness_reach: float = 3.0
-    """A typed thickness further off than so many of its standard deviations is told of."""
 
 
 @dataclass(frozen=True)

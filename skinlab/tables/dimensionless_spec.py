@@ -65,9 +65,9 @@ _THICKNESS_REACH = 3.5  # standard deviations, or as far as the table goes
 _SETTINGS = StepSettings(extrapolation_error=3e-5, smallest_step_mbar=0.5, limit_mbar=20.0)
 
 THICKNESS = "thickness_over_radius"
-# κ/(μ/2) for ν to 0.499, from 0 (κ as in the paper) or 0.2 (consistent). Close together where
-# curves bend; towards incompressibility they hardly do.
-_DILATATION = (*np.geomspace(2.66, 100.2, 18).tolist(), 220.0, 1010.0)
+# κ/(μ/2) for ν of 0 to 0.499 in both conventions. Below 2.66 only `consistent` has skins. Close
+# together where curves bend; towards incompressibility they hardly do.
+_DILATATION = (1.33, 1.68, 2.12, *np.geomspace(2.66, 100.2, 18).tolist(), 220.0, 1010.0)
 
 
 @dataclass(frozen=True)

@@ -86,9 +86,17 @@ class Evaluator:
         self._along, self._load_mbar = along, load_mbar
         self._top = max(float(along.max(initial=0.0)), 1e-8)
         self._errors = np.zeros((len(basis), 0)) if errors_mm is None else errors_mm
+        self._placed: tuple[bytes, tuple[Array, Array]] = (b"", (np.empty(0), np.empty(0)))
 
     def _points(self, parameters: Array) -> tuple[Array, Array]:
         """Return coordinates (n, d) of parameters, and how far they hold (n,); -inf outside."""
+        # Fits ask for the values and then for the slopes at the same candidates
+        asked = parameters.tobytes()
+        if asked != self._placed[0]:
+            self._placed = (asked, self._place(parameters))
+        return self._placed[1]
+
+    def _place(self, parameters: Array) -> tuple[Array, Array]:
         points = np.empty_like(parameters, dtype=float)
         inside = np.ones(len(parameters), dtype=bool)
         scale = parameters[:, 0]

@@ -28,7 +28,8 @@ class Hyperparameter:
 
     Before the data its logarithm is Gaussian about that of `median`; with `log_sd_above` of another
     width above it, where sizes are bounded by what is published. With `outlying`, a share of the
-    prior, it is that of `outlying_sd` instead: a statement that may be wrong.
+    prior, it is that of `outlying_sd` instead: a statement that may be wrong. `start` is where to
+    look first, if the data say; else the median.
     """
 
     name: str
@@ -36,6 +37,7 @@ class Hyperparameter:
     log_sd: float
     outlying: float = 0.0
     outlying_sd: float = 1.5
+    start: float | None = None
     log_sd_above: float | None = None
 
     def log_prior(self, log_value: float) -> float:
