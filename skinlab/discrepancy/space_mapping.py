@@ -82,7 +82,7 @@ class MappedModel:
         found = []
         for i, record in enumerate(self.records):
             cycle = record.curve.setup.cycle
-            key = (record.geometry, min(cycle, 2))
+            key = (record.geometry, cycle)
             if key not in known:
                 try:
                     problem = problem_of(skin, effects, record.geometry, cycle)
@@ -205,7 +205,7 @@ class MappedModel:
                 problem = problem_of(skin, effects, record.geometry, cycle)
             except InputError:
                 return None
-            found[record.geometry, min(cycle, 2)] = problem, cycle
+            found[record.geometry, cycle] = problem, cycle
         return found
 
     def _ratio(self, problem: SkinProblem, stated: Geometry, nodes: Array) -> Array | None:
@@ -264,7 +264,7 @@ class MappedModel:
         """Correct what relaxes, curve by curve."""
         none = np.zeros(len(u))
         for i, record in enumerate(self.records):
-            key = (record.geometry, min(record.curve.setup.cycle, 2))
+            key = (record.geometry, record.curve.setup.cycle)
             problem = problems[key][0]
             if not problem.prony:
                 self._courses.pop(i, None)
