@@ -19,7 +19,7 @@ from skinlab.mechanics.effects.base import Array, Effect, Parameter, Values
 
 PRIOR_SIZES = 3.0  # a prior's standard deviation, in typical sizes: that of every effect
 _SOURCE = "a smooth function of unknown form; its size is learned from the data"
-_PIECES = 40  # of the highest suction: how finely a path is cut before it is bent
+_PIECES = 60  # of the highest suction: how finely a path is cut before it is bent
 
 
 @dataclass(frozen=True)
