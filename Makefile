@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: run setup test check unit docs notebooks wheel lowest soak clean
+.PHONY: run setup test check unit docs notebooks wheel lowest locked lock soak clean
 
 run: setup
 	@$(BIN)/skinlab
@@ -45,13 +45,31 @@ notebooks: .venv/.notebook
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[$*]"
 	@touch $@
 
-# Wheel and sdist, each installed into an empty environment and run there.
+# Wheel and sdist into dist/, each installed into an empty environment and run there; beside them the
+# list of all that the wheel stands on, as CycloneDX.
 wheel: setup
-	@$(BIN)/python tests/installed.py
+	@$(BIN)/python tests/installed.py --keep dist
 
 # The same with the lowest versions of all dependencies.
 lowest: setup
 	@$(BIN)/python tests/installed.py --lowest
+
+# The tests with exactly the versions of requirements-dev.lock, each held against its hash.
+locked: .venv-locked/.installed
+	@OPENBLAS_NUM_THREADS=1 .venv-locked/bin/python -m pytest -n auto --maxprocesses 4 --dist loadfile
+
+.venv-locked/.installed: requirements-dev.lock
+	@$(PYTHON) -m venv .venv-locked
+	@.venv-locked/bin/python -m pip install --quiet --disable-pip-version-check \
+	  --require-hashes -r requirements-dev.lock
+	@.venv-locked/bin/python -m pip install --quiet --disable-pip-version-check \
+	  --no-deps --no-build-isolation --editable .
+	@touch $@
+
+# Chooses these versions anew, as the ranges of pyproject.toml allow.
+lock:
+	@uv pip compile pyproject.toml --extra dev --universal --generate-hashes --upgrade --quiet \
+	  --no-header -o requirements-dev.lock
 
 # Long: what the tests do once, many times, and a hundred measurements killed at random moments.
 # Results are saved in benchmarks/results.
@@ -60,4 +78,4 @@ soak: setup
 	@$(BIN)/python tests/system/kills.py --kills 100 --save benchmarks/results/kills.json >/dev/null
 
 clean:
-	rm -rf .venv site dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache
+	rm -rf .venv .venv-locked site dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache

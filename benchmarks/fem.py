@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import json
 import platform
+import sys
 import time
 import warnings
 from collections.abc import Callable, Sequence
@@ -24,10 +25,13 @@ import numpy as np
 from scipy.linalg.lapack import dpbtrf
 from scipy.sparse.linalg import spsolve
 
+sys.path.append(str(Path(__file__).parents[1] / "tests"))
+
+from known_answers import ReferenceCurve, reference_curves
+
 from skinlab.mechanics.effects.model import problem_of
 from skinlab.mechanics.fem.assembly import Assembly, stress_and_tangent
 from skinlab.mechanics.fem.element import QUAD8_FULL
-from skinlab.mechanics.fem.known_answers import ReferenceCurve, reference_curves
 from skinlab.mechanics.fem.sensitivity import solve_with_slopes
 from skinlab.mechanics.fem.skin import Skin, SkinProblem
 from skinlab.mechanics.fem.suction import (

@@ -4,16 +4,11 @@
     python benchmarks/missing_effect.py --part none [--campaigns 15] [--seed 1] [--workers 2]
     python benchmarks/missing_effect.py --summary
 
-The curves are those of the simulated probe's skin: 9-node elements on a mesh of its own, random
-skins, thicknesses and noise. Parts: `none` hides nothing, `single` each of the library's effects in
-turn, `double` two of them, `outside` something that the library does not have, `ramp` an effect
-(or, each fourth time, nothing) in one ramp of the 6 mm opening, `life_none` and `life_single` nothing
-or one effect in curves with errors as they are measured (noise that lasts, steps, breathing, spikes,
-placements that differ in stiffness, thickness and zero; one to three placements an opening). Every campaign is one line of
+What the parts are: `challenge/campaigns.py`. Every campaign is one line of
 `results/missing_effect.jsonl`, appended as it is done, so that a run goes on where the last one
 stopped; lines of other versions of the workflow do not count. Each run ends with the confusion
 matrix and the figures, with 90 % intervals (Clopper and Pearson), saved in
-`results/missing_effect.json`.
+`results/missing_effect.json`. Peers (`peers.py`) look at the campaigns with errors as in life too.
 
 An effect's strength is told in multiples of the smallest detectable size: the length of what the
 base model, refitted to the curves without their noise, leaves, over five standard deviations. It is
@@ -29,9 +24,9 @@ import json
 import os
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -39,320 +34,25 @@ from typing import Any
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
+from challenge.campaigns import PARTS, Life, Made, Truth, curve_of, make
+from challenge.score import share
 from numpy.typing import NDArray
-from scipy.stats import beta
+from peers import ask
 
 import skinlab
-from sim_device.skin import MESH
-from skinlab.curves.campaign import Campaign
-from skinlab.curves.curve import Curve, Setup
-from skinlab.curves.pressure_path import PressurePath
-from skinlab.curves.program import parse_program
 from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.records import records_of
 from skinlab.discrepancy.workflow import explain
-from skinlab.mechanics.effects.model import Effects, Skin, forget, response
-from skinlab.mechanics.fem.suction import Geometry
+from skinlab.inference.covariance import Covariance, OrnsteinUhlenbeck
+from skinlab.inference.noise import slope_mm_per_mbar
+from skinlab.mechanics.effects.model import forget
 from skinlab.tables.store import shipped_table
 
 Array = NDArray[np.float64]
-Distortion = Callable[[Array, Array, Array, np.random.Generator], Array]
 
 RESULTS = Path(__file__).parent / "results"
 LINES = RESULTS / "missing_effect.jsonl"
 SUMMARY = RESULTS / "missing_effect.json"
-PARTS = ("none", "single", "double", "outside", "ramp", "life_none", "life_single")
-
-RATE_HZ = 20.0
-FULL = (
-    (6.0, "ramp:100@20,ramp:0@20", 1, 1),
-    (6.0, "ramp:100@20,ramp:0@20", 1, 2),
-    (6.0, "ramp:100@80,ramp:0@80", 1, 1),
-    (6.0, "ramp:100@80,hold:8,ramp:0@80,hold:4", 1, 1),
-    (2.0, "ramp:300@60,ramp:0@60", 1, 1),
-    (8.0, "ramp:100@20,ramp:0@20", 1, 1),
-)
-# Errors as in life: two or three placements of each opening.
-LIFE = (
-    (6.0, "ramp:100@80,hold:8,ramp:0@80,hold:4", 1),
-    (2.0, "ramp:300@60,ramp:0@60", 1),
-    (8.0, "ramp:100@20,ramp:0@20", 1),
-)
-# Of those effects alone that such campaigns can show at all.
-LIFE_EFFECTS = (
-    "viscoelasticity", "natural_tension", "hypodermis", "contact_preload", "thickness_error",
-    "strain_stiffening",
-)  # fmt: skip
-SECOND_CYCLE = (6.0, "ramp:100@20,ramp:0@20", 2, 1)
-RAMP = ((6.0, "ramp:100@20", 1, 1),)
-
-# Sizes to hide, from weak to strong: lowest and highest of each parameter, drawn log-uniformly in
-# its distance from no effect; "±": either sign.
-SIZES: dict[str, dict[str, tuple[float, float, float, str]]] = {
-    "viscoelasticity": {"g": (0.0, 0.02, 0.45, "+"), "tau_s": (0.0, 0.1, 9.0, "+")},
-    "natural_tension": {"stretch": (1.0, 0.003, 0.06, "+")},
-    "hypodermis": {"thickness_mm": (0.0, 1.5, 8.0, "+"), "X1_kPa": (0.0, 0.05, 4.0, "+")},
-    "contact_preload": {"p0_mbar": (0.0, 0.5, 15.0, "+")},
-    "tape_slip": {"slip_mm": (0.0, 0.02, 0.4, "+")},
-    "thickness_error": {"ratio": (1.0, 0.02, 0.35, "±")},
-    "surface_layer": {"thickness_um": (0.0, 8.0, 40.0, "+"), "X1_MPa": (0.0, 0.2, 4.0, "+")},
-    "strain_stiffening": {"X3_MPa": (0.0, 5.0, 300.0, "+")},
-    "preconditioning": {"softening": (0.0, 0.01, 0.3, "+")},
-    "pressure_lag": {"lag_s": (0.0, 0.005, 0.2, "±")},
-    "deflection_offset": {"offset_um": (0.0, 1.0, 60.0, "±")},
-    "deflection_gain": {"gain": (1.0, 0.01, 0.15, "±")},
-    "baseline_drift": {"drift_um_per_s": (0.0, 0.1, 5.0, "±")},
-}
-
-
-@dataclass(frozen=True)
-class Truth:
-    """What a campaign was made from."""
-
-    skin: Skin
-    effects: Effects
-    distortion: str  # the name of something outside the library, or ""
-    distortion_size: float
-    thickness_mm: float
-    noise_um: float
-    pressure_noise_mbar: float
-    stated: bool
-    life: Life | None = None
-
-
-@dataclass(frozen=True)
-class Life:
-    """Errors as in life: sizes of what is drawn anew for each curve or placement."""
-
-    ou_um: float
-    ou_s: float
-    step_um: float
-    stiffness: float  # standard deviations, of each placement
-    thickness: float
-    offset_um: float
-    breathing_um: float
-    pulse_um: float
-    spikes: float  # share of samples
-    rate_hz: float
-
-    @classmethod
-    def drawn(cls, rng: np.random.Generator) -> Life:
-        """Return one kind alone, or all of them."""
-        none = cls(0.0, 0.3, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 20.0)
-        whole = cls(
-            float(rng.uniform(2.0, 3.0)), float(rng.choice([0.1, 0.3, 1.0])),
-            float(rng.choice([1.0, 10.0])), float(rng.choice([0.01, 0.03, 0.06])),
-            float(rng.choice([0.01, 0.03, 0.05])), float(rng.uniform(3.0, 10.0)),
-            float(rng.uniform(2.0, 5.0)), float(rng.uniform(1.0, 3.0)), 0.01,
-            float(rng.choice([10.0, 20.0, 50.0])),
-        )  # fmt: skip
-        kind = str(
-            rng.choice(
-                ["ou", "step", "stiffness", "thickness", "offset", "periodic", "spikes", "all"]
-            )
-        )
-        of = {
-            "ou": ("ou_um", "ou_s"), "step": ("step_um",), "stiffness": ("stiffness",),
-            "thickness": ("thickness",), "offset": ("offset_um",),
-            "periodic": ("breathing_um", "pulse_um"), "spikes": ("spikes",),
-        }  # fmt: skip
-        if kind == "all":
-            return whole
-        return replace(
-            none, rate_hz=whole.rate_hz, **{name: getattr(whole, name) for name in of[kind]}
-        )
-
-    def errors_um(self, t: Array, rng: np.random.Generator) -> Array:
-        """Return what lasts, repeats or jumps in one curve (n,), µm."""
-        decay = np.exp(-np.diff(t) / self.ou_s)
-        slow = [rng.normal()]
-        for d in decay:
-            slow.append(d * slow[-1] + np.sqrt(1.0 - d**2) * rng.normal())
-        found = self.ou_um * np.array(slow) + self.offset_um * rng.normal()
-        for size, band in ((self.breathing_um, (0.2, 0.4)), (self.pulse_um, (1.0, 1.5))):
-            angle = 2.0 * np.pi * (rng.uniform(*band) * t + rng.uniform())
-            found = found + size * np.sin(angle)
-        hit = rng.random(len(t)) < self.spikes
-        return np.asarray(found + hit * rng.uniform(30.0, 100.0, len(t)) * rng.choice([-1, 1]))
-
-
-@dataclass(frozen=True, eq=False)
-class Made:
-    """A campaign, and its curves before noise."""
-
-    campaign: Campaign
-    clean_mm: list[Array]
-
-
-# ---- what the library does not have: (time, pressure, deflection, rng) -> deflection, at size 1
-
-
-def heartbeat(t: Array, p: Array, w: Array, rng: np.random.Generator) -> Array:
-    """Add 20 µm at about one a second."""
-    return w + 0.020 * np.sin(2 * np.pi * 1.2 * t + rng.uniform(0, 2 * np.pi))
-
-
-def tape_jumps(t: Array, p: Array, w: Array, rng: np.random.Generator) -> Array:
-    """Let the skin jump by up to 60 µm at two moments of a curve, for good."""
-    for when in rng.uniform(0.15, 0.85, 2):
-        w = w + rng.uniform(0.02, 0.06) * (t > when * t[-1])
-    return w
-
-
-def rate_independent_loop(t: Array, p: Array, w: Array, rng: np.random.Generator) -> Array:
-    """Bulge the way back by 15 % of the dome, at any rate the same."""
-    x = p / max(float(p.max()), 1e-9)
-    back = t > t[int(np.argmax(p))]
-    return w + np.where(back, 0.15 * float(w.max()) * 4 * x * (1 - x), 0.0)
-
-
-def saturation(t: Array, p: Array, w: Array, rng: np.random.Generator) -> Array:
-    """Clip a dome at 70 % of its height."""
-    return np.minimum(w, 0.7 * float(w.max()))
-
-
-def wander(t: Array, p: Array, w: Array, rng: np.random.Generator) -> Array:
-    """Let the zero wander by 25 µm over some seconds."""
-    period = rng.uniform(4.0, 9.0)
-    phase = rng.uniform(0, 2 * np.pi)
-    return w + 0.025 * (np.sin(2 * np.pi * t / period + phase) - np.sin(phase))
-
-
-def play(t: Array, p: Array, w: Array, rng: np.random.Generator) -> Array:
-    """Let the dome follow the suction with a play of 12 mbar."""
-    effective, at = np.empty_like(p), 0.0
-    for i, asked in enumerate(p):
-        at = min(max(at, asked - 6.0), asked + 6.0)
-        effective[i] = at
-    rising = np.arange(len(p)) <= int(np.argmax(p))
-    known_p, known_w = p[rising], w[rising]
-    return np.asarray(np.interp(effective, known_p, known_w))
-
-
-def ringing(t: Array, p: Array, w: Array, rng: np.random.Generator) -> Array:
-    """Let a filter of 0.7 s ring in the deflection channel, without delaying its mean."""
-    bend = np.gradient(np.gradient(w, t), t)
-    return w + 0.25 * bend / max(1.0, float(np.abs(bend).max()) / 0.25)
-
-
-OUTSIDE: dict[str, Distortion] = {
-    f.__name__: f
-    for f in (heartbeat, tape_jumps, rate_independent_loop, saturation, wander, play, ringing)
-}
-
-
-# ---- making a campaign ---------------------------------------------------------------------------
-
-
-def draw(part: str, seed: int, number: int, attempt: int) -> tuple[Truth, Any]:
-    """Return the truth and the plan of curves of campaign `number`."""
-    rng = np.random.default_rng([seed, PARTS.index(part), number, attempt])
-    names = tuple(SIZES)
-    hidden: list[str] = []
-    distortion = ""
-    if part == "single":
-        hidden = [names[number % len(names)]]
-    elif part == "life_single":
-        hidden = [LIFE_EFFECTS[number % len(LIFE_EFFECTS)]]
-    elif part == "double":
-        hidden = sorted(rng.choice(names, 2, replace=False).tolist())
-    elif part == "ramp" and number % 4:
-        hidden = [str(rng.choice([n for n in names if n != "preconditioning"]))]
-    elif part == "outside":
-        distortion = list(OUTSIDE)[number % len(OUTSIDE)]
-    effects = {name: {k: _size(rng, *v) for k, v in SIZES[name].items()} for name in hidden}
-    x1 = float(np.exp(rng.uniform(np.log(0.015), np.log(0.07))))
-    x2 = float(np.exp(rng.uniform(np.log(0.5), np.log(4.0))))
-    skin = Skin((x1, x2, float(rng.uniform(0.22, 0.42))))
-    plan = list(RAMP if part == "ramp" else FULL)
-    second = rng.random() < 0.3 or "preconditioning" in hidden
-    life = None
-    if part.startswith("life"):
-        times = 3 if part == "life_single" else int(rng.choice([1, 2, 3]))
-        plan = [(*entry, 1 + i) for i in range(times) for entry in LIFE]
-        life, second = Life.drawn(rng), False
-    if second and part != "ramp":
-        plan.append(SECOND_CYCLE)
-    truth = Truth(
-        skin,
-        effects,
-        distortion,
-        float(np.exp(rng.uniform(np.log(0.15), 0.0))) if distortion else 0.0,
-        round(float(rng.uniform(0.9, 1.5)), 2),
-        round(float(rng.uniform(2.0, 5.0)), 1),
-        round(float(rng.uniform(0.1, 0.3)), 2),
-        bool(rng.random() < 0.5),
-        life,
-    )
-    return truth, plan
-
-
-def _size(rng: np.random.Generator, zero: float, low: float, high: float, sign: str) -> float:
-    size = float(np.exp(rng.uniform(np.log(low), np.log(high))))
-    return zero + size * (float(rng.choice([-1.0, 1.0])) if sign == "±" else 1.0)
-
-
-def curve_of(
-    truth: Truth, entry: tuple[float, str, int, int], rng: np.random.Generator
-) -> tuple[Curve, Array] | None:
-    """Return the measured curve and the same without noise; None where the skin does not hold."""
-    aperture, text, cycle, repeat = entry
-    program = parse_program(text)
-    life = truth.life
-    rate = RATE_HZ if life is None else life.rate_hz
-    t = np.arange(int(program.duration_s * rate + 1e-9) + 1) / rate
-    path = PressurePath.of_program(program)
-    thickness, skin = truth.thickness_mm, truth.skin
-    if life is not None:  # a placement of its own
-        thickness *= float(np.exp(life.thickness * rng.normal()))
-        stiffer = float(np.exp(life.stiffness * rng.normal()))
-        x1, x2, nu = skin.values
-        skin = Skin((x1 * stiffer, x2 * stiffer, nu))
-    geometry = Geometry(aperture, thickness)
-    found = response(skin, truth.effects, geometry, path, t, cycle=cycle, discretisation=MESH)
-    w = found.deflection_mm
-    if not np.isfinite(w).all():
-        return None
-    if truth.distortion:
-        changed = OUTSIDE[truth.distortion](t, path(t), w, rng)
-        w = w + truth.distortion_size * (changed - w)
-    read_w = w + rng.normal(0.0, 1e-3 * truth.noise_um, len(t))
-    step_mm = 1e-3
-    if life is not None:
-        read_w = read_w + 1e-3 * life.errors_um(t, rng)
-        step_mm = 1e-3 * life.step_um
-    read_w = step_mm * np.round(read_w / step_mm)
-    read_p = np.round(path(t) + rng.normal(0.0, truth.pressure_noise_mbar, len(t)), 1)
-    name = f"d{aperture:g}_{text.replace(':', '').replace(',', '_')}_c{cycle}_{repeat}.csv"
-    setup = Setup(aperture, truth.thickness_mm, program, cycle, repeat)
-    return Curve(name, setup, t, read_p, read_w), w
-
-
-def make(part: str, seed: int, number: int) -> tuple[Truth, Made]:
-    """Return campaign `number`; skins that crease on the way are drawn again."""
-    for attempt in range(100):
-        truth, plan = draw(part, seed, number, attempt)
-        rng = np.random.default_rng([seed, PARTS.index(part), number, attempt, 1])
-        found = []
-        for entry in plan:
-            one = curve_of(truth, entry, rng)
-            if one is None:
-                break
-            found.append(one)
-        if len(found) == len(plan):
-            return truth, _made(truth, found)
-    raise RuntimeError("no skin holds")
-
-
-def _made(truth: Truth, found: Sequence[tuple[Curve, Array]]) -> Made:
-    campaign = Campaign(
-        "hidden",
-        truth.noise_um if truth.stated else None,
-        truth.pressure_noise_mbar if truth.stated else None,
-        tuple(curve for curve, _ in found),
-    )
-    return Made(campaign, [clean for _, clean in found])
-
 
 # ---- judging one campaign ------------------------------------------------------------------------
 
@@ -389,16 +89,21 @@ def judge(part: str, seed: int, version: str, number: int) -> dict[str, Any]:
     }  # fmt: skip
     line |= _strength(truth, made, outcome)
     line["parameters"] = outcome.parameters(outcome.best)
+    if part.startswith("life"):
+        line["peers"] = ask(made.campaign, shipped_table()).line()
     if verdict.name == "ambiguous" and outcome.next_measurement is not None:
         following = outcome.next_measurement
-        entry = (following.aperture_mm, following.program, 1, 1)
         rng = np.random.default_rng([seed, PARTS.index(part), number, 2])
-        more = curve_of(truth, entry, rng)
-        line["next"] = [following.aperture_mm, following.program]
+        line["next"] = [following.aperture_mm, following.program, following.placements]
         line["expected_log10_evidence"] = following.expected_log10_evidence
-        if more is not None:
-            again = replace(made.campaign, curves=(*made.campaign.curves, more[0]))
-            second = explain(again, shipped_table()).verdict
+        line["expected_settled"] = None if following.alone is None else following.alone.settled
+        more = [
+            curve_of(truth, (following.aperture_mm, following.program, 1, 9 + k), rng)
+            for k in range(following.placements)
+        ]
+        if all(one is not None for one in more):
+            curves = (*made.campaign.curves, *(one[0] for one in more if one is not None))
+            second = explain(replace(made.campaign, curves=curves), shipped_table()).verdict
             line["then"] = [second.name, [sorted(c.effects) for c in second.explanations]]
     return line
 
@@ -429,7 +134,18 @@ def _strength(truth: Truth, made: Made, outcome: Outcome) -> dict[str, Any]:
         if name not in truth.effects and s.size > 1e-2
     }
     closest = min(others, key=lambda n: others[n]) if others else ""
+    true = _true_errors(truth, outcome)
+    colour = errors.colour
+    off = clean - np.concatenate(base.deflections_mm)
+
+    def hoped(*more: Array) -> float:
+        basis = true.whiten(colour(np.column_stack([base.jacobian[:, base.free], *more])))
+        r, q = true.whiten(off), np.linalg.qr(basis)[0]
+        return 0.5 * float(np.square(r - q @ (q.T @ r)).sum()) / np.log(10.0)
+
+    rival = found.signatures[closest].direction if closest else np.zeros(errors.count)
     return {
+        "knower_log10": [hoped(), hoped(rival)],
         "strength": left(base),
         "closest": closest,
         "closest_leaves": others.get(closest, 0.0),
@@ -437,16 +153,46 @@ def _strength(truth: Truth, made: Made, outcome: Outcome) -> dict[str, Any]:
     }
 
 
+def _true_errors(truth: Truth, outcome: Outcome) -> Covariance:
+    """Return the errors' covariance, as nobody knows it (spikes, which are left out, apart)."""
+    records, life = outcome.found.records, truth.life or Life()
+    w = [r.curve.deflection_mm for r in records]
+    p = [r.pressure_mbar for r in records]
+    slope = [slope_mm_per_mbar(a, b) for a, b in zip(p, w, strict=True)]
+    fewer = np.concatenate([np.full(len(r.curve), r.coarse**-0.5) for r in records])
+    of_pressure = np.concatenate(
+        [s * r.pressure_sd_mbar for s, r in zip(slope, records, strict=True)]
+    )
+    variance = (
+        (1e-3 * truth.noise_um * fewer) ** 2
+        + (1e-3 * life.step_um) ** 2 / 12.0
+        + (life.proportional * np.concatenate(w) * fewer) ** 2
+        + of_pressure**2
+    )
+    n = len(variance)
+    ends = np.cumsum([len(x) for x in w])
+    time_s = np.concatenate([r.curve.time_s for r in records])
+    columns = [outcome.found.errors.columns_mm[:, :0]]
+    for i, r in enumerate(records):
+        own = [
+            life.stiffness * p[i] * slope[i],
+            np.full(len(w[i]), 1e-3 * life.offset_um),
+            life.thickness * p[i] * slope[i],  # about: a thicker skin is a stiffer one
+        ]
+        t = r.curve.time_s - r.curve.time_s[0]
+        for size, hz in ((life.breathing_um, 0.3), (life.pulse_um, 1.25)):
+            own += [1e-3 * size * f(2.0 * np.pi * hz * t) for f in (np.sin, np.cos)]
+        own.append(
+            1e-3 * life.walk_um * np.sqrt(max(float(t[-1]), 1.0) / 2.0) * t / max(t[-1], 1e-9)
+        )
+        block = np.zeros((n, len(own)))
+        block[ends[i] - len(w[i]) : ends[i]] = np.column_stack(own)
+        columns.append(block)
+    ou = OrnsteinUhlenbeck(1e-3 * life.ou_um, life.ou_s) if life.ou_um else None
+    return Covariance(variance, np.hstack(columns), tuple(int(e) for e in ends), ou, time_s)
+
+
 # ---- summary -------------------------------------------------------------------------------------
-
-
-def share(hits: Iterable[bool]) -> dict[str, Any]:
-    """Return a share with its 90 % interval (Clopper and Pearson)."""
-    found = list(hits)
-    k, n = sum(found), len(found)
-    low = float(beta.ppf(0.05, k, n - k + 1)) if k else 0.0
-    high = float(beta.ppf(0.95, k + 1, n - k)) if k < n else 1.0
-    return {"share": k / n if n else None, "of": n, "low": low, "high": high}
 
 
 def right(line: dict[str, Any]) -> bool:
@@ -484,7 +230,11 @@ def figures(lines: Sequence[dict[str, Any]]) -> dict[str, Any]:
     full = [x for x in lines if x["part"] in ("none", "single", "double", "outside")]
     life_none = [x for x in lines if x["part"] == "life_none"]
     life_single = [x for x in lines if x["part"] == "life_single"]
+    life_double = [x for x in lines if x["part"] == "life_double"]
+    life_outside = [x for x in lines if x["part"] == "life_outside"]
     life_named = [x for x in life_none + life_single if x["verdict"] == "named"]
+    visible = [x for x in life_single if min(x.get("knower_log10", [0.0])) >= 1.3]
+    life_tied = [x for x in life_single if x["verdict"] == "ambiguous"]
     none = [x for x in full if x["part"] == "none"]
     named = [x for x in full if x["verdict"] == "named"]
     single = [x for x in full if x["part"] == "single"]
@@ -506,6 +256,25 @@ def figures(lines: Sequence[dict[str, Any]]) -> dict[str, Any]:
         },
         "life_names_right": {"target": ">= 0.98", **share(right(x) for x in life_named)},
         "life_named_of_one_hidden": share(x["verdict"] == "named" for x in life_single),
+        "life_named_where_a_knower_of_the_errors_has_20_to_1": {
+            "target": ">= 0.80", **share(x["verdict"] == "named" and right(x) for x in visible),
+        },
+        "life_truth_among_tied": {"target": ">= 0.97", **share(among(x) for x in life_tied)},
+        "life_advice_settles": {
+            "target": ">= 0.80", **share(_settled(x) for x in life_tied if "then" in x),
+        },
+        "life_two_hidden_named_rightly": {
+            "target": ">= 0.85",
+            **share(x["verdict"] == "named" and right(x) for x in life_double),
+        },
+        "life_two_hidden_named_wrongly": {
+            "target": "<= 0.02",
+            **share(x["verdict"] == "named" and not right(x) for x in life_double),
+        },
+        "life_outside_given_a_library_name": {
+            "target": "<= 0.03", **share(x["verdict"] == "named" for x in life_outside),
+        },
+        "life_outside_seen": share(x["verdict"] != "none" for x in life_outside),
         "life_held_out_gap_over_noise_within_1.2": share(
             x["gap_um"][1] <= 1.2 * x["gap_noise_um"] for x in life_named
         ),
@@ -545,8 +314,48 @@ def figures(lines: Sequence[dict[str, Any]]) -> dict[str, Any]:
         "single_ramp_named": {"target": "hardly ever", **share(x["verdict"] == "named" for x in ramps)},
         "seconds_median": float(np.median([x["seconds"] for x in lines])) if lines else None,
         "cpu_seconds_median": float(np.median([x["cpu_seconds"] for x in lines])) if lines else None,
+        **{
+            f"cpu_seconds_{part}_median_and_95_percent": np.quantile(seconds, [0.5, 0.95]).tolist()
+            for part in PARTS
+            if (seconds := [x["cpu_seconds"] for x in lines if x["part"] == part])
+        },
         "cpu_seconds_highest": max((x["cpu_seconds"] for x in lines), default=None),
     }  # fmt: skip
+
+
+def by_program(lines: Sequence[dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    """Return the workflow and its peers beside each other, on campaigns with errors as in life."""
+    asked = [x for x in lines if "peers" in x]
+    none = [x for x in asked if x["part"] == "life_none"]
+    single = [x for x in asked if x["part"] == "life_single"]
+    outside = [x for x in asked if x["part"] == "life_outside"]
+
+    def said(x: dict[str, Any], who: str) -> list[str]:
+        if who == "workflow":
+            return list(x["effects"][0]) if x["verdict"] == "named" else []
+        return list(x["peers"][who])
+
+    table = {
+        who: {
+            "nothing hidden: something named": share(bool(said(x, who)) for x in none),
+            "one hidden: named rightly": share(said(x, who) == x["hidden"] for x in single),
+            "one hidden: names that are right": share(
+                said(x, who) == x["hidden"] for x in single if said(x, who)
+            ),
+            "outside: a library name": share(bool(said(x, who)) for x in outside),
+        }
+        for who in ("workflow", "aic", "bic")
+    }
+    detected = {"workflow": lambda x: x["verdict"] != "none", "gp": lambda x: x["peers"]["gp"]}
+    for who, sees in detected.items():
+        table.setdefault(who, {}).update(
+            {
+                "nothing hidden: anything seen": share(sees(x) for x in none),
+                "one hidden: seen": share(sees(x) for x in single),
+                "outside: seen": share(sees(x) for x in outside),
+            }
+        )
+    return table
 
 
 def _settled(line: dict[str, Any]) -> bool:
@@ -565,7 +374,7 @@ def confusion(lines: Sequence[dict[str, Any]]) -> dict[str, dict[str, int]]:
     rows: dict[str, Counter[str]] = {}
     for x in lines:
         what = x["part"]
-        if what in ("single", "outside", "life_single"):
+        if what in ("single", "outside", "life_single", "life_outside"):
             what = f"{what}: {x['outside'] or x['hidden'][0]}"
         verdict = x["verdict"]
         if verdict == "named":
@@ -584,6 +393,7 @@ def summarise(lines: Sequence[dict[str, Any]]) -> dict[str, Any]:
         "campaigns": {"all": len(lines)} | dict(Counter(x["part"] for x in lines)),
         "seeds": sorted({x["seed"] for x in lines}),
         "figures": figures(lines),
+        "programs": by_program(lines),
         "confusion": confusion(lines),
     }
 
@@ -593,6 +403,14 @@ def show(result: dict[str, Any]) -> None:
     print("campaigns: " + ", ".join(f"{k} {v}" for k, v in result["campaigns"].items()))
     for what, row in result["confusion"].items():
         print(f"  {what:30s} " + "; ".join(f"{k}: {v}" for k, v in row.items()))
+    for who, row in result["programs"].items():
+        for what, value in row.items():
+            if value["of"]:
+                low, high = 100 * value["low"], 100 * value["high"]
+                print(
+                    f"  {who:9s} {what:36s} {100 * value['share']:5.1f} % of {value['of']:3d} "
+                    f"({low:.1f}–{high:.1f} %)"
+                )
     for name, value in result["figures"].items():
         if isinstance(value, dict):
             if value["of"]:
@@ -602,7 +420,7 @@ def show(result: dict[str, Any]) -> None:
                     + (f", target {value['target']}" if "target" in value else "")
                 )
         elif value is not None:
-            print(f"  {name:46s} {value:.2f}")
+            print(f"  {name:46s} {np.round(value, 2)}")
 
 
 def version_of() -> str:
@@ -615,6 +433,8 @@ def version_of() -> str:
     ]
     digest = hashlib.sha256(b"".join(f.read_bytes() for f in files))
     digest.update(Path(__file__).read_bytes().split(b"# ---- summary")[0])
+    for name in ("challenge/campaigns.py", "peers.py"):
+        digest.update((Path(__file__).parent / name).read_bytes())
     return digest.hexdigest()[:12]
 
 

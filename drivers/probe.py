@@ -7,6 +7,7 @@ import queue
 import threading
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from types import TracebackType
 from typing import Self
 
@@ -46,12 +47,27 @@ from drivers.onlooker import Onlooker
 from drivers.stream import connect, follow_mark
 from drivers.watchdog import Watchdog
 
-__all__ = ["DEFAULT_LIMITS", "Limits", "Probe"]
+__all__ = ["DEFAULTS", "DEFAULT_LIMITS", "Limits", "Probe"]
 
 _LOAD_TIMEOUT_S = 60.0  # a simulated skin is computed while it loads
-_COMMAND_TIMEOUT_S = 2.0
 _JOIN_TIMEOUT_S = 5.0
 _UNSETTLED = frozenset({InstrumentState.ARMED, InstrumentState.RUNNING, InstrumentState.VENTING})
+
+
+@dataclass(slots=True)
+class Defaults:
+    """What holds for a probe that is told nothing else; a process may set it before it makes one.
+
+    `clock` gives seconds and never goes back.
+    """
+
+    limits: Limits = DEFAULT_LIMITS
+    clock: Callable[[], float] = time.monotonic
+    open_timeout_s: float = 5.0
+    command_timeout_s: float = 2.0
+
+
+DEFAULTS = Defaults()
 
 
 class Probe:
@@ -61,8 +77,8 @@ class Probe:
     `with` block, `close` and the end of the interpreter vent first.
 
     `on_bytes(direction, host_time_s, data)` sees every chunk, "rx" and "tx", in the I/O thread; if
-    it raises, the probe vents and refuses to go on. `clock` gives seconds and never goes back.
-    Of an instrument that only streams it also sees a "mark" where the host decides what is a run.
+    it raises, the probe vents and refuses to go on. Of an instrument that only streams it also sees
+    a "mark" where the host decides what is a run. What is not given is as in `DEFAULTS`.
 
     dialect: one, or its name, or a file (`.toml`); None: what the URL says (`?dialect=NAME`), else
     `reference`. Raises UnknownDialectError for one that does not exist, or two, DialectFileError.
@@ -73,15 +89,15 @@ class Probe:
         url: str,
         *,
         dialect: str | Dialect | None = None,
-        limits: Limits = DEFAULT_LIMITS,
-        clock: Callable[[], float] = time.monotonic,
+        limits: Limits | None = None,
+        clock: Callable[[], float] | None = None,
         open_link: Callable[[str], Link] = open_link,
         on_bytes: OnBytes | None = None,
     ) -> None:
         self.url = url
         self._port, self._dialect = choose_dialect(url, dialect)
-        self._limits = limits
-        self._clock = clock
+        self._limits = limits = DEFAULTS.limits if limits is None else limits
+        self._clock = DEFAULTS.clock if clock is None else clock
         self._open_link = open_link
         self._on_bytes = on_bytes
         # One for all connections, one after the other
@@ -166,7 +182,7 @@ class Probe:
 
     # ---- commands ------------------------------------------------------------
 
-    def open(self, timeout_s: float = 5.0) -> Hello:
+    def open(self, timeout_s: float | None = None) -> Hello:
         """Connect and identify. An instrument that is found armed or running is vented first.
 
         Raises LinkError (no port, no answer), RemoteProtocolError (another protocol version),
@@ -194,7 +210,8 @@ class Probe:
             self._thread.start()
             atexit.register(self.close)
             try:
-                hello = self._meet(self._engine, timeout_s)
+                wait_s = DEFAULTS.open_timeout_s if timeout_s is None else timeout_s
+                hello = self._meet(self._engine, wait_s)
             except BaseException:
                 self.close()
                 raise
@@ -381,11 +398,13 @@ class Probe:
         self,
         command: Command | Follow,
         *wanted: Callable[[Event], bool],
-        timeout_s: float = _COMMAND_TIMEOUT_S,
+        timeout_s: float | None = None,
     ) -> list[Event]:
         engine = self._engine
         if engine is None:
             raise LinkError(f"{self.url} is not open")
+        if timeout_s is None:
+            timeout_s = DEFAULTS.command_timeout_s
         return engine.submit(Request(command, list(wanted), timeout_s)).result()
 
 

@@ -1,14 +1,8 @@
-"""Try again and again to get a lost link back, ever more slowly, and not for ever."""
+"""How to get a lost link back: again and again, ever more slowly, and not for ever."""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
 from dataclasses import dataclass
-
-from drivers.errors import LinkError
-from drivers.events import Hello
-from drivers.probe import Probe
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,29 +21,3 @@ class Backoff:
         """Refuse what would never end, or hammer the port."""
         if not (0 < self.first_s <= self.most_s <= self.give_up_s and self.factor >= 1):
             raise ValueError(f"not a sensible backoff: {self}")
-
-
-def reconnect(
-    probe: Probe,
-    backoff: Backoff = Backoff(),
-    *,
-    clock: Callable[[], float] = time.monotonic,
-    sleep: Callable[[float], object] = time.sleep,
-    stop: Callable[[], bool] = lambda: False,
-) -> Hello:
-    """Open `probe` again after its link was lost; see `Probe.reopen`.
-
-    stop: asked before each attempt; true means that nobody wants it any more.
-    Raises LinkError (gave up, or stopped), RemoteProtocolError (another instrument is there now).
-    """
-    begin = clock()
-    wait_s = backoff.first_s
-    while not stop():
-        sleep(wait_s)
-        try:
-            return probe.reopen()
-        except LinkError as error:
-            if clock() - begin >= backoff.give_up_s:
-                raise LinkError(f"{error}; gave up after {backoff.give_up_s:g} s") from error
-        wait_s = min(wait_s * backoff.factor, backoff.most_s)
-    raise LinkError(f"no longer looking for {probe.url}")

@@ -92,6 +92,7 @@ class Watchdog:
         self._short_since: float | None = None
         self._high_since: float | None = None  # above the height of a rise
         self._frozen: _Frozen | None = None
+        self._still: Sample | None = None  # the first with this pressure, in this segment
 
     @property
     def alarm(self) -> str | None:
@@ -316,6 +317,7 @@ class Watchdog:
             or self._beyond(sample)
             or self._shortfall(sample)
             or self._freeze(sample)
+            or self._stands_still(sample)
             or self._passed(sample)
             or self._impossible(sample)
             or self._too_much()
@@ -452,6 +454,28 @@ class Watchdog:
         return self._order(
             f"frozen deflection: {sample.deflection_mm:g} mm all the while the pressure went from "
             f"{frozen.low_mbar:g} to {frozen.high_mbar:g} mbar"
+        )
+
+    def _stands_still(self, sample: Sample) -> list[SafetyEvent]:
+        """Judge whether the pressure, to the last digit, stays what it was on a ramp."""
+        index, still = sample.segment, self._still
+        segment = self._segments[index] if 0 <= index < len(self._segments) else None
+        if (
+            segment is None
+            or segment.kind not in _RISES
+            or sample.pressure_mbar < self._limits.vent_pressure_mbar  # still sealing the skin
+            or still is None
+            or (still.segment, still.pressure_mbar) != (index, sample.pressure_mbar)
+        ):
+            self._still = sample
+            return []
+        stood_s = sample.device_time_s - still.device_time_s
+        way = abs(segment.target_mbar - self._envelope.least_mbar(index - 1))
+        moved = min(way, segment.rate_mbar_per_s * stood_s)
+        if stood_s < self._limits.frozen_s or moved < self._limits.frozen_pressure_mbar:
+            return []
+        return self._order(
+            f"frozen pressure: {sample.pressure_mbar:g} mbar for {stood_s:.2f} s of a ramp"
         )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from sim_device.device import KEEP_ALIVE_S, Device, Trace
+from sim_device.device import Device, Trace
 from sim_device.faults import load_fault_file
 from sim_device.files import SkinFile, load_skin_file
 
@@ -57,7 +57,6 @@ def build_device(
         aperture_mm=aperture_mm,
         seed=seed,
         speed=speed,
-        keep_alive_s=KEEP_ALIVE_S,
         faults=faults,
         probe=description.probe,
         trace=trace,

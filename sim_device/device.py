@@ -45,13 +45,13 @@ from sim_device.files import TRUTHFUL, ProbeSection, SensorSection
 from sim_device.line import Line
 from sim_device.plant import Plant
 from sim_device.program import Run, needs
+from sim_device.timing import TIMING
 
 STEP_US = 1_000  # everything moves on this grid, so that the sizes of dt_s change nothing
 MAX_PRESSURE_MBAR = 500.0
 MAX_SUCTION_S = 60.0
 MIN_RATE_HZ = 1.0
 MAX_RATE_HZ = 1000.0
-KEEP_ALIVE_S = 0.5
 VENTED_MBAR = 2.0  # samples and the state VENTING end below this
 SAFE_MBAR = 5.0  # a fault can be reset, and a release has worked, below this ...
 VENT_TIME_S = 1.0  # ... within this
@@ -102,7 +102,7 @@ class Device:
         aperture_mm: float = 6.0,
         seed: int = 0,
         speed: float = 1.0,
-        keep_alive_s: float = KEEP_ALIVE_S,
+        keep_alive_s: float | None = None,
         dialect: Dialect | None = None,
         faults: Iterable[Fault] = (),
         probe: ProbeSection = TRUTHFUL,
@@ -117,6 +117,8 @@ class Device:
         self._aperture_mm = aperture_mm
         self._rng = np.random.default_rng(seed)
         self._speed = speed
+        if keep_alive_s is None:
+            keep_alive_s = TIMING.keep_alive_s
         self._keep_alive_us = round(keep_alive_s * speed * 1e6)
         self._dialect = get_dialect("reference") if dialect is None else dialect
         self._plant = Plant(STEP_US / 1e6)

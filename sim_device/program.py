@@ -54,11 +54,6 @@ class Run:
         """Whether the last segment is over."""
         return self.index == len(self.load.segments)
 
-    @property
-    def rises_until(self) -> bool:
-        """Whether a height ends the present segment."""
-        return not self.ended and self.load.segments[self.index].kind is SegmentKind.UNTIL
-
     def advance(
         self,
         elapsed_us: int,

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import errno
 import time
-from collections.abc import Callable
 from urllib.parse import parse_qsl, urlsplit
 
 from serial import PortNotOpenError, SerialBase, SerialException
 
 from sim_device.build import build_device
 from sim_device.device import Device
+from sim_device.timing import TIMING
 
 _TICK_S = 0.002
 _KEYS = ("skin", "faults", "seed", "speed", "aperture_mm", "phantom")
@@ -40,9 +40,6 @@ _unplugged: dict[str, _World] = {}  # by URL: they live on while no host can rea
 class Serial(SerialBase):
     """A port behind which a simulated probe lives; it moves when the port is read or written."""
 
-    clock: Callable[[], float] = staticmethod(time.monotonic)
-    sleep: Callable[[float], None] = staticmethod(time.sleep)
-
     _world: _World | None = None
 
     def open(self) -> None:
@@ -56,8 +53,8 @@ class Serial(SerialBase):
         world = _unplugged.get(url)
         if world is None:
             device, speed = _device(url)
-            world = _World(device, speed, self.clock())
-        world.advance(self.clock())
+            world = _World(device, speed, TIMING.clock())
+        world.advance(TIMING.clock())
         if not world.device.plugged:
             raise SerialException(errno.ENOENT, "unplugged")
         _unplugged.pop(url, None)
@@ -75,15 +72,15 @@ class Serial(SerialBase):
 
     def read(self, size: int = 1, /) -> bytes:
         """Read `size` bytes, or what came within the port's timeout."""
-        begin = self.clock()
+        begin = TIMING.clock()
         while True:
             self._advance()
-            left = None if self.timeout is None else begin + self.timeout - self.clock()
+            left = None if self.timeout is None else begin + self.timeout - TIMING.clock()
             if len(self._received) >= size or (left is not None and left <= 0):
                 data = bytes(self._received[:size])
                 del self._received[:size]
                 return data
-            self.sleep(_TICK_S if left is None else min(_TICK_S, left))
+            time.sleep(_TICK_S if left is None else min(_TICK_S, left))
 
     def write(self, data: object, /) -> int:
         """Hand bytes to the device."""
@@ -114,7 +111,7 @@ class Serial(SerialBase):
     def _advance(self) -> Device:
         if not self.is_open or self._world is None:
             raise PortNotOpenError
-        self._world.advance(self.clock())
+        self._world.advance(TIMING.clock())
         device = self._world.device
         self._received += device.transmit()
         if not device.plugged:

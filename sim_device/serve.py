@@ -11,12 +11,13 @@ import shutil
 import socket
 import tempfile
 import time
-from collections.abc import Callable
+from abc import ABC, abstractmethod
 from pathlib import Path
 from types import TracebackType
 from typing import Protocol, Self
 
 from sim_device.device import Device
+from sim_device.timing import TIMING
 
 _TICK_S = 0.005  # while something moves
 _IDLE_S = 1.0  # while nothing does: only a host can change that
@@ -37,10 +38,9 @@ class Host(Protocol):
         """Be reachable, or not: a host that is connected sees the device go."""
 
 
-def serve(
-    device: Device, host: Host, speed: float, clock: Callable[[], float] = time.monotonic
-) -> None:
+def serve(device: Device, host: Host, speed: float) -> None:
     """Let the device live, for ever; it goes on living while no host is connected."""
+    clock = TIMING.clock
     last = clock()
     while True:
         resting = device.resting
@@ -59,7 +59,7 @@ def serve(
         host.plug(device.plugged)
 
 
-class _Closing:
+class _Closing(ABC):
     """Closes with its `with` block."""
 
     url: str
@@ -75,8 +75,8 @@ class _Closing:
     ) -> None:
         self.close()
 
-    def close(self) -> None:
-        raise NotImplementedError
+    @abstractmethod
+    def close(self) -> None: ...
 
 
 class PtyHost(_Closing):

@@ -28,8 +28,7 @@ if TYPE_CHECKING:
         Study,
     )
     from skinlab.errors import AcquisitionError, InputError, NotTrustworthyError, SkinlabError
-
-__version__ = "0.2.0"
+    from skinlab.versions import __version__ as __version__
 
 __all__ = [
     "AcquisitionError",
@@ -56,9 +55,11 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    if name not in __all__:
+    if name not in {*__all__, "__version__"}:
         raise AttributeError(f"module 'skinlab' has no attribute {name!r}")
-    if name.endswith("Error"):
+    if name == "__version__":
+        home = "versions"
+    elif name.endswith("Error"):
         home = "errors"
     else:
         home = "api.results" if name[0].isupper() else "api.functions"

@@ -211,11 +211,6 @@ class Space:
         low, high = self.ends
         return np.asarray((self.coordinates(parameters) - low) / (high - low))
 
-    def contains(self, parameters: Array) -> NDArray[np.bool_]:
-        """Return which parameters (..., k) lie in the space, its ends included."""
-        unit = self.to_unit(parameters)
-        return np.asarray(((unit >= -1e-12) & (unit <= 1 + 1e-12)).all(axis=-1))
-
     def outside(self, parameters: Array) -> str:
         """Return which end the parameters (k,) are beyond, in words; empty where none."""
         for i, name in enumerate(self.names):

@@ -6,8 +6,10 @@ text as text passes it through `inert`; what must read back as it was (JSON, TOM
 
 from __future__ import annotations
 
+import difflib
 import json
 import unicodedata
+from collections.abc import Iterable
 from typing import Any
 
 # Control, format (directions, zero widths), surrogate, line and paragraph separator.
@@ -84,3 +86,9 @@ def csv_cell(value: Any) -> Any:
     shown = inert(value)
     quoted = shown.lstrip().startswith(_FORMULA) or value[:1] in ("\t", "\r", "\n")
     return f"'{shown}" if quoted else shown
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """Return "; did you mean export?" for a word that is nearly a known one; else nothing."""
+    near = difflib.get_close_matches(word.casefold(), list(known), n=1)
+    return f"; did you mean {near[0]}?" if near else ""

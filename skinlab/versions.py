@@ -8,8 +8,9 @@ from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
-from skinlab import __version__
 from skinlab.plugins import installed
+
+__version__ = "0.2.0"
 
 # Computes nothing: a change here changes no result.
 _SCREENS = frozenset({"tui", "cli", "report", "extensions"})

@@ -1,4 +1,4 @@
-"""Work in other processes: one that lives long (`Worker`), or a map over many pieces (`Pool`).
+"""Work in other processes: one that lives long (`Worker`), many pieces (`Pool`, `on_cluster`).
 
 Every worker is a new interpreter, `python -m skinlab.workers`, on every platform. A fork would copy
 locks that the probe's threads hold at that moment, and `multiprocessing` can neither start a
@@ -25,10 +25,11 @@ import threading
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from itertools import islice
 from types import TracebackType
 from typing import IO, Any, Self
 
-from skinlab.errors import SkinlabError
+from skinlab.errors import InputError, SkinlabError
 from skinlab.io.log import log_exception
 
 Tell = Callable[[Any], object]
@@ -38,6 +39,8 @@ _ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 _NOT_SENT = (pickle.PicklingError, TypeError, AttributeError)  # what pickle raises
 _SIZE = struct.Struct("<Q")
 _PROTOCOL = pickle.HIGHEST_PROTOCOL
+_ANSWER_WITHIN_S = 10
+_AT_ONCE = 512  # tasks that a cluster's scheduler is given at a time
 _LOG = logging.getLogger("skinlab")
 
 
@@ -208,6 +211,51 @@ class Pool:
 def _in_order(futures: list[Future[Any]]) -> Iterator[Any]:
     for future in futures:
         yield future.result()
+
+
+def on_cluster(
+    function: Callable[[Any, Any], Any], shared: object, tasks: Iterator[Any], address: str
+) -> Iterator[Any]:
+    """Yield function(shared, task) of each task on a dask cluster, as they finish.
+
+    `shared` is sent once a worker. The workers see the folders under the same paths.
+
+    Raises:
+        InputError: dask.distributed is not installed, the address does not answer, or the cluster
+            is lost; or what the function raises.
+    """
+    try:
+        from distributed import Client, as_completed
+    except ImportError:
+        raise InputError(
+            "--dask needs dask.distributed, which is not installed: pip install 'skinlab[dask]'"
+        ) from None
+    try:
+        client = Client(address, timeout=_ANSWER_WITHIN_S)
+    except (OSError, ValueError, TypeError) as error:  # OSError: timeouts as well
+        said = str(error).splitlines()
+        raise InputError(
+            f"--dask {address}: no scheduler answers there ({said[0] if said else error!r}); "
+            "expected an address such as tcp://10.0.0.1:8786"
+        ) from None
+    with client:
+        sent = client.scatter(shared, broadcast=True, hash=False)
+        # pure=False: never an answer that the cluster has from another build or study.
+        first = [client.submit(function, sent, t, pure=False) for t in islice(tasks, _AT_ONCE)]
+        running = as_completed(first)
+        for future in running:
+            try:
+                yield future.result()
+            except InputError:
+                raise
+            except Exception as error:
+                raise InputError(
+                    f"--dask {address}: work was lost ({type(error).__name__}: {error}); "
+                    "--resume goes on where it stopped"
+                ) from error
+            future.release()
+            for task in islice(tasks, 1):
+                running.add(client.submit(function, sent, task, pure=False))
 
 
 class _Unsent(Exception):  # noqa: N818 -- never leaves this file

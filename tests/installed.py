@@ -1,6 +1,7 @@
 """Build wheel and sdist, install each into an empty environment, and use it from an empty folder.
 
     python tests/installed.py            # wheel and sdist, with nothing but what they need
+    python tests/installed.py --keep DIR # the same; both stay in DIR, with a bill of materials
     python tests/installed.py --lowest   # the wheel, with the lowest versions that are allowed
 
 Installs with uv where it is there, else with pip.
@@ -41,6 +42,36 @@ def build(folder: Path) -> tuple[Path, Path]:
     )
     wheel, sdist = run(sys.executable, "-c", code, folder, cwd=ROOT).split()
     return folder / wheel, folder / sdist
+
+
+def whole(wheel: Path) -> None:
+    """Refuse a wheel in which a file of the packages is missing."""
+    with zipfile.ZipFile(wheel) as packed:
+        there = set(packed.namelist())
+    listed = run("git", "ls-files", "skinlab", "drivers", "sim_device", cwd=ROOT).split("\n")
+    missing = sorted(set(filter(None, listed)) - there)
+    if missing:
+        sys.exit(f"{wheel.name} lacks {', '.join(missing)}")
+
+
+def bill_of_materials(programs: Path, version: str, out: Path) -> None:
+    """Write what is installed there, with versions and licences, as CycloneDX."""
+    make = Path(sys.executable).with_name("cyclonedx-py")
+    environment = ("environment", "--output-reproducible", "--pyproject", ROOT / "pyproject.toml")
+    run(make, *environment, "-o", out, programs / "python", cwd=out.parent)
+    found = json.loads(out.read_text(encoding="utf-8"))
+    found["metadata"]["component"]["version"] = version  # the tool reads none that is dynamic
+    out.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+    names = {_normal(component["name"]) for component in found["components"]}
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        stated = tomllib.load(file)["project"]["dependencies"]
+    missing = {_normal(re.match(r"[\w.-]+", line).group()) for line in stated} - names
+    if missing:
+        sys.exit(f"{out.name} lacks {', '.join(sorted(missing))}")
+
+
+def _normal(name: str) -> str:
+    return re.sub(r"[-_.]+", "-", name).lower()
 
 
 def lowest() -> str:
@@ -103,11 +134,13 @@ def use(programs: Path, folder: Path, version: str) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--lowest", action="store_true")
+    parser.add_argument("--keep", type=Path)
     asked = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="skinlab-installed-") as name:
         top = Path(name)
         wheel, sdist = build(top)
         version = wheel.name.split("-")[1]
+        whole(wheel)
         packages = [wheel] if asked.lowest else [wheel, sdist]
         for package in packages:
             folder = top / package.suffix.strip(".")
@@ -115,6 +148,13 @@ def main() -> None:
             programs = environment(folder, package, lowest() if asked.lowest else "")
             use(programs, folder, version)
             print(f"{package.name}: installed and used")
+            if asked.keep is not None:
+                asked.keep.mkdir(parents=True, exist_ok=True)
+                shutil.copy(package, asked.keep)
+                if package is wheel:
+                    bill = asked.keep.resolve() / f"skinlab-{version}.cdx.json"
+                    bill_of_materials(programs, version, bill)
+                    print(f"{bill.name}: all that it stands on")
 
 
 if __name__ == "__main__":

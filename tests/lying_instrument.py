@@ -51,6 +51,10 @@ ENDLESS: dict[str, Lie] = {  # it never says that the program is over
     "slow": lambda t, p, s: (0.5 * t, 60.0, 1),
     "another program": lambda t, p, s: (t, 60.0, 1),
     "stops": lambda t, p, s: (t if t < 1.0 else 1.0 + 1e-3 * t, 60.0, 1),
+    "stands": lambda t, p, s: (min(t, 1.0), 60.0, 1),
+    "runs backwards": lambda t, p, s: (t if t < 1.0 else max(0.0, 2.0 - t), 60.0, 1),
+    "dips": lambda t, p, s: (t, 3.0 if t % 0.5 < INTERVAL_S else 60.0, 1),
+    "frozen pressure": lambda t, p, s: (t, min(p, 30.0), s),
 }
 OTHERS: dict[str, Lie] = {
     "truth": lambda t, p, s: (t, p, s),

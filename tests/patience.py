@@ -16,6 +16,12 @@ import sys
 import threading
 import time
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+from drivers.errors import LinkError
+
+if TYPE_CHECKING:
+    from drivers.probe import Probe
 
 LONGEST_S = 0.02
 FORGIVING_S = 60.0  # instead of the limits that would notice that another process did not run
@@ -38,25 +44,31 @@ class PatientClock:
 
 def be_patient(*, apart: bool = False) -> None:
     """Let probes and simulated probes that are made from now on live in a patient time."""
-    import sim_device.build
-    import sim_device.serve
-    from drivers import probe
-    from sim_device.protocol_sim import Serial
+    from drivers.probe import DEFAULTS, Limits
+    from sim_device.timing import TIMING
 
-    clock = PatientClock()
-    Serial.clock = staticmethod(clock)
-    sim_device.serve.serve.__defaults__ = (clock,)
-    options = probe.Probe.__init__.__kwdefaults__
-    options["clock"] = clock
+    DEFAULTS.clock = TIMING.clock = PatientClock()
     # It may be another process whose clock is compared, and each loses its own seconds
-    options["limits"] = probe.Limits(clock_s=FORGIVING_S)
+    DEFAULTS.limits = Limits(clock_s=FORGIVING_S)
     if apart:
-        sim_device.build.KEEP_ALIVE_S = FORGIVING_S
-        options["limits"] = probe.Limits(
-            stale_s=FORGIVING_S, clock_s=FORGIVING_S, vent_time_s=FORGIVING_S
-        )
-        probe.Probe._call.__kwdefaults__["timeout_s"] = FORGIVING_S
-        probe.Probe.open.__defaults__ = (FORGIVING_S,)
+        TIMING.keep_alive_s = DEFAULTS.open_timeout_s = DEFAULTS.command_timeout_s = FORGIVING_S
+        DEFAULTS.limits = Limits(stale_s=FORGIVING_S, clock_s=FORGIVING_S, vent_time_s=FORGIVING_S)
+
+
+def reopen(probe: Probe) -> None:
+    """Open a probe again whose device comes back; often, because its time passes where one looks.
+
+    Raises LinkError where it does not come.
+    """
+    end = time.monotonic() + 300.0
+    while True:
+        try:
+            probe.reopen()
+            return
+        except LinkError:
+            if time.monotonic() > end:
+                raise
+            time.sleep(0.01)
 
 
 def module_command(module: str, *arguments: str) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -62,6 +62,7 @@ def run_session(
     subject: str = "",
     site: str = "",
     dose_limit_mbar_s: float | None = None,
+    trail: Sequence[tuple[str, Mapping[str, Any]]] = (),
     listener: Listener = lambda _: None,
     opened: Callable[[Hello], None] = lambda _: None,
     ready: Callable[[], None] = lambda: None,
@@ -69,6 +70,7 @@ def run_session(
 ) -> None:
     """Measure by the plan into a session; curves are identified as they complete.
 
+    `trail` are entries for the audit trail, written before anything is measured.
     `ready` is called once all is checked, before the journal is begun; `opened` with what the
     instrument says of itself; `saved` with the session and its dose once it is written, also where
     the measurement failed; `say` with a sentence where a failed one could not be written either.
@@ -82,6 +84,8 @@ def run_session(
     check_dose(plan, dose_limit_mbar_s)
     ready()
     recording = Recording(out, identifier, subject=subject, site=site, url=port, dialect=dialect)
+    for what, detail in trail:
+        recording.audit(what, **detail)
     failed: BaseException | None = None
     try:
         with make_probe(port, dialect=dialect, on_bytes=recording.journal.raw) as probe:

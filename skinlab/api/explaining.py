@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 
-from skinlab import __version__
 from skinlab.api.identifiers import find_model
 from skinlab.api.paths import PathLike
 from skinlab.curves.campaign import Campaign
@@ -22,6 +21,7 @@ from skinlab.errors import InputError
 from skinlab.io.files import write_file
 from skinlab.mechanics.model_file import Model, model_of_law
 from skinlab.tables.table import Table
+from skinlab.versions import __version__
 
 
 def base_model(model: PathLike | Model | None, table: Table) -> Model:

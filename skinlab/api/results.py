@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import html
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from importlib import import_module
@@ -63,12 +64,12 @@ def pandas() -> Any:
         ) from None
 
 
-class Shown:
+class Shown(ABC):
     """A result that prints as the command line does, and shows itself in a notebook."""
 
+    @abstractmethod
     def to_dict(self) -> dict[str, Any]:
         """Return all of it as plain data, which `json.dumps` takes."""
-        raise NotImplementedError
 
     def to_frame(self) -> Any:
         """Return a pandas.DataFrame of what is a table in it.
@@ -78,14 +79,14 @@ class Shown:
         """
         return pandas().DataFrame(self._columns())
 
-    def _columns(self) -> Mapping[str, Sequence[Any]]:
-        raise NotImplementedError
+    @abstractmethod
+    def _columns(self) -> Mapping[str, Sequence[Any]]: ...
 
-    def _text(self) -> str:
-        raise NotImplementedError
+    @abstractmethod
+    def _text(self) -> str: ...
 
-    def _brief(self) -> str:
-        raise NotImplementedError
+    @abstractmethod
+    def _brief(self) -> str: ...
 
     def _figure(self) -> Figure | None:
         """Return the picture; called inside `pictures.style()`."""
@@ -451,19 +452,17 @@ class Explanation(Document):
 
 
 class Study(Document):
-    """What many curves say: the document `skinlab.study/1`; `folder` has the tables and pages."""
+    """What many curves say: the document `skinlab.study/1`; `folder` has the tables and pages.
+
+    Its frame is curves.csv, a row a curve.
+    """
 
     def __init__(self, made: Made, folder: Path) -> None:
         super().__init__(made.document)
         self._made, self.folder = made, folder
 
-    def to_frame(self) -> Any:
-        """Return curves.csv, a row a curve, as a pandas.DataFrame.
-
-        Raises:
-            InputError: pandas is not installed.
-        """
-        return pandas().read_csv(self.folder / "curves.csv")
+    def _columns(self) -> Mapping[str, Sequence[Any]]:
+        return pandas().read_csv(self.folder / "curves.csv")  # type: ignore[no-any-return]
 
     def _text(self) -> str:
         return "\n".join(self._made.lines)

@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING
 
 import click
 
+from skinlab.cli.groups import SuggestingGroup
 from skinlab.cli.output import echo, echo_text
 
 if TYPE_CHECKING:
     from skinlab.tables.table import Spec
 
 
-@click.group()
+@click.group(cls=SuggestingGroup)
 def command() -> None:
     """The precomputed finite-element database."""
 
@@ -38,7 +39,7 @@ def build(spec: str, out: Path | None, workers: int | None, dask: str | None, re
     """Compute a database with the finite elements.
 
     paper: the paper's grid, 10 × 17 × 8 curves, 0 to 100 mbar by 2, 6 mm opening on 1 mm of skin.
-    dimensionless: 18 × 26 × 18 curves for every opening and thickness, to 500 mbar.
+    dimensionless: 18 × 26 × 23 curves for every opening and thickness, to 500 mbar.
     SPEC.toml: a law with effects on axes of your own, or a dimensionless table of another law
     (docs/files.md); a MODEL.toml, as `discrepancy --adopt` writes it, is one with default axes.
 

@@ -11,9 +11,18 @@ import click
 
 from skinlab.cli.importing import form_options, stated
 from skinlab.cli.options import json_option
-from skinlab.cli.output import echo, print_json
+from skinlab.cli.output import echo, echo_text, print_json
 
 T = TypeVar("T")
+
+
+def _show_answers(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
+    if not wanted or ctx.resilient_parsing:
+        return
+    from skinlab.exchange.importing.remembered import Remembered, default_path
+
+    echo_text("\n".join(Remembered(default_path()).lines))
+    ctx.exit()
 
 
 @click.command()
@@ -25,6 +34,15 @@ T = TypeVar("T")
 @click.option("--cycle", type=int, multiple=True, help="1: first loading of the site [default: 1].")
 @click.option("--repeat", type=int, multiple=True, help="Counts from 1 [default: 1].")
 @form_options()
+@click.option("--ask-again", is_flag=True, help="Forget what was answered for such files before.")
+@click.option(
+    "--show-answers",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_show_answers,
+    help="Show what was answered before, and where it is kept.",
+)
 @click.option("--out", required=True, type=click.Path(path_type=Path), help="The session to write.")
 @json_option()
 def command(
@@ -38,6 +56,7 @@ def command(
     subject: str,
     site: str,
     out: Path,
+    ask_again: bool,
     as_json: bool,
     **options: Any,
 ) -> int:
@@ -45,7 +64,8 @@ def command(
 
     Separator, decimal sign, encoding, header lines, columns and units are found by looking, and
     what was understood is said. What stays open is asked for on a terminal, and refused in a pipe;
-    an option answers it too. Without a column of the pressure, --program says what it was.
+    an option answers it too. Answers are kept for files with the same headings. Without a column of
+    the pressure, --program says what it was.
 
     The options from --aperture-mm to --repeat hold for all files, or are given once a file, in the
     files' order.
@@ -59,6 +79,7 @@ def command(
     from skinlab.errors import InputError
     from skinlab.exchange.importing.questions import Answers, Question
     from skinlab.exchange.importing.reader import Imported, import_file
+    from skinlab.exchange.importing.remembered import Remembered, default_path
     from skinlab.exchange.importing.session import Who, check_new, imported_session, write_session
 
     programs: list[Program | None] = [parse_program(text) for text in program]
@@ -82,10 +103,15 @@ def command(
     def ask(question: Question) -> str:
         echo(f"{reading}: {question.text}.", err=True)
         choices = click.Choice(question.choices)
-        answer: str = click.prompt(f"--{question.option}", type=choices, err=True)
+        asked = f"Which is it (or, the next time, --{question.option})?"
+        answer: str = click.prompt(asked, type=choices, prompt_suffix=" ", err=True)
         return answer
 
-    answers = Answers(stated(options), ask if sys.stdin.isatty() and sys.stderr.isatty() else None)
+    answers = Answers(
+        stated(options),
+        ask if sys.stdin.isatty() and sys.stderr.isatty() else None,
+        Remembered(default_path(), ask_again=ask_again),
+    )
     good: list[Imported] = []
     entries: list[dict[str, Any]] = []
     for path, setup in zip(files, setups, strict=True):

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import click
 
+from skinlab.cli.groups import SuggestingGroup
 from skinlab.cli.output import echo, echo_text
 
 # Name on the command line → (module, help): `--help` imports none of the modules.
@@ -40,7 +41,7 @@ INTERRUPTED = 130
 INTERNAL = 70  # a bug of ours, as in sysexits.h
 
 
-class _LazyGroup(click.Group):
+class _LazyGroup(SuggestingGroup):
     """A group whose commands are imported when they are used."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +27,7 @@ from skinlab.cli.options import (
     with_prior_option,
 )
 from skinlab.cli.output import echo, echo_text, print_json
+from skinlab.cli.protocol import protocol_options, read_step
 
 if TYPE_CHECKING:
     from drivers.dialect import Dialect
@@ -41,13 +43,14 @@ _NOT_UNDERSTOOD = 10  # lines, after which it is said
 @click.command(cls=MethodCommand)
 @click.option("--port", required=True, help="pyserial URL: /dev/ttyUSB0, COM3, socket://…, sim://")
 @dialect_option()
-@geometry_options(required=True)
+@geometry_options(required=False)
 @click.option(
     "--program",
     help="What the pump does, e.g. ramp:100@20; of a read-only instrument, if known.",
 )
-@click.option("--repeats", default=1, show_default=True, help="How many curves.")
-@click.option("--rest-s", default=5.0, show_default=True, help="Rest between repeats.")
+@click.option("--repeats", type=int, help="How many curves  [default: 1].")
+@click.option("--rest-s", type=float, help="Rest between repeats  [default: 5].")
+@protocol_options()
 @click.option("--rate-hz", type=float, help="Samples a second [default: the instrument's].")
 @click.option("--subject", default="", help="Pseudonym; never a name.")
 @click.option("--site", default="", help="Where on the body.")
@@ -66,12 +69,15 @@ _NOT_UNDERSTOOD = 10  # lines, after which it is said
 def command(
     port: str,
     dialect: str | None,
-    aperture_mm: float,
-    thickness_mm: float,
+    aperture_mm: float | None,
+    thickness_mm: float | None,
     thickness_sd_mm: float | None,
     program: str | None,
-    repeats: int,
-    rest_s: float,
+    repeats: int | None,
+    rest_s: float | None,
+    protocol_path: Path | None,
+    step: int,
+    conditions: tuple[str, ...],
     rate_hz: float | None,
     subject: str,
     site: str,
@@ -99,6 +105,25 @@ def command(
 
     _, speaks = choose_dialect(port, dialect)
     controls = speaks.capabilities.controllable
+    trail: list[tuple[str, dict[str, Any]]] = []
+    if protocol_path is not None:
+        if aperture_mm is not None or program is not None:
+            raise click.UsageError("--protocol gives opening and program: leave them out")
+        found = read_step(protocol_path, step, conditions)
+        aperture_mm, program = found.step.aperture_mm, found.step.program
+        trail = found.trail(site, repeats, rest_s)
+        repeats = found.step.repeats if repeats is None else repeats
+        rest_s = found.step.rest_s if rest_s is None else rest_s
+        for clause in found.otherwise(site, repeats, rest_s):
+            echo(f"skinlab: otherwise than the protocol says: {clause}", err=True)
+    elif conditions:
+        raise click.UsageError("--condition is for --protocol")
+    if aperture_mm is None:
+        raise click.UsageError("Missing option '--aperture-mm'.")
+    if thickness_mm is None:
+        raise click.UsageError("Missing option '--thickness-mm'.")
+    repeats = 1 if repeats is None else repeats
+    rest_s = 5.0 if rest_s is None else rest_s
     if program is None and controls:
         raise click.UsageError("Missing option '--program'.")
     if rate_hz is not None and not controls:
@@ -126,6 +151,7 @@ def command(
         site,
         dialect=speaks,
         dose_limit_mbar_s=dose_limit_mbar_s,
+        trail=trail,
         as_json=as_json,
     )
 
@@ -149,6 +175,7 @@ def run(
     *,
     dialect: Dialect,
     dose_limit_mbar_s: float | None = None,
+    trail: Sequence[tuple[str, dict[str, Any]]] = (),
     as_json: bool,
 ) -> int:
     """Measure by the plan, print results as they come (or one JSON document at the end).
@@ -204,6 +231,7 @@ def run(
         subject=subject,
         site=site,
         dose_limit_mbar_s=dose_limit_mbar_s,
+        trail=trail,
         listener=show,
         opened=opened,
         ready=shorten_pauses,

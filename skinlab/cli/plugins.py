@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from skinlab.cli.groups import SuggestingGroup
 from skinlab.cli.options import json_option
 from skinlab.cli.output import echo, echo_text, print_json
 
@@ -19,7 +20,7 @@ DIFFERS = 1
 _KINDS = ("law", "effect", "method", "error model", "gate", "dialect")
 
 
-@click.group(invoke_without_command=True)
+@click.group(cls=SuggestingGroup, invoke_without_command=True)
 @click.option("--table", type=click.Choice(_KINDS), help="The built-in ones as docs show them.")
 @json_option()
 @click.pass_context

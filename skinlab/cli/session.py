@@ -6,10 +6,11 @@ from pathlib import Path
 
 import click
 
+from skinlab.cli.groups import SuggestingGroup
 from skinlab.cli.output import echo, echo_text
 
 
-@click.group()
+@click.group(cls=SuggestingGroup)
 def command() -> None:
     """Check a session, or say what is in it."""
 

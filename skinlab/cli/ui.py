@@ -17,9 +17,11 @@ from skinlab.cli.options import database_option, dialect_option, probe_option
 from skinlab.cli.output import echo
 
 if TYPE_CHECKING:
+    from skinlab.acquisition.protocol import NamedProtocol
     from skinlab.inference.identify import Identifier
     from skinlab.studies.reference import Reference
     from skinlab.tui.app import SkinlabApp
+    from skinlab.tui.settings_file import UserSettings
 
 SIMULATED = "sim://?seed=1"
 ESCAPE_MS = "40"
@@ -45,6 +47,12 @@ ESCAPE_MS = "40"
     type=click.Path(path_type=Path),
     help="REFERENCE.toml whose usual ranges stand behind the values.",
 )
+@click.option(
+    "--protocol",
+    "protocol_path",
+    type=click.Path(path_type=Path),
+    help="PROTOCOL.toml of a study, through which the screen leads.",
+)
 @click.option("--serve", is_flag=True, help="In a browser: prints the address to open.")
 @click.option(
     "--serve-host", default="127.0.0.1", show_default=True, help="Where to listen, with --serve."
@@ -59,6 +67,7 @@ def command(
     probe_path: Path | None = None,
     dose_limit_mbar_s: float | None = None,
     reference_path: Path | None = None,
+    protocol_path: Path | None = None,
     serve: bool = False,
     serve_host: str = "127.0.0.1",
     serve_port: int = 8017,
@@ -86,7 +95,13 @@ def command(
         from skinlab.studies.reference import read_reference
 
         reference = read_reference(reference_path)
+    protocol = None
+    if protocol_path is not None:
+        from skinlab.acquisition.protocol import read_protocol
+
+        protocol = read_protocol(protocol_path)
     if serve:
+        user_settings()
         given = {
             "--port": port,
             "--dialect": dialect,
@@ -96,10 +111,13 @@ def command(
             "--probe": probe_path,
             "--dose-limit-mbar-s": dose_limit_mbar_s,
             "--reference": reference_path,
+            "--protocol": protocol_path,
         }
         return _serve(given, serve_host, serve_port)
     if has_screen():
-        return _on_terminal(port, dialect, folder, said, dose_limit_mbar_s, reference)
+        return _on_terminal(port, dialect, folder, said, dose_limit_mbar_s, reference, protocol)
+    if protocol is not None:
+        raise click.UsageError("--protocol needs a terminal; measure --protocol does without one")
     return _headless(port or SIMULATED, dialect, folder, said or _identifier(), dose_limit_mbar_s)
 
 
@@ -133,6 +151,7 @@ def _on_terminal(
     identifier: Identifier | None,
     dose_limit_mbar_s: float | None,
     reference: Reference | None,
+    protocol: NamedProtocol | None,
 ) -> int:
     """Show the screen; without an identifier it makes its own, beside."""
     from skinlab.acquisition.session_run import probes
@@ -143,13 +162,35 @@ def _on_terminal(
     from skinlab.acquisition.settings import default_path
     from skinlab.tui.app import SkinlabApp
 
+    user = user_settings()
     bench = partial(ProbeSession, apart=True, make_probe=make_probe)
     model = None
     if identifier is not None:
         bench = partial(bench, make_identifier=lambda: identifier)
         model = identifier.model_name
-    app = SkinlabApp(port, folder, bench, settings=default_path(), model=model, reference=reference)
+    app = SkinlabApp(
+        port,
+        folder,
+        bench,
+        settings=default_path(),
+        model=model,
+        reference=reference,
+        user=user,
+        protocol=protocol,
+    )
     return show(app)
+
+
+def user_settings() -> UserSettings:
+    """Return what the user's settings file says of the screen.
+
+    Raises:
+        InputError: something in it is wrong.
+    """
+    from skinlab.tui.app import owners
+    from skinlab.tui.settings_file import default_settings_path, read_settings
+
+    return read_settings(default_settings_path(), owners())
 
 
 def _serve(given: Mapping[str, object], host: str, port: int) -> int:
@@ -173,7 +214,15 @@ def replay_on_terminal(session: Path, speed: float | None, database_path: Path |
     from skinlab.tui.app import SkinlabApp
 
     player = partial(Replayer, database_path=database_path)
-    return show(SkinlabApp(None, session.parent, replay=session, speed=speed, make_replayer=player))
+    app = SkinlabApp(
+        None,
+        session.parent,
+        replay=session,
+        speed=speed,
+        make_replayer=player,
+        user=user_settings(),
+    )
+    return show(app)
 
 
 def show(app: SkinlabApp) -> int:

@@ -48,7 +48,8 @@ def command(
 
     A file is taken once it stayed as it is for --settle-s. Ctrl-C ends it: the session then holds
     all curves, and --json prints one document. What a file leaves open is not asked for, since
-    nobody may be there: an option says it.
+    nobody may be there: an option says it, or an answer that `import` kept for files with the same
+    headings.
 
     \b
     Example: skinlab watch exports --aperture-mm 6 --thickness-mm 1 --program ramp:100@20
@@ -62,6 +63,7 @@ def command(
     from skinlab.errors import InputError
     from skinlab.exchange.importing.folder import Folder
     from skinlab.exchange.importing.questions import Answers
+    from skinlab.exchange.importing.remembered import Remembered, default_path
     from skinlab.exchange.importing.session import Who, check_new
     from skinlab.exchange.importing.watch import Landed, Watch, watch
     from skinlab.inference.result import document
@@ -80,7 +82,7 @@ def command(
         repeat,
         thickness_sd_mm,
     )
-    answers = Answers(stated(options))
+    answers = Answers(stated(options), remembered=Remembered(default_path()))
     identifier = make_identifier(**options)
     out = out or new_session_path(Path(), datetime.now())
     who = Who(subject, site)

@@ -12,7 +12,7 @@ from skinlab.curves.csv import read_curve
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
-from skinlab.io.documents import read_toml
+from skinlab.io.documents import decode, read_toml
 
 
 class _Header(msgspec.Struct, forbid_unknown_fields=True):
@@ -57,7 +57,7 @@ def read_campaign(path: Path) -> Campaign:
             outside the campaign's folder is refused.
     """
     try:
-        data = msgspec.convert(read_toml(path.read_bytes()), _File)
+        data = decode(read_toml(path.read_bytes()), _File)
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from None
     except (ValueError, UnicodeDecodeError) as error:

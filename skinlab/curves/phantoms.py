@@ -15,7 +15,7 @@ import msgspec
 
 from skinlab.curves.program import Program, check_measurable, parse_program
 from skinlab.errors import InputError
-from skinlab.io.documents import read_toml
+from skinlab.io.documents import decode, read_toml
 
 SCHEMA = "skinlab.phantoms/1"
 SHIPPED = "data/phantoms.toml"  # of the simulated probe
@@ -86,7 +86,7 @@ def read_phantoms(path: Path | None = None) -> list[Phantom]:
     where = "the shipped sheet" if path is None else str(path)
     try:
         source = files("skinlab").joinpath(SHIPPED) if path is None else path
-        found = msgspec.convert(read_toml(source.read_bytes()), _Sheet).phantom
+        found = decode(read_toml(source.read_bytes()), _Sheet).phantom
     except OSError as error:
         raise InputError(f"{where}: cannot be read ({error.strerror or error})") from None
     except ValueError as error:  # InputError is one

@@ -348,12 +348,11 @@ def _parse_part(part: str, text: str) -> list[Segment]:
             f"program {text!r}: {part!r} is no segment; expected one of: {', '.join(_PARSERS)}"
         )
     form, parse = parser
-    plain = form.replace("mm", "")
-    if name == "until" and (units := re.fullmatch(r"([^@]*?)\s*mm\s*(@.*)", arguments)):
-        arguments = units[1] + units[2]
-    elif name == "until":
-        plain = "-"  # without the unit it is not understood
-    numbers = _numbers(arguments, plain)
+    in_mm = re.fullmatch(r"([^@]*?)\s*mm\s*(@.*)", arguments)
+    if name == "until":  # without the unit it is not understood
+        numbers = _numbers(in_mm[1] + in_mm[2], form.replace("mm", "")) if in_mm else None
+    else:
+        numbers = _numbers(arguments, form)
     if numbers is None:
         raise InputError(f"program {text!r}: {part!r} was not understood; expected {form}")
     return parse(numbers)

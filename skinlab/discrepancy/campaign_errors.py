@@ -22,7 +22,7 @@ from skinlab.discrepancy.misfit import mesh_columns
 from skinlab.discrepancy.records import Record, by_condition
 from skinlab.discrepancy.settings import ERRORS
 from skinlab.discrepancy.table_domes import TableDomes
-from skinlab.inference.covariance import Covariance
+from skinlab.inference.covariance import Covariance, products
 from skinlab.inference.error_choice import ErrorChoice, Node, choose_errors
 from skinlab.inference.error_models import ERROR_MODELS
 from skinlab.inference.error_models.base import ErrorModel, Hyperparameter, Look, Part, Terms
@@ -36,7 +36,7 @@ from skinlab.inference.noise import (
     slope_mm_per_mbar,
 )
 from skinlab.inference.outliers import outlier_probability
-from skinlab.inference.samples import Samples
+from skinlab.inference.samples import Samples, alike
 from skinlab.mechanics.fem.skin import SkinProblem
 from skinlab.mechanics.fem.suction import Geometry
 
@@ -83,27 +83,48 @@ class Linearised:
             self.flat, self.log_prior_volume,
         )  # fmt: skip
 
-    def log_evidence(self, errors: Covariance, more: Array | None = None) -> float:
-        """Return log p(data | errors), unknowns and columns integrated out.
+    def beside(self, columns_mm: Array) -> Linearised:
+        """Return it with columns (u, m) of one standard deviation each beside its unknowns."""
+        m, k = columns_mm.shape[1], len(self.free)
+        slopes = np.zeros((len(self.prior) + m, k + m))
+        slopes[: len(self.prior), :k] = self.prior_slopes
+        slopes[len(self.prior) :, k:] = np.eye(m)
+        flat = np.zeros((k + m, k + m))
+        flat[:k, :k] = self.flat
+        return Linearised(
+            self.residual_mm,
+            np.hstack([self.slopes_mm, columns_mm]),
+            np.concatenate([self.free, np.ones(m, dtype=bool)]),
+            np.concatenate([self.prior, np.zeros(m)]),
+            slopes,
+            flat,
+            self.log_prior_volume + 0.5 * m * _LOG_2PI,
+        )
 
-        `more` (u, m) are columns beside those of the errors.
+    def scaled(self, size: float, m: int) -> Linearised:
+        """Return it with standard deviations `size` of its last m unknowns, `beside`'s columns."""
+        slopes = self.prior_slopes.copy()
+        slopes[-m:] /= size
+        volume = self.log_prior_volume + m * float(np.log(size))
+        return replace(self, prior_slopes=slopes, log_prior_volume=volume)
+
+    def log_density(self, products_: Array, log_determinant: Array) -> Array:
+        """Return log p(data | errors) (n,), the unknowns integrated out, for n covariances.
+
+        `products_` (n, 1 + k, 1 + k) are those of residual and slopes by their inverses.
         """
         k = len(self.free)
-        columns = [self.residual_mm, self.slopes_mm, errors.columns_mm]
-        white = errors.whiten_without_columns(
-            np.column_stack(columns if more is None else [*columns, more])
-        )
-        gram = white.T @ white
-        whole, right = gram[1:, 1:].copy(), gram[1:, 0].copy()
-        whole[:k, :k] += self.prior_slopes.T @ self.prior_slopes + self.flat
-        whole.flat[k * (len(whole) + 1) :: len(whole) + 1] += 1.0
-        right[:k] -= self.prior_slopes.T @ self.prior
-        moving = np.concatenate([self.free, np.ones(len(whole) - k, dtype=bool)])
-        taken = np.linalg.solve(whole[np.ix_(moving, moving)], right[moving])
-        chi2 = gram[0, 0] + self.prior @ self.prior - right[moving] @ taken
-        log_det = float(np.linalg.slogdet(whole)[1]) + errors.log_determinant_without_columns
+        whole = products_[:, 1:, 1:] + self.prior_slopes.T @ self.prior_slopes + self.flat
+        right = products_[:, 1:, 0] - self.prior_slopes.T @ self.prior
+        free = self.free
+        moving, score = whole[:, free][:, :, free], right[:, free]
+        taken = np.linalg.solve(moving, score[:, :, None])[:, :, 0]
+        chi2 = products_[:, 0, 0] + self.prior @ self.prior - (score * taken).sum(axis=1)
+        log_det = np.linalg.slogdet(whole)[1] + log_determinant
         n = len(self.residual_mm)
-        return float(-0.5 * (n * _LOG_2PI + log_det + chi2 - k * _LOG_2PI) - self.log_prior_volume)
+        return np.asarray(
+            -0.5 * (n * _LOG_2PI + log_det + chi2 - k * _LOG_2PI) - self.log_prior_volume
+        )
 
     def shares(self, errors: Covariance) -> Array:
         """Return what each of the errors' columns probably did (u, m), mm."""
@@ -159,13 +180,39 @@ class CampaignErrors:
                 found.append(f"{name} of {size:.1f} µm (more than {most:g} µm is no error)")
         return ", ".join(found)
 
-    def log_evidence(self, one: Linearised, more: Array | None = None) -> float:
-        """Return log p(data), errors' parameters integrated out."""
-        each = [
-            logsumexp([n.log_prior + one.log_evidence(n.covariance, more) for n in look.nodes])
-            for look in self.looks
-        ]
-        return float(logsumexp(each) - np.log(len(each)))
+    def log_evidences(self, ones: Sequence[Linearised], most: int | None = None) -> Array:
+        """Return log p(data) (explanations,), errors' parameters integrated out.
+
+        With `most` over so many of the likeliest settings of each look: roughly.
+        """
+        each = np.empty((len(self.looks), len(ones)))
+        for i, look in enumerate(self.looks):
+            below = np.cumsum(look.weight) - look.weight
+            count = min(int((below < ERRORS.weight_kept).sum()), most or len(below))
+            nodes = look.nodes[:count]
+            found = log_evidences(ones, [n.covariance for n in nodes])
+            each[i] = logsumexp(found + np.array([[n.log_prior] for n in nodes]), axis=0)
+        return np.asarray(logsumexp(each, axis=0) - np.log(len(each)))
+
+
+def log_evidences(ones: Sequence[Linearised], covariances: Sequence[Covariance]) -> Array:
+    """Return log p(data | errors) (covariances, explanations) of the same samples."""
+    blocks: dict[int, tuple[Linearised, int]] = {}  # explanations that differ in priors share one
+    width = 0
+    for one in ones:
+        if id(one.slopes_mm) not in blocks:
+            blocks[id(one.slopes_mm)] = one, width
+            width += 1 + one.slopes_mm.shape[1]
+    columns = [c for one, _ in blocks.values() for c in (one.residual_mm, one.slopes_mm)]
+    values = np.column_stack(columns)
+    found = np.empty((len(covariances), len(ones)))
+    for members in alike([(c.columns_mm.shape[1], c.ou is None) for c in covariances]):
+        every, log_determinant = products([covariances[i] for i in members], values)
+        for j, one in enumerate(ones):
+            _, at = blocks[id(one.slopes_mm)]
+            own = slice(at, at + 1 + one.slopes_mm.shape[1])
+            found[members, j] = one.log_density(every[:, own, own], log_determinant)
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,11 +250,8 @@ def thickness_slopes(records: Sequence[Record], fit: Fit, domes: TableDomes) -> 
             top = max(r.path.top_mbar for r in records if r.geometry == at)
             other = replace(at, thickness_mm=at.thickness_mm * change)
             p = top * np.linspace(0.02, 1.0, 40)
-            both = [domes(SkinProblem(g, skin), g, top) for g in (at, other)]
-            slope = np.zeros(len(p))
-            if both[0] is not None and both[1] is not None:
-                slope = np.log(both[1](p) / both[0](p)) / np.log(change)
-            relative[at] = p, np.nan_to_num(slope)
+            both = domes([SkinProblem(g, skin) for g in (at, other)], [top, top])(p[None])
+            relative[at] = p, np.nan_to_num(np.log(both[1] / both[0]) / np.log(change))
         here = np.interp(record.pressure_mbar, *relative[at])
         # The model's deflection: the measured one's noise would explain the noise.
         found.append(here * deflection_mm)

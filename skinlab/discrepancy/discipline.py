@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from skinlab.discrepancy.campaign_errors import CampaignErrors, Linearised
+from skinlab.discrepancy.campaign_errors import CampaignErrors, Linearised, log_evidences
 from skinlab.discrepancy.heldout import HeldOut
+from skinlab.discrepancy.odds import odds_words
 from skinlab.discrepancy.records import Record, by_geometry
 from skinlab.discrepancy.search import LOG10, Candidate
 from skinlab.discrepancy.settings import NAMES
-from skinlab.inference.covariance import Covariance
 from skinlab.inference.noise import legendre
 
 Array = NDArray[np.float64]
@@ -49,18 +49,17 @@ class Discipline:
         self._records, self._errors, self._linear = records, errors, linear
         nodes = [n for look in errors.looks for n in look.nodes[:_PER_LOOK]]
         self._nodes = [(n.covariance, n.log_prior) for n in nodes]
-        self._kept: dict[bytes, list[tuple[Covariance, float]]] = {}
-
-    def _part(self, kept: Mask) -> list[tuple[Covariance, float]]:
-        key = np.packbits(kept).tobytes()
-        if key not in self._kept:
-            self._kept[key] = [(c.only(kept), p) for c, p in self._nodes]
-        return self._kept[key]
+        self._known: dict[bytes, dict[int, float]] = {}
 
     def log10_evidence(self, one: Candidate, kept: Mask) -> float:
         """Return log10 p of some samples (u,), odds not counted."""
-        part = self._linear[id(one)].only(kept)
-        return float(logsumexp([p + part.log_evidence(c) for c, p in self._part(kept)])) / LOG10
+        key = np.packbits(kept).tobytes()
+        if key not in self._known:  # of all explanations at once: their errors are the same
+            parts = [linear.only(kept) for linear in self._linear.values()]
+            each = log_evidences(parts, [c.only(kept) for c, _ in self._nodes])
+            total = logsumexp(each + np.array([[p] for _, p in self._nodes]), axis=0) / LOG10
+            self._known[key] = dict(zip(self._linear, total.tolist(), strict=True))
+        return self._known[key][id(one)]
 
     def ahead(self, one: Candidate, base: Candidate, kept: Mask) -> float:
         """Return log10 evidence in some samples over the model as it is, the odds not counted."""
@@ -106,20 +105,19 @@ class Discipline:
 
     def _smooth(self, best: Candidate, base: Candidate) -> Trial:
         shapes = smooth_shapes(self._records, NAMES.smooth_degree)
-        mine = self._linear[id(base)]
-        plain = self._errors.log_evidence(mine) / LOG10
-        each = [
-            self._errors.log_evidence(mine, 1e-3 * size * shapes) / LOG10 - plain
-            for size in NAMES.smooth_sizes_um
-        ]
+        mine, m = self._linear[id(base)], shapes.shape[1]
+        more = mine.beside(1e-3 * shapes)
+        sizes = [more.scaled(size, m) for size in NAMES.smooth_sizes_um]
+        plain, *each = (self._errors.log_evidences([mine, *sizes]) / LOG10).tolist()
+        each = [one - plain for one in each]
         mean = float(logsumexp(np.array(each) * LOG10)) / LOG10 - math.log10(len(each))
         size = NAMES.smooth_sizes_um[int(np.argmax(each))]
         lead = best.log10_evidence - max(mean, 0.0)
         return Trial(
             "smooth",
             lead >= NAMES.tie,
-            f"against a smooth error of the model of about {size:g} µm it leads by "
-            f"{lead:.1f} in log10 evidence",
+            f"it is {odds_words(lead)} likelier than a smooth error of the model of about "
+            f"{size:g} µm",
         )
 
     def _again(
@@ -172,8 +170,8 @@ class Discipline:
         return Trial(
             "chosen again",
             gain >= NAMES.held_out_chance,
-            "what is chosen without them predicts the conditions left out better than the model "
-            f"as it is by {gain:.1f} in log10 density",
+            "for what is chosen without them, the conditions left out are "
+            f"{odds_words(gain)} likelier than for the model as it is",
         )
 
 

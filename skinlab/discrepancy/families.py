@@ -78,7 +78,7 @@ def find_families(search: Search, found: Found) -> Found:
         _Promise.of(search, base.fit, one, seen) for one in families() if one.name not in own
     ]
     promising = sorted((p for p in promises if p is not None), key=lambda p: -p.log_evidence)
-    plain = search.errors.log_evidence(search.linear(base.fit))
+    plain = float(search.errors.log_evidences([search.linear(base.fit)])[0])
     worth = [p for p in promising[:_FITTED] if p.log_evidence > plain]
     fitted = [(p, fit) for p in worth if (fit := _fit(search, base.fit, p, seen)) is not None]
     if not fitted:
@@ -86,7 +86,7 @@ def find_families(search: Search, found: Found) -> Found:
     scaled = [_scaled(search, search.errors, fit, p.family, seen) for p, fit in fitted]
     search.errors = search.errors_with(max(scaled, key=lambda pair: pair[1])[0])
     scaled = [_scaled(search, search.errors, fit, p.family, seen) for p, fit in fitted]
-    plain = search.errors.log_evidence(search.linear(base.fit))
+    plain = float(search.errors.log_evidences([search.linear(base.fit)])[0])
     odds = -np.log10(max(len(promises), 2))
     candidates = [
         Candidate(
@@ -136,7 +136,8 @@ class _Promise:
         if not np.abs(shapes).max() > 1e-6:
             return None
         linear = search.linear(fit)
-        each = [errors.log_evidence(linear, scale * shapes) for scale in _SCALES]
+        more = linear.beside(shapes)
+        each = errors.log_evidences([more.scaled(scale, len(names)) for scale in _SCALES])
         scale = _SCALES[int(np.argmax(each))]
         slopes = np.column_stack([fit.jacobian, fitter.errors.whiten(shapes / PRIOR_SIZES)])
         at_fit = np.concatenate([fit.u, np.zeros(len(names))])
@@ -170,12 +171,19 @@ def _scaled(
     search: Search, errors: CampaignErrors, fit: Fit, one: LearnedEffect, seen: Seen
 ) -> tuple[Fit, float]:
     """Return the fit at its likeliest scale, and log evidence with the scale integrated out."""
-    found = []
-    for scale in _SCALES:
-        at = replace(fit, unknowns=with_family(fit.unknowns, one, seen, scale))
-        found.append((at, errors.log_evidence(search.linear(at))))
-    each = [log_evidence for _, log_evidence in found]
-    return found[int(np.argmax(each))][0], float(logsumexp(each) - np.log(len(each)))
+    fits = [replace(fit, unknowns=with_family(fit.unknowns, one, seen, scale)) for scale in _SCALES]
+    linear = search.linear(fit)
+    ones = [
+        replace(
+            linear,
+            prior=f.unknowns.prior_rows(f.u),
+            prior_slopes=f.unknowns.prior_slopes(f.u),
+            log_prior_volume=f.unknowns.log_prior_volume,
+        )
+        for f in fits
+    ]
+    each = errors.log_evidences(ones)
+    return fits[int(np.argmax(each))], float(logsumexp(each) - np.log(len(each)))
 
 
 # ---- what was learned -------------------------------------------------------------------------

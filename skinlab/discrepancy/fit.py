@@ -28,7 +28,7 @@ _GAIN = 0.3  # of the cost: less is not worth another time
 _CLOSE = 0.3  # of χ²: an anchor that changes the curves by no more is the last
 _CLOSE_SHARE = 0.01  # or so much of the χ² that is more than noise: such a fit decides nothing
 _EFFECT_RADIUS = 1.0  # how far from an anchor an effect's unknown is trusted
-_NO_MODEL = 1e3  # a whitened residual where there is no model
+NO_MODEL = 1e3  # a whitened residual where there is no model
 _DIFFERENCE = 1e-4
 _AT_BOUND = 1e-4  # of the range
 
@@ -109,9 +109,11 @@ class Fitter:
         """Return the model of an explanation, without an anchor."""
         return MappedModel(self.records, unknowns, self.domes)
 
-    def prepare(self, model: MappedModel, u: Array, *, slopes: bool = False) -> bool:
+    def prepare(
+        self, model: MappedModel, u: Array, *, slopes: bool = False, memory: bool = True
+    ) -> bool:
         """Solve the finite elements at u where they are to be used; False where they fail."""
-        return not self._finite_elements or model.anchor(u, slopes=slopes)
+        return not self._finite_elements or model.anchor(u, slopes=slopes, memory=memory)
 
     def kept(self, samples: NDArray[np.bool_]) -> Kept:
         """Return some of the samples (u,), with their errors, to be fitted alone."""
@@ -119,26 +121,34 @@ class Fitter:
 
     def residuals(self, model: MappedModel, u: Array, keep: Kept | None = None) -> Array:
         """Return whitened residuals (n,); large where there is no model."""
-        off = np.concatenate(model.predict(u)) - self.measured
+        return np.asarray(self.residuals_of_many(model, u[None], keep)[0])
+
+    def residuals_of_many(self, model: MappedModel, u: Array, keep: Kept | None = None) -> Array:
+        """Return whitened residuals (candidates, n) of unknowns (candidates, k)."""
+        off = np.hstack(model.predict_many(u)) - self.measured
         errors = self.errors
         if keep is not None:
-            off, errors = off[keep.samples], keep.errors
-        if not np.isfinite(off).all():
-            return np.full(errors.count, _NO_MODEL)
-        return errors.whiten(off)
+            off, errors = off[:, keep.samples], keep.errors
+        found = np.full((len(u), errors.count), NO_MODEL)
+        held = np.isfinite(off).all(axis=1)
+        if held.any():
+            found[held] = errors.whiten(off[held].T).T
+        return found
 
     def jacobian(self, model: MappedModel, u: Array, keep: Kept | None = None) -> Array:
         """Return derivatives (n, k) of `residuals`, by differences inside the bounds."""
-        high = model.unknowns.bounds[1]
-        here = self.residuals(model, u, keep)
-        columns = []
-        for j in range(len(u)):
-            step = _DIFFERENCE if u[j] + _DIFFERENCE <= high[j] else -_DIFFERENCE
-            moved = u.copy()
-            moved[j] += step
-            columns.append((self.residuals(model, moved, keep) - here) / step)
-        found = np.column_stack(columns)
-        return np.where(np.abs(found) < 0.1 * _NO_MODEL / _DIFFERENCE, found, 0.0)
+        return np.asarray(self.jacobians(model, u[None], keep)[0])
+
+    def jacobians(self, model: MappedModel, u: Array, keep: Kept | None = None) -> Array:
+        """Return derivatives (candidates, n, k) for unknowns (candidates, k), in one batch."""
+        n, k = u.shape
+        steps = np.where(u + _DIFFERENCE <= model.unknowns.bounds[1], _DIFFERENCE, -_DIFFERENCE)
+        moved = u[:, None, :] + steps[:, None, :] * np.eye(k)
+        every = np.concatenate([u[:, None, :], moved], axis=1).reshape(-1, k)
+        found = self.residuals_of_many(model, every, keep).reshape(n, k + 1, -1)
+        slopes = (found[:, 1:] - found[:, :1]) / steps[:, :, None]
+        slopes = np.where(np.abs(slopes) < 0.1 * NO_MODEL / _DIFFERENCE, slopes, 0.0)
+        return np.asarray(slopes.transpose(0, 2, 1))
 
     def all_residuals(self, model: MappedModel, u: Array, keep: Kept | None = None) -> Array:
         """Return `residuals` and the priors' deviations (n + axes,): their squares are the cost."""
@@ -253,7 +263,7 @@ class Fitter:
             if found.cost > best.cost:
                 radius = 0.4 * radius
                 if not (well or again):
-                    again = model.anchor(best.u, afresh=True)
+                    again = model.anchor(best.u)
             else:
                 best = found
                 if well:
@@ -266,10 +276,6 @@ class Fitter:
     def _change(self, now: list[Array], before: list[Array]) -> float:
         off = self.errors.whiten(np.concatenate(now) - np.concatenate(before))
         return float(off @ off)
-
-    def cost(self, model: MappedModel, u: Array) -> float:
-        """Return χ² with the effects' priors; infinite where there is no model."""
-        return self._cost(model.unknowns, u, model.predict(u))
 
     def _cost(self, unknowns: Unknowns, u: Array, predicted: list[Array]) -> float:
         off = np.concatenate(predicted) - self.measured

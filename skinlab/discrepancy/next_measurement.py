@@ -1,11 +1,18 @@
-"""What to measure next, to tell tied explanations apart."""
+"""What to measure next, and the shortest plan that would settle it: sequential discrimination.
+
+Each explanation that is still possible predicts what a measurement would give, as far as the
+campaign at hand tells its unknowns (linearised). From every one of them outcomes are drawn; each
+outcome is weighed by all, and so becomes a verdict. What counts is how probable a right name is,
+and how many minutes of a patient it costs. Sources: Box and Hill 1967 (Technometrics 9:57);
+Hunter and Reiner 1965 (ibid. 7:307).
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,10 +20,15 @@ from numpy.typing import NDArray
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
+from skinlab.discrepancy.campaign_errors import thickness_slopes
 from skinlab.discrepancy.fit import Fit, Fitter
-from skinlab.discrepancy.misfit import errors_of
+from skinlab.discrepancy.misfit import mesh_columns
 from skinlab.discrepancy.records import Record
+from skinlab.discrepancy.settings import PLANS
 from skinlab.discrepancy.space_mapping import MappedModel
+from skinlab.inference.covariance import Covariance, OrnsteinUhlenbeck
+from skinlab.inference.error_choice import ErrorChoice, Node
+from skinlab.inference.noise import MESH_REST, slope_mm_per_mbar
 from skinlab.mechanics.fem.suction import Geometry
 
 Array = NDArray[np.float64]
@@ -35,49 +47,279 @@ MENU = tuple(
     )
 )
 _RATE_HZ = 20.0
-_STEP = 0.05
-_USELESS = 0.3  # log10 evidence: less tells nothing
+_STEP = 1e-3  # of an unknown, for slopes
+_DRAWS = 256  # outcomes of each explanation
+_BEAM = 6  # plans that are gone on with
+
+Names = tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Planned:
+    """One program through one opening, the probe put on anew each of so many times."""
+
+    aperture_mm: float
+    program: str
+    placements: int
+    minutes: float
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Measurements, and the verdicts that they may be expected to lead to.
+
+    `named` is the probability, of each explanation, that it is true and gets the name; `wrong` that
+    another one does, `tied` that none does.
+    """
+
+    measurements: tuple[Planned, ...]
+    named: tuple[tuple[Names, float], ...]
+    wrong: float
+    tied: float
+
+    @property
+    def minutes(self) -> float:
+        """Time of the patient."""
+        return sum(m.minutes for m in self.measurements)
+
+    @property
+    def settled(self) -> float:
+        """Probability of the right name."""
+        return sum(p for _, p in self.named)
 
 
 @dataclass(frozen=True)
 class NextMeasurement:
-    """A measurement, which explanations it separates, and by how much evidence it may be hoped."""
+    """A measurement, which explanations it separates, and by how much evidence it may be hoped.
+
+    `alone` is what it is expected to lead to by itself; `plan` the shortest plan that would settle
+    it, which need not begin with it, or the best that there is.
+    """
 
     aperture_mm: float
     program: str
-    separates: tuple[tuple[str, ...], ...]
+    separates: tuple[Names, ...]
     expected_log10_evidence: float
+    alone: Plan | None = None
+    plan: Plan | None = None
+
+    @property
+    def placements(self) -> int:
+        """How often the probe is put on for it."""
+        return 1 if self.alone is None else self.alone.measurements[0].placements
 
 
-def advise(fitter: Fitter, tied: Sequence[Fit]) -> NextMeasurement | None:
-    """Return the measurement of the menu that best separates the closest two, None if none does.
+@dataclass(frozen=True)
+class PlannedErrors:
+    """The errors that a further measurement will have."""
 
-    Between two explanations it expects half the squared length of the difference of their curves,
-    whitened, what either's unknowns may still give way by counted as an error (linearised).
+    white_um: float
+    ou_um: float = 0.0
+    ou_s: float = 1.0
+    stiffness: float = 0.0  # standard deviations, of each placement
+    offset_um: float = 0.0
+    thickness: float = 0.0
+
+    @classmethod
+    def of(cls, choice: ErrorChoice) -> PlannedErrors:
+        """Return them as learned from a campaign."""
+        known = choice.parameters()
+
+        def independent(node: Node) -> float:
+            lasting = node.combination.lasting | {"pressure"}
+            sizes = node.sizes_um.items()
+            alone = [v**2 for n, v in sizes if n not in lasting and not n.startswith("placement")]
+            return math.sqrt(sum(alone))
+
+        return cls(
+            choice.median(independent),
+            known.get("ou_um", 0.0),
+            known.get("ou_s", 1.0),
+            known.get("placement_scatter", 0.0),
+            known.get("placement_offset_um", 0.0),
+            known.get("placement_thickness", 0.0),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Look:
+    """A measurement as the explanations see it, in inner products weighed by its errors."""
+
+    planned: Planned
+    gram: Array  # (columns, columns): of what each explanation expects, and how that may give way
+    fresh: bool  # whether the campaign has no such condition
+
+    @property
+    def kind(self) -> tuple[float, str]:
+        return self.planned.aperture_mm, self.planned.program
+
+
+@dataclass(frozen=True, eq=False)
+class _Odds:
+    """The explanations that are weighed, and outcomes drawn from each."""
+
+    names: Sequence[Names]
+    log10_evidence: Array
+    widths: Sequence[int]  # unknowns of each explanation
+    tie: float
+    normal: Array  # (draws, columns of all) of which outcomes are made
+
+    @property
+    def probability(self) -> Array:
+        """Of each explanation, now."""
+        odds = 10.0 ** (self.log10_evidence - self.log10_evidence.max())
+        return np.asarray(odds / odds.sum())
+
+    def plan(self, looks: Sequence[_Look]) -> Plan:
+        """Return what these measurements together are expected to lead to."""
+        n = len(self.names)
+        gram = np.sum([look.gram for look in looks], axis=0)
+        values, vectors = np.linalg.eigh(gram)
+        kept = values > 1e-9 * max(float(values[-1]), 1.0)
+        at = vectors[:, kept] * np.sqrt(values[kept])  # each column's coordinates (columns, d)
+        d = at.shape[1]
+        ends = np.cumsum([n, *self.widths])
+        ways = [at[a:b].T for a, b in pairwise(ends.tolist())]  # (d, k)
+        roots = [np.linalg.cholesky(np.eye(d) + w @ w.T) for w in ways]
+        log_det = np.array([2.0 * np.log(np.diag(r)).sum() for r in roots])
+        tie = self.tie if any(look.fresh for look in looks) else max(self.tie, PLANS.lone_tie)
+        named, wrong = [], 0.0
+        for i, p in enumerate(self.probability):
+            drawn = at[i] + self.normal[:, :d] @ roots[i].T
+            each = np.empty((len(drawn), n))
+            for j in range(n):
+                z = np.linalg.solve(roots[j], (drawn - at[j]).T)
+                each[:, j] = -0.5 * (np.square(z).sum(axis=0) + log_det[j])
+            total = self.log10_evidence + each / math.log(10.0)
+            order = np.sort(total, axis=1)
+            decided = order[:, -1] - order[:, -2] >= tie
+            right = decided & (total.argmax(axis=1) == i)
+            named.append((self.names[i], float(p * right.mean())))
+            wrong += float(p * (decided & ~right).mean())
+        settled = sum(share for _, share in named)
+        measurements = tuple(look.planned for look in looks)
+        return Plan(measurements, tuple(named), wrong, max(0.0, 1.0 - settled - wrong))
+
+    def expected_log10(self, look: _Look) -> float:
+        """Return the log10 evidence between the two that it separates least.
+
+        Half the squared length of the difference of their curves, what either's unknowns may still
+        give way by counted as an error.
+        """
+        n, gram = len(self.names), look.gram
+        ends = np.cumsum([n, *self.widths])
+        least = math.inf
+        for i, j in combinations(range(n), 2):
+            rows = [*range(ends[i], ends[i + 1]), *range(ends[j], ends[j + 1])]
+            apart = np.zeros(len(gram))
+            apart[i], apart[j] = 1.0, -1.0
+            across = gram[rows] @ apart
+            inner = np.eye(len(rows)) + gram[np.ix_(rows, rows)]
+            chi2 = float(apart @ gram @ apart - across @ np.linalg.solve(inner, across))
+            least = min(least, 0.5 * chi2 / math.log(10.0))
+        return least
+
+
+def advise(
+    fitter: Fitter,
+    tied: Sequence[Fit],
+    log10_evidence: Sequence[float],
+    errors: PlannedErrors,
+    rng: np.random.Generator,
+) -> NextMeasurement | None:
+    """Return the measurement that best tells explanations apart for its time, None if none does.
+
+    `log10_evidence` is that of each, the odds before the data counted.
     """
-    best: NextMeasurement | None = None
-    have = {(r.geometry.aperture_mm, str(r.curve.setup.program or "")) for r in fitter.records}
-    for aperture, program in MENU:
-        if (aperture, program) in have and len(MENU) > len(have):
-            continue
-        record = _planned(fitter, aperture, program)
-        looks = [_look(fitter, fit, record) for fit in tied]
-        if any(look is None for look in looks):
-            continue
-        errors = errors_of([replace(record, curve=_with(record, looks[0][0]))])  # type: ignore[index]
-        expected = math.inf
-        for one, other in combinations([x for x in looks if x is not None], 2):
-            difference = errors.whiten(one[0] - other[0])
-            doubt = np.hstack([errors.whiten(one[1]), errors.whiten(other[1])])
-            inner = np.eye(doubt.shape[1]) + doubt.T @ doubt
-            across = doubt.T @ difference
-            chi2 = float(difference @ difference - across @ np.linalg.solve(inner, across))
-            expected = min(expected, 0.5 * chi2 / math.log(10.0))
-        if expected > max(_USELESS, best.expected_log10_evidence if best else 0.0):
-            best = NextMeasurement(
-                aperture, program, tuple(fit.effects for fit in tied), float(expected)
-            )
+    own = set.intersection(*(set(f.effects) for f in tied))
+    names = [tuple(e for e in f.effects if e not in own) for f in tied]
+    widths = [len(f.u) for f in tied]
+    normal = rng.standard_normal((_DRAWS, len(tied) + sum(widths)))
+    odds = _Odds(names, np.array(log10_evidence), widths, PLANS.tie, normal)
+    looks = _looks(fitter, tied, errors)
+    if not looks:
+        return None
+    now = odds.plan([replace(looks[0], gram=np.zeros_like(looks[0].gram))]).settled
+    alone = {id(look): odds.plan([look]) for look in looks}
+
+    def worth(look: _Look) -> float:
+        plan = alone[id(look)]
+        return (plan.settled - now - plan.wrong) / plan.minutes
+
+    best = max(looks, key=worth)
+    gain = alone[id(best)].settled - now
+    expected = odds.expected_log10(best)
+    if gain < PLANS.least_gain and expected < PLANS.useless:
+        return None
+    return NextMeasurement(
+        best.planned.aperture_mm,
+        best.planned.program,
+        tuple(fit.effects for fit in tied),
+        expected,
+        alone[id(best)],
+        _shortest(odds, looks),
+    )
+
+
+def _shortest(odds: _Odds, looks: Sequence[_Look]) -> Plan:
+    """Return the shortest plan that is expected to settle it, else the one that comes nearest."""
+    plans = [([look], odds.plan([look])) for look in looks]
+    best = max((plan for _, plan in plans), key=lambda p: p.settled)
+    for _ in range(PLANS.most_measurements):
+        enough = [plan for _, plan in plans if plan.settled >= PLANS.settled]
+        best = max((best, *(plan for _, plan in plans)), key=lambda p: p.settled)
+        if enough:
+            return min(enough, key=lambda p: p.minutes)
+        leaders = sorted(plans, key=lambda p: -p[1].settled)[:_BEAM]
+        plans = []
+        for chosen, _ in leaders:
+            for look in looks:
+                if look.kind in {one.kind for one in chosen}:
+                    continue
+                both = [*chosen, look]
+                minutes = sum(one.planned.minutes for one in both)
+                if minutes <= PLANS.most_minutes and len(both) <= PLANS.most_measurements:
+                    plans.append((both, odds.plan(both)))
+        if not plans:
+            break
     return best
+
+
+def _looks(fitter: Fitter, tied: Sequence[Fit], errors: PlannedErrors) -> list[_Look]:
+    """Return the menu as the explanations see it; what one of them does not bear is left out."""
+    have = {(r.geometry.aperture_mm, str(r.curve.setup.program or "")) for r in fitter.records}
+    apertures = {r.geometry.aperture_mm for r in fitter.records}
+    found = []
+    for aperture in _TOPS_MBAR:
+        records = [_planned(fitter, a, program) for a, program in MENU if a == aperture]
+        seen = [_expected(fitter, fit, records) for fit in tied]
+        held = [one for one in seen if one is not None]
+        if len(held) < len(tied):
+            continue
+        for i, record in enumerate(records):
+            curves = [curves[i] for curves, _ in held]
+            middle = replace(record, curve=_with(record, np.mean(curves, axis=0)))
+            columns = np.column_stack(
+                [*(c - curves[0] for c in curves), *(slopes[i] for _, slopes in held)]
+            )
+            for placements in range(1, PLANS.most_placements + 1):
+                many = [replace(middle, placement=k) for k in range(placements)]
+                white = _errors(fitter, tied[0], many, errors)
+                whole = white.whiten(np.tile(columns, (placements, 1)))
+                program = str(record.curve.setup.program)
+                minutes = _minutes(record, placements, opened=aperture not in apertures)
+                planned = Planned(aperture, program, placements, minutes)
+                fresh = (aperture, program) not in have
+                found.append(_Look(planned, whole.T @ whole, fresh))
+    return found
+
+
+def _minutes(record: Record, placements: int, *, opened: bool) -> float:
+    """Return what a measurement takes of a patient's time."""
+    program = record.curve.setup.program
+    assert program is not None
+    each = program.duration_s / 60.0 + PLANS.placement_min
+    return round(placements * each + (PLANS.opening_min if opened else 0.0), 1)
 
 
 def _planned(fitter: Fitter, aperture: float, program_text: str) -> Record:
@@ -99,26 +341,47 @@ def _with(record: Record, deflection_mm: Array) -> Curve:
     return Curve(curve.name, curve.setup, curve.time_s, curve.pressure_mbar, deflection_mm)
 
 
-def _look(fitter: Fitter, fit: Fit, record: Record) -> tuple[Array, Array] | None:
-    """Return the curve expected (n,), and how it gives way (n, k), a standard deviation each."""
-    model = MappedModel([record], fit.unknowns, fitter.domes)
-    if not model.anchor(fit.u):
+def _errors(
+    fitter: Fitter, fit: Fit, records: Sequence[Record], errors: PlannedErrors
+) -> Covariance:
+    """Return the covariance of planned curves, each a placement of its own."""
+    first, n = records[0], len(records[0].curve)
+    w, p = first.curve.deflection_mm, first.pressure_mbar
+    slope = slope_mm_per_mbar(p, w)
+    variance = (
+        (1e-3 * errors.white_um) ** 2 + (slope * first.pressure_sd_mbar) ** 2 + (MESH_REST * w) ** 2
+    )
+    own = [errors.stiffness * p * slope, np.full(n, 1e-3 * errors.offset_um)]
+    if errors.thickness:
+        thicker = thickness_slopes([first], replace(fit, deflections_mm=[w]), fitter.domes)
+        own.append(errors.thickness * thicker)
+    placed = np.kron(np.eye(len(records)), np.column_stack(own))
+    return Covariance(
+        np.tile(variance, len(records)),
+        np.hstack([mesh_columns(records), placed]),
+        tuple(n * (k + 1) for k in range(len(records))),
+        OrnsteinUhlenbeck(1e-3 * errors.ou_um, errors.ou_s) if errors.ou_um else None,
+        np.tile(first.curve.time_s, len(records)),
+    )
+
+
+def _expected(
+    fitter: Fitter, fit: Fit, records: Sequence[Record]
+) -> tuple[list[Array], list[Array]] | None:
+    """Return each curve expected (n,), and how it gives way (n, k), a standard deviation each."""
+    model = MappedModel(records, fit.unknowns, fitter.domes)
+    if not fitter.prepare(model, fit.u, slopes=True):
         return None
-    curve = model.predict(fit.u)[0]
-    if not np.isfinite(curve).all():
+    low, high = fit.unknowns.bounds
+    k = len(fit.u)
+    up, down = np.minimum(_STEP, high - fit.u), np.minimum(_STEP, fit.u - low)
+    moved = [fit.u, *(fit.u + np.diag(up)), *(fit.u - np.diag(down))]
+    curves = model.predict_many(np.array(moved))
+    if not all(np.isfinite(c[0]).all() for c in curves):
         return None
     root = np.linalg.cholesky(np.linalg.inv(fit.information))
-    columns = []
-    low, high = fit.unknowns.bounds
-    for j in range(len(fit.u)):
-        # Along a direction of the posterior, but no further than the model is trusted.
-        along = _STEP * root[:, j] / max(float(np.abs(root[:, j]).max()), 1e-12)
-        along = np.clip(fit.u + along, low, high) - fit.u
-        length = float(np.abs(along).max())
-        if length < 1e-9:
-            columns.append(np.zeros(len(curve)))
-            continue
-        moved = model.predict(fit.u + along)[0]
-        columns.append((moved - curve) * float(np.abs(root[:, j]).max()) / _STEP)
-    slopes = np.nan_to_num(np.column_stack(columns))
-    return curve, slopes
+    slopes = [
+        np.nan_to_num((c[1 : k + 1] - c[k + 1 :]) / np.maximum(up + down, 1e-12)[:, None]).T @ root
+        for c in curves
+    ]
+    return [c[0] for c in curves], slopes

@@ -11,7 +11,7 @@ from skinlab.discrepancy.adequacy import Place
 from skinlab.discrepancy.discipline import Shares, Trial
 from skinlab.discrepancy.families import Learned, describe_learned
 from skinlab.discrepancy.heldout import HeldOut
-from skinlab.discrepancy.next_measurement import NextMeasurement
+from skinlab.discrepancy.next_measurement import NextMeasurement, Plan
 from skinlab.discrepancy.posterior import Posterior, gaussian
 from skinlab.discrepancy.screen import Signature
 from skinlab.discrepancy.search import Candidate, Found
@@ -112,14 +112,7 @@ class Outcome:
             "not_screened": self.not_screened,
             "next_measurement": None
             if self.next_measurement is None
-            else {
-                "aperture_mm": self.next_measurement.aperture_mm,
-                "program": self.next_measurement.program,
-                "separates": [
-                    [e for e in names if e not in own] for names in self.next_measurement.separates
-                ],
-                "expected_log10_evidence": self.next_measurement.expected_log10_evidence,
-            },
+            else _next_json(self.next_measurement, own),
             "learned": None if self.learned is None else learned_json(self.learned),
             "adopted_model": self.adopted_model,
             "seed": self.seed,
@@ -220,3 +213,25 @@ def place_json(place: Place) -> dict[str, Any]:
 
 def _base_only(values: dict[str, dict[str, float]]) -> dict[str, dict[str, float]]:
     return {n: v for n, v in values.items() if not is_effects(n)}
+
+
+def _next_json(following: NextMeasurement, own: set[str]) -> dict[str, Any]:
+    return {
+        "aperture_mm": following.aperture_mm,
+        "program": following.program,
+        "separates": [[e for e in names if e not in own] for names in following.separates],
+        "expected_log10_evidence": following.expected_log10_evidence,
+        "placements": following.placements,
+        "expected": None if following.alone is None else _plan_json(following.alone),
+        "plan": None if following.plan is None else _plan_json(following.plan),
+    }
+
+
+def _plan_json(plan: Plan) -> dict[str, Any]:
+    return {
+        "measurements": [vars(m) for m in plan.measurements],
+        "minutes": plan.minutes,
+        "named": [{"effects": list(names), "probability": p} for names, p in plan.named],
+        "wrong": plan.wrong,
+        "ambiguous": plan.tied,
+    }

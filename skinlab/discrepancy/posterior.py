@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.discrepancy.fit import Fit, Fitter
+from skinlab.discrepancy.fit import NO_MODEL, Fit, Fitter
 from skinlab.discrepancy.space_mapping import MappedModel
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.inference.intervals import correlation, summary
@@ -46,7 +46,7 @@ class Posterior:
         space, found = self.unknowns.space, {}
         logarithmic = {
             n for n, t in zip(space.names, space.transforms, strict=True) if t != "linear"
-        }
+        } | {axis.name for axis in self.unknowns.axes if axis.parameter.zero is None}
         for name, values in self._named().items():
             bounds = (low[name], high[name])
             middle, *ends = summary(
@@ -90,7 +90,7 @@ def sample(fitter: Fitter, fit: Fit, rng: np.random.Generator) -> Posterior:
 
 @dataclass(frozen=True, eq=False)
 class _Misfit:
-    """A fit's whitened residuals and priors, of many candidates one after the other."""
+    """A fit's whitened residuals and priors, of many candidates at once."""
 
     fitter: Fitter
     model: MappedModel
@@ -98,23 +98,24 @@ class _Misfit:
 
     def __call__(self, parameters: Array) -> Array:
         """Return χ² (n,) with the priors; infinite where there is no model."""
-        return np.array([self.fitter.cost(self.model, u) for u in parameters])
+        cost = np.square(self.differences(parameters)).sum(axis=1)
+        return np.where(cost < NO_MODEL**2, cost, np.inf)
 
     def differences(self, parameters: Array) -> Array:
         """Return residuals (n, m); large where there is no model."""
-        return np.array([self.residuals(u) for u in parameters])
+        priors = [self.model.unknowns.prior_rows(u) for u in parameters]
+        each = self.fitter.residuals_of_many(self.model, parameters)
+        return np.hstack([each, np.array(priors).reshape(len(each), -1)])
 
     def slopes(self, parameters: Array) -> Array:
         """Return derivatives (n, m, k) of `differences`."""
-        return np.array([self.jacobian(u) for u in parameters])
+        priors = [self.model.unknowns.prior_slopes(u) for u in parameters]
+        found = self.fitter.jacobians(self.model, parameters)
+        return np.concatenate([found, np.array(priors)], axis=1)
 
     def residuals(self, parameters: Array) -> Array:
         """Return residuals (m,) of one candidate."""
         return self.fitter.all_residuals(self.model, parameters)
-
-    def jacobian(self, parameters: Array) -> Array:
-        """Return the derivatives (m, k) of `residuals`."""
-        return self.fitter.all_slopes(self.model, parameters)
 
 
 def gaussian(fit: Fit) -> Posterior:

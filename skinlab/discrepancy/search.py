@@ -27,7 +27,7 @@ from skinlab.discrepancy.search_workers import (
     fit_one,
     signature_of,
 )
-from skinlab.discrepancy.settings import NAMES
+from skinlab.discrepancy.settings import ERRORS, NAMES
 from skinlab.discrepancy.unknowns import BasePrior, Known, Unknowns
 from skinlab.errors import NotTrustworthyError
 from skinlab.inference.covariance import Covariance, independent
@@ -88,6 +88,15 @@ class Partial:
 
     base: Candidate | None = None
     candidates: list[Candidate] = field(default_factory=list)
+
+    def add(self, one: Candidate, *, base: bool) -> None:
+        """Take what has just been fitted; of one explanation the better fit."""
+        if base:
+            self.base = one
+            return
+        same = [c for c in self.candidates if c.effects == one.effects]
+        if not same or one.fit.cost < same[0].fit.cost:
+            self.candidates = [c for c in self.candidates if c.effects != one.effects] + [one]
 
 
 def unknowns_of(model: Model) -> Unknowns:
@@ -193,8 +202,6 @@ class Search:
         self._progress("fitting the model as it is")
         base = self.learned_base()
         with Pool(self._workers, self.fitter) as pool:
-            if self._partial is not None:
-                self._partial.base = base
             self._progress(f"screening {len(self._library)} effects")
             signatures, not_screened = self._screen(pool, base.fit, self._library)
             chosen = _worth(signatures.values())
@@ -204,8 +211,6 @@ class Search:
             if chosen:
                 self._progress(f"fitting {', '.join(s.effect for s in chosen)}")
                 singles = self._singles(pool, base, chosen)
-            if self._partial is not None:
-                self._partial.candidates = singles
             candidates = singles
             explaining = [c for c in singles if c.adequate]
             if explaining:
@@ -286,18 +291,24 @@ class Search:
     def weighed(self, base: Candidate, candidates: Sequence[Candidate]) -> list[Candidate]:
         """Return candidates of the library with their evidence by the errors as they are now."""
         assert self.errors is not None
-        plain = self.errors.log_evidence(self.linear(base.fit))
-        return [replace(c, log10_evidence=self._relative(c.fit, plain)) for c in candidates]
+        linear = [self.linear(c.fit) for c in (base, *candidates)]
+        least, *each = self.errors.log_evidences(linear).tolist()
+        return [
+            replace(c, log10_evidence=(one - least) / LOG10 + self._log10_odds(c.fit))
+            for c, one in zip(candidates, each, strict=True)
+        ]
 
-    def _relative(self, fit: Fit, base: float) -> float:
-        """Return log10 evidence with the odds, relative to that (natural) of the base model."""
+    def _log10_odds(self, fit: Fit) -> float:
+        """Return the odds before the data against the base model."""
         added = len(fit.effects) - len(self._own)
         n = max(len(self._library), 2)
-        odds = 1.0 / n if added == 1 else _PAIRS_ODDS / (0.5 * n * (n - 1))
-        evidence = (
-            fit.log_evidence if self.errors is None else self.errors.log_evidence(self.linear(fit))
-        )
-        return (evidence - base) / LOG10 + math.log10(odds)
+        return math.log10(1.0 / n if added == 1 else _PAIRS_ODDS / (0.5 * n * (n - 1)))
+
+    def _roughly(self, fit: Fit) -> float:
+        """Return the log evidence (natural) by which explanations are ranked."""
+        if self.errors is None:
+            return fit.log_evidence
+        return float(self.errors.log_evidences([self.linear(fit)], ERRORS.rough_nodes)[0])
 
     def _singles(self, pool: Pool, base: Candidate, chosen: list[Signature]) -> list[Candidate]:
         """Return fits of single effects: of the lesser ones only where the likely explain nothing.
@@ -443,14 +454,15 @@ class Search:
         else:
             left = judge(records, self.errors.judged, fit.deflections_mm, k)
         at_bound = tuple(n for n, f in zip(fit.unknowns.names, fit.free, strict=True) if not f)
+        ahead = 0.0
         if base is None:
-            self._base_evidence = (
-                fit.log_evidence
-                if self.errors is None
-                else self.errors.log_evidence(self.linear(fit))
-            )
-            return Candidate(fit, left, 0.0, at_bound)
-        return Candidate(fit, left, self._relative(fit, self._base_evidence), at_bound)
+            self._base_evidence = self._roughly(fit)
+        else:
+            ahead = (self._roughly(fit) - self._base_evidence) / LOG10 + self._log10_odds(fit)
+        found = Candidate(fit, left, ahead, at_bound)
+        if self._partial is not None:
+            self._partial.add(found, base=base is None)
+        return found
 
 
 def with_thickness(unknowns: Unknowns, records: Sequence[Record]) -> Unknowns:

@@ -20,6 +20,11 @@ class ErrorRules:
     between placements: 1 to 5 % (ultrasound, site)."""
     coarse_hz: float = 25.0
     """Samples are averaged to about this rate: the shortest correlation time is 0.1 s."""
+    weight_kept: float = 0.99
+    """Of the probability of settings of the errors, over which evidence is integrated: the rest is
+    0.004 in log10 evidence, and a third of the time."""
+    rough_nodes: int = 12
+    """Settings of each look by which explanations are ranked while the search goes on."""
     judged_nodes: int = 12
     """Settings of the errors by which a residual is judged and robustness is looked at."""
     largest_um: Mapping[str, float] = field(
@@ -27,8 +32,6 @@ class ErrorRules:
     )
     """Root mean squares above which what lasts or repeats is no error, but something missing: twice
     what docs/intervals.md lists."""
-    thickness_reach: float = 3.0
-    """A typed thickness further off than so many of its standard deviations is told of."""
 
 
 @dataclass(frozen=True)
@@ -58,5 +61,36 @@ class NameRules:
     """Repeats that differ by more than so many times the noise are told of first."""
 
 
+@dataclass(frozen=True)
+class PlanRules:
+    """What further measurements cost, and when a plan is worth telling.
+
+    Times are those of a visit as docs/bedside.md describes it, not measured in a clinic. All of it
+    moves "advice settles" of benchmarks/missing_effect.py.
+    """
+
+    tie: float = NameRules.tie
+    """log10 evidence by which an explanation has to lead."""
+    lone_tie: float = NameRules.lone_tie
+    """The same where no other condition is measured."""
+    settled: float = 0.8
+    """Probability of the right name from which on a plan settles it."""
+    least_gain: float = 0.05
+    """Gain of that probability below which a measurement is not worth its time."""
+    useless: float = 0.3
+    """Expected log10 evidence, below which it tells nothing either: 2 to 1."""
+    placement_min: float = 1.5
+    """Minutes to put the probe on and off, and for the skin to recover."""
+    opening_min: float = 2.0
+    """Minutes to change the opening."""
+    most_placements: int = 3
+    """Of one measurement: more than that is not borne at one visit."""
+    most_measurements: int = 4
+    """Of a plan."""
+    most_minutes: float = 30.0
+    """Of a plan: a visit."""
+
+
 ERRORS = ErrorRules()
 NAMES = NameRules()
+PLANS = PlanRules()

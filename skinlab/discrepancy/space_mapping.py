@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.discrepancy.records import Record
 from skinlab.discrepancy.table_domes import (
-    Dome,
+    Domes,
     TableDomes,
     has_features,
     plain_part,
@@ -19,14 +20,24 @@ from skinlab.discrepancy.table_domes import (
 )
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.errors import InputError
-from skinlab.mechanics.effects.model import Effects, Sensors, felt_path, problem_of, solve_skin
-from skinlab.mechanics.fem.skin import SkinProblem
+from skinlab.mechanics.effects.model import (
+    Effects,
+    Instant,
+    Sensors,
+    felt_path,
+    problem_of,
+    solve_skin,
+)
+from skinlab.mechanics.fem.sensitivity import Change, Slopes, solve_with_slopes
+from skinlab.mechanics.fem.skin import Prony, SkinProblem
 from skinlab.mechanics.fem.suction import MESH_OF_RECORD, Discretisation, Geometry
 
 Array = NDArray[np.float64]
+Key = tuple[Geometry, int]  # as stated; the first cycle, or a later one
 
 _RATIO_NODES = 40
-_EFFECT_STEP = 0.15  # of an effect's unknown
+_SMALL = 1e-3  # of an unknown, for slopes: what is left out is its square
+_EFFECT_STEP = 0.15  # of an effect's unknown, where the mesh changes and there is no slope
 _LEAST_HELD = 0.7  # of the suction that is needed: a skin that creases before has no answer
 _TREND = 5  # nodes from which a correction goes on beyond
 
@@ -39,8 +50,8 @@ class _Learnt:
     slopes: Array  # (m, k)
 
     def at(self, off: Array) -> Array:
-        """Return the correction (m,) off the anchor by (k,)."""
-        return np.asarray(self.value + self.slopes @ off)
+        """Return the corrections (n, m) off the anchor by (n, k)."""
+        return np.asarray(self.value + off @ self.slopes.T)
 
     def move(self, value: Array, off: Array) -> None:
         """Take the next anchor, and learn from it how the correction changes (Broyden 1965)."""
@@ -50,246 +61,351 @@ class _Learnt:
         self.value = value
 
 
+@dataclass(frozen=True, eq=False)
+class _Candidate:
+    """What one set of unknowns is for the mechanics; paths are those of the records."""
+
+    problems: Mapping[Key, SkinProblem]
+    sensors: Sensors
+    felt: Sequence[PressurePath]
+
+
 @dataclass(eq=False)
 class MappedModel:
-    """Deflections of all records for given unknowns; NaN arrays where there is no model."""
+    """Deflections of all records for given unknowns; NaN where there is no model."""
 
     records: Sequence[Record]
     unknowns: Unknowns
     domes: TableDomes
     discretisation: Discretisation = MESH_OF_RECORD
     _anchor: Array | None = None
-    _ratios: dict[tuple[Geometry, int], tuple[Array, _Learnt]] = field(default_factory=dict)
+    _ratios: dict[Key, tuple[Array, _Learnt]] = field(default_factory=dict)
     _courses: dict[int, _Learnt] = field(default_factory=dict)
-    _felt: list[PressurePath] = field(default_factory=list)  # of each record, at the last unknowns
-
-    def _feel(self, effects: Effects) -> None:
-        """Take the suctions that the skin feels with these effects."""
-        self._felt = [felt_path(effects, r.path) for r in self.records]
 
     @property
     def corrected(self) -> bool:
         """Whether the finite elements correct the table anywhere."""
         return bool(self._ratios or self._courses)
 
+    @cached_property
+    def _twins(self) -> list[int]:
+        """Return of each record the first one that no model can tell from it: repeats."""
+        first: dict[tuple[object, ...], int] = {}
+        return [
+            first.setdefault(
+                (_key(r), r.path, r.curve.time_s.tobytes(), r.pressure_mbar.tobytes()), i
+            )
+            for i, r in enumerate(self.records)
+        ]
+
     def predict(self, u: Array) -> list[Array]:
         """Return the deflections (n,) of each record, mm."""
-        skin, effects = self.unknowns.skin(u), self.unknowns.values(u)
-        sensors = Sensors.of(effects)
-        self._feel(effects)
-        off = np.zeros(len(u)) if self._anchor is None else u - self._anchor
-        known: dict[tuple[Geometry, int], tuple[SkinProblem, Dome | None]] = {}
-        found = []
-        for i, record in enumerate(self.records):
-            cycle = record.curve.setup.cycle
-            key = (record.geometry, cycle)
-            if key not in known:
-                try:
-                    problem = problem_of(skin, effects, record.geometry, cycle)
-                    known[key] = problem, self._dome(problem, record.geometry)
-                except InputError:  # a combination of values that cannot be
-                    return [np.full(len(r.curve), np.nan) for r in self.records]
-            problem, dome = known[key]
-            if dome is None:
-                found.append(np.full(len(record.curve), np.nan))
-                continue
-            found.append(self._read(i, record, problem, dome, key, sensors, off))
-        return found
+        return [w[0] for w in self.predict_many(u[None])]
 
-    def _read(
+    def predict_many(self, u: Array) -> list[Array]:
+        """Return the deflections (candidates, n) of each record for unknowns (candidates, k)."""
+        every = [self._candidate(row) for row in u]
+        some = [i for i, one in enumerate(every) if one is not None]
+        candidates = [one for one in every if one is not None]
+        off = np.zeros_like(u) if self._anchor is None else u - self._anchor
+        domes: dict[Key, Domes] = {}
+        found: dict[int, Array] = {}
+        for i in set(self._twins):
+            record = self.records[i]
+            found[i] = np.full((len(u), len(record.curve)), np.nan)
+            if not candidates:
+                continue
+            key = _key(record)
+            if key not in domes:
+                domes[key] = self._domes(candidates, key)
+            w = self._height_in_time(i, record, candidates, domes[key], off[some])
+            time = record.curve.time_s
+            if any(c.sensors.chain for c in candidates):
+                rows = zip(candidates, w, strict=True)
+                w = np.array([c.sensors.read(time, row, float(time[0])) for c, row in rows])
+            found[i][some] = w
+        return [found[i] for i in self._twins]
+
+    def _candidate(self, u: Array) -> _Candidate | None:
+        """Return what unknowns are for the mechanics, None for values that cannot be."""
+        skin, effects = self.unknowns.skin(u), self.unknowns.values(u)
+        problems: dict[Key, SkinProblem] = {}
+        try:
+            for record in self.records:
+                key = _key(record)
+                if key not in problems:
+                    cycle = record.curve.setup.cycle
+                    problems[key] = problem_of(skin, effects, record.geometry, cycle)
+            return _Candidate(problems, Sensors.of(effects), self._felt(effects))
+        except InputError:  # a combination of values that cannot be
+            return None
+
+    def _felt(self, effects: Effects) -> list[PressurePath]:
+        known: dict[PressurePath, PressurePath] = {}
+        for record in self.records:
+            if record.path not in known:
+                known[record.path] = felt_path(effects, record.path)
+        return [known[r.path] for r in self.records]
+
+    def _domes(self, candidates: Sequence[_Candidate], key: Key) -> Domes:
+        problems = [c.problems[key] for c in candidates]
+        tops = [
+            self._top_mbar(c, key) / p.stiffness for c, p in zip(candidates, problems, strict=True)
+        ]
+        return self.domes(problems, tops)
+
+    def _needed_mbar(self, candidate: _Candidate, key: Key) -> float:
+        """Return the highest suction that is felt under this opening."""
+        return max(
+            path.top_mbar
+            for record, path in zip(self.records, candidate.felt, strict=True)
+            if record.geometry == key[0]
+        )
+
+    def _top_mbar(self, candidate: _Candidate, key: Key) -> float:
+        problem = candidate.problems[key]
+        share = sum(term.g for term in problem.prony)
+        # In coarse steps: what is solved is kept by it.
+        wanted = 1.02 * self._needed_mbar(candidate, key) + problem.preload_mbar
+        return float(np.ceil(wanted / (1.0 - share) / 20.0) * 20.0)
+
+    def _height_in_time(
         self,
         i: int,
         record: Record,
-        problem: SkinProblem,
-        dome: Dome,
-        key: tuple[Geometry, int],
-        sensors: Sensors,
+        candidates: Sequence[_Candidate],
+        domes: Domes,
         off: Array,
     ) -> Array:
-        time, path = record.curve.time_s, self._felt[i]
-        when = sensors.when(time)
-        pressure = path(when)
-        aside = record.pressure_mbar - record.path(time)
-        if np.any(aside):
-            pressure = pressure + (aside if when is time else np.interp(when, time, aside))
-        zero = problem.preload_mbar
-        if problem.prony:
-            relaxed, zero = relaxed_pressure(problem.prony, path, when, problem.preload_mbar)
-            pressure = relaxed + (pressure - path(when))
+        """Return the deflections (candidates, n) before the sensors."""
+        key, time = _key(record), record.curve.time_s
+        problems = [c.problems[key] for c in candidates]
+        moved = any(c.sensors.chain for c in candidates)
+        when = np.array([c.sensors.when(time) for c in candidates]) if moved else time[None]
+        shared = all(c.felt[i] is record.path for c in candidates)
+        if shared:
+            on_path = record.path(when)
         else:
-            pressure = pressure + zero
-        w = self._height(pressure, problem, dome, key, off)
-        if zero:
-            w = w - self._height(np.array([zero]), problem, dome, key, off)[0]
-        if problem.prony and i in self._courses:
-            w = w + np.interp(when, time, self._courses[i].at(off))
-        return sensors.read(time, w, float(time[0]))
-
-    def _height(
-        self,
-        pressure: Array,
-        problem: SkinProblem,
-        dome: Dome,
-        key: tuple[Geometry, int],
-        off: Array,
-    ) -> Array:
-        w = dome(pressure / problem.stiffness)
-        if key in self._ratios:
-            nodes, learnt = self._ratios[key]
-            w = w * np.exp(np.interp(pressure, nodes, learnt.at(off)))
+            whens = np.broadcast_to(when, (len(candidates), len(time)))
+            on_path = np.array([c.felt[i](t) for c, t in zip(candidates, whens, strict=True)])
+        pressure = on_path
+        aside = record.pressure_mbar - record.path(time)
+        if aside.any():
+            shifted = [aside if not moved else np.interp(t, time, aside) for t in when]
+            pressure = pressure + np.array(shifted)
+        zero = np.array([p.preload_mbar for p in problems])
+        if any(p.prony for p in problems):
+            terms = _as_many([p.prony for p in problems])
+            if shared:
+                relaxed, zero = relaxed_pressure(terms, record.path, when, zero)
+            else:
+                each = [
+                    relaxed_pressure([terms[j]], c.felt[i], whens[j : j + 1], zero[j : j + 1])
+                    for j, c in enumerate(candidates)
+                ]
+                relaxed = np.concatenate([r for r, _ in each])
+                zero = np.concatenate([z for _, z in each])
+            pressure = relaxed + (pressure - on_path)
+        else:
+            pressure = pressure + zero[:, None]
+        stiffness = np.array([[p.stiffness] for p in problems])
+        w = self._height(pressure, stiffness, domes, key, off)
+        if zero.any():
+            w = w - self._height(zero[:, None], stiffness, domes, key, off)
+        if i in self._courses:
+            course = self._courses[i].at(off)
+            if moved:
+                rows = zip(when, course, strict=True)
+                course = np.array([np.interp(t, time, row) for t, row in rows])
+            w = w + course
         return w
 
-    def _dome(self, problem: SkinProblem, stated: Geometry) -> Dome | None:
-        top = self._top_mbar(problem, stated)
-        return self.domes(problem, stated, top / problem.stiffness)
-
-    def _top_mbar(self, problem: SkinProblem, stated: Geometry) -> float:
-        share = sum(term.g for term in problem.prony)
-        tops = [
-            p.top_mbar
-            for r, p in zip(self.records, self._felt, strict=True)
-            if r.geometry == stated
-        ]
-        # In coarse steps: models of the table are kept by it.
-        wanted = (1.02 * max(tops) + problem.preload_mbar) / (1.0 - share)
-        return float(np.ceil(wanted / 20.0) * 20.0)
+    def _height(
+        self, pressure: Array, stiffness: Array, domes: Domes, key: Key, off: Array
+    ) -> Array:
+        w = domes(pressure / stiffness)
+        if key in self._ratios:
+            nodes, learnt = self._ratios[key]
+            w = w * np.exp(_between(nodes, learnt.at(off), pressure))
+        return w
 
     # ---- the finite elements ----
 
-    def anchor(self, u: Array, *, slopes: bool = True, afresh: bool = False) -> bool:
+    def anchor(self, u: Array, *, slopes: bool = True, memory: bool = True) -> bool:
         """Solve the finite elements at u, so that the model is exact there.
 
-        With `slopes` the first anchor also learns how the correction changes around it, and with
-        `afresh` a later one does so again. Returns False where they do not hold over most of the
-        pressures.
+        With `slopes` it is also known how what they correct changes around it, relaxation apart:
+        that is learnt from anchor to anchor; without `memory` it stays approximate. Returns False
+        where they do not hold over most of the pressures.
         """
-        problems = self._problems(u)
-        if problems is None:
+        here = self._candidate(u)
+        if here is None:
             return False
-        first = self._anchor is None
         off = np.zeros(len(u)) if self._anchor is None else u - self._anchor
-        for key, (problem, _) in problems.items():
-            if not has_features(problem):
-                self._ratios.pop(key, None)
-                continue
-            top = self._top_mbar(problem, key[0])
-            nodes = np.concatenate([[-5.0], top * np.linspace(0.02, 1.0, _RATIO_NODES) ** 1.5])
-            value = self._ratio(problem, key[0], nodes)
-            if value is None:
-                return False
-            if first or afresh or key not in self._ratios:
-                changes = np.zeros((len(nodes), len(u)))
-                if slopes:
-                    changes = self._ratio_slopes(u, key, nodes, value)
-                self._ratios[key] = (nodes, _Learnt(value, changes))
-            else:
-                old_nodes, learnt = self._ratios[key]
-                if not np.array_equal(old_nodes, nodes):
-                    change = [
-                        np.interp(nodes, old_nodes, column)
-                        for column in (learnt.value, *learnt.slopes.T)
-                    ]
-                    learnt.value, learnt.slopes = change[0], np.column_stack(change[1:])
-                learnt.move(value, off)
-                self._ratios[key] = (nodes, learnt)
-        self._anchor = u.copy()
-        return self._anchor_courses(u, problems, off)
+        ratios: dict[Key, tuple[Array, _Learnt]] = {}
+        for key, problem in here.problems.items():
+            if has_features(problem):
+                found = self._ratio(u, here, key, slopes=slopes)
+                if found is None:
+                    return False
+                ratios[key] = found
+        self._ratios, self._anchor = ratios, u.copy()
+        return not memory or self._anchor_courses(here, off)
 
-    def _problems(self, u: Array) -> dict[tuple[Geometry, int], tuple[SkinProblem, int]] | None:
-        skin, effects = self.unknowns.skin(u), self.unknowns.values(u)
-        self._feel(effects)
-        found = {}
-        for record in self.records:
-            cycle = record.curve.setup.cycle
-            try:
-                problem = problem_of(skin, effects, record.geometry, cycle)
-            except InputError:
-                return None
-            found[record.geometry, cycle] = problem, cycle
+    def _ratio(
+        self, u: Array, here: _Candidate, key: Key, *, slopes: bool
+    ) -> tuple[Array, _Learnt] | None:
+        """Return nodes (m,) and log w_FE / w_table there; None where either does not hold."""
+        problem, top = here.problems[key], self._top_mbar(here, key)
+        nodes = np.concatenate([[-5.0], top * np.linspace(0.02, 1.0, _RATIO_NODES) ** 1.5])
+        changes = self._changes(u, problem, key) if slopes else {}
+        try:
+            solved = _solve(_bare(problem), tuple(changes.values()), top, self.discretisation)
+        except InputError:  # a change of the mesh's topology
+            beside = {j: c for j, c in changes.items() if j >= self.unknowns.count}
+            changes = {j: c for j, c in changes.items() if j not in beside}
+            solved = _solve(_bare(problem), tuple(changes.values()), top, self.discretisation)
+        else:
+            beside = {}
+        needed = self._needed_mbar(here, key)
+        if solved.instant is None or solved.holds_to_mbar < _LEAST_HELD * needed:
+            return None
+        held = nodes <= min(solved.holds_to_mbar, top)
+        w, plain = solved.instant(nodes), self._plain([problem], top, nodes)[0]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            value = np.log(w / plain)
+        if not np.isfinite(value[held]).all():
+            return None
+        learnt = _Learnt(_read_on(nodes, value, held), np.zeros((len(nodes), len(u))))
+        by_parameter = solved.slopes(nodes) if changes else ()
+        for (j, (up, down, width)), slope in zip(changes.items(), by_parameter, strict=True):
+            ends = self._plain([up, down], top, nodes)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                column = slope / w - np.log(ends[0] / ends[1]) / width
+            there = held & np.isfinite(column)
+            if there.any():
+                learnt.slopes[:, j] = _read_on(nodes, column, there)
+        for j, (up, _, _) in beside.items():
+            other = self._moved_ratio(u, j, up, key, nodes, needed)
+            if other is not None:
+                learnt.slopes[:, j] = (other[0] - learnt.value) / other[1]
+        return nodes, learnt
+
+    def _moved_ratio(
+        self, u: Array, j: int, up: SkinProblem, key: Key, nodes: Array, needed_mbar: float
+    ) -> tuple[Array, float] | None:
+        """Return the log ratio (m,) with an effect's unknown some way off, and how far."""
+        del up
+        step = _EFFECT_STEP if u[j] + _EFFECT_STEP <= self.unknowns.bounds[1][j] else -_EFFECT_STEP
+        there = self._candidate(_moved(u, j, step))
+        if there is None:
+            return None
+        problem, top = there.problems[key], float(nodes[-1])
+        solved = _solve(_bare(problem), (), top, self.discretisation)
+        if solved.instant is None or solved.holds_to_mbar < _LEAST_HELD * needed_mbar:
+            return None
+        with np.errstate(divide="ignore", invalid="ignore"):
+            value = np.log(solved.instant(nodes) / self._plain([problem], top, nodes)[0])
+        held = nodes <= min(solved.holds_to_mbar, top)
+        if not np.isfinite(value[held]).all():
+            return None
+        return _read_on(nodes, value, held), step
+
+    def _plain(self, problems: Sequence[SkinProblem], top: float, nodes: Array) -> Array:
+        """Return what the table answers (n, m)."""
+        stiffness = np.array([[p.stiffness] for p in problems])
+        domes = self.domes(problems, [top / p.stiffness for p in problems])
+        return domes(nodes / stiffness)
+
+    def _changes(self, u: Array, problem: SkinProblem, key: Key) -> dict[int, Change]:
+        """Return the changes of the solid with each unknown that the table does not answer."""
+        low, high = self.unknowns.bounds
+        found: dict[int, Change] = {}
+        for j in range(len(u)):
+            up, down = min(_SMALL, high[j] - u[j]), min(_SMALL, u[j] - low[j])
+            ends = [self._candidate(_moved(u, j, step)) for step in (up, -down)]
+            if ends[0] is None or ends[1] is None or up + down <= 0.0:
+                continue
+            both = [_bare(end.problems[key]) for end in ends if end is not None]
+            of_effect = j >= self.unknowns.count
+            if of_effect and all(_same_features(one, _bare(problem)) for one in both):
+                continue
+            if both[0] != both[1]:
+                found[j] = (both[0], both[1], float(up + down))
         return found
 
-    def _ratio(self, problem: SkinProblem, stated: Geometry, nodes: Array) -> Array | None:
-        """Return log w_FE / w_table at the nodes (m,), None where either does not hold."""
-        dome = self._dome(problem, stated)
-        top = float(nodes[-1])
-        path = PressurePath((0.0, 1.0), (0.0, top))
-        elastic = replace(problem, prony=(), preload_mbar=0.0)
-        solved = solve_skin(elastic, path, self.discretisation)
-        instant = solved.instant
-        needed = max(
-            p.top_mbar
-            for r, p in zip(self.records, self._felt, strict=True)
-            if r.geometry == stated
-        )
-        if dome is None or instant is None or solved.holds_to_mbar < _LEAST_HELD * needed:
-            return None
-        plain = dome(nodes / problem.stiffness)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = np.log(instant(nodes) / plain)
-        held = nodes <= min(solved.holds_to_mbar, top)
-        if not np.isfinite(ratio[held]).all():
-            return None
-        return _read_on(nodes, ratio, held)
-
-    def _ratio_slopes(
-        self, u: Array, key: tuple[Geometry, int], nodes: Array, value: Array
-    ) -> Array:
-        """Return the derivatives (m, k) of the log ratio, by differences of finite elements."""
-        slopes = np.zeros((len(nodes), len(u)))
-        base = self._problems(u)
-        high = self.unknowns.bounds[1]
-        steps, count = self.unknowns.steps, self.unknowns.count
-        for j in range(len(u)):
-            step = float(steps[j]) if j < count else _EFFECT_STEP
-            moved = u.copy()
-            moved[j] += step if u[j] + step <= high[j] else -step
-            problems = self._problems(moved)
-            if problems is None or base is None:
-                continue
-            if j >= count and problems[key][0] == base[key][0]:
-                continue  # this unknown leaves the solid alone
-            if j >= count and _same_features(problems[key][0], base[key][0]):
-                continue
-            ratio = self._ratio(problems[key][0], key[0], nodes)
-            if ratio is not None:
-                slopes[:, j] = (ratio - value) / (moved[j] - u[j])
-        return slopes
-
-    def _anchor_courses(
-        self,
-        u: Array,
-        problems: dict[tuple[Geometry, int], tuple[SkinProblem, int]],
-        off: Array,
-    ) -> bool:
+    def _anchor_courses(self, here: _Candidate, off: Array) -> bool:
         """Correct what relaxes, curve by curve."""
-        none = np.zeros(len(u))
-        for i, record in enumerate(self.records):
-            key = (record.geometry, record.curve.setup.cycle)
-            problem = problems[key][0]
+        before, self._courses = self._courses, {}
+        for i in set(self._twins):
+            record = self.records[i]
+            key = _key(record)
+            problem = here.problems[key]
             if not problem.prony:
-                self._courses.pop(i, None)
                 continue
-            dome = self._dome(problem, record.geometry)
-            if dome is None:
+            domes = self._domes([here], key)
+            if not domes.hold[0]:
                 return False
-            time = record.curve.time_s
-            path = self._felt[i]
+            time, path = record.curve.time_s, here.felt[i]
             solved = solve_skin(problem, path, self.discretisation)
             exact = solved.at(time, path(time))
-            if np.isfinite(exact).mean() < 0.9:
+            held = np.isfinite(exact)
+            if held.mean() < 0.9:
                 return False
-            plain = replace_path_pressure(record)
-            before = self._courses.pop(i, None)
-            at_anchor = self._read(i, plain, problem, dome, key, Sensors(()), none)
-            correction = np.interp(
-                time, time[np.isfinite(exact)], (exact - at_anchor)[np.isfinite(exact)]
-            )
-            if before is None:
-                self._courses[i] = _Learnt(correction, np.zeros((len(time), len(u))))
-            else:
-                before.move(correction, off)
-                self._courses[i] = before
+            plain = replace(record, pressure_mbar=record.path(time))
+            unread = replace(here, sensors=Sensors(()))
+            none = np.zeros((1, len(off)))
+            at_anchor = self._height_in_time(i, plain, [unread], domes, none)[0]
+            correction = np.interp(time, time[held], (exact - at_anchor)[held])
+            if i in before:
+                before[i].move(correction, off)
+            self._courses[i] = before.get(i, _Learnt(correction, np.zeros((len(time), len(off)))))
         return True
+
+
+def _key(record: Record) -> Key:
+    return record.geometry, record.curve.setup.cycle
+
+
+def _moved(u: Array, j: int, step: float) -> Array:
+    moved = u.copy()
+    moved[j] += step
+    return moved
+
+
+@dataclass(frozen=True, eq=False)
+class _Solved:
+    instant: Instant | None
+    holds_to_mbar: float
+    slopes: Slopes
+
+
+@lru_cache(maxsize=256)
+def _solve(
+    problem: SkinProblem, changes: tuple[Change, ...], top: float, discretisation: Discretisation
+) -> _Solved:
+    """Return the elastic dome up to a suction, and how it changes; kept.
+
+    Raises:
+        InputError: a change alters the number of nodes.
+    """
+    curve, slopes = solve_with_slopes(problem, changes, top, discretisation)
+    there = len(curve.pressure_mbar) >= 2 and curve.holds_to_mbar > 0
+    return _Solved(Instant(curve.spline, 0.0, 0.0) if there else None, curve.holds_to_mbar, slopes)
+
+
+def _between(nodes: Array, values: Array, at: Array) -> Array:
+    """Return values (n, k) at nodes (k,), at (n, m) or (1, m): linear, constant beyond."""
+    cell = np.clip(np.searchsorted(nodes, at) - 1, 0, len(nodes) - 2)
+    share = np.clip((at - nodes[cell]) / (nodes[cell + 1] - nodes[cell]), 0.0, 1.0)
+    row = np.arange(len(values))[:, None]
+    return np.asarray((1.0 - share) * values[row, cell] + share * values[row, cell + 1])
+
+
+def _as_many(terms: Sequence[tuple[Prony, ...]]) -> list[tuple[Prony, ...]]:
+    """Return as many terms each: one with a share of zero does nothing."""
+    most = max(len(each) for each in terms)
+    return [(*each, *(Prony(0.0, 1.0 + k) for k in range(most - len(each)))) for each in terms]
 
 
 def _read_on(nodes: Array, values: Array, held: NDArray[np.bool_]) -> Array:
@@ -302,19 +418,15 @@ def _read_on(nodes: Array, values: Array, held: NDArray[np.bool_]) -> Array:
     if not beyond.any():
         return values
     x, y = nodes[held][-_TREND:], values[held][-_TREND:]
-    slope = np.polyfit(x, y, 1)[0]
+    slope = np.polyfit(x, y, 1)[0] if len(x) > 1 else 0.0
     return np.where(held, values, y[-1] + slope * (nodes - x[-1]))
 
 
-def replace_path_pressure(record: Record) -> Record:
-    """Return the record with its pressures on the path."""
-    return replace(record, pressure_mbar=record.path(record.curve.time_s))
+def _bare(problem: SkinProblem) -> SkinProblem:
+    """Return the problem without what the stepping in time and the preload answer."""
+    return replace(problem, prony=(), preload_mbar=0.0)
 
 
 def _same_features(one: SkinProblem, other: SkinProblem) -> bool:
     """Return whether two problems differ only in what the table and the stepping answer."""
-
-    def bare(problem: SkinProblem) -> SkinProblem:
-        return replace(problem, prony=(), preload_mbar=0.0)
-
-    return bare(one) == bare(other) or plain_part(one) != plain_part(other)
+    return _bare(one) == _bare(other) or plain_part(one) != plain_part(other)

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from skinlab.discrepancy.adequacy import ADEQUATE, Place
+from skinlab.discrepancy.next_measurement import Plan
+from skinlab.discrepancy.odds import behind_words, chance_words, odds_words
 from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.search import Candidate, Partial
-from skinlab.discrepancy.settings import NAMES
+from skinlab.discrepancy.settings import NAMES, PLANS
 from skinlab.mechanics.effects import get_effect
 from skinlab.mechanics.names import is_effects, plain
 from skinlab.text import inert
@@ -113,14 +115,6 @@ def doubt_words(outcome: Outcome) -> list[str]:
         lines += [f"  {t.sentence}" for t in outcome.trials if good or not t.passed]
     if outcome.found.implausible:
         lines.append(f"Too large for errors of a measurement: {outcome.found.implausible}.")
-    if outcome.verdict.name == "named":
-        others = [c.log10_evidence for c in outcome.found.candidates if c is not outcome.best]
-        second = max([0.0, *others])
-        odds = outcome.best.log10_evidence - second
-        lines.append(
-            f"Doubt left: it is 10^{odds:.1f} times as probable as the next explanation, if the "
-            "truth is in the library."
-        )
     own = set(outcome.found.base.effects)
     shown = [outcome.found.base, *outcome.found.candidates[:_SHOWN]]
     for candidate in shown:
@@ -133,14 +127,29 @@ def doubt_words(outcome: Outcome) -> list[str]:
     return lines
 
 
+def lead_words(outcome: Outcome) -> list[str]:
+    """Return by how much the name leads, in a sentence; none where nothing is named."""
+    if outcome.verdict.name != "named":
+        return []
+    best = outcome.best
+    other = [c for c in outcome.found.candidates if c is not best and c.log10_evidence > 0]
+    second = max(other, key=lambda c: c.log10_evidence, default=None)
+    odds = odds_words(best.log10_evidence - (second.log10_evidence if second else 0.0))
+    rival = _name(second, set(outcome.found.base.effects)) if second else "none at all"
+    return [
+        f"It is {odds} likelier than {'the next, ' if second else ''}{rival}, "
+        "if the truth is in the library."
+    ]
+
+
 def where_words(place: Place) -> str:
     """Return one place in a line."""
     low, high = place.pressure_mbar
     begin, end = place.time_s
     return (
         f"{inert(place.file)}, {place.phase}, {low:.0f}–{high:.0f} mbar, {begin:.1f}–{end:.1f} s: "
-        f"{place.mean_um:+.1f} µm on average (noise {place.noise_um:.1f} µm a sample, "
-        f"p = {place.p_value:.1g})"
+        f"{place.mean_um:+.1f} µm on average (noise {place.noise_um:.1f} µm a sample; "
+        f"{chance_words(place.p_value)})"
     )
 
 
@@ -181,10 +190,40 @@ def next_words(outcome: Outcome) -> list[str]:
     following = outcome.next_measurement
     if following is None:
         return []
-    return [
+    lines = [
         f"To tell them apart, measure {following.program} with the {following.aperture_mm:g} mm "
-        f"opening (expected log10 evidence {following.expected_log10_evidence:.1f})."
+        f"opening{_times(following.placements)}: it is expected to make one of them "
+        f"{odds_words(following.expected_log10_evidence)} likelier."
     ]
+    if following.alone is not None:
+        lines.append("That " + _prospect(following.alone))
+    plan = following.plan
+    if plan is not None and (
+        following.alone is None or plan.measurements != following.alone.measurements
+    ):
+        steps = ", then ".join(
+            f"{m.program} with the {m.aperture_mm:g} mm opening{_times(m.placements)}"
+            for m in plan.measurements
+        )
+        enough = plan.settled >= PLANS.settled
+        said = "The shortest plan that would settle it" if enough else "No plan is sure; the best"
+        lines.append(f"{said}: {steps}. It {_prospect(plan)}")
+    return lines
+
+
+def _times(placements: int) -> str:
+    return "" if placements == 1 else f", putting the probe on {placements} times"
+
+
+def _prospect(plan: Plan) -> str:
+    """Return what a plan costs and is expected to lead to."""
+    each = ", ".join(
+        f"{' and '.join(names) or 'nothing missing'} {100 * p:.0f} %" for names, p in plan.named
+    )
+    return (
+        f"takes {plan.minutes:.0f} min; chances of a name: {each}; of a wrong one "
+        f"{100 * plan.wrong:.0f} %, of no decision {100 * plan.tied:.0f} %."
+    )
 
 
 def limits_words(outcome: Outcome) -> list[str]:
@@ -211,7 +250,8 @@ def describe(outcome: Outcome) -> str:
     """Return the whole text."""
     own = set(outcome.found.base.effects)
     lines = [*repeats_words(outcome), verdict_words(outcome), gap_words(outcome)]
-    lines += learned_words(outcome) + shares_words(outcome) + doubt_words(outcome)
+    lines += lead_words(outcome) + learned_words(outcome)
+    lines += shares_words(outcome) + doubt_words(outcome)
     if outcome.learned is not None:
         one = outcome.learned.family
         lines.append(f"The function ({one.y_name} by {one.x_name}), with its 90 % band:")
@@ -220,11 +260,11 @@ def describe(outcome: Outcome) -> str:
         lines.append("Where the model as it is disagrees:")
         lines += [f"  {where_words(p)}" for p in outcome.where[:_SHOWN]]
     if outcome.verdict.name != "none" and outcome.found.candidates:
-        lines.append("Explanations (log10 evidence relative to the best):")
+        lines.append("Explanations:")
         best = outcome.found.candidates[0].log10_evidence
         for c in outcome.found.candidates[:_SHOWN]:
             fits = "explains the data" if c.adequate else "does not explain the data"
-            lines.append(f"  {_name(c, own):<40} {c.log10_evidence - best:10.1f}  {fits}")
+            lines.append(f"  {_name(c, own):<40} {behind_words(best - c.log10_evidence)}; {fits}")
     lines.append(f"{'':12}{'before':>30}{'after':>34}")
     lines += [f"  {n:<28}{b:<32}{a}" for n, b, a in parameter_rows(outcome)]
     lines += limits_words(outcome)
@@ -243,11 +283,14 @@ def partial_words(partial: Partial) -> str:
     left = partial.base.left
     lines.append(
         f"The model as it is leaves {'noise' if left.p_value >= ADEQUATE else 'more than noise'} "
-        f"(p = {left.p_value:.1g})."
+        f"({chance_words(left.p_value)})."
     )
     lines += [f"  {where_words(p)}" for p in left.places[:_SHOWN] if p.p_value < 0.01]
     for c in sorted(partial.candidates, key=lambda c: -c.log10_evidence):
-        lines.append(f"  {_name(c, set(partial.base.effects)):<40} {c.log10_evidence:10.1f}")
+        lines.append(
+            f"  {_name(c, set(partial.base.effects)):<40} {odds_words(c.log10_evidence)} likelier "
+            "than none at all"
+        )
     return "\n".join(lines)
 
 

@@ -13,7 +13,7 @@ from skinlab.discrepancy.families import find_families
 from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.heldout import HeldOut, conditions_of, predict_held_out
 from skinlab.discrepancy.misfit import errors_of
-from skinlab.discrepancy.next_measurement import advise
+from skinlab.discrepancy.next_measurement import PlannedErrors, advise
 from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.posterior import gaussian, sample
 from skinlab.discrepancy.records import by_condition, coarsened, records_of
@@ -100,7 +100,14 @@ def explain(
     following = None
     if verdict.name == "ambiguous":
         progress("looking for the measurement that would tell them apart")
-        following = advise(final, [tried.again(c.fit) for c in verdict.explanations[:_MOST_TIED]])
+        tied = verdict.explanations[:_MOST_TIED]
+        following = advise(
+            final,
+            [tried.again(c.fit) for c in tied],
+            [c.log10_evidence for c in tied],
+            PlannedErrors.of(search.errors.looks[-1]),
+            np.random.default_rng([seed, 1]),
+        )
     after = held[chosen.effects] if verdict.explanations else tried.before
     return Outcome(
         verdict,
@@ -156,7 +163,7 @@ def _tried(search: Search, found: Found, first: Verdict, progress: Callable[[str
     progress("trying whether the explanation is there again in parts of the data")
     best = first.explanations[0]
     serving = [c for c in found.candidates if c.adequate]
-    linear = {id(c): search.linear(c.fit) for c in (found.base, best, *serving)}
+    linear = {id(c): search.linear(c.fit) for c in (found.base, best, *serving[:_MOST_TIED])}
     discipline = Discipline(fitter.records, search.errors, linear)
     stood = discipline.trials(best, found.base, serving, parts, held[best.effects])
     return replace(tried, verdict=disciplined(first, found, stood), trials=tuple(stood))

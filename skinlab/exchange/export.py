@@ -13,6 +13,7 @@ from skinlab.errors import InputError
 from skinlab.io.documents import toml_text
 from skinlab.io.files import write_file
 from skinlab.mechanics.names import of_law
+from skinlab.recording.clocks import clock_readings
 from skinlab.recording.session import Session
 from skinlab.recording.stream import setup_to_json
 from skinlab.text import csv_cell, inert, json_text
@@ -22,6 +23,7 @@ SCHEMA = "skinlab.export/1"
 
 def to_json(session: Session) -> dict[str, str]:
     """Return the one file: what is known of the session, its curves and their results."""
+    clocks = clock_readings(session.meta, session.records) or (None,) * len(session.curves)
     curves = [
         {
             "name": curve.name,
@@ -33,8 +35,9 @@ def to_json(session: Session) -> dict[str, str]:
             "segment": None if curve.segment is None else curve.segment.tolist(),
             "phase": curve.phase.tolist(),
             "result": result,
+            "clock": None if clock is None else clock.to_json(),
         }
-        for curve, result in zip(session.curves, session.results, strict=True)
+        for curve, result, clock in zip(session.curves, session.results, clocks, strict=True)
     ]
     whole = {"schema": SCHEMA, "meta": session.meta, "curves": curves}
     return {"session.json": json_text(whole) + "\n"}

@@ -29,7 +29,6 @@ _GEOMETRY = Geometry(6.0, 1.0)
 _TIMES = np.linspace(0.0, 6.0, 61)
 _COARSE = Discretisation("coarse", QUAD8_FULL, 0.05, 2.0, 0.3, 0.5, 0.5, True, (5, 4, 3))
 _SEEN_MM = 2e-3  # what a typical size changes at least
-_UNITS = {"µm": "um", "µm/s": "um_per_s", "µm/mm²": "um_per_mm2"}  # of names
 
 
 def curve(effects: Mapping[str, Values], cycle: int = 2, mesh: Discretisation = _COARSE) -> Array:
@@ -47,6 +46,12 @@ def curve(effects: Mapping[str, Values], cycle: int = 2, mesh: Discretisation = 
 
 def _apart(a: Array, b: Array) -> float:
     return float(np.sqrt(np.mean((a - b) ** 2)))
+
+
+def _in_a_name(unit: str) -> str:
+    """Return how a name ends with a unit: um_per_mm2 of µm/mm², per_mm of 1/mm."""
+    words = unit.replace("/", "_per_").removeprefix("1_").replace("%", "percent")
+    return words.translate(str.maketrans("µ²³", "u23"))
 
 
 def it_says_what_it_is(effect: Effect) -> None:
@@ -67,7 +72,7 @@ def it_says_what_it_is(effect: Effect) -> None:
             expect(inside, f"{p.name}: {value} is outside of {p.low:g} to {p.high:g}")
         expect(p.low < p.high, f"{p.name}: low is not below high")
         expect(p.spacing == "linear" or p.low > 0, f"{p.name}: log needs a positive low")
-        unit = _UNITS.get(p.unit, p.unit)
+        unit = _in_a_name(p.unit)
         named = p.name.endswith(f"_{unit}") if unit else "_" not in p.name
         expect(named, f"{p.name} does not end with its unit, {unit or 'none'}")
 

@@ -91,7 +91,7 @@ class Covariance:
         flat = values_mm.reshape(self.count, -1)
         if self.ou is None:
             return np.asarray((flat / self.sigma_mm[:, None]).reshape(values_mm.shape))
-        rough = np.array(flat, order="F")
+        rough = flat.copy()
         rough[1:] -= self._decay[1:, None] * flat[:-1]
         d, below = self._factor
         found = bidiagonal.solve(below, rough) / np.sqrt(d)[:, None]
@@ -102,7 +102,7 @@ class Covariance:
         if self.ou is None:
             return white / self.sigma_mm[:, None]
         d, below = self._factor
-        smooth = bidiagonal.solve(below, np.asfortranarray(white / np.sqrt(d)[:, None]), trans="T")
+        smooth = bidiagonal.solve(below, white / np.sqrt(d)[:, None], trans="T")
         found = smooth.copy()
         found[:-1] -= self._decay[1:, None] * smooth[1:]
         return found
@@ -112,7 +112,7 @@ class Covariance:
             return white * self.sigma_mm[:, None]
         d, below = self._factor
         scaled = white * np.sqrt(d)[:, None]
-        rough = np.array(scaled, order="F")
+        rough = scaled.copy()
         rough[1:] += below[:, None] * scaled[:-1]
         return bidiagonal.solve(-self._decay[1:], rough)
 
@@ -202,6 +202,14 @@ def gram_matrices(covariances: Sequence[Covariance], values_mm: Array) -> tuple[
     Raises:
         numpy.linalg.LinAlgError: one is not positive definite.
     """
+    leaders, scales = _scaled_alike(covariances)
+    if len(leaders) < len(covariances):
+        gram, log_base = gram_matrices([covariances[i] for i in leaders], values_mm)
+        place = {leader: i for i, leader in enumerate(leaders)}
+        which = [place[leader] for leader, _ in scales]
+        whole = np.ones((len(covariances), gram.shape[1]))
+        whole[:, values_mm.shape[1] :] = [scale for _, scale in scales]
+        return gram[which] * whole[:, :, None] * whole[:, None, :], log_base[which]
     first = covariances[0]
     n, u, m = len(covariances), first.count, values_mm.shape[1]
     at_once = max(1, _AT_ONCE // max(u * (m + first.columns_mm.shape[1]), 1))
@@ -230,12 +238,38 @@ def gram_matrices(covariances: Sequence[Covariance], values_mm: Array) -> tuple[
         both[:, 1:] -= phi[:, 1:, None] * both[:, :-1]
         if n * u > 1:
             found, below = bidiagonal.factorise(diagonal.ravel(), beside.ravel()[:-1])
-            flat = np.asfortranarray(both.reshape(n * u, -1))
-            both = bidiagonal.solve(below, flat).reshape(n, u, -1)
+            both = bidiagonal.solve(below, both.reshape(n * u, -1)).reshape(n, u, -1)
             diagonal = found.reshape(n, u)
         d = diagonal
     both /= np.sqrt(d)[:, :, None]
     return both.transpose(0, 2, 1) @ both, np.log(d).sum(axis=1)
+
+
+def _scaled_alike(covariances: Sequence[Covariance]) -> tuple[list[int], list[tuple[int, Array]]]:
+    """Return which covariances to compute, and of each its leader and its columns' scales (m,).
+
+    Where only the sizes of random effects differ, D + B is the same and the columns are the
+    leader's, each longer or shorter.
+    """
+    known: dict[tuple[bytes, OrnsteinUhlenbeck | None], tuple[int, Array, Array]] = {}
+    leaders, found = [], []
+    for i, one in enumerate(covariances):
+        key = (one.variance_mm2.tobytes(), one.ou)
+        if key in known:
+            leader, rows, largest = known[key]
+            before = covariances[leader].columns_mm
+            if before.shape == one.columns_mm.shape:
+                scale = one.columns_mm[rows, np.arange(len(rows))] / largest
+                if np.allclose(before * scale, one.columns_mm, rtol=1e-12, atol=0.0):
+                    found.append((leader, scale))
+                    continue
+        columns = one.columns_mm
+        rows = np.abs(columns).argmax(axis=0) if len(columns) else np.zeros(0, dtype=np.intp)
+        largest = columns[rows, np.arange(columns.shape[1])]
+        known[key] = i, rows, np.where(largest == 0.0, 1.0, largest)
+        leaders.append(i)
+        found.append((i, np.ones(columns.shape[1])))
+    return leaders, found
 
 
 def products(covariances: Sequence[Covariance], values_mm: Array) -> tuple[Array, Array]:

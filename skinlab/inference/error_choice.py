@@ -60,6 +60,11 @@ class Combination:
         return "+".join(part.name for part in self.parts)
 
     @cached_property
+    def names(self) -> frozenset[str]:
+        """Names of the parts, in no order."""
+        return frozenset(part.name for part in self.parts)
+
+    @cached_property
     def parameters(self) -> tuple[str, ...]:
         """Names of the parameters."""
         return tuple(p.name for part in self.parts for p in part.parameters)
@@ -200,32 +205,30 @@ def choose_errors(
 
     `linear` is the model about its fit; `fixed_mm` (u, m) and `fixed_mm2` (u,) are columns and
     variances of errors that are known beforehand: the mesh's. `models` are those to choose from,
-    all that there are if it is None. Of several processes in time the evidence chooses one: the sum
-    of two is not Markovian, and a curve hardly tells them apart.
-
-    Raises:
-        ValueError: two models are processes in time and always there.
+    all that there are if it is None. Of several processes in time, those that are always there
+    included, the evidence chooses one: the sum of two is not Markovian, and a curve hardly tells
+    them apart.
     """
     models = ERROR_MODELS.all() if models is None else models
     offered = [part for model in models if (part := model.part(look)) is not None]
     always = tuple(sorted((p for p in offered if p.always), key=lambda p: p.name != "white"))
     others = [p for p in offered if not p.always]
     processes = {part.name for part in offered if part.is_process}
-    both = [part.name for part in always if part.name in processes]
-    if len(both) > 1:
-        raise ValueError(f"error models {' and '.join(both)} are processes in time; expected one")
+    rivals = [part for part in always if part.name in processes]
+    plain = tuple(part for part in always if part.name not in processes)
 
     def combine(parts: tuple[Part, ...]) -> Combination:
         return Combination(parts, look.samples.time_s, look.samples.ends, fixed_mm, fixed_mm2)
 
     starts = _starts(look, linear)
-    best = _explore(combine(always), linear, starts)
-    tried = [best]
+    sets = [(*plain, rival) for rival in rivals] or [plain]
+    tried = [_explore(combine(parts), linear, starts) for parts in sets]
+    best = max(tried, key=lambda e: e.log_evidence)
     for _ in range(_MOST_MODELS):
-        names = {part.name for part in best.combination.parts}
+        names = best.combination.names
         taken = names | processes if names & processes else names
         more = [p for p in others if p.name not in taken]
-        known = {frozenset(e.combination.name.split("+")) for e in tried}
+        known = {e.combination.names for e in tried}
         found = [
             _explore(
                 combine((*best.combination.parts, part)),
@@ -234,7 +237,7 @@ def choose_errors(
                 best.log_evidence,
             )
             for part in more
-            if frozenset((*names, part.name)) not in known
+            if names | {part.name} not in known
         ]
         tried += found
         if not found:
@@ -243,6 +246,13 @@ def choose_errors(
         if leader.log_evidence <= best.log_evidence + _NO_GAIN:
             break
         best = leader
+    # What came first may be needless beside what came later: lasting errors beside a sine.
+    early = [p for p in best.combination.parts if not p.always]
+    for part in early[:-1]:
+        fewer = combine(tuple(p for p in best.combination.parts if p is not part))
+        if all(fewer.names != e.combination.names for e in tried):
+            tried.append(_explore(fewer, linear, {**starts, **best.mode}, best.log_evidence))
+    best = max((e for e in tried if e.nodes), key=lambda e: e.log_evidence)
     mixture = _scale_mixture(look, linear, best, combine, models)
     if mixture is not None:
         tried.append(mixture)
@@ -295,7 +305,7 @@ def _explore(
 ) -> _Explored:
     """Return the combination explored; from its mode alone if that is hopeless beside a rival."""
     each = [p for part in combination.parts for p in part.parameters]
-    at = np.array([starts.get(p.name, math.log(p.median)) for p in each])
+    at = np.array([starts.get(p.name, math.log(p.start or p.median)) for p in each])
     mode, root, here = _mode(_density(combination, linear), at)
     roughly = here + 0.5 * len(mode) * math.log(2.0 * math.pi) + float(np.linalg.slogdet(root)[1])
     roughly += combination.log_odds

@@ -13,7 +13,7 @@ _MOST_OF_THE_RANGE = 0.5  # of the prior's own interval, in the prior's scale
 # Twice the fall of the log likelihood inside an interval: at most that of χ² of one degree, 90 %;
 # at least so much, which holds at the ends of a range too (docs/intervals.md has the coverage).
 _MOST_FALL = 2.71
-_LEAST_FALL = 2.0
+_LEAST_FALL = 1.7
 
 
 def summary(
@@ -28,12 +28,14 @@ def summary(
 
     Values come in by the best log density (n,) that the other unknowns give them, the likeliest
     first (the order of Feldman and Cousins 1998, Phys. Rev. D 57:3873), until 90 % of the weight is
-    inside, within the limits of fall. Next to a bound it ends at the bound, in logarithms where the
-    prior is flat in these.
+    inside, within the limits of fall. The middle half of the weight is always inside, and so the
+    median is well inside: the likeliest values may be a narrow place far from most. Next to a bound
+    it ends at the bound, in logarithms where the prior is flat in these.
     """
     by_value = np.argsort(values, kind="stable")
     x, below = values[by_value], np.cumsum(weight[by_value])
-    middle = float(np.interp(0.5, (below - 0.5 * weight[by_value]) / below[-1], x))
+    quarters = [0.25, 0.5, 0.75]
+    left, middle, right = np.interp(quarters, (below - 0.5 * weight[by_value]) / below[-1], x)
     held = np.flatnonzero((weight > 0.0) & np.isfinite(log_density))
     order = held[np.argsort(-log_density[held], kind="stable")]
     fall = 2.0 * (log_density[order[0]] - log_density[order])
@@ -44,14 +46,14 @@ def summary(
     reach = fall[min(int(enough), len(fall) - 1)]
     reach = float(np.clip(reach, _LEAST_FALL, _MOST_FALL))
     at = max(int(np.searchsorted(fall, reach, "right")) - 1, 0)
-    ends = [min(float(low[at]), middle), max(float(high[at]), middle)]
+    ends = [min(float(low[at]), float(left)), max(float(high[at]), float(right))]
     scale = np.log if logarithmic else np.asarray
     if np.isfinite(bounds).all():
         near = _NEAR_BOUND * float(scale(bounds[1]) - scale(bounds[0]))
         for i in range(2):
             if abs(float(scale(ends[i]) - scale(bounds[i]))) <= near:
                 ends[i] = bounds[i]
-    return middle, ends[0], ends[1]
+    return float(middle), ends[0], ends[1]
 
 
 def is_logarithmic(prior: Array) -> bool:

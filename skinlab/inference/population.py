@@ -26,6 +26,7 @@ from skinlab.inference.identify import Identifier, from_draws
 from skinlab.inference.posterior import Draws
 from skinlab.inference.result import Identification
 from skinlab.inference.uncertainty import Uncertainty
+from skinlab.io.documents import decode, read_toml
 from skinlab.mechanics.names import is_logarithmic
 
 Array = NDArray[np.float64]
@@ -189,7 +190,7 @@ def decode_prior(
         InputError: as `read_prior`.
     """
     try:
-        file = msgspec.toml.decode(text, type=PriorFile)
+        file = decode(read_toml(text), PriorFile)
     except ValueError as error:
         raise InputError(f"{where}: {error}") from None
     try:

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from skinlab.curves.curve import APERTURES_MM, Curve
 from skinlab.curves.phantoms import Phantom
 from skinlab.errors import InputError
-from skinlab.io.documents import read_toml, toml_text
+from skinlab.io.documents import decode, read_toml, toml_text
 
 Array = NDArray[np.float64]
 
@@ -240,7 +240,7 @@ def decode_probe(text: str, where: str) -> ProbeErrors:
         InputError: as `read_probe`.
     """
     try:
-        return ProbeErrors(msgspec.convert(read_toml(text), ProbeFile), text)
+        return ProbeErrors(decode(read_toml(text), ProbeFile), text)
     except ValueError as error:  # InputError is one
         raise InputError(f"{where}: {error}") from None
 

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import json
-from typing import Any
+import re
+from collections.abc import Mapping, Sequence
+from types import UnionType
+from typing import Any, TypeVar, Union, get_args, get_origin
 
 import msgspec
 import tomli_w
 
-from skinlab.text import escaped
+from skinlab.text import did_you_mean, escaped
+
+Kind = TypeVar("Kind")
 
 _DEEP = "nested too deeply"
 _MOST_DOTS = 5_000  # of one line: a list of so many numbers is no campaign or model
@@ -53,6 +58,52 @@ def read_toml(raw: bytes | str) -> dict[str, Any]:
     except RecursionError:
         raise ValueError(_DEEP) from None
     return found
+
+
+def decode(said: Any, kind: type[Kind]) -> Kind:
+    """Return decoded tables as a struct.
+
+    Raises:
+        ValueError: a key is unknown (with the one that was probably meant), missing, or of another
+            type; the field comes first.
+    """
+    try:
+        return msgspec.convert(said, kind)
+    except msgspec.ValidationError as error:
+        unknown = re.fullmatch(r"Object contains unknown field `(.*?)`(.*)", str(error), re.DOTALL)
+        if unknown is None:
+            raise ValueError(plain(str(error))) from None
+        key, where = unknown.groups()
+        place = re.fullmatch(r" - at `\$(.*)`", where, re.DOTALL)
+        names = sorted(_known_keys(kind, re.findall(r"\w+|\[", place[1] if place else "")))
+        near = did_you_mean(key, names) or (f"; expected {', '.join(names)}" if names else "")
+        raise ValueError(plain(f"unknown field `{key}`{near}{where}")) from None
+
+
+def _known_keys(kind: Any, path: Sequence[str]) -> set[str]:
+    """Return the keys of the struct at a path below `kind`; nothing where that is none."""
+    origin = get_origin(kind)
+    if origin in {Union, UnionType}:
+        return set().union(*(_known_keys(one, path) for one in get_args(kind)))
+    if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
+        fields = {field.encode_name: field.type for field in msgspec.structs.fields(kind)}
+        if not path:
+            return set(fields)
+        return _known_keys(fields.get(path[0]), path[1:])
+    if path and isinstance(origin, type) and issubclass(origin, Mapping | Sequence):
+        inner = get_args(kind)
+        rest = path[2:] if path[0] == "[" and path[1:2] and path[1].isdigit() else path[1:]
+        return _known_keys(inner[-1] if origin is not tuple else inner[0], rest)
+    return set()
+
+
+def plain(message: str) -> str:
+    """Put msgspec's `... - at `$.model.law`` in front, where a reader looks for the field."""
+    match = re.fullmatch(r"(.*) - at `(?:key in )?\$\.?(.*)`", message, re.DOTALL)
+    if match is None:
+        return message
+    what, where = match.groups()
+    return f"{where.replace('[...]', '.*')}: {what[:1].lower()}{what[1:]}" if where else what
 
 
 def toml_text(tables: dict[str, Any]) -> str:

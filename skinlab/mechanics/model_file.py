@@ -37,7 +37,7 @@ import msgspec
 from msgspec import field
 
 from skinlab.errors import InputError
-from skinlab.io.documents import read_toml, toml_text
+from skinlab.io.documents import decode, plain, read_toml, toml_text
 from skinlab.mechanics.effects import checked, get_effect
 from skinlab.mechanics.materials import DEFAULT_LAW, Law, get_law
 from skinlab.mechanics.materials.compressibility import KappaConvention
@@ -211,7 +211,7 @@ def model_of(said: Mapping[str, Any]) -> Model:
             the field comes first.
     """
     _check_entries(said)
-    model = msgspec.convert(said, Model)
+    model = decode(said, Model)
     check_model(model)
     return model
 
@@ -236,9 +236,9 @@ def check_entry(where: str, entry: Any, kind: type[T]) -> T:
         InputError: it is not of that kind; names the field.
     """
     try:
-        return msgspec.convert(entry, kind)
-    except msgspec.ValidationError as error:
-        message = plain(str(error))
+        return decode(entry, kind)
+    except ValueError as error:
+        message = str(error)
         inner = re.match(r"([a-z]+): ", message)  # a field of it
         raise InputError(f"{where}{'.' if inner else ': '}{message}") from None
 
@@ -284,12 +284,3 @@ def _check_range(
             raise InputError(f"{where}.prior: expected a finite mean and a positive sd")
     elif at.prior == "log-uniform" and low <= 0:
         raise InputError(f"{where}.prior: log-uniform needs a positive low, got {low:g}")
-
-
-def plain(message: str) -> str:
-    """Put msgspec's `... - at `$.model.law`` in front, where a reader looks for the field."""
-    match = re.fullmatch(r"(.*) - at `(?:key in )?\$\.?(.*)`", message, re.DOTALL)
-    if match is None:
-        return message
-    what, where = match.groups()
-    return f"{where.replace('[...]', '.*')}: {what[:1].lower()}{what[1:]}" if where else what

@@ -13,7 +13,6 @@ from drivers.dialect import Dialect
 from drivers.dialects import DEFAULT, get_dialect
 from drivers.dose import Dose, DoseMeter
 from drivers.events import Alarm, Event, HostVented, InstrumentFault, LinkLost
-from skinlab import __version__
 from skinlab.errors import InputError
 from skinlab.inference.identify import Identifier
 from skinlab.inference.methods import get_method
@@ -35,7 +34,7 @@ from skinlab.recording.stream import (
     Sampled,
     setup_to_json,
 )
-from skinlab.versions import versions
+from skinlab.versions import __version__, versions
 
 
 def identification_settings(identifier: Identifier) -> dict[str, Any]:

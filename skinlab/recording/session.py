@@ -26,6 +26,7 @@ from skinlab.io.documents import read_json_object
 from skinlab.io.files import write_file
 from skinlab.io.hdf5 import open_hdf5, read_array
 from skinlab.recording.assembler import CurveAssembler
+from skinlab.recording.clocks import ClockReading, clock_from_json, clock_readings
 from skinlab.recording.recorded import dialect_of, numbered_items, recorded_items
 from skinlab.recording.records import Kind, Record
 from skinlab.recording.seal import SEAL_BYTES, Seal, put_seal, read_seal
@@ -179,6 +180,7 @@ def _write(file: Any, session: Session) -> None:
         column = samples.create_dataset(name, data=np.array([r[k] for r in rows], dtype=kind))
         column.attrs["unit"] = unit
     curves = file.create_group("curves")
+    clocks = clock_readings(session.meta, session.records)
     for number, (curve, result) in enumerate(
         zip(session.curves, session.results, strict=True), start=1
     ):
@@ -193,6 +195,8 @@ def _write(file: Any, session: Session) -> None:
             group.create_dataset("segment", data=curve.segment)
         if result is not None:
             group.attrs["result"] = json.dumps(result)
+        if number <= len(clocks) and (clock := clocks[number - 1]) is not None:
+            group.attrs["clock"] = json.dumps(clock.to_json())
     file.attrs["content_hash"] = content_hash(session)
 
 
@@ -235,6 +239,7 @@ class Stored:
     session: Session
     content_hash: str
     samples: dict[str, NDArray[Any]]  # columns, (samples,) each
+    clocks: tuple[ClockReading | None, ...]  # one a curve; older sessions have none
 
     @property
     def unchanged(self) -> bool:
@@ -302,7 +307,7 @@ def _read(file: Any) -> Stored:
             strict=True,
         )
     )
-    curves, results = [], []
+    curves, results, clocks = [], [], []
     for group in file["curves"].values():
         curves.append(
             Curve(
@@ -317,6 +322,8 @@ def _read(file: Any) -> Stored:
         )
         text = group.attrs.get("result")
         results.append(None if text is None else _result(len(curves), text))
+        clock = group.attrs.get("clock")
+        clocks.append(None if clock is None else clock_from_json(read_json_object(clock)))
     samples = {
         name: read_array(file["samples"], name, np.int64 if name in _WHOLE else float)
         for name, _ in _SAMPLE_COLUMNS
@@ -324,4 +331,4 @@ def _read(file: Any) -> Stored:
     meta = read_json_object(file.attrs["meta"])
     msgspec.convert(meta, _Meta)
     session = Session(meta, records, tuple(curves), tuple(results))
-    return Stored(session, str(file.attrs["content_hash"]), samples)
+    return Stored(session, str(file.attrs["content_hash"]), samples, tuple(clocks))

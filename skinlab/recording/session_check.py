@@ -12,6 +12,7 @@ import numpy as np
 from skinlab.curves.curve import Curve
 from skinlab.errors import InputError
 from skinlab.recording.audit import Chain, entries
+from skinlab.recording.clocks import clock_readings
 from skinlab.recording.records import Kind
 from skinlab.recording.seal import Seal, read_seal
 from skinlab.recording.session import (
@@ -134,6 +135,10 @@ def _derived(stored: Stored) -> list[str]:
             found.append(f"{curve.name}: {column} is not what the recorded bytes say")
         if _plain(session.results[k]) != _plain(again.results[k]):
             found.append(f"{curve.name}: its result is not the recorded one")
+    clocks = clock_readings(session.meta, session.records)
+    for curve, clock, recorded in zip(session.curves, stored.clocks, clocks, strict=True):
+        if clock is not None and not (recorded is not None and clock.agrees_with(recorded)):
+            found.append(f"{curve.name}: clock is not what the recorded bytes say")
     return found
 
 

@@ -71,6 +71,31 @@ def visits(
     return sorted(found, key=lambda v: (v.created_utc, v.file), reverse=True)
 
 
+def visit_before(
+    folder: Path, whose: tuple[str, str] | None, session: Path | None, *, simulated: bool
+) -> Path | None:
+    """Return the last other session of this subject and site; None: there is none.
+
+    `session` is the present one, which may be in the folder already.
+    """
+    if whose is None or not whose[0]:
+        return None  # nobody knows whose it is
+    present = None if session is None else session.name
+    rows = visits(folder)
+    now = next((row.created_utc for row in rows if row.file == present), None)
+    same = (
+        row
+        for row in rows
+        if (row.subject, row.site) == whose
+        and row.simulated == simulated
+        and row.file != present
+        and row.parameters
+        and (now is None or row.created_utc < now)
+    )
+    found = next(same, None)
+    return None if found is None else folder / found.file
+
+
 @contextmanager
 def _database(folder: Path) -> Iterator[sqlite3.Connection]:
     path = folder / NAME

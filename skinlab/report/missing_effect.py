@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skinlab.discrepancy.fit import Fit
+from skinlab.discrepancy.odds import behind_words, chance_words
 from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.text import (
     doubt_words,
     function_rows,
     gap_words,
+    lead_words,
     learned_words,
     limits_words,
     next_words,
@@ -60,6 +62,7 @@ def render(outcome: Outcome) -> str:
             [
                 *repeats_words(outcome),
                 verdict_words(outcome),
+                *lead_words(outcome),
                 gap_words(outcome),
                 *learned_words(outcome),
                 *shares_words(outcome),
@@ -136,9 +139,9 @@ def _which(outcome: Outcome) -> Section:
     rows = [
         [
             " and ".join(e for e in c.effects if e not in own),
-            f"{c.log10_evidence - best:.1f}",
+            behind_words(best - c.log10_evidence),
             "yes" if c.adequate else "no",
-            f"{c.left.p_value:.1g}",
+            chance_words(c.left.p_value),
         ]
         for c in candidates
     ]
@@ -157,9 +160,9 @@ def _which(outcome: Outcome) -> Section:
         tables.insert(
             0,
             Table(
-                ["explanation", "log10 evidence", "explains the data", "p of what it leaves"],
+                ["explanation", "how likely", "explains the data", "what it leaves"],
                 rows,
-                "Explanations that were fitted; evidence relative to the best",
+                "Explanations that were fitted",
             ),
         )
     meanings = [

@@ -87,7 +87,7 @@ def why_left_out(
     session: Session, curves: Sequence[Measured], used: Sequence[str]
 ) -> dict[str, str]:
     """Return why a curve does not count in the joint answer, by its name."""
-    reasons = _excluded(session)
+    reasons = why_excluded(session)
     found = {}
     for measured in curves:
         name = measured.curve.name
@@ -104,7 +104,8 @@ def why_left_out(
     return found
 
 
-def _excluded(session: Session) -> dict[str, str]:
+def why_excluded(session: Session) -> dict[str, str]:
+    """Return the operator's reasons for leaving curves out, by their names."""
     found: dict[str, str] = {}
     for entry in entries(session.records):
         name = f"curve {entry.detail.get('curve')}"

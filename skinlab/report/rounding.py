@@ -59,3 +59,13 @@ def _significant(value: float, digits: int) -> int:
     if not math.isfinite(value) or value == 0:
         return digits - 1
     return digits - 1 - math.floor(math.log10(abs(value)))
+
+
+def half_width_percent(value: Interval) -> float | None:
+    """Return half the interval as per cent of its middle; None where there is no interval.
+
+    Of a stiffness by the ratio of its ends, as it is looked for in its logarithm.
+    """
+    if value.low is None or value.high is None or not value.high > 0:
+        return None
+    return math.inf if value.low <= 0 else 100.0 * (math.sqrt(value.high / value.low) - 1.0)

@@ -22,6 +22,7 @@ from skinlab.report.methods import assumptions, how
 from skinlab.report.page import Illustration, Section, page
 from skinlab.report.page_one import Together, fit_together, page_one
 from skinlab.report.pictures import style, to_bytes, to_data_uri
+from skinlab.report.protocol import protocol_section
 from skinlab.report.provenance import provenance_section
 
 Format = Literal["html", "png", "svg"]
@@ -116,6 +117,7 @@ class SessionReport:
                     overview or (each[0][:1] if each else ()),
                     self.more,
                 ),
+                *protocol_section(self.session, self.curves),
                 self._overview(posterior),
                 *(curve_section(m, f) for m, f in zip(self.curves, each, strict=True)),
                 *self._methods(),

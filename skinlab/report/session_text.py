@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from pathlib import Path
 
+from skinlab.errors import InputError
 from skinlab.recording.audit import entries
+from skinlab.recording.clocks import ClockReading, clock_readings
 from skinlab.recording.dose import dose_of
 from skinlab.recording.session import Session
 from skinlab.report.text import describe_dose
@@ -38,13 +41,18 @@ def describe_session(path: Path, session: Session) -> str:
         tell(f"  from {files} of other software; no instrument was connected")
     if imported is None:
         tell(f"  {describe_dose(dose_of(session))}")
-    for curve, result in zip(session.curves, session.results, strict=True):
+    clocks = _clocks(session)
+    if any(clocks):
+        tell(f"  {_describe_clocks([c for c in clocks if c is not None])}")
+    for k, (curve, result) in enumerate(zip(session.curves, session.results, strict=True)):
         setup = curve.setup
         state = " partial" if curve.partial else ""
         tell(
             f"  {curve.name}: {setup.aperture_mm:g} mm, {setup.thickness_mm:g} mm skin, "
             f"{setup.program}, cycle {setup.cycle}, {len(curve)} samples{state}"
         )
+        if k < len(clocks) and (clock := clocks[k]) is not None:
+            tell(f"    {_describe_clock(clock)}")
         values = (result or {}).get("parameters") or {}
         if values:
             text = ", ".join(f"{name} {entry['value']:.4g}" for name, entry in values.items())
@@ -54,8 +62,48 @@ def describe_session(path: Path, session: Session) -> str:
         detail = ", ".join(
             f"{key} {value}"
             for key, value in entry.detail.items()
-            if value is not None and not isinstance(value, dict | list)
+            if value is not None
+            and not isinstance(value, dict | list)
+            and not (entry.what == "protocol" and key == "text")
         )
         about = f": {detail}" if detail and entry.what != "session opened" else ""
         tell(f"  {entry.number:3d}  {entry.utc[:23]}  {entry.who}  {entry.what}{about}")
     return "\n".join(lines)
+
+
+def _clocks(session: Session) -> tuple[ClockReading | None, ...]:
+    try:
+        return clock_readings(session.meta, session.records)
+    except InputError:  # a dialect that is not installed here: all else can be said
+        return ()
+
+
+def _describe_clocks(clocks: list[ClockReading]) -> str:
+    """Return in one line how the instrument's clock goes by the host's."""
+    rates = [clock.rate for clock in clocks]
+    known = max(clock.rate_uncertainty for clock in clocks)
+    each = [_pace(rate, known) for rate in (min(rates), max(rates))]
+    said = each[0] if max(rates) - min(rates) <= known else f"{each[0]} to {each[1]}"
+    return (
+        f"the instrument's clock by this computer's: {said} (± {100 * known:.2g} %); "
+        "times and rates of curves are by the instrument's"
+    )
+
+
+def _pace(rate: float, known: float) -> str:
+    off = 100.0 * (rate - 1.0)
+    if abs(rate - 1.0) <= known:
+        return "the same"
+    return f"{abs(off):.2g} % {'fast' if off > 0 else 'slow'}"
+
+
+def _describe_clock(clock: ClockReading) -> str:
+    try:
+        began = datetime.fromtimestamp(clock.utc_s, UTC).isoformat(sep=" ", timespec="milliseconds")
+    except (OverflowError, ValueError, OSError):
+        began = f"{clock.utc_s:g}"
+    return (
+        f"began {began} (this computer's {clock.host_time_s:.3f} s), "
+        f"the instrument's clock {100.0 * (clock.rate - 1.0):+.2f} % ± "
+        f"{100.0 * clock.rate_uncertainty:.2g} %, even to {1e3 * clock.wander_s:.0f} ms"
+    )

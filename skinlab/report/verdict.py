@@ -76,16 +76,14 @@ def judge(
     result: Judged | None, findings: Sequence[Finding], cut: str | None, *, partial: bool
 ) -> Verdict | None:
     """Return the verdict; None: there is no answer yet, and nothing else against the curve."""
-    against = sorted(
-        (f for f in findings if f.gate not in _REMARKS), key=lambda f: f.gate not in _SPOILT
-    )
-    if against:
-        first = against[0]
-        use = Use.NOT if first.gate in _SPOILT else Use.REPEAT
-        return Verdict(use, first.sentence, Step.ADVICE, first.advice)
-    if partial or cut is not None:
+    against = [f for f in findings if f.gate not in _REMARKS]
+    if spoilt := [f for f in against if f.gate in _SPOILT]:
+        return Verdict(Use.NOT, spoilt[0].sentence, Step.ADVICE, spoilt[0].advice)
+    if partial or cut is not None:  # what else is wrong, such as too few points, follows from it
         why = f"it was cut short{'' if not cut else f' ({cut})'}"
         return Verdict(Use.REPEAT, why, Step.MEASURE_AGAIN)
+    if against:
+        return Verdict(Use.REPEAT, against[0].sentence, Step.ADVICE, against[0].advice)
     if result is None:
         return None
     if result.error is not None:

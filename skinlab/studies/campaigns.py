@@ -30,7 +30,6 @@ from skinlab.mechanics.effects import get_effect
 from skinlab.mechanics.fem.suction import SOLVER_VERSION
 from skinlab.mechanics.model_file import BASE, Model
 from skinlab.report.page import Section, Table
-from skinlab.studies.cluster import on_cluster
 from skinlab.studies.compute import curves_of
 from skinlab.studies.processes import on_processes
 from skinlab.studies.run import How
@@ -38,6 +37,7 @@ from skinlab.studies.sources import SESSIONS, Facts
 from skinlab.studies.state import State
 from skinlab.studies.table import Cell
 from skinlab.tables.base import Database
+from skinlab.workers import on_cluster
 
 Array = NDArray[np.float64]
 Row = dict[str, Cell]

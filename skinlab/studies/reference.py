@@ -22,6 +22,7 @@ from scipy.stats import norm
 from skinlab.curves.curve import check_aperture
 from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
+from skinlab.io.documents import decode, read_toml
 from skinlab.report.page import Section, Table
 from skinlab.studies.reliability import main_scale, usable
 from skinlab.studies.table import Columns
@@ -136,7 +137,7 @@ def read_reference(path: Path) -> Reference:
         InputError: it cannot be read, or a field is unknown, missing or wrong.
     """
     try:
-        return msgspec.toml.decode(path.read_bytes(), type=Reference)
+        return decode(read_toml(path.read_bytes()), Reference)
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from None
     except (ValueError, UnicodeDecodeError) as error:

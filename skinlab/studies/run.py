@@ -12,11 +12,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from skinlab import __version__
 from skinlab.errors import InputError
 from skinlab.inference.identify import Identifier
 from skinlab.recording.recorder import identification_settings
-from skinlab.studies.cluster import computed_on_cluster
 from skinlab.studies.compute import Computed, Task, compute
 from skinlab.studies.processes import on_processes
 from skinlab.studies.sources import (
@@ -31,6 +29,8 @@ from skinlab.studies.sources import (
     sha256_of,
 )
 from skinlab.studies.state import State
+from skinlab.versions import __version__
+from skinlab.workers import on_cluster
 
 _BATCH = 8  # files a task: a second of work, lost at most when a process is killed
 
@@ -115,7 +115,7 @@ def _wanted(source: Source, settings: str) -> str:
 def _results(state: State, identifier: Identifier, how: How) -> Iterator[list[Computed]]:
     batches = state.pending(_BATCH)
     if how.dask is not None:
-        yield from computed_on_cluster(identifier, batches, how.dask)
+        yield from on_cluster(compute, identifier, batches, how.dask)
     elif how.workers <= 1:
         for batch in batches:
             yield compute(identifier, batch)

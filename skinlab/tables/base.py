@@ -12,6 +12,7 @@ from skinlab.curves.curve import Curve
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.mechanics.materials.compressibility import KappaConvention
 from skinlab.parameters import Space
+from skinlab.tables.any_geometry import AnyGeometry
 from skinlab.tables.misfit import Misfit, Whitening
 
 Array = NDArray[np.float64]
@@ -114,5 +115,13 @@ class Database(Protocol):
 
         Raises:
             NotTrustworthyError: it does not speak of this geometry; names the axis.
+        """
+        ...
+
+    def any_geometry(self, kappa: KappaConvention = "paper") -> AnyGeometry:
+        """Return the forward model as a function of thickness and opening too, without any set-up.
+
+        Raises:
+            NotTrustworthyError: it is of one geometry only.
         """
         ...

@@ -25,6 +25,7 @@ from skinlab.mechanics.materials.compressibility import KappaConvention
 from skinlab.mechanics.model_file import Model
 from skinlab.parameters import Parameter, Space, Transform
 from skinlab.tables.abscissa import Abscissa, PressureAbscissa, ProgramAbscissa
+from skinlab.tables.any_geometry import AnyGeometry
 from skinlab.tables.axes import AxisRange, Spacing, TableAxis, axis_of
 from skinlab.tables.evaluator import Evaluator, TensorSpline
 from skinlab.tables.extrapolate import fill_curves
@@ -351,6 +352,14 @@ class CustomSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
                 "this database holds one thickness: give no thickness_sd_mm, or build one with the "
                 "axis thickness_error.ratio"
             )
+
+    def any_geometry(self, table: Table, kappa: KappaConvention) -> AnyGeometry:
+        """Refuse: it is of one geometry.
+
+        Raises:
+            NotTrustworthyError: always.
+        """
+        raise NotTrustworthyError(f"a table of kind {self.kind!r} is of one geometry only")
 
     def describe(self, table: Table) -> list[str]:
         """Return what is in it."""

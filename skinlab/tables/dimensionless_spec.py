@@ -42,6 +42,7 @@ from skinlab.mechanics.materials import DEFAULT_LAW, Law, get_law
 from skinlab.mechanics.materials.compressibility import KappaConvention, kappa_ratio, nu_from_ratio
 from skinlab.mechanics.model_file import Model
 from skinlab.parameters import Parameter, Space, stem
+from skinlab.tables.any_geometry import AnyGeometry
 from skinlab.tables.axes import Coordinate, TableAxis
 from skinlab.tables.evaluator import Evaluator, TensorSpline
 from skinlab.tables.extrapolate import fill_ratios
@@ -64,9 +65,9 @@ _THICKNESS_REACH = 3.5  # standard deviations, or as far as the table goes
 _SETTINGS = StepSettings(extrapolation_error=3e-5, smallest_step_mbar=0.5, limit_mbar=20.0)
 
 THICKNESS = "thickness_over_radius"
-# κ/(μ/2) for ν to 0.499, from 0 (κ as in the paper) or 0.2 (consistent). Close together where
-# curves bend; towards incompressibility they hardly do.
-_DILATATION = (*np.geomspace(2.66, 100.2, 18).tolist(), 220.0, 1010.0)
+# κ/(μ/2) for ν of 0 to 0.499 in both conventions. Below 2.66 only `consistent` has skins. Close
+# together where curves bend; towards incompressibility they hardly do.
+_DILATATION = (1.33, 1.68, 2.12, *np.geomspace(2.66, 100.2, 18).tolist(), 220.0, 1010.0)
 
 
 @dataclass(frozen=True)
@@ -189,13 +190,15 @@ class DimensionlessSpec:
         """Number of curves."""
         return int(np.prod(self.shape))
 
-    def coordinate(self, load: Array, thickness_over_radius: float) -> Array:
+    def coordinate(self, load: Array, thickness_over_radius: float | Array) -> Array:
         """Return asinh(c q / y0) of loads q."""
         return np.asarray(np.arcsinh(_compliance(thickness_over_radius) * load / self.load_scale))
 
     def load(self, coordinate: Array, thickness_over_radius: float) -> Array:
         """Return the loads q at coordinates: the inverse of `coordinate`."""
-        return self.load_scale * np.sinh(coordinate) / _compliance(thickness_over_radius)
+        return np.asarray(
+            self.load_scale * np.sinh(coordinate) / _compliance(thickness_over_radius)
+        )
 
     def load_coordinates(self) -> Array:
         """Return the nodes along asinh(c q / y0): wide enough for the thinnest skin."""
@@ -369,6 +372,17 @@ class DimensionlessSpec:
             load_mbar=1.0 / MBAR,
         )
 
+    def any_geometry(self, table: Table, kappa: KappaConvention) -> AnyGeometry:
+        """See `Table.any_geometry`."""
+        axes = [TableAxis(Coordinate("log"), self.thickness.coordinates()), *self._axes(kappa)[1:]]
+        return AnyGeometry(
+            axes,
+            _all_coefficients(table),
+            np.log(np.maximum(table.holds_to, 1e-300)),
+            knots(self.load_coordinates()),
+            self.coordinate,
+        )
+
     def _axes(self, kappa: KappaConvention) -> list[TableAxis]:
         """Return the small grid's axes along the law's parameters."""
         law = get_law(self.law)
@@ -529,7 +543,7 @@ def _stored_axis(default: Axis, at: list[float]) -> Axis:
     return Axis(low, high, int(nodes), default.spacing, tuple(values))
 
 
-def _compliance(thickness_over_radius: float) -> float:
+def _compliance(thickness_over_radius: float | Array) -> float | Array:
     """Return w/R / q for small q, within 2 % for the paper's law, X2/X1 = 7, κ/X1 = 10 (a fit)."""
     t = thickness_over_radius
     return 0.0246 / t**3 + 0.0803 / t**2 - 0.0072 / t + 0.182
@@ -540,3 +554,15 @@ def _load_coefficients(table: Table) -> Array:
     """Return the B-spline coefficients of the table along h/R and the load."""
     values = table.values.astype(np.float64)
     return np.ascontiguousarray(coefficients(coefficients(values, 0), values.ndim - 1))
+
+
+@lru_cache(maxsize=4)
+def _all_coefficients(table: Table) -> TensorBSpline:
+    """Return the spline along h/R and the ratios, of the coefficients along the load."""
+    assert isinstance(table.spec, DimensionlessSpec)
+    axes = [TableAxis(Coordinate("log"), table.spec.thickness.coordinates())]
+    axes += table.spec._axes("paper")[1:]
+    values = coefficients(table.values.astype(np.float64), table.values.ndim - 1)
+    for d, axis in enumerate(axes):
+        values = axis.coefficients(values, d)
+    return TensorBSpline([a.knots for a in axes], [a.degree for a in axes], values)

@@ -82,14 +82,21 @@ class Evaluator:
         self.space = space
         self._axes, self._tensor, self._q = tuple(axes), tensor, basis
         self._limit_axes = self._axes if load_mbar is None else self._axes[1:]
-        self._log_limit = np.log(np.maximum(holds_to, _NOTHING)).ravel()
-        self._limit_shape = holds_to.shape
+        self._log_limit = np.log(np.maximum(holds_to, _NOTHING))
         self._along, self._load_mbar = along, load_mbar
         self._top = max(float(along.max(initial=0.0)), 1e-8)
         self._errors = np.zeros((len(basis), 0)) if errors_mm is None else errors_mm
+        self._placed: tuple[bytes, tuple[Array, Array]] = (b"", (np.empty(0), np.empty(0)))
 
     def _points(self, parameters: Array) -> tuple[Array, Array]:
         """Return coordinates (n, d) of parameters, and how far they hold (n,); -inf outside."""
+        # Fits ask for the values and then for the slopes at the same candidates
+        asked = parameters.tobytes()
+        if asked != self._placed[0]:
+            self._placed = (asked, self._place(parameters))
+        return self._placed[1]
+
+    def _place(self, parameters: Array) -> tuple[Array, Array]:
         points = np.empty_like(parameters, dtype=float)
         inside = np.ones(len(parameters), dtype=bool)
         scale = parameters[:, 0]
@@ -97,23 +104,11 @@ class Evaluator:
             at = axis.coordinate(parameters[:, d], scale)
             inside &= axis.inside(at)
             points[:, d] = np.fmin(np.fmax(at, axis.nodes[0]), axis.nodes[-1])
-        reach = np.exp(self._log_reach(points[:, len(self._axes) - len(self._limit_axes) :]))
+        at = points[:, len(self._axes) - len(self._limit_axes) :]
+        reach = np.exp(linear_between(self._limit_axes, self._log_limit, at))
         if self._load_mbar is not None:
             reach = reach * scale * self._load_mbar
         return points, np.where(inside, reach, -np.inf)
-
-    def _log_reach(self, points: Array) -> Array:
-        """Return how far points (n, d) hold, as a logarithm (n,): linear between the nodes."""
-        rows = np.zeros((len(points), 1), dtype=np.intp)
-        weights = np.ones((len(points), 1))
-        for axis, at, size in zip(self._limit_axes, points.T, self._limit_shape, strict=True):
-            cell = axis.cell(at)
-            share = (at - axis.nodes[cell]) / (axis.nodes[cell + 1] - axis.nodes[cell])
-            both = np.stack([1.0 - share, share], axis=1)
-            corners = np.stack([cell, cell + 1], axis=1)
-            rows = (rows[:, :, None] * size + corners[:, None, :]).reshape(len(points), -1)
-            weights = (weights[:, :, None] * both[:, None, :]).reshape(len(points), -1)
-        return np.asarray((self._log_limit[rows] * weights).sum(axis=1))
 
     def holds_to(self, parameters: Array) -> Array:
         """Return how far (n,) candidates hold; -inf outside of the table."""
@@ -180,3 +175,17 @@ class Evaluator:
     def misfit(self, measured_mm: Array, whitening: Whitening | None = None) -> Misfit:
         """Return the sum of squared differences to these deflections (u,), as a function."""
         return Misfit(self, self._q, measured_mm, whitening)
+
+
+def linear_between(axes: Sequence[TableAxis], values: Array, points: Array) -> Array:
+    """Return values (n1, …, nd) at the axes' nodes at points (m, d): (m,), linear between nodes."""
+    rows = np.zeros((len(points), 1), dtype=np.intp)
+    weights = np.ones((len(points), 1))
+    for axis, at, size in zip(axes, points.T, values.shape, strict=True):
+        cell = axis.cell(at)
+        share = (at - axis.nodes[cell]) / (axis.nodes[cell + 1] - axis.nodes[cell])
+        both = np.stack([1.0 - share, share], axis=1)
+        corners = np.stack([cell, cell + 1], axis=1)
+        rows = (rows[:, :, None] * size + corners[:, None, :]).reshape(len(points), -1)
+        weights = (weights[:, :, None] * both[:, None, :]).reshape(len(points), -1)
+    return np.asarray((values.ravel()[rows] * weights).sum(axis=1))

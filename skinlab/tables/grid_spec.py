@@ -27,6 +27,7 @@ from skinlab.mechanics.materials import DEFAULT_LAW, get_law
 from skinlab.mechanics.materials.compressibility import KappaConvention, kappa_ratio, nu_from_ratio
 from skinlab.mechanics.model_file import Model
 from skinlab.parameters import Space
+from skinlab.tables.any_geometry import AnyGeometry
 from skinlab.tables.axes import Coordinate, TableAxis
 from skinlab.tables.evaluator import Evaluator
 from skinlab.tables.lagrange import TensorLagrange, matrix
@@ -238,6 +239,14 @@ class GridSpec:
             table.holds_to,
             np.minimum(pressure_mbar, max(self.pressure_mbar)),
         )
+
+    def any_geometry(self, table: Table, kappa: KappaConvention) -> AnyGeometry:
+        """Refuse: it is of one geometry.
+
+        Raises:
+            NotTrustworthyError: always.
+        """
+        raise NotTrustworthyError(f"a table of kind {self.kind!r} is of one geometry only")
 
     def describe(self, table: Table) -> list[str]:
         """Return what is in it."""

@@ -3,22 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 from skinlab.errors import InputError
 
 SCHEMA = "skinlab.database/1"
-
-
-def check_kind(path: Path, file: Any, kind: str) -> None:
-    """Refuse a file that is no database of this kind.
-
-    Raises:
-        InputError: it is not.
-    """
-    schema = file.attrs.get("schema")
-    if schema != SCHEMA or file.attrs.get("kind") != kind:
-        raise InputError(f"{path}: schema {schema!r}; expected a {kind} database, {SCHEMA!r}")
 
 
 def check_hash(path: Path, computed: str, stated: str) -> None:

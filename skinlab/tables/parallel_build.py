@@ -9,15 +9,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from skinlab.errors import InputError
 from skinlab.mechanics.fem.suction import SOLVER_VERSION
 from skinlab.tables.build_checkpoint import KeptRows
-from skinlab.workers import Pool
+from skinlab.workers import Pool, on_cluster
 
 Array = NDArray[np.float64]
 Compute = Callable[[int], Array]
@@ -72,11 +72,16 @@ def _row(compute: Compute, entry: int) -> tuple[int, Array]:
     return entry, compute(entry)
 
 
+def _row_of_solver(state: tuple[Compute, str], entry: int) -> tuple[int, Array]:
+    compute, version = state
+    if version != SOLVER_VERSION:  # a cluster's worker may have another skinlab
+        raise InputError(f"a dask worker has solver version {SOLVER_VERSION}; expected {version}")
+    return _row(compute, entry)
+
+
 def _computed(compute: Compute, entries: list[int], how: How) -> Iterator[tuple[int, Array]]:
     if how.dask is not None:
-        from skinlab.tables.dask_cluster import computed_on_cluster
-
-        yield from computed_on_cluster(partial(_row, compute), entries, how.dask, SOLVER_VERSION)
+        yield from on_cluster(_row_of_solver, (compute, SOLVER_VERSION), iter(entries), how.dask)
         return
     with Pool(min(how.workers, len(entries)), compute) as pool:
         yield from pool.map(_row, entries)

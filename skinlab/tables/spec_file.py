@@ -57,7 +57,7 @@ import msgspec
 
 from skinlab.curves.program import MOST_PRESSURE_MBAR
 from skinlab.errors import InputError
-from skinlab.io.documents import read_toml
+from skinlab.io.documents import plain, read_toml
 from skinlab.mechanics.effects import get_effect
 from skinlab.mechanics.fem.suction import EXTENSION_BELOW_MBAR, MBAR
 from skinlab.mechanics.model_file import (
@@ -66,7 +66,6 @@ from skinlab.mechanics.model_file import (
     Normal,
     check_entry,
     model_of,
-    plain,
     read_model,
 )
 from skinlab.parameters import Nodes, Parameter

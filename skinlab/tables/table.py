@@ -24,6 +24,7 @@ from skinlab.mechanics.fem.suction import Geometry
 from skinlab.mechanics.materials.compressibility import KappaConvention
 from skinlab.mechanics.model_file import Model
 from skinlab.parameters import Space
+from skinlab.tables.any_geometry import AnyGeometry
 from skinlab.tables.evaluator import Evaluator
 
 Array = NDArray[np.float64]
@@ -133,6 +134,10 @@ class Spec(Protocol):
         """See `Table.model`."""
         ...
 
+    def any_geometry(self, table: Table, kappa: KappaConvention) -> AnyGeometry:
+        """See `Table.any_geometry`."""
+        ...
+
     def describe(self, table: Table) -> list[str]:
         """Return what is in it, in a few lines."""
         ...
@@ -214,3 +219,11 @@ class Table:
             NotTrustworthyError: it does not speak of this geometry, uncertainty or convention.
         """
         return self.spec.evaluator(self, geometry, pressure_mbar, kappa, thickness_sd_mm, time_s)
+
+    def any_geometry(self, kappa: KappaConvention = "paper") -> AnyGeometry:
+        """Return the table as a function of thickness and opening too, without any set-up.
+
+        Raises:
+            NotTrustworthyError: it is of one geometry only.
+        """
+        return self.spec.any_geometry(self, kappa)

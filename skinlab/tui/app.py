@@ -2,25 +2,35 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from textual import events, on
 from textual.app import App
 from textual.binding import Binding, BindingType
 from textual.filter import LineFilter
 from textual.message import Message
-from textual.screen import ModalScreen
+from textual.screen import ModalScreen, Screen
 from textual.widgets import Input
 
 from drivers.errors import DriverError
 from drivers.events import InstrumentState
 from drivers.link import PortInfo, list_ports
 from skinlab.acquisition.measurement_request import Order, check_limits, read_order, with_opening
-from skinlab.acquisition.messages import Adopted, Connected, Disconnected, Done, Failed, Heard, News
+from skinlab.acquisition.messages import (
+    Adopted,
+    Connected,
+    Disconnected,
+    Done,
+    Failed,
+    Heard,
+    News,
+    Recording,
+)
 from skinlab.acquisition.probe_session import ProbeSession
 from skinlab.acquisition.replayer import Replayer, example_session, next_speed
 from skinlab.acquisition.settings import recall, recall_choice, remember, remember_choice
@@ -30,12 +40,14 @@ from skinlab.io.log import log_exception
 from skinlab.recording.curve_selection import Deed
 from skinlab.recording.session_fit import comparable
 from skinlab.recording.stream import Identified, Sampled
+from skinlab.recording.visit_index import visit_before
 from skinlab.tui.choices import choices_for
-from skinlab.tui.goal import GOALS, distance
+from skinlab.tui.goal import CHOICES, ChangeGoal, change_distance, distance
 from skinlab.tui.inert import InertText
 from skinlab.tui.no_color import StyledFirst
 from skinlab.tui.screens.alarm import AlarmScreen
 from skinlab.tui.screens.help import HelpScreen
+from skinlab.tui.screens.line import LineScreen, seconds
 from skinlab.tui.screens.main import MainScreen
 from skinlab.tui.screens.messages import MessagesScreen
 from skinlab.tui.screens.missing import MissingScreen
@@ -43,10 +55,12 @@ from skinlab.tui.screens.over import ConfirmScreen
 from skinlab.tui.screens.palette import Command, PaletteScreen
 from skinlab.tui.screens.pick import PickScreen
 from skinlab.tui.screens.ports import PortsScreen
+from skinlab.tui.screens.protocol import ProtocolScreen
 from skinlab.tui.screens.session import SessionScreen
 from skinlab.tui.screens.visits import VisitsScreen
 from skinlab.tui.screens.welcome import EXAMPLE, SIMULATED, WelcomeScreen
-from skinlab.tui.text import adoption_lines
+from skinlab.tui.settings_file import UserSettings
+from skinlab.tui.text import adoption_lines, undone_words
 from skinlab.tui.themes import ORDER, OWN, WORDS, next_theme
 from skinlab.tui.typing_guard import TypingGuard, is_typing
 from skinlab.tui.ui_state import (
@@ -62,6 +76,7 @@ from skinlab.tui.ui_state import (
 from skinlab.tui.widgets.fields import Fields
 
 if TYPE_CHECKING:
+    from skinlab.acquisition.protocol import NamedProtocol
     from skinlab.curves.curve import Curve
     from skinlab.discrepancy.next_measurement import NextMeasurement
     from skinlab.discrepancy.outcome import Outcome
@@ -72,8 +87,9 @@ _COMMANDS = (
     Command("want('session')", "Session: means, joint fit, compare, notes", "s"),
     Command("want('visits')", "Visits: search, compare, trend", "F5"),
     Command("want('missing')", "Look for what the model misses", "d"),
+    Command("want('protocol')", "Protocol: its steps, conditions, what is missing", "p"),
     Command("want('goal')", "Set the goal of this visit", "g"),
-    Command("want('next')", "Load the measurement that brings the goal nearer", "F7"),
+    Command("want('next')", "Load the next step of the protocol, or what the goal needs", "F7"),
     Command("want('card')", "R0 to R9 of a step curve, or the values", "r"),
     Command("want('rested')", "The site has rested: count loadings from 1", "F6"),
     Command("settings", "Edit the settings", "F3"),
@@ -87,11 +103,13 @@ _COMMANDS = (
 _TICK_S = 0.1
 _LEFT_BY_VENT = (
     HelpScreen,
+    LineScreen,
     MessagesScreen,
     MissingScreen,
     PaletteScreen,
     PickScreen,
     PortsScreen,
+    ProtocolScreen,
     VisitsScreen,
 )
 
@@ -117,15 +135,15 @@ class SkinlabApp(App[None]):
     VERTICAL_BREAKPOINTS = [(0, "-low"), (23, "-usual"), (34, "-tall")]  # noqa: RUF012 -- Textual's own form
     BINDINGS: ClassVar[list[BindingType]] = [
         # Each screen shows v, first of all; a terminal may hold a lone Esc back
-        Binding("v", "vent_key", "Vent", show=False, priority=True),
+        Binding("v", "vent_key", "Vent", show=False, priority=True, id="vent"),
         Binding("escape", "vent", "Vent", show=False, priority=True),
-        Binding("question_mark", "help", "Help", key_display="?"),
+        Binding("question_mark", "help", "Help", key_display="?", id="help"),
         Binding("f1", "help", "Help", show=False, priority=True),
-        Binding("t", "theme", "Theme", show=False),
-        Binding("w", "messages", "Messages", show=False),
-        Binding("ctrl+p", "palette", "Commands", show=False, priority=True),
-        Binding("q", "leave", "Quit"),
-        Binding("f2", "ports", "Ports", key_display="F2", priority=True),
+        Binding("t", "theme", "Theme", show=False, id="theme"),
+        Binding("w", "messages", "Messages", show=False, id="messages"),
+        Binding("ctrl+p", "palette", "Commands", show=False, priority=True, id="palette"),
+        Binding("q", "leave", "Quit", id="quit"),
+        Binding("f2", "ports", "Ports", key_display="F2", priority=True, id="ports"),
         Binding("ctrl+q", "leave", "Quit", show=False, priority=True),
         Binding("ctrl+c", "stop", "Vent and quit", show=False, priority=True),
     ]
@@ -143,19 +161,25 @@ class SkinlabApp(App[None]):
         make_replayer: Callable[..., Replayer] = Replayer,
         clock: Callable[[], float] = time.monotonic,
         reference: Reference | None = None,
+        user: UserSettings | None = None,
+        protocol: NamedProtocol | None = None,
     ) -> None:
         """Begin with a port, with the replay of a session, or (neither) by asking.
 
         Settings are kept for the next time in `settings`; None: nowhere. `model` names what
         curves are identified with; None: the base law. `clock` (s) tells typing from confirming.
-        `reference` has the usual ranges that values are shown against.
+        `reference` has the usual ranges that values are shown against, `user` the colours and
+        further keys of the settings file, `protocol` what a study demands.
         """
         super().__init__()
         for theme in OWN:
             self.register_theme(theme)
-        chosen = recall_choice(settings, "theme", ORDER)
+        user = user or UserSettings()
+        chosen = user.theme or recall_choice(settings, "theme", ORDER)
         if chosen is not None:
             self.theme = chosen
+        self.set_keymap(user.keymap)
+        self._own_keys = user.keymap
         self.guard = TypingGuard(clock)
         self.board = Board(port or SIMULATED)
         self._folder = folder
@@ -168,6 +192,8 @@ class SkinlabApp(App[None]):
         self._make_replayer = make_replayer
         self.board.model = model
         self.board.reference = reference
+        self.board.protocol = protocol
+        self._otherwise: list[str] = []  # than the protocol says, to be recorded
         self.failure: Exception | None = None  # a bug that ended the app
         self._queued: Order | None = None  # to be shown once its port is connected
         self._unnamed: tuple[str, str] | None = None  # visit that may do without a subject
@@ -248,12 +274,31 @@ class SkinlabApp(App[None]):
         playing.paused, playing.speed = control.paused, control.speed
         self.board.touch()
 
-    def _jump(self, part: float) -> None:
-        """Go to a part of the record without waiting."""
+    def _ask_time(self) -> None:
+        """Ask to which time of the record to go."""
+        playing = self.board.playing
+        if playing is None or playing.ended:
+            return
+
+        def answered(text: str | None) -> None:
+            if text is None:
+                return
+            at_s = seconds(text)
+            if at_s is None or not at_s <= playing.length_s:
+                ends = f"0 to {playing.length_s:.1f} s, or minutes as 1:30"
+                self.board.answer(Level.ERROR, f"time {text!r}: expected {ends}")
+                return
+            self._jump(at_s)
+
+        what = f"Go on to which time? (now {playing.at_s:.1f} of {playing.length_s:.1f} s)"
+        self.push_screen(LineScreen(self.board, what), answered)
+
+    def _jump(self, at_s: float) -> None:
+        """Go to a time of the record without waiting."""
         replayer, playing = self.bench, self.board.playing
         if not isinstance(replayer, Replayer) or playing is None or playing.ended:
             return
-        ahead_s = part * playing.length_s - playing.at_s
+        ahead_s = at_s - playing.at_s
         if ahead_s <= 0:
             said = "a replay goes forward only: at its end Space plays it again"
             self.board.answer(Level.INFO, said)
@@ -325,6 +370,8 @@ class SkinlabApp(App[None]):
         match news:
             case Connected():
                 self._connected(news)
+            case Recording():
+                self._record_protocol()
             case Adopted():
                 self._anew = news.anew  # a session is identified with one model
             case Disconnected() if self._next_port is not None:
@@ -428,30 +475,41 @@ class SkinlabApp(App[None]):
             self.screen.leave_line()
         elif isinstance(self.screen, ConfirmScreen):
             self.screen.dismiss(False)
-        elif isinstance(
-            self.screen, HelpScreen | PortsScreen | PickScreen | MissingScreen | VisitsScreen
-        ):
+        elif isinstance(self.screen, _LEFT_BY_VENT):
             self.pop_screen()
         self._main.set_focus(None)
         if self._main.is_mounted:
             self._main.draw()
 
     def action_help(self) -> None:
-        """Open the help."""
-        if not isinstance(self.screen, ModalScreen):
+        """Open the help, unless an alarm is to be read; close it where it is open."""
+        if isinstance(self.screen, HelpScreen):
+            self.screen.dismiss()
+        elif not isinstance(self.screen, AlarmScreen):
             self.push_screen(HelpScreen(self.board, self._keys_here()))
 
     def _keys_here(self) -> list[tuple[str, str]]:
-        """Return the keys of a screen over the main one, with what they do."""
-        if self.screen is self._main:
+        """Return the keys of the present screen that mean something now, with what they do.
+
+        Those of the main screen are in the list below, unless the settings file adds some.
+        """
+        if self.screen is self._main and not self._own_keys:
             return []
-        here: dict[str, str] = {}
+        here: dict[str, list[str]] = {}
         for active in self.screen.active_bindings.values():
             binding = active.binding
             if active.node is self.screen and active.enabled and binding.description:
-                key = binding.key_display or self.get_key_display(binding)
-                here.setdefault(binding.description, key)
-        return [(key, what) for what, key in here.items()]
+                keys = here.setdefault(binding.description, [])
+                shown = self.get_key_display(binding)
+                if shown not in keys:
+                    keys.append(shown)
+        return [("  ".join(keys), what) for what, keys in here.items()]
+
+    def get_key_display(self, binding: Binding) -> str:
+        """Return a key as it stands on the keyboard."""
+        shown = binding.key_display or super().get_key_display(binding)
+        named = {"delete": "Del", "pageup": "PgUp", "pagedown": "PgDn", "escape": "Esc"}
+        return named.get(shown, shown.upper() if re.fullmatch(r"f\d+", shown) else shown)
 
     def action_palette(self) -> None:
         """Search among all that can be done."""
@@ -524,8 +582,11 @@ class SkinlabApp(App[None]):
                 self._confirm()
             case "play" | "step" | "faster" | "slower" | "event":
                 self._control(message.what)
+            case "time":
+                self._ask_time()
             case what if what.startswith("to "):
-                self._jump(int(what.removeprefix("to ")) / 10)
+                length_s = 0.0 if self.board.playing is None else self.board.playing.length_s
+                self._jump(int(what.removeprefix("to ")) / 10 * length_s)
             case "pick" if self.board.can_arm:
                 self._pick()
             case "visits":
@@ -533,10 +594,13 @@ class SkinlabApp(App[None]):
                 self.push_screen(
                     VisitsScreen(self.board, self._folder, lambda: analysis.identifier)
                 )
+            case "protocol":
+                self.push_screen(ProtocolScreen(self.board))
             case "goal":
                 self._choose_goal()
             case "next" if self.board.can_arm:
-                self._load_advice()
+                if not self._load_step():
+                    self._load_advice()
             case "rested" if self.board.can_arm:
                 self._count_anew()
             case "card":
@@ -574,12 +638,12 @@ class SkinlabApp(App[None]):
         def chosen(text: str | None) -> None:
             if text is None:
                 return
-            self.board.goal = next((g for g in GOALS if g.words == text), None)
+            self.board.goal = next((g for g in CHOICES if g.words == text), None)
             self.board.goal_is = None
             self.board.touch()
             self._aim()
 
-        choices = [("no goal", "no goal"), *((g.words, g.words) for g in GOALS)]
+        choices = [("no goal", "no goal"), *((g.words, g.words) for g in CHOICES)]
         self.push_screen(PickScreen(self.board, "Goal of this visit", choices), chosen)
 
     def _aim(self) -> None:
@@ -588,10 +652,19 @@ class SkinlabApp(App[None]):
         curves = comparable(board.used)
         if goal is None or not curves or board.playing is not None:
             return
-        analysis = self.bench.analysis
+        identifier = self.bench.analysis.identifier
+        by_name = {e.curve.name: e.result for e in board.entries.values() if e.result is not None}
+        known = [curve for curve in curves if curve.name in by_name]
+        results = [by_name[curve.name] for curve in known]
+        visit, path, simulated = board.visit, board.path, board.simulated
+        serial = "" if board.hello is None else board.hello.serial_number
 
         def work() -> None:
-            self._post(Aimed(distance(goal, curves, analysis.identifier)))
+            if not isinstance(goal, ChangeGoal):
+                self._post(Aimed(distance(goal, curves, identifier)))
+                return
+            before = visit_before(self._folder, visit, path, simulated=simulated)
+            self._post(Aimed(change_distance(goal, before, known, results, identifier, serial)))
 
         self._perform("aiming", work)
 
@@ -606,6 +679,109 @@ class SkinlabApp(App[None]):
         self._fields.put("program", following.program)
         what = f"{following.program}, {following.aperture_mm:g} mm opening"
         self.board.answer(Level.INFO, f"loaded: {what}; F8 goes on")
+
+    # ---- a protocol ---------------------------------------------------------------------------
+
+    @on(ProtocolScreen.Wanted)
+    def _step_wanted(self) -> None:
+        while self.screen is not self._main:
+            self.pop_screen()
+        if not self._load_step():
+            self.board.answer(Level.INFO, "all steps of the protocol are done")
+
+    @on(ProtocolScreen.Stated)
+    def _conditions_stated(self) -> None:
+        board = self.board
+        if board.path is not None and board.visit == board.who:
+            self._audit("conditions", **board.stated)
+
+    def _load_step(self) -> bool:
+        """Put the next step of the protocol into the fields; False: there is none."""
+        board = self.board
+        named, walk = board.protocol, board.walk
+        if named is None or walk is None:
+            return False
+        sites = named.protocol.study.sites
+        state = walk.next
+        site = board.who[1]
+        if sites and (state is None or site not in sites):
+            left = [s for s in sites if not board.site_done(s) and s != site]
+            if left:  # another visit begins there, with the first step
+                self._fields.put("site", left[0])
+                self._fields.follow()
+                board.name(self._fields.who)
+                walk = board.walk
+                state = None if walk is None else walk.next
+        if state is None:
+            return False
+        step = state.step
+        self._fields.put("aperture_mm", f"{step.aperture_mm:g}")
+        self._fields.put("program", step.program)
+        self._fields.put("repeats", str(state.left))
+        self._fields.put("rest_s", f"{step.rest_s:g}")
+        board.answer(Level.INFO, f"loaded: {walk.words if walk else ''}; F8 shows it")
+        return True
+
+    def _against_protocol(self, order: Order) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Return which step an order is, and what is otherwise than the protocol says."""
+        board = self.board
+        named, walk = board.protocol, board.walk
+        if named is None or walk is None:
+            return (), ()
+        from skinlab.acquisition.protocol import conditions_missing
+        from skinlab.report.protocol import rest_due_s, serves
+
+        protocol, otherwise = named.protocol, []
+        fitting = [s for s in walk.steps if serves(s.step, order.setup)]
+        state = next((s for s in fitting if s.left), None)
+        step = "no step asks for this"
+        if state is not None:
+            step = f"step {state.number} of {len(walk.steps)}: {state.step.words}"
+            if walk.next is not None and state is not walk.next:
+                otherwise.append(f"step {walk.next.number} comes before it")
+            if order.repeats != state.left:
+                otherwise.append(f"repeats: {order.repeats}, not {state.left}")
+            if order.repeats > 1 and order.rest_s < state.step.rest_s:
+                otherwise.append(f"rest {order.rest_s:g} s, not {state.step.rest_s:g} s")
+            done = board.done_curves
+            due_s = rest_due_s(state, done[-1] if done else None, board.now_s)
+            if due_s > 1:
+                otherwise.append(f"the site is to rest {due_s:.0f} s more")
+        elif fitting:
+            step = f"step {fitting[-1].number} is done: this is one more"
+        if state is None:
+            otherwise.append(step)
+        sites = protocol.study.sites
+        if sites and order.site not in sites:
+            otherwise.append(f"the protocol does not name the site {order.site or 'none given'}")
+        otherwise += conditions_missing(protocol, board.stated)
+        if protocol.conditions.thickness_measured and self._fields.assumed_thickness:
+            otherwise.append("the thickness is not measured")
+        return ((step,) if state is not None else ()), tuple(otherwise)
+
+    def _record_protocol(self) -> None:
+        """Write what is demanded, and under which conditions it begins, into the new session."""
+        named = self.board.protocol
+        if named is None:
+            return
+        from skinlab.report.protocol import protocol_trail
+
+        for what, detail in protocol_trail(named, self.board.stated):
+            self._audit(what, **detail)
+        self._record_otherwise()
+
+    def _record_otherwise(self) -> None:
+        from skinlab.report.protocol import DEVIATION
+
+        clauses, self._otherwise = self._otherwise, []
+        for clause in clauses:
+            self._audit(DEVIATION, text=clause)
+
+    def _audit(self, what: str, **detail: Any) -> None:
+        try:
+            self.bench.audit(what, **detail)
+        except SkinlabError as error:
+            self.board.refuse(str(error))
 
     def _count_anew(self) -> None:
         """Take the next loading for a first one, because the operator says so."""
@@ -634,7 +810,10 @@ class SkinlabApp(App[None]):
         except SkinlabError as error:
             self.board.refuse(str(error))
         else:
-            self.board.say(Level.INFO, f"recorded: {what}")
+            # More than a note: not to be covered by "saved"
+            level = Level.WARNING if message.undone else Level.INFO
+            undone = f"undone: {undone_words(message.deed)}"
+            self.board.answer(level, undone if message.undone else f"recorded: {what}")
 
     @on(SessionScreen.Wanted)
     def _session_wanted(self, message: SessionScreen.Wanted) -> None:
@@ -789,7 +968,16 @@ class SkinlabApp(App[None]):
         if goes_on and board.left is not None:
             order = order.with_left(board.left)
         counted = None if goes_on else board.next_cycle
-        review = Review(order, fields.texts(), goes_on, fields.assumed_thickness, counted)
+        protocol, otherwise = ((), ()) if goes_on else self._against_protocol(order)
+        review = Review(
+            order,
+            fields.texts(),
+            goes_on,
+            fields.assumed_thickness,
+            counted,
+            protocol,
+            otherwise,
+        )
         self._main.set_focus(None)
         self.guard.hidden()
         self.board.propose(review)
@@ -811,6 +999,9 @@ class SkinlabApp(App[None]):
             return
         board.review = None
         self._fields.accept()
+        self._otherwise = list(review.otherwise)
+        if board.path is not None and not self._anew:
+            self._record_otherwise()  # else once there is a session
         self._run(review)
 
     def _run(self, review: Review) -> None:
@@ -848,3 +1039,25 @@ class SkinlabApp(App[None]):
 
 def _only_samples(news: News | Aimed) -> bool:
     return isinstance(news, Heard) and all(isinstance(m, Sampled) for m in news.messages)
+
+
+def owners() -> dict[str, list[Binding]]:
+    """Return the bindings of the screens on which the settings file may add keys, by their name."""
+    screens: dict[str, type[App[None]] | type[Screen[Any]]] = {
+        "app": SkinlabApp,
+        "main": MainScreen,
+        "session": SessionScreen,
+        "missing": MissingScreen,
+        "visits": VisitsScreen,
+        "protocol": ProtocolScreen,
+        "question": ConfirmScreen,
+    }
+    return {
+        name: [
+            binding
+            for cls in owner.__mro__
+            for binding in vars(cls).get("BINDINGS", ())
+            if isinstance(binding, Binding) and cls.__module__.startswith("skinlab")
+        ]
+        for name, owner in screens.items()
+    }

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from skinlab.inference.identify import Identifier
     from skinlab.inference.result import Identification
     from skinlab.recording.session import Session
-    from skinlab.studies.change import Changes
+    from skinlab.studies.change import Changes, Side
 
 
 def compare_with(
@@ -32,14 +32,32 @@ def compare_with(
     Raises:
         SkinlabError: it cannot be read, or one of the two gives nothing to compare.
     """
-    from skinlab.recording.audit import operator
     from skinlab.recording.session import read_session
-    from skinlab.recording.session_fit import fit_curves, fit_session
+    from skinlab.recording.session_fit import fit_session
     from skinlab.studies import change
 
     session = read_session(before)
     earlier = change.side_of(session, fit_session(identifier, before, session))
-    now = change.Side(
+    now = side_now(curves, results, identifier, serial_number)
+    return Compared(_lines(before, session, change.changes(earlier, now, study=study)))
+
+
+def side_now(
+    curves: Sequence[Curve],
+    results: Sequence[Identification],
+    identifier: Identifier,
+    serial_number: str,
+) -> Side:
+    """Return these curves, and their own results, as one side of a comparison.
+
+    Raises:
+        SkinlabError: they cannot be fitted together.
+    """
+    from skinlab.recording.audit import operator
+    from skinlab.recording.session_fit import fit_curves
+    from skinlab.studies import change
+
+    return change.Side(
         fit_curves(identifier, "this session", curves),
         [
             {name: value.value for name, value in result.parameters.items()}
@@ -49,9 +67,13 @@ def compare_with(
         max(1, sum(curve.setup.cycle == 1 for curve in curves)),
         operator(),
         serial_number,
-        frozenset((c.setup.aperture_mm, str(c.setup.program or "")) for c in curves),
+        frozenset(condition(curve) for curve in curves),
     )
-    return Compared(_lines(before, session, change.changes(earlier, now, study=study)))
+
+
+def condition(curve: Curve) -> tuple[float, str]:
+    """Return what must be alike in two visits: opening and program."""
+    return (curve.setup.aperture_mm, str(curve.setup.program or ""))
 
 
 def _lines(before: Path, session: Session, found: Changes) -> tuple[str, ...]:

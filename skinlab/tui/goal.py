@@ -1,18 +1,23 @@
-"""The goal of a visit: how far it is, what to measure next, and when more will not help."""
+"""The goal of a visit: how far it is, what to measure next, and when more will not help.
+
+A goal is a parameter to so many per cent, or whether the skin has changed since the visit before.
+"""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from skinlab.mechanics.names import plain
+from skinlab.report.rounding import half_width_percent
 
 if TYPE_CHECKING:
     from skinlab.curves.curve import Curve
     from skinlab.inference.identify import Identifier
-    from skinlab.inference.result import Advice, Identification, Value
+    from skinlab.inference.result import Advice, Identification
+    from skinlab.studies.change import Changed, Changes
 
 _NO_HELP = 0.97  # expected ratio of widths from which on another measurement is no use
 _SEED = 0  # of the draws that advice looks at: the same question has the same answer
@@ -66,16 +71,132 @@ class Distance:
         return f"{now}; F7 loads {what} (expected ± {expected:.2g} %)"
 
 
-def half_width_percent(value: Value) -> float | None:
-    """Return half the interval as per cent of its middle; None where there is no interval.
+@dataclass(frozen=True)
+class ChangeGoal:
+    """Whether the skin has changed since the visit before, of the same subject and site."""
 
-    Of a stiffness by the ratio of its ends, as it is looked for in its logarithm.
+    words: str = "has it changed since the visit before?"
+
+
+@dataclass(frozen=True)
+class Following:
+    """What to measure next."""
+
+    aperture_mm: float
+    program: str
+
+
+@dataclass(frozen=True)
+class ChangeDistance:
+    """How far a visit is from saying whether the skin has changed."""
+
+    goal: ChangeGoal
+    since: str = ""  # the file of the visit before
+    found: Changed | None = None  # None: nothing can be compared yet
+    following: Following | None = None
+    expected: float | None = None  # smallest change that one more placement could show, per cent
+    why: str = ""  # there is nothing to compare
+
+    @property
+    def reached(self) -> bool:
+        """Whether the question is answered."""
+        return self.found is not None and self.found.verdict != "cannot_say"
+
+    @property
+    def words(self) -> str:
+        """The same as a clause for the screen, with the key for what comes next."""
+        if self.found is None:
+            then = "" if self.following is None else f"; F7 loads {_measured(self.following)}"
+            return f"changed? {self.why}{then}"
+        said = self.found.to_json()
+        unit = " %" if said["unit"] == "%" else ""
+        name = plain(self.found.name)[0]
+        smallest = f"{said['smallest_shown']:.2g}{unit}"
+        match self.found.verdict:
+            case "changed":
+                ends = f"{said['low']:+.2g} to {said['high']:+.2g}{unit}"
+                return f"changed since {self.since}: {name} {said['change']:+.2g}{unit} ({ends})"
+            case "not_shown":
+                return f"no change of {name} is shown since {self.since}; {smallest} would be"
+        now = f"changed? not before {smallest} of {name}"
+        if self.following is None:
+            return f"{now}; more of these measurements will not help"
+        expected = "" if self.expected is None else f" (then {self.expected:.2g}{unit})"
+        return f"{now}; place anew, F7: {_measured(self.following)}{expected}"
+
+
+def _measured(following: Following) -> str:
+    return f"{following.aperture_mm:g} mm, {following.program}"
+
+
+AnyGoal = Goal | ChangeGoal
+AnyDistance = Distance | ChangeDistance
+CHOICES: tuple[AnyGoal, ...] = (*GOALS, ChangeGoal())
+
+
+def change_distance(
+    goal: ChangeGoal,
+    before: Path | None,
+    curves: Sequence[Curve],
+    results: Sequence[Identification],
+    identifier: Identifier,
+    serial_number: str,
+) -> ChangeDistance:
+    """Return how far these curves are from saying whether the skin changed; takes some seconds.
+
+    Only what both visits measured alike is compared. What placing the probe anew scatters counts.
+
+    Raises:
+        SkinlabError: the visit before cannot be read, or one of the two cannot be fitted.
     """
-    if value.low is None or value.high is None or not value.high > 0:
-        return None
-    if value.low <= 0:
-        return math.inf
-    return 100.0 * (math.sqrt(value.high / value.low) - 1.0)
+    from skinlab.recording.session import read_session
+    from skinlab.recording.session_fit import comparable, excluded_of, fit_curves
+    from skinlab.studies import change
+    from skinlab.tui.comparing import condition, side_now
+
+    if before is None:
+        return ChangeDistance(goal, why="there is no earlier visit of this subject and site here")
+    session = read_session(before)
+    earlier = comparable(session.curves, excluded_of(session))
+    if not earlier:
+        return ChangeDistance(goal, before.name, why=f"{before.name} holds no whole first loading")
+    then, now = {condition(c) for c in earlier}, {condition(c) for c in curves}
+    lacking = [Following(*one) for one in sorted(then - now)]
+    if not then & now:
+        why = f"{before.name} was measured otherwise"
+        return ChangeDistance(goal, before.name, following=lacking[0], why=why)
+    alike = [c for c in earlier if condition(c) in now]
+    whole = change.side_of(session, fit_curves(identifier, before.name, alike))
+    names = {c.name for c in alike}
+    singles = [
+        {name: entry["value"] for name, entry in ((result or {}).get("parameters") or {}).items()}
+        for curve, result in zip(session.curves, session.results, strict=True)
+        if curve.name in names
+    ]
+    first = replace(
+        whole,
+        singles=[single for single in singles if single],
+        placements=max(1, sum(c.setup.cycle == 1 for c in alike)),
+        conditions=frozenset(then & now),
+    )
+    kept = [c for c in curves if condition(c) in then]
+    mine = [r for c, r in zip(curves, results, strict=True) if condition(c) in then]
+    last = side_now(kept, mine, identifier, serial_number)
+    found = _stiffness(change.changes(first, last))
+    if found.verdict != "cannot_say":
+        return ChangeDistance(goal, before.name, found)
+    more = _stiffness(change.changes(first, replace(last, placements=last.placements + 1)))
+    if lacking:
+        return ChangeDistance(goal, before.name, found, lacking[0])
+    if more.smallest > _NO_HELP * found.smallest:
+        return ChangeDistance(goal, before.name, found)
+    again = Following(*condition(kept[-1]))
+    return ChangeDistance(goal, before.name, found, again, more.to_json()["smallest_shown"])
+
+
+def _stiffness(found: Changes) -> Changed:
+    """Return what answers best: the factor common to all stiffnesses, or the first parameter."""
+    return found.stiffness or found.parameters[0]
 
 
 def distance(goal: Goal, curves: Sequence[Curve], identifier: Identifier) -> Distance:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skinlab.discrepancy.odds import behind_words, odds_words
 from skinlab.inference.result import Value
 from skinlab.mechanics.names import is_effects, parameter_of
 from skinlab.parameters import stem
@@ -66,9 +67,9 @@ def outcome_rows(outcome: Outcome, columns: int) -> Rows:
 
 def verdict_lines(outcome: Outcome) -> list[str]:
     """Return the verdict in a sentence with its doubt, the effect's size, and the gap."""
-    from skinlab.discrepancy.text import gap_words, verdict_words
+    from skinlab.discrepancy.text import gap_words, lead_words, verdict_words
 
-    lines = [f"{verdict_words(outcome)} {_doubt(outcome)}".rstrip()]
+    lines = [" ".join([verdict_words(outcome), *lead_words(outcome)])]
     if outcome.verdict.explanations and outcome.learned is None:
         after = outcome.parameters(outcome.best)
         sizes = [
@@ -81,36 +82,19 @@ def verdict_lines(outcome: Outcome) -> list[str]:
     return [*lines, gap_words(outcome)]
 
 
-def _doubt(outcome: Outcome) -> str:
-    """Return how much likelier the best explanation is than the next one."""
-    candidates = outcome.found.candidates
-    if outcome.verdict.name != "named" or not candidates:
-        return ""
-    if len(candidates) == 1:
-        return f"It is {odds_words(candidates[0].log10_evidence)} likelier than none at all."
-    best, following = candidates[0], candidates[1]
-    ratio = odds_words(best.log10_evidence - following.log10_evidence)
-    return f"It is {ratio} likelier than the next, {_effects(following, outcome)}."
-
-
-def odds_words(log10_ratio: float) -> str:
-    """Return how many times, in round words."""
-    if log10_ratio > _DECADES:
-        return f"more than {10**_DECADES:,.0f} times"
-    times = 10**log10_ratio
-    if times < 10:
-        return f"{digits(times, 2)} times"
-    return f"{float(f'{times:.2g}'):,.0f} times"
-
-
 def next_lines(outcome: Outcome) -> list[str]:
     """Return the one next step, with its key."""
     following = outcome.next_measurement
     if following is not None:
-        return [
-            f"Next: F7 loads {following.program} through {following.aperture_mm:g} mm, expected to "
-            f"make one explanation {odds_words(following.expected_log10_evidence)} likelier."
+        times = f", put on {following.placements} times" if following.placements > 1 else ""
+        lines = [
+            f"Next: F7 loads {following.program} through {following.aperture_mm:g} mm{times}, "
+            f"expected to make one explanation {odds_words(following.expected_log10_evidence)} "
+            "likelier."
         ]
+        from skinlab.discrepancy.text import next_words
+
+        return lines + next_words(outcome)[1:]
     if outcome.verdict.explains:
         return ["Next: a adopts the model with it; it asks first."]
     if outcome.verdict.name == "none":
@@ -184,7 +168,7 @@ def _candidate_rows(outcome: Outcome) -> Rows:
     for c in candidates[:_MOST]:
         behind = best - c.log10_evidence
         length = round(_BAR * max(1.0 - behind / _DECADES, 0.0))
-        odds = "the best" if c is candidates[0] else f"{odds_words(behind)} less likely"
+        odds = behind_words(behind)
         fits = "" if c.adequate else ", and leaves more than noise"
         name = shortened(_effects(c, outcome), _NAME)
         rows.append(

@@ -2,13 +2,18 @@
 
 Whoever can open the page can start suction. So it listens on this computer only unless told
 otherwise, and answers nobody who does not know the token, which is new with every start.
+The page is our own (templates/app_index.html): that of textual-serve asks Google for a font, and
+where a network leads nowhere, nothing is shown until that has failed.
 """
 
 from __future__ import annotations
 
+import asyncio
 import hmac
 import importlib.util
+import logging
 import shlex
+import socket
 import sys
 from collections.abc import Awaitable, Callable, Sequence
 from pathlib import Path
@@ -21,14 +26,30 @@ if TYPE_CHECKING:
 
 LOOPBACK = "127.0.0.1"
 COOKIE = "skinlab"
+ALIVE_S = 0.5  # between two signs of life of the page
+SILENT_S = 3.0  # without one: the page vents; a hidden page's timers come once a second
+LEAVING_S = 15.0  # for which a page waits until the one before has vented and saved
+VENT = "\x1b"  # Esc: vents in a field, too
+# A tablet has no keys: class, words and bytes of the buttons under the screen
+KEYS = (
+    ("check", "F8 check", "\x1b[19~"),
+    ("start", "F9 start", "\x1b[20~"),
+    ("vent", "VENT", VENT),
+    ("edit", "F3 edit", "\x1bOR"),
+    ("session", "s session", "s"),
+    ("visits", "F5 visits", "\x1b[15~"),
+    ("help", "F1 help", "\x1bOP"),
+    ("quit", "q quit", "q"),
+)
 _EXTRA = "the browser needs textual-serve: pip install 'skinlab[serve]'"
 
 _Handler = Callable[["web.Request"], Awaitable["web.StreamResponse"]]
 
 
 def page_url(host: str, port: int, token: str) -> str:
-    """Return what to open in the browser."""
-    shown = f"[{host}]" if ":" in host else host
+    """Return what to open in the browser; where every address listens, by this computer's name."""
+    name = socket.gethostname() if host in {"", "0.0.0.0", "::"} else host
+    shown = f"[{name}]" if ":" in name else name
     return f"http://{shown}:{port}/?token={token}"
 
 
@@ -61,10 +82,11 @@ def serve(
 
 
 def _make_server(command: str, host: str, port: int, token: str) -> Any:
+    import aiohttp_jinja2
     import textual_serve.server
     from aiohttp import web
 
-    folder = Path(textual_serve.server.__file__).parent
+    statics = Path(textual_serve.server.__file__).parent / "static"
 
     @web.middleware
     async def guarded(request: web.Request, handler: _Handler) -> web.StreamResponse:
@@ -85,33 +107,93 @@ def _make_server(command: str, host: str, port: int, token: str) -> Any:
     class Server(textual_serve.server.Server):
         """Answers only with the token, and one page at a time."""
 
-        open_pages = 0
-
         async def _make_app(self) -> web.Application:
             app = await super()._make_app()
             app.middlewares.append(guarded)
+            self._one_page = asyncio.Lock()
             return app
 
+        def initialize_logging(self) -> None:
+            """Say what fails only: standard output is for the address."""
+            logging.basicConfig(level=logging.WARNING)
+
         async def on_startup(self, app: web.Application) -> None:
-            """Say nothing: standard output is for the address."""
+            """Say nothing."""
+
+        @aiohttp_jinja2.template("app_index.html")
+        async def handle_index(self, request: web.Request) -> dict[str, Any]:
+            """Give what our own page needs: it asks nothing of other computers."""
+            size = request.query.get("fontsize", "")
+            return {
+                "application": {"name": self.title},
+                "font_size": int(size) if size.isdecimal() else 16,
+                "alive_ms": round(1000 * ALIVE_S),
+                "keys": KEYS,
+            }
 
         async def handle_websocket(self, request: web.Request) -> web.WebSocketResponse:
-            """Refuse a second page: there is one probe, and one who has it in hand."""
-            if self.open_pages:
-                raise web.HTTPConflict(text="another page is open; close it first\n")
-            self.open_pages += 1
+            """Refuse a second page: there is one probe, and one who has it in hand.
+
+            A page that is opened again waits until the one before has vented and saved.
+            """
+            try:
+                await asyncio.wait_for(self._one_page.acquire(), LEAVING_S)
+            except TimeoutError:
+                raise web.HTTPConflict(text="another page is open; close it first\n") from None
             try:
                 return await super().handle_websocket(request)
             finally:
-                self.open_pages -= 1
+                self._one_page.release()
 
-    shown = f"[{host}]" if ":" in host else host
+        async def _process_messages(self, websocket: Any, app_service: Any) -> None:
+            heard: Any = _Heard(websocket)
+            watch = asyncio.create_task(_vent_when_silent(heard, app_service))
+            try:
+                await super()._process_messages(heard, app_service)
+            finally:
+                watch.cancel()
+
     return Server(
         command,
         host=host,
         port=port,
         title="skinlab",
-        public_url=f"http://{shown}:{port}",
-        statics_path=folder / "static",
-        templates_path=folder / "templates",
+        statics_path=statics,
+        templates_path=Path(__file__).parent / "templates",
     )
+
+
+class _Heard:
+    """A page's websocket that knows when it was heard last, in s of the loop's clock."""
+
+    def __init__(self, websocket: Any) -> None:
+        self._websocket = websocket
+        self._now = asyncio.get_running_loop().time
+        self._at_s = self._now()
+
+    @property
+    def silent_s(self) -> float:
+        """For how long nothing has come."""
+        return self._now() - self._at_s
+
+    def __aiter__(self) -> _Heard:
+        return self
+
+    async def __anext__(self) -> Any:
+        message = await self._websocket.__anext__()
+        self._at_s = self._now()
+        return message
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._websocket, name)
+
+
+async def _vent_when_silent(heard: _Heard, app_service: Any) -> None:
+    """Vent where the page is silent: asleep, hidden, or out of the network's reach."""
+    vented = False
+    while True:
+        await asyncio.sleep(ALIVE_S)
+        silent = heard.silent_s > SILENT_S
+        if silent and not vented:
+            await app_service.send_bytes(VENT.encode())
+        vented = silent

@@ -27,6 +27,7 @@ from skinlab.mechanics.names import (
     unit_of,
 )
 from skinlab.quality.gates.base import Finding
+from skinlab.recording.curve_selection import Deed
 from skinlab.report.rounding import best_words, decimals, interval_words, rounded
 from skinlab.report.text import explain
 from skinlab.report.verdict import Step, Use, Verdict, judge, step_words
@@ -320,7 +321,22 @@ def verdict_text(board: Board) -> VerdictText:
         return VerdictText("No probe is connected", "F2 chooses a port; F8 tries this one")
     if board.elsewhere:
         return VerdictText(f"A new visit: {who_text(board.who)}", "F8 shows what will happen")
-    return VerdictText("Ready", "F8 shows what will happen, F9 then starts it")
+    step = protocol_text(board)
+    return VerdictText("Ready", step or "F8 shows what will happen, F9 then starts it")
+
+
+def protocol_text(board: Board) -> str:
+    """Return the next step of the protocol with its key; nothing where there is none."""
+    walk = board.walk
+    if walk is None:
+        return ""
+    sites = () if board.protocol is None else board.protocol.protocol.study.sites
+    elsewhere = [site for site in sites if not board.site_done(site) and site != board.who[1]]
+    if walk.next is not None:
+        return f"{walk.words}; F7 loads it, p shows all"
+    if elsewhere:
+        return f"this site is done; F7 goes on to {elsewhere[0]}"
+    return f"{walk.words}; p shows them"
 
 
 def _of_entry(board: Board, entry: Entry) -> VerdictText:
@@ -337,8 +353,11 @@ def _of_entry(board: Board, entry: Entry) -> VerdictText:
 def _following(board: Board, verdict: Verdict) -> str:
     """Return the one next step, with its key."""
     openings = {curve.setup.aperture_mm for curve in board.used if not curve.partial}
-    if verdict.use is Use.GOOD and board.goal_is is not None:
+    walk = board.walk
+    if verdict.use is Use.GOOD and board.goal_is is not None and (walk is None or not walk.next):
         return board.goal_is.words
+    if verdict.use is Use.GOOD and walk is not None:
+        return protocol_text(board)
     match verdict.step:
         case Step.ADVICE:
             return f"{verdict.advice}; then F8"
@@ -377,6 +396,8 @@ def card_text(board: Board, columns: int) -> CardText:
         lines = order_lines(
             review.order, assumed_thickness=review.assumed_thickness, counted=review.counted
         )
+        lines += [f"protocol {clause}" for clause in review.protocol]
+        lines += [f"{'NOTE':<8} {clause}" for clause in review.otherwise]
         return CardText(REVIEW_TITLE, (*lines, *model))
     if live is not None:
         whose = who_text(board.visit)
@@ -658,3 +679,14 @@ def adoption_lines(outcome: Outcome, file_stem: str) -> list[str]:
 def shortened(text: str, most: int = _PROGRAM) -> str:
     """Return the text, cut where it is too long for the list."""
     return text if len(text) <= most else text[: most - 1] + "…"
+
+
+def undone_words(deed: Deed) -> str:
+    """Return what taking a decision back comes to."""
+    match deed.what:
+        case "note":
+            return f"the note “{deed.text}” is struck out"
+        case "curve excluded":
+            return f"curve {deed.curve} is used again"
+        case _:
+            return f"curve {deed.curve} is left out again"

@@ -62,9 +62,12 @@ from skinlab.report.outage import event_note
 from skinlab.report.verdict import Verdict, judge
 
 if TYPE_CHECKING:
+    from skinlab.acquisition.protocol import NamedProtocol
     from skinlab.discrepancy.outcome import Outcome
+    from skinlab.report.protocol import Done as DoneCurve
+    from skinlab.report.protocol import Progress
     from skinlab.studies.reference import Range, Reference
-    from skinlab.tui.goal import Distance, Goal
+    from skinlab.tui.goal import AnyDistance, AnyGoal
 
 _S = InstrumentState
 SEARCHING = "searching"  # for a link that was lost
@@ -117,6 +120,7 @@ class Live:
     last: Sample | None = None
     findings: list[Finding] = field(default_factory=list)
     estimate: Identification | None = None  # of what there is so far
+    began_s: float | None = None  # by the clock of `tick`
 
     @property
     def setup(self) -> Setup:
@@ -142,6 +146,8 @@ class Entry:
     findings: list[Finding] = field(default_factory=list)
     visit: tuple[str, str] | None = None  # subject and site
     at: datetime | None = None  # when it was complete, in local time
+    began_s: float | None = None  # by the clock of `tick`
+    ended_s: float | None = None
 
     @property
     def setup(self) -> Setup:
@@ -163,13 +169,15 @@ class Review:
     goes_on: bool = False  # with what a lost link has cut
     assumed_thickness: bool = False  # nobody typed it for this subject and site
     counted: int | None = None  # which loading of the site it is, by what was seen
+    protocol: tuple[str, ...] = ()  # which of its steps this is
+    otherwise: tuple[str, ...] = ()  # than the protocol says, in clauses
 
 
 @dataclass(frozen=True, slots=True)
 class Aimed:
     """News: how far the visit is from its goal."""
 
-    distance: Distance
+    distance: AnyDistance
 
 
 @dataclass(slots=True)
@@ -227,8 +235,11 @@ class Board:
         self.model: str | None = None  # that was adopted, by its name
         self.second_card = False  # the Cutometer's numbers in the place of the values
         self.reference: Reference | None = None  # to compare values with
-        self.goal: Goal | None = None  # of the visit
-        self.goal_is: Distance | None = None  # how far it is
+        self.protocol: NamedProtocol | None = None  # that the screen walks through
+        self._stated: dict[str, dict[str, str]] = {}  # conditions, by subject
+        self._sites_done: set[tuple[str, str]] = set()  # subject and site, by the protocol
+        self.goal: AnyGoal | None = None  # of the visit
+        self.goal_is: AnyDistance | None = None  # how far it is
         self.shown: int | None = None  # which entry is looked at
         self.session = 0  # counts connections: entries of another one are gone
         self.path: Path | None = None  # of this connection's session, once there is one
@@ -358,6 +369,53 @@ class Board:
         """The curves that the operator did not leave out."""
         return [e.curve for i, e in self.entries.items() if i not in self.ledger.excluded]
 
+    @property
+    def stated(self) -> dict[str, str]:
+        """The conditions that the operator stated for whom the fields name."""
+        return self._stated.get(self.who[0], {})
+
+    def state(self, name: str, text: str) -> None:
+        """Take in a condition for whom the fields name; an empty text takes it back."""
+        self._stated[self.who[0]] = {**self.stated, name: text}
+        self.version += 1
+
+    @property
+    def now_s(self) -> float:
+        """The time by the clock of `tick`, s."""
+        return self._now_s
+
+    @property
+    def done_curves(self) -> list[DoneCurve]:
+        """The curves of whom the fields name, as a protocol looks at them."""
+        from skinlab.report.protocol import Done as DoneCurve  # only where there is a protocol
+
+        return [
+            DoneCurve(
+                entry.curve.name,
+                entry.setup,
+                entry.verdict,
+                {} if entry.result is None else (entry.result.parameters or {}),
+                self.ledger.excluded.get(index),
+                entry.began_s,
+                entry.ended_s,
+            )
+            for index, entry in self.entries.items()
+            if entry.visit == self.who
+        ]
+
+    @property
+    def walk(self) -> Progress | None:
+        """How far the protocol is at this site; None: there is no protocol."""
+        if self.protocol is None or self.playing is not None:
+            return None
+        from skinlab.report.protocol import progress
+
+        return progress(self.protocol.protocol, self.done_curves)
+
+    def site_done(self, site: str) -> bool:
+        """Whether all steps of the protocol are done at this site of the present subject."""
+        return (self.who[0], site) in self._sites_done
+
     def earlier(self, shown: Live | Entry) -> list[Entry]:
         """Return the last used curves before this one that were measured alike."""
         return [
@@ -484,6 +542,7 @@ class Board:
             case Aimed(found):
                 if found.goal == self.goal:
                     self.goal_is = found
+                    self.told.append((found.words, Level.INFO))  # whole, where a line has no room
             case Connected(port, hello, goes_on):
                 self._connected(port, hello, goes_on=goes_on)
                 if self.playing is not None:
@@ -605,7 +664,7 @@ class Board:
     def _hear(self, message: Message, at: datetime | None) -> None:
         match message:
             case CurveStarted(index, curve):
-                self.live = Live(index, curve)
+                self.live = Live(index, curve, began_s=self._now_s)
                 self.shown = None
                 self.begun_at = self.begun_at or at
             case Sampled(index, sample):
@@ -614,15 +673,26 @@ class Board:
                 if self.live is not None and self.live.index == index:
                     self.live.last = sample
             case CurveCompleted(index, curve, cut, lost):
-                found = [] if self.live is None else self.live.findings
+                live = self.live
                 self.entries[index] = Entry(
-                    index, curve, cut, lost, findings=found, visit=self.visit, at=at
+                    index,
+                    curve,
+                    cut,
+                    lost,
+                    findings=[] if live is None else live.findings,
+                    visit=self.visit,
+                    at=at,
+                    began_s=None if live is None else live.began_s,
+                    ended_s=self._now_s,
                 )
                 self.live, self.shown = None, index
                 if cut is not None:
                     self.told.append((f"curve {index} was cut short: {cut}", Level.WARNING))
             case Identified(index, _, result):
                 self.entries[index].result = result
+                walk = self.walk
+                if walk is not None and walk.next is None:
+                    self._sites_done.add(self.who)
             case Flagged(index, finding):
                 of = self.live if self.live and self.live.index == index else None
                 whose = of or self.entries.get(index)

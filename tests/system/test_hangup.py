@@ -61,3 +61,38 @@ def test_a_command_that_measures_nothing_ends_the_same_way(tmp_path, number):
     _, said = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 130
     assert "Traceback" not in said
+
+
+@pytest.mark.parametrize(
+    ("ignored", "sent"),
+    [(signal.SIGINT, signal.SIGTERM), (signal.SIGINT, signal.SIGHUP),
+     (signal.SIGHUP, signal.SIGTERM)],
+)  # fmt: skip
+def test_a_measurement_in_the_background(simulate, tmp_path, ignored, sent):
+    """`&` of a script ignores Ctrl-C and `nohup` a hang-up: that stays so, and all else vents."""
+    simulated = simulate("--tcp", "0")
+    out = tmp_path / "s.h5"
+    process = subprocess.Popen(
+        module_command(
+            "skinlab", "measure", "--port", simulated.url, "--aperture-mm", "6",
+            "--thickness-mm", "1", "--program", "ramp:60@200,hold:50", "--out", str(out),
+        ),
+        cwd=tmp_path, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+        text=True, env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+        preexec_fn=lambda: signal.signal(ignored, signal.SIG_IGN),  # noqa: PLW1509
+    )  # fmt: skip
+    try:
+        simulated.until_suction()
+        process.send_signal(ignored)
+        told = simulated.rows()[-1][0]
+        simulated.until(lambda rows: rows[-1][0] > told + 0.5)
+        assert process.poll() is None
+        assert simulated.rows()[-1][1] > 40  # so it did not vent
+        process.send_signal(sent)
+        simulated.until_vented()
+        _, said = process.communicate(timeout=PATIENCE_S)
+    finally:
+        process.kill()
+    assert process.returncode == 130, said
+    assert "Traceback" not in said
+    assert read_session(out).curves[0].partial

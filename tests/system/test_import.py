@@ -32,7 +32,7 @@ def start(cwd: Path, *arguments: str, **more) -> subprocess.Popen[str]:
     return subprocess.Popen(
         [*SKINLAB, *arguments],
         cwd=cwd,
-        env=ENVIRONMENT,
+        env={**ENVIRONMENT, "XDG_CONFIG_HOME": str(cwd / "settings")},
         stdout=subprocess.PIPE,
         stderr=more.pop("stderr", subprocess.PIPE),
         text=True,
@@ -70,6 +70,16 @@ def test_what_is_ambiguous_fails_in_a_pipe_and_is_asked_for_on_a_terminal(tmp_pa
     assert shown.count(b"is not known") == 1  # the second file has the same answer
     for curve in read_session(tmp_path / "s.h5").curves:
         assert curve.pressure_mbar[-1] == 500.0
+
+    piped = start(tmp_path, *arguments[:-1], "t.h5")  # the answer was kept
+    _, err = piped.communicate(timeout=PATIENCE_S)
+    assert piped.returncode == 0, err
+    assert err.count("--pressure-unit kPa, as answered before") == 2
+    out, _ = start(tmp_path, "import", "--show-answers").communicate(timeout=PATIENCE_S)
+    assert "files with the headings t (s); pressure; w (mm): --pressure-unit kPa" in out
+    piped = start(tmp_path, *arguments[:-1], "u.h5", "--ask-again")
+    assert piped.communicate(timeout=PATIENCE_S)[0] == ""
+    assert piped.returncode == 3
 
 
 def test_watch_takes_files_as_they_land_and_keeps_them_when_interrupted(tmp_path):

@@ -11,7 +11,7 @@ import threading
 
 import pytest
 import serial
-from patience import FORGIVING_S, patient_command
+from patience import FORGIVING_S, patient_command, reopen
 from serial.rfc2217 import PortManager
 
 from drivers.errors import LinkError, PortUrlError
@@ -29,7 +29,6 @@ from drivers.events import (
 )
 from drivers.link import list_ports, open_link
 from drivers.probe import Limits, Probe
-from drivers.reconnect import Backoff, reconnect
 
 PATIENCE_S = 120.0
 # The watchdog may not mind that the other process did not run for a while
@@ -318,8 +317,7 @@ def test_unplugged_in_process(monkeypatch, tmp_path):
         assert "the device is gone" in until(probe, lambda e: isinstance(e, LinkLost), seen).reason
         with pytest.raises(LinkError, match="no such port"):
             probe.reopen()
-        # Often, because its time passes only where somebody looks
-        reconnect(probe, Backoff(first_s=0.01, most_s=0.01, give_up_s=PATIENCE_S))
+        reopen(probe)
         until(probe, lambda e: isinstance(e, VentConfirmed), seen)
         probe.acknowledge_alarm()
         start_again(probe, PROGRAM)

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from patience import FORGIVING_S, module_command
+from patience import FORGIVING_S, module_command, reopen
 
 from drivers.errors import LocalProtocolError, RemoteProtocolError
 from drivers.events import (
@@ -28,7 +28,6 @@ from drivers.events import (
     VentConfirmed,
 )
 from drivers.probe import Limits, Probe
-from drivers.reconnect import reconnect
 from skinlab.cli.main import run as skinlab
 from skinlab.recording.session import read_session
 
@@ -150,7 +149,7 @@ def test_link_lost(simulate, link):
         until(probe, LinkLost, seen)
         assert "lift the probe" in until(probe, Alarm, seen).text
         simulated.until_vented()
-        reconnect(probe)
+        reopen(probe)
         until(probe, VentConfirmed, seen)
         until(probe, LinkRestored, seen)
         with pytest.raises(LocalProtocolError, match="acknowledge the alarm"):
@@ -247,6 +246,13 @@ def test_frozen_sensor(simulate):
         "--tcp", "0", faults=fault("frozen_sensor", at_s=0.5), speed=2, patient=True
     )
     assert "frozen deflection" in vents(simulated, (ramp(100, 20),))
+
+
+def test_frozen_pressure():
+    """It reads 30 mbar on a ramp that goes on to 100."""
+    reason, at_s = caught("frozen pressure", segments=(ramp(100, 20),))
+    assert "frozen pressure: 30 mbar" in reason
+    assert 1.5 < at_s <= 2.1
 
 
 def test_drifting_sensor(simulate):
@@ -347,7 +353,7 @@ def test_power_lost(simulate):
         until(probe, LinkLost, seen)
         assert "lift the probe" in until(probe, Alarm, seen).text
         again = simulate("--tcp", simulated.url.rpartition(":")[2])
-        reconnect(probe)
+        reopen(probe)
         until(probe, VentConfirmed, seen)
         probe.acknowledge_alarm()
         with pytest.raises(LocalProtocolError, match="load a program first"):
@@ -394,10 +400,13 @@ def caught(lie, **options):
     return reason, max([event.device_time_s for event in seen if isinstance(event, Sample)] or [0])
 
 
-@pytest.mark.parametrize("pty", [pytest.param(True, marks=LINKS[0].marks), False])
-def test_a_program_that_does_not_end(pty):
-    """It accepted 2 s and goes on and on, with samples that are plausible."""
-    reason, at_s = caught("holds on", pty=pty)
+@pytest.mark.parametrize(
+    ("lie", "pty"),
+    [pytest.param("holds on", True, marks=LINKS[0].marks), ("holds on", False), ("dips", False)],
+)
+def test_a_program_that_does_not_end(lie, pty):
+    """It accepted 2 s and goes on and on, with samples that are plausible, dips or no dips."""
+    reason, at_s = caught(lie, pty=pty)
     assert "behind the program: still segment 1 (hold)" in reason
     assert 2.0 < at_s <= 2.5
 
@@ -475,6 +484,14 @@ def test_the_clock_of_the_instrument(lie, said):
     assert said in reason
 
 
+@pytest.mark.parametrize("lie", ["stands", "runs backwards"])
+def test_a_clock_that_does_not_go_on(lie):
+    """A sample that is not later than the one before counts as none: the link is stale."""
+    reason, at_s = caught(lie, limits=Limits(), segments=(ramp(60, 1e5), hold(50)))
+    assert "stale" in reason
+    assert at_s <= 1.0
+
+
 def test_started_by_itself():
     reason, _ = caught("starts by itself", start=False)
     assert "running and nobody asked" in reason
@@ -545,8 +562,8 @@ def test_noisy_line(simulate):
 
 HAZARDS = (
     "link lost", "host killed", "host hung", "overshoot", "valve stuck", "leak", "no skin contact",
-    "frozen sensor", "drifting sensor", "stale data", "wrong aperture", "wrong units",
-    "wrong firmware", "clock jump", "disk full", "power lost",
+    "frozen sensor", "frozen pressure", "drifting sensor", "stale data",
+    "wrong aperture", "wrong units", "wrong firmware", "clock jump", "disk full", "power lost",
     "program that does not end", "suction that goes on", "too high for this moment",
     "segment that cannot be", "the instrument's clock", "started by itself", "another program",
     "suction without a pause", "height that is passed", "height that is never reached",

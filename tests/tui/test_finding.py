@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -14,9 +15,12 @@ from skinlab.curves.program import check_measurable, parse_program
 from skinlab.inference.result import Advice, Value
 from skinlab.recording.pseudonym import check_site
 from skinlab.recording.visit_index import NAME, visits
+from skinlab.report.rounding import half_width_percent
+from skinlab.studies.change import Changed
 from skinlab.tui.choices import PROGRAMS, SITES, body_map, nearest_site
-from skinlab.tui.goal import GOALS, Distance, Goal, half_width_percent
+from skinlab.tui.goal import GOALS, ChangeDistance, ChangeGoal, Distance, Following, Goal
 from skinlab.tui.screens.help import HelpScreen
+from skinlab.tui.screens.line import LineScreen, seconds
 from skinlab.tui.screens.main import MainScreen
 from skinlab.tui.screens.messages import MessagesScreen
 from skinlab.tui.screens.palette import PaletteScreen
@@ -248,3 +252,112 @@ def test_a_replay_jumps_by_time_and_to_the_next_event():
     assert control.wait(120.0, sample=False)
     assert sum(slept) == 0.0
     assert control.paused
+
+
+SKIN = "[skin]\nX1_MPa = {x1}\nX2_MPa = 1.0\nnu = 0.3\nthickness_mm = 1.0\n"
+
+
+async def measured(bedside, skin, times=1, goal=False):
+    """Visit P01's arm with this skin; return what the goal's line says after each curve."""
+    said = []
+    async with bedside(f"sim://?seed=3&speed=20&skin={skin}", size=(120, 30)) as bed:
+        await bed.connected()
+        await bed.fill("subject", "P01")
+        await bed.fill("site", "arm")
+        if goal:
+            await bed.press("g")
+            await bed.until(lambda: isinstance(bed.app.screen, PickScreen))
+            await bed.press("end", "enter")
+            await bed.until(lambda: isinstance(bed.board.goal, ChangeGoal))
+        for _ in range(times):
+            await bed.press("f6")
+            bed.board.goal_is = None
+            await bed.run()
+            if goal:
+                await bed.until(lambda: bed.board.goal_is is not None)
+                said.append(bed.board.goal_is)
+        await bed.quit()
+    return said
+
+
+async def test_the_goal_says_whether_the_skin_has_changed(bedside, tmp_path):
+    soft, stiff = tmp_path / "soft.toml", tmp_path / "stiff.toml"
+    soft.write_text(SKIN.format(x1=0.02))
+    stiff.write_text(SKIN.format(x1=0.05))
+    (nothing,) = await measured(bedside, soft, goal=True)
+    assert "no earlier visit" in nothing.words
+    (same,) = await measured(bedside, soft, goal=True)
+    assert same.found.verdict != "changed"
+    assert same.found.low < 0 < same.found.high
+    (other,) = await measured(bedside, stiff, goal=True)
+    assert other.found.verdict == "changed"
+    assert other.found.low > 0
+    assert other.reached
+    assert "changed since session-" in other.words
+
+
+def test_a_question_of_change_says_what_to_measure_and_when_more_will_not_help():
+    found = Changed("stiffness", "log", 0.05, -0.35, 0.45, 0.4, "cannot_say")
+    again = ChangeDistance(ChangeGoal(), "a.h5", found, Following(6.0, "ramp:100@20"), 35.0)
+    assert "not before 49 % of stiffness" in again.words
+    assert "F7: 6 mm, ramp:100@20 (then 35 %)" in again.words
+    assert "will not help" in ChangeDistance(ChangeGoal(), "a.h5", found).words
+    shown = replace(found, verdict="not_shown")
+    assert "no change of stiffness is shown" in ChangeDistance(ChangeGoal(), "a.h5", shown).words
+
+
+# ---- mouse, undo, a time of a replay ----------------------------------------
+
+
+async def test_the_next_step_can_be_clicked_and_never_starts_suction(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        await bed.fill("subject", "P01")
+        assert "F8 shows what will happen" in bed.text("#verdict-next")
+        await bed.pilot.click("#verdict-next")
+        await bed.until(lambda: bed.board.review)
+        bed.clock.now_s += 2.0
+        await bed.pilot.click("#verdict")
+        assert bed.board.review
+        assert not bed.board.moving
+        await bed.press("v")
+
+
+async def test_undo_says_what_it_undid(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        await bed.fill("subject", "P01")
+        await bed.run()
+        await bed.press("s")
+        await bed.until(lambda: isinstance(bed.app.screen, SessionScreen))
+        await bed.press("ctrl+z")
+        assert bed.board.note == "there is nothing to undo"
+        await bed.press("delete")
+        bed.app.screen.query_one(Input).value = "slipped"
+        await bed.press("enter")
+        await bed.until(lambda: bed.board.ledger.excluded)
+        await bed.press("ctrl+z")
+        await bed.until(lambda: bed.board.note == "undone: curve 1 is used again")
+        await bed.press("b")
+        await bed.quit()
+
+
+@pytest.mark.parametrize(
+    ("text", "s"), [("12.5", 12.5), ("12,5", 12.5), ("1:30", 90.0), ("soon", None), ("-1", None)]
+)
+def test_a_time_is_typed_in_seconds_or_minutes(text, s):
+    assert seconds(text) == s
+
+
+async def test_a_replay_goes_on_to_a_time(bedside):
+    async with bedside(None, replay=example_session(), speed=0.01) as bed:
+        await bed.until(lambda: bed.board.playing and bed.board.playing.length_s > 4)
+        await bed.press("j")
+        await bed.until(lambda: isinstance(bed.app.screen, LineScreen))
+        await bed.press("9", "9", "9", "9", "enter")
+        await bed.until(lambda: "expected 0 to" in bed.board.note)
+        await bed.press("j")
+        await bed.until(lambda: isinstance(bed.app.screen, LineScreen))
+        await bed.press("4", "enter")
+        await bed.until(lambda: bed.board.playing.at_s > 3.5)
+        assert not bed.board.playing.ended

@@ -172,7 +172,7 @@ async def test_card_rows_and_header_say_whose_and_when(bedside):
         await bed.until(lambda: "P07, forearm" in bed.text("#card-text"))
         assert at in bed.text("#card-title")
         assert bed.app.screen.query_one(Curves).get_row_at(0)[1:3] == ["P07, forearm", at]
-        await bed.until(lambda: "P07, forearm, since" in bed.text("#where"))
+        await bed.until(lambda: bed.text("#where").startswith("P07, forearm  "))
         await session_screen(bed)
         await bed.until(lambda: "P07, forearm, since" in bed.text("#session-title"))
 

@@ -15,6 +15,7 @@ from skinlab.acquisition.adopting import write_adopted
 from skinlab.acquisition.explainer import Explainer
 from skinlab.acquisition.probe_session import ProbeSession
 from skinlab.discrepancy.next_measurement import NextMeasurement
+from skinlab.discrepancy.odds import odds_words
 from skinlab.discrepancy.verdict import Verdict
 from skinlab.errors import InputError, SkinlabError
 from skinlab.inference.result import Value
@@ -24,7 +25,6 @@ from skinlab.recording.session import read_session
 from skinlab.tui.missing import (
     hints,
     missing_rows,
-    odds_words,
     outcome_rows,
     plain_text,
     size_words,

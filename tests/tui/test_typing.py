@@ -25,6 +25,7 @@ from skinlab.tui.screens.ports import PortsScreen
 from skinlab.tui.screens.session import SessionScreen
 from skinlab.tui.screens.welcome import WelcomeScreen
 from skinlab.tui.typing_guard import LOOK_S, QUIET_S, TypingGuard, is_typing
+from skinlab.tui.widgets.fields import Fields
 
 TEXT = [*string.ascii_letters, *string.digits, "full_stop", "comma", "minus", "plus"]
 TEXT += ["question_mark", "space", "space", "enter", "enter", "enter", "space", "tab", "backspace"]
@@ -240,6 +241,16 @@ async def test_words_start_nothing(bedside, state):
 async def test_ten_thousand_keys_start_nothing(bedside, state):
     for seed in range(10):
         await type_in_one(bedside, state, SOAK_KEYS // len(STATES) // 10 + 1, seed)
+
+
+async def test_keys_that_wait_behind_tab_go_to_the_field_it_went_to(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        for key in ["f3", *["shift+tab"] * 8, *"A1", *["tab"] * 8, "end", *",ramp:0@50"]:
+            bed.app.post_message(events.Key(key, key if len(key) == 1 else None))
+        fields = bed.app.screen.query_one(Fields)
+        await bed.until(lambda: fields.texts()["program"].endswith(",ramp:0@50"))
+        assert fields.texts()["subject"] == "A1"
 
 
 async def test_pasted_text_starts_nothing(bedside):

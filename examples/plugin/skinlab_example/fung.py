@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from skinlab.mechanics.materials.base import Array, Law, Potential
+from skinlab.mechanics.materials.base import Array, Law, Potential, potential_of_j1
 from skinlab.parameters import Nodes, Parameter, Search
 
 
@@ -45,25 +45,13 @@ class Fung(Law):
     def isochoric(self, i1: Array, i2: Array, j: Array, parameters: Mapping[str, Any]) -> Potential:
         """Return the energy without κ and its derivatives; C1_MPa in MPa, C2 without a unit."""
         c1, c2 = parameters["C1_MPa"], parameters["C2"]
-        a = j ** (-2.0 / 3.0)  # J1 = a I1
-        growth = np.exp(c2 * (a * i1 - 3.0))
-        first, second = 0.5 * c1 * growth, 0.5 * c1 * c2 * growth  # by J1
-        a_j = -2.0 / 3.0 * a / j
-        j1_j = a_j * i1
-        j1_jj = -5.0 / 3.0 * j1_j / j
-        nothing = 0.0 * i1
-        return Potential(
-            energy=c1 / (2.0 * c2) * (growth - 1.0),
-            d_i1=first * a,
-            d_i2=nothing,
-            d_j=first * j1_j,
-            d_i1_i1=second * a * a,
-            d_i1_i2=nothing,
-            d_i2_i2=nothing,
-            d_i1_j=second * a * j1_j + first * a_j,
-            d_i2_j=nothing,
-            d_j_j=second * j1_j * j1_j + first * j1_jj,
-        )
+
+        def energy(e: Array) -> tuple[Array, Array, Array]:
+            growth = np.exp(c2 * e)
+            first = 0.5 * c1 * growth
+            return c1 / (2.0 * c2) * (growth - 1.0), first, c2 * first
+
+        return potential_of_j1(i1, j, energy)
 
 
 LAW = Fung()

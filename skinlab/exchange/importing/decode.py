@@ -7,8 +7,6 @@ import codecs
 from skinlab.errors import InputError
 from skinlab.exchange.importing.questions import Answers
 
-ENCODINGS = ("UTF-8", "UTF-16", "Latin-1")
-
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8-sig", "UTF-8"),
     (codecs.BOM_UTF16_LE, "utf-16", "UTF-16"),

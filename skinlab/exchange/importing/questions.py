@@ -1,12 +1,13 @@
-"""What a file leaves open: answered by an option, by somebody at a terminal, or refused."""
+"""What a file leaves open: answered by an option, from before, at a terminal, or refused."""
 
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from skinlab.errors import InputError
+from skinlab.exchange.importing.remembered import Remembered
 
 
 @dataclass(frozen=True)
@@ -27,11 +28,26 @@ class Answers:
     The same question is asked once, however many files leave it open.
     """
 
-    def __init__(self, stated: Mapping[str, str] | None = None, ask: Ask | None = None) -> None:
-        """`stated` by option; without `ask` an open question is an InputError."""
+    def __init__(
+        self,
+        stated: Mapping[str, str] | None = None,
+        ask: Ask | None = None,
+        remembered: Remembered | None = None,
+    ) -> None:
+        """`stated` by option; without `ask` an open question is an InputError.
+
+        `remembered` are answers from before, by the headings of a file.
+        """
         self._stated = dict(stated or {})
         self._ask = ask
-        self._given: dict[Question, str] = {}
+        self._remembered = remembered
+        self._headings: tuple[str, ...] = ()
+        self._given: dict[tuple[tuple[str, ...], Question], str] = {}
+        self.recalled: list[str] = []  # what was answered from before, of the present file
+
+    def begin(self, headings: Sequence[str] = ()) -> None:
+        """Begin a file, or go on with its headings, once they are known."""
+        self._headings, self.recalled = tuple(headings), []
 
     def stated(self, option: str) -> str | None:
         """Return what the option says, or None."""
@@ -43,11 +59,24 @@ class Answers:
         Raises:
             InputError: nobody can be asked.
         """
-        if question in self._given:
-            return self._given[question]
+        key = (self._headings, question)
+        if key in self._given:
+            return self._given[key]
+        before = self._from_before(question)
+        if before is not None:
+            self.recalled.append(f"--{question.option} {before}, as answered before")
+            return before
         if self._ask is None:
             choices = " or ".join(shlex.quote(choice) for choice in question.choices)
             raise InputError(f"{question.text}; say with --{question.option} {choices}")
         answer = self._ask(question)
-        self._given[question] = answer
+        self._given[key] = answer
+        if self._remembered is not None:
+            self._remembered.keep(self._headings, question.option, answer)
         return answer
+
+    def _from_before(self, question: Question) -> str | None:
+        if self._remembered is None:
+            return None
+        answer = self._remembered.answer(self._headings, question.option)
+        return answer if answer in question.choices else None

@@ -70,6 +70,7 @@ def import_bytes(path: Path, data: bytes, setup: Setup, answers: Answers) -> Imp
 def _import(path: Path, data: bytes, setup: Setup, answers: Answers) -> Imported:
     if not data.strip():
         raise InputError("empty; expected a table of time, pressure and deflection")
+    answers.begin()
     if data.startswith(_OLE):
         raise InputError("an old Excel file (.xls); expected .xlsx or text")
     if data.startswith(_ZIP):
@@ -80,9 +81,10 @@ def _import(path: Path, data: bytes, setup: Setup, answers: Answers) -> Imported
         form = f"{encoding}, {form}"
     if len(table.lines) < FEWEST_POINTS:
         raise InputError(f"{len(table.lines)} samples; expected at least {FEWEST_POINTS}")
+    answers.begin([heading.text for heading in table.headings])
     channels = find_channels(table, answers, pressure=setup.program is None)
     curve, notes = _curve(path.name, setup, table, channels, answers)
-    understood = (form, *_columns(channels), *_lines(table), *notes)
+    understood = (form, *_columns(channels), *_lines(table), *notes, *answers.recalled)
     return Imported(curve, path.name, hashlib.sha256(data).hexdigest(), understood)
 
 

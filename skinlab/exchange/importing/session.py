@@ -9,7 +9,6 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from skinlab import __version__
 from skinlab.errors import InputError
 from skinlab.exchange.importing.reader import Imported
 from skinlab.inference.identify import Identifier
@@ -18,7 +17,7 @@ from skinlab.recording.audit import Chain, note, operator
 from skinlab.recording.pseudonym import check_site, check_subject
 from skinlab.recording.recorder import identification_settings
 from skinlab.recording.session import Session, write_session
-from skinlab.versions import versions
+from skinlab.versions import __version__, versions
 
 
 @dataclass(frozen=True)

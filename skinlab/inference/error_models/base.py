@@ -26,8 +26,10 @@ Array = NDArray[np.float64]
 class Hyperparameter:
     """One positive number of an error model, whose name carries its unit: white_um.
 
-    Before the data its logarithm is Gaussian about that of `median`. With `outlying`, a share of
-    the prior, it is that of `outlying_sd` instead: a statement that may be wrong.
+    Before the data its logarithm is Gaussian about that of `median`; with `log_sd_above` of another
+    width above it, where sizes are bounded by what is published. With `outlying`, a share of the
+    prior, it is that of `outlying_sd` instead: a statement that may be wrong. `start` is where to
+    look first, if the data say; else the median.
     """
 
     name: str
@@ -35,11 +37,17 @@ class Hyperparameter:
     log_sd: float
     outlying: float = 0.0
     outlying_sd: float = 1.5
+    start: float | None = None
+    log_sd_above: float | None = None
 
     def log_prior(self, log_value: float) -> float:
         """Return the log density of the logarithm."""
         off = log_value - math.log(self.median)
         found = _log_normal(off, self.log_sd)
+        if self.log_sd_above is not None:  # two halves that meet
+            here = self.log_sd if off < 0 else self.log_sd_above
+            share = 2.0 * here / (self.log_sd + self.log_sd_above)
+            found = math.log(share) + _log_normal(off, here)
         if not self.outlying:
             return found
         other = math.log(self.outlying) + _log_normal(off, self.outlying_sd)

@@ -1,9 +1,9 @@
 """A sine of a found frequency, its amplitude and phase unknown: what breathing and pulse share.
 
-The frequency is the one whose sine and cosine, less what the skin's unknowns absorb, take most off
-the residuals' squares (a Lomb-Scargle periodogram with the model's slopes as nuisance: Scargle
-1982, Astrophys. J. 263:835). Both, and those of the frequencies that the record cannot tell from
-it, are columns of the covariance; the model's size is their common standard deviation.
+The search begins at the frequency whose sine and cosine, less what the skin's unknowns absorb, take
+most off the residuals' squares (a Lomb-Scargle periodogram with the model's slopes as nuisance:
+Scargle 1982, Astrophys. J. 263:835). From there it is a parameter like others, integrated out:
+sine and cosine are columns of the covariance, the model's size their common standard deviation.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 
 _ODDS = 0.2
 _LOG_SD = 0.7
+_NINE_TENTHS = 1.645
 _FEWEST_PERIODS = 1.0
 _PER_PERIOD = 6.0  # samples, at least
 _FINEST = 0.15  # of a period over the whole record: the grid of frequencies
@@ -63,8 +64,17 @@ class Periodic:
     @property
     def prior(self) -> str:
         """What is known before the data."""
-        odds = f"odds 1 : {1 / _ODDS:g}, divided by the frequencies tried"
-        return f"{self.median_um:g} µm; {_LOG_SD:g}; {odds}"
+        hz = self._frequency()
+        return (
+            f"{self.median_um:g} µm, {_LOG_SD:g}; {hz.median:.2g} Hz, {hz.log_sd:.2g}; "
+            f"odds 1 : {1 / _ODDS:g}"
+        )
+
+    def _frequency(self, start_hz: float | None = None) -> Hyperparameter:
+        """Return the frequency's prior: nine in ten are within the band."""
+        median = math.sqrt(self.low_hz * self.high_hz)
+        sd = math.log(self.high_hz / self.low_hz) / (2.0 * _NINE_TENTHS)
+        return Hyperparameter(f"{self.name}_hz", median, sd, start=start_hz)
 
     def part(self, look: Look) -> Part | None:
         """Return its part where the record lasts a period and a frequency stands out."""
@@ -81,21 +91,17 @@ class Periodic:
         if share[best] * 0.5 * len(samples) < _STANDS_OUT * samples.curves:
             return None
         frequency = float(grid[best])
-        tried = 1.0 + (self.high_hz - self.low_hz) * lasts  # frequencies that can be told apart
-        # As far beside it as the record cannot tell: the truth may be there.
-        near = np.clip(frequency + 0.5 / lasts * np.arange(-1, 2), self.low_hz, self.high_hz)
-        waves = np.hstack([columns(samples, float(f)) for f in near]) / math.sqrt(len(near))
         size = Hyperparameter(f"{self.name}_um", self.median_um, _LOG_SD)
 
         def terms(values: Sequence[float]) -> Terms:
-            return Terms(columns_mm=1e-3 * values[0] * waves)
+            size_um, hz = values
+            return Terms(columns_mm=1e-3 * size_um * columns(samples, hz))
 
         return Part(
             self.name,
-            (size,),
+            (size, self._frequency(frequency)),
             terms,
-            math.log(_ODDS / tried),
-            stated={f"{self.name}_hz": frequency},
+            math.log(_ODDS),
             lasting=True,
             why=f"{self.what} at {frequency:.2g} Hz",
         )

@@ -11,9 +11,9 @@ the Gaussian starts in the middle of the box with one sixth of its width for S.
 Two things differ. Unknowns are points of the space's unit cube, because the slowdown mixes their
 variances, which X1 in MPa and ν do not share. What is drawn outside of the cube is no candidate.
 
-Unverified: whether the slowdown's max W is of variances, as here, or of standard deviations, as
-W = √P in the source would have it, as far as remembered. The papers could not be read again. With
-S at most 1/6 variances are the smaller, and the Gaussian shrinks sooner.
+The slowdown's max W is of variances. The papers could not be read again; other people's programs,
+written from Toscano's book (2024, "Solving Optimization Problems with the Heuristic Kalman
+Algorithm", Springer), have it so: a = α s² / (s² + max P), s = min(1, mean √V).
 """
 
 from __future__ import annotations

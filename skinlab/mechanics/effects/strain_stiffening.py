@@ -8,7 +8,7 @@ from typing import Any
 
 from skinlab.mechanics.effects.base import Effect, Parameter, Values
 from skinlab.mechanics.fem.skin import SkinProblem, Term
-from skinlab.mechanics.materials.base import Array, Energy, Potential
+from skinlab.mechanics.materials.base import Array, Energy, Potential, potential_of_j1
 
 
 class Cubic(Energy):
@@ -22,25 +22,7 @@ class Cubic(Energy):
     def isochoric(self, i1: Array, i2: Array, j: Array, parameters: Mapping[str, Any]) -> Potential:
         """Return energy and derivatives; X3_MPa in MPa."""
         x3 = parameters["X3_MPa"]
-        a = j ** (-2.0 / 3.0)  # J1 = a I1
-        a_j = -2.0 / 3.0 * a / j
-        e = a * i1 - 3.0
-        first, second = 3.0 * x3 * e * e, 6.0 * x3 * e  # by J1
-        j1_j = a_j * i1
-        j1_jj = -5.0 / 3.0 * j1_j / j
-        nothing = 0.0 * i1
-        return Potential(
-            energy=x3 * e**3,
-            d_i1=first * a,
-            d_i2=nothing,
-            d_j=first * j1_j,
-            d_i1_i1=second * a * a,
-            d_i1_i2=nothing,
-            d_i2_i2=nothing,
-            d_i1_j=second * a * j1_j + first * a_j,
-            d_i2_j=nothing,
-            d_j_j=second * j1_j * j1_j + first * j1_jj,
-        )
+        return potential_of_j1(i1, j, lambda e: (x3 * e**3, 3.0 * x3 * e * e, 6.0 * x3 * e))
 
 
 CUBIC = Cubic()

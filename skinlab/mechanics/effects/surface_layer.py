@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from skinlab.mechanics.effects.base import Effect, Parameter, Values
 from skinlab.mechanics.fem.skin import Layer, SkinProblem
+from skinlab.mechanics.materials.extended_neo_hookean import X1
 
 
 class SurfaceLayer(Effect):
@@ -22,7 +23,7 @@ class SurfaceLayer(Effect):
             "stratum corneum of 10–30 µm on the forearm",
         ),
         Parameter(
-            "X1_MPa", "MPa", "its stiffness", 0.001, 100.0, None, 1.0,
+            X1, "MPa", "its stiffness", 0.001, 100.0, None, 1.0,
             "decades between wet and dry: a range to look in", "log",
         ),
     )  # fmt: skip
@@ -31,7 +32,7 @@ class SurfaceLayer(Effect):
         """Put it inside the skin, under what is on top already."""
         if values["thickness_um"] == 0.0:
             return problem
-        x1 = values["X1_MPa"]
+        x1 = values[X1]
         kappa = x1 * problem.skin.dilatation_ratio
         layer = Layer(1e-3 * values["thickness_um"], x1, kappa)
         return replace(problem, above=(*problem.above, layer))

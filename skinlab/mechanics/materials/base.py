@@ -9,7 +9,8 @@ Where a law has Poisson's ratio, its compressibility is κ = (μ/2) · ratio(ν)
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar, Protocol
@@ -59,6 +60,33 @@ class Potential:
         return Potential(*(getattr(self, f) * factor for f in self.__slots__))
 
 
+def potential_of_j1(
+    i1: Array, j: Array, energy: Callable[[Array], tuple[Array, Array, Array]]
+) -> Potential:
+    """Return the potential of an energy that depends on J1 = I3^(−1/3) I1 alone.
+
+    energy: gives W and its first and second derivative by J1, from J1 − 3.
+    """
+    a = j ** (-2.0 / 3.0)  # J1 = a I1
+    value, first, second = energy(a * i1 - 3.0)
+    a_j = -2.0 / 3.0 * a / j
+    j1_j = a_j * i1
+    j1_jj = -5.0 / 3.0 * j1_j / j
+    nothing = 0.0 * i1
+    return Potential(
+        energy=value,
+        d_i1=first * a,
+        d_i2=nothing,
+        d_j=first * j1_j,
+        d_i1_i1=second * a * a,
+        d_i1_i2=nothing,
+        d_i2_i2=nothing,
+        d_i1_j=second * a * j1_j + first * a_j,
+        d_i2_j=nothing,
+        d_j_j=second * j1_j * j1_j + first * j1_jj,
+    )
+
+
 class HasPotential(Protocol):
     """What the finite elements ask of an energy."""
 
@@ -67,7 +95,7 @@ class HasPotential(Protocol):
         ...
 
 
-class Energy:
+class Energy(ABC):
     """An isotropic hyperelastic energy W = W_iso + κ/2 (J − 1)²; subclasses give W_iso.
 
     `potential` takes what is in `parameter_names`, in MPa or without unit.
@@ -78,9 +106,9 @@ class Energy:
     linear: ClassVar[bool] = False  # W is a sum of parameters times functions of the invariants
     parameter_names: tuple[str, ...]
 
+    @abstractmethod
     def isochoric(self, i1: Array, i2: Array, j: Array, parameters: Mapping[str, Any]) -> Potential:
         """Return W_iso and its derivatives. It may depend on its parameters in any way."""
-        raise NotImplementedError
 
     def potential(
         self,
@@ -118,9 +146,9 @@ class Law(Energy):
     dilatation_scale: ClassVar[str] = DILATATION_SCALE
     derived_names: ClassVar[tuple[str, ...]] = (NU_CONSISTENT, KAPPA)
 
+    @abstractmethod
     def half_shear_modulus(self, values: Mapping[str, Any]) -> Any:
         """Return μ/2 at rest, MPa, from the parameters by name."""
-        raise NotImplementedError
 
     # ---- the same for all ----
 

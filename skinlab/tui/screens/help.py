@@ -24,7 +24,8 @@ F2        choose a port
 F5        visits: search, compare, trend
 s         session: means, joint fit, compare, leave out
 d         what the model misses; what to measure next
-g  F7     goal of the visit; load what brings it nearer
+g  F7     goal of the visit; load what comes next
+p         protocol of the study, where one was given
 r         R0 to R9 of a step curve, and back
 up down   another curve; left right: more of its row
 PgUp PgDn more of the card
@@ -50,7 +51,7 @@ With several repeats each follows by itself after the rest; v ends that too. A t
 lone Esc back for a moment: v is the sure key.
 
 In a replay: Space pauses, the full stop steps, + and - change the speed, e goes on to the next \
-event, 1 to 9 to tenths of the record.
+event, j asks for a time, 1 to 9 go to tenths of the record.
 
 Loadings are counted for each site, over all sessions of this program: a later one is never taken \
 for a first. F6 says that the site has fully rested.
@@ -82,7 +83,7 @@ class HelpScreen(OverScreen[None]):
         with VerticalScroll(id="help"):
             yield Static("skinlab: keys (Enter closes)", classes="title", markup=False)
             if self._here:
-                lines = ["On the screen that you came from:"]
+                lines = ["On the screen that you came from, now:"]
                 lines += [f"{key:<10} {what}" for key, what in self._here]
                 yield Static("\n".join([*lines, ""]), id="help-here", markup=False)
             yield Static(_KEYS, markup=False)

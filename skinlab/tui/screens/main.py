@@ -44,37 +44,59 @@ class MainScreen(Screen[None]):
 
     AUTO_FOCUS = ""
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("v", "app.vent_key", "Vent", priority=True),
+        Binding("v", "app.vent_key", "Vent", priority=True, id="vent"),
         # No word contains these two, so that nothing that is typed can start anything
-        Binding(CHECK_KEY, "want('check')", "Check", key_display="F8", priority=True),
-        Binding(CONFIRM_KEY, "want('start')", "Start", key_display="F9", priority=True),
-        Binding(CONFIRM_KEY, "want('early')", show=False, priority=True),
+        Binding(CHECK_KEY, "want('check')", "Check", key_display="F8", priority=True, id="check"),
+        Binding(
+            CONFIRM_KEY, "want('start')", "Start", key_display="F9", priority=True, id="confirm"
+        ),
+        Binding(CONFIRM_KEY, "want('early')", show=False, priority=True, id="confirm"),
         Binding("space", "play", "Play", key_display="Space", priority=True),
         Binding("enter,space", "nothing", show=False),
         Binding("full_stop", "step", "Step", key_display="."),
         Binding("plus,equals_sign", "speed(1)", "Faster", key_display="+"),
         Binding("minus", "speed(-1)", "Slower", key_display="-"),
-        Binding("e", "event", "Next event", show=False),
+        Binding("j", "time", "Go to a time", show=False, id="time"),
+        Binding("e", "event", "Next event", show=False, id="event"),
         *(Binding(str(n), f"jump({n})", show=False) for n in range(1, 10)),
-        Binding("f3", "settings", "Edit", key_display="F3", priority=True),
+        Binding("f3", "settings", "Edit", key_display="F3", priority=True, id="settings"),
         # With priority: keys that wait behind one of these already go to the next field
         Binding("tab", "form(1)", show=False, priority=True),
         Binding("shift+tab", "form(-1)", show=False, priority=True),
         Binding("enter", "next", show=False, priority=True),
-        Binding("f6", "want('rested')", "Rested", key_display="F6", show=False, priority=True),
-        Binding("f5", "want('visits')", "Visits", key_display="F5", priority=True),
-        Binding("f4", "want('pick')", "Pick", key_display="F4", show=False, priority=True),
-        Binding("f7", "want('next')", "Load next", key_display="F7", show=False, priority=True),
-        Binding("g", "want('goal')", "Goal", show=False),
+        Binding(
+            "f6",
+            "want('rested')",
+            "Rested",
+            key_display="F6",
+            show=False,
+            priority=True,
+            id="rested",
+        ),
+        Binding("f5", "want('visits')", "Visits", key_display="F5", priority=True, id="visits"),
+        Binding(
+            "f4", "want('pick')", "Pick", key_display="F4", show=False, priority=True, id="pick"
+        ),
+        Binding(
+            "f7",
+            "want('next')",
+            "Load next",
+            key_display="F7",
+            show=False,
+            priority=True,
+            id="load",
+        ),
+        Binding("p", "want('protocol')", "Protocol", show=False, id="protocol"),
+        Binding("g", "want('goal')", "Goal", show=False, id="goal"),
         Binding("up", "look(-1)", show=False),
         Binding("down", "look(1)", show=False),
         Binding("left", "across(-1)", show=False),
         Binding("right", "across(1)", show=False),
         Binding("pageup", "page(-1)", show=False),
         Binding("pagedown", "page(1)", show=False),
-        Binding("r", "want('card')", "R0–R9", show=False),
-        Binding("s", "want('session')", "Session"),
-        Binding("d,D", "want('missing')", "Missing", key_display="d"),
+        Binding("r", "want('card')", "R0–R9", show=False, id="card"),
+        Binding("s", "want('session')", "Session", id="session"),
+        Binding("d,D", "want('missing')", "Missing", key_display="d", id="missing"),
     ]
 
     def __init__(self, board: Board, settings: Mapping[str, str], guard: TypingGuard) -> None:
@@ -251,12 +273,14 @@ class MainScreen(Screen[None]):
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Let keys pass where they mean nothing here."""
-        if action in {"play", "step", "speed", "event", "jump"}:
+        if action in {"play", "step", "speed", "event", "time", "jump"}:
             return self._board.playing is not None
         if action == "want":
             what = parameters[0]
             if what == "start":
                 return self._board.review is not None
+            if what == "protocol":
+                return self._board.protocol is not None and not self.typing
             if what in {"session", "goal"}:
                 return not self.typing
             if what == "visits":
@@ -283,6 +307,10 @@ class MainScreen(Screen[None]):
     def action_event(self) -> None:
         """Pass on that a replay is to go on to the next event."""
         self.post_message(self.Wanted("event"))
+
+    def action_time(self) -> None:
+        """Pass on that a replay is to go on to a time."""
+        self.post_message(self.Wanted("time"))
 
     def action_jump(self, tenths: int) -> None:
         """Pass on that a replay is to go to a part of the record."""

@@ -50,12 +50,12 @@ class MissingScreen(Screen[None]):
 
     AUTO_FOCUS = "#missing-says"
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("v", "app.vent_key", "Vent", priority=True),
-        Binding("f7", "want('load')", "Load next", key_display="F7"),
-        Binding("a", "want('adopt')", "Adopt"),
-        Binding("ctrl+z", "want('undo')", "Undo", key_display="^z", priority=True),
-        Binding("delete", "want('cancel')", "Give up", key_display="Del"),
-        Binding("d,D", "want('begin')", "Look again", key_display="d"),
+        Binding("v", "app.vent_key", "Vent", priority=True, id="vent"),
+        Binding("f7", "want('load')", "Load next", key_display="F7", id="load"),
+        Binding("a", "want('adopt')", "Adopt", id="adopt"),
+        Binding("ctrl+z", "want('undo')", "Undo", key_display="^z", priority=True, id="undo"),
+        Binding("delete", "want('cancel')", "Give up", key_display="Del", id="give_up"),
+        Binding("d,D", "want('begin')", "Look again", key_display="d", id="missing"),
         Binding("b,q,s", "back", "Back", key_display="b"),
     ]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import ClassVar, TypeVar
 
 from textual.app import ComposeResult
@@ -29,9 +30,9 @@ class OverScreen(ModalScreen[Answer]):
         yield Top(self._board)
         yield from self.compose_box()
 
+    @abstractmethod
     def compose_box(self) -> ComposeResult:
         """Yield the box."""
-        raise NotImplementedError
 
 
 class AskingScreen(OverScreen[bool]):
@@ -41,8 +42,8 @@ class AskingScreen(OverScreen[bool]):
     """
 
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding(CONFIRM_KEY, "answer_yes", "Yes", priority=True),
-        Binding(CHECK_KEY, "answer_no", "No", priority=True),
+        Binding(CONFIRM_KEY, "answer_yes", "Yes", priority=True, id="confirm"),
+        Binding(CHECK_KEY, "answer_no", "No", priority=True, id="check"),
     ]
     _hint = "F9 yes      F8 no"
     _box = "question"

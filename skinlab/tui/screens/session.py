@@ -29,7 +29,7 @@ from skinlab.tui.text import (
     who_text,
 )
 from skinlab.tui.typing_guard import CHECK_KEY
-from skinlab.tui.ui_state import Board
+from skinlab.tui.ui_state import Board, Level
 from skinlab.tui.widgets.header import Top
 
 _FRAMES_PER_S = 8
@@ -56,14 +56,14 @@ class SessionScreen(Screen[None]):
 
     AUTO_FOCUS = "#session-curves"
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("v", "app.vent_key", "Vent", priority=True),
-        Binding("delete", "exclude", "Use", key_display="Del"),
-        Binding("j", "joint", "Joint"),
-        Binding("c", "compare", "Compare"),
-        Binding("n", "note", "Note"),
-        Binding("d,D", "missing", "Missing", key_display="d"),
-        Binding("ctrl+z", "undo", "Undo", key_display="^z", priority=True),
-        Binding(CHECK_KEY, "cancel", "No", key_display="F8", priority=True),
+        Binding("v", "app.vent_key", "Vent", priority=True, id="vent"),
+        Binding("delete", "exclude", "Use", key_display="Del", id="exclude"),
+        Binding("j", "joint", "Joint", id="joint"),
+        Binding("c", "compare", "Compare", id="compare"),
+        Binding("n", "note", "Note", id="note"),
+        Binding("d,D", "missing", "Missing", key_display="d", id="missing"),
+        Binding("ctrl+z", "undo", "Undo", key_display="^z", priority=True, id="undo"),
+        Binding(CHECK_KEY, "cancel", "No", key_display="F8", priority=True, id="check"),
         Binding("tab,shift+tab", "stay", show=False, priority=True),
         Binding("pageup", "page(-1)", show=False, priority=True),
         Binding("pagedown", "page(1)", show=False, priority=True),
@@ -186,9 +186,11 @@ class SessionScreen(Screen[None]):
     def action_undo(self) -> None:
         """Take the last decision back."""
         deed = self._board.ledger.undo()
-        if deed is not None:
-            self._board.touch()
-            self.post_message(self.Decided(deed, undone=True))
+        if deed is None:
+            self._board.answer(Level.INFO, "there is nothing to undo")
+            return
+        self._board.touch()
+        self.post_message(self.Decided(deed, undone=True))
 
     def action_page(self, by: int) -> None:
         """Show more of what the curves say together."""

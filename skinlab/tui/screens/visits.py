@@ -41,16 +41,16 @@ class VisitsScreen(Screen[None]):
 
     AUTO_FOCUS = "#visits"
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("v", "app.vent_key", "Vent", priority=True),
-        Binding("slash,f", "search", "Search", key_display="/"),
-        Binding("o", "order", "Order"),
+        Binding("v", "app.vent_key", "Vent", priority=True, id="vent"),
+        Binding("slash,f", "search", "Search", key_display="/", id="search"),
+        Binding("o", "order", "Order", id="order"),
         Binding("enter", "look", "Look into", priority=True),
-        Binding("m", "mark", "Mark"),
-        Binding("c", "compare", "Compare"),
-        Binding("t", "trend", "Trend"),
+        Binding("m", "mark", "Mark", id="mark"),
+        Binding("c", "compare", "Compare", id="compare"),
+        Binding("t", "trend", "Trend", id="trend"),
         Binding("pageup", "page(-1)", show=False, priority=True),
         Binding("pagedown", "page(1)", show=False, priority=True),
-        Binding(CHECK_KEY, "leave_search", show=False, priority=True),
+        Binding(CHECK_KEY, "leave_search", show=False, priority=True, id="check"),
         Binding("b,q,f5", "back", "Back", key_display="b"),
     ]
 

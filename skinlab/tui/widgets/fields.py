@@ -133,7 +133,9 @@ class Fields(Vertical):
     def go_round(self, by: int) -> None:
         """Go to the next field; after the last one comes the first."""
         fields = list(self.query(Input))
-        at = next((i for i, field in enumerate(fields) if field.has_focus), -1 if by > 0 else 0)
+        # Not `has_focus`, which comes behind keys that wait already, too
+        focused = self.screen.focused
+        at = fields.index(focused) if focused in fields else -1 if by > 0 else 0
         # Not `focus()`, which comes behind keys that wait already: they would go to the old field
         self.screen.set_focus(fields[(at + by) % len(fields)])
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+
+from textual import events
 from textual.app import ComposeResult
 from textual.containers import Vertical
 from textual.widgets import Static
@@ -24,6 +27,14 @@ class VerdictLine(Vertical):
         """Yield both lines."""
         yield Static("", id="verdict-words", markup=False)
         yield Static("", id="verdict-next", markup=False)
+
+    def on_click(self, event: events.Click) -> None:
+        """Do what the line of the next step says first; never what starts suction."""
+        event.stop()
+        text = "" if self._drawn is None else self._drawn.following
+        found = re.search(r"\bF[2-8]\b", text)
+        if found is not None and event.widget is self.query_one("#verdict-next"):
+            self.app.simulate_key(found[0].lower())
 
     def show(self, board: Board) -> None:
         """Draw."""

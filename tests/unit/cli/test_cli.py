@@ -362,3 +362,65 @@ def test_dialects_that_do_not_fit_are_refused(
     assert found == status
     assert words in " ".join(err.split())
     assert not list(tmp_path.glob("s.h5*"))
+
+
+@pytest.mark.parametrize(
+    ("words", "meant"),
+    [
+        (["exprot", "a.h5"], "did you mean export?"),
+        (["session", "verfy", "a.h5"], "did you mean verify?"),
+        (["database", "biuld"], "did you mean build?"),
+        (["identify", "--apertur-mm", "6", "c.csv"], "--aperture-mm"),
+    ],
+)
+def test_a_slip_is_answered_with_what_was_meant(capsys, words, meant):
+    status, out, err = call(capsys, *words)
+    assert (status, out) == (2, "")
+    assert meant in err
+
+
+def test_a_word_that_is_like_no_command_gets_no_guess(capsys):
+    _, _, err = call(capsys, "zzz")
+    assert "No such command 'zzz'." in err
+    assert "did you mean" not in err
+
+
+PROTOCOL = """
+[study]
+title = "Winter forearms"
+[conditions]
+room_temperature_c = [20.0, 24.0]
+operator = true
+[[step]]
+aperture_mm = 6.0
+program = "ramp:50@20"
+[[step]]
+aperture_mm = 6.0
+program = "ramp:60@60"
+repeats = 2
+rest_s = 0.5
+"""
+
+
+def test_a_step_of_a_protocol_is_measured_and_its_session_keeps_what_was_otherwise(
+    capsys, tmp_path
+):
+    protocol, out = tmp_path / "p.toml", tmp_path / "s.h5"
+    protocol.write_text(PROTOCOL)
+    said = ["measure", "--port", "sim://?seed=1&speed=50", "--thickness-mm", "1", "--out", out]
+    said += ["--protocol", protocol, "--step", "2"]
+    status, _, err = call(capsys, *said, "--program", "ramp:50@20")
+    assert (status, out.exists()) == (2, False)
+    assert "leave them out" in err
+    assert call(capsys, *said[:-1], "3")[0] == 2
+    status, _, err = call(capsys, *said, "--condition", "room_temperatur_c=22")
+    assert (status, "did you mean room_temperature_c?" in err) == (2, True)
+    status, printed, err = call(capsys, *said, "--condition", "room_temperature_c=26")
+    assert status == 0, err
+    assert printed.count("X1") >= 2
+    assert "otherwise than the protocol says: not stated: operator" in err
+    assert "room temperature 26 °C, not 20 to 24" in err
+    status, printed, _ = call(capsys, "session", "info", out)
+    assert "protocol deviation: text not stated: operator" in printed
+    assert "conditions: room_temperature_c 26" in printed
+    assert "[[step]]" not in printed

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from skinlab.curves.campaign import read_campaign
@@ -57,3 +59,17 @@ def test_a_wrong_field_is_named(tmp_path, old, new, says):
     with pytest.raises(InputError) as caught:
         read_campaign(path)
     assert says in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("entry", "meant"),
+    [
+        ("[campaign]\nnoise = 3.0", "campaign: unknown field `noise`; did you mean noise_um?"),
+        ("[campaign]\n[[curve]]\nfile = 'a'\naperture_mn = 6", "did you mean aperture_mm?"),
+    ],
+)
+def test_an_unknown_key_is_answered_with_the_one_that_was_meant(tmp_path, entry, meant):
+    path = tmp_path / "campaign.toml"
+    path.write_text(entry)
+    with pytest.raises(InputError, match=re.escape(meant)):
+        read_campaign(path)

@@ -10,7 +10,13 @@ from skinlab.curves.campaign import Campaign
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
-from skinlab.discrepancy.campaign_errors import CampaignErrors, Linearised, learn, outliers
+from skinlab.discrepancy.campaign_errors import (
+    CampaignErrors,
+    Linearised,
+    learn,
+    log_evidences,
+    outliers,
+)
 from skinlab.discrepancy.discipline import repeats_um, smooth_shapes
 from skinlab.discrepancy.fit import Fitter
 from skinlab.discrepancy.misfit import errors_of
@@ -94,13 +100,18 @@ def test_evidence_is_that_of_the_dense_gaussian():
     dense = errors.colour(np.eye(n))
     sigma = dense @ dense.T + slopes @ np.diag(sd**2) @ slopes.T
     expected = multivariate_normal(slopes @ mean, sigma).logpdf(r)
-    assert one.log_evidence(errors) == pytest.approx(expected, rel=1e-9)
+    assert log_evidences([one], [errors])[0, 0] == pytest.approx(expected, rel=1e-9)
     some = rng.random(n) < 0.6
     part = multivariate_normal((slopes @ mean)[some], sigma[np.ix_(some, some)]).logpdf(r[some])
-    assert one.only(some).log_evidence(errors.only(some)) == pytest.approx(part, rel=1e-9)
+    found = log_evidences([one.only(some)], [errors.only(some)])
+    assert found[0, 0] == pytest.approx(part, rel=1e-9)
     more = rng.normal(size=(n, 2))
-    wider = multivariate_normal(slopes @ mean, sigma + more @ more.T).logpdf(r)
-    assert one.log_evidence(errors, more) == pytest.approx(wider, rel=1e-9)
+    for size in (1.0, 0.3):
+        wider = multivariate_normal(slopes @ mean, sigma + size**2 * more @ more.T).logpdf(r)
+        both = [one, one.beside(more).scaled(size, 2)]
+        alone, beside = log_evidences(both, [errors])[0]
+        assert alone == pytest.approx(expected, rel=1e-9)
+        assert beside == pytest.approx(wider, rel=1e-9)
 
 
 def test_a_glitch_is_left_out_and_the_rest_stays(table):
@@ -174,7 +185,7 @@ def test_smooth_errors_have_the_size_that_is_asked_for(table):
 def test_a_dome_of_another_opening_is_that_of_the_table(table):
     pressure = np.linspace(5.0, 100.0, 20)
     problem = SkinProblem(Geometry(5.8, 1.1), SKIN)
-    found = TableDomes(table)(problem, Geometry(6.0, 1.1), 100.0)(pressure)
+    found = TableDomes(table)([problem], [100.0])(pressure[None])[0]
     exact = table.model(Geometry(5.8, 1.1), pressure).deflection_mm(np.array([SKIN.values]))[0]
     np.testing.assert_allclose(found, exact, atol=5e-5)
 

@@ -19,7 +19,7 @@ from skinlab.discrepancy.misfit import (
     OWN_FACTOR,
     errors_of,
 )
-from skinlab.discrepancy.next_measurement import MENU, advise
+from skinlab.discrepancy.next_measurement import MENU, PlannedErrors, advise
 from skinlab.discrepancy.records import by_geometry, records_of
 from skinlab.discrepancy.screen import alike, signature
 from skinlab.discrepancy.search import Candidate, Found
@@ -183,49 +183,48 @@ def test_whitening_is_that_of_the_dense_covariance():
 
 
 def test_domes_are_the_databases(table):
-    geometry = Geometry(6.0, 1.1)
     pressure = np.linspace(0.0, 100.0, 41)
     for thickness in (1.1, 1.23):
         problem = SkinProblem(Geometry(6.0, thickness), SKIN)
-        dome = TableDomes(table)(problem, geometry, 100.0)
+        dome = TableDomes(table)([problem], [100.0])
         direct = table.model(Geometry(6.0, thickness), pressure)
         exact = direct.deflection_mm(np.array([SKIN.values]))[0]
-        np.testing.assert_allclose(dome(pressure), exact, atol=3e-5)
+        np.testing.assert_allclose(dome(pressure[None])[0], exact, atol=3e-5)
 
 
 def test_a_dome_is_straight_beyond_its_ends(table):
     problem = SkinProblem(Geometry(6.0, 1.1), SKIN)
-    dome = TableDomes(table)(problem, Geometry(6.0, 1.1), 100.0)
-    w = dome(np.array([201.0, 202.0, 203.0, 204.0]))  # its spline ends at twice what was asked
+    dome = TableDomes(table)([problem], [100.0])
+    w = dome(np.array([[101.0, 102.0, 103.0, 104.0]]))[0]
     np.testing.assert_allclose(np.diff(w, 2), 0.0, atol=1e-9)
     assert (np.diff(w) > 0).all()
 
 
 def test_outside_the_table_there_is_no_dome(table):
     problem = SkinProblem(Geometry(8.0, 0.11), SKIN)
-    assert TableDomes(table)(problem, Geometry(8.0, 0.11), 100.0) is None
+    assert not TableDomes(table)([problem], [100.0]).hold[0]
 
 
 def test_a_step_creeps_to_its_closed_form():
     g, tau = 0.4, 1.5
     path = PressurePath((0.0, 0.0, 10.0), (0.0, 50.0, 50.0))
     t = np.linspace(0.01, 10.0, 60)
-    found, start = relaxed_pressure((Prony(g, tau),), path, t, 0.0)
+    found, start = relaxed_pressure([(Prony(g, tau),)], path, t[None], np.array([0.0]))
     # p = (1 − g) P + g H, dH/dt + H/τ = dP/dt: from 50 to 50/(1 − g), with the time τ/(1 − g).
     expected = 50.0 / (1 - g) * (1 - g * np.exp(-(1 - g) * t / tau))
-    np.testing.assert_allclose(found, expected, rtol=2e-4)
-    assert start == 0.0
+    np.testing.assert_allclose(found[0], expected, rtol=2e-4)
+    assert start[0] == 0.0
 
 
 def test_a_ramp_creeps_to_its_closed_form():
     g, tau, rate = 0.3, 0.8, 20.0
     path = PressurePath((0.0, 5.0), (0.0, 100.0))
     t = np.linspace(0.0, 5.0, 51)
-    found, start = relaxed_pressure((Prony(g, tau),), path, t, 5.0)
+    found, start = relaxed_pressure([(Prony(g, tau),)], path, t[None], np.array([5.0]))
     slow = tau / (1 - g)
     creep = rate / (1 - g) * (t - g * slow * (1 - np.exp(-t / slow)))
-    np.testing.assert_allclose(found, 5.0 / (1 - g) + creep, rtol=1e-3, atol=1e-3)
-    assert start == pytest.approx(5.0 / (1 - g))
+    np.testing.assert_allclose(found[0], 5.0 / (1 - g) + creep, rtol=1e-3, atol=1e-3)
+    assert start[0] == pytest.approx(5.0 / (1 - g))
 
 
 @pytest.mark.parametrize(
@@ -473,21 +472,48 @@ def test_the_advice_separates_what_one_ramp_leaves_tied(table):
     offset, drift = Unknowns(("deflection_offset",)), Unknowns(("baseline_drift",))
     tied = [fitter.fit(offset, np.append(TRUE, 1.0)), fitter.fit(drift, np.append(TRUE, 3.0))]
     base = fitter.fit(Unknowns(()), TRUE)
-    same = advise(fitter, [base, base])
+    errors, rng = PlannedErrors(white_um=3.0), np.random.default_rng(0)
+    same = advise(fitter, [base, base], [0.0, 0.0], errors, rng)
     assert same is None  # nothing tells a thing from itself
     # Two explanations with sizes that one ramp cannot see, but a long hold can.
     far = [replace(f, u=np.append(f.u[:3], s)) for f, s in zip(tied, (1.0, 10.0), strict=True)]
-    found = advise(fitter, far)
+    found = advise(fitter, far, [0.0, 0.5], errors, rng)
     assert found is not None
     assert found.separates == (("deflection_offset",), ("baseline_drift",))
     assert found.expected_log10_evidence > 1.3
     assert (found.aperture_mm, found.program) != (6.0, "ramp:100@20")
+    # What it is expected to lead to adds up, and a name is more probable with it than without.
+    alone = found.alone
+    assert alone is not None
+    assert alone.settled + alone.wrong + alone.tied == pytest.approx(1.0)
+    assert alone.settled > 0.5
+    assert alone.minutes > 0
+    # The shortest plan that settles it takes no longer than this one, where this one does.
+    assert found.plan is not None
+    assert found.plan.settled >= min(alone.settled, 0.8) - 1e-9
+    if alone.settled >= 0.8:
+        assert found.plan.minutes <= alone.minutes
+
+
+def test_placements_that_scatter_are_met_by_putting_the_probe_on_again(table):
+    """A zero that differs by placement hides an offset; a mean of several shows more of it."""
+    fitter = fitter_of(measured({}, [(6.0, "ramp:100@20", 1)]), table)
+    unknowns = Unknowns(("deflection_offset",))
+    one = fitter.fit(unknowns, np.append(TRUE, 1.0))
+    far = [replace(one, u=np.append(one.u[:3], s)) for s in (0.0, 2.0)]
+
+    def hoped(offset_um: float) -> float:
+        errors = PlannedErrors(white_um=3.0, offset_um=offset_um)
+        found = advise(fitter, far, [0.0, 0.0], errors, np.random.default_rng(0))
+        return 0.0 if found is None else found.plan.settled
+
+    assert hoped(0.0) > hoped(30.0)
 
 
 def test_the_finite_elements_and_the_table_agree_on_the_plain_skin(table):
     geometry = Geometry(6.0, 1.1)
     problem = SkinProblem(geometry, SKIN)
-    dome = TableDomes(table)(problem, geometry, 100.0)
+    dome = TableDomes(table)([problem], [100.0])
     p = np.linspace(5.0, 100.0, 20)
     solved = solve_skin(problem, PressurePath((0.0, 1.0), (0.0, 100.0))).at(p / 100.0, p)
-    np.testing.assert_allclose(dome(p), solved, rtol=5e-4, atol=1e-4)
+    np.testing.assert_allclose(dome(p[None])[0], solved, rtol=5e-4, atol=1e-4)

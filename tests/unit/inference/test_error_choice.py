@@ -299,11 +299,33 @@ def test_of_two_processes_in_time_the_evidence_chooses_one():
         assert not any(n.combination.name.count("+") > 1 for n in choice.nodes)
 
 
-def test_two_processes_that_are_always_there_are_refused():
-    one = Tape()
-    one.always = True
-    with pytest.raises(ValueError, match="tape and tape are processes in time"):
-        chosen(white(np.random.default_rng(0)), models=(WHITE, one, one))
+class Slow(Tape):
+    name = "slow"
+    always = True
+    time_s = 20.0
+
+    def part(self, look):
+        def terms(values):
+            return Terms(ou=OrnsteinUhlenbeck(1e-3 * values[0], self.time_s))
+
+        size = Hyperparameter(f"{self.name}_um", 10.0, 0.6)
+        return Part(self.name, (size,), terms, 0.0, always=True, lasting=True)
+
+
+class Quick(Slow):
+    name = "quick"
+    time_s = 0.2
+
+
+def test_of_two_processes_that_are_always_there_the_evidence_chooses_one():
+    rng = np.random.default_rng(0)
+    for size, time, expected in ((10.0, 0.2, "white+quick"), (30.0, 20.0, "white+slow")):
+        choice = chosen(
+            white(rng, 1.0) + process(rng, size, time), models=(WHITE, OU, Slow(), Quick())
+        )
+        assert choice.best.name == expected
+        names = {name for n in choice.nodes for name in n.combination.name.split("+")}
+        assert "ou" not in names
 
 
 def test_every_model_is_declared_in_a_file_of_its_own():
@@ -316,4 +338,17 @@ def test_every_model_is_declared_in_a_file_of_its_own():
             continue
         for p in part.parameters:
             assert p.median > 0
-            assert p.name.rpartition("_")[2] in {"um", "s", "mbar", "share", "scatter"}
+            assert p.name.rpartition("_")[2] in {"um", "s", "hz", "mbar", "share", "scatter"}
+
+
+def test_lasting_errors_that_sines_explain_are_dropped():
+    rng = np.random.default_rng(1)
+    waves = 8e-3 * np.sin(2 * np.pi * 0.3 * TIME + 1.0) + 4e-3 * np.sin(2 * np.pi * 1.2 * TIME)
+    choice = chosen(white(rng, 1.0) + waves)
+    assert set(choice.best.name.split("+")) == {"white", "breathing", "pulse"}
+    assert choice.parameters()["breathing_hz"] == pytest.approx(0.3, abs=0.05)
+    low, high = (
+        choice.quantile(lambda n: n.log_values[n.combination.parameters.index("pulse_hz")], q)
+        for q in (0.05, 0.95)
+    )
+    assert low < np.log(1.2) < high

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -15,7 +17,8 @@ from skinlab.inference.uncertainty import Sensor
 from skinlab.mechanics.fem.skin import Skin
 from skinlab.mechanics.materials import get_law
 from skinlab.mechanics.model_file import EffectRange, Header, Model, Normal, Range, check_model
-from skinlab.report.text import explain
+from skinlab.mechanics.names import plain
+from skinlab.report.text import describe, explain
 from skinlab.tables.forward import simulate
 
 OFFSET = {"deflection_offset": {"offset_um": EffectRange(0.0)}}
@@ -38,6 +41,9 @@ def test_bounds_of_the_laws_parameters_hold(table, curve, effects):
     (sentence,) = [s for s in explain(found) if "at the end of" in s and "X2" in s]
     assert "X2 at the end of the model's own bounds" in sentence
     assert "database" not in sentence
+    lines = describe(found).splitlines()
+    for name in found.parameters:  # no label runs into its value
+        assert any(re.match(rf"  {plain(name)[0]} +-?[0-9]", line) for line in lines), lines
 
 
 def test_the_databases_end_is_told_as_the_databases(table):

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from known_answers import distorted
 from scipy.special import iv
 
 from skinlab.curves.pressure_path import PressurePath
@@ -13,7 +14,6 @@ from skinlab.mechanics.effects.model import Skin, problem_of, response, solve_sk
 from skinlab.mechanics.effects.strain_stiffening import CUBIC
 from skinlab.mechanics.fem.assembly import Assembly, stress_and_tangent
 from skinlab.mechanics.fem.element import ELEMENTS, QUAD8_FULL
-from skinlab.mechanics.fem.known_answers import distorted
 from skinlab.mechanics.fem.mesh import grid_mesh
 from skinlab.mechanics.fem.newton import StepSettings, follow
 from skinlab.mechanics.fem.skin import Body, prepare, through_thickness

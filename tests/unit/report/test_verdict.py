@@ -45,6 +45,10 @@ def test_what_spoils_the_numbers_comes_before_what_is_to_be_repeated():
     assert step_words(worse) == "Go lower."
     assert of(cut="vented").words == "Repeat: it was cut short (vented)"
     assert of(partial=True).use is Use.REPEAT
+    few = [Finding("too_few_points", "it has 18 samples", "use a slower ramp")]
+    assert of(cut="vented", findings=few).words == "Repeat: it was cut short (vented)"
+    lifted = [Finding("no_contact", "the probe does not touch", "put it on")]
+    assert of(cut="vented", findings=lifted).use is Use.NOT
     assert of(error="too few samples").words == "Do not use: not identified (too few samples)"
     assert judge(None, [], None, partial=False) is None
 

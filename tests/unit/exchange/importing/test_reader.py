@@ -17,6 +17,7 @@ from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
 from skinlab.exchange.importing.questions import Answers, Question
 from skinlab.exchange.importing.reader import import_bytes, import_file
+from skinlab.exchange.importing.remembered import Remembered
 
 PLAIN = Setup(6.0, 1.0)
 RAMP = Setup(6.0, 1.0, parse_program("ramp:100@20"))
@@ -418,3 +419,35 @@ def test_options_that_do_not_fit(stated, says):
     if "pressure" not in says and stated.get("time_column") == "p (mbar)":
         stated = {**stated, "pressure_column": "2"}
     assert says in refusal(text, **stated)
+
+
+def test_an_answer_is_kept_for_files_with_the_same_headings(tmp_path):
+    asked: list[str] = []
+
+    def ask(question):
+        asked.append(question.option)
+        return "kPa"
+
+    kept = tmp_path / "settings" / "imports.toml"
+    rows = "".join(f"{0.1 * i:.1f};{i};{0.006 * i:.3f}\n" for i in range(51))
+    paths = [tmp_path / f"{name}.txt" for name in ("monday", "tuesday", "other")]
+    for path, heading in zip(paths, ("pressure", "pressure", "Pressure 2"), strict=True):
+        path.write_text(f"t (s);{heading};w (mm)\n{rows}")
+    import_file(paths[0], PLAIN, Answers({}, ask, Remembered(kept)))
+    found = import_file(paths[1], PLAIN, Answers({}, None, Remembered(kept)))
+    assert found.curve.pressure_mbar[-1] == 500.0
+    assert "--pressure-unit kPa, as answered before" in found.understood
+    with pytest.raises(InputError, match="unit of the pressure"):
+        import_file(paths[2], PLAIN, Answers({}, None, Remembered(kept)))
+    stated = import_file(
+        paths[1], PLAIN, Answers({"pressure-unit": "mbar"}, None, Remembered(kept))
+    )
+    assert stated.curve.pressure_mbar[-1] == 50.0  # an option is more than what was said before
+    kept.write_text(kept.read_text().replace("kPa", "mbar"))  # changed by hand
+    changed = import_file(paths[1], PLAIN, Answers({}, None, Remembered(kept)))
+    assert changed.curve.pressure_mbar[-1] == 50.0
+    import_file(paths[1], PLAIN, Answers({}, ask, Remembered(kept, ask_again=True)))
+    assert asked == ["pressure-unit", "pressure-unit"]
+    kept.write_text("[[layout]]\nheading = []")
+    with pytest.raises(InputError, match="did you mean headings"):
+        Remembered(kept)

@@ -2,14 +2,7 @@
 
 import numpy as np
 import pytest
-
-from skinlab.mechanics.fem.element import (
-    ELEMENTS,
-    QUAD8_FULL,
-    QUAD9_FULL,
-    QUAD9_LINEAR_DILATATION,
-)
-from skinlab.mechanics.fem.known_answers import (
+from known_answers import (
     clamped_plate,
     compressible_tube,
     disc,
@@ -19,6 +12,13 @@ from skinlab.mechanics.fem.known_answers import (
     sphere_pressure,
     thick_shell,
     tube_pressure,
+)
+
+from skinlab.mechanics.fem.element import (
+    ELEMENTS,
+    QUAD8_FULL,
+    QUAD9_FULL,
+    QUAD9_LINEAR_DILATATION,
 )
 from skinlab.mechanics.materials import get_law
 

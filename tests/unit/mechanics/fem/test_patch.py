@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from known_answers import distorted
 
 from skinlab.mechanics.fem.assembly import Assembly, stress_and_tangent
 from skinlab.mechanics.fem.element import ELEMENTS
-from skinlab.mechanics.fem.known_answers import distorted
 from skinlab.mechanics.fem.mesh import grid_mesh
 from skinlab.mechanics.materials import get_law
 

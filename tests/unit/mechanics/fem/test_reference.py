@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from known_answers import GeometryTo, reference_curves
 
 from skinlab.errors import InputError
 from skinlab.mechanics.fem.element import QUAD8_FULL
-from skinlab.mechanics.fem.known_answers import GeometryTo, reference_curves
 from skinlab.mechanics.fem.suction import (
     LINEAR_DILATATION_MESH,
     MESH_OF_RECORD,

@@ -1,0 +1,371 @@
+"""Campaigns whose truth is hidden: another mesh and other elements, skins and errors drawn afresh.
+
+Parts: `none` hides nothing, `single` each of the library's effects in turn, `double` two of them,
+`outside` something that the library does not have, `ramp` an effect (or, each fourth time, nothing)
+in one ramp of the 6 mm opening: white noise, one placement an opening, 20 Hz. Parts that begin with
+`life` are with errors as they are measured, every kind alone and all together (`Life`), one to four
+placements an opening, one to three openings, 10 to 200 Hz.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_device.skin import MESH
+from skinlab.curves.campaign import Campaign
+from skinlab.curves.curve import Curve, Setup
+from skinlab.curves.pressure_path import PressurePath
+from skinlab.curves.program import parse_program
+from skinlab.mechanics.effects.model import Effects, Skin, felt_path, response
+from skinlab.mechanics.fem.suction import Geometry
+
+Array = NDArray[np.float64]
+Distortion = Callable[[Array, Array, Array, np.random.Generator], Array]
+
+PARTS = (
+    "none", "single", "double", "outside", "ramp",
+    "life_none", "life_single", "life_double", "life_outside",
+)  # fmt: skip
+
+FULL = (
+    (6.0, "ramp:100@20,ramp:0@20", 1, 1),
+    (6.0, "ramp:100@20,ramp:0@20", 1, 2),
+    (6.0, "ramp:100@80,ramp:0@80", 1, 1),
+    (6.0, "ramp:100@80,hold:8,ramp:0@80,hold:4", 1, 1),
+    (2.0, "ramp:300@60,ramp:0@60", 1, 1),
+    (8.0, "ramp:100@20,ramp:0@20", 1, 1),
+)
+# Errors as in life: one placement an opening, times one to four.
+LIFE = (
+    (6.0, "ramp:100@80,hold:8,ramp:0@80,hold:4", 1),
+    (2.0, "ramp:300@60,ramp:0@60", 1),
+    (8.0, "ramp:100@20,ramp:0@20", 1),
+)
+# Of those effects alone that such campaigns can show at all: no later cycle is among them, and a
+# stiffness, a zero or a drift of every curve is what placements and tape do as well.
+LIFE_EFFECTS = (
+    "viscoelasticity", "natural_tension", "hypodermis", "contact_preload", "thickness_error",
+    "strain_stiffening", "tape_slip", "surface_layer", "deflection_gain", "power_law_creep",
+    "friction_loop", "regulator_lag",
+)  # fmt: skip
+SECOND_CYCLE = (6.0, "ramp:100@20,ramp:0@20", 2, 1)
+RAMP = ((6.0, "ramp:100@20", 1, 1),)
+
+# Sizes to hide, from weak to strong: lowest and highest of each parameter, drawn log-uniformly in
+# its distance from no effect; "±": either sign.
+SIZES: dict[str, dict[str, tuple[float, float, float, str]]] = {
+    "viscoelasticity": {"g": (0.0, 0.02, 0.45, "+"), "tau_s": (0.0, 0.1, 9.0, "+")},
+    "natural_tension": {"stretch": (1.0, 0.003, 0.06, "+")},
+    "hypodermis": {"thickness_mm": (0.0, 1.5, 8.0, "+"), "X1_kPa": (0.0, 0.05, 4.0, "+")},
+    "contact_preload": {"p0_mbar": (0.0, 0.5, 15.0, "+")},
+    "tape_slip": {"slip_mm": (0.0, 0.02, 0.4, "+")},
+    "thickness_error": {"ratio": (1.0, 0.02, 0.35, "±")},
+    "surface_layer": {"thickness_um": (0.0, 8.0, 40.0, "+"), "X1_MPa": (0.0, 0.2, 4.0, "+")},
+    "strain_stiffening": {"X3_MPa": (0.0, 5.0, 300.0, "+")},
+    "preconditioning": {"softening": (0.0, 0.01, 0.3, "+")},
+    "pressure_lag": {"lag_s": (0.0, 0.005, 0.2, "±")},
+    "deflection_offset": {"offset_um": (0.0, 1.0, 60.0, "±")},
+    "deflection_gain": {"gain": (1.0, 0.01, 0.15, "±")},
+    "baseline_drift": {"drift_um_per_s": (0.0, 0.1, 5.0, "±")},
+}
+LIFE_SIZES: dict[str, dict[str, tuple[float, float, float, str]]] = {
+    "power_law_creep": {"power": (0.0, 0.01, 0.15, "+")},
+    "friction_loop": {"friction": (0.0, 0.01, 0.12, "+")},
+    "regulator_lag": {"lag_s": (0.0, 0.03, 0.4, "+")},
+}
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What a campaign was made from."""
+
+    skin: Skin
+    effects: Effects
+    distortion: str  # the name of something outside the library, or ""
+    distortion_size: float
+    thickness_mm: float
+    noise_um: float
+    pressure_noise_mbar: float
+    stated: bool
+    life: Life | None = None  # None: white noise
+
+
+@dataclass(frozen=True)
+class Life:
+    """Errors as in life: sizes of what is drawn anew for each curve or placement."""
+
+    kind: str = "white"
+    rate_hz: float = 20.0
+    ou_um: float = 0.0
+    ou_s: float = 0.3
+    step_um: float = 1.0
+    heavy: bool = False  # Student's t with 3 degrees in place of the Gaussian
+    spikes: float = 0.0  # share of samples that are off by 30 to 100 µm
+    glitch_um: float = 0.0  # one sample of a curve
+    breathing_um: float = 0.0
+    pulse_um: float = 0.0
+    walk_um: float = 0.0  # per root second
+    proportional: float = 0.0  # of the deflection, each sample
+    pressure_step_mbar: float = 0.1
+    lag_s: float = 0.0  # by which the suction follows the command, measured truly
+    jitter_s: float = 0.0
+    lost: float = 0.0  # share of samples
+    stiffness: float = 0.0  # standard deviations, of each placement
+    thickness: float = 0.0
+    offset_um: float = 0.0
+
+    @classmethod
+    def drawn(cls, rng: np.random.Generator, number: int) -> Life:
+        """Return one kind alone, in turn, or (each third time) all of them."""
+        whole = cls(
+            "all", float(rng.choice([10.0, 20.0, 50.0, 100.0, 200.0])),
+            float(rng.uniform(2.0, 3.0)), float(rng.choice([0.1, 0.3, 1.0])),
+            float(rng.choice([1.0, 10.0])), bool(rng.random() < 0.5), 0.01, 300.0,
+            float(rng.uniform(2.0, 5.0)), float(rng.uniform(1.0, 3.0)),
+            float(rng.uniform(0.5, 1.0)), float(rng.uniform(0.005, 0.02)),
+            float(rng.choice([0.1, 0.3, 1.0])), float(rng.uniform(0.1, 0.3)), 0.008, 0.05,
+            float(rng.choice([0.01, 0.03, 0.06, 0.12])), float(rng.choice([0.01, 0.03, 0.05])),
+            float(rng.uniform(3.0, 10.0)),
+        )  # fmt: skip
+        of = {
+            "white": (), "ou": ("ou_um", "ou_s"), "step": ("step_um",), "heavy": ("heavy",),
+            "spikes": ("spikes",), "glitch": ("glitch_um",),
+            "periodic": ("breathing_um", "pulse_um"), "walk": ("walk_um",),
+            "proportional": ("proportional",), "pressure": ("pressure_step_mbar",),
+            "regulator": ("lag_s",), "clock": ("jitter_s", "lost"),
+            "stiffness": ("stiffness",), "thickness": ("thickness",), "offset": ("offset_um",),
+        }  # fmt: skip
+        if number % 3 == 2:
+            return whole
+        kind = list(of)[(number - number // 3) % len(of)]
+        return cls(kind, whole.rate_hz, **{name: getattr(whole, name) for name in of[kind]})
+
+    def errors_um(self, t: Array, white_um: float, rng: np.random.Generator) -> Array:
+        """Return what one curve's deflections are off by (n,), placement apart, µm."""
+        n = len(t)
+        noise = rng.standard_t(3, n) / np.sqrt(3.0) if self.heavy else rng.normal(size=n)
+        slow = [rng.normal()]
+        for d in np.exp(-np.diff(t) / self.ou_s):
+            slow.append(d * slow[-1] + np.sqrt(1.0 - d**2) * rng.normal())
+        steps = rng.normal(size=n) * np.sqrt(np.diff(t, prepend=t[0]))
+        found = white_um * noise + self.ou_um * np.array(slow) + self.walk_um * np.cumsum(steps)
+        for size, band in ((self.breathing_um, (0.2, 0.4)), (self.pulse_um, (1.0, 1.5))):
+            angle = 2.0 * np.pi * (rng.uniform(*band) * t + rng.uniform())
+            found = found + size * np.sin(angle)
+        hit = rng.random(n) < self.spikes
+        found = found + hit * rng.uniform(30.0, 100.0, n) * rng.choice([-1, 1], n)
+        found[rng.integers(n)] += self.glitch_um * rng.choice([-1, 1])
+        return np.asarray(found)
+
+
+@dataclass(frozen=True, eq=False)
+class Made:
+    """A campaign, and its curves before noise."""
+
+    campaign: Campaign
+    clean_mm: list[Array]
+
+
+# ---- what the library does not have: (time, pressure, deflection, rng) -> deflection, at size 1
+
+
+def heartbeat(t: Array, p: Array, w: Array, rng: np.random.Generator) -> Array:
+    """Add 20 µm at about one a second."""
+    return w + 0.020 * np.sin(2 * np.pi * 1.2 * t + rng.uniform(0, 2 * np.pi))
+
+
+def tape_jumps(t: Array, p: Array, w: Array, rng: np.random.Generator) -> Array:
+    """Let the skin jump by up to 60 µm at two moments of a curve, for good."""
+    for when in rng.uniform(0.15, 0.85, 2):
+        w = w + rng.uniform(0.02, 0.06) * (t > when * t[-1])
+    return w
+
+
+def rate_independent_loop(t: Array, p: Array, w: Array, rng: np.random.Generator) -> Array:
+    """Bulge the way back by 15 % of the dome, at any rate the same."""
+    x = p / max(float(p.max()), 1e-9)
+    back = t > t[int(np.argmax(p))]
+    return w + np.where(back, 0.15 * float(w.max()) * 4 * x * (1 - x), 0.0)
+
+
+def saturation(t: Array, p: Array, w: Array, rng: np.random.Generator) -> Array:
+    """Clip a dome at 70 % of its height."""
+    return np.minimum(w, 0.7 * float(w.max()))
+
+
+def wander(t: Array, p: Array, w: Array, rng: np.random.Generator) -> Array:
+    """Let the zero wander by 25 µm over some seconds."""
+    period = rng.uniform(4.0, 9.0)
+    phase = rng.uniform(0, 2 * np.pi)
+    return w + 0.025 * (np.sin(2 * np.pi * t / period + phase) - np.sin(phase))
+
+
+def play(t: Array, p: Array, w: Array, rng: np.random.Generator) -> Array:
+    """Let the dome follow the suction with a play of 12 mbar."""
+    effective, at = np.empty_like(p), 0.0
+    for i, asked in enumerate(p):
+        at = min(max(at, asked - 6.0), asked + 6.0)
+        effective[i] = at
+    rising = np.arange(len(p)) <= int(np.argmax(p))
+    known_p, known_w = p[rising], w[rising]
+    return np.asarray(np.interp(effective, known_p, known_w))
+
+
+def ringing(t: Array, p: Array, w: Array, rng: np.random.Generator) -> Array:
+    """Let a filter of 0.7 s ring in the deflection channel, without delaying its mean."""
+    bend = np.gradient(np.gradient(w, t), t)
+    return w + 0.25 * bend / max(1.0, float(np.abs(bend).max()) / 0.25)
+
+
+def bent_sensor(t: Array, p: Array, w: Array, rng: np.random.Generator) -> Array:
+    """Let the deflection sensor be off by a wave of 20 µm along its range."""
+    return w + 0.020 * np.sin(2.0 * np.pi * w / rng.uniform(0.6, 1.0))
+
+
+OUTSIDE: dict[str, Distortion] = {
+    f.__name__: f
+    for f in (
+        heartbeat, tape_jumps, rate_independent_loop, saturation, wander, play, ringing,
+        bent_sensor,
+    )
+}  # fmt: skip
+
+
+# What kind of thing each one is, for programs that tell a family and not a name; those without
+# are nothing that a smooth function of a few variables can be.
+FAMILIES: dict[str, tuple[str, ...]] = {
+    "heartbeat": ("periodic",),
+    "rate_independent_loop": ("history", "pressure_curve"),
+    "saturation": ("sensor_curve",),
+    "wander": ("periodic", "time"),
+    "play": ("history", "pressure_curve"),
+    "ringing": ("time",),
+    "bent_sensor": ("sensor_curve",),
+}
+
+
+# ---- making a campaign ---------------------------------------------------------------------------
+
+
+def draw(part: str, seed: int, number: int, attempt: int) -> tuple[Truth, Any]:
+    """Return the truth and the plan of curves of campaign `number`."""
+    rng = np.random.default_rng([seed, PARTS.index(part), number, attempt])
+    names = tuple(SIZES)
+    hidden: list[str] = []
+    distortion = ""
+    if part == "single":
+        hidden = [names[number % len(names)]]
+    elif part == "life_single":
+        hidden = [LIFE_EFFECTS[number % len(LIFE_EFFECTS)]]
+    elif part == "life_double":
+        hidden = sorted(rng.choice(LIFE_EFFECTS, 2, replace=False).tolist())
+    elif part == "double":
+        hidden = sorted(rng.choice(names, 2, replace=False).tolist())
+    elif part == "ramp" and number % 4:
+        hidden = [str(rng.choice([n for n in names if n != "preconditioning"]))]
+    elif part in ("outside", "life_outside"):
+        distortion = list(OUTSIDE)[number % len(OUTSIDE)]
+    sizes = SIZES | LIFE_SIZES
+    effects = {name: {k: _size(rng, *v) for k, v in sizes[name].items()} for name in hidden}
+    x1 = float(np.exp(rng.uniform(np.log(0.015), np.log(0.07))))
+    x2 = float(np.exp(rng.uniform(np.log(0.5), np.log(4.0))))
+    skin = Skin((x1, x2, float(rng.uniform(0.22, 0.42))))
+    plan = list(RAMP if part == "ramp" else FULL)
+    second = rng.random() < 0.3 or "preconditioning" in hidden
+    life = None
+    if part.startswith("life"):
+        times, openings = 3, len(LIFE)
+        if part == "life_none":
+            times, openings = int(rng.integers(1, 5)), int(rng.choice([3, 3, 2, 1]))
+        plan = [(*entry, 1 + i) for i in range(times) for entry in LIFE[:openings]]
+        life, second = Life.drawn(rng, number), False
+    if second and part != "ramp":
+        plan.append(SECOND_CYCLE)
+    truth = Truth(
+        skin,
+        effects,
+        distortion,
+        float(np.exp(rng.uniform(np.log(0.15), 0.0))) if distortion else 0.0,
+        round(float(rng.uniform(0.9, 1.5)), 2),
+        round(float(rng.uniform(2.0, 5.0)), 1),
+        round(float(rng.uniform(0.1, 0.3)), 2),
+        bool(rng.random() < 0.5),
+        life,
+    )
+    return truth, plan
+
+
+def _size(rng: np.random.Generator, zero: float, low: float, high: float, sign: str) -> float:
+    size = float(np.exp(rng.uniform(np.log(low), np.log(high))))
+    return zero + size * (float(rng.choice([-1.0, 1.0])) if sign == "±" else 1.0)
+
+
+def curve_of(
+    truth: Truth, entry: tuple[float, str, int, int], rng: np.random.Generator
+) -> tuple[Curve, Array] | None:
+    """Return the measured curve and the same without noise; None where the skin does not hold."""
+    aperture, text, cycle, repeat = entry
+    program = parse_program(text)
+    life = truth.life or Life()
+    t = np.arange(int(program.duration_s * life.rate_hz + 1e-9) + 1) / life.rate_hz
+    if life.lost or life.jitter_s:
+        t = t[rng.random(len(t)) >= life.lost]
+        t = np.unique(np.maximum(t + rng.normal(0.0, life.jitter_s, len(t)), 0.0).round(4))
+    path = PressurePath.of_program(program)
+    if life.lag_s:
+        path = felt_path({"regulator_lag": {"lag_s": life.lag_s}}, path)
+    thickness, skin = truth.thickness_mm, truth.skin
+    # A placement of its own.
+    thickness *= float(np.exp(life.thickness * rng.normal()))
+    stiffer = float(np.exp(life.stiffness * rng.normal()))
+    x1, x2, nu = skin.values
+    skin = Skin((x1 * stiffer, x2 * stiffer, nu))
+    offset_mm = 1e-3 * life.offset_um * rng.normal()
+    geometry = Geometry(aperture, thickness)
+    found = response(skin, truth.effects, geometry, path, t, cycle=cycle, discretisation=MESH)
+    w = found.deflection_mm
+    if not np.isfinite(w).all():
+        return None
+    if truth.distortion:
+        changed = OUTSIDE[truth.distortion](t, path(t), w, rng)
+        w = w + truth.distortion_size * (changed - w)
+    read_w = w + offset_mm + 1e-3 * life.errors_um(t, truth.noise_um, rng)
+    read_w = read_w + life.proportional * w * rng.normal(size=len(t))
+    step_mm, step_mbar = 1e-3 * life.step_um, life.pressure_step_mbar
+    read_w = step_mm * np.round(read_w / step_mm)
+    read_p = path(t) + rng.normal(0.0, truth.pressure_noise_mbar, len(t))
+    read_p = step_mbar * np.round(read_p / step_mbar)
+    name = f"d{aperture:g}_{text.replace(':', '').replace(',', '_')}_c{cycle}_{repeat}.csv"
+    setup = Setup(aperture, truth.thickness_mm, program, cycle, repeat)
+    return Curve(name, setup, t, read_p, read_w), w
+
+
+def make(part: str, seed: int, number: int) -> tuple[Truth, Made]:
+    """Return campaign `number`; skins that crease on the way are drawn again."""
+    for attempt in range(100):
+        truth, plan = draw(part, seed, number, attempt)
+        rng = np.random.default_rng([seed, PARTS.index(part), number, attempt, 1])
+        found = []
+        for entry in plan:
+            one = curve_of(truth, entry, rng)
+            if one is None:
+                break
+            found.append(one)
+        if len(found) == len(plan):
+            return truth, _made(truth, found)
+    raise RuntimeError("no skin holds")
+
+
+def _made(truth: Truth, found: Sequence[tuple[Curve, Array]]) -> Made:
+    campaign = Campaign(
+        "hidden",
+        truth.noise_um if truth.stated else None,
+        truth.pressure_noise_mbar if truth.stated else None,
+        tuple(curve for curve, _ in found),
+    )
+    return Made(campaign, [clean for _, clean in found])

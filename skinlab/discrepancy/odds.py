@@ -1,0 +1,29 @@
+"""How much likelier one explanation is than another, and what chance does, in round words."""
+
+from __future__ import annotations
+
+_MOST = 4.0  # decades: beyond, the figure says more than any library of explanations can know
+
+
+def odds_words(log10_ratio: float) -> str:
+    """Return how many times likelier, rounded, at most "more than 10,000 times"."""
+    if log10_ratio > _MOST:
+        return f"more than {10**_MOST:,.0f} times"
+    times = 10**log10_ratio
+    if times < 10:
+        return f"{times:#.2g} times"
+    return f"{float(f'{times:.2g}'):,.0f} times"
+
+
+def behind_words(log10_behind: float) -> str:
+    """Return how far behind the best an explanation is."""
+    return "the best" if log10_behind == 0 else f"{odds_words(log10_behind)} less likely"
+
+
+def chance_words(p_value: float) -> str:
+    """Return how often chance alone does as much."""
+    if p_value < 1e-6:
+        return "chance does so less than once in a million"
+    if p_value < 0.1:
+        return f"chance does so once in {float(f'{1 / p_value:.2g}'):,.0f}"
+    return "chance does so often"

@@ -1,0 +1,109 @@
+"""Whatever a command writes is for its owner only, also where the system would let all read it."""
+
+from __future__ import annotations
+
+import json
+import os
+import stat
+from importlib.resources import files
+from pathlib import Path
+
+import pytest
+from studies import small
+
+from sim_device.cohort import write_cohort
+from skinlab.cli.main import run
+from skinlab.recording.journal import Journal
+from skinlab.recording.records import Kind
+from skinlab.recording.session import read_session
+
+GEOMETRY = ["--aperture-mm", "6", "--thickness-mm", "1"]
+SKIN = ["--x1-mpa", "0.03", "--x2-mpa", "1.5", "--nu", "0.3"]
+SPEC = """[axis.X1_MPa]
+low = 0.02
+high = 0.05
+nodes = 2
+[axis.X2_MPa]
+low = 0.5
+high = 2.0
+nodes = 2
+[axis.nu]
+low = 0.28
+high = 0.36
+nodes = 2
+[pressures]
+high_mbar = 30
+nodes = 8
+[mesh]
+name = "screening-1"
+"""
+
+
+def readable_by_others(folder: Path) -> list[str]:
+    return [
+        f"{path.relative_to(folder)} {stat.S_IMODE(path.stat().st_mode):o}"
+        for path in folder.rglob("*")
+        if path.is_file() and path.stat().st_mode & 0o077
+    ]
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """An empty folder to work in, with the system's own folders inside, at umask 022."""
+    for name in ("XDG_CACHE_HOME", "XDG_STATE_HOME", "XDG_DATA_HOME", "XDG_CONFIG_HOME", "HOME"):
+        monkeypatch.setenv(name, str(tmp_path / "home" / name.lower()))
+    monkeypatch.chdir(tmp_path)
+    before = os.umask(0o022)
+    yield tmp_path
+    os.umask(before)
+
+
+def journal(path: Path) -> Journal:
+    """A journal as a crash leaves it, still open."""
+    example = read_session(Path(str(files("skinlab") / "data" / "example.h5")))
+    writer = Journal(path, example.meta)
+    for record in example.records:
+        if record.kind is Kind.PLAN:
+            writer.plan(record.host_time_s, json.loads(record.data))
+        elif record.kind in (Kind.RECEIVED, Kind.SENT):
+            way = "rx" if record.kind is Kind.RECEIVED else "tx"
+            writer.raw(way, record.host_time_s, record.data, record.utc_s)
+    writer.flush()
+    return writer
+
+
+def test_every_file_that_a_command_writes(folder):
+    write_cohort(small(people=3), folder / "given", seed=5, broken=2)
+    (folder / "given.truth.csv").unlink()
+    (folder / "spec.toml").write_text(SPEC)
+    given = {path for path in folder.rglob("*") if path.is_file()}
+    open_journal = journal(folder / "crashed.h5.journal")
+    assert readable_by_others(folder) == [
+        f"{path.relative_to(folder)} 644" for path in folder.rglob("*") if path in given
+    ]
+    open_journal.close()
+    curve = ["forward", *SKIN, *GEOMETRY, "--program", "ramp:60@20", "--csv", "curve.csv"]
+    for arguments in (
+        ["recover", "crashed.h5.journal", "--out", "crashed.h5"],
+        curve,
+        ["measure", "--port", "sim://?speed=20", *GEOMETRY, "--program", "ramp:60@60",
+         "--out", "visits/s.h5"],
+        ["replay", "visits/s.h5", "--speed", "max"],
+        *(["export", "visits/s.h5", "--to", way, f"out/{way}"]
+          for way in ("csv", "json", "html", "svg", "fhir", "parameters")),
+        ["import", "curve.csv", *GEOMETRY, "--program", "ramp:60@20", "--out", "imported.h5"],
+        ["capture", "--port", "sim://", "--seconds", "0", "--out", "traffic.jsonl"],
+        ["database", "build", "--spec", "spec.toml", "--out", "table.h5", "--workers", "1"],
+        ["discrepancy", "out/csv", "--report", "gap", "--adopt", "model.toml", "--workers", "1"],
+        ["study", "given", "--out", "study", "--workers", "1"],
+    ):  # fmt: skip
+        assert run(arguments) in {0, 3}, arguments
+    for path in given:
+        path.unlink()
+    written = {path.name for path in folder.rglob("*") if path.is_file()}
+    assert written >= {
+        "crashed.h5", "curve.csv", "s.h5", "session.json", "report.html", "imported.h5",
+        "traffic.jsonl", "table.h5", "study.sqlite", "curves.csv", "curves.parquet", "study.json",
+        "reference.toml", "ro-crate-metadata.json",
+    }  # fmt: skip
+    assert readable_by_others(folder) == []

@@ -1,0 +1,90 @@
+"""What `skinlab plugins check` asks of a stranger's law and effect: no more than what is right."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from skinlab.extensions.effects import it_says_what_it_is
+from skinlab.extensions.laws import derivatives_are_the_energys
+from skinlab.extensions.rules import BrokenRuleError
+from skinlab.mechanics.effects.base import Effect
+from skinlab.mechanics.materials.base import Law, potential_of_j1
+from skinlab.parameters import Nodes, Parameter, Search
+
+
+class VerondaWestmann(Law):
+    """W = C1 (exp(C2 (J1 − 3)) − 1) − C1 C2/2 (J2 − 3): large in J1 where it is small in J2."""
+
+    name = "veronda_westmann"
+    formula = "W = C1 (exp(C2 (J1 − 3)) − 1) − C1 C2/2 (J2 − 3) + κ/2 (J − 1)²"
+    meaning = "C1: stiffness; C2: how fast it stiffens"
+    source = "Veronda and Westmann 1970"
+    poisson = "nu"
+    parameters = (
+        Parameter(
+            "C1_MPa", "MPa", "stiffness", 1e-4, 10.0, None, 0.01, "1970", "log",
+            search=Search(0.002, 0.05, "log"), axis=Nodes(0.002, 0.05, 5, "log"),
+        ),
+        Parameter(
+            "C2", "", "how fast it stiffens", 0.1, 200.0, None, 6.0, "1970", "log",
+            search=Search(2.0, 20.0, "log"), axis=Nodes(2.0, 20.0, 5, "log"),
+        ),
+        Parameter(
+            "nu", "", "Poisson's ratio", 0.0, 0.499, None, 0.35, "1970",
+            search=Search(0.25, 0.45), axis=Nodes(0.25, 0.45, 4),
+        ),
+    )  # fmt: skip
+
+    def half_shear_modulus(self, values):
+        return 0.5 * values["C1_MPa"] * values["C2"]
+
+    def isochoric(self, i1, i2, j, parameters):
+        c1, c2 = parameters["C1_MPa"], parameters["C2"]
+
+        def energy(e):
+            growth = np.exp(c2 * e)
+            return c1 * (growth - 1.0), c1 * c2 * growth, c1 * c2**2 * growth
+
+        first = potential_of_j1(i1, j, energy)
+        b = -0.5 * c1 * c2 * j ** (-4.0 / 3.0)
+        return replace(
+            first,
+            energy=first.energy + b * i2 + 1.5 * c1 * c2,
+            d_i2=b,
+            d_j=first.d_j - 4.0 / 3.0 * b / j * i2,
+            d_i2_j=-4.0 / 3.0 * b / j,
+            d_j_j=first.d_j_j + 28.0 / 9.0 * b / j**2 * i2,
+        )
+
+
+def test_a_right_law_of_an_exponential_obeys():
+    derivatives_are_the_energys(VerondaWestmann())
+
+
+@pytest.mark.parametrize("derivative", ["d_i1", "d_i2", "d_j", "d_i1_i1", "d_i2_j", "d_j_j"])
+def test_a_wrong_sign_is_found(derivative):
+    class Wrong(VerondaWestmann):
+        def isochoric(self, i1, i2, j, parameters):
+            right = super().isochoric(i1, i2, j, parameters)
+            return replace(right, **{derivative: -getattr(right, derivative)})
+
+    with pytest.raises(BrokenRuleError, match=derivative):
+        derivatives_are_the_energys(Wrong())
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"), [("bend_per_mm", "1/mm"), ("rise_um_per_s", "µm/s"), ("share_percent", "%")]
+)
+def test_a_parameters_name_ends_with_its_unit_in_words(name, unit):
+    class Of(Effect):
+        name = meaning = formula = source = "an_effect"
+        parameters = (Parameter("", "", "", 0.0, 1.0, 0.0, 0.5, ""),)
+
+    Of.parameters = (Parameter(name, unit, "a size", 0.0, 1.0, 0.0, 0.5, "an example"),)
+    it_says_what_it_is(Of())
+    Of.parameters = (Parameter("size", unit, "a size", 0.0, 1.0, 0.0, 0.5, "an example"),)
+    with pytest.raises(BrokenRuleError, match="does not end with its unit"):
+        it_says_what_it_is(Of())
