@@ -21,10 +21,10 @@ from typing import Any
 
 import msgspec
 import numpy as np
-import tomli_w
 from numpy.typing import NDArray
 
 from skinlab.inference.population import SCHEMA, PriorFile, Site, coordinates_of, to_coordinates
+from skinlab.io.documents import toml_text
 
 Array = NDArray[np.float64]
 
@@ -141,7 +141,7 @@ def learn(
 def to_toml(file: PriorFile) -> str:
     """Return the text of a study.toml."""
     said: dict[str, Any] = msgspec.to_builtins(file)
-    return tomli_w.dumps({k: v for k, v in said.items() if v is not None})
+    return toml_text(said)
 
 
 def _plain(values: Array) -> list[float]:

@@ -37,12 +37,13 @@ from skinlab.acquisition.settings import recall, recall_choice, remember, rememb
 from skinlab.acquisition.shutdown import INTERRUPTED
 from skinlab.errors import InputError, SkinlabError
 from skinlab.io.log import log_exception
+from skinlab.mechanics.materials import get_law
 from skinlab.recording.curve_selection import Deed
 from skinlab.recording.session_fit import comparable
 from skinlab.recording.stream import Identified, Sampled
 from skinlab.recording.visit_index import visit_before
 from skinlab.tui.choices import choices_for
-from skinlab.tui.goal import CHOICES, ChangeGoal, change_distance, distance
+from skinlab.tui.goal import ChangeGoal, change_distance, choices, distance
 from skinlab.tui.inert import InertText
 from skinlab.tui.no_color import StyledFirst
 from skinlab.tui.screens.alarm import AlarmScreen
@@ -440,7 +441,15 @@ class SkinlabApp(App[None]):
         key = event if isinstance(event, events.Key) and not event.is_forwarded else None
         if pasted or (key is not None and is_typing(key.key, printable=key.is_printable)):
             self.guard.typed()
+        if key is not None and key.key in self._vent_keys and self.board.moving:
+            # Textual would let a line that is typed in, of a list or a note, take the letter
+            self.action_vent()
+            return
         await super().on_event(event)
+
+    @property
+    def _vent_keys(self) -> list[str]:
+        return self._own_keys.get("vent", "v").split(",")
 
     @property
     def _main(self) -> MainScreen:
@@ -654,17 +663,22 @@ class SkinlabApp(App[None]):
 
     def _choose_goal(self) -> None:
         """Offer what a visit can aim at."""
+        law = self.bench.analysis.law
+        if law is None:
+            self.board.answer(Level.INFO, "still preparing: g again in a moment")
+            return
+        offered = {goal.words: goal for goal in choices(get_law(law))}
 
         def chosen(text: str | None) -> None:
             if text is None:
                 return
-            self.board.goal = next((g for g in CHOICES if g.words == text), None)
+            self.board.goal = offered.get(text)
             self.board.goal_is = None
             self.board.touch()
             self._aim()
 
-        choices = [("no goal", "no goal"), *((g.words, g.words) for g in CHOICES)]
-        self.push_screen(PickScreen(self.board, "Goal of this visit", choices), chosen)
+        lines = [(words, words) for words in ("no goal", *offered)]
+        self.push_screen(PickScreen(self.board, "Goal of this visit", lines), chosen)
 
     def _aim(self) -> None:
         """Find out beside how far the visit is from its goal."""
