@@ -561,7 +561,7 @@ def scaled_bar(
 
 
 _WHAT_TO_DO = {  # with the screen's own keys; the rest is the catalogue's advice
-    "not_identifiable": "Use another opening too and fit together (s, j), or more pressure.",
+    "not_identifiable": "Measure with another opening too and fit together (s, j), or go higher.",
     "misfit_above_noise": "Press d to look for what the model misses.",
     "at_bound": "Do not use the number as it is.",
     "outside_database": "Part of the curve is beyond the database, and was not fitted.",
