@@ -9,7 +9,8 @@ next single curve. How poorly few people tell it is in it too: people are drawn 
 and the scatter of the estimates widens the distribution, which has the tails of a Student's. So is
 what no number of curves averages out: mesh, law and calibration err in all of them alike, along the
 valley in which single curves are open. That is taken as a share of a single curve's own error,
-because without it intervals held the truth in 78 to 87 of 100 (simulated skins on another mesh).
+because without it intervals contained the true value in 78 to 87 of 100 (simulated skins on another
+mesh).
 """
 
 from __future__ import annotations

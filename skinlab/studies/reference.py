@@ -1,7 +1,7 @@
 """Reference ranges as data: what is usual at a site, by age and sex, under one opening and program.
 
 REFERENCE.toml is documented in docs/study.md. None ships: published tables are not ours to copy.
-A range is made from one's own study, or typed in from a publication, with its source and licence.
+A range is made from your own study, or typed in from a publication, with its source and licence.
 """
 
 from __future__ import annotations

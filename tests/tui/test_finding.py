@@ -191,6 +191,13 @@ async def test_the_palette_finds_and_starts_nothing(bedside):
         await bed.until(lambda: isinstance(bed.app.screen, PaletteScreen))
         await bed.press(*"misses", "enter")
         await bed.until(lambda: "means nothing at this moment" in bed.board.note)
+        assert isinstance(bed.app.screen, MainScreen)
+        await bed.press("f5", "ctrl+p")
+        await bed.until(lambda: isinstance(bed.app.screen, PaletteScreen))
+        found = bed.app.screen.query_one(OptionList)
+        assert not any("confirm" in found.get_option_at_index(i).id for i in range(5))
+        await bed.press(*"here: trend", "enter")  # what the screen itself can do
+        await bed.until(lambda: isinstance(bed.app.screen, VisitsScreen))
 
 
 async def test_messages_can_be_read_again(bedside):
