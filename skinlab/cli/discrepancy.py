@@ -86,7 +86,7 @@ def command(
     except KeyboardInterrupt:
         _tell_partial(partial, report)
         raise
-    if adopt is not None and outcome.verdict.name != "named":
+    if adopt is not None and not outcome.verdict.explains:
         echo(f"skinlab: the verdict is {outcome.verdict.name}: there is nothing to adopt", err=True)
     elif adopt is not None:
         write_adopted(outcome, adopt, base, table, data)
