@@ -1,4 +1,4 @@
-"""Identification with a model of one's own: other bounds and priors, or effects in the law."""
+"""Identification with a custom model: other bounds and priors, or effects in the law."""
 
 from __future__ import annotations
 

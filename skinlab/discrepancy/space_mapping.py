@@ -369,7 +369,7 @@ class MappedModel:
 
 
 def _key(record: Record) -> Key:
-    return record.geometry, min(record.curve.setup.cycle, 2)
+    return record.geometry, record.curve.setup.cycle
 
 
 def _moved(u: Array, j: int, step: float) -> Array:

@@ -24,7 +24,7 @@ from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.discrepancy.text import describe, partial_words
 from skinlab.discrepancy.verdict import decide
 from skinlab.discrepancy.workflow import Partial, explain
-from skinlab.mechanics.effects import effect_names
+from skinlab.mechanics.effects import library_names
 from skinlab.mechanics.effects.model import Skin, response
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.mechanics.model_file import EffectRange, Header, Model
@@ -66,7 +66,7 @@ def document(outcome):
     found = json.loads(json.dumps(outcome.to_json(), allow_nan=False))
     shown = [name.split(".")[0] for name in found["detectable"]]
     told = [*shown, *found["cannot_show"], *found["not_screened"]]
-    assert sorted(told) == sorted(effect_names())
+    assert sorted(told) == sorted(library_names())
     assert all([*found["cannot_show"].values(), *found["not_screened"].values()])
     return found
 
@@ -149,7 +149,7 @@ def test_where_nothing_is_hidden_nothing_is_found(table):
     # Those of the fit are by the errors that repeats alone would tell of: as large or larger.
     assert (drawn.deviations < 1.2 * outcome.best.fit.deviations).all()
     seen = {name.split(".")[0] for name in found["detectable"]}
-    assert seen <= set(effect_names())
+    assert seen <= set(library_names())
     # No second cycle: it could not have been seen.
     assert found["cannot_show"]["preconditioning"] == "it does nothing to these curves"
     # Beyond the zeros that placements may have.
