@@ -545,7 +545,7 @@ class SkinlabApp(App[None]):
 
     def _commands_here(self) -> dict[str, Command]:
         """Return what the keys of the present screen only look at or ask for, by a name."""
-        found = {}
+        found: dict[str, Command] = {}
         for active in self.screen.active_bindings.values():
             binding = active.binding
             looks = binding.id is None or binding.id in LOOKING

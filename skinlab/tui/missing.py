@@ -144,7 +144,7 @@ def _function_rows(outcome: Outcome, columns: int) -> Rows:
     from skinlab.discrepancy.text import learned_words
 
     low, high = float(learned.low.min()), float(learned.high.max())
-    width, height = min(columns - 4, 2 * _BAR), 2 * _PANEL[1]
+    width, height = min(columns - 4, 2 * _BAR[1]), 2 * _PANEL_ROWS[0]
     x = np.linspace(learned.x[0], learned.x[-1], 2 * width)
     at = share(x, learned.x[0], learned.x[-1])
 

@@ -129,7 +129,7 @@ def replace_pressure(curve, pressure):
 
 
 def test_what_the_model_cannot_do_is_flagged_and_widens(table):
-    """Beside a stated noise it is a misfit; where the noise is unknown, noise that is correlated."""
+    """Beside a stated noise it is a misfit; where the noise is unknown, correlated noise."""
     wave = 0.015 * np.sin(np.linspace(0, 12, 51))
     for sensor, flag in ((Sensor(3.0, 0.0), "misfit_above_noise"), (Sensor(), "correlated_noise")):
         clean, wavy = (
