@@ -22,7 +22,7 @@ _ANCHORS = 8
 _SEEN = 2  # after so many, one that expects to stay above its limit ends
 _ENOUGH = 3  # after so many, one that explains nothing goes on only while it gains this share
 _WORTH = 0.1
-_REFRESHED = 4  # times that the slopes are taken anew
+_REFRESHED = 4  # times that a walk is begun anew
 HOPELESS = 1.5  # a χ² a sample that no exact optimum will turn into an explanation
 _GAIN = 0.3  # of the cost: less is not worth another time
 _CLOSE = 0.3  # of χ²: an anchor that changes the curves by no more is the last
@@ -187,15 +187,17 @@ class Fitter:
     def fit(self, unknowns: Unknowns, start: Array, limit: float = math.inf) -> Fit | None:
         """Return the best fit near a start (k,), None where there is no model.
 
-        What is learnt from anchor to anchor leads to the valley, not to its bottom: from where that
-        ended, the slopes are taken anew, until nothing is gained. A fit that will not come below a
-        cost of `limit` ends early and is not settled.
+        How what relaxes changes is learnt from anchor to anchor, and leads to the valley, not to
+        its bottom: from where that ended it is begun anew, until nothing is gained. A fit that will
+        not come below a cost of `limit` ends early and is not settled.
         """
         best = self._walk(unknowns, start, limit)
         for _ in range(_REFRESHED):
             hopeless = min(HOPELESS * self.errors.count, limit)
             if best is None or not best.corrected or best.chi2 > hopeless:
                 return best
+            if best.settled and not self.model(unknowns).remembers(best.u):
+                break
             again = self._walk(unknowns, best.u, limit)
             least = _GAIN + _CLOSE_SHARE * max(0.0, best.chi2 - self.errors.count)
             if again is None or again.cost > best.cost - least:

@@ -87,6 +87,11 @@ class MappedModel:
         """Whether the finite elements correct the table anywhere."""
         return bool(self._ratios or self._courses)
 
+    def remembers(self, u: Array) -> bool:
+        """Return whether anything relaxes there."""
+        candidate = self._candidate(u)
+        return candidate is not None and any(p.prony for p in candidate.problems.values())
+
     @cached_property
     def _twins(self) -> list[int]:
         """Return of each record the first one that no model can tell from it: repeats."""
