@@ -34,7 +34,7 @@ from skinlab.tables.store import shipped_table
 Array = NDArray[np.float64]
 
 SHARES = (0.05, 0.25, 0.5, 0.75, 0.95)
-WALKERS, STEPS, FIRST = 24, 3000, 600
+WALKERS, STEPS, FIRST = 24, 10000, 1500  # 50 times as long as the walk remembers
 NO_SENSOR = Sensor(None, 0.0)
 
 
