@@ -41,7 +41,7 @@ def draw(points: int, seed: int) -> tuple[list[dict[str, Any]], float]:
         convention = ("paper", "consistent")[drawn % 2]
         x1 = float(np.exp(rng.uniform(*np.log(spec.scale_mpa))))
         ratio = float(np.exp(rng.uniform(np.log(0.5), np.log(1000))))
-        nu = float(rng.uniform(0.2, 0.49))
+        nu = float(rng.uniform(0.0, 0.499))
         thin, thick = spec.thickness.low, spec.thickness.high
         thickness = float(np.exp(rng.uniform(np.log(thin), np.log(thick))))
         pressure = float(rng.uniform(0, 500))
@@ -49,7 +49,7 @@ def draw(points: int, seed: int) -> tuple[list[dict[str, Any]], float]:
         geometry = Geometry(aperture, thickness * aperture / 2)
         model = table.model(geometry, np.array([pressure]), convention)
         w = float(model.deflection_mm(np.array([[x1, x1 * ratio, nu]]))[0, 0])
-        if np.isfinite(w):
+        if np.isfinite(w) and not model.creases(np.array([[x1, x1 * ratio, nu]]))[0]:
             kappa = x1 * float(kappa_ratio(nu, convention))
             found.append(
                 {

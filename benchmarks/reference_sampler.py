@@ -12,6 +12,8 @@ below; that less q, by its own Monte Carlo error, is z.
 
 from __future__ import annotations
 
+import json
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -34,7 +36,7 @@ from skinlab.tables.store import shipped_table
 Array = NDArray[np.float64]
 
 SHARES = (0.05, 0.25, 0.5, 0.75, 0.95)
-WALKERS, STEPS, FIRST = 24, 3000, 600
+WALKERS, STEPS, FIRST = 24, 10000, 1500  # 50 times as long as the walk remembers
 NO_SENSOR = Sensor(None, 0.0)
 
 
@@ -131,7 +133,10 @@ def one(skin: Skin, seed: int) -> dict[str, Any]:
 
 def sampler(curves: int, seed: int) -> dict[str, Any]:
     """Return how the quantiles of both agree."""
-    found = [one(skin, seed) for skin in skins(curves, seed=seed)]
+    found = []
+    for skin in skins(curves, seed=seed):
+        found.append(one(skin, seed))
+        print(json.dumps(found[-1]), file=sys.stderr, flush=True)
     z = np.array([[f["z"][n] for n in NAMES] for f in found])
     off = np.array([[f["off"][n] for n in NAMES] for f in found])
     return {

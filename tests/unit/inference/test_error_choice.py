@@ -352,3 +352,12 @@ def test_lasting_errors_that_sines_explain_are_dropped():
         for q in (0.05, 0.95)
     )
     assert low < np.log(1.2) < high
+
+
+def test_a_sine_outside_of_its_band_is_none_of_the_bands():
+    rng = np.random.default_rng(2)
+    choice = chosen(white(rng, 1.0) + 8e-3 * np.sin(2 * np.pi * 0.6 * TIME + 1.0))
+    for node in choice.nodes:
+        values = dict(zip(node.combination.parameters, np.exp(node.log_values), strict=True))
+        assert 0.19 < values.get("breathing_hz", 0.3) < 0.42
+        assert 0.86 < values.get("pulse_hz", 1.0) < 1.7

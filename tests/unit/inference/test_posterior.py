@@ -190,6 +190,14 @@ class TestSummary:
         assert low == 0.2
         assert high == 0.49
 
+    def test_the_middle_half_is_inside_where_the_likeliest_values_are_far_from_most(self):
+        x = np.linspace(0.0, 1.0, 5001)
+        log_density = np.where(x < 0.02, 5.0, 0.0)  # a narrow place, and a wide one
+        middle, low, high = summary(x, np.full(len(x), 1 / len(x)), log_density)
+        assert middle == pytest.approx(0.5, abs=1e-3)
+        assert low == 0.0
+        assert high == pytest.approx(0.75, abs=1e-3)
+
     def test_the_scale_does_not_matter(self):
         x, weight, log_density = self.drawn(2)
         middle, low, high = summary(x, weight, log_density)
