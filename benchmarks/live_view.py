@@ -57,7 +57,7 @@ _TYPED_S = 0.1  # between two keys
 _READ_S = 1.2  # after typing, until F9 counts
 _F8, _F9 = b"\x1b[19~", b"\x1b[20~"
 _END = b"\x1b[?2026l"  # of a frame
-# What a bedside needs, in every size at 100 Hz; by the worst of all curves, as none is the patient's
+# What a bedside needs at 100 Hz in every size, by the worst of all curves
 AIMS = {"completion_to_card_ms": 200.0, "vent_ms": 80.0, "frames_per_s": 20.0, "lost_samples": 0}
 
 

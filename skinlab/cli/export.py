@@ -49,9 +49,9 @@ def command(
     """Write SESSION into DIR.
 
     csv: curves, results, and a campaign of them; json: one file; html: a report with pictures that
-    stands alone; pdf: the same, on A4; png, svg: the pictures of that report; fhir: a bundle of HL7 FHIR R4; parameters:
-    JSON with all that is needed to compare parameters (docs/exchange.md). Prints the paths of what
-    it wrote. A file that exists is never overwritten.
+    stands alone; pdf: the same, on A4; png, svg: the pictures of that report; fhir: a bundle of
+    HL7 FHIR R4; parameters: JSON with all that is needed to compare parameters (docs/exchange.md).
+    Prints the paths of what it wrote. A file that exists is never overwritten.
 
     \b
     Example: skinlab export visit.h5 --to html visit
