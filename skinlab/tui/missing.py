@@ -53,6 +53,7 @@ def outcome_rows(outcome: Outcome, columns: int, lines: int = 0) -> Rows:
 
     rows: Rows = [[(line, "strong")] for line in repeats_words(outcome) + verdict_lines(outcome)]
     rows += [[(line, "text")] for line in next_lines(outcome)]
+    rows += _function_rows(outcome, columns)
     behind = [*_candidate_rows(outcome, columns), *_share_rows(outcome)]
     behind += [[(line, "quiet")] for line in doubt_words(outcome)]
     behind += [[], *_value_rows(outcome, columns)]
@@ -74,7 +75,7 @@ def verdict_lines(outcome: Outcome) -> list[str]:
     from skinlab.discrepancy.text import gap_words, lead_words, verdict_words
 
     lines = [" ".join([verdict_words(outcome), *lead_words(outcome)])]
-    if outcome.verdict.explanations:
+    if outcome.verdict.explanations and outcome.learned is None:
         after = outcome.parameters(outcome.best)
         sizes = [
             f"{name_of_effect(name)} {size_words(name, Value(**value))}"
@@ -99,7 +100,7 @@ def next_lines(outcome: Outcome) -> list[str]:
         from skinlab.discrepancy.text import next_words
 
         return lines + next_words(outcome)[1:]
-    if outcome.verdict.name == "named":
+    if outcome.verdict.explains:
         return ["Next: a adopts the model with it; it asks first."]
     if outcome.verdict.name == "none":
         return ["Next: b goes back; nothing has to be done."]
@@ -133,6 +134,34 @@ def name_of_effect(name: str) -> str:
 def _effects(candidate: Candidate, outcome: Outcome) -> str:
     own = set(outcome.found.base.effects)
     return " and ".join(e for e in candidate.effects if e not in own)
+
+
+def _function_rows(outcome: Outcome, columns: int) -> Rows:
+    """Return the learned function with its band as a small picture."""
+    learned = outcome.learned
+    if learned is None:
+        return []
+    from skinlab.discrepancy.text import learned_words
+
+    low, high = float(learned.low.min()), float(learned.high.max())
+    width, height = min(columns - 4, 2 * _BAR[1]), 2 * _PANEL_ROWS[0]
+    x = np.linspace(learned.x[0], learned.x[-1], 2 * width)
+    at = share(x, learned.x[0], learned.x[-1])
+
+    def drawn(y: np.ndarray) -> Bits:
+        return dots(at, share(np.interp(x, learned.x, y), low, high), width, height)
+
+    one = learned.family
+    title = (
+        f"{one.y_name} ({low:.3g} to {high:.3g}) by {one.x_name} "
+        f"({learned.x[0]:.3g} to {learned.x[-1]:.3g}), with the ends of its 90 % band"
+    )
+    rows: Rows = [[(line, "text")] for line in learned_words(outcome)]
+    rows += [[], [(title, "quiet")]]
+    pictures = (drawn(learned.y), drawn(learned.low) | drawn(learned.high))
+    return rows + [
+        [(text, ("after", "band")[layer]) for text, layer in row] for row in runs(pictures)
+    ]
 
 
 def _candidate_rows(outcome: Outcome, columns: int) -> Rows:
@@ -316,5 +345,5 @@ def hints(missing: Missing | None) -> tuple[bool, bool]:
     outcome = None if missing is None else missing.outcome
     if outcome is None or missing is None:
         return False, False
-    named = outcome.verdict.name == "named" and missing.adopted is None
+    named = outcome.verdict.explains and missing.adopted is None
     return outcome.next_measurement is not None, named

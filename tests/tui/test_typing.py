@@ -262,7 +262,7 @@ async def type_in(bed, state, keys, rng, starts):
             bed.app.post_message(events.Key(key, CHARACTERS.get(key, key)))
         await bed.pilot.pause()
         assert starts.count == started, word
-    assert not bed.app._exit
+    assert bed.app.return_code is None
     assert bed.board.alarm == alarmed
     assert bed.board.model is None
     if state is not prompt:  # there it is the answer
@@ -324,7 +324,7 @@ async def walk(bed, keys, rng, starts):
     main = bed.app.screen_stack[0]
     allowed, typed_s, checked = 0, -10.0, False
     pressed = 0
-    while pressed < keys and not bed.app._exit:
+    while pressed < keys and bed.app.return_code is None:
         burst = [rng.choice(TEXT + OTHER * 2)]
         if rng.random() < 0.06 and bed.app.screen is main and bed.board.can_arm:
             bed.app.query_one("#subject", Input).value = f"P{rng.randint(1, 9)}"
@@ -345,7 +345,7 @@ async def walk(bed, keys, rng, starts):
             await bed.press(key)
             pressed += 1
             assert starts.count <= allowed, (key, pressed)
-            if bed.app._exit:
+            if bed.app.return_code is not None:
                 break
     return allowed
 
