@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 @click.option(
     "--to",
     "kind",
-    type=click.Choice(["csv", "json", "html", "png", "svg", "fhir", "parameters"]),
+    type=click.Choice(["csv", "json", "html", "pdf", "png", "svg", "fhir", "parameters"]),
     required=True,
     help="Format.",
 )
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 def command(
     session: Path,
     folder: Path,
-    kind: Literal["csv", "json", "html", "png", "svg", "fhir", "parameters"],
+    kind: Literal["csv", "json", "html", "pdf", "png", "svg", "fhir", "parameters"],
     database_path: Path | None,
     reference_path: Path | None,
     age_years: float | None,
@@ -49,9 +49,9 @@ def command(
     """Write SESSION into DIR.
 
     csv: curves, results, and a campaign of them; json: one file; html: a report with pictures that
-    stands alone; png, svg: the pictures of that report; fhir: a bundle of HL7 FHIR R4; parameters:
-    JSON with all that is needed to compare parameters (docs/exchange.md). Prints the paths of what
-    it wrote. A file that exists is never overwritten.
+    stands alone; pdf: the same, on A4; png, svg: the pictures of that report; fhir: a bundle of
+    HL7 FHIR R4; parameters: JSON with all that is needed to compare parameters (docs/exchange.md).
+    Prints the paths of what it wrote. A file that exists is never overwritten.
 
     \b
     Example: skinlab export visit.h5 --to html visit
@@ -64,8 +64,8 @@ def command(
 
     if reference_path is None and (age_years, sex) != (None, None):
         raise click.UsageError("--age-years and --sex are for --reference")
-    if reference_path is not None and kind != "html":
-        raise click.UsageError("--reference is for the report, --to html")
+    if reference_path is not None and kind not in {"html", "pdf"}:
+        raise click.UsageError("--reference is for the report, --to html or pdf")
     read = read_session(session)
     match kind:
         case "csv" | "json":

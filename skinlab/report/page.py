@@ -173,7 +173,8 @@ th { font-weight: 600; }
 @media print {
   #s1 { break-after: page; }
   #s1 h2 { border-top: none; margin-top: 0; }
-  #s1 figure img { max-height: 75mm; }
+  #s1 figure img { max-height: 52mm; }
+  #s1 table, figcaption { font-size: 9pt; }
   body { max-width: none; padding: 0; font-size: 10pt; }
   nav { display: none; }
   figure, tr, li { break-inside: avoid; }

@@ -25,10 +25,11 @@ from skinlab.report.pictures import style, to_bytes, to_data_uri
 from skinlab.report.protocol import protocol_section
 from skinlab.report.provenance import provenance_section
 
-Format = Literal["html", "png", "svg"]
-FORMATS: tuple[Format, ...] = ("html", "png", "svg")
+Format = Literal["html", "pdf", "png", "svg"]
+FORMATS: tuple[Format, ...] = ("html", "pdf", "png", "svg")
 
 PAGE = "report.html"
+PAGES = {"html": PAGE, "pdf": "report.pdf"}
 
 
 @dataclass(frozen=True)
@@ -68,16 +69,22 @@ class SessionReport:
 
     def names(self, kind: Format) -> list[str]:
         """Return the names of the files, before anything is drawn."""
-        return [PAGE] if kind == "html" else [f"{drawing.name}.{kind}" for drawing in self.drawings]
+        if kind in PAGES:
+            return [PAGES[kind]]
+        return [f"{drawing.name}.{kind}" for drawing in self.drawings]
 
     def files(self, kind: Format, drawn: Callable[[], None] = lambda: None) -> dict[str, bytes]:
         """Return the files by name; `drawn` is called after each picture.
 
         Raises:
-            InputError: matplotlib is not installed.
+            InputError: matplotlib is not installed, or weasyprint, which a PDF needs.
         """
         if kind == "html":
             return {PAGE: self.html(drawn).encode("utf-8")}
+        if kind == "pdf":
+            from skinlab.report.pdf import to_pdf
+
+            return {PAGES["pdf"]: to_pdf(self.html(drawn))}
         found = {}
         with style():
             for drawing in self.drawings:

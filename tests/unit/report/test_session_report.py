@@ -6,12 +6,14 @@ import base64
 import io
 import json
 import re
+import socket
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from PIL import Image
+from pypdf import PdfReader
 
 from skinlab.cli.main import run
 from skinlab.curves.curve import Curve, Setup
@@ -25,6 +27,7 @@ from skinlab.recording.session import Session, content_hash, read_session, write
 from skinlab.report.curve_section import curve_section
 from skinlab.report.flags import explanations
 from skinlab.report.measured import measured_curves
+from skinlab.report.pdf import to_pdf
 from skinlab.report.session_report import FORMATS, SessionReport
 from skinlab.versions import versions
 
@@ -279,6 +282,25 @@ def test_the_pictures_of_a_session_are_those_of_its_page(report):
     assert [name[: len("curve_0001_")] for name in found[3:]] == names
 
 
+def test_the_pdf_is_on_a4_and_begins_with_page_one(few, identifier):
+    (written,) = SessionReport(few, identifier).files("pdf").values()
+    pages = PdfReader(io.BytesIO(written)).pages
+    assert [round(float(x) / 72 * 25.4) for x in pages[0].mediabox[2:]] == [210, 297]
+    first = pages[0].extract_text()
+    assert "Next step:" in first
+    assert "90 % intervals" in first
+    assert "Curve by curve" not in first  # behind it
+    assert len(pages) > 1
+
+
+def test_a_pdf_fetches_nothing():
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        server.setblocking(False)
+        to_pdf(f'<img src="http://127.0.0.1:{server.getsockname()[1]}/x">')
+        with pytest.raises(BlockingIOError):
+            server.accept()
+
+
 @pytest.mark.parametrize("kind", FORMATS)
 def test_an_empty_session(kind, tmp_path, capsys):
     path = tmp_path / "empty.h5"
@@ -288,6 +310,8 @@ def test_an_empty_session(kind, tmp_path, capsys):
         page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
         assert "The session holds no curves." in page
         assert ET.fromstring(page).tag == "html"
+    elif kind == "pdf":
+        assert (tmp_path / "out" / "report.pdf").read_bytes().startswith(b"%PDF-")
     else:
         assert capsys.readouterr().out == ""
 
