@@ -16,8 +16,8 @@ the sensors), each curve identified anew (`lm`, for its speed): the components o
 within a placement is the noise of the identification, of which nobody knows the truth.
 
 `prior`: cohorts of the simulator, curves by finite elements. A population is learned from some of
-the people and used for others: how often their 90 % intervals hold the truth, and how much narrower
-they are than without it.
+the people and used for others: how often their 90 % intervals contain the true value, and how much
+narrower they are than without it.
 
 `speed`: 16 curves of each person through `skinlab study`, 50 broken files among them, killed twice.
 """

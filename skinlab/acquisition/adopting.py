@@ -33,7 +33,7 @@ def write_adopted(
     """
     from skinlab.discrepancy.adopt import adopted, hashes  # slow to import
 
-    if outcome.verdict.name != "named":
+    if not outcome.verdict.explains:
         raise InputError(f"the verdict is {outcome.verdict.name}: there is nothing to adopt")
     found = session is not None and session.is_file()
     model = adopted(

@@ -97,7 +97,7 @@ def adopt(outcome: Outcome, to: Path, base: Model, table: Table, data: Mapping[s
     Raises:
         InputError: the verdict names no effect, or the file cannot be written.
     """
-    if outcome.verdict.name != "named":
+    if not outcome.verdict.explains:
         raise InputError(f"the verdict is {outcome.verdict.name}: there is nothing to adopt")
     if to.exists():
         raise InputError(f"{to}: exists already; expected a new file")

@@ -24,7 +24,11 @@ if TYPE_CHECKING:
 @database_option()
 @click.option("--adopt", type=click.Path(path_type=Path), help="Write the model with the effect.")
 @click.option("--report", type=click.Path(path_type=Path), help="Folder for an HTML report.")
-@click.option("--workers", type=int, help="Processes; same answers [default: all cores].")
+@click.option(
+    "--workers",
+    type=int,
+    help="Processes; the answers stay the same [default: all cores].",
+)
 @click.option("--no-cache", is_flag=True, help="Compute again what was computed before.")
 @json_option()
 def command(
@@ -82,7 +86,7 @@ def command(
     except KeyboardInterrupt:
         _tell_partial(partial, report)
         raise
-    if adopt is not None and outcome.verdict.name != "named":
+    if adopt is not None and not outcome.verdict.explains:
         echo(f"skinlab: the verdict is {outcome.verdict.name}: there is nothing to adopt", err=True)
     elif adopt is not None:
         write_adopted(outcome, adopt, base, table, data)

@@ -47,6 +47,9 @@ def adopted(
     for name, ranges in base.effects.items():
         for parameter, at in ranges.items():
             effects.setdefault(name, {}).setdefault(parameter, at)
+    for known in unknowns.known:
+        if known.effect in effects and not known.stated:  # what is fixed: a function's range
+            effects[known.effect].setdefault(known.parameter, EffectRange(known.value))
     names = " and ".join(sorted(set(effects) - set(base.effects)))
     return Model(
         Header(f"{base.model.name} with {names}", base.model.law, base.model.kappa),

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 from skinlab.discrepancy.adequacy import Place
 from skinlab.discrepancy.discipline import Shares, Trial
+from skinlab.discrepancy.families import Learned, describe_learned
 from skinlab.discrepancy.heldout import HeldOut
 from skinlab.discrepancy.next_measurement import NextMeasurement, Plan
 from skinlab.discrepancy.posterior import Posterior, gaussian
@@ -59,6 +61,17 @@ class Outcome:
         posterior = self.posteriors.get(candidate.effects)
         return (gaussian(candidate.fit) if posterior is None else posterior).parameters
 
+    @cached_property
+    def learned(self) -> Learned | None:
+        """What kind of thing is missing, where that is the verdict."""
+        if self.verdict.name != "learned":
+            return None
+        noise = self.gap_before.noise_um**2
+        before, after = (max(g.rms_um**2 - noise, 0.0) for g in (self.gap_before, self.gap_after))
+        share = 1.0 - min(after / before, 1.0) if before > 0 else 0.0
+        posterior = self.posteriors[self.best.effects]
+        return describe_learned(self.found.base.fit, self.found, self.best, posterior, share)
+
     def to_json(self) -> dict[str, Any]:
         """Return the document."""
         base = self.found.base
@@ -100,6 +113,7 @@ class Outcome:
             "next_measurement": None
             if self.next_measurement is None
             else _next_json(self.next_measurement, own),
+            "learned": None if self.learned is None else learned_json(self.learned),
             "adopted_model": self.adopted_model,
             "seed": self.seed,
         }
@@ -150,6 +164,25 @@ class Outcome:
     def not_screened(self) -> dict[str, str]:
         """Why, by name, an effect was not looked for."""
         return dict(sorted(self.found.not_screened.items()))
+
+
+def learned_json(learned: Learned) -> dict[str, Any]:
+    """Return `learned`."""
+    one = learned.family
+    return {
+        "family": one.family,
+        "share_of_gap": learned.share_of_gap,
+        "sentence": learned.sentence,
+        "nearest": list(learned.nearest),
+        "function": {
+            "x_name": one.x_name,
+            "y_name": one.y_name,
+            "x": learned.x.tolist(),
+            "y": learned.y.tolist(),
+            "low": learned.low.tolist(),
+            "high": learned.high.tolist(),
+        },
+    }
 
 
 def _size_needed(signature: Signature) -> tuple[Parameter, float]:

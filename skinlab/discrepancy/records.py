@@ -187,7 +187,7 @@ def by_condition(records: Sequence[Record]) -> list[list[int]]:
     Without a program a curve is alone: nobody said that its pressure was that of another.
     """
     keys = [
-        (r.geometry, min(r.curve.setup.cycle, 2), str(r.curve.setup.program or f"curve {i}"))
+        (r.geometry, r.curve.setup.cycle, str(r.curve.setup.program or f"curve {i}"))
         for i, r in enumerate(records)
     ]
     return alike(keys)

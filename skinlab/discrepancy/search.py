@@ -31,7 +31,7 @@ from skinlab.discrepancy.settings import ERRORS, NAMES
 from skinlab.discrepancy.unknowns import BasePrior, Known, Unknowns
 from skinlab.errors import NotTrustworthyError
 from skinlab.inference.covariance import Covariance, independent
-from skinlab.mechanics.effects import effect_names, get_effect
+from skinlab.mechanics.effects import get_effect, library_names
 from skinlab.mechanics.model_file import BASE, Model, Normal
 from skinlab.workers import Pool
 
@@ -174,7 +174,7 @@ class Search:
         self._own = self._unknowns.effects
         self._workers, self._progress, self._partial = workers, progress, partial
         self._library = [
-            n for n in effect_names() if n not in self._own and not get_effect(n).same_as
+            n for n in library_names() if n not in self._own and not get_effect(n).same_as
         ]
 
     def base(self) -> Candidate:
@@ -264,6 +264,10 @@ class Search:
             placement_scatter=self._placement_scatter, before=before,
         )  # fmt: skip
 
+    def errors_with(self, fit: Fit) -> CampaignErrors:
+        """Return the errors that were learned, with the look that this explanation gives."""
+        return self._learn(self.fitter.records, self.linear(fit), self.errors)
+
     def linear(self, fit: Fit) -> Linearised:
         """Return an explanation about its fit."""
         return Linearised.of(fit, self.fitter.errors, self.fitter.measured)
@@ -282,13 +286,17 @@ class Search:
         best = max(serving, key=lambda c: c.log10_evidence)
         self._progress(f"weighing {len(candidates)} explanations")
         self.errors = self._learn(self.fitter.records, self.linear(best.fit), self.errors)
+        return base, self.weighed(base, candidates)
+
+    def weighed(self, base: Candidate, candidates: Sequence[Candidate]) -> list[Candidate]:
+        """Return candidates of the library with their evidence by the errors as they are now."""
+        assert self.errors is not None
         linear = [self.linear(c.fit) for c in (base, *candidates)]
         least, *each = self.errors.log_evidences(linear).tolist()
-        weighed = [
+        return [
             replace(c, log10_evidence=(one - least) / LOG10 + self._log10_odds(c.fit))
             for c, one in zip(candidates, each, strict=True)
         ]
-        return base, weighed
 
     def _log10_odds(self, fit: Fit) -> float:
         """Return the odds before the data against the base model."""

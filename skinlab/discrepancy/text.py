@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from skinlab.discrepancy.adequacy import ADEQUATE, Place
 from skinlab.discrepancy.next_measurement import Plan
 from skinlab.discrepancy.odds import behind_words, chance_words, odds_words
@@ -9,10 +11,11 @@ from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.search import Candidate, Partial
 from skinlab.discrepancy.settings import NAMES, PLANS
 from skinlab.mechanics.effects import get_effect
-from skinlab.mechanics.names import is_effects, plain
+from skinlab.mechanics.names import is_effects, parameter_of, plain
 from skinlab.text import inert
 
 _SHOWN = 5
+_ROWS = 6  # of a learned function
 
 
 def verdict_words(outcome: Outcome) -> str:
@@ -32,6 +35,9 @@ def verdict_words(outcome: Outcome) -> str:
                 if e not in own
             )
             return f"Missing: {names[0]} ({meanings})."
+        case "learned":
+            assert outcome.learned is not None
+            return f"Learned: {outcome.learned.sentence}."
         case "ambiguous":
             return (
                 "Something is missing, and these explanations are tied: " + ", ".join(names) + "."
@@ -40,6 +46,37 @@ def verdict_words(outcome: Outcome) -> str:
             return (
                 "Something is missing, and nothing in the library explains it to within the noise."
             )
+
+
+def learned_words(outcome: Outcome) -> list[str]:
+    """Return what else is to be said of a learned function; none where nothing was learned."""
+    learned = outcome.learned
+    if learned is None:
+        return []
+    lines = [
+        "No effect of the library explains the gap; a smooth function was learned, which takes "
+        f"{100 * learned.share_of_gap:.0f} % of it away."
+    ]
+    if learned.nearest:
+        lines.append(f"Of the effects with a name, the nearest is {learned.nearest[0]}.")
+    return lines
+
+
+def function_rows(outcome: Outcome) -> list[tuple[str, str, str]]:
+    """Return rows (x, value, 90 % band) of the learned function, a few of them."""
+    learned = outcome.learned
+    if learned is None:
+        return []
+    n = len(learned.x)
+    at = np.unique(np.linspace(0, n - 1, min(n, _ROWS)).round().astype(int))
+    return [
+        (
+            f"{learned.x[i]:.3g}",
+            f"{learned.y[i]:.3g}",
+            f"{learned.low[i]:.3g} to {learned.high[i]:.3g}",
+        )
+        for i in at
+    ]
 
 
 def repeats_words(outcome: Outcome) -> list[str]:
@@ -189,13 +226,20 @@ def _prospect(plan: Plan) -> str:
     )
 
 
+def _size_words(name: str, size: float) -> str:
+    """Return a size with its unit: pressure_lag.lag_s 0.004 s."""
+    declared = parameter_of(name)
+    unit = "" if declared is None else declared.unit
+    return f"{name} {size:.3g}{unit and ' '}{unit}"
+
+
 def limits_words(outcome: Outcome) -> list[str]:
     """Return which effects these data could have shown, and which not: the whole library."""
     lines = []
     for heading, entries in (
         (
             "Smallest sizes that these data could have shown:",
-            [f"{name} {size:.3g}" for name, size in outcome.detectable.items()],
+            [_size_words(name, size) for name, size in outcome.detectable.items()],
         ),
         ("These data cannot show:", [f"{n}: {w}" for n, w in outcome.cannot_show.items()]),
         ("Not looked for:", [f"{n}: {w}" for n, w in outcome.not_screened.items()]),
@@ -213,7 +257,12 @@ def describe(outcome: Outcome) -> str:
     """Return the whole text."""
     own = set(outcome.found.base.effects)
     lines = [*repeats_words(outcome), verdict_words(outcome), gap_words(outcome)]
-    lines += lead_words(outcome) + shares_words(outcome) + doubt_words(outcome)
+    lines += lead_words(outcome) + learned_words(outcome)
+    lines += shares_words(outcome) + doubt_words(outcome)
+    if outcome.learned is not None:
+        one = outcome.learned.family
+        lines.append(f"The function ({one.y_name} by {one.x_name}), with its 90 % band:")
+        lines += [f"  {x:>8}  {y:>9}  ({band})" for x, y, band in function_rows(outcome)]
     if outcome.where:
         lines.append("Where the model as it is disagrees:")
         lines += [f"  {where_words(p)}" for p in outcome.where[:_SHOWN]]

@@ -78,7 +78,7 @@ class Axis:
     def one_sided(self) -> bool:
         """Whether the prior is cut off at its mean, the parameter's zero."""
         p = self.parameter
-        if self.known is not None or p.zero is None:
+        if p.zero is None or (self.known is not None and self.known[0] != p.zero):
             return False
         return p.zero <= p.low or p.zero >= p.high
 

@@ -8,8 +8,9 @@ from typing import Literal
 
 from skinlab.discrepancy.discipline import Trial
 from skinlab.discrepancy.search import Candidate, Found
+from skinlab.discrepancy.settings import NAMES
 
-Name = Literal["none", "named", "ambiguous", "unknown"]
+Name = Literal["none", "named", "learned", "ambiguous", "unknown"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,6 +19,11 @@ class Verdict:
 
     name: Name
     explanations: list[Candidate]
+
+    @property
+    def explains(self) -> bool:
+        """Whether there is one explanation, which a model may adopt."""
+        return self.name in ("named", "learned")
 
 
 def decide(found: Found) -> Verdict:
@@ -48,6 +54,22 @@ def decide(found: Found) -> Verdict:
     ]
     minimal.sort(key=lambda c: -c.log10_evidence)
     return Verdict("named" if len(minimal) == 1 else "ambiguous", minimal)
+
+
+def decide_learned(found: Found) -> Verdict:
+    """Return the verdict where the library explains nothing, of its families of functions.
+
+    `learned`: one's residual may be noise, it is 20 : 1 ahead of the model as it is and of the
+    other families, and its errors may be errors; else `unknown`.
+    """
+    good = [c for c in found.candidates if c.adequate and c.log10_evidence >= found.tie]
+    if found.implausible or not good:
+        return Verdict("unknown", [])
+    best = max(good, key=lambda c: c.log10_evidence)
+    others = [c.log10_evidence for c in found.candidates if c is not best]
+    if best.log10_evidence - max(others, default=0.0) < NAMES.tie:
+        return Verdict("unknown", [])
+    return Verdict("learned", [best])
 
 
 def disciplined(verdict: Verdict, found: Found, trials: Sequence[Trial]) -> Verdict:

@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from skinlab.curves.campaign import Campaign
 from skinlab.discrepancy.discipline import Discipline, Trial, repeats_um, shares_of
+from skinlab.discrepancy.families import find_families
 from skinlab.discrepancy.fit import Fit, Fitter
-from skinlab.discrepancy.heldout import conditions_of, predict_held_out
+from skinlab.discrepancy.heldout import HeldOut, conditions_of, predict_held_out
 from skinlab.discrepancy.misfit import errors_of
 from skinlab.discrepancy.next_measurement import PlannedErrors, advise
 from skinlab.discrepancy.outcome import Outcome
-from skinlab.discrepancy.posterior import sample
+from skinlab.discrepancy.posterior import gaussian, sample
 from skinlab.discrepancy.records import by_condition, coarsened, records_of
 from skinlab.discrepancy.screen import alike
-from skinlab.discrepancy.search import Partial, Search
+from skinlab.discrepancy.search import Found, Partial, Search
 from skinlab.discrepancy.settings import ERRORS
 from skinlab.discrepancy.table_domes import TableDomes
-from skinlab.discrepancy.verdict import decide, disciplined
+from skinlab.discrepancy.verdict import Verdict, decide, decide_learned, disciplined
 from skinlab.errors import InputError
 from skinlab.mechanics.model_file import BASE, Model
 from skinlab.tables.base import Database
@@ -68,8 +70,82 @@ def explain(
         partial=partial,
     )
     found = search.run()
-    fitter = search.fitter
+    tried = _tried(search, found, decide(found), progress)
+    if tried.verdict.name == "unknown":
+        progress("finding out what kind of thing is missing")
+        before = search.errors
+        more = find_families(search, found)
+        kind = decide_learned(more)
+        learned = _tried(search, more, kind, progress) if kind.explanations else tried
+        if learned.verdict.name == "learned":
+            both = [*more.candidates, *search.weighed(found.base, found.candidates)]
+            both.sort(key=lambda c: -c.log10_evidence)
+            tried = replace(learned, found=replace(more, candidates=both))
+        else:
+            search.errors = before
+    verdict, found = tried.verdict, tried.found
     assert search.errors is not None
+    progress("drawing from the posterior")
+    chosen = verdict.explanations[0] if verdict.explanations else found.base
+    shares = shares_of(search.errors, found.base, chosen, search.linear(chosen.fit))
+    final, held = tried.final, tried.held
+    refined = final.refined(tried.again(chosen.fit))
+    # A learned function is linear in its many coefficients: the valley needs not to be followed.
+    posterior = (
+        gaussian(refined)
+        if verdict.name == "learned"
+        else sample(final, refined, np.random.default_rng(seed))
+    )
+    posteriors = {chosen.effects: posterior}
+    following = None
+    if verdict.name == "ambiguous":
+        progress("looking for the measurement that would tell them apart")
+        tied = verdict.explanations[:_MOST_TIED]
+        following = advise(
+            final,
+            [tried.again(c.fit) for c in tied],
+            [c.log10_evidence for c in tied],
+            PlannedErrors.of(search.errors.looks[-1]),
+            np.random.default_rng([seed, 1]),
+        )
+    after = held[chosen.effects] if verdict.explanations else tried.before
+    return Outcome(
+        verdict,
+        found,
+        tried.before,
+        after,
+        {names: gap.rms_um for names, gap in held.items()},
+        following,
+        seed=seed,
+        posteriors=posteriors,
+        alike=alike(found.signatures),
+        trials=tried.trials,
+        shares=shares,
+        repeats_um=repeats_um(final.records, by_condition(final.records)),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Tried:
+    """A verdict after its trials, with what these took."""
+
+    verdict: Verdict
+    found: Found
+    searched: Fitter
+    final: Fitter
+    before: HeldOut
+    held: dict[tuple[str, ...], HeldOut]
+    trials: tuple[Trial, ...] = ()
+
+    def again(self, fit: Fit) -> Fit:
+        """Return a fit with the errors as the best explanation sees them."""
+        return fit.with_errors(self.searched.errors, self.final.errors)
+
+
+def _tried(search: Search, found: Found, first: Verdict, progress: Callable[[str], None]) -> _Tried:
+    """Return what is left of a verdict after the trials of its first explanation."""
+    assert search.errors is not None
+    fitter = search.fitter
     # From here on with the errors as the best explanation sees them: those by which explanations
     # were searched are as wide as pure error leaves them.
     final = fitter.with_errors(fitter.records, search.errors.looks[-1].mode)
@@ -77,48 +153,17 @@ def explain(
     def again(fit: Fit) -> Fit:
         return fit.with_errors(fitter.errors, final.errors)
 
-    first = decide(found)
     progress("predicting conditions held out of the fit")
     parts = conditions_of(final, [again(c.fit) for c in first.explanations])
     before = predict_held_out(final, again(found.base.fit), parts)
     held = {c.effects: predict_held_out(final, again(c.fit), parts) for c in first.explanations}
-    verdict, trials = first, tuple[Trial, ...]()
-    if first.explanations:
-        progress("trying whether the explanation is there again in parts of the data")
-        best = first.explanations[0]
-        serving = [c for c in found.candidates if c.adequate]
-        linear = {id(c): search.linear(c.fit) for c in (found.base, best, *serving[:_MOST_TIED])}
-        discipline = Discipline(fitter.records, search.errors, linear)
-        stood = discipline.trials(best, found.base, serving, parts, held[best.effects])
-        verdict, trials = disciplined(first, found, stood), tuple(stood)
-    progress("drawing from the posterior")
-    chosen = verdict.explanations[0] if verdict.explanations else found.base
-    shares = shares_of(search.errors, found.base, chosen, search.linear(chosen.fit))
-    refined = final.refined(again(chosen.fit))
-    posteriors = {chosen.effects: sample(final, refined, np.random.default_rng(seed))}
-    following = None
-    if verdict.name == "ambiguous":
-        progress("looking for the measurement that would tell them apart")
-        tied = verdict.explanations[:_MOST_TIED]
-        following = advise(
-            final,
-            [again(c.fit) for c in tied],
-            [c.log10_evidence for c in tied],
-            PlannedErrors.of(search.errors.looks[-1]),
-            np.random.default_rng([seed, 1]),
-        )
-    after = held[chosen.effects] if verdict.explanations else before
-    return Outcome(
-        verdict,
-        found,
-        before,
-        after,
-        {names: gap.rms_um for names, gap in held.items()},
-        following,
-        seed=seed,
-        posteriors=posteriors,
-        alike=alike(found.signatures),
-        trials=trials,
-        shares=shares,
-        repeats_um=repeats_um(fitter.records, by_condition(fitter.records)),
-    )
+    tried = _Tried(first, found, fitter, final, before, held)
+    if not first.explanations:
+        return tried
+    progress("trying whether the explanation is there again in parts of the data")
+    best = first.explanations[0]
+    serving = [c for c in found.candidates if c.adequate]
+    linear = {id(c): search.linear(c.fit) for c in (found.base, best, *serving[:_MOST_TIED])}
+    discipline = Discipline(fitter.records, search.errors, linear)
+    stood = discipline.trials(best, found.base, serving, parts, held[best.effects])
+    return replace(tried, verdict=disciplined(first, found, stood), trials=tuple(stood))

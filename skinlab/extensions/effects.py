@@ -174,9 +174,16 @@ def tangent_error(effects: Mapping[str, Values]) -> tuple[float, float]:
 
 def _row(effect: Effect) -> tuple[str, ...]:
     acts_on = "the skin" if effect.physical else "the record"
-    parameters = "<br>".join(_parameter(p) for p in effect.parameters)
+    parameters = "<br>".join(_parameter(p) for p in _told(effect))
     sources = "; ".join(dict.fromkeys([effect.source, *(p.source for p in effect.parameters)]))
     return f"`{effect.name}`", effect.meaning, effect.formula, acts_on, parameters, sources
+
+
+def _told(effect: Effect) -> list[Parameter]:
+    """Return the parameters of a row: of a learned function's coefficients the first."""
+    sized = [p for p in effect.parameters if p.zero is not None]
+    rest = sized[1:] if effect.family else []
+    return [p for p in effect.parameters if p not in rest]
 
 
 def _parameter(p: Parameter) -> str:

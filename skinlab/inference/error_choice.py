@@ -221,10 +221,8 @@ def choose_errors(
         return Combination(parts, look.samples.time_s, look.samples.ends, fixed_mm, fixed_mm2)
 
     starts = _starts(look, linear)
-    tried = [
-        _explore(combine((*plain, *rival)), linear, starts)
-        for rival in ([(part,) for part in rivals] or [()])
-    ]
+    sets = [(*plain, rival) for rival in rivals] or [plain]
+    tried = [_explore(combine(parts), linear, starts) for parts in sets]
     best = max(tried, key=lambda e: e.log_evidence)
     for _ in range(_MOST_MODELS):
         names = best.combination.names

@@ -12,8 +12,10 @@ from skinlab.discrepancy.odds import behind_words, chance_words
 from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.text import (
     doubt_words,
+    function_rows,
     gap_words,
     lead_words,
+    learned_words,
     limits_words,
     next_words,
     parameter_rows,
@@ -33,6 +35,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _NAME = "missing-effect.html"
+_FEW = 12  # points of a function that are drawn one by one
+_WIDE = 50.0  # a range that is drawn in its logarithm
 _MARK = "skinlab missing-effect report"
 
 
@@ -60,6 +64,7 @@ def render(outcome: Outcome) -> str:
                 verdict_words(outcome),
                 *lead_words(outcome),
                 gap_words(outcome),
+                *learned_words(outcome),
                 *shares_words(outcome),
                 *next_words(outcome),
             ],
@@ -71,6 +76,7 @@ def render(outcome: Outcome) -> str:
             points=[where_words(p) for p in outcome.where],
             figures=_residuals(outcome),
         ),
+        *_learned(outcome),
         _which(outcome),
         Section(
             "Parameters before and after",
@@ -83,6 +89,47 @@ def render(outcome: Outcome) -> str:
         _methods(outcome),
     ]
     return page("What is missing in the model", sections, subtitle=_MARK)
+
+
+def _learned(outcome: Outcome) -> list[Section]:
+    """Return the function that was learned, with its band; nothing where none was."""
+    learned = outcome.learned
+    if learned is None:
+        return []
+    one = learned.family
+    with style():
+        source = to_data_uri(draw_function(outcome), "png")
+    picture = Illustration(
+        source,
+        f"{one.y_name} against {one.x_name}: the median, and a band that holds 90 %.",
+        "What was learned. Line: median. Band: 90 %.",
+    )
+    rows = Table([one.x_name, one.y_name, "90 %"], function_rows(outcome))
+    return [
+        Section(
+            "What was learned",
+            [f"{one.meaning}: {one.formula}."],
+            tables=[rows],
+            figures=[picture],
+        )
+    ]
+
+
+def draw_function(outcome: Outcome) -> Figure:
+    """Return the learned function with its band; called in `style()`."""
+    learned = outcome.learned
+    assert learned is not None
+    figure = new_figure(6.0, 3.2)
+    ax = figure.subplots()
+    few = len(learned.x) <= _FEW
+    ax.fill_between(learned.x, learned.low, learned.high, color="0.85", label="90 %")
+    ax.plot(learned.x, learned.y, "o-" if few else "-", label="median")
+    if few and learned.x.max() > _WIDE * learned.x.min():
+        ax.set_xscale("log")
+    ax.set_xlabel(learned.family.x_name)
+    ax.set_ylabel(learned.family.y_name)
+    ax.legend()
+    return figure
 
 
 def _which(outcome: Outcome) -> Section:

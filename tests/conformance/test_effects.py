@@ -16,7 +16,7 @@ from skinlab.mechanics.fem.suction import (
     Geometry,
 )
 
-EFFECTS = all_effects()
+EFFECTS = [effect for effect in all_effects() if not effect.family]
 NAMES = [effect.name for effect in EFFECTS]
 SKIN = Skin((0.04, 1.5, 0.32))
 GEOMETRY = Geometry(6.0, 1.0)

@@ -9,13 +9,13 @@ from functools import partial
 
 import pytest
 from explained import UP, UP_AND_DOWN, campaign
-from skinlab.discrepancy.odds import odds_words
 from textual.widgets import Input
 
 from skinlab.acquisition.adopting import write_adopted
 from skinlab.acquisition.explainer import Explainer
 from skinlab.acquisition.probe_session import ProbeSession
 from skinlab.discrepancy.next_measurement import NextMeasurement
+from skinlab.discrepancy.odds import odds_words
 from skinlab.discrepancy.verdict import Verdict
 from skinlab.errors import InputError, SkinlabError
 from skinlab.inference.result import Value
@@ -291,6 +291,12 @@ def test_each_curve_has_its_picture_before_and_after_on_one_scale(named, columns
     pictures = [row for row in rows if any("⠀" < c <= "⣿" for t, _ in row for c in t)]
     assert pictures
     assert all(sum(len(t) for t, _ in row) <= columns for row in pictures)
+
+
+def test_the_pictures_grow_with_the_screen(named):
+    small, large = (len(outcome_rows(named, 160, lines)) for lines in (20, 60))
+    assert large > small
+    assert len(outcome_rows(named, 160, 44)) <= 44 or len(outcome_rows(named, 160, 44)) == small
 
 
 # ---- the model ------------------------------------------------------------------------------

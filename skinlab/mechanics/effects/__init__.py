@@ -14,6 +14,11 @@ EFFECTS: Registry[Effect] = Registry(
 all_effects, effect_names, get_effect = EFFECTS.all, EFFECTS.names, EFFECTS.get
 
 
+def library_names() -> list[str]:
+    """Return the effects that have a name of their own: all but the learned ones."""
+    return [one.name for one in all_effects() if not one.family]
+
+
 def checked(effects: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
     """Return the effects with all their values, in the order of their names.
 
@@ -31,4 +36,5 @@ __all__ = [
     "checked",
     "effect_names",
     "get_effect",
+    "library_names",
 ]

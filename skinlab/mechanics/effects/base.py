@@ -45,6 +45,7 @@ class Effect:
         return problem
 
     same_as: ClassVar[str] = ""  # what no curve can tell it from; such an effect is never named
+    family: ClassVar[str] = ""  # of a learned effect (`learned.py`): no name, but a kind of thing
     order: ClassVar[int] = 0  # of `felt` and of `read`, on the way from the pump to the record
 
     def felt(self, path: PressurePath, values: Values) -> PressurePath:

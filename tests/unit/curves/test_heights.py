@@ -32,8 +32,8 @@ def test_the_grammar():
 
 @pytest.mark.parametrize(
     "text",
-    ["until", "UNTIL", "until:", "until:0.4@20", "until:0.4mm", "until:mm@20",
-     "until:0mm@20", "until:9mm@20", "until:-1mm@20",
+    ["until", "UNTIL", "until:", "until:0.4@20", "until:0.4mm",
+     "until:mm@20", "until:0mm@20", "until:9mm@20", "until:-1mm@20",
      "until:0.4mm@0", "until:0.4mm@20,501", "until:0.4mm@20,150,2", "until:0.4um@20",
      "until:0.4mm@5", "until:nanmm@20"],
 )  # fmt: skip

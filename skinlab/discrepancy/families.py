@@ -1,0 +1,244 @@
+"""Learned effects: what kind of thing is missing, where nothing in the library explains the gap.
+
+Each family of `skinlab.mechanics.effects` is a smooth unknown function, linear in its coefficients
+about the model as it is. So its evidence is that of the errors' own machinery: coefficients are
+columns as placements are, and the size of the function is integrated over a few scales. The
+families that promise most are fitted with the whole model, and judged as names are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+
+from skinlab.discrepancy.adequacy import judge
+from skinlab.discrepancy.campaign_errors import CampaignErrors
+from skinlab.discrepancy.fit import Fit
+from skinlab.discrepancy.posterior import Posterior
+from skinlab.discrepancy.records import Record
+from skinlab.discrepancy.screen import Signature
+from skinlab.discrepancy.search import LOG10, Candidate, Found, Search
+from skinlab.discrepancy.settings import NAMES
+from skinlab.discrepancy.table_domes import has_features
+from skinlab.discrepancy.unknowns import Known, Unknowns
+from skinlab.mechanics.effects import all_effects
+from skinlab.mechanics.effects.learned import PRIOR_SIZES, LearnedEffect, Seen
+from skinlab.mechanics.effects.model import problem_of
+
+Array = NDArray[np.float64]
+
+_SCALES = (0.1, 0.3, 1.0, 3.0)  # of the function, in that of its declaration; equally likely
+_STEP = 0.3  # typical sizes: of differences about the model as it is
+_FITTED = 3  # of the families that promise most
+
+
+def families() -> list[LearnedEffect]:
+    """Return the families, by name."""
+    return [one for one in all_effects() if isinstance(one, LearnedEffect)]
+
+
+def seen_in(records: Sequence[Record]) -> Seen:
+    """Return what the curves reach."""
+    return Seen(
+        max(float(r.curve.deflection_mm.max()) for r in records),
+        max(r.path.top_mbar for r in records),
+        max(float(np.ptp(r.curve.time_s)) for r in records),
+        max(r.curve.setup.cycle for r in records),
+        tuple(sorted({r.geometry.aperture_mm for r in records})),
+    )
+
+
+def with_family(before: Unknowns, one: LearnedEffect, seen: Seen, scale: float) -> Unknowns:
+    """Return the unknowns with a family's coefficients, whose function is so large beforehand."""
+    known = [k for k in before.known if k.effect != one.name]
+    for p in one.parameters:
+        if p.zero is None:
+            within = float(np.clip(one.range_of(seen), p.low, p.high))
+            known.append(Known(one.name, p.name, within, 0.0))
+        else:
+            sd = scale * PRIOR_SIZES * abs(p.typical - p.zero)
+            known.append(Known(one.name, p.name, p.zero, sd))
+    effects = before.effects if one.name in before.effects else (*before.effects, one.name)
+    return replace(before, effects=effects, known=tuple(known))
+
+
+def find_families(search: Search, found: Found) -> Found:
+    """Return the families that were fitted, the best first, with errors as the best sees them.
+
+    `search.errors` are those that were learned with them from then on.
+    """
+    assert search.errors is not None
+    seen, base = seen_in(found.records), found.base
+    own = set(base.effects)
+    promises = [
+        _Promise.of(search, base.fit, one, seen) for one in families() if one.name not in own
+    ]
+    promising = sorted((p for p in promises if p is not None), key=lambda p: -p.log_evidence)
+    plain = float(search.errors.log_evidences([search.linear(base.fit)])[0])
+    worth = [p for p in promising[:_FITTED] if p.log_evidence > plain]
+    fitted = [(p, fit) for p in worth if (fit := _fit(search, base.fit, p, seen)) is not None]
+    if not fitted:
+        return replace(found, candidates=[])
+    scaled = [_scaled(search, search.errors, fit, p.family, seen) for p, fit in fitted]
+    search.errors = search.errors_with(max(scaled, key=lambda pair: pair[1])[0])
+    scaled = [_scaled(search, search.errors, fit, p.family, seen) for p, fit in fitted]
+    plain = float(search.errors.log_evidences([search.linear(base.fit)])[0])
+    odds = -np.log10(max(len(promises), 2))
+    candidates = [
+        Candidate(
+            fit,
+            judge(found.records, search.errors.judged, fit.deflections_mm, len(fit.unknowns)),
+            float((log_evidence - plain) / LOG10 + odds),
+        )
+        for fit, log_evidence in scaled
+    ]
+    candidates.sort(key=lambda c: -c.log10_evidence)
+    return replace(found, candidates=candidates, implausible=search.errors.implausible)
+
+
+@dataclass(frozen=True, eq=False)
+class _Promise:
+    """What a family would explain, linearised about the model as it is."""
+
+    family: LearnedEffect
+    log_evidence: float
+    scale: float
+    start: Array  # (k,) of the unknowns with the coefficients
+
+    @classmethod
+    def of(cls, search: Search, fit: Fit, one: LearnedEffect, seen: Seen) -> _Promise | None:
+        """Return it, None where its model does not hold or it does nothing."""
+        fitter, errors = search.fitter, search.errors
+        assert errors is not None
+        unknowns = with_family(fit.unknowns, one, seen, 1.0)
+        columns = []
+        here = np.concatenate(fit.deflections_mm)
+        first, names = len(fit.u), one.names
+        for k in range(len(names)):
+            u = np.concatenate([fit.u, np.zeros(len(names))])
+            u[first + k] = _STEP
+            model = fitter.model(unknowns)
+            values = unknowns.values(u)
+            at = fitter.records[0].geometry
+            if has_features(problem_of(unknowns.skin(u), values, at)) and not fitter.prepare(
+                model, u
+            ):
+                return None
+            there = np.concatenate(model.predict(u))
+            if not np.isfinite(there).all():
+                return None
+            columns.append((there - here) / _STEP)
+        shapes = PRIOR_SIZES * np.column_stack(columns)
+        if not np.abs(shapes).max() > 1e-6:
+            return None
+        linear = search.linear(fit)
+        more = linear.beside(shapes)
+        each = errors.log_evidences([more.scaled(scale, len(names)) for scale in _SCALES])
+        scale = _SCALES[int(np.argmax(each))]
+        slopes = np.column_stack([fit.jacobian, fitter.errors.whiten(shapes / PRIOR_SIZES)])
+        at_fit = np.concatenate([fit.u, np.zeros(len(names))])
+        scaled = with_family(fit.unknowns, one, seen, scale)
+        residual = fitter.errors.whiten(fitter.measured - here)
+        moved = np.linalg.solve(
+            scaled.information(slopes, at_fit),
+            slopes.T @ residual - scaled.prior_slopes(at_fit).T @ scaled.prior_rows(at_fit),
+        )
+        moved[:first] = np.where(fit.free, moved[:first], 0.0)
+        low, high = scaled.bounds
+        start = np.clip(at_fit + moved, low, high)
+        return cls(one, float(logsumexp(each) - np.log(len(each))), scale, start)
+
+
+def _fit(search: Search, base: Fit, promise: _Promise, seen: Seen) -> Fit | None:
+    """Return the fit from where the linear picture leads, or from near the model as it is."""
+    unknowns = with_family(base.unknowns, promise.family, seen, promise.scale)
+    near = np.concatenate([base.u, promise.start[len(base.u) :]])
+    best: Fit | None = None
+    for start in (promise.start, near):
+        fit = search.fitter.fit(unknowns, start)
+        if fit is not None and (best is None or fit.cost < best.cost):
+            best = fit
+        if best is not None and best.settled and best.cost < base.cost:
+            break
+    return best
+
+
+def _scaled(
+    search: Search, errors: CampaignErrors, fit: Fit, one: LearnedEffect, seen: Seen
+) -> tuple[Fit, float]:
+    """Return the fit at its likeliest scale, and log evidence with the scale integrated out."""
+    fits = [replace(fit, unknowns=with_family(fit.unknowns, one, seen, scale)) for scale in _SCALES]
+    linear = search.linear(fit)
+    ones = [
+        replace(
+            linear,
+            prior=f.unknowns.prior_rows(f.u),
+            prior_slopes=f.unknowns.prior_slopes(f.u),
+            log_prior_volume=f.unknowns.log_prior_volume,
+        )
+        for f in fits
+    ]
+    each = errors.log_evidences(ones)
+    return fits[int(np.argmax(each))], float(logsumexp(each) - np.log(len(each)))
+
+
+# ---- what was learned -------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Learned:
+    """A family's function with its 90 % band, and what is said of it."""
+
+    family: LearnedEffect
+    x: Array
+    y: Array
+    low: Array
+    high: Array
+    share_of_gap: float
+    nearest: tuple[str, ...]
+
+    @property
+    def sentence(self) -> str:
+        """What kind of thing it is."""
+        return f"something that {self.family.sentence(self.x, self.y)}"
+
+
+def describe_learned(
+    base: Fit,
+    found: Found,
+    candidate: Candidate,
+    posterior: Posterior,
+    share_of_gap: float,
+) -> Learned:
+    """Return what a learned explanation says."""
+    (one,) = [f for f in families() if f.name in set(candidate.effects) - set(base.effects)]
+    x = one.abscissa(seen_in(found.records))
+    draws = np.array([one.function(x, posterior.unknowns.values(u)[one.name]) for u in posterior.u])
+    draws = one.shown(x, draws)
+    low, y, high = (_quantile(draws, posterior.weight, q) for q in (0.05, 0.5, 0.95))
+    return Learned(one, x, y, low, high, share_of_gap, _nearest(base, found, candidate))
+
+
+def _quantile(draws: Array, weight: Array, q: float) -> Array:
+    """Return weighted quantiles (m,) of draws (n, m)."""
+    order = np.argsort(draws, axis=0)
+    total = np.cumsum(weight[order], axis=0)
+    at = np.minimum((total < q).sum(axis=0), len(draws) - 1)
+    return np.asarray(np.take_along_axis(draws, np.take_along_axis(order, at[None], 0), 0)[0])
+
+
+def _nearest(base: Fit, found: Found, candidate: Candidate) -> tuple[str, ...]:
+    """Return the named effect that changes the curves most alike; none where none does."""
+    change = found.errors.whiten(
+        np.concatenate(candidate.fit.deflections_mm) - np.concatenate(base.deflections_mm)
+    )
+
+    def cosine(s: Signature) -> float:
+        return abs(float(s.direction @ change)) / max(s.size * float(np.linalg.norm(change)), 1e-12)
+
+    near = [s for s in found.signatures.values() if s.size > 0 and cosine(s) >= NAMES.near]
+    return tuple(s.effect for s in sorted(near, key=cosine, reverse=True)[:1])

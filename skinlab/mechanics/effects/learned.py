@@ -1,0 +1,126 @@
+"""Learned effects: a smooth unknown function in place of a formula, for what the library lacks.
+
+A family says where such a function may act (on the sensor, the suction, in time, ...). Its function
+is a sum of fixed shapes whose coefficients are the effect's parameters: independent before the
+data, with standard deviations that fall off with the roughness of the shape, so that the function
+is smooth beforehand (the Karhunen-Loeve form of a Gaussian process: Rasmussen and Williams 2006,
+4.3). How large it may be is learned by whoever fits it (`skinlab.discrepancy.families`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from skinlab.curves.pressure_path import PressurePath
+from skinlab.mechanics.effects.base import Array, Effect, Parameter, Values
+
+PRIOR_SIZES = 3.0  # a prior's standard deviation, in typical sizes: that of every effect
+_SOURCE = "a smooth function of unknown form; its size is learned from the data"
+_PIECES = 60  # of the highest suction: how finely a path is cut before it is bent
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What the curves of a campaign reach: a function is learned, and drawn, no further."""
+
+    height_mm: float
+    pressure_mbar: float
+    time_s: float
+    cycle: int
+    apertures_mm: tuple[float, ...]
+
+
+def coefficients(count: int, unit: str, most: float, typical: float) -> tuple[Parameter, ...]:
+    """Return the coefficients of `sines`; `most` bounds them, `typical` is that of the first."""
+    stem = {"µm": "_um"}.get(unit, f"_{unit}" if unit else "")
+    return tuple(
+        Parameter(
+            f"c{k}{stem}", unit, f"of its shape number {k}", -most, most, 0.0,
+            typical * roughness(k), _SOURCE,
+        )
+        for k in range(1, count + 1)
+    )  # fmt: skip
+
+
+def roughness(k: int) -> float:
+    """Return the standard deviation of coefficient k, in that of the first.
+
+    As of a squared exponential: alike up to about the third shape, so that a bump needs no steep
+    line below it.
+    """
+    return float(np.exp(-0.5 * ((k - 1.0) / 3.0) ** 2))
+
+
+def span(name: str, unit: str, meaning: str, low: float, high: float, typical: float) -> Parameter:
+    """Return the length of the function's range: fixed by who learns it, not an unknown."""
+    return Parameter(name, unit, meaning, low, high, None, typical, _SOURCE, "log", default=typical)
+
+
+def sines(at: Array, values: Values, names: tuple[str, ...]) -> Array:
+    """Return the sum of the shapes (n,) at shares (n,) of the range: 0 at 0, level beyond 1.
+
+    Those of a Wiener process on [0, 1] (Karhunen and Loeve): sin((k − 1/2) π x).
+    """
+    x = np.clip(at, -1.0, 1.0)
+    return np.asarray(
+        sum(values[n] * np.sin((k - 0.5) * np.pi * x) for k, n in enumerate(names, start=1))
+    )
+
+
+def cut(path: PressurePath) -> PressurePath:
+    """Return the path with knots so close in suction that a smooth function may bend it."""
+    t, p = np.array(path.time_s), np.array(path.pressure_mbar)
+    step = max(path.top_mbar, 1.0) / _PIECES
+    times, pressures = [t[:1]], [p[:1]]
+    for i in range(1, len(t)):
+        pieces = 1 if t[i] == t[i - 1] else max(1, int(np.ceil(abs(p[i] - p[i - 1]) / step)))
+        share = np.arange(1, pieces + 1) / pieces
+        times.append(t[i - 1] + share * (t[i] - t[i - 1]))
+        pressures.append(p[i - 1] + share * (p[i] - p[i - 1]))
+    return replace(
+        path,
+        time_s=tuple(np.concatenate(times).tolist()),
+        pressure_mbar=tuple(np.concatenate(pressures).tolist()),
+    )
+
+
+def less_gain(x: Array, y: Array) -> Array:
+    """Return functions (..., m) less a part in proportion to x: a stiffer skin does the same."""
+    return np.asarray(y - (y @ x / (x @ x))[..., None] * x)
+
+
+class LearnedEffect(Effect):
+    """A family of smooth unknown functions; its coefficients are the parameters with a zero."""
+
+    family: ClassVar[str]
+    x_name: ClassVar[str]  # of the function, with its unit
+    y_name: ClassVar[str]
+    range_name: ClassVar[str] = ""  # the parameter that is the length of the function's range
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The coefficients."""
+        return tuple(p.name for p in self.parameters if p.zero is not None)
+
+    def range_of(self, seen: Seen) -> float:
+        """Return the length of the function's range for these curves."""
+        return 1.0
+
+    def abscissa(self, seen: Seen) -> Array:
+        """Return where the function is drawn (m,)."""
+        raise NotImplementedError
+
+    def function(self, at: Array, values: Values) -> Array:
+        """Return the function (m,)."""
+        raise NotImplementedError
+
+    def shown(self, x: Array, y: Array) -> Array:
+        """Return what is drawn of functions (..., m): less what no curve can tell."""
+        return y
+
+    def sentence(self, x: Array, y: Array) -> str:
+        """Return what the function (m,) says, after "something that"."""
+        raise NotImplementedError

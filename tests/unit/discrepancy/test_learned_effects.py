@@ -1,0 +1,202 @@
+"""What kind of thing is missing: hidden ones that no family's own basis can write down."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sim_device.skin import MESH
+from skinlab.curves.campaign import Campaign
+from skinlab.curves.curve import Curve, Setup
+from skinlab.curves.pressure_path import PressurePath
+from skinlab.curves.program import parse_program
+from skinlab.discrepancy import cache
+from skinlab.discrepancy.adopt import adopted
+from skinlab.discrepancy.families import families, find_families
+from skinlab.discrepancy.fit import Fitter
+from skinlab.discrepancy.heldout import HeldOut
+from skinlab.discrepancy.misfit import errors_of
+from skinlab.discrepancy.outcome import Outcome
+from skinlab.discrepancy.posterior import gaussian
+from skinlab.discrepancy.records import records_of
+from skinlab.discrepancy.search import Found, Search, unknowns_of
+from skinlab.discrepancy.table_domes import TableDomes
+from skinlab.discrepancy.text import describe
+from skinlab.discrepancy.verdict import decide_learned
+from skinlab.mechanics.effects import all_effects, get_effect, library_names
+from skinlab.mechanics.effects.learned import Seen, cut, less_gain
+from skinlab.mechanics.effects.model import response, solve_skin
+from skinlab.mechanics.fem.skin import Prony, Skin, SkinProblem
+from skinlab.mechanics.fem.suction import Geometry
+from skinlab.mechanics.model_file import BASE, decode_model
+from skinlab.report.missing_effect import render
+
+SKIN = Skin((0.041, 1.7, 0.31))
+THICKNESS_MM = 1.13
+RAMPS = ((6.0, "ramp:100@20,ramp:0@20"), (2.0, "ramp:300@60,ramp:0@60"))
+RAMPS = (*RAMPS, (8.0, "ramp:100@20,ramp:0@20"))
+HOLDS = ((6.0, "ramp:100@80,hold:8,ramp:0@80,hold:3"), (2.0, "ramp:300@60,ramp:0@60"), RAMPS[2])
+OPENINGS = (*RAMPS, (4.0, "ramp:200@40,ramp:0@40"))
+STIFFER = {2.0: 1.12, 4.0: 1.05, 6.0: 1.0, 8.0: 1.06}
+CYCLES = {1: 1.0, 2: 0.93, 3: 0.88, 4: 0.91, 5: 0.96}
+
+
+def bump(w):
+    """A sensor that reads 18 µm too much about 0.55 mm."""
+    return w + 0.018 * np.exp(-(((w - 0.55) / 0.2) ** 2)) * np.clip(w / 0.05, 0, 1)
+
+
+def bent(path):
+    """A suction that is 4 mbar more than is read about 55 mbar."""
+    fine = cut(path)
+    p = np.array(fine.pressure_mbar)
+    more = 4 * np.exp(-(((p - 55) / 20) ** 2)) * np.clip(p / 10, 0, 1)
+    return replace(fine, pressure_mbar=tuple((p + more).tolist()))
+
+
+def campaign(plan, *, sensor=None, felt=None, prony=(), stiffer=None, cycles=None, seed=5):
+    """Return curves of another mesh than the fit's, 15 samples a second, 3 µm of noise."""
+    rng, curves = np.random.default_rng(seed), []
+    for i, (aperture, text) in enumerate(plan):
+        program = parse_program(text)
+        t = np.arange(int(program.duration_s * 15 + 1e-9) + 1) / 15
+        path = PressurePath.of_program(program)
+        of_skin = path if felt is None else felt(path)
+        for cycle, factor in (cycles or {1: 1.0}).items():
+            stiffness = factor * (stiffer or {}).get(aperture, 1.0)
+            problem = SkinProblem(Geometry(aperture, THICKNESS_MM), SKIN, prony=prony)
+            solved = solve_skin(replace(problem, stiffness=stiffness), of_skin, MESH)
+            w = solved.at(t, of_skin(t))
+            w = (w if sensor is None else sensor(w)) + rng.normal(0, 3e-3, len(t))
+            setup = Setup(aperture, THICKNESS_MM, program, cycle=cycle)
+            curves.append(Curve(f"c{i}_{cycle}.csv", setup, t, path(t), np.round(w, 4)))
+    return Campaign("hidden", 3.0, 0.0, tuple(curves), 0.0)
+
+
+def search_of(hidden, table, model=BASE):
+    records = records_of(hidden)
+    fitter = Fitter(records, errors_of(records), TableDomes(table), finite_elements=False)
+    return Search(fitter, model=model, noise_um=3.0, placement_scatter=0.0)
+
+
+def learn(hidden, table):
+    """Return what the families come to where the library has nothing."""
+    search = search_of(hidden, table)
+    base = search.learned_base()
+    records = search.fitter.records
+    kept = tuple(np.ones(len(r.curve), dtype=bool) for r in records)
+    found = Found(base, {}, [], records, errors=search.fitter.errors, kept=kept)
+    return search, find_families(search, found)
+
+
+@pytest.mark.parametrize(
+    ("family", "plan", "how"),
+    [
+        ("sensor_curve", RAMPS, {"sensor": bump}),
+        ("pressure_curve", RAMPS, {"felt": bent}),
+        ("time", HOLDS, {"prony": (Prony(0.12, 0.25), Prony(0.1, 2.0), Prony(0.12, 18.0))}),
+        ("opening", OPENINGS, {"stiffer": STIFFER}),
+        ("history", RAMPS[:2], {"cycles": CYCLES}),
+    ],
+    ids=["sensor", "pressure", "time", "opening", "history"],
+)
+def test_the_kind_of_what_is_hidden_is_found(table, family, plan, how):
+    _, found = learn(campaign(plan, **how), table)
+    verdict = decide_learned(found)
+    assert verdict.name == "learned"
+    assert verdict.explanations[0].effects == (f"learned_{family}",)
+    assert not found.base.adequate
+
+
+def test_where_only_noise_is_nothing_is_learned(table):
+    _, found = learn(campaign(RAMPS), table)
+    assert decide_learned(found).name == "unknown"
+    assert all(c.log10_evidence < 1.3 for c in found.candidates)
+
+
+def outcome_of(found):
+    best = decide_learned(found)
+    (candidate,) = best.explanations
+    before, after = HeldOut(12.0, 3.0, 3.0, ("c0_1.csv",)), HeldOut(3.2, 3.0, 3.1, ("c0_1.csv",))
+    posteriors = {candidate.effects: gaussian(candidate.fit)}
+    return Outcome(best, found, before, after, {}, None, posteriors=posteriors)
+
+
+def test_what_is_learned_is_told_adopted_and_used(table, tmp_path):
+    hidden = campaign(RAMPS, sensor=bump)
+    search, found = learn(hidden, table)
+    outcome = outcome_of(found)
+    learned = json.loads(json.dumps(outcome.to_json(), allow_nan=False))["learned"]
+    assert learned["family"] == "sensor_curve"
+    assert learned["share_of_gap"] == pytest.approx(1 - (3.2**2 - 9) / (12**2 - 9))
+    # The function is that of the sensor, but for a gain, which is a stiffer skin nearly.
+    f = learned["function"]
+    x, y, low, high = (np.array(f[k]) for k in ("x", "y", "low", "high"))
+    true = less_gain(x, 1e3 * (bump(x) - x))
+    assert np.abs(true - y).max() < 0.5 * np.abs(true).max()
+    assert (low <= y).all()
+    assert (y <= high).all()
+    assert "deflection sensor is not linear" in learned["sentence"]
+    assert describe(outcome).startswith(f"Learned: {learned['sentence']}.")
+    assert "What was learned" in render(outcome)
+    cache.save("a", outcome, tmp_path)
+    again = cache.load("a", records_of(hidden), tmp_path)
+    assert again.to_json() == outcome.to_json()
+    text = adopted(
+        BASE, outcome.posteriors[outcome.best.effects], verdict="learned", data={},
+        database_hash="", version="0", date="2026-01-01",
+    ).to_toml()  # fmt: skip
+    model = decode_model(text, "learned.toml")
+    fit = outcome.best.fit
+    assert model.values["learned_sensor_curve"]["span_mm"] == pytest.approx(
+        fit.unknowns.values(fit.u)["learned_sensor_curve"]["span_mm"]
+    )
+    # A new campaign of the same probe: the model says what it leaves, and nothing more is missing.
+    new = campaign(RAMPS, sensor=bump, seed=6)
+    base = search_of(new, table, model).learned_base()
+    assert base.adequate
+    assert base.fit.chi2 < 1.3 * len(search.fitter.measured)
+    axis = unknowns_of(model).axes[0]
+    assert axis.prior[1] < 1.0  # what was learned is its prior
+
+
+@pytest.mark.parametrize("one", families(), ids=lambda one: one.name)
+def test_a_family_says_what_it_is(one):
+    assert one.name == f"learned_{one.family}"
+    assert one.name not in library_names()
+    seen = Seen(0.9, 300.0, 20.0, 4, (2.0, 6.0, 8.0))
+    x = one.abscissa(seen)
+    assert (np.diff(x) > 0).all()
+    y = one.function(x, one.full(one.typical))
+    assert y.shape == x.shape
+    assert one.sentence(x, y).isprintable()
+    known = [p for p in one.parameters if p.zero is None]
+    assert all(p.low <= one.range_of(seen) <= p.high for p in known)
+
+
+def test_the_library_is_all_that_has_a_name():
+    assert set(library_names()) | {one.name for one in families()} == {
+        one.name for one in all_effects()
+    }
+
+
+def test_a_bent_suction_is_the_suction_where_nothing_is_learned():
+    path = PressurePath.of_program(parse_program("ramp:60@40,hold:2,ramp:0@40"))
+    one = get_effect("learned_pressure_curve")
+    assert one.felt(path, one.full(one.zero)) is path
+    values = one.full(one.typical)
+    t = np.linspace(0, 4, 101)
+    p = path(t)
+    np.testing.assert_allclose(
+        one.felt(path, values)(t), p + one.function(p, values), rtol=0, atol=0.05
+    )
+
+
+def test_a_forward_curve_has_what_was_learned():
+    t, path = np.linspace(0, 4, 41), PressurePath((0.0, 4.0), (0.0, 60.0))
+    geometry = Geometry(6.0, 1.0)
+    values = {"learned_sensor_curve": {"c1_um": 12.0, **{f"c{k}_um": 0.0 for k in range(2, 7)}}}
+    plain = response(SKIN, {}, geometry, path, t).deflection_mm
+    with_it = response(SKIN, values, geometry, path, t).deflection_mm
+    assert np.allclose(1e3 * (with_it - plain), 12.0 * np.sin(0.5 * np.pi * plain / 2.0))
