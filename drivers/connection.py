@@ -5,7 +5,6 @@ No clock, thread, socket or serial port here. Any bytes at all give events or Re
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -16,7 +15,6 @@ from drivers.events import (
     Arm,
     Command,
     Damaged,
-    Event,
     Gap,
     Hello,
     Identify,
@@ -32,9 +30,9 @@ from drivers.events import (
     State,
     Vent,
 )
+from drivers.incoming import Incoming
 from drivers.limits import DEFAULT_LIMITS, NO_ABILITIES, Limits, check_load
 
-MAX_BACKLOG_BYTES = 1 << 20  # of bytes that nobody turned into events yet
 _NUMBERS = 1 << 16  # command numbers wrap here
 
 
@@ -65,7 +63,7 @@ STATES: Mapping[InstrumentState | None, StateRow] = {
 _NEEDS_KEEP_ALIVE = frozenset({_S.ARMED, _S.RUNNING, _S.VENTING})
 
 
-class Connection:
+class Connection(Incoming):
     """The host's side of the conversation with one instrument.
 
     `receive_data` takes bytes as they come, `next_event` gives what they mean, `send` gives the
@@ -75,10 +73,8 @@ class Connection:
     can_vent = True
 
     def __init__(self, dialect: Dialect, limits: Limits = DEFAULT_LIMITS) -> None:
-        self._dialect = dialect
+        super().__init__(dialect)
         self._limits = limits
-        self._buffer = bytearray()
-        self._ready: deque[Event] = deque()
         self._state: InstrumentState | None = None
         self._hello: Hello | None = None
         self._abilities = NO_ABILITIES
@@ -112,35 +108,6 @@ class Connection:
         """Time between two keep-alives."""
         return self._limits.keep_alive_s
 
-    def receive_data(self, data: bytes) -> None:
-        """Take bytes from the instrument, in pieces of any size.
-
-        Raises RemoteProtocolError when more than MAX_BACKLOG_BYTES wait for `next_event`; these
-        are then dropped.
-        """
-        if len(self._buffer) + len(data) > MAX_BACKLOG_BYTES:
-            self._buffer.clear()
-            raise RemoteProtocolError(f"more than {MAX_BACKLOG_BYTES} bytes came at once")
-        self._buffer += data
-
-    def next_event(self) -> Event | None:
-        """Give the next event, or None where more bytes are needed.
-
-        Raises RemoteProtocolError where the instrument does what the protocol does not allow; the
-        event that showed it is delivered by the next call, and reading goes on.
-        """
-        while True:
-            if self._ready:
-                return self._ready.popleft()
-            taken = self._dialect.take(self._buffer)
-            if taken is None or isinstance(taken, Damaged):
-                return taken
-            try:
-                event, number = self._dialect.decode_event(taken)
-            except RemoteProtocolError as error:
-                return Damaged(str(error), taken)
-            self._judge(event, number, taken)
-
     def send(self, command: Command) -> bytes:
         """Bytes of `command`.
 
@@ -165,6 +132,9 @@ class Connection:
         return data
 
     # ---- what an event means ------------------------------------------------------------
+
+    def _miss(self) -> None:
+        """Nothing: the instrument counts its samples itself."""
 
     def _judge(self, event: InstrumentEvent, number: int | None, frame: bytes) -> None:
         match event:

@@ -9,11 +9,10 @@ same record gives the same runs, without a clock.
 from __future__ import annotations
 
 import bisect
-from collections import deque
 from collections.abc import Sequence
 
 from drivers.capabilities import READ_ONLY, Stream
-from drivers.connection import MAX_BACKLOG_BYTES, Connection
+from drivers.connection import Connection
 from drivers.dialect import Dialect
 from drivers.dialects import stream_of
 from drivers.errors import LocalProtocolError, RemoteProtocolError
@@ -22,7 +21,6 @@ from drivers.events import (
     Abilities,
     Command,
     Damaged,
-    Event,
     Gap,
     Hello,
     Identify,
@@ -37,6 +35,7 @@ from drivers.events import (
     State,
     Vent,
 )
+from drivers.incoming import Incoming
 from drivers.limits import DEFAULT_LIMITS, NO_ABILITIES, Limits
 
 _HELD_S = 10.0  # between zero and `begin_mbar`; what stays there for longer begins no run
@@ -72,16 +71,14 @@ def lost_mark(reason: str) -> bytes:
     return _LOST + b" " + reason.encode("utf-8", "replace")
 
 
-class StreamConnection:
+class StreamConnection(Incoming):
     """The host's side of an instrument that only streams; used as `Connection` is."""
 
     def __init__(self, dialect: Dialect, limits: Limits = DEFAULT_LIMITS) -> None:
-        self._dialect = dialect
+        super().__init__(dialect)
         self._rule: Stream = stream_of(dialect)
         self._hello = _hello(dialect, self._rule, limits)
-        self._buffer = bytearray()
         self._state = InstrumentState.IDLE
-        self._ready: deque[Event] = deque()
         self._vented = False  # a vent was asked for, so that nothing is kept alive
         self._following = False
         self._ends: tuple[float, ...] = ()  # of the program's segments, s; empty: not known
@@ -134,27 +131,8 @@ class StreamConnection:
         """For how long nothing has to come, before a run is over."""
         return max(self._rule.silent_s, 3 * self._step_s)
 
-    def receive_data(self, data: bytes) -> None:
-        """See `Connection.receive_data`."""
-        if len(self._buffer) + len(data) > MAX_BACKLOG_BYTES:
-            self._buffer.clear()
-            raise RemoteProtocolError(f"more than {MAX_BACKLOG_BYTES} bytes came at once")
-        self._buffer += data
-
-    def next_event(self) -> Event | None:
-        """Give the next event, or None where more bytes are needed."""
-        while True:
-            if self._ready:
-                return self._ready.popleft()
-            taken = self._dialect.take(self._buffer)
-            if taken is None or isinstance(taken, Damaged):
-                return taken
-            try:
-                event, _ = self._dialect.decode_event(taken)
-            except RemoteProtocolError as error:
-                self._damaged += 1
-                return Damaged(str(error), taken)
-            self._judge(event, taken)
+    def _miss(self) -> None:
+        self._damaged += 1
 
     def send(self, command: Command) -> bytes:
         """Bytes of `command`; none where there is nothing to say.
@@ -199,7 +177,7 @@ class StreamConnection:
 
     # ---- what a reading means ---------------------------------------------------------------
 
-    def _judge(self, event: InstrumentEvent, frame: bytes) -> None:
+    def _judge(self, event: InstrumentEvent, number: int | None, frame: bytes) -> None:
         match event:
             case Reading():
                 self._take(event, frame)

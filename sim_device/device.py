@@ -120,8 +120,8 @@ class Device:
         if keep_alive_s is None:
             keep_alive_s = TIMING.keep_alive_s
         self._keep_alive_us = round(keep_alive_s * speed * 1e6)
-        self._dialect = get_dialect("reference") if dialect is None else dialect
-        self._plant = Plant(STEP_US / 1e6)
+        self.dialect = get_dialect("reference") if dialect is None else dialect
+        self.plant = Plant(STEP_US / 1e6)
         self._schedule = Schedule(faults)
         self._line = Line(self._schedule, seed)
         self._trace = trace
@@ -132,13 +132,13 @@ class Device:
         self._owed_ns = 0  # time that process() was given and that is less than a step
         self._state = _S.IDLE
         self._load: Load | None = None
-        self._run: Run | None = None
+        self.run: Run | None = None
         self._number: int | None = None  # of the last command that changed something
         self._alive_us = 0
         self._vent_us: int | None = None  # the valve is open since then and the chamber not empty
         self._vent_reason = ""
         self._suction_us = 0  # without a pause, so far
-        self._sequence = 0
+        self.sequence = 0
         self._started_us = 0
 
     @property
@@ -149,12 +149,12 @@ class Device:
     @property
     def pressure_mbar(self) -> float:
         """True pressure of the chamber."""
-        return self._plant.pressure_mbar
+        return self.plant.pressure_mbar
 
     @property
     def resting(self) -> bool:
         """Nothing moves: time alone changes nothing, and no bytes will come."""
-        still = self._state not in _LIVE and self._vent_us is None and not self._plant.pressure_mbar
+        still = self._state not in _LIVE and self._vent_us is None and not self.plant.pressure_mbar
         ticking = self._first_start_us is not None
         return still and not self._line.busy(self._fault_us, ticking=ticking)
 
@@ -173,11 +173,11 @@ class Device:
     def receive(self, data: bytes) -> None:
         """Take bytes from the host. Damaged ones are dropped: the host repeats what it needs."""
         self._in += self._line.receive(data, self._fault_us)
-        while (taken := self._dialect.take(self._in)) is not None:
+        while (taken := self.dialect.take(self._in)) is not None:
             if isinstance(taken, Damaged):
                 continue
             try:
-                command, number = self._dialect.decode_command(taken)
+                command, number = self.dialect.decode_command(taken)
             except RemoteProtocolError:
                 continue
             self._obey(command, number)
@@ -289,12 +289,12 @@ class Device:
 
     def _start(self) -> None:
         assert self._load is not None
-        self._run = Run(self._load)
-        self._sequence = 0
+        self.run = Run(self._load)
+        self.sequence = 0
         self._started_us = self._now_us
         if self._first_start_us is None:
             self._first_start_us = self._now_us
-        self._run.advance(0, self._pressure())
+        self.run.advance(0, self._pressure())
         self._suction_us = 0
         self._skin.start()
         self._enter(_S.RUNNING, "started")
@@ -305,34 +305,34 @@ class Device:
     def _step(self) -> None:
         self._now_us += STEP_US
         set_point, valve_open = 0.0, True
-        if self._state is _S.RUNNING and self._run is not None:
-            self._run.advance(self._now_us - self._started_us, self._pressure(), self._height_mm)
-            set_point, valve_open = self._run.set_point_mbar, self._run.valve_open
+        if self._state is _S.RUNNING and self.run is not None:
+            self.run.advance(self._now_us - self._started_us, self._pressure(), self._height_mm)
+            set_point, valve_open = self.run.set_point_mbar, self.run.valve_open
         self._break_plant()
-        self._plant.step(self._true_mbar(set_point) if set_point > 0 else 0.0, valve_open)
-        self._past_mbar.append(self._plant.pressure_mbar)
+        self.plant.step(self._true_mbar(set_point) if set_point > 0 else 0.0, valve_open)
+        self._past_mbar.append(self.plant.pressure_mbar)
         if self._state in _LIVE and self._now_us - self._alive_us > self._keep_alive_us:
             self._load = None
             self._open_valve("keep-alive lost")
-        if self._state is _S.RUNNING and self._run is not None:
-            self._check_run(self._run)
+        if self._state is _S.RUNNING and self.run is not None:
+            self._check_run(self.run)
         else:
             self._check_vent()
         self._sample()
         self._finish_vent()
         self._line.step(self._fault_us, STEP_US)
         if self._trace is not None and self._now_us % _TRACE_US == 0:
-            self._trace(self._now_us / 1e6, self._plant.pressure_mbar, self._state)
+            self._trace(self._now_us / 1e6, self.plant.pressure_mbar, self._state)
 
     def _break_plant(self) -> None:
         time_us = self._fault_us
         valve = self._schedule.active("stuck_valve", time_us)
         leak = self._schedule.active("leak", time_us)
         overshoot = self._schedule.active("overshoot", time_us)
-        self._plant.opening = 1.0 if valve is None else valve.amount
-        self._plant.lost = 0.0 if leak is None else leak.amount
-        self._plant.excess_mbar = 0.0 if overshoot is None else overshoot.amount
-        self._plant.lifted = self._schedule.active("no_contact", time_us) is not None
+        self.plant.opening = 1.0 if valve is None else valve.amount
+        self.plant.lost = 0.0 if leak is None else leak.amount
+        self.plant.excess_mbar = 0.0 if overshoot is None else overshoot.amount
+        self.plant.lifted = self._schedule.active("no_contact", time_us) is not None
 
     def _check_run(self, run: Run) -> None:
         pressure, maximum = self._pressure(), run.load.max_pressure_mbar
@@ -358,11 +358,11 @@ class Device:
             self._fault("vent", f"{pressure:.1f} mbar {VENT_TIME_S:g} s after a vent")
 
     def _sample(self) -> None:
-        run = self._run
+        run = self.run
         if run is None:
             return
         elapsed_us = self._now_us - self._started_us
-        if elapsed_us < self._sequence * 10**9 // round(run.load.rate_hz * 1000):
+        if elapsed_us < self.sequence * 10**9 // round(run.load.rate_hz * 1000):
             return
         try:
             felt_s = max(0.0, elapsed_us / 1e6 - self._probe.lag_s)
@@ -370,23 +370,23 @@ class Device:
             if not abs(deflection) < _LONGEST_MM:
                 raise ValueError(f"a deflection of {deflection} mm")
         except Exception as error:  # noqa: BLE001 -- a skin that cannot be computed is a fault
-            self._run = None
+            self.run = None
             self._fault("skin", str(error) or type(error).__name__)
             return
         pressure_noise, deflection_noise = self._rng.standard_normal(2)
         sensor = self._sensor
         pressure = self._pressure() + sensor.pressure_noise_mbar * pressure_noise
-        true_um = 0.0 if self._plant.lifted else 1e3 * deflection
+        true_um = 0.0 if self.plant.lifted else 1e3 * deflection
         read_um = self._probe.deflection_gain * true_um + self._probe.deflection_offset_um
         deflection_um = read_um + sensor.noise_um * deflection_noise
         sample = Sample(
-            sequence=self._sequence,
+            sequence=self.sequence,
             device_time_s=elapsed_us / 1e6,
             pressure_mbar=_quantised(pressure, sensor.pressure_resolution_mbar),
             deflection_mm=_quantised(deflection_um, sensor.resolution_um) / 1e3,
             segment=run.index if self._state is _S.RUNNING else len(run.load.segments),
         )
-        self._sequence += 1
+        self.sequence += 1
         self._send(self._misread(sample))
 
     def _misread(self, sample: Sample) -> Sample:
@@ -429,7 +429,7 @@ class Device:
         if self._vent_us is None or self._pressure() >= VENTED_MBAR:
             return
         self._vent_us = None
-        self._run = None
+        self.run = None
         if self._state is _S.FAULT:
             self._say("vented")
         else:
@@ -453,7 +453,7 @@ class Device:
     def _pressure(self) -> float:
         """Give what the firmware's own pressure sensor reads, in mbar."""
         probe = self._probe
-        return probe.pressure_gain * self._plant.pressure_mbar + probe.pressure_offset_mbar
+        return probe.pressure_gain * self.plant.pressure_mbar + probe.pressure_offset_mbar
 
     def _height_mm(self) -> float:
         """Give what the deflection sensor reads, without its noise: firmware averages."""
@@ -461,7 +461,7 @@ class Device:
         felt_s = max(0.0, elapsed_s - self._probe.lag_s)
         if self._frozen_mm is not None:
             return self._frozen_mm
-        if self._plant.lifted:
+        if self.plant.lifted:
             return 1e-3 * self._probe.deflection_offset_um
         true_mm = self._skin.deflection_mm(felt_s, self._past_mbar[0])
         return self._probe.deflection_gain * true_mm + 1e-3 * self._probe.deflection_offset_um
@@ -474,8 +474,8 @@ class Device:
     def _hello(self) -> Hello:
         other = self._schedule.active("wrong_firmware", self._fault_us) is not None
         return Hello(
-            dialect=self._dialect.name,
-            protocol_version=self._dialect.protocol_version + int(other),
+            dialect=self.dialect.name,
+            protocol_version=self.dialect.protocol_version + int(other),
             model="skinlab simulated probe",
             firmware=_OTHER_FIRMWARE if other else "1.0",
             serial_number=self._probe.serial_number,
@@ -489,7 +489,7 @@ class Device:
         )
 
     def _send(self, event: InstrumentEvent, number: int | None = None) -> None:
-        frame = self._dialect.encode_event(event, number)
+        frame = self.dialect.encode_event(event, number)
         self._line.send(frame, self._fault_us, sample=isinstance(event, Sample))
 
 

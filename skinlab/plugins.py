@@ -28,7 +28,7 @@ from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
 from skinlab.errors import InputError
-from skinlab.text import inert
+from skinlab.text import did_you_mean, inert
 
 GROUPS = "skinlab."  # what the names of all groups begin with
 
@@ -101,10 +101,10 @@ class Registry(Generic[T]):
             return self._all()[name]
         except KeyError:
             why = self._refused.get(name)
-            known = ", ".join(self.names())
+            known, near = ", ".join(self.names()), did_you_mean(name, self.names())
             raise InputError(
                 f"{self._called(name)} is not known{f' ({why})' if why else ''}; "
-                f"expected one of: {known or 'none is there'}"
+                f"expected one of: {known or 'none is there'}{near}"
             ) from None
 
     def origin(self, name: str) -> Origin | None:

@@ -1,4 +1,4 @@
-"""Work in other processes: one that lives long (`Worker`), many pieces (`Pool`, `on_cluster`).
+"""Work in other processes: one that lives long (`Worker`), or many pieces (`Pool`, `on_...`).
 
 Every worker is a new interpreter, `python -m skinlab.workers`, on every platform. A fork would copy
 locks that the probe's threads hold at that moment, and `multiprocessing` can neither start a
@@ -24,21 +24,24 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from itertools import islice
 from types import TracebackType
-from typing import IO, Any, Self
+from typing import IO, Any, Self, TypeVar
 
 from skinlab.errors import InputError, SkinlabError
 from skinlab.io.log import log_exception
 
 Tell = Callable[[Any], object]
+T = TypeVar("T")
+R = TypeVar("R")
 
 COMMAND = (sys.executable, "-m", "skinlab.workers")
 _ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 _NOT_SENT = (pickle.PicklingError, TypeError, AttributeError)  # what pickle raises
 _SIZE = struct.Struct("<Q")
 _PROTOCOL = pickle.HIGHEST_PROTOCOL
+_AHEAD = 2  # tasks a process that wait, so that none of them idles
 _ANSWER_WITHIN_S = 10
 _AT_ONCE = 512  # tasks that a cluster's scheduler is given at a time
 _LOG = logging.getLogger("skinlab")
@@ -213,9 +216,58 @@ def _in_order(futures: list[Future[Any]]) -> Iterator[Any]:
         yield future.result()
 
 
+def on_processes(
+    function: Callable[[Any, T], R], shared: object, tasks: Iterator[T], workers: int
+) -> Iterator[tuple[T, R | None]]:
+    """Yield each task with function(shared, task), as they finish; None where its process died.
+
+    `shared` is sent once a process. No more tasks are taken than keep the processes busy.
+    """
+    first = list(islice(tasks, workers * (1 + _AHEAD)))
+    if not first:
+        return
+    every: list[Worker] = []
+    idle: queue.SimpleQueue[Worker] = queue.SimpleQueue()
+
+    def new() -> Worker:
+        every.append(Worker(shared, here=False))
+        return every[-1]
+
+    def do(task: T) -> R | None:
+        worker = idle.get()
+        try:
+            found: R = worker.call(function, task)
+        except WorkerDiedError:
+            worker.close()
+            every.remove(worker)
+            worker = new()
+            return None
+        finally:
+            idle.put(worker)
+        return found
+
+    threads = ThreadPoolExecutor(workers, thread_name_prefix="study")
+    try:
+        for _ in range(min(workers, len(first))):
+            idle.put(new())
+        running: dict[Future[R | None], T] = {threads.submit(do, task): task for task in first}
+        while running:
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                yield running.pop(future), future.result()
+                for task in islice(tasks, 1):
+                    running[threads.submit(do, task)] = task
+    finally:
+        threads.shutdown(wait=False, cancel_futures=True)
+        for worker in list(every):
+            worker.kill()  # whoever waits for its answer goes on
+        threads.shutdown()
+        for worker in every:
+            worker.close()
+
+
 def on_cluster(
-    function: Callable[[Any, Any], Any], shared: object, tasks: Iterator[Any], address: str
-) -> Iterator[Any]:
+    function: Callable[[Any, T], R], shared: object, tasks: Iterator[T], address: str
+) -> Iterator[R]:
     """Yield function(shared, task) of each task on a dask cluster, as they finish.
 
     `shared` is sent once a worker. The workers see the folders under the same paths.

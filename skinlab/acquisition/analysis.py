@@ -105,6 +105,12 @@ class Analysis:
                 shorten_pauses()
             return self._identifier
 
+    @property
+    def law(self) -> str | None:
+        """Name of the law that curves are identified with; None: not prepared yet. Never slow."""
+        identifier = self._identifier
+        return None if identifier is None else identifier.database.law
+
     def use(self, identifier: Identifier) -> None:
         """Identify with this one: a record says what it was identified with."""
         with self._loading:

@@ -17,7 +17,7 @@ from skinlab.curves.curve import check_aperture
 from skinlab.curves.program import Program, check_measurable, parse_program
 from skinlab.errors import InputError
 from skinlab.io.documents import decode, read_toml
-from skinlab.mechanics.names import parameter_of
+from skinlab.mechanics.names import parameter_names, parameter_of
 from skinlab.recording.pseudonym import check_note, check_site
 from skinlab.text import did_you_mean
 
@@ -152,7 +152,7 @@ def _check(protocol: Protocol) -> None:
     for field in ("interval_percent", "scatter_percent"):
         for name, percent in getattr(protocol.acceptance, field).items():
             if parameter_of(name) is None:
-                near = did_you_mean(name, ("X1_MPa", "X2_MPa", "nu"))
+                near = did_you_mean(name, parameter_names())
                 raise InputError(f"acceptance.{field}.{name}: no such parameter{near}")
             if not 0 < percent < 1000:
                 raise InputError(f"acceptance.{field}.{name} is {percent:g}; expected over 0 %")

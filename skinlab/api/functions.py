@@ -204,7 +204,8 @@ def forward(
 
     parameters: the law's own by their names: X1_MPa, X2_MPa and nu of the paper's. direct: by
     finite elements; else the database answers. law, kappa: None: the model's or database's, else
-    the paper's. A curve that the model cannot follow to its end is cut there, with a warning.
+    the paper's. Where a skin creases at the tape's edge its curve goes on with a blunter edge; one
+    that the model cannot follow to its end is cut there. Each comes with a warning.
 
     Raises:
         InputError: a value is out of its range, missing, or none of the law's.

@@ -27,7 +27,7 @@ def simulated(
     model: PathLike | Model | None = None,
     database: PathLike | Table | None = None,
 ) -> tuple[Curve, str | None]:
-    """Return the simulated curve, and a warning where it had to end early.
+    """Return the simulated curve, and a warning where it creases or had to end early.
 
     `values_of` gives the parameters' values, in the order of the law whose name it gets. law,
     kappa: None: those of the model, else of the database, else the default.

@@ -1,4 +1,4 @@
-"""`skinlab calibrate`: what a probe makes of the truth, from phantoms; whether it still does."""
+"""`skinlab calibrate`: the errors of a probe, found on phantoms, and whether they still hold."""
 
 from __future__ import annotations
 
@@ -218,5 +218,5 @@ def _check(
         echo(f"  reads {gain.value:.4f} ({gain.low:.4f} to {gain.high:.4f}) times as much as then")
         echo(f"  zero has moved by {offset.value:.1f} µm ({offset.low:.1f} to {offset.high:.1f})")
         if not found.agrees:
-            echo("  calibrate again, or look at the phantom; the cause cannot be told from one")
+            echo("  calibrate again, or look at the phantom; one phantom cannot show which it is")
     return 0 if found.agrees else 1

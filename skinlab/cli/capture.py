@@ -40,8 +40,8 @@ def command(
 
     Alone it only listens, and sends nothing. With --through it stands between the instrument and
     the manufacturer's software and passes the bytes on both ways; what the software is to connect
-    to is printed first. With --dialect (or in the URL) the file keeps the dialect, and it is said
-    at the end how much of the traffic the dialect understands.
+    to is printed first. With --dialect (or in the URL) the file keeps the dialect, and the last
+    line says how much of the traffic the dialect understands.
 
     \b
     Example: skinlab capture --port "/dev/ttyUSB0?baud=9600" --through pty --out traffic.jsonl

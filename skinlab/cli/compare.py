@@ -35,7 +35,7 @@ from skinlab.cli.output import echo, print_json
 @click.option(
     "--relevant-percent",
     type=float,
-    help="A change that matters: where it could not have been shown, nothing is said  "
+    help="Smallest change that matters; where it could not have been shown, the answer stays open  "
     "[default: 30].",
 )
 @json_option()
@@ -51,9 +51,10 @@ def command(
 ) -> int:
     """Say whether the skin of session AFTER differs from that of BEFORE.
 
-    All whole first-cycle curves of a session are fitted together, whatever their openings. Of each
-    parameter: changed, no change shown, or cannot be said, and the smallest change that could have
-    been shown, given how much placing the probe anew, another day and another hand make of it.
+    All whole first-cycle curves of a session are fitted together, whatever their openings. The
+    answer for each parameter is: changed, no change shown, or too uncertain to say. With it stands
+    the smallest change that could have been shown, given the scatter of placing the probe anew, of
+    days and of operators.
 
     \b
     Example: skinlab compare monday.h5 friday.h5 --study study

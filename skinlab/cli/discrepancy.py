@@ -24,7 +24,11 @@ if TYPE_CHECKING:
 @database_option()
 @click.option("--adopt", type=click.Path(path_type=Path), help="Write the model with the effect.")
 @click.option("--report", type=click.Path(path_type=Path), help="Folder for an HTML report.")
-@click.option("--workers", type=int, help="Processes; same answers [default: all cores].")
+@click.option(
+    "--workers",
+    type=int,
+    help="Processes; the answers stay the same [default: all cores].",
+)
 @click.option("--no-cache", is_flag=True, help="Compute again what was computed before.")
 @json_option()
 def command(

@@ -56,6 +56,9 @@ def command(
 ) -> int:
     """Simulate the curve of a skin and print it as CSV.
 
+    Where the skin creases at the tape's edge the finite elements go on with a blunter edge, and say
+    so on standard error; where the model ends before the program does the exit status is 5.
+
     \b
     Example: skinlab forward --direct --x1-mpa 0.03 --x2-mpa 1.0 --nu 0.32 \\
              --aperture-mm 6 --thickness-mm 1 --program ramp:100@20 --csv curve.csv
@@ -90,5 +93,6 @@ def command(
         write_file(csv_path, text.getvalue(), replace=True)
     if warning:
         echo(f"skinlab: {warning}", err=True)
-        return 5
-    return 0
+    assert setup.program is not None
+    ends_early = curve.time_s[-1] + 1.0 / rate_hz <= setup.program.duration_s
+    return 5 if ends_early else 0

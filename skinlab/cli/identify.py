@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 @probe_option()
 @prior_options(site=True)
 @reference_options()
-@click.option("--joint", is_flag=True, help="One answer for all curves: one skin.")
+@click.option("--joint", is_flag=True, help="One answer for all curves, as of one skin.")
 @click.option(
     "--placement-scatter",
     default="auto",
@@ -43,7 +43,9 @@ if TYPE_CHECKING:
     "it, 0 is none.",
 )
 @click.option("--advise", is_flag=True, help="Say which measurement would narrow it most.")
-@click.option("--workers", default=1, show_default=True, help="Processes; same answers.")
+@click.option(
+    "--workers", default=1, show_default=True, help="Processes; the answers stay the same."
+)
 @click.option("--strict", is_flag=True, help="Exit with 5 where a result is not trustworthy.")
 @json_option()
 def command(

@@ -63,9 +63,9 @@ def command(
     """Make a session of curves that other software exported as text or .xlsx.
 
     Separator, decimal sign, encoding, header lines, columns and units are found by looking, and
-    what was understood is said. What stays open is asked for on a terminal, and refused in a pipe;
-    an option answers it too. Answers are kept for files with the same headings. Without a column of
-    the pressure, --program says what it was.
+    a line says what was understood. What stays open is asked for on a terminal, and refused in a
+    pipe; an option answers it too. Answers are kept for files with the same headings. Without a
+    column of the pressure, --program says what it was.
 
     The options from --aperture-mm to --repeat hold for all files, or are given once a file, in the
     files' order.

@@ -10,16 +10,16 @@ import click
 F = TypeVar("F", bound=Callable[..., Any])
 
 _HELP = {
-    "encoding": "Of text files [default: found by looking].",
-    "separator": "Between two fields.",
-    "decimal": "Sign of the decimals.",
-    "sheet": "Of a workbook, where several hold a table.",
-    "time-column": "Its heading, or its number from 1; so with the others.",
-    "pressure-column": "",
-    "deflection-column": "",
-    "time-unit": "",
-    "pressure-unit": "",
-    "deflection-unit": "",
+    "encoding": "Encoding of text files  [default: found by looking].",
+    "separator": "What stands between two fields.",
+    "decimal": "Decimal sign.",
+    "sheet": "Sheet of a workbook, where several hold a table.",
+    "time-column": "Heading of the time, or its number from 1.",
+    "pressure-column": "The same of the pressure.",
+    "deflection-column": "The same of the deflection.",
+    "time-unit": "Where the file does not name it.",
+    "pressure-unit": "The same of the pressure.",
+    "deflection-unit": "The same of the deflection.",
     "deflection-sign": "- where the file counts the dome as negative.",
     "program-start-s": "The file's time at which the program started.",
 }

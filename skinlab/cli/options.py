@@ -60,10 +60,13 @@ def identification_options() -> Callable[[F], F]:
             show_default=True,
             help="Inverse method; sto is the paper's.",
         ),
-        click.option("--samples", type=int, help="Candidates a draw, N.  [default: 1000]"),
-        click.option("--best", default=20, show_default=True, help="Of these span the next box."),
+        click.option("--samples", type=int, help="Candidates in a draw, N.  [default: 1000]"),
+        click.option("--best", default=20, show_default=True, help="How many span the next box."),
         click.option(
-            "--tolerance-um", default=1e-5, show_default=True, help="Ends when E changes less."
+            "--tolerance-um",
+            default=1e-5,
+            show_default=True,
+            help="Ends when the error changes less.",
         ),
         click.option("--seed", default=0, show_default=True, help="Of the random draws."),
         kappa_option(),
@@ -87,7 +90,7 @@ def identification_options() -> Callable[[F], F]:
         click.option(
             "--pressure-noise-mbar",
             type=float,
-            help="The same of one pressure sample  [default: estimated].",
+            help="Standard deviation of one pressure sample  [default: estimated].",
         ),
     )
 
@@ -99,7 +102,7 @@ def kappa_option() -> Callable[[F], F]:
         type=click.Choice(["paper", "consistent"]),
         default="paper",
         show_default=True,
-        help="What nu means: eq. (3) as printed, or linear elasticity.",
+        help="What nu means: the paper's eq. (3), or linear elasticity.",
     )
 
 
@@ -124,7 +127,7 @@ def probe_option() -> Callable[[F], F]:
         "--probe",
         "probe_path",
         type=click.Path(path_type=Path),
-        help="PROBE.toml of `skinlab calibrate`: what this probe makes of the truth.",
+        help="PROBE.toml of `skinlab calibrate`: the errors of this probe.",
     )
 
 
@@ -137,7 +140,7 @@ def prior_options(site: bool) -> Callable[[F], F]:
             type=click.Path(path_type=Path),
             help="STUDY.toml of `skinlab study`: what is known of such people.",
         ),
-        click.option("--age-years", type=float, help="Of the person."),
+        click.option("--age-years", type=float, help="Age of the person."),
         *([click.option("--site", help="Where on the body.")] if site else []),
     )
 

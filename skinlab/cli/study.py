@@ -54,8 +54,8 @@ def command(
     """Make one tidy table of all curves in FOLDERS, and say how far it can be relied on.
 
     Sessions, campaigns, curve CSVs and files that other software exported, at any depth. Whose
-    curves they are is said by sessions, by a table with a column `file`, by --layout, or by parts
-    of the path such as subject=P-017 (docs/study.md). What cannot be read is listed with its
+    curves they are comes from sessions, from a table with a column `file`, from --layout, or from
+    parts of the path such as subject=P-017 (docs/study.md). What cannot be read is listed with its
     reason, and the rest goes on. Run again, only what is new or changed is computed.
 
     \b

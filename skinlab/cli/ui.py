@@ -45,7 +45,7 @@ ESCAPE_MS = "40"
     "--reference",
     "reference_path",
     type=click.Path(path_type=Path),
-    help="REFERENCE.toml whose usual ranges stand behind the values.",
+    help="REFERENCE.toml with the reference ranges shown behind the values.",
 )
 @click.option(
     "--protocol",

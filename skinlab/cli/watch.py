@@ -25,7 +25,9 @@ from skinlab.cli.output import echo, echo_text, print_json
 @click.option("--cycle", default=1, show_default=True, help="1: first loading of the site.")
 @click.option("--repeat", default=1, show_default=True, help="Counts from 1.")
 @form_options()
-@click.option("--settle-s", default=1.0, show_default=True, help="A file unchanged for so long.")
+@click.option(
+    "--settle-s", default=1.0, show_default=True, help="How long a file must be unchanged."
+)
 @click.option("--out", type=click.Path(path_type=Path), help="[default: session-DATE-TIME.h5]")
 @identification_options()
 @json_option()
@@ -46,9 +48,9 @@ def command(
 ) -> int:
     """Identify each file as it lands in FOLDER, those that are there already first.
 
-    A file is taken once it stayed as it is for --settle-s. Ctrl-C ends it: the session then holds
-    all curves, and --json prints one document. What a file leaves open is not asked for, since
-    nobody may be there: an option says it, or an answer that `import` kept for files with the same
+    A file is taken once it has stayed unchanged for --settle-s. Ctrl-C ends it: the session then
+    holds all curves, and --json prints one document. Nobody may be there to be asked: what a file
+    leaves open comes from an option, or from an answer that `import` kept for files with the same
     headings.
 
     \b

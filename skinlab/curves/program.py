@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from drivers.limits import MIN_PAUSE_S
 from skinlab.errors import InputError
+from skinlab.text import did_you_mean
 
 MOST_PRESSURE_MBAR = 500.0
 MOST_SUCTION_S = 60.0
@@ -345,7 +346,8 @@ def _parse_part(part: str, text: str) -> list[Segment]:
     parser = _PARSERS.get(name)
     if parser is None:
         raise InputError(
-            f"program {text!r}: {part!r} is no segment; expected one of: {', '.join(_PARSERS)}"
+            f"program {text!r}: {part!r} is no segment; expected one of: "
+            f"{', '.join(_PARSERS)}{did_you_mean(name, _PARSERS)}"
         )
     form, parse = parser
     in_mm = re.fullmatch(r"([^@]*?)\s*mm\s*(@.*)", arguments)

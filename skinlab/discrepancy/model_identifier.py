@@ -1,4 +1,4 @@
-"""Identification with a model of one's own: other bounds and priors, or effects in the law."""
+"""Identification with a custom model: other bounds and priors, or effects in the law."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.errors import InputError, NotTrustworthyError
 from skinlab.inference import flags
 from skinlab.inference.identify import Identifier
+from skinlab.inference.intervals import most_of_the_range
 from skinlab.inference.joint import GaussianPrior
 from skinlab.inference.result import Identification, Value
 from skinlab.inference.samples import EVERYTHING, choose
@@ -32,7 +33,7 @@ from skinlab.tables.forward import check_law_of
 
 Array = NDArray[np.float64]
 
-_HALF = 0.5  # of the range: an interval wider than that fixes nothing
+_PRIOR_DRAWS = 2000
 
 
 def with_model(identifier: Identifier, model: Model) -> Identifier:
@@ -142,21 +143,26 @@ class ModelIdentifier(Identifier):
             error_um=rms_um / math.sqrt(n),
             rms_um=rms_um,
             noise_um=noise,
-            flags=_flags(curves, fit, left, p_value),
+            flags=_flags(curves, fit, left, p_value, self.seed),
             fitted=mask,
             fitted_points=n,
             model_mm=model_mm,
         )
 
 
-def _flags(curves: Sequence[Curve], fit: Fit, left: Posterior, p_value: float) -> tuple[str, ...]:
+def _flags(
+    curves: Sequence[Curve], fit: Fit, left: Posterior, p_value: float, seed: int
+) -> tuple[str, ...]:
     low, high = fit.unknowns.bounds
     found = flags.of_optimum(
         fit.unknowns.names, (fit.u - low) / (high - low), converged=fit.settled
     )
     found += flags.of_curves(curves, [0])
+    space, count = fit.unknowns.space, fit.unknowns.count
+    prior = space.from_unit(np.random.default_rng(seed).random((_PRIOR_DRAWS, count)))
     for j, name in enumerate(fit.unknowns.base_names):
-        if 2 * 1.645 * left.deviations[j] > _HALF * (high[j] - low[j]):
+        value = left.parameters[name]
+        if most_of_the_range((value["low"], value["high"]), prior[:, j]):
             found.append(f"not_identifiable:{name}")
     if p_value < ADEQUATE:
         found.append("misfit_above_noise")

@@ -128,9 +128,9 @@ class MappedModel:
 
     def _candidate(self, u: Array) -> _Candidate | None:
         """Return what unknowns are for the mechanics, None for values that cannot be."""
-        skin, effects = self.unknowns.skin(u), self.unknowns.values(u)
         problems: dict[Key, SkinProblem] = {}
         try:
+            skin, effects = self.unknowns.skin(u), self.unknowns.values(u)
             for record in self.records:
                 key = _key(record)
                 if key not in problems:

@@ -11,7 +11,7 @@ from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.search import Candidate, Partial
 from skinlab.discrepancy.settings import NAMES, PLANS
 from skinlab.mechanics.effects import get_effect
-from skinlab.mechanics.names import is_effects, plain
+from skinlab.mechanics.names import is_effects, parameter_of, plain
 from skinlab.text import inert
 
 _SHOWN = 5
@@ -226,13 +226,20 @@ def _prospect(plan: Plan) -> str:
     )
 
 
+def _size_words(name: str, size: float) -> str:
+    """Return a size with its unit: pressure_lag.lag_s 0.004 s."""
+    declared = parameter_of(name)
+    unit = "" if declared is None else declared.unit
+    return f"{name} {size:.3g}{unit and ' '}{unit}"
+
+
 def limits_words(outcome: Outcome) -> list[str]:
     """Return which effects these data could have shown, and which not: the whole library."""
     lines = []
     for heading, entries in (
         (
             "Smallest sizes that these data could have shown:",
-            [f"{name} {size:.3g}" for name, size in outcome.detectable.items()],
+            [_size_words(name, size) for name, size in outcome.detectable.items()],
         ),
         ("These data cannot show:", [f"{n}: {w}" for n, w in outcome.cannot_show.items()]),
         ("Not looked for:", [f"{n}: {w}" for n, w in outcome.not_screened.items()]),

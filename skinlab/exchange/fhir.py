@@ -8,7 +8,6 @@ is, and we do not. docs/exchange.md describes it.
 
 from __future__ import annotations
 
-import json
 import math
 import uuid
 from collections.abc import Mapping
@@ -24,6 +23,7 @@ from skinlab.exchange.codes import CODES, INTERVAL, SYSTEM, UCUM, unit_of, words
 from skinlab.mechanics.materials.base import KAPPA, NU_CONSISTENT
 from skinlab.recording.audit import entries
 from skinlab.recording.session import Session, content_hash
+from skinlab.text import json_text
 
 Array = NDArray[np.float64]
 
@@ -63,7 +63,7 @@ def to_fhir(session: Session) -> dict[str, str]:
     created = session.meta.get("created_utc")
     if created:
         bundle["timestamp"] = str(created)
-    return {FILE: json.dumps(bundle, indent=1, allow_nan=False, ensure_ascii=False) + "\n"}
+    return {FILE: json_text(bundle) + "\n"}
 
 
 def _entry(resource: dict[str, Any], name: str) -> dict[str, Any]:

@@ -7,13 +7,13 @@ that such a document keeps (also in docs/parameters.schema.json).
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 from skinlab.exchange.codes import unit_of
 from skinlab.inference.identify import Identifier
 from skinlab.recording.session import Session
 from skinlab.recording.stream import setup_to_json
+from skinlab.text import json_text
 
 NAME = "skinlab.parameters/1"
 FILE = "parameters.json"
@@ -152,4 +152,4 @@ def to_parameters(session: Session, identifier: Identifier) -> dict[str, str]:
             }
         )
     whole = {"schema": NAME, "curves": curves}
-    return {FILE: json.dumps(whole, indent=1, allow_nan=False, ensure_ascii=False) + "\n"}
+    return {FILE: json_text(whole) + "\n"}

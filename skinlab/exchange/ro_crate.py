@@ -6,10 +6,11 @@ https://www.researchobject.org/ro-crate/1.1/: one file of JSON-LD beside the dat
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+
+from skinlab.text import json_text
 
 FILE = "ro-crate-metadata.json"
 _CHUNK = 1 << 20
@@ -84,7 +85,7 @@ def ro_crate(
             }
         )
     whole = {"@context": "https://w3id.org/ro/crate/1.1/context", "@graph": graph}
-    return json.dumps(whole, indent=1, ensure_ascii=False) + "\n"
+    return json_text(whole) + "\n"
 
 
 def _sha256(path: Path) -> str:

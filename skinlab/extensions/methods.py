@@ -73,7 +73,7 @@ def what_it_says_of_its_answer_holds(method: Method) -> None:
     error_um = 1e3 * float(np.sqrt(np.nansum(off**2))) / found.fitted_points
     expect(
         math.isclose(error_um, found.error_um, rel_tol=1e-6, abs_tol=1e-9),
-        f"it says E = {found.error_um:g} µm, and its parameters give {error_um:g}",
+        f"its error is {found.error_um:g} µm, and its parameters give {error_um:g}",
     )
     expect(found.evaluations > 0, "it counts no evaluations")
 

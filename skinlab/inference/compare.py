@@ -185,13 +185,13 @@ def in_words(comparison: Comparison) -> list[str]:
         elif likely >= _LIKELY:
             said = f"is probably {word} now"
         else:
-            said = "cannot be told to have changed"
+            said = "is not shown to have changed"
         lines.append(
             f"{label} {said}: {values}; {word} with probability {100 * likely:.3g} %, "
             f"overlap {100 * change.overlap:.0f} %."
         )
     if comparison.real and not any(change.sign for change in comparison.changes):
-        lines.append("Which parameter changed cannot be told from these curves.")
+        lines.append("These curves do not show which parameter changed.")
     lines.append(
         "This counts the sensor's noise only: placing the probe anew adds to it; repeats show how "
         "much."

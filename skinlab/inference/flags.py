@@ -31,7 +31,7 @@ class Flag:
 CATALOGUE = {
     "at_bound": Flag(
         "{} at the edge of its range",
-        "The best fit has {} at the end of what was searched: the truth may lie beyond.",
+        "The best fit has {} at the end of the searched range: the true value may lie beyond.",
         "Check opening and thickness, and do not trust the number.",
     ),
     "not_identifiable": Flag(
@@ -51,13 +51,13 @@ CATALOGUE = {
     "correlated_noise": Flag(
         "errors that last",
         "Errors of neighbouring samples go together, as those of tremor and breathing do: more "
-        "samples tell less than their number says, and the intervals count with that.",
+        "samples add less than their number suggests, and the intervals account for it.",
         "Nothing is wrong by itself; a calmer measurement narrows the intervals.",
     ),
     "stated_noise_contradicted": Flag(
         "another noise than stated",
-        "The residuals speak of another noise than the one that was stated; the intervals follow "
-        "the residuals.",
+        "The residuals show another noise than the one that was stated; the intervals follow the "
+        "residuals.",
         "Check the statement; if it is right, look for movement and contact.",
     ),
     "outliers": Flag(
@@ -67,12 +67,12 @@ CATALOGUE = {
     ),
     "crease": Flag(
         "creases",
-        "The surface creases at the opening's edge; the answer counts with what that leaves open.",
+        "The surface creases at the opening's edge; the intervals account for that.",
         "Compare such a curve with care, or measure with less suction.",
     ),
     "thinned": Flag(
         "every {}th sample fitted",
-        "The curve is very long: every {}th sample was fitted, which tells nearly as much.",
+        "The curve is very long: every {}th sample was fitted, which shows nearly as much.",
         "Nothing is wrong; a lower rate measures as well.",
     ),
     "outside_database": Flag(
@@ -87,15 +87,14 @@ CATALOGUE = {
     ),
     "unlike_cohort": Flag(
         "unlike the population",
-        "This curve says that its skin is unlike the population that was given as prior, so that "
-        "the prior was not used.",
+        "This skin is unlike the population that was given as prior, so the prior was not used.",
         "Check subject, site, opening and thickness; if they are right, use the numbers as they "
         "are.",
     ),
     "height_not_reached": Flag(
         "height not reached",
         "A height that the program was to stop at was not reached within its pressure.",
-        "Let the program go higher, or look at the contact.",
+        "Use a program with more pressure, or check the contact.",
     ),
     "partial_curve": Flag(
         "cut short",

@@ -226,7 +226,9 @@ def _mixture(centre: Array, precision: Array, spacing: Array, worse: Array) -> _
     """
     kept = worse < _LOST_CHI2
     k = spacing.shape[1]
-    near = np.where(spacing[kept] < 1.0, 1.0 / np.square(spacing[kept]), 0.0)
+    # A distance of none is that of neighbours at a bound, and says nothing of the width.
+    apart = np.where(spacing[kept] > 0.0, spacing[kept], 1.0)
+    near = np.where(apart < 1.0, 1.0 / np.square(apart), 0.0)
     whole = precision[kept] + np.eye(k) * (_FLAT_PRECISION + near)[:, None, :]
     root = np.linalg.cholesky(np.linalg.inv(whole)) * _WIDER
     log_det = np.log(np.einsum("mii->mi", root)).sum(axis=1)

@@ -1,4 +1,4 @@
-"""A probe file: what one probe makes of the truth, as a calibration found it, and how sure that is.
+"""A probe file: the errors of one probe, as a calibration found them, and how sure they are.
 
 The probe reads `gain` × height + offset, `lag` late, and `pressure_gain` × pressure + offset.
 Identification takes this off the readings, and carries what the calibration left open as errors

@@ -72,12 +72,17 @@ def decode(said: Any, kind: type[Kind]) -> Kind:
     except msgspec.ValidationError as error:
         unknown = re.fullmatch(r"Object contains unknown field `(.*?)`(.*)", str(error), re.DOTALL)
         if unknown is None:
-            raise ValueError(plain(str(error))) from None
+            raise ValueError(_counted(plain(str(error)))) from None
         key, where = unknown.groups()
         place = re.fullmatch(r" - at `\$(.*)`", where, re.DOTALL)
         names = sorted(_known_keys(kind, re.findall(r"\w+|\[", place[1] if place else "")))
         near = did_you_mean(key, names) or (f"; expected {', '.join(names)}" if names else "")
-        raise ValueError(plain(f"unknown field `{key}`{near}{where}")) from None
+        raise ValueError(_counted(plain(f"unknown field `{key}`{near}{where}"))) from None
+
+
+def _counted(message: str) -> str:
+    """Count the tables of a list from 1: `step[0]: …` is of step 1."""
+    return re.sub(r"^(\w+)\[(\d+)\]", lambda m: f"{m[1]} {int(m[2]) + 1}", message)
 
 
 def _known_keys(kind: Any, path: Sequence[str]) -> set[str]:

@@ -12,6 +12,12 @@ from skinlab.mechanics.materials import DEFAULT_LAW, get_law, law_names
 from skinlab.parameters import Parameter, stem
 
 
+def parameter_names() -> list[str]:
+    """Return the parameters of all laws, those of the default one first."""
+    laws = (get_law(name) for name in (DEFAULT_LAW, *law_names()))
+    return list(dict.fromkeys(name for law in laws for name in law.names))
+
+
 def parameter_of(name: str) -> Parameter | None:
     """Return the declaration of a law's parameter or of `EFFECT.PARAMETER`; None: not known."""
     effect, _, parameter = name.rpartition(".")

@@ -132,22 +132,22 @@ class Journal:
         Raises:
             InputError: an earlier record could not be written (disk full): the probe vents.
         """
-        self._put(_KINDS[direction], host_time_s, data, utc_s)
+        self.put(_KINDS[direction], host_time_s, data, utc_s)
 
     def plan(self, host_time_s: float, setup: dict[str, Any]) -> None:
         """Record what the next run belongs to."""
-        self._put(Kind.PLAN, host_time_s, json.dumps(setup).encode())
+        self.put(Kind.PLAN, host_time_s, json.dumps(setup).encode())
 
     def result(self, host_time_s: float, curve: int, result: dict[str, Any]) -> None:
         """Record the identification of curve number `curve`."""
         data = json.dumps({"curve": curve, "result": result}).encode()
-        self._put(Kind.RESULT, host_time_s, data)
+        self.put(Kind.RESULT, host_time_s, data)
 
     def audit(self, host_time_s: float, who: str, what: str, **detail: Any) -> None:
         """Record who did what; the entry is bound to all that was recorded before it."""
         utc_s = self._now()
         entry = audit.note(host_time_s, utc_s, who, what, detail)
-        self._put(entry.kind, host_time_s, entry.data, utc_s)
+        self.put(entry.kind, host_time_s, entry.data, utc_s)
 
     def flush(self) -> None:
         """Return once all that was recorded so far is committed.
@@ -161,7 +161,12 @@ class Journal:
             if self.trouble is not None:
                 raise InputError(self.trouble)
 
-    def _put(self, kind: Kind, host_time_s: float, data: bytes, utc_s: float | None = None) -> None:
+    def put(self, kind: Kind, host_time_s: float, data: bytes, utc_s: float | None = None) -> None:
+        """Write a record as it is; utc_s: None: now.
+
+        Raises:
+            InputError: one before it could not be written.
+        """
         if self.trouble is not None:
             raise InputError(self.trouble)
         self._records.put(Record(kind, host_time_s, self._now() if utc_s is None else utc_s, data))

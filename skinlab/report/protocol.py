@@ -211,7 +211,8 @@ def protocol_section(session: Session, curves: Sequence[Measured]) -> list[Secti
     points += [f"Before a curve: {e.detail.get('text')}." for e in trail if e.what == DEVIATION]
     state = found.next
     left = sum(s.left for s in found.steps)
-    words = "All steps are done." if state is None else f"{left} curves are missing."
+    missing = "One curve is missing." if left == 1 else f"{left} curves are missing."
+    words = "All steps are done." if state is None else missing
     tables = [Table(("step", "demanded", "accepted", "not accepted"), _rows(found), "Steps")]
     if demanded(protocol):
         rows = [

@@ -57,7 +57,7 @@ def describe_session(path: Path, session: Session) -> str:
         if values:
             text = ", ".join(f"{name} {entry['value']:.4g}" for name, entry in values.items())
             error_um = (result or {}).get("error_um")
-            tell(f"    {text}" + ("" if error_um is None else f", E {error_um:.3g} µm"))
+            tell(f"    {text}" + ("" if error_um is None else f", fit error {error_um:.3g} µm"))
     for entry in entries(session.records):
         detail = ", ".join(
             f"{key} {value}"

@@ -49,10 +49,11 @@ def describe(result: Identification) -> str:
                 f"(± {height.pressure_sd_mbar:.1f})"
             )
     if result.error_um is not None and result.rms_um is not None:
-        text = f"  E   {result.error_um:10.3g} µm   rms residual {result.rms_um:.3g} µm"
-        if result.noise_um:
-            text += f", noise {result.noise_um:.3g} µm"
-        lines.append(text)
+        noise = f", noise {result.noise_um:.3g} µm" if result.noise_um else ""
+        lines.append(
+            f"  rms residual {result.rms_um:.3g} µm{noise} (the paper's error: "
+            f"{result.error_um:.3g} µm)"
+        )
     if result.error_model is not None:
         lines.append(f"  errors: {errors_in_words(result.error_model)}")
     lines += [f"  {sentence}" for sentence in explain(result)]
@@ -131,7 +132,7 @@ def describe_advice(advice: Sequence[Advice], most: int = 5) -> str:
     """Return the best measurements in a few lines."""
     if not advice:
         return "No further measurement of the menu would help, or none can be computed."
-    lines = ["To narrow the intervals, measure next (expected widths, of today's):"]
+    lines = ["To narrow the intervals, measure next (expected widths, today's being 100 %):"]
     for item in advice[:most]:
         widths = ", ".join(
             f"{plain(name)[0]} {100 * ratio:.0f} %" for name, ratio in item.narrows.items()

@@ -106,9 +106,9 @@ def _figure_6(study: Study) -> Part:
     comparison = Comparison(
         "the boxes close in on the optimum",
         "Figure 6, steps 0 to 2",
-        "the truth is inside all boxes shown"
+        "all boxes shown contain the true values"
         if lost is None
-        else f"box {lost} no longer holds the truth",
+        else f"box {lost} no longer contains the true values",
         lost is None,
         ""
         if lost is None

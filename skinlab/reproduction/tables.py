@@ -127,7 +127,7 @@ def _table_1(study: Study, results: Results) -> Part:
         Comparison(
             "the approach ensures the identification of the global extremum",
             "abstract and section 4, for N to infinity",
-            f"in {lost} of {len(everyone)} random cases the last box does not hold the truth",
+            f"in {lost} of {len(everyone)} random cases the last box lacks the true values",
             lost == 0,
             "the valley runs across the axes: a box around the best candidates closes along it "
             "sooner than across it, and what it has lost it never finds again",

@@ -31,13 +31,12 @@ from skinlab.mechanics.fem.suction import SOLVER_VERSION
 from skinlab.mechanics.model_file import BASE, Model
 from skinlab.report.page import Section, Table
 from skinlab.studies.compute import curves_of
-from skinlab.studies.processes import on_processes
 from skinlab.studies.run import How
 from skinlab.studies.sources import SESSIONS, Facts
 from skinlab.studies.state import State
 from skinlab.studies.table import Cell
 from skinlab.tables.base import Database
-from skinlab.workers import on_cluster
+from skinlab.workers import on_cluster, on_processes
 
 Array = NDArray[np.float64]
 Row = dict[str, Cell]

@@ -339,7 +339,7 @@ def _of_study(name: str, side: Side, study: Path) -> Scatter:
 _WORDS = {
     "changed": "changed",
     "not_shown": "no change is shown",
-    "cannot_say": "cannot be said",
+    "cannot_say": "too uncertain to say",
 }
 
 

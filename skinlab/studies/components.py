@@ -281,11 +281,11 @@ class Design:
             )
             if same is not None:
                 notes.append(
-                    f"{one.name} cannot be told from {same.name}: wherever one changes, so does "
-                    "the other"
+                    f"{one.name} cannot be separated from {same.name}: wherever one changes, so "
+                    "does the other"
                 )
             elif one.levels == len(X):
-                notes.append(f"{one.name} cannot be told from {WITHIN}: each has one curve")
+                notes.append(f"{one.name} cannot be separated from {WITHIN}: each has one curve")
             else:
                 kept.append(one)
         return cls(X, kept, notes)

@@ -9,7 +9,8 @@ next single curve. How poorly few people tell it is in it too: people are drawn 
 and the scatter of the estimates widens the distribution, which has the tails of a Student's. So is
 what no number of curves averages out: mesh, law and calibration err in all of them alike, along the
 valley in which single curves are open. That is taken as a share of a single curve's own error,
-because without it intervals held the truth in 78 to 87 of 100 (simulated skins on another mesh).
+because without it intervals contained the true value in 78 to 87 of 100 (simulated skins on another
+mesh).
 """
 
 from __future__ import annotations
@@ -20,10 +21,10 @@ from typing import Any
 
 import msgspec
 import numpy as np
-import tomli_w
 from numpy.typing import NDArray
 
 from skinlab.inference.population import SCHEMA, PriorFile, Site, coordinates_of, to_coordinates
+from skinlab.io.documents import toml_text
 
 Array = NDArray[np.float64]
 
@@ -140,7 +141,7 @@ def learn(
 def to_toml(file: PriorFile) -> str:
     """Return the text of a study.toml."""
     said: dict[str, Any] = msgspec.to_builtins(file)
-    return tomli_w.dumps({k: v for k, v in said.items() if v is not None})
+    return toml_text(said)
 
 
 def _plain(values: Array) -> list[float]:

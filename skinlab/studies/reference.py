@@ -1,7 +1,7 @@
 """Reference ranges as data: what is usual at a site, by age and sex, under one opening and program.
 
 REFERENCE.toml is documented in docs/study.md. None ships: published tables are not ours to copy.
-A range is made from one's own study, or typed in from a publication, with its source and licence.
+A range is made from your own study, or typed in from a publication, with its source and licence.
 """
 
 from __future__ import annotations
@@ -15,14 +15,13 @@ from typing import Annotated, Any
 
 import msgspec
 import numpy as np
-import tomli_w
 from msgspec import Meta
 from scipy.stats import norm
 
 from skinlab.curves.curve import check_aperture
 from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
-from skinlab.io.documents import decode, read_toml
+from skinlab.io.documents import decode, read_toml, toml_text
 from skinlab.report.page import Section, Table
 from skinlab.studies.reliability import main_scale, usable
 from skinlab.studies.table import Columns
@@ -146,7 +145,7 @@ def read_reference(path: Path) -> Reference:
 
 def write_reference(reference: Reference) -> str:
     """Return the file's text."""
-    return tomli_w.dumps(_plain(msgspec.to_builtins(reference)))
+    return toml_text(_plain(msgspec.to_builtins(reference)))
 
 
 def _plain(value: Any) -> Any:

@@ -126,7 +126,7 @@ def _notices(table: Columns) -> list[str]:
         if not (table.text[name] != "").any()
     ]
     if len(table) and "subject" in missing:
-        return ["Nothing says whose curves these are: nothing can be said of people or repeats."]
+        return ["No file states whose curves these are: people and repeats cannot be told apart."]
     return []
 
 
@@ -187,7 +187,7 @@ def _shares(main: Sequence[Analysis]) -> Section:
     return Section(
         "Where the scatter comes from",
         [
-            "What people differ in, and what only the measurement makes of it. A share of two or "
+            "How much people differ, and how much only the measurement scatters. A share of two or "
             "three operators or probes is known poorly, and its interval says so. Stiffness is "
             "taken in logarithms: a standard deviation of 0.1 is about 10 %."
         ],

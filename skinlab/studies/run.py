@@ -16,7 +16,6 @@ from skinlab.errors import InputError
 from skinlab.inference.identify import Identifier
 from skinlab.recording.recorder import identification_settings
 from skinlab.studies.compute import Computed, Task, compute
-from skinlab.studies.processes import on_processes
 from skinlab.studies.sources import (
     NOISE,
     SESSIONS,
@@ -30,7 +29,7 @@ from skinlab.studies.sources import (
 )
 from skinlab.studies.state import State
 from skinlab.versions import __version__
-from skinlab.workers import on_cluster
+from skinlab.workers import on_cluster, on_processes
 
 _BATCH = 8  # files a task: a second of work, lost at most when a process is killed
 

@@ -1,6 +1,6 @@
 """Which files a study is made of, and what is known of each before it is read.
 
-What a curve was measured with, and whose it is, comes from the first of these that says it:
+What a curve was measured with, and whose it is, comes from the first of these that states it:
 
 1. a row of a table: any CSV in the folder with a column `file` (`skinlab export` writes one);
 2. a campaign.toml that lists the file;

@@ -19,6 +19,7 @@ from typing import Any, Self
 from skinlab.errors import InputError
 from skinlab.studies.compute import Computed, Row, Task
 from skinlab.studies.sources import LABELS, pseudonym
+from skinlab.text import inert
 
 SCHEMA = "skinlab.study.state/1"
 NAME = "study.sqlite"
@@ -139,7 +140,7 @@ class State:
             "scan = excluded.scan, wanted = excluded.wanted, "
             "error = CASE WHEN excluded.error IS NULL AND excluded.wanted = done THEN error "
             "ELSE excluded.error END",
-            (name, str(path), json.dumps(facts), scan, wanted, error),
+            (inert(name), _kept(path), json.dumps(facts), scan, wanted, error and inert(error)),
         )
 
     def person(self, subject: str, facts: dict[str, Any]) -> None:
@@ -198,7 +199,7 @@ class State:
             if not rows:
                 return
             last = rows[-1][3]
-            yield [Task(r[0], Path(r[1]), json.loads(r[2])) for r in rows]
+            yield [Task(r[0], _path(r[1]), json.loads(r[2])) for r in rows]
 
     def add(self, computed: Sequence[Computed], wanted: dict[int, str]) -> None:
         """Keep what was computed, all of it or nothing; `wanted` by file says of which state."""
@@ -211,7 +212,12 @@ class State:
             )
             self._db.execute(
                 "UPDATE source SET done = ?, sha256 = ?, error = ? WHERE number = ?",
-                ("" if one.again else wanted[one.number], one.sha256, one.error, one.number),
+                (
+                    "" if one.again else wanted[one.number],
+                    one.sha256,
+                    one.error and inert(one.error),
+                    one.number,
+                ),
             )
         self._db.execute("COMMIT")
 
@@ -258,7 +264,7 @@ class State:
             labels = {n: str(known[n]) for n in LABELS if known.get(n)}
             if "subject" in labels:
                 labels["subject"] = pseudonym(labels["subject"])
-            yield Readable(name, Path(path), sha, facts, labels)
+            yield Readable(name, _path(path), sha, facts, labels)
 
     def explained(self) -> dict[str, tuple[str, str]]:
         """Return what is said of campaigns: by name the hash it depends on, and the text."""
@@ -275,6 +281,16 @@ class State:
 
     def _set(self, name: str, value: str) -> None:
         self._db.execute("INSERT OR REPLACE INTO meta VALUES (?, ?)", (name, value))
+
+
+def _kept(path: Path) -> str | bytes:
+    """Return a path as SQLite takes it: its text, which has to be UTF-8, or else its bytes."""
+    text = str(path)
+    return text if text == text.encode(errors="replace").decode() else os.fsencode(path)
+
+
+def _path(kept: str | bytes) -> Path:
+    return Path(os.fsdecode(kept))
 
 
 __all__ = ["NAME", "Row", "State", "Stored"]

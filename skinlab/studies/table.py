@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ from skinlab.mechanics.materials import get_law
 from skinlab.recording.recorder import identification_settings
 from skinlab.studies.sources import LABELS, SETUP, pseudonym
 from skinlab.studies.state import State, Stored
+from skinlab.text import csv_cell, inert
 from skinlab.versions import versions
 
 Array = NDArray[np.float64]
@@ -179,7 +180,7 @@ def _row(
     facts = {**people.get(str(row["subject"]), {}), **known}
     for name in layout.covariates:
         row[name] = facts.get(name)
-    return row
+    return {n: inert(value) if isinstance(value, str) else value for n, value in row.items()}
 
 
 def write_csv(path: Path, columns: Sequence[str], found: Iterable[Mapping[str, Cell]]) -> int:
@@ -197,7 +198,7 @@ def write_csv(path: Path, columns: Sequence[str], found: Iterable[Mapping[str, C
 def _cell(value: Cell) -> Cell:
     if isinstance(value, bool):
         return str(value).lower()
-    return value
+    return cast(Cell, csv_cell(value))
 
 
 NO_PARQUET = (
@@ -234,7 +235,11 @@ def write_parquet(path: Path, layout: Layout, found: Iterator[dict[str, Cell]]) 
             for name in layout.columns
         ]
     )
-    with whole_file(path, replace=True) as partial, pq.ParquetWriter(partial, schema) as writer:
+    with (
+        whole_file(path, replace=True) as partial,
+        partial.open("r+b") as stream,  # here: Arrow opens no name that is not UTF-8
+        pq.ParquetWriter(stream, schema) as writer,
+    ):
         while group := list(islice(found, _GROUP_ROWS)):
             for row in group:
                 row.update({n: str(row[n]) for n in text if row.get(n) is not None})

@@ -38,6 +38,7 @@ from skinlab.studies.table import (
     write_parquet,
 )
 from skinlab.tables.base import Database
+from skinlab.text import json_text
 from skinlab.versions import versions
 
 SCHEMA = "skinlab.study/1"
@@ -137,9 +138,7 @@ def make_study(
         "files": [name for name in files if (out / name).exists()],
     }
     document["files"] += ["study.json", CRATE]
-    write_file(
-        out / "study.json", json.dumps(document, indent=1, allow_nan=False) + "\n", replace=True
-    )
+    write_file(out / "study.json", json_text(document) + "\n", replace=True)
     crate = ro_crate(
         out,
         {name: MEANING[name] for name in document["files"] if name != CRATE},

@@ -1,7 +1,7 @@
 """A table of precomputed curves: what was computed of what, and the numbers.
 
 There is one kind of table. What differs is the spec: the paper's grid (`grid_spec.py`), the
-dimensionless table (`dimensionless_spec.py`), a law with effects on axes of one's own
+dimensionless table (`dimensionless_spec.py`), a custom table: a law with effects
 (`custom_spec.py`). A spec says which entries there are and how to compute one, how far it speaks,
 and along which coordinates its values run; nothing else asks which spec it is.
 """

@@ -37,12 +37,13 @@ from skinlab.acquisition.settings import recall, recall_choice, remember, rememb
 from skinlab.acquisition.shutdown import INTERRUPTED
 from skinlab.errors import InputError, SkinlabError
 from skinlab.io.log import log_exception
+from skinlab.mechanics.materials import get_law
 from skinlab.recording.curve_selection import Deed
 from skinlab.recording.session_fit import comparable
 from skinlab.recording.stream import Identified, Sampled
 from skinlab.recording.visit_index import visit_before
 from skinlab.tui.choices import choices_for
-from skinlab.tui.goal import CHOICES, ChangeGoal, change_distance, distance
+from skinlab.tui.goal import ChangeGoal, change_distance, choices, distance
 from skinlab.tui.inert import InertText
 from skinlab.tui.no_color import StyledFirst
 from skinlab.tui.screens.alarm import AlarmScreen
@@ -59,7 +60,7 @@ from skinlab.tui.screens.protocol import ProtocolScreen
 from skinlab.tui.screens.session import SessionScreen
 from skinlab.tui.screens.visits import VisitsScreen
 from skinlab.tui.screens.welcome import EXAMPLE, SIMULATED, WelcomeScreen
-from skinlab.tui.settings_file import UserSettings
+from skinlab.tui.settings_file import LOOKING, UserSettings
 from skinlab.tui.text import adoption_lines, undone_words
 from skinlab.tui.themes import ORDER, OWN, WORDS, next_theme
 from skinlab.tui.typing_guard import TypingGuard, is_typing
@@ -440,7 +441,15 @@ class SkinlabApp(App[None]):
         key = event if isinstance(event, events.Key) and not event.is_forwarded else None
         if pasted or (key is not None and is_typing(key.key, printable=key.is_printable)):
             self.guard.typed()
+        if key is not None and key.key in self._vent_keys and self.board.moving:
+            # Textual would let a line that is typed in, of a list or a note, take the letter
+            self.action_vent()
+            return
         await super().on_event(event)
+
+    @property
+    def _vent_keys(self) -> list[str]:
+        return self._own_keys.get("vent", "v").split(",")
 
     @property
     def _main(self) -> MainScreen:
@@ -512,20 +521,40 @@ class SkinlabApp(App[None]):
         return named.get(shown, shown.upper() if re.fullmatch(r"f\d+", shown) else shown)
 
     def action_palette(self) -> None:
-        """Search among all that can be done."""
+        """Search among all that can be done: on this screen, and from the main one."""
         if isinstance(self.screen, ModalScreen):
             return
         self.board.withdraw()
+        below = self.screen
+        here = {} if below is self._main else self._commands_here()
 
         async def chosen(action: str | None) -> None:
-            if action is not None and self.screen is self._main:
+            if action is None or self.screen is not below:
+                return
+            if action in here:
+                done = await self.run_action(here[action].action, below)
+            else:
+                while self.screen is not self._main:
+                    self.pop_screen()
                 done = await self.run_action(action, self._main)
-                if not done:
-                    self.board.answer(Level.INFO, "that means nothing at this moment")
+            if not done:
+                self.board.answer(Level.INFO, "that means nothing at this moment")
 
-        while self.screen is not self._main:
-            self.pop_screen()
-        self.push_screen(PaletteScreen(self.board, _COMMANDS), chosen)
+        listed = [Command(name, f"here: {c.words}", c.key) for name, c in here.items()]
+        self.push_screen(PaletteScreen(self.board, (*listed, *_COMMANDS)), chosen)
+
+    def _commands_here(self) -> dict[str, Command]:
+        """Return what the keys of the present screen only look at or ask for, by a name."""
+        found: dict[str, Command] = {}
+        for active in self.screen.active_bindings.values():
+            binding = active.binding
+            looks = binding.id is None or binding.id in LOOKING
+            if active.node is self.screen and active.enabled and binding.description and looks:
+                key = self.get_key_display(binding)
+                found.setdefault(
+                    f"here {binding.action}", Command(binding.action, binding.description, key)
+                )
+        return found
 
     def action_messages(self) -> None:
         """Show all that was said."""
@@ -634,17 +663,22 @@ class SkinlabApp(App[None]):
 
     def _choose_goal(self) -> None:
         """Offer what a visit can aim at."""
+        law = self.bench.analysis.law
+        if law is None:
+            self.board.answer(Level.INFO, "still preparing: g again in a moment")
+            return
+        offered = {goal.words: goal for goal in choices(get_law(law))}
 
         def chosen(text: str | None) -> None:
             if text is None:
                 return
-            self.board.goal = next((g for g in CHOICES if g.words == text), None)
+            self.board.goal = offered.get(text)
             self.board.goal_is = None
             self.board.touch()
             self._aim()
 
-        choices = [("no goal", "no goal"), *((g.words, g.words) for g in CHOICES)]
-        self.push_screen(PickScreen(self.board, "Goal of this visit", choices), chosen)
+        lines = [(words, words) for words in ("no goal", *offered)]
+        self.push_screen(PickScreen(self.board, "Goal of this visit", lines), chosen)
 
     def _aim(self) -> None:
         """Find out beside how far the visit is from its goal."""

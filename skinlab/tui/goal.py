@@ -17,9 +17,11 @@ if TYPE_CHECKING:
     from skinlab.curves.curve import Curve
     from skinlab.inference.identify import Identifier
     from skinlab.inference.result import Advice, Identification
+    from skinlab.mechanics.materials import Law
     from skinlab.studies.change import Changed, Changes
 
 _NO_HELP = 0.97  # expected ratio of widths from which on another measurement is no use
+_FIRST, _OTHERS = (3.0, 5.0, 10.0, 20.0), (10.0, 20.0, 40.0)  # per cent: the first is fixed best
 _SEED = 0  # of the draws that advice looks at: the same question has the same answer
 
 
@@ -34,13 +36,6 @@ class Goal:
     def words(self) -> str:
         """X1 to ± 5 %."""
         return f"{plain(self.parameter)[0]} to ± {self.percent:g} %"
-
-
-GOALS = tuple(
-    Goal(name, percent)
-    for name, percents in (("X1_MPa", (3, 5, 10, 20)), ("X2_MPa", (10, 20, 40)), ("nu", (10, 20)))
-    for percent in percents
-)
 
 
 @dataclass(frozen=True)
@@ -131,7 +126,14 @@ def _measured(following: Following) -> str:
 
 AnyGoal = Goal | ChangeGoal
 AnyDistance = Distance | ChangeDistance
-CHOICES: tuple[AnyGoal, ...] = (*GOALS, ChangeGoal())
+
+
+def choices(law: Law) -> list[AnyGoal]:
+    """Return what a visit can aim at where curves are identified with this law."""
+    first, *others = law.names
+    goals = [Goal(first, percent) for percent in _FIRST]
+    goals += [Goal(name, percent) for name in others for percent in _OTHERS]
+    return [*goals, ChangeGoal()]
 
 
 def change_distance(

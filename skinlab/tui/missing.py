@@ -30,9 +30,11 @@ if TYPE_CHECKING:
 _MOST = 5  # places, and candidates, that are told
 _NOISE = 2.0  # standard deviations of the band
 _DECADES = 4.0  # of evidence, over which the bars of explanations shrink to nothing
-_PANEL = (30, 3)  # cells of a small picture: at least so wide, and rows of residuals in it
+_PANEL_COLUMNS = 30  # of a small picture, at least
+_PANEL_ROWS = (3, 8)  # of residuals in it, as the screen has room
 _NAME = 22
-_BAR = 30
+_BAR = (10, 30)
+_BAR_SAYS = 48  # columns of the words behind a bar
 
 Rows = list[list[Run]]
 
@@ -42,18 +44,21 @@ def plain_text(rows: Rows) -> str:
     return "\n".join("".join(text for text, _ in row) for row in rows)
 
 
-def outcome_rows(outcome: Outcome, columns: int) -> Rows:
-    """Return the whole answer: what is missing, how sure that is, pictures, values, limits."""
+def outcome_rows(outcome: Outcome, columns: int, lines: int = 0) -> Rows:
+    """Return the whole answer: what is missing, pictures, how sure that is, values, limits.
+
+    The pictures grow until a screen of so many `lines` is filled.
+    """
     from skinlab.discrepancy.text import doubt_words, limits_words, repeats_words, where_words
 
     rows: Rows = [[(line, "strong")] for line in repeats_words(outcome) + verdict_lines(outcome)]
     rows += [[(line, "text")] for line in next_lines(outcome)]
     rows += _function_rows(outcome, columns)
-    rows += _candidate_rows(outcome)
-    rows += _share_rows(outcome)
-    rows += [[(line, "quiet")] for line in doubt_words(outcome)]
-    rows += [[], *_multiples(outcome, columns)]
-    rows += [[], *_value_rows(outcome, columns)]
+    behind = [*_candidate_rows(outcome, columns), *_share_rows(outcome)]
+    behind += [[(line, "quiet")] for line in doubt_words(outcome)]
+    behind += [[], *_value_rows(outcome, columns)]
+    rows += [[], *_multiples(outcome, columns, lines - len(rows) - len(behind))]
+    rows += behind
     if outcome.where:
         rows += [[], [("Where the model as it is disagrees:", "quiet")]]
         rows += [[(f"  {where_words(place)}", "quiet")] for place in outcome.where[:_MOST]]
@@ -139,7 +144,7 @@ def _function_rows(outcome: Outcome, columns: int) -> Rows:
     from skinlab.discrepancy.text import learned_words
 
     low, high = float(learned.low.min()), float(learned.high.max())
-    width, height = min(columns - 4, 2 * _BAR), 2 * _PANEL[1]
+    width, height = min(columns - 4, 2 * _BAR[1]), 2 * _PANEL_ROWS[0]
     x = np.linspace(learned.x[0], learned.x[-1], 2 * width)
     at = share(x, learned.x[0], learned.x[-1])
 
@@ -159,21 +164,23 @@ def _function_rows(outcome: Outcome, columns: int) -> Rows:
     ]
 
 
-def _candidate_rows(outcome: Outcome) -> Rows:
+def _candidate_rows(outcome: Outcome, columns: int) -> Rows:
     candidates = outcome.found.candidates
     if outcome.verdict.name == "none" or not candidates:
         return []
     best = candidates[0].log10_evidence
     rows: Rows = [[], [("Explanations, by how likely they are:", "quiet")]]
-    for c in candidates[:_MOST]:
+    names = [shortened(_effects(c, outcome), _NAME) for c in candidates[:_MOST]]
+    widest = max(map(len, names))
+    whole = min(max(columns - widest - 2 - _BAR_SAYS, _BAR[0]), _BAR[1])
+    for c, name in zip(candidates, names, strict=False):
         behind = best - c.log10_evidence
-        length = round(_BAR * max(1.0 - behind / _DECADES, 0.0))
+        length = round(whole * max(1.0 - behind / _DECADES, 0.0))
         odds = behind_words(behind)
-        fits = "" if c.adequate else ", and leaves more than noise"
-        name = shortened(_effects(c, outcome), _NAME)
+        fits = "" if c.adequate else ", leaves more than noise"
         rows.append(
             [
-                (f" {name:<{_NAME}} ", "text"),
+                (f" {name:<{widest}} ", "text"),
                 ("█" * length or "▏", "after" if c.adequate else "before"),
                 (f" {odds}{fits}", "quiet"),
             ]
@@ -194,12 +201,13 @@ def _share_rows(outcome: Outcome) -> Rows:
     whole = sum(square for *_, square in squares)
     if not whole > 0:
         return []
-    bar: list[Run] = [(" " * (_NAME + 2), "text")]
+    bar: list[Run] = [(" ", "text")]
     ends = np.cumsum([0.0, *(square for *_, square in squares)]) / whole
-    cells = np.round(ends * _BAR).astype(int)
+    cells = np.round(ends * _BAR[1]).astype(int)
     for (cell, style, *_), begin, end in zip(squares, cells[:-1], cells[1:], strict=True):
         bar.append((cell * int(end - begin), style))
-    words = ", ".join(f"{c} {what} {100 * x / whole:.0f} %" for c, _, what, x in squares)
+    parts = [(c, what, round(100 * x / whole)) for c, _, what, x in squares]
+    words = ", ".join(f"{c} {what} {percent} %" for c, what, percent in parts if percent)
     return [
         [],
         [("What the gap is made of, by its mean square:", "quiet")],
@@ -221,7 +229,7 @@ def _value_rows(outcome: Outcome, columns: int) -> Rows:
         rows.append([(f" {name_of(name)} {meaning(name)}", "text")])
         low, high, logarithmic = value_scale(name, ends or [values[0][1].value])
         left, right = f"{low:g} ", f" {high:g} "
-        width = min(columns - 10 - len(left) - len(right) - 26, 2 * _BAR)
+        width = min(columns - 10 - len(left) - len(right) - 26, 2 * _BAR[1])
         for when, value in values:
             bar = ""
             if width >= 8 and value.low is not None:
@@ -236,15 +244,19 @@ def _value_rows(outcome: Outcome, columns: int) -> Rows:
 # ---- small pictures ---------------------------------------------------------------------------
 
 
-def _multiples(outcome: Outcome, columns: int) -> Rows:
+def _multiples(outcome: Outcome, columns: int, lines: int) -> Rows:
     """Return the residuals of each curve, before and after, on one scale; noise shaded."""
     fits = [("before", outcome.found.base.fit)]
     if outcome.verdict.explanations:
         fits.append(("after", outcome.best.fit))
     records = outcome.found.records
-    least, height = _PANEL
-    across = max(1, min(columns // (least + 2), len(records)))
+    across = max(1, min(columns // (_PANEL_COLUMNS + 2), len(records)))
     width = max(columns // across - 2, 8)
+    deep = -(
+        -len(records) // across
+    )  # rows of panels: each has a title, and a caption for each fit
+    room = (lines - 2 - deep) // (deep * len(fits)) - 1
+    height = min(max(room, _PANEL_ROWS[0]), _PANEL_ROWS[1])
     lefts = {
         name: [
             1e3 * (record.curve.deflection_mm - w)
@@ -308,13 +320,13 @@ def _shade(reach: float, width: int, height: int) -> Bits:
 # ---- all of it --------------------------------------------------------------------------------
 
 
-def missing_rows(missing: Missing | None, columns: int) -> Rows:
-    """Return all that there is to say at this moment."""
+def missing_rows(missing: Missing | None, columns: int, lines: int = 0) -> Rows:
+    """Return all that there is to say at this moment, for a screen of so many columns and lines."""
     if missing is None:
         return [[("No curve has been looked at yet: d begins.", "text")]]
     looked: list[Run] = [(f"Looked at: {', '.join(missing.curves)}", "quiet")]
     if missing.outcome is not None:
-        rows = outcome_rows(missing.outcome, columns)
+        rows = outcome_rows(missing.outcome, columns, lines)
         if missing.adopted is not None:
             said = f"Adopted: {missing.adopted} (Ctrl+Z goes back to the model before)"
             rows = [[(said, "strong")], *rows]

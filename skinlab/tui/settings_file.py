@@ -22,7 +22,7 @@ from skinlab.text import did_you_mean
 from skinlab.tui.themes import WORDS
 
 # What only looks, asks or ends suction: a letter may do it
-_LOOKING = frozenset({
+LOOKING = frozenset({
     "vent", "help", "theme", "messages", "quit", "goal", "card", "session", "missing", "event",
     "time", "adopt", "joint", "compare", "note", "search", "order", "mark", "trend", "protocol",
 })  # fmt: skip
@@ -132,7 +132,7 @@ def _checked(action: str, text: str) -> str:
             f"{where}: this key belongs to fields, lists and venting, or terminals send it for one "
             "that does; expected a function key, or Ctrl and a letter"
         )
-    if action not in _LOOKING and (letter or key in _field_keys()):
+    if action not in LOOKING and (letter or key in _field_keys()):
         raise InputError(
             f"{where}: typing a word can produce this key, and {action} changes something; "
             "expected a function key, or Ctrl and a letter that fields do not use"

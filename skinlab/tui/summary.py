@@ -99,7 +99,8 @@ def repeats_lines(groups: Iterable[Repeats], out: Mapping[int, str] | None = Non
         values = []
         for name, mean in group.mean.items():
             sd, unit = group.sd[name], unit_of(name)
-            places = decimals(0.0, 5.0 * sd)  # one digit of the scatter
+            # One digit of the scatter, and three of the mean where there is next to none
+            places = decimals(0.0, 5.0 * max(sd, 0.01 * abs(mean)))
             values.append(
                 f"{name_of(name)} {rounded(mean, places)} ± {rounded(sd, places)}"
                 f"{unit and ' '}{unit} ({100 * sd / abs(mean):.0f} %)"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
@@ -366,7 +367,7 @@ def _following(board: Board, verdict: Verdict) -> str:
         case Step.CHECK_SETTINGS | Step.LOWER:
             return "F3: check opening, thickness, program; then F8"
         case Step.LOOK_FOR_EFFECT:
-            return "hold the probe still and repeat (F8); stays it so, d looks for why"
+            return "hold the probe still and repeat (F8); if it stays so, d looks for why"
         case Step.OTHER_OPENING if len(openings) > 1:
             return "s, then j: fit the openings together"
         case Step.OTHER_OPENING:
@@ -515,7 +516,7 @@ def value_scale(name: str, values: Sequence[float]) -> tuple[float, float, bool]
     """Return round ends of a scale for these values, and whether it is logarithmic."""
     low, high = min(values), max(values)
     if is_poisson(name):
-        return (*_POISSON_RANGE, False)
+        return (min(_POISSON_RANGE[0], math.floor(10.0 * low) / 10.0), _POISSON_RANGE[1], False)
     if low > 0 and is_logarithmic(name):
         return round_down(low / _ROOM), round_up(high * _ROOM, least=0.0), True
     room = (high - low) / _ROOM or abs(high) or 1.0
@@ -560,8 +561,8 @@ def scaled_bar(
 
 
 _WHAT_TO_DO = {  # with the screen's own keys; the rest is the catalogue's advice
-    "not_identifiable": "Measure with another opening too and fit together (s, j), or go higher.",
-    "misfit_above_noise": "What it misses: press d.",
+    "not_identifiable": "Use another opening too and fit together (s, j), or more pressure.",
+    "misfit_above_noise": "Press d to look for what the model misses.",
     "at_bound": "Do not use the number as it is.",
     "outside_database": "Part of the curve is beyond the database, and was not fitted.",
     "not_converged": "The search did not settle: measure again.",

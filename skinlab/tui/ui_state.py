@@ -43,6 +43,7 @@ from skinlab.acquisition.messages import (
     Saved,
     Went,
 )
+from skinlab.acquisition.protocol import OPERATOR
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.growing import GrowingCurve
 from skinlab.errors import InputError
@@ -237,6 +238,7 @@ class Board:
         self.reference: Reference | None = None  # to compare values with
         self.protocol: NamedProtocol | None = None  # that the screen walks through
         self._stated: dict[str, dict[str, str]] = {}  # conditions, by subject
+        self._operator: dict[str, str] = {}
         self._sites_done: set[tuple[str, str]] = set()  # subject and site, by the protocol
         self.goal: AnyGoal | None = None  # of the visit
         self.goal_is: AnyDistance | None = None  # how far it is
@@ -371,12 +373,18 @@ class Board:
 
     @property
     def stated(self) -> dict[str, str]:
-        """The conditions that the operator stated for whom the fields name."""
-        return self._stated.get(self.who[0], {})
+        """The conditions that the operator stated for whom the fields name.
+
+        What was stated before anybody was named is for whoever is measured next; the operator
+        stays the same.
+        """
+        return self._operator | self._stated.get(self.who[0], self._stated.get("", {}))
 
     def state(self, name: str, text: str) -> None:
-        """Take in a condition for whom the fields name; an empty text takes it back."""
+        """Take in a condition for whom the fields name."""
         self._stated[self.who[0]] = {**self.stated, name: text}
+        if name == OPERATOR:
+            self._operator = {name: text}
         self.version += 1
 
     @property
@@ -552,6 +560,9 @@ class Board:
                     self._hear(message, at)
             case Recording(path):
                 self.path = path
+                if self.who[0]:  # what was stated for nobody yet was for this one
+                    early = self._stated.pop("", {})
+                    self._stated.setdefault(self.who[0], early)
             case Estimated(index, result):
                 if self.live is not None and self.live.index == index:
                     self.live.estimate = result

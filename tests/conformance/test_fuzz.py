@@ -17,7 +17,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers.connection import MAX_BACKLOG_BYTES, Connection
+from drivers.connection import Connection
 from drivers.dialects import dialect_names, get_dialect
 from drivers.errors import RemoteProtocolError
 from drivers.events import (
@@ -39,6 +39,7 @@ from drivers.events import (
     State,
     Vent,
 )
+from drivers.incoming import MAX_BACKLOG_BYTES
 
 RESULTS = Path(__file__).parents[2] / "benchmarks" / "results" / "fuzz.json"
 SLICE = 100_000
@@ -222,8 +223,8 @@ def fuzz(dialect, seed, inputs):
         else:
             for event in heard(connection, [data]):
                 counts[f"instrument: {type(event).__name__}"] += 1
-            assert len(connection._buffer) < LONGEST_FRAME
-            assert not connection._ready
+            assert connection.backlog_bytes < LONGEST_FRAME
+            assert connection.next_event() is None
     return dict(sorted(counts.items()))
 
 
@@ -291,4 +292,4 @@ def test_a_stream_without_an_end_does_not_grow(dialect, byte):
     for _ in range(60):
         out = heard(connection, [byte * 1000])
         assert all(isinstance(event, Damaged | RemoteProtocolError) for event in out)
-        assert len(connection._buffer) < LONGEST_FRAME
+        assert connection.backlog_bytes < LONGEST_FRAME

@@ -5,31 +5,47 @@
 
 from __future__ import annotations
 
+import contextlib
+import datetime as dt
 import json
 import random
 import resource
 import shutil
 import sqlite3
 import time
+import tomllib
 from collections.abc import Callable
 from contextlib import closing
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
 import pytest
+import tomli_w
 from explained import UP
 from explained import campaign as campaign_of_offset
 
+from drivers.line_dialect import read_line_dialect
 from sim_device.build import build_device
+from skinlab.acquisition.protocol import read_protocol
+from skinlab.acquisition.settings import recall
 from skinlab.cli.main import run
+from skinlab.curves.phantoms import read_phantoms
 from skinlab.discrepancy import cache
 from skinlab.discrepancy.workflow import explain
+from skinlab.errors import InputError
+from skinlab.inference.population import read_prior
+from skinlab.inference.probe_file import read_probe
+from skinlab.mechanics.model_file import read_model
 from skinlab.recording.journal import Journal
 from skinlab.recording.records import Kind
 from skinlab.recording.seal import SEAL_BYTES, put_seal
 from skinlab.recording.session import read_session
+from skinlab.studies.reference import read_reference
+from skinlab.studies.table import read_columns
+from skinlab.tables.spec_file import read_spec
 from skinlab.tables.store import shipped_table
 
 EXAMPLE = Path(str(files("skinlab") / "data" / "example.h5"))
@@ -299,3 +315,182 @@ def test_a_damaged_cache_is_computed_again(tmp_path, outcome, count):
         damaged = in_bytes(raw, random.Random(number))
         file.write_bytes(damaged)
         assert damaged == raw or cache.load("key", records, tmp_path) is None
+
+
+# ---- all that is read of text, straight to its reader, by changes of two kinds -----------------
+
+PROBE = """schema = "skinlab.probe/1"
+serial_number = "P-9"
+model = "m"
+aperture_mm = 6.0
+calibrated_utc = "2026-01-01T00:00:00+00:00"
+valid_until_utc = "2027-01-01T00:00:00+00:00"
+noise_um = 3.0
+pressure_noise_mbar = 0.2
+misfit = 1.0
+not_determined = []
+phantoms_off = []
+phantoms = []
+covariance = [[1e-4, 0.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1e-4, 0.0, 0.0],
+  [0.0, 0.0, 0.0, 0.01, 0.0], [0.0, 0.0, 0.0, 0.0, 1e-6]]
+deflection_gain = {value = 1.06, low = 1.05, high = 1.07}
+deflection_offset_um = {value = -35.0, low = -36.0, high = -34.0}
+pressure_gain = {value = 0.97, low = 0.96, high = 0.98}
+pressure_offset_mbar = {value = 0.6, low = 0.5, high = 0.7}
+lag_s = {value = 0.03, low = 0.02, high = 0.04}
+"""
+PRIOR = """schema = "skinlab.prior/1"
+parameters = ["X1_MPa", "X2_MPa", "nu"]
+coordinates = ["log", "log", "linear"]
+mean = [-3.5, 0.2, 0.3]
+covariance = [[0.02, 0.0, 0.0], [0.0, 0.02, 0.0], [0.0, 0.0, 0.0004]]
+freedom = 30.0
+people = 33
+curves = 66
+model_hash = "sha256:0"
+"""
+REFERENCE = """schema = "skinlab.reference/1"
+title = "cheeks"
+source = "somebody 2020"
+licence = "CC0"
+[[range]]
+quantity = "R0"
+site = "cheek"
+aperture_mm = 2.0
+program = "mode1:450,3,3"
+n = 75
+[range.percentiles]
+5 = 0.20
+50 = 0.26
+95 = 0.32
+"""
+PROTOCOL = """[study]
+title = "Winter forearms"
+sites = ["forearm, volar, left"]
+[conditions]
+room_temperature_c = [20.0, 24.0]
+operator = true
+[acceptance]
+interval_percent = {X1_MPa = 20.0}
+[[step]]
+name = "wide"
+aperture_mm = 6.0
+program = "ramp:100@20"
+repeats = 2
+rest_s = 30.0
+"""
+SPEC = """[model]
+name = "small"
+[axis.X1_MPa]
+low = 0.02
+high = 0.05
+nodes = 2
+[axis.X2_MPa]
+low = 0.5
+high = 2.0
+nodes = 2
+[axis.nu]
+low = 0.28
+high = 0.36
+nodes = 2
+[pressures]
+high_mbar = 30
+nodes = 8
+"""
+TIDY = "file,subject,X1_MPa,X1_MPa_low,X1_MPa_high\n" + "".join(
+    f"c{k}.csv,P{k},0.03,0.02,0.04\n" for k in range(9)
+)
+SETTINGS = json.dumps({"port": "sim://", "aperture_mm": "6", "program": "ramp:100@20"})
+DIALECT = (Path(__file__).parents[2] / "examples" / "dialects" / "plain_line.toml").read_text()
+PHANTOMS = (files("skinlab") / "data" / "phantoms.toml").read_text()
+READERS: dict[str, tuple[str, Callable[[Path], object]]] = {
+    "probe": (PROBE, read_probe),
+    "prior": (PRIOR, read_prior),
+    "reference": (REFERENCE, read_reference),
+    "protocol": (PROTOCOL, read_protocol),
+    "phantoms": (PHANTOMS, read_phantoms),
+    "spec": (SPEC, read_spec),
+    "model": (MODEL, read_model),
+    "dialect": (DIALECT, read_line_dialect),
+    "study": (TIDY, read_columns),
+    "settings": (SETTINGS, recall),
+}
+WRONG = [
+    0, -1, 2**63 - 1, 1e308, -1e308, float("nan"), float("inf"), 5e-324, True, "", "x", "9" * 5000,
+    "\x1b[2J", "../..", [], [[]], [1, "a"], [[1.0], [1.0, 2.0]], {}, {"a": {"b": [{}]}},
+    dt.datetime(1, 1, 1), dt.date(9999, 12, 31), dt.time(23, 59),
+]  # fmt: skip
+
+
+def in_structure(raw: bytes, rng: random.Random) -> bytes:
+    """Change what a text means: values of other types, keys gone, doubled lists, one in another."""
+    try:
+        tree = tomllib.loads(raw.decode())
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError):
+        return splice(raw, rng)
+    for _ in range(rng.randint(1, 3)):
+        holder: Any = tree
+        while True:
+            keys = list(holder) if isinstance(holder, dict) else list(range(len(holder)))
+            if not keys:
+                break
+            key = rng.choice(keys)
+            if isinstance(holder[key], dict | list) and rng.random() < 0.7:
+                holder = holder[key]
+                continue
+            match rng.randrange(4):
+                case 0:
+                    del holder[key]
+                case 1:
+                    holder[key] = [holder[key]] * rng.choice([1, 2, 300])
+                case 2 if isinstance(holder, dict):
+                    holder[rng.choice(["", "x", "schema", "a.b", key.upper()])] = holder[key]
+                case _:
+                    holder[key] = rng.choice(WRONG)
+            break
+    return tomli_w.dumps(tree).encode("utf-8", "surrogatepass")
+
+
+def splice(raw: bytes, rng: random.Random) -> bytes:
+    """Put a piece of the text into another place of it, or cut it off, or repeat its lines."""
+    lines = raw.split(b"\n")
+    match rng.randrange(4):
+        case 0:
+            return raw[: rng.randrange(len(raw))]
+        case 1:
+            a, b, c = sorted(rng.randrange(len(raw)) for _ in range(3))
+            return raw[:a] + raw[b:c] + raw[a:]
+        case 2:
+            rng.shuffle(lines)
+            return b"\n".join(lines)
+        case _:
+            return b"\n".join(lines + lines * rng.choice([1, 50]))
+
+
+def readers(kind: str, count: int, seed: int, folder: Path) -> None:
+    text, read = READERS[kind]
+    path = folder / "file.toml"
+    path.write_text(text)
+    read(path)  # so that what is mutated is good
+    for number in range(count):
+        rng = random.Random(f"{kind} {seed} {number}")
+        change = rng.choice([in_text, in_structure, in_structure, splice])
+        path.write_bytes(change(text.encode(), rng))
+        begin = time.process_time()
+        # A dialect is the drivers', which know no InputError
+        with contextlib.suppress(ValueError if kind == "dialect" else InputError):
+            read(path)
+        assert time.process_time() - begin < 10.0
+
+
+@pytest.mark.parametrize("kind", READERS)
+def test_readers_end_in_a_sentence(kind, tmp_path):
+    readers(kind, 60, 0, tmp_path)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("kind", READERS)
+def test_ten_thousand_of_each_reader(kind, tmp_path):
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    readers(kind, 10_000, 1, tmp_path)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 500_000

@@ -14,6 +14,7 @@ import re
 import shlex
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import click
@@ -96,6 +97,55 @@ def test_what_is_run_has_no_gaps(page):
         assert "…" not in block
         assert " ..." not in block
         assert "/dev/tty" not in block
+
+
+def mentioned(page: str) -> list[list[str]]:
+    """Return the commands in a page's sentences and indented lines, as words."""
+    text = prose(ROOT / page)
+    lines = re.findall(r"`((?:skinlab|python -m sim_device)\b[^`]*)`", text)
+    lines += re.findall(r"^ {4}(skinlab .*)$", text, re.MULTILINE)
+    return [re.sub(r"[\[\]…]|\\\|", " ", " ".join(line.split())).split() for line in lines]
+
+
+@pytest.mark.parametrize("page", [name for name in NAMES if "decisions" not in name])
+def test_commands_in_sentences_exist(page):
+    for words in mentioned(page):
+        if words[0] != "skinlab":
+            continue
+        command: click.Command = cli
+        for word in words[1:]:
+            if not isinstance(command, click.Group) or not re.fullmatch("[a-z]+", word):
+                break
+            found = command.get_command(click.Context(command), word)
+            assert found is not None, words
+            command = found
+        options = {o for p in command.params for o in (*p.opts, *p.secondary_opts)} | {"--help"}
+        used = {word.partition("=")[0] for word in words if re.match("--[a-z]", word)}
+        assert used <= options, words
+
+
+@pytest.mark.parametrize("page", having("toml"))
+def test_examples_of_files_are_toml(page):
+    for block in blocks(page, "toml"):
+        tomllib.loads(block)
+
+
+def test_the_index_leads_to_every_page():
+    shown = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
+    index = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
+    pages = re.findall(r"([\w/-]+\.md)$", shown, re.MULTILINE)
+    assert [page for page in pages if page != "index.md" and f"({page})" not in index] == []
+
+
+def test_the_glossary_has_each_word_once_and_those_that_are_used_everywhere():
+    text = (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8")
+    rows = [row.split("|")[1].strip() for row in text.splitlines() if row.startswith("| ")][1:]
+    words = [word.strip() for row in rows for word in row.split(",")]
+    assert len(set(words)) == len(words)
+    effects = {"effect", "gap", "held out", "verdict", "placement", "cycle", "opening", "aperture"}
+    files = {"visit", "session", "recording", "campaign", "study", "protocol", "dialect", "seal"}
+    numbers = {"interval", "prior", "flag", "gate", "dose", "goal", "phantom", "error model"}
+    assert effects | files | numbers <= set(words)
 
 
 def commands_of(block: str) -> list[list[str]]:

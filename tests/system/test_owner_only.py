@@ -19,7 +19,9 @@ from skinlab.recording.session import read_session
 
 GEOMETRY = ["--aperture-mm", "6", "--thickness-mm", "1"]
 SKIN = ["--x1-mpa", "0.03", "--x2-mpa", "1.5", "--nu", "0.3"]
-SPEC = """[axis.X1_MPa]
+SPEC = """[model]
+name = "small"
+[axis.X1_MPa]
 low = 0.02
 high = 0.05
 nodes = 2
@@ -104,6 +106,6 @@ def test_every_file_that_a_command_writes(folder):
     assert written >= {
         "crashed.h5", "curve.csv", "s.h5", "session.json", "report.html", "imported.h5",
         "traffic.jsonl", "table.h5", "study.sqlite", "curves.csv", "curves.parquet", "study.json",
-        "reference.toml", "ro-crate-metadata.json",
+        "ro-crate-metadata.json",
     }  # fmt: skip
     assert readable_by_others(folder) == []

@@ -94,7 +94,7 @@ class Bedside:
         await self.press("q")
         await self.until(lambda: isinstance(self.app.screen, ConfirmScreen))
         await self.confirm()
-        await self.until(lambda: self.app._exit)
+        await self.until(lambda: self.app.return_code is not None)
 
     async def run(self) -> None:
         """Start, and wait for the result."""

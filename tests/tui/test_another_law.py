@@ -10,6 +10,8 @@ from skinlab.inference.identify import Identifier
 from skinlab.mechanics.materials import with_law
 from skinlab.report.rounding import interval_words
 from skinlab.tables.store import read
+from skinlab.tui.goal import Goal
+from skinlab.tui.screens.pick import PickScreen
 from skinlab.tui.widgets.curves import Curves
 
 SKIN = """
@@ -47,4 +49,9 @@ async def test_card_and_rows_speak_of_that_law(bedside, tmp_path):
         at = titles.index("C1 MPa")
         assert curves.get_row_at(0)[at].rstrip("?") == interval_words(found["C1_MPa"])
         assert found["C1_MPa"].low <= 0.066 <= found["C1_MPa"].high
+        await bed.press("g")
+        await bed.until(lambda: isinstance(bed.app.screen, PickScreen))
+        await bed.press("down", "enter")  # and not of the paper's law
+        await bed.until(lambda: bed.board.goal == Goal("C1_MPa", 3.0))
+        await bed.until(lambda: "goal C1 to ± 3 %" in bed.text("#verdict-next"))
         await bed.quit()

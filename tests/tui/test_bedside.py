@@ -12,7 +12,7 @@ from skinlab.curves.program import parse_program
 from skinlab.quality.gates.base import Finding
 from skinlab.recording.session import read_session
 from skinlab.recording.stream import CurveStarted, Happened, Sampled
-from skinlab.tui.summary import left_out, repeats, repeats_lines
+from skinlab.tui.summary import Repeats, left_out, repeats, repeats_lines
 from skinlab.tui.text import dose_text, verdict_text, where_text
 from skinlab.tui.ui_state import Board, Level
 from skinlab.tui.widgets.card import Card
@@ -139,6 +139,11 @@ async def test_only_what_is_alike_is_averaged(bedside):
         assert "first loadings" in text
         assert "Curve 2 is left out: cut short" in text
         assert "nu: no mean" in text
+
+
+def test_a_mean_without_scatter_keeps_its_digits():
+    same = Repeats(6.0, "ramp:100@20", True, (1, 2), {"X1_MPa": 0.02464}, {"X1_MPa": 0.0})
+    assert "X1 0.0246 ± 0.0000 MPa (0 %)" in repeats_lines([same])[1]
 
 
 async def test_changed_says_what_could_have_been_shown(bedside):

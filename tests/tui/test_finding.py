@@ -18,7 +18,7 @@ from skinlab.recording.visit_index import NAME, visits
 from skinlab.report.rounding import half_width_percent
 from skinlab.studies.change import Changed
 from skinlab.tui.choices import PROGRAMS, SITES, body_map, nearest_site
-from skinlab.tui.goal import GOALS, ChangeDistance, ChangeGoal, Distance, Following, Goal
+from skinlab.tui.goal import ChangeDistance, ChangeGoal, Distance, Following, Goal
 from skinlab.tui.screens.help import HelpScreen
 from skinlab.tui.screens.line import LineScreen, seconds
 from skinlab.tui.screens.main import MainScreen
@@ -157,10 +157,11 @@ def test_a_goal_says_how_far_it_is():
 async def test_a_visit_with_a_goal_says_what_to_measure_next(bedside):
     async with bedside() as bed:
         await bed.connected()
+        await bed.until(lambda: bed.app.bench.analysis.law)
         await bed.press("g")
         await bed.until(lambda: isinstance(bed.app.screen, PickScreen))
         await bed.press("down", "enter")
-        await bed.until(lambda: bed.board.goal == GOALS[0])
+        await bed.until(lambda: bed.board.goal == Goal("X1_MPa", 3.0))
         await bed.run()
         await bed.until(lambda: bed.board.goal_is is not None)
         await bed.until(lambda: "goal X1 to ± 3 %" in bed.text("#verdict-next"))
@@ -190,6 +191,13 @@ async def test_the_palette_finds_and_starts_nothing(bedside):
         await bed.until(lambda: isinstance(bed.app.screen, PaletteScreen))
         await bed.press(*"misses", "enter")
         await bed.until(lambda: "means nothing at this moment" in bed.board.note)
+        assert isinstance(bed.app.screen, MainScreen)
+        await bed.press("f5", "ctrl+p")
+        await bed.until(lambda: isinstance(bed.app.screen, PaletteScreen))
+        found = bed.app.screen.query_one(OptionList)
+        assert not any("confirm" in found.get_option_at_index(i).id for i in range(5))
+        await bed.press(*"here: trend", "enter")  # what the screen itself can do
+        await bed.until(lambda: isinstance(bed.app.screen, VisitsScreen))
 
 
 async def test_messages_can_be_read_again(bedside):

@@ -150,7 +150,7 @@ async def test_an_app_that_just_ends_vents_and_saves_too(bedside, session_files)
         await bed.start()
         await bed.until(lambda: bed.board.live and len(bed.board.live.curve) > 20)
         bed.app.interrupt()
-        await bed.until(lambda: bed.app._exit)
+        await bed.until(lambda: bed.app.return_code is not None)
     assert bed.app.return_code == 130
     (path,) = session_files()
     assert read_session(path).curves[0].partial

@@ -293,6 +293,12 @@ def test_each_curve_has_its_picture_before_and_after_on_one_scale(named, columns
     assert all(sum(len(t) for t, _ in row) <= columns for row in pictures)
 
 
+def test_the_pictures_grow_with_the_screen(named):
+    small, large = (len(outcome_rows(named, 160, lines)) for lines in (20, 60))
+    assert large > small
+    assert len(outcome_rows(named, 160, 44)) <= 44 or len(outcome_rows(named, 160, 44)) == small
+
+
 # ---- the model ------------------------------------------------------------------------------
 
 

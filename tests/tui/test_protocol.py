@@ -125,15 +125,18 @@ async def test_without_a_protocol_p_says_that_it_means_nothing(bedside):
         await bed.quit()
 
 
-async def test_conditions_belong_to_a_subject(bedside, protocol):
+async def test_conditions_belong_to_a_subject_and_the_operator_stays(bedside, protocol):
     async with bedside(protocol=protocol) as bed:
         await bed.connected()
-        await bed.fill("subject", "P01")
-        await state(bed, "22", "OP-1")
+        await state(bed, "22", "OP-1")  # before anybody is named: for whoever comes next
         await bed.press("p")
+        await bed.fill("subject", "P01")
+        await bed.until(lambda: bed.board.who[0] == "P01")
+        assert bed.board.stated["room_temperature_c"] == "22"
+        await bed.run()
         await bed.fill("subject", "P02")
         await bed.until(lambda: bed.board.who[0] == "P02")
-        assert not bed.board.stated
+        assert bed.board.stated == {"operator": "OP-1"}
         await bed.fill("subject", "P01")
-        await bed.until(lambda: bed.board.stated)
+        await bed.until(lambda: bed.board.stated.get("room_temperature_c") == "22")
         await bed.quit()

@@ -15,14 +15,19 @@ from textual.widgets import Input
 from drivers.events import Alarm
 from drivers.probe import Probe
 from skinlab.acquisition.messages import Heard
+from skinlab.acquisition.replayer import example_session
 from skinlab.recording.stream import Happened
 from skinlab.tui.screens.alarm import AlarmScreen
 from skinlab.tui.screens.help import HelpScreen
 from skinlab.tui.screens.main import MainScreen
+from skinlab.tui.screens.messages import MessagesScreen
 from skinlab.tui.screens.missing import MissingScreen
 from skinlab.tui.screens.over import ConfirmScreen
+from skinlab.tui.screens.palette import PaletteScreen
+from skinlab.tui.screens.pick import PickScreen
 from skinlab.tui.screens.ports import PortsScreen
 from skinlab.tui.screens.session import SessionScreen
+from skinlab.tui.screens.visits import VisitsScreen
 from skinlab.tui.screens.welcome import WelcomeScreen
 from skinlab.tui.typing_guard import LOOK_S, QUIET_S, TypingGuard, is_typing
 from skinlab.tui.widgets.fields import Fields
@@ -179,6 +184,47 @@ async def ports(bed):
     await bed.until(lambda: isinstance(bed.app.screen, PortsScreen))
 
 
+async def visits(bed):
+    await bed.connected()
+    await bed.run()
+    await bed.press("f5")
+    await bed.until(lambda: isinstance(bed.app.screen, VisitsScreen))
+
+
+async def search_of_visits(bed):
+    await visits(bed)
+    await bed.press("slash")
+    await bed.until(lambda: isinstance(bed.app.focused, Input))
+
+
+async def palette(bed):
+    await bed.connected()
+    await bed.press("ctrl+p")
+    await bed.until(lambda: isinstance(bed.app.screen, PaletteScreen))
+
+
+async def pick(bed):
+    await bed.connected()
+    await bed.press("f4")
+    await bed.until(lambda: isinstance(bed.app.screen, PickScreen))
+
+
+async def goal(bed):
+    await bed.connected()
+    await bed.press("g")
+    await bed.until(lambda: isinstance(bed.app.screen, PickScreen))
+
+
+async def messages(bed):
+    await bed.connected()
+    await bed.press("w")
+    await bed.until(lambda: isinstance(bed.app.screen, MessagesScreen))
+
+
+async def replay(bed):
+    await bed.until(lambda: bed.board.playing is not None and bed.board.hello is not None)
+
+
 async def quit_question(bed):
     await bed.connected()
     await bed.press("q")
@@ -198,7 +244,7 @@ async def welcome(bed):
 
 STATES = [
     main_screen, in_a_field, summary, running, resting, session, prompt, missing, help_, ports,
-    quit_question, alarm, welcome,
+    visits, search_of_visits, palette, pick, goal, messages, replay, quit_question, alarm, welcome,
 ]  # fmt: skip
 
 
@@ -216,7 +262,7 @@ async def type_in(bed, state, keys, rng, starts):
             bed.app.post_message(events.Key(key, CHARACTERS.get(key, key)))
         await bed.pilot.pause()
         assert starts.count == started, word
-    assert not bed.app._exit
+    assert bed.app.return_code is None
     assert bed.board.alarm == alarmed
     assert bed.board.model is None
     if state is not prompt:  # there it is the answer
@@ -226,7 +272,9 @@ async def type_in(bed, state, keys, rng, starts):
 async def type_in_one(bedside, state, keys, seed):
     starts = Starts()
     options = {"ports": tuple} if state is welcome else {}
-    port = None if state is welcome else "sim://?seed=1&speed=5"
+    if state is replay:
+        options = {"replay": example_session()}
+    port = None if options else "sim://?seed=1&speed=5"
     async with bedside(port, make_probe=starts, explain=Searching(), **options) as bed:
         await type_in(bed, state, keys, random.Random(seed), starts)
 
@@ -276,7 +324,7 @@ async def walk(bed, keys, rng, starts):
     main = bed.app.screen_stack[0]
     allowed, typed_s, checked = 0, -10.0, False
     pressed = 0
-    while pressed < keys and not bed.app._exit:
+    while pressed < keys and bed.app.return_code is None:
         burst = [rng.choice(TEXT + OTHER * 2)]
         if rng.random() < 0.06 and bed.app.screen is main and bed.board.can_arm:
             bed.app.query_one("#subject", Input).value = f"P{rng.randint(1, 9)}"
@@ -297,7 +345,7 @@ async def walk(bed, keys, rng, starts):
             await bed.press(key)
             pressed += 1
             assert starts.count <= allowed, (key, pressed)
-            if bed.app._exit:
+            if bed.app.return_code is not None:
                 break
     return allowed
 
@@ -328,7 +376,21 @@ async def test_ten_thousand_keys_start_only_what_was_shown_and_confirmed(bedside
 
 @pytest.mark.parametrize(
     "state",
-    [main_screen, summary, session, missing, help_, ports, quit_question, alarm, welcome],
+    [
+        main_screen,
+        summary,
+        session,
+        missing,
+        help_,
+        ports,
+        visits,
+        palette,
+        pick,
+        messages,
+        quit_question,
+        alarm,
+        welcome,
+    ],
     ids=lambda state: state.__name__,
 )
 async def test_state_suction_and_simulated_stand_on_every_screen(bedside, state):
@@ -344,12 +406,23 @@ async def test_state_suction_and_simulated_stand_on_every_screen(bedside, state)
         await bed.until(lambda: "suction" in bed.text("#suction").lower())
 
 
-@pytest.mark.parametrize("key", ["s", "f1", "q"])
-async def test_every_screen_has_the_vent_key_while_suction_is_on(bedside, key):
+@pytest.mark.parametrize("state", [messages, palette, pick, help_, ports, visits, missing])
+async def test_esc_closes_what_is_open(bedside, state):
+    async with bedside("sim://?seed=1&speed=20", explain=Searching()) as bed:
+        await state(bed)
+        await bed.press("escape")
+        await bed.until(lambda: isinstance(bed.app.screen, MainScreen))
+
+
+@pytest.mark.parametrize("keys", ["s", "s n", "f1", "q", "f5", "f5 slash", "w", "ctrl+p"])
+async def test_every_screen_has_the_vent_key_while_suction_is_on(bedside, keys):
     async with bedside("sim://?seed=1&speed=2") as bed:
         await running(bed)
-        await bed.press(key)
-        await bed.until(lambda: not isinstance(bed.app.screen, MainScreen))
+        for key in keys.split():
+            await bed.press(key)
+            await bed.until(lambda: not isinstance(bed.app.screen, MainScreen))
+        if len(keys.split()) > 1 or keys == "ctrl+p":
+            await bed.until(lambda: isinstance(bed.app.focused, Input))
         await bed.until(lambda: bed.text("#suction") == "SUCTION: v vents")
         vents = bed.app.bench.vents
         await bed.press("v")

@@ -192,7 +192,7 @@ def journal(tmp_path):
     writer = Journal(path, example.meta)
     for record in example.records:
         if record.kind is not Kind.AUDIT:
-            writer._put(record.kind, record.host_time_s, record.data, record.utc_s)
+            writer.put(record.kind, record.host_time_s, record.data, record.utc_s)
     writer.close()
     return path
 

@@ -20,9 +20,9 @@ EVIL_FILE = EVIL.replace("/", "") + "\n\udc9f"
 UNSEEN = {"Cc", "Cf", "Cs", "Zl", "Zp"}
 
 
-def assert_inert(text: str) -> None:
+def assert_inert(text: str, where: object = "") -> None:
     found = {hex(ord(c)) for c in text if unicodedata.category(c) in UNSEEN}
-    assert found <= {"0xa"}
+    assert found <= {"0xa"}, where
 
 
 @pytest.fixture
@@ -51,8 +51,33 @@ def folder(tmp_path, monkeypatch):
         f'[campaign]\n[[curve]]\nfile = "../{escaped}"\naperture_mm = 6\nthickness_mm = 1\n'
     )
     Path("skin.toml").write_text(f'[skin]\n"{escaped}" = 1\n')
+    Path("protocol.toml").write_text(
+        f'[study]\ntitle = "{escaped}"\nsites = ["{escaped}"]\n[[step]]\nname = "{escaped}"\n'
+        'aperture_mm = 6.0\nprogram = "ramp:100@20"\n'
+    )
+    Path("reference.toml").write_text(
+        f'schema = "skinlab.reference/1"\ntitle = "{escaped}"\nsource = "{escaped}"\n'
+        f'licence = "{escaped}"\n[[range]]\nquantity = "X1_MPa"\nsite = "{escaped}"\n'
+        'aperture_mm = 6.0\nprogram = "ramp:100@20"\nn = 75\n'
+        "[range.percentiles]\n5 = 0.02\n50 = 0.03\n95 = 0.05\n"
+    )
+    _study(Path("people"), plain)
     _session(Path("s.h5"))
     return inside
+
+
+def _study(at: Path, curve: str) -> None:
+    """Curves under a hostile name, and a table that says hostile things of them."""
+    at.mkdir()
+    lines = ["file,subject,site,operator,probe,visit,aperture_mm,thickness_mm,program,note"]
+    for k in range(4):
+        name = f"{EVIL_FILE[:-2]}{k}.csv"
+        (at / name).write_text(curve)
+        quoted = '"' + f"{EVIL}".replace('"', '""') + '"'
+        lines.append(f'"{name}",P-{k % 2},{quoted},{quoted},{quoted},{k},6,1,ramp:100@20,"={EVIL}"')
+    (at / "curves.csv").write_text("\n".join(lines) + "\n")
+    (at / f"{EVIL_FILE}.csv").write_text(f"{EVIL}\n")
+    (at / "subjects.csv").write_text(f'subject,group\nP-0,"{EVIL}"\nP-1,"={EVIL}"\n')
 
 
 def _session(path: Path) -> None:
@@ -107,6 +132,23 @@ CSV = f"{EVIL_FILE}.csv"
         ["export", "s.h5", "--to", "json", "json"],
         ["export", "s.h5", "--to", "html", "html"],
         ["export", "s.h5", "--to", "svg", EVIL_FILE],
+        ["export", "s.h5", "--to", "fhir", "fhir"],
+        ["export", "s.h5", "--to", "parameters", "parameters"],
+        ["export", "s.h5", "--to", "html", "html", "--reference", "reference.toml"],
+        ["export", "s.h5", "--to", "html", "html", "--reference", EVIL_FILE],
+        ["study", "people", "--out", "study", "--workers", "1"],
+        ["study", "people", "--out", EVIL_FILE + "s", "--workers", "1", "--json"],
+        ["study", EVIL, "--out", "study"],
+        ["study", "people", "--out", "study", "--layout", "{" + EVIL + "}"],
+        ["identify", CSV, *GEOMETRY, "--prior", "bad.toml"],
+        ["identify", CSV, *GEOMETRY, "--probe", "bad.toml"],
+        ["calibrate", "--port", "sim://", "--phantoms", "bad.toml", "--out", "p.toml"],
+        ["calibrate", "--port", EVIL, "--out", f"{EVIL_FILE}.toml"],
+        ["measure", "--port", "sim://?speed=50", "--protocol", "protocol.toml",
+         "--thickness-mm", "1", "--condition", EVIL, "--out", "m.h5"],
+        ["measure", "--port", "sim://?speed=50", "--protocol", "protocol.toml",
+         "--thickness-mm", "1", "--out", "m.h5"],
+        ["measure", "--port", "sim://", "--protocol", "bad.toml", *GEOMETRY, "--out", "m.h5"],
         ["forward", "--x1-mpa", "0.02", "--x2-mpa", "1", "--nu", "0.3", *GEOMETRY,
          *RAMP, "--model", "model.toml", "--csv", f"{EVIL_FILE}.out"],
         ["forward", "--x1-mpa", "0.02", "--x2-mpa", "1", "--nu", "0.3", *GEOMETRY,
@@ -130,7 +172,7 @@ def test_no_command_prints_or_writes_what_acts(folder, capfd, arguments):
     assert_inert(shown.err)
     for path in set(folder.rglob("*")) - before:
         if path.suffix in {".csv", ".json", ".html", ".toml", ".svg", ".out"} and path.is_file():
-            assert_inert(path.read_text(encoding="utf-8"))
+            assert_inert(path.read_text(encoding="utf-8"), path)
 
 
 def test_the_simulated_probe_says_it_as_symbols(folder, capfd):

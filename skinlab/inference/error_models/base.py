@@ -21,6 +21,8 @@ from skinlab.inference.samples import Samples
 
 Array = NDArray[np.float64]
 
+_EDGE = 0.02  # of a logarithm: how soon what is beyond reach is impossible
+
 
 @dataclass(frozen=True)
 class Hyperparameter:
@@ -29,7 +31,8 @@ class Hyperparameter:
     Before the data its logarithm is Gaussian about that of `median`; with `log_sd_above` of another
     width above it, where sizes are bounded by what is published. With `outlying`, a share of the
     prior, it is that of `outlying_sd` instead: a statement that may be wrong. `start` is where to
-    look first, if the data say; else the median.
+    look first, if the data say; else the median. Beyond `reach`, in the logarithm from the median,
+    it is all but impossible.
     """
 
     name: str
@@ -38,6 +41,7 @@ class Hyperparameter:
     outlying: float = 0.0
     outlying_sd: float = 1.5
     start: float | None = None
+    reach: float = math.inf
     log_sd_above: float | None = None
 
     def log_prior(self, log_value: float) -> float:
@@ -48,6 +52,8 @@ class Hyperparameter:
             here = self.log_sd if off < 0 else self.log_sd_above
             share = 2.0 * here / (self.log_sd + self.log_sd_above)
             found = math.log(share) + _log_normal(off, here)
+        if abs(off) > self.reach:
+            found -= 0.5 * ((abs(off) - self.reach) / _EDGE) ** 2
         if not self.outlying:
             return found
         other = math.log(self.outlying) + _log_normal(off, self.outlying_sd)

@@ -71,10 +71,11 @@ class Periodic:
         )
 
     def _frequency(self, start_hz: float | None = None) -> Hyperparameter:
-        """Return the frequency's prior: nine in ten are within the band."""
+        """Return the frequency's prior, which ends with the band."""
         median = math.sqrt(self.low_hz * self.high_hz)
-        sd = math.log(self.high_hz / self.low_hz) / (2.0 * _NINE_TENTHS)
-        return Hyperparameter(f"{self.name}_hz", median, sd, start=start_hz)
+        reach = 0.5 * math.log(self.high_hz / self.low_hz)
+        name = f"{self.name}_hz"
+        return Hyperparameter(name, median, reach / _NINE_TENTHS, start=start_hz, reach=reach)
 
     def part(self, look: Look) -> Part | None:
         """Return its part where the record lasts a period and a frequency stands out."""

@@ -15,7 +15,7 @@ class ApertureError(Effect):
     """See the module: each opening is a head of its own, and may be off by itself."""
 
     name = "aperture_error"
-    meaning = "an opening is wider or narrower than it is said to be"
+    meaning = "an opening is wider or narrower than stated"
     formula = "aperture = ratio × the stated one, of each opening for itself"
     source = "dimensions of exchangeable heads: wear, glue and skin at the rim"
     physical = True

@@ -145,6 +145,15 @@ SCREENING_MESH = replace(
     MESH_OF_RECORD, name="screening-1", edge=1 / 40, inside=0.3, outside=0.6, through=0.5,
     counts=(6, 5, 4),
 )  # fmt: skip
+# Ever blunter edges, at one of which a soft surface does not crease: what goes on where the mesh of
+# record ends (docs/decisions/0022-going-on-near-creases.md).
+BLUNT_MESHES = tuple(
+    replace(
+        MESH_OF_RECORD, name=f"blunt-{1 / edge:g}", edge=edge, inside=max(edge, 0.15), counts=None,
+        quarter_point=False,
+    )
+    for edge in (1 / 20, 1 / 10, 1 / 5)
+)  # fmt: skip
 # For comparison with other programs: plain 9-node elements, 0.02 mm at the edge of a 6 mm opening.
 VERIFICATION_MESH = Discretisation("verification-2", QUAD9_FULL, 0.02 / 3, 1.25, 0.1, 0.1, 0.2)
 

@@ -26,5 +26,5 @@ GATE = Gate(
     _check,
     meaning="the deflection stays at its highest reading while the pressure rises",
     threshold="as for `frozen`; a sensor that comes back where it stopped is saturated, not "
-    "frozen. Until then both are said",
+    "frozen. Until then both flags are raised",
 )

@@ -24,4 +24,4 @@ class MessagesScreen(OverScreen[None]):
         lines = [f"{level}: {note}" for note, level in reversed(self._board.told)]
         with VerticalScroll(id="help"):
             yield Static("Messages, the latest first (Enter closes)", classes="title", markup=False)
-            yield Static("\n".join(lines) or "Nothing was said yet.", markup=False)
+            yield Static("\n".join(lines) or "No messages yet.", markup=False)

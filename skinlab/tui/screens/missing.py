@@ -30,7 +30,8 @@ class MissingAnswer(Static):
         """Draw."""
         styles = {name: self.get_component_rich_style(f"missing--{name}") for name in _STYLES}
         text = Text()
-        for row in missing_rows(missing, self.size.width or _USUAL_COLUMNS):
+        lines = self.screen.query_one("#missing-says").size.height
+        for row in missing_rows(missing, self.size.width or _USUAL_COLUMNS, lines):
             for cells, style in row:
                 text.append(cells, styles[style])
             text.append("\n")
@@ -84,7 +85,7 @@ class MissingScreen(Screen[None]):
         if not self.display:
             return
         board, answer = self._board, self.query_one(MissingAnswer)
-        drawn = (board.version, answer.size.width, self.app.theme)
+        drawn = (board.version, answer.size.width, self.size.height, self.app.theme)
         if drawn == self._drawn:
             return
         self._drawn = drawn

@@ -509,7 +509,7 @@ class Anything(RuleBasedStateMachine):
     @precondition(lambda self: self.bed.phase is Phase.ARMING)
     @rule()
     def goes_well(self):
-        """A whole run, which random events would hardly ever make."""
+        """A whole run, which random events would almost never make."""
         self.give(Succeeded(self.bed.awaited))
         if self.bed.phase is Phase.ARMED:
             self.request(Start())

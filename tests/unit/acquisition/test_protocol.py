@@ -63,7 +63,7 @@ def small(name, **more):
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ("repeats = 2", "repeat = 2", "step[0]: unknown field `repeat`; did you mean repeats?"),
+        ("repeats = 2", "repeat = 2", "step 1: unknown field `repeat`; did you mean repeats?"),
         ("[acceptance]", "[aceptance]", "unknown field `aceptance`; did you mean acceptance?"),
         ("aperture_mm = 2.0", "aperture_mm = 3.0", "step 2: "),
         ('"ramp:300@60"', '"rump:300@60"', "step 2: "),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -424,3 +425,26 @@ def test_a_step_of_a_protocol_is_measured_and_its_session_keeps_what_was_otherwi
     assert "protocol deviation: text not stated: operator" in printed
     assert "conditions: room_temperature_c 26" in printed
     assert "[[step]]" not in printed
+
+
+def test_a_slip_in_a_program_or_an_effect_is_answered_too(capsys, tmp_path):
+    model = tmp_path / "m.toml"
+    model.write_text('[model]\nname = "a"\n[effects.viscoelasticty.g]\nvalue = 0.3\n')
+    assert "did you mean ramp?" in call(capsys, *FORWARD, "--program", "rump:100@20")[2]
+    _, _, err = call(capsys, *FORWARD, *RAMP, "--model", model)
+    assert "did you mean viscoelasticity?" in err
+
+
+@pytest.mark.parametrize(
+    ("words", "found"), [("skinlab exp", "export"), ("skinlab identify --thick", "--thickness-mm")]
+)
+def test_the_shell_completes_commands_and_options(words, found):
+    typed = {"COMP_WORDS": words, "COMP_CWORD": str(len(words.split()) - 1)}
+    done = subprocess.run(
+        [str(Path(sys.executable).parent / "skinlab")],
+        env={**os.environ, **typed, "_SKINLAB_COMPLETE": "bash_complete"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert f"plain,{found}" in done.stdout.splitlines()

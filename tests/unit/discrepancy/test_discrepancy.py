@@ -250,6 +250,64 @@ def test_the_model_is_exact_at_its_anchor(table, effects):
         np.testing.assert_allclose(found, exact, atol=1.5e-4, rtol=1e-4)
 
 
+@pytest.mark.parametrize(
+    "effects",
+    [
+        {"deflection_gain": {"gain": 1.1}},
+        {"pressure_lag": {"lag_s": 0.1}, "viscoelasticity": {"g": 0.3, "tau_s": 1.0}},
+        {"contact_preload": {"p0_mbar": 6.0}, "thickness_error": {"ratio": 1.15}},
+        {"regulator_lag": {"lag_s": 0.2}, "viscoelasticity": {"g": 0.2, "tau_s": 0.5}},
+    ],
+    ids="+".join,
+)
+def test_many_candidates_at_once_are_each_of_them_alone(table, effects):
+    campaign = measured({}, [STAIRS, RAMPS[1], RAMPS[1]])
+    records = records_of(campaign)
+    unknowns = Unknowns(tuple(effects))
+    values = [effects[a.effect][a.parameter.name] for a in unknowns.axes]
+    u = np.concatenate([TRUE, [a.to_u(v) for a, v in zip(unknowns.axes, values, strict=True)]])
+    model = MappedModel(records, unknowns, TableDomes(table))
+    many = u + 0.02 * np.random.default_rng(0).standard_normal((5, len(u)))
+    many[3, 0] = 9.0  # a stiffness that no table knows
+    together = model.predict_many(many)
+    for i, one in enumerate(many):
+        for a, b in zip(together, model.predict(one), strict=True):
+            np.testing.assert_allclose(a[i], b, rtol=1e-12, atol=1e-14)
+    assert np.isnan(together[0][3]).all()
+    assert np.isfinite(together[0][[0, 1, 2, 4]]).all()
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [
+        {"natural_tension": {"stretch": 1.03}},
+        {"hypodermis": {"thickness_mm": 4.0, "X1_kPa": 1.5}},
+        {"tape_slip": {"slip_mm": 0.2}},
+    ],
+    ids="+".join,
+)
+def test_slopes_at_the_anchor_are_those_of_the_finite_elements(table, effects):
+    records = records_of(measured({}, RAMPS[1:2]))
+    unknowns = Unknowns(tuple(effects))
+    values = [effects[a.effect][a.parameter.name] for a in unknowns.axes]
+    u = np.concatenate([TRUE, [a.to_u(v) for a, v in zip(unknowns.axes, values, strict=True)]])
+    model = MappedModel(records, unknowns, TableDomes(table))
+    assert model.anchor(u)
+    step = 0.02
+    for j in range(len(u)):
+        ends = []
+        for sign in (1.0, -1.0):
+            moved = u.copy()
+            moved[j] += sign * step
+            skin, there = unknowns.skin(moved), unknowns.values(moved)
+            record = records[0]
+            time = record.curve.time_s
+            exact = response(skin, there, record.geometry, record.path, time).deflection_mm
+            ends.append((model.predict(moved)[0], exact))
+        mapped, solved = ((a - b) / (2 * step) for a, b in zip(*ends, strict=True))
+        np.testing.assert_allclose(mapped, solved, atol=0.01 * np.abs(solved).max() + 1e-3)
+
+
 def test_unknowns_and_values_go_both_ways():
     for effect in all_effects():
         for axis in Unknowns((effect.name,)).axes:

@@ -21,9 +21,9 @@ from skinlab.discrepancy.posterior import gaussian
 from skinlab.discrepancy.records import records_of
 from skinlab.discrepancy.search import Search
 from skinlab.discrepancy.table_domes import TableDomes
-from skinlab.discrepancy.text import describe
+from skinlab.discrepancy.text import describe, partial_words
 from skinlab.discrepancy.verdict import decide
-from skinlab.discrepancy.workflow import explain
+from skinlab.discrepancy.workflow import Partial, explain
 from skinlab.mechanics.effects import library_names
 from skinlab.mechanics.effects.model import Skin, response
 from skinlab.mechanics.fem.suction import Geometry
@@ -103,8 +103,34 @@ def test_a_hidden_effect_is_named_and_the_gap_shrinks_to_the_noise(table, effect
     # The bias that the missing effect had caused is gone.
     after = found["parameters"]["after"]["X1_MPa"]
     assert after["value"] == pytest.approx(SKIN.values[0], rel=0.1)
-    if name != "deflection_offset":  # each placement might have had a zero of its own
+    # Each placement might have had a zero of its own, or a stiffness as of a preload.
+    if name not in ("deflection_offset", "contact_preload"):
         assert found["where"][0]["p_value"] < 1e-3
+
+
+def test_a_zero_that_no_placement_has_is_named_with_two_curves(table):
+    """Zeros of placements are published as 3 to 10 µm; 25 µm in both is an effect."""
+    hidden = campaign({"deflection_offset": {"offset_um": 25.0}}, (PLAN[0], RAMPS[1]))
+    found = document(explain(hidden, table, finite_elements=False))
+    assert (found["verdict"], found["effects"]) == ("named", [["deflection_offset"]])
+
+
+def test_who_interrupts_keeps_every_fit_that_was_done(table):
+    hidden = campaign({"pressure_lag": {"lag_s": 0.06}})
+    partial, said = Partial(), []
+
+    def interrupt(text):
+        said.append(text)
+        if text.startswith("looking for a partner"):
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        explain(hidden, table, finite_elements=False, progress=interrupt, partial=partial)
+    assert partial.base is not None
+    assert ("pressure_lag",) in [c.effects for c in partial.candidates]
+    assert len({c.effects for c in partial.candidates}) == len(partial.candidates)
+    assert "pressure_lag" in partial_words(partial)
+    assert any(text.startswith("fitting ") and "pressure_lag" in text for text in said)
 
 
 def test_where_nothing_is_hidden_nothing_is_found(table):
@@ -135,7 +161,7 @@ def test_where_nothing_is_hidden_nothing_is_found(table):
 class NoSurfaceLayer(Fitter):
     """Finite elements that find no equilibrium of a skin with a surface layer."""
 
-    def prepare(self, model, u, *, slopes=False):
+    def prepare(self, model, u, *, slopes=False, memory=True):
         return "surface_layer" not in model.unknowns.effects
 
 

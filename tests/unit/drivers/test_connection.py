@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers.connection import MAX_BACKLOG_BYTES, STATES, Connection
+from drivers.connection import STATES, Connection
 from drivers.dialects.reference import DIALECT, MAX_FRAME_BYTES
 from drivers.errors import LocalProtocolError, RemoteProtocolError
 from drivers.events import (
@@ -29,6 +29,7 @@ from drivers.events import (
     State,
     Vent,
 )
+from drivers.incoming import MAX_BACKLOG_BYTES
 
 S = InstrumentState
 HELLO = Hello("reference", 1, "m", "f", "s", 6.0, 500.0, 60.0, 1.0, 1000.0, True)

@@ -63,7 +63,7 @@ def samples_then(action, count=10):
     """A hook that acts once so many samples were sent by the device."""
 
     def hook(link):
-        if link.device._sequence >= count:
+        if link.device.sequence >= count:
             action(link)
 
     return hook
@@ -156,7 +156,7 @@ def test_leaving_the_block_in_a_run_vents_the_instrument(make_bench):
     bench = make_bench()
 
     def wait_for_close():
-        while bench.probe._engine is not None:
+        while bench.probe.is_open:
             time.sleep(0)  # the other thread's turn
 
     def fail():
@@ -181,7 +181,7 @@ def test_watchdog_vents(make_bench, trouble):
 
         def push(link):
             if link.device.state is InstrumentState.RUNNING:
-                link.device._plant.pressure_mbar = 70.0
+                link.device.plant.pressure_mbar = 70.0
 
         bench.link.hook = samples_then(push, 15)
     else:
@@ -209,7 +209,7 @@ def test_stuck_valve_latches_an_alarm(make_bench):
     vents = []
 
     def stick(link):
-        link.device._plant.pressure_mbar = max(link.device.pressure_mbar, 45.0)
+        link.device.plant.pressure_mbar = max(link.device.pressure_mbar, 45.0)
         if not vents:
             vents.append(bench.probe.vent())
 
@@ -349,7 +349,7 @@ def test_another_instrument_after_the_outage(make_bench):
 
 def test_an_instrument_that_is_found_running_is_vented(make_bench):
     bench = make_bench()
-    dialect = bench.device._dialect
+    dialect = bench.device.dialect
     for number, command in enumerate((Load(HOLD, 20, 50, 60), Arm(), Start())):
         bench.device.receive(dialect.encode_command(command, number))
     bench.device.process(0.4)

@@ -74,7 +74,7 @@ def drawn(seed):
 
 
 def within(seeds):
-    """How often the 90 % intervals hold the truth, by parameter; and the intervals' half widths."""
+    """How often the 90 % intervals contain the true value, and half their widths, by parameter."""
     held = {name: [] for name in PARAMETERS}
     half = {name: [] for name in PARAMETERS}
     for seed in seeds:

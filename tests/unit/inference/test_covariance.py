@@ -130,3 +130,17 @@ def test_what_the_columns_did_is_taken_off():
         for rng in map(np.random.default_rng, range(3000))
     ]
     assert np.mean(products) == pytest.approx(covariance.expected_product(1), abs=0.5)
+
+
+@given(covariances())
+def test_random_effects_of_other_sizes_share_one_decomposition_and_nothing_else(covariance):
+    values = np.random.default_rng(0).normal(size=(covariance.count, 2))
+    sizes = np.random.default_rng(1).uniform(0.1, 3.0, covariance.columns_mm.shape[1])
+    longer = replace(covariance, columns_mm=covariance.columns_mm * sizes)
+    turned = replace(covariance, columns_mm=covariance.columns_mm[::-1].copy())
+    several = [covariance, longer, turned, longer]
+    found, log_determinant = products(several, values)
+    for i, one in enumerate(several):
+        alone, log_alone = products([one], values)
+        np.testing.assert_allclose(found[i], alone[0], rtol=1e-7, atol=1e-8)
+        assert log_determinant[i] == pytest.approx(log_alone[0], abs=1e-7)

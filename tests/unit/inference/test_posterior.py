@@ -185,7 +185,7 @@ class TestSummary:
         """Flat beyond: the end is as likely as any, and was left out by the shortest interval."""
         u = np.random.default_rng(1).random(20_000)
         x = 0.2 + 0.29 * np.sqrt(u)  # density rises away from 0.2, likelihood is nearly flat
-        log_density = -0.5 * ((x - 0.4) / 0.15) ** 2
+        log_density = -0.5 * ((x - 0.4) / 0.16) ** 2
         _, low, high = summary(x, np.full(len(x), 1 / len(x)), log_density, (0.2, 0.49))
         assert low == 0.2
         assert high == 0.49

@@ -186,7 +186,7 @@ def test_what_a_crash_leaves_is_recovered(tmp_path, recorded):
     half = session.records[: (plans[1] + len(session.records)) // 2]
     journal = Journal(tmp_path / "s.h5.journal", {"subject": "P-7"})
     for record in half:
-        journal._put(record.kind, record.host_time_s, record.data, record.utc_s)
+        journal.put(record.kind, record.host_time_s, record.data, record.utc_s)
     journal.close()
     assert read_journal(journal.path).records == list(half)
     assert len(recover(journal.path, tmp_path / "s.h5")[0].curves) == 2

@@ -201,7 +201,7 @@ def test_commands_out_of_turn_are_refused(make_bench):
 def test_over_pressure_is_a_fault_until_reset(make_bench):
     bench = make_bench()
     bench.run(LOAD)
-    bench.device._plant.pressure_mbar = 120.0
+    bench.device.plant.pressure_mbar = 120.0
     events = bench.wait(0.1)
     assert any(isinstance(e, InstrumentFault) and e.code == "pressure" for e in events)
     assert bench.device.state is S.FAULT
@@ -218,7 +218,7 @@ def test_a_valve_that_sticks_is_a_fault(make_bench, program):
     bench.wait(0.5)
     events = []
     for _ in range(150):
-        bench.device._plant.pressure_mbar = 45.0
+        bench.device.plant.pressure_mbar = 45.0
         events += bench.wait(0.01, 0.01)
     assert [e.code for e in events if isinstance(e, InstrumentFault)] == ["vent"]
 
@@ -226,7 +226,7 @@ def test_a_valve_that_sticks_is_a_fault(make_bench, program):
 def test_suction_time_is_counted_by_the_firmware(make_bench):
     bench = make_bench()
     bench.run(Load((ramp(50, 100), hold(5)), 100, 50, 5.5))
-    bench.device._run.load = Load((ramp(50, 100), hold(50)), 100, 50, 5.5)  # as if memory failed
+    bench.device.run.load = Load((ramp(50, 100), hold(50)), 100, 50, 5.5)  # as if memory failed
     events = bench.wait(6)
     assert [e.code for e in events if isinstance(e, InstrumentFault)] == ["suction"]
 

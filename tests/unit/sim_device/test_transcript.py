@@ -170,7 +170,7 @@ def in_state(make_bench, state):
         if state is InstrumentState.VENTING:
             bench.tell(Vent())
         else:
-            bench.device._plant.pressure_mbar = 300.0
+            bench.device.plant.pressure_mbar = 300.0
             bench.device.process(0.002)
     bench.hear()
     assert bench.device.state is state

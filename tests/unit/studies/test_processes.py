@@ -7,7 +7,7 @@ import sys
 
 from studies import tenfold
 
-from skinlab.studies.processes import on_processes
+from skinlab.workers import on_processes
 
 
 def test_a_process_that_dies_takes_one_task_with_it():
@@ -16,7 +16,7 @@ def test_a_process_that_dies_takes_one_task_with_it():
 
 
 def test_where_nothing_is_to_do_no_process_starts(monkeypatch):
-    monkeypatch.setattr("skinlab.studies.processes.Worker", None)
+    monkeypatch.setattr("skinlab.workers.Worker", None)
     assert list(on_processes(tenfold, 10, iter(()), 2)) == []
 
 

@@ -168,8 +168,8 @@ def test_what_cannot_be_told_apart_is_said():
         y, [effect("subject", s), effect("probe", s), effect("visit", np.arange(24))]
     )
     assert [p.name for p in found.parts] == ["subject", WITHIN]
-    assert any("probe cannot be told from subject" in note for note in found.notes)
-    assert any("visit cannot be told from within" in note for note in found.notes)
+    assert any("probe cannot be separated from subject" in note for note in found.notes)
+    assert any("visit cannot be separated from within" in note for note in found.notes)
     with pytest.raises(ValueError, match="all the same"):
         components(np.ones(5), [])
 

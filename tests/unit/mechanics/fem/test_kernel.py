@@ -1,6 +1,7 @@
 """The compiled inner loops compute what numpy computes, and nobody needs them."""
 
 import importlib.util
+import re
 from pathlib import Path
 
 import numpy as np
@@ -143,8 +144,13 @@ def test_source_that_does_not_compile_leaves_no_library(tmp_path):
 
 @needs_kernel
 def test_a_library_of_another_source_is_not_used(tmp_path):
-    source = tmp_path / "kernel.c"
-    source.write_bytes(kernel.SOURCE.read_bytes() + b"\n")
+    names = re.findall(r"^\w[\w *]*?(skinlab_\w+)\(", kernel.SOURCE.read_text(), re.MULTILINE)
+    assert "skinlab_source" in names
+    source = tmp_path / "kernel.c"  # all that is asked for, and nothing in it: soon compiled
+    source.write_text(
+        "const char *skinlab_source(void) { return SKINLAB_SOURCE; }\n"
+        + "".join(f"void {name}(void) {{}}\n" for name in names if name != "skinlab_source")
+    )
     library = tmp_path / "_kernel.so"
     assert _hook().compile_kernel(source, library)
     assert kernel.load(library, source) is not None

@@ -1,0 +1,97 @@
+"""The published benchmark: the same seeds give the same campaigns, and nothing tells the truth."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from skinlab.curves.campaign import read_campaign
+
+sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
+
+from challenge import generate, score
+from challenge.campaigns import FAMILIES, OUTSIDE, make
+
+
+def test_the_challenge_has_two_hundred_campaigns_of_every_part():
+    entries = generate.entries()
+    assert len(entries) == 200
+    assert len({name for name, _, _ in entries}) == 200
+    assert {part for _, part, _ in entries} == {part for part, _ in generate.PLAN}
+    # Whoever looks at the first of them only sees all parts.
+    assert len({part for _, part, _ in entries[:20]}) == 4
+    assert len(OUTSIDE) >= 8
+    assert set(FAMILIES) <= set(OUTSIDE)
+
+
+def test_a_campaign_can_be_read_and_does_not_tell_its_truth(tmp_path):
+    truth, made = make("life_none", 5, 4)
+    again = make("life_none", 5, 4)[1]
+    for one, other in zip(made.campaign.curves, again.campaign.curves, strict=True):
+        np.testing.assert_array_equal(one.deflection_mm, other.deflection_mm)
+    generate.write_campaign(tmp_path / "c000", made)
+    found = read_campaign(tmp_path / "c000" / "campaign.toml")
+    assert len(found.curves) == len(made.campaign.curves)
+    np.testing.assert_allclose(
+        found.curves[0].deflection_mm, made.campaign.curves[0].deflection_mm, atol=1e-8
+    )
+    document = generate.truth_document("c000", "life_none", truth)
+    written = "".join(f.name + f.read_text() for f in (tmp_path / "c000").glob("*.toml"))
+    assert document["life"]["kind"] not in written
+    assert "life" not in written
+
+
+def _truth(part, effects=(), families=()):
+    return {"part": part, "effects": sorted(effects), "families": list(families)}
+
+
+def test_scores_count_what_was_said():
+    truths = {
+        "a": _truth("life_none"),
+        "b": _truth("life_none"),
+        "c": _truth("life_single", ["hypodermis"]),
+        "d": _truth("life_single", ["tape_slip"]),
+        "e": _truth("life_outside", families=["time"]),
+        "f": _truth("life_outside"),
+        "g": _truth("life_double", ["hypodermis", "tape_slip"]),
+    }
+    answers = {
+        "a": {"verdict": "none", "effects": [], "cpu_seconds": 2.0},
+        "b": {"verdict": "named", "effects": [["tape_slip"]], "cpu_seconds": 4.0},
+        "c": {"verdict": "named", "effects": [["hypodermis"]]},
+        "d": {"verdict": "ambiguous", "effects": [["hypodermis"], ["tape_slip"]]},
+        "e": {"verdict": "learned", "effects": [], "learned": {"family": "time"}},
+        "g": {"verdict": "named", "effects": [["tape_slip", "hypodermis"]]},
+    }
+    for name, answer in answers.items():
+        score.check(name, answer)
+    found = score.scores(truths, answers)
+    assert (found["answered"], found["of"]) == (6, 7)
+    shares = {k: v["share"] for k, v in found.items() if isinstance(v, dict)}
+    assert shares["nothing hidden: something named"] == 0.5
+    assert shares["one hidden: names that are right"] == 1.0
+    assert shares["one hidden: named rightly"] == 0.5
+    assert shares["one hidden: ties with the truth"] == 1.0
+    assert shares["two hidden: named rightly"] == 1.0
+    assert shares["outside the library: its family"] == 1.0
+    assert shares["outside the library: a library name"] == 0.0
+    assert found["cpu_seconds_median"] == 3.0
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        {"verdict": "certain", "effects": []},
+        {"verdict": "named", "effects": []},
+        {"verdict": "none", "effects": "tape_slip"},
+        {"verdict": "none"},
+    ],
+    ids=json.dumps,
+)
+def test_what_is_no_answer_is_refused_by_its_name(answer):
+    with pytest.raises(ValueError, match="c007: "):
+        score.check("c007", answer)
