@@ -32,6 +32,7 @@ from skinlab.mechanics.fem.skin import Prony, Skin, SkinProblem, Term
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.mechanics.model_file import BASE, decode_model
 from skinlab.report.missing_effect import render
+from skinlab.tui.missing import outcome_rows, plain_text
 
 SKIN = Skin((0.041, 1.7, 0.31))
 THICKNESS_MM = 1.13
@@ -145,6 +146,10 @@ def test_what_is_learned_is_told_adopted_and_used(table, tmp_path):
     assert "deflection sensor is not linear" in learned["sentence"]
     assert describe(outcome).startswith(f"Learned: {learned['sentence']}.")
     assert "What was learned" in render(outcome)
+    shown = plain_text(outcome_rows(outcome, 100))
+    assert learned["sentence"] in shown
+    assert "reads_too_much_um" in shown
+    assert "a adopts" in shown
     cache.save("a", outcome, tmp_path)
     again = cache.load("a", records_of(hidden), tmp_path)
     assert again.to_json() == outcome.to_json()
