@@ -65,6 +65,11 @@ class Combination:
         return frozenset(part.name for part in self.parts)
 
     @cached_property
+    def scales(self) -> Array:
+        """How far the parameters' logarithms (d,) go in one step of a search."""
+        return np.array([p.scale for part in self.parts for p in part.parameters])
+
+    @cached_property
     def parameters(self) -> tuple[str, ...]:
         """Names of the parameters."""
         return tuple(p.name for part in self.parts for p in part.parameters)
@@ -306,7 +311,7 @@ def _explore(
     """Return the combination explored; from its mode alone if that is hopeless beside a rival."""
     each = [p for part in combination.parts for p in part.parameters]
     at = np.array([starts.get(p.name, math.log(p.start or p.median)) for p in each])
-    mode, root, here = _mode(_density(combination, linear), at)
+    mode, root, here = _mode(_density(combination, linear), at, combination.scales)
     roughly = here + 0.5 * len(mode) * math.log(2.0 * math.pi) + float(np.linalg.slogdet(root)[1])
     roughly += combination.log_odds
     if not combination.bound and roughly < rival - _HOPELESS:
@@ -344,9 +349,18 @@ def _density(
     return density
 
 
-def _mode(density: Callable[[Array], Array], start: Array) -> tuple[Array, Array, float]:
-    """Return the mode (d,) by Newton's method, a root (d, d) of the covariance, and the density."""
-    at, d = start, len(start)
+def _mode(
+    density_of_logarithms: Callable[[Array], Array], start: Array, scales: Array
+) -> tuple[Array, Array, float]:
+    """Return the mode (d,) by Newton's method, a root (d, d) of the covariance, and the density.
+
+    Steps are in units of `scales` (d,).
+    """
+
+    def density(scaled: Array) -> Array:
+        return density_of_logarithms(scaled * scales)
+
+    at, d = start / scales, len(start)
     values = np.eye(d)
     here, slope, curvature = _derivatives(density, at)
     for step_number in range(_MOST_STEPS if d else 0):
@@ -365,7 +379,7 @@ def _mode(density: Callable[[Array], Array], start: Array) -> tuple[Array, Array
         if not len(better):
             break
         at, here = trials[better[0]], float(there[better[0]])
-    return at, values, here
+    return at * scales, values * scales[:, None], here
 
 
 def _derivatives(density: Callable[[Array], Array], at: Array) -> tuple[float, Array, Array]:
@@ -478,7 +492,7 @@ def _scale_mixture(
         return None
     for _ in range(_MIXTURE_ROUNDS):
         combination = combine((*plain, part))
-        at, _, _ = _mode(_density(combination, linear), at)
+        at, _, _ = _mode(_density(combination, linear), at, combination.scales)
         stretch = part.terms(()).stretch
         assert stretch is not None
         # White errors' squares by the variance that the weights are of: that without stretch.

@@ -32,7 +32,8 @@ class Hyperparameter:
     width above it, where sizes are bounded by what is published. With `outlying`, a share of the
     prior, it is that of `outlying_sd` instead: a statement that may be wrong. `start` is where to
     look first, if the data say; else the median. Beyond `reach`, in the logarithm from the median,
-    it is all but impossible.
+    it is all but impossible. `scale` is over how much of a logarithm the data's density changes, as
+    far as known beforehand: a frequency is fixed far better than a size.
     """
 
     name: str
@@ -43,6 +44,7 @@ class Hyperparameter:
     start: float | None = None
     reach: float = math.inf
     log_sd_above: float | None = None
+    scale: float = 1.0
 
     def log_prior(self, log_value: float) -> float:
         """Return the log density of the logarithm."""

@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 _ODDS = 0.2
 _LOG_SD = 0.7
 _NINE_TENTHS = 1.645
+_APART = 0.2  # of a period over the record: frequencies that a good record tells apart
 _FEWEST_PERIODS = 1.0
 _PER_PERIOD = 6.0  # samples, at least
 _FINEST = 0.15  # of a period over the whole record: the grid of frequencies
@@ -70,12 +71,16 @@ class Periodic:
             f"odds 1 : {1 / _ODDS:g}"
         )
 
-    def _frequency(self, start_hz: float | None = None) -> Hyperparameter:
+    def _frequency(
+        self, start_hz: float | None = None, lasts_s: float | None = None
+    ) -> Hyperparameter:
         """Return the frequency's prior, which ends with the band."""
         median = math.sqrt(self.low_hz * self.high_hz)
         reach = 0.5 * math.log(self.high_hz / self.low_hz)
         name = f"{self.name}_hz"
-        return Hyperparameter(name, median, reach / _NINE_TENTHS, start=start_hz, reach=reach)
+        scale = 1.0 if lasts_s is None else min(_APART / (lasts_s * median), 1.0)
+        sd = reach / _NINE_TENTHS
+        return Hyperparameter(name, median, sd, start=start_hz, reach=reach, scale=scale)
 
     def part(self, look: Look) -> Part | None:
         """Return its part where the record lasts a period and a frequency stands out."""
@@ -100,7 +105,7 @@ class Periodic:
 
         return Part(
             self.name,
-            (size, self._frequency(frequency)),
+            (size, self._frequency(frequency, lasts)),
             terms,
             math.log(_ODDS),
             lasting=True,
