@@ -9,12 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.unknowns import Axis, Unknowns
+from skinlab.mechanics.effects import get_effect
 
 Array = NDArray[np.float64]
 
@@ -35,6 +37,7 @@ class Signature:
     gain: float  # by which χ² would fall
     absorbed: float  # share of the raw signature that the fit's unknowns absorb
     which: int = 0  # of the axes: the effect's size
+    beside: tuple[float, ...] = ()  # the unknowns of all axes, as they were screened
 
     @property
     def detectable(self) -> float:
@@ -46,24 +49,35 @@ def signature(fitter: Fitter, fit: Fit, effect: str) -> Signature | None:
     """Return an effect's signature at a fit, None where its model does not hold there."""
     unknowns = fit.unknowns.with_effect(effect)
     axes = unknowns.axes[len(fit.unknowns.axes) :]
-    own = [0.0 if a.parameter.zero is not None else a.to_u(a.parameter.typical) for a in axes]
+    # Without the correction of what relaxes, which takes most of the time of an anchor.
+    without = fitter.model(fit.unknowns)
+    fitter.prepare(without, fit.u, memory=False)
+    here = np.concatenate(without.predict(fit.u))
     sized = [i for i, a in enumerate(axes) if a.parameter.zero is not None]
-    found = [_along(fitter, fit, unknowns, own, i) for i in sized]
+    tried = get_effect(effect).tried
+    beside = [
+        [0.0]
+        if a.parameter.zero is not None
+        else [a.to_u(v) for v in tried.get(a.parameter.name, (a.parameter.typical,))]
+        for a in axes
+    ]
+    found = [_along(fitter, fit, here, unknowns, own, i) for own in product(*beside) for i in sized]
     held = [s for s in found if s is not None]
     # Where several of its parameters have a zero, it is the one that explains most.
     return max(held, key=lambda s: (s.gain, s.size)) if held else None
 
 
 def _along(
-    fitter: Fitter, fit: Fit, unknowns: Unknowns, own: list[float], which: int
+    fitter: Fitter,
+    fit: Fit,
+    here: Array,
+    unknowns: Unknowns,
+    own: tuple[float, ...],
+    which: int,
 ) -> Signature | None:
     """Return the signature of one of an effect's parameters."""
     axes = unknowns.axes[len(fit.unknowns.axes) :]
     axis, effect = axes[which], axes[which].effect
-    # Both without the correction of what relaxes, which takes most of the time of an anchor.
-    without = fitter.model(fit.unknowns)
-    fitter.prepare(without, fit.u, memory=False)
-    here = np.concatenate(without.predict(fit.u))
     for size in _SIZES:
         step = size * axis.to_u(axis.parameter.typical)
         some = np.concatenate([fit.u, own])
@@ -83,13 +97,13 @@ def _along(
     whole = float(np.linalg.norm(raw))
     if length < _INVISIBLE:
         absorbed = 1.0 if whole > _INVISIBLE else 0.0
-        return Signature(effect, axes, direction, length, 0.0, 0.0, absorbed, which)
+        return Signature(effect, axes, direction, length, 0.0, 0.0, absorbed, which, own)
     amount = float(direction @ residual) / length**2
     low, high = axis.bounds
     amount = float(np.clip(amount, low, high))
     gain = 2.0 * amount * float(direction @ residual) - amount**2 * length**2
     absorbed = 1.0 - length / max(whole, 1e-12)
-    return Signature(effect, axes, direction, length, amount, max(gain, 0.0), absorbed, which)
+    return Signature(effect, axes, direction, length, amount, max(gain, 0.0), absorbed, which, own)
 
 
 def _with_priors(fit: Fit) -> Array:

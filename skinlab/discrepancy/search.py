@@ -505,12 +505,7 @@ def _linear_pairs(
         gain = float(2.0 * amounts @ score - amounts @ (gram + priors) @ amounts)
         unknowns = fit.unknowns.with_effect(one.effect).with_effect(other.effect)
         own = [
-            np.array(
-                [
-                    amount if i == s.which else 0.0 if a.parameter.zero is not None else a.prior[0]
-                    for i, a in enumerate(s.axes)
-                ]
-            )
+            np.array([amount if i == s.which else at for i, at in enumerate(s.beside)])
             for s, amount in zip(pair, amounts, strict=True)
         ]
         low, high = unknowns.bounds

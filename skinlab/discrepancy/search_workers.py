@@ -45,15 +45,7 @@ def _start(
     fit: Fit, unknowns: Unknowns, seen: Signature, share: float, stiffer: float = 0.0
 ) -> Array:
     """Return a fit's unknowns with one more effect, at a share of the size that is expected."""
-    axes = unknowns.axes[len(fit.unknowns.axes) :]
-    own = [
-        axis.to_u(axis.parameter.typical)
-        if axis.parameter.zero is None
-        else share * seen.amount
-        if i == seen.which
-        else 0.0
-        for i, axis in enumerate(axes)
-    ]
+    own = [share * seen.amount if i == seen.which else at for i, at in enumerate(seen.beside)]
     low, high = unknowns.bounds
     start = np.concatenate([fit.u, own])
     space = unknowns.space

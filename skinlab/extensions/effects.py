@@ -50,7 +50,9 @@ def _apart(a: Array, b: Array) -> float:
 
 def _in_a_name(unit: str) -> str:
     """Return how a name ends with a unit: um_per_mm2 of µm/mm², per_mm of 1/mm."""
-    words = unit.replace("/", "_per_").removeprefix("1_").replace("%", "percent")
+    words = (
+        unit.replace("/", "_per_").removeprefix("1_").replace("%", "percent").replace("Hz", "hz")
+    )
     return words.translate(str.maketrans("µ²³", "u23"))
 
 

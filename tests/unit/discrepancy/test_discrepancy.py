@@ -321,6 +321,19 @@ def test_unknowns_and_values_go_both_ways():
 # ---- the screen ----------------------------------------------------------------------------------
 
 
+def test_a_motion_is_found_whatever_its_frequency(table):
+    """The screen looks at many frequencies; from the typical one no fit would find it."""
+    hidden = {"periodic_motion": {"amplitude_um": 9.0, "frequency_hz": 3.31}}
+    fitter = fitter_of(measured(hidden, RAMPS), table)
+    base = fitter.fit(Unknowns(()), TRUE)
+    seen = signature(fitter, base, "periodic_motion")
+    assert seen.axes[1].to_value(seen.beside[1]) == pytest.approx(3.31, abs=0.05)
+    fit = fit_one(fitter, (base, seen, np.inf))
+    found = fit.unknowns.values(fit.u)["periodic_motion"]
+    assert found["amplitude_um"] == pytest.approx(9.0, abs=0.5)
+    assert found["frequency_hz"] == pytest.approx(3.31, abs=0.01)
+
+
 @pytest.mark.parametrize(
     ("name", "values"),
     [("deflection_offset", {"offset_um": 2.0}), ("pressure_lag", {"lag_s": 0.004})],

@@ -27,10 +27,12 @@ from skinlab.discrepancy.verdict import decide_learned
 from skinlab.mechanics.effects import all_effects, get_effect, library_names
 from skinlab.mechanics.effects.learned import Seen, cut, less_gain
 from skinlab.mechanics.effects.model import response, solve_skin
-from skinlab.mechanics.fem.skin import Prony, Skin, SkinProblem
+from skinlab.mechanics.effects.strain_stiffening import CUBIC
+from skinlab.mechanics.fem.skin import Prony, Skin, SkinProblem, Term
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.mechanics.model_file import BASE, decode_model
 from skinlab.report.missing_effect import render
+from skinlab.tui.missing import outcome_rows, plain_text
 
 SKIN = Skin((0.041, 1.7, 0.31))
 THICKNESS_MM = 1.13
@@ -55,7 +57,9 @@ def bent(path):
     return replace(fine, pressure_mbar=tuple((p + more).tolist()))
 
 
-def campaign(plan, *, sensor=None, felt=None, prony=(), stiffer=None, cycles=None, seed=5):
+def campaign(
+    plan, *, sensor=None, felt=None, prony=(), terms=(), stiffer=None, cycles=None, seed=5
+):
     """Return curves of another mesh than the fit's, 15 samples a second, 3 µm of noise."""
     rng, curves = np.random.default_rng(seed), []
     for i, (aperture, text) in enumerate(plan):
@@ -65,7 +69,7 @@ def campaign(plan, *, sensor=None, felt=None, prony=(), stiffer=None, cycles=Non
         of_skin = path if felt is None else felt(path)
         for cycle, factor in (cycles or {1: 1.0}).items():
             stiffness = factor * (stiffer or {}).get(aperture, 1.0)
-            problem = SkinProblem(Geometry(aperture, THICKNESS_MM), SKIN, prony=prony)
+            problem = SkinProblem(Geometry(aperture, THICKNESS_MM), SKIN, terms=terms, prony=prony)
             solved = solve_skin(replace(problem, stiffness=stiffness), of_skin, MESH)
             w = solved.at(t, of_skin(t))
             w = (w if sensor is None else sensor(w)) + rng.normal(0, 3e-3, len(t))
@@ -74,15 +78,15 @@ def campaign(plan, *, sensor=None, felt=None, prony=(), stiffer=None, cycles=Non
     return Campaign("hidden", 3.0, 0.0, tuple(curves), 0.0)
 
 
-def search_of(hidden, table, model=BASE):
+def search_of(hidden, table, model=BASE, **options):
     records = records_of(hidden)
-    fitter = Fitter(records, errors_of(records), TableDomes(table), finite_elements=False)
+    fitter = Fitter(records, errors_of(records), TableDomes(table), **options)
     return Search(fitter, model=model, noise_um=3.0, placement_scatter=0.0)
 
 
-def learn(hidden, table):
+def learn(hidden, table, *, finite_elements=False):
     """Return what the families come to where the library has nothing."""
-    search = search_of(hidden, table)
+    search = search_of(hidden, table, finite_elements=finite_elements)
     base = search.learned_base()
     records = search.fitter.records
     kept = tuple(np.ones(len(r.curve), dtype=bool) for r in records)
@@ -98,11 +102,13 @@ def learn(hidden, table):
         ("time", HOLDS, {"prony": (Prony(0.12, 0.25), Prony(0.1, 2.0), Prony(0.12, 18.0))}),
         ("opening", OPENINGS, {"stiffer": STIFFER}),
         ("history", RAMPS[:2], {"cycles": CYCLES}),
+        ("law", RAMPS, {"terms": (Term(CUBIC, (("X3_MPa", 250.0),)),)}),
     ],
-    ids=["sensor", "pressure", "time", "opening", "history"],
+    ids=["sensor", "pressure", "time", "opening", "history", "law"],
 )
 def test_the_kind_of_what_is_hidden_is_found(table, family, plan, how):
-    _, found = learn(campaign(plan, **how), table)
+    # The law alone needs the finite elements: the others do without.
+    _, found = learn(campaign(plan, **how), table, finite_elements=family == "law")
     verdict = decide_learned(found)
     assert verdict.name == "learned"
     assert verdict.explanations[0].effects == (f"learned_{family}",)
@@ -140,6 +146,10 @@ def test_what_is_learned_is_told_adopted_and_used(table, tmp_path):
     assert "deflection sensor is not linear" in learned["sentence"]
     assert describe(outcome).startswith(f"Learned: {learned['sentence']}.")
     assert "What was learned" in render(outcome)
+    shown = plain_text(outcome_rows(outcome, 100))
+    assert learned["sentence"] in shown
+    assert "reads_too_much_um" in shown
+    assert "a adopts" in shown
     cache.save("a", outcome, tmp_path)
     again = cache.load("a", records_of(hidden), tmp_path)
     assert again.to_json() == outcome.to_json()
@@ -154,7 +164,7 @@ def test_what_is_learned_is_told_adopted_and_used(table, tmp_path):
     )
     # A new campaign of the same probe: the model says what it leaves, and nothing more is missing.
     new = campaign(RAMPS, sensor=bump, seed=6)
-    base = search_of(new, table, model).learned_base()
+    base = search_of(new, table, model, finite_elements=False).learned_base()
     assert base.adequate
     assert base.fit.chi2 < 1.3 * len(search.fitter.measured)
     axis = unknowns_of(model).axes[0]

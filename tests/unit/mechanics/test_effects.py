@@ -431,3 +431,13 @@ def test_what_cannot_be_is_refused():
         dome({}, Skin((0.03, 1.0), law="mooney_rivlin"))
     with pytest.raises(InputError, match=r"nu is 0\.5: expected 0 to 0\.49999"):
         dome({}, Skin((0.03, 1.0, 0.5)))
+
+
+def test_fluid_takes_the_longer_the_wider_the_opening():
+    """Consolidation: shares 8/(π n)², and times that grow with the square of a length."""
+    values = {"poroelastic_creep": {"amplitude": 0.3, "tau_s": 6.0}}
+    small, wide = (problem_of(SKIN, values, Geometry(d, 1.0)).prony for d in (3.0, 6.0))
+    assert [t.tau_s for t in wide] == pytest.approx([4 * t.tau_s for t in small])
+    assert wide[0].tau_s == pytest.approx(6.0)
+    assert wide[0].g == pytest.approx(0.3 * 8 / np.pi**2)
+    assert sum(t.g for t in wide) == pytest.approx(0.3)
