@@ -74,9 +74,9 @@ SIZES: dict[str, dict[str, tuple[float, float, float, str]]] = {
     "baseline_drift": {"drift_um_per_s": (0.0, 0.1, 5.0, "±")},
 }
 LIFE_SIZES: dict[str, dict[str, tuple[float, float, float, str]]] = {
-    "power_law_creep": {"power": (0.0, 0.01, 0.15, "+")},
-    "friction_loop": {"friction": (0.0, 0.01, 0.12, "+")},
-    "regulator_lag": {"lag_s": (0.0, 0.03, 0.4, "+")},
+    "power_law_creep": {"amplitude": (0.0, 0.05, 0.6, "+"), "exponent": (0.0, 0.1, 0.4, "+")},
+    "friction_loop": {"share": (0.0, 0.01, 0.12, "+")},
+    "regulator_lag": {"tau_s": (0.0, 0.03, 0.4, "+")},
 }
 
 
@@ -318,7 +318,7 @@ def curve_of(
         t = np.unique(np.maximum(t + rng.normal(0.0, life.jitter_s, len(t)), 0.0).round(4))
     path = PressurePath.of_program(program)
     if life.lag_s:
-        path = felt_path({"regulator_lag": {"lag_s": life.lag_s}}, path)
+        path = felt_path({"regulator_lag": {"tau_s": life.lag_s}}, path)
     thickness, skin = truth.thickness_mm, truth.skin
     # A placement of its own.
     thickness *= float(np.exp(life.thickness * rng.normal()))

@@ -8,7 +8,12 @@ from skinlab.curves.curve import APERTURES_MM
 from skinlab.mechanics.effects.base import Effect, Parameter, Values
 from skinlab.mechanics.fem.skin import SkinProblem
 
+_USUAL_MM = 6.0
 _SIZE = "wear and glue at the rim: some tenths of a mm; no published size"
+
+
+def _name(aperture_mm: float) -> str:
+    return "ratio" if aperture_mm == _USUAL_MM else f"ratio{aperture_mm:g}"
 
 
 class ApertureError(Effect):
@@ -16,29 +21,30 @@ class ApertureError(Effect):
 
     name = "aperture_error"
     meaning = "an opening is wider or narrower than stated"
-    formula = "aperture = ratio × the stated one, of each opening for itself"
+    formula = "aperture = ratio × the stated one; `ratio2`, … where another opening differs"
     source = "dimensions of exchangeable heads: wear, glue and skin at the rim"
     physical = True
     parameters = tuple(
         Parameter(
-            f"ratio{a:g}", "", f"true over stated of the {a:g} mm opening; 1 is right", 0.8, 1.25,
+            _name(a), "", f"true over stated of the {a:g} mm opening; 1 is right", 0.8, 1.25,
             1.0, 1.03, _SIZE,
         )
-        for a in sorted(APERTURES_MM, key=lambda a: a != 6.0)  # the usual one first
+        for a in sorted(APERTURES_MM, key=lambda a: a != _USUAL_MM)
     )  # fmt: skip
 
     def full(self, values: Values) -> dict[str, float]:
-        """Return the values; openings that are not told of are right.
+        """Return the values; openings that are not told of are as `ratio` says, right without it.
 
         Raises:
             InputError: a parameter is not known or out of bounds.
         """
-        return super().full({p.name: 1.0 for p in self.parameters} | dict(values))
+        every = values.get("ratio", 1.0)
+        return super().full({p.name: every for p in self.parameters} | dict(values))
 
     def change(self, problem: SkinProblem, values: Values, cycle: int) -> SkinProblem:
         """Widen."""
         stated = problem.geometry.aperture_mm
-        ratio = values.get(f"ratio{stated:g}", 1.0)
+        ratio = values.get(_name(stated), values.get("ratio", 1.0))
         if ratio == 1.0:
             return problem
         return replace(problem, geometry=replace(problem.geometry, aperture_mm=stated * ratio))

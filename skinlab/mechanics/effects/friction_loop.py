@@ -16,7 +16,7 @@ class FrictionLoop(Effect):
     name = "friction_loop"
     meaning = "dry friction: unloading lags behind loading, at any rate alike"
     formula = (
-        "the suction felt stays between p (1 − friction) and p (1 + friction), and moves "
+        "the suction felt stays between p (1 − share) and p (1 + share), and moves "
         "only where it has to, over its value on the way up"
     )
     source = "play operator: Visintin 1994, Differential Models of Hysteresis, III.2"
@@ -25,14 +25,14 @@ class FrictionLoop(Effect):
     needs_history = True
     parameters = (
         Parameter(
-            "friction", "", "half the width of the loop, a share of the suction", 0.0, 0.5, 0.0,
+            "share", "", "half the width of the loop, a share of the suction", 0.0, 0.5, 0.0,
             0.05, "no published size: a range to look in",
         ),
     )  # fmt: skip
 
     def felt(self, path: PressurePath, values: Values) -> PressurePath:
         """Let the suction follow with a play in proportion to it."""
-        share = values["friction"]
+        share = values["share"]
         if share <= 0.0:
             return path
         times, pressures = path.time_s, path.pressure_mbar

@@ -14,12 +14,12 @@ _TIMES_S = (0.1, 1.0, 10.0, 100.0)  # one a decade
 _FROM_S = 0.05  # before which nothing relaxes
 
 
-def shares(power: float) -> tuple[float, ...]:
-    """Return the Prony terms' shares; typical powers are followed to 0.03 from 0.02 to 200 s."""
+def shares(amplitude: float, exponent: float) -> tuple[float, ...]:
+    """Return the Prony terms' shares; typical creep is followed to 0.03 from 0.02 to 200 s."""
     # What relaxes between the middles of decades is given to the decade's time.
     half = np.sqrt(10.0)
     edges = [0.0, *(t * half for t in _TIMES_S)]
-    relaxed = [(1.0 + e / _FROM_S) ** -power for e in edges]
+    relaxed = [1.0 / (1.0 + amplitude * ((1.0 + e / _FROM_S) ** exponent - 1.0)) for e in edges]
     return tuple(a - b for a, b in pairwise(relaxed))
 
 
@@ -28,23 +28,30 @@ class PowerLawCreep(Effect):
 
     name = "power_law_creep"
     meaning = "stress relaxes with a power of time: creep that slows down and does not end"
-    formula = "G(t) = (1 + t/0.05 s)^−power, as four Prony terms of 0.1, 1, 10 and 100 s"
+    formula = (
+        "G(t) = 1/(1 + amplitude ((1 + t/0.05 s)^exponent − 1)), as four Prony terms of 0.1, 1, "
+        "10 and 100 s"
+    )
     source = "Fung 1993, Biomechanics, 7.6: soft tissues relax over decades of time alike"
     physical = True
     needs_history = True
     parameters = (
         Parameter(
-            "power", "", "of time", 0.0, 0.25, 0.0, 0.05,
-            "power-law exponents of soft tissue: 0.02–0.2",
+            "amplitude", "", "of the compliance that grows, beside that of 0.05 s", 0.0, 1.5, 0.0,
+            0.2, "soft tissue yields by some tenths more in seconds",
+        ),
+        Parameter(
+            "exponent", "", "power of time", 0.03, 0.6, None, 0.2,
+            "power-law exponents of soft tissue: 0.02–0.5", "log",
         ),
     )  # fmt: skip
 
     def change(self, problem: SkinProblem, values: Values, cycle: int) -> SkinProblem:
         """Add the terms."""
-        power = values["power"]
-        if power <= 0.0:
+        if values["amplitude"] <= 0.0:
             return problem
-        terms = (Prony(g, tau) for g, tau in zip(shares(power), _TIMES_S, strict=True))
+        each = shares(values["amplitude"], values["exponent"])
+        terms = (Prony(g, tau) for g, tau in zip(each, _TIMES_S, strict=True))
         return replace(problem, prony=(*problem.prony, *terms))
 
 

@@ -16,20 +16,20 @@ class RegulatorLag(Effect):
 
     name = "regulator_lag"
     meaning = "the suction that the skin feels follows the measured one late"
-    formula = "lag dp_felt/dt = p − p_felt"
+    formula = "tau dp_felt/dt = p − p_felt"
     source = "flow through tube and regulator: a first-order volume; 0.1–0.3 s"
     physical = True
     needs_history = True
     parameters = (
         Parameter(
-            "lag_s", "s", "time constant with which it follows", 0.0, 2.0, 0.0, 0.15,
+            "tau_s", "s", "time constant with which it follows", 0.0, 2.0, 0.0, 0.15,
             "regulators of suction probes: 0.1–0.3 s",
         ),
     )  # fmt: skip
 
     def felt(self, path: PressurePath, values: Values) -> PressurePath:
         """Follow in closed form, piece by piece: p_felt = p − lag s + (…) exp(−t/lag)."""
-        lag = values["lag_s"]
+        lag = values["tau_s"]
         if lag <= 0.0:
             return path
         times, pressures = list(path.time_s), list(path.pressure_mbar)

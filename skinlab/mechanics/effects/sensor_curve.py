@@ -10,12 +10,12 @@ class SensorCurve(Effect):
 
     name = "sensor_curve"
     meaning = "the deflection sensor is not linear"
-    formula = "w + bend × w (w − exact)"
+    formula = "w + curvature × w (w − exact), w in mm"
     source = "characteristic curve of optical distance sensors, calibrated at 0 and one height"
     physical = False
     parameters = (
         Parameter(
-            "bend_um_per_mm2", "µm/mm²", "curvature of its characteristic", -500.0, 500.0, 0.0,
+            "curvature_um", "µm", "curvature of its characteristic, over 1 mm × 1 mm", -500.0, 500.0, 0.0,
             20.0, "no published size: a range to look in",
         ),
         Parameter(
@@ -26,8 +26,8 @@ class SensorCurve(Effect):
 
     def read(self, since_s: Array, deflection_mm: Array, values: Values) -> Array:
         """Bend."""
-        bend = 1e-3 * values["bend_um_per_mm2"]
-        return deflection_mm + bend * deflection_mm * (deflection_mm - values["exact_mm"])
+        curvature = 1e-3 * values["curvature_um"]
+        return deflection_mm + curvature * deflection_mm * (deflection_mm - values["exact_mm"])
 
 
 EFFECT = SensorCurve()

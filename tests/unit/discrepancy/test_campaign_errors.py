@@ -193,7 +193,7 @@ def test_a_dome_of_another_opening_is_that_of_the_table(table):
 def test_a_wider_opening_is_what_the_finite_elements_say():
     path = PressurePath((0.0, 1.0), (0.0, 60.0))
     t = np.linspace(0, 1, 5)
-    effects = {"aperture_error": {"ratio6": 1.05}}
+    effects = {"aperture_error": {"ratio": 1.05}}
     one = response(SKIN, effects, Geometry(6.0, 1.1), path, t)
     other = response(SKIN, {}, Geometry(6.3, 1.1), path, t)
     np.testing.assert_allclose(one.deflection_mm, other.deflection_mm, atol=1e-12)

@@ -256,7 +256,7 @@ def test_the_model_is_exact_at_its_anchor(table, effects):
         {"deflection_gain": {"gain": 1.1}},
         {"pressure_lag": {"lag_s": 0.1}, "viscoelasticity": {"g": 0.3, "tau_s": 1.0}},
         {"contact_preload": {"p0_mbar": 6.0}, "thickness_error": {"ratio": 1.15}},
-        {"regulator_lag": {"lag_s": 0.2}, "viscoelasticity": {"g": 0.2, "tau_s": 0.5}},
+        {"regulator_lag": {"tau_s": 0.2}, "viscoelasticity": {"g": 0.2, "tau_s": 0.5}},
     ],
     ids="+".join,
 )
