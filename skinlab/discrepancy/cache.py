@@ -29,6 +29,7 @@ from skinlab.discrepancy.settings import ERRORS
 from skinlab.discrepancy.verdict import Name, Verdict
 from skinlab.errors import InputError
 from skinlab.inference.covariance import Covariance
+from skinlab.inference.error_judgement import ErrorModelSummary, PlacementSummary
 from skinlab.io.files import write_file
 from skinlab.mechanics.effects import EFFECTS
 from skinlab.mechanics.materials import LAWS
@@ -52,6 +53,8 @@ class _Kept(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     implausible: str
     trials: list[Trial]
     shares: Shares | None
+    error_model: ErrorModelSummary | None
+    placement: PlacementSummary | None
     repeats_um: float | None
     gap_before: HeldOut
     gap_after: HeldOut
@@ -103,6 +106,8 @@ def load(name: str, records: Sequence[Record], folder: Path | None = None) -> Ou
         posteriors=kept.posteriors,
         trials=tuple(kept.trials),
         shares=kept.shares,
+        error_model=kept.error_model,
+        placement=kept.placement,
         repeats_um=kept.repeats_um,
     )  # fmt: skip
 
@@ -123,6 +128,8 @@ def save(name: str, outcome: Outcome, folder: Path | None = None) -> None:
         found.implausible,
         list(outcome.trials),
         outcome.shares,
+        outcome.error_model,
+        outcome.placement,
         outcome.repeats_um,
         outcome.gap_before,
         outcome.gap_after,

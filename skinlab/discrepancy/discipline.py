@@ -204,6 +204,12 @@ class Shares:
     mesh_um: float
     effect_um: float
 
+    def of_the_gap(self) -> dict[str, float]:
+        """Return by name the shares of the mean square, which add up to 1."""
+        squares = {name.removesuffix("_um"): size**2 for name, size in vars(self).items()}
+        whole = sum(squares.values())
+        return {name: square / whole for name, square in squares.items()} if whole else squares
+
 
 def shares_of(
     errors: CampaignErrors, base: Candidate, best: Candidate, linear: Linearised

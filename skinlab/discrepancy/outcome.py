@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -16,6 +16,7 @@ from skinlab.discrepancy.posterior import Posterior, gaussian
 from skinlab.discrepancy.screen import Signature
 from skinlab.discrepancy.search import Candidate, Found
 from skinlab.discrepancy.verdict import Verdict
+from skinlab.inference.error_judgement import ErrorModelSummary, PlacementSummary
 from skinlab.mechanics.effects import Parameter, all_effects
 from skinlab.mechanics.names import is_effects
 
@@ -43,6 +44,8 @@ class Outcome:
     posteriors: dict[tuple[str, ...], Posterior] = field(default_factory=dict)
     trials: tuple[Trial, ...] = ()  # what the first explanation had to stand
     shares: Shares | None = None  # of the gap
+    error_model: ErrorModelSummary | None = None  # of the samples, under what is chosen
+    placement: PlacementSummary | None = None
     repeats_um: float | None = None  # by which a curve differs from its repeats
 
     @property
@@ -97,9 +100,12 @@ class Outcome:
                 "noise_um": self.gap_before.noise_um,
                 "held_out": list(self.gap_before.files),
                 "expected_um": self.gap_after.expected_um,
-                "shares": None if self.shares is None else vars(self.shares),
+                "sizes": None if self.shares is None else vars(self.shares),
                 "repeats_um": self.repeats_um,
             },
+            "shares": self.shares and self.shares.of_the_gap(),
+            "error_model": self.error_model and asdict(self.error_model),
+            "placement": self.placement and asdict(self.placement),
             "trials": [
                 {"name": t.name, "passed": t.passed, "sentence": t.sentence} for t in self.trials
             ],

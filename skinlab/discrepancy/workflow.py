@@ -23,6 +23,7 @@ from skinlab.discrepancy.settings import ERRORS
 from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.discrepancy.verdict import Verdict, decide, decide_learned, disciplined
 from skinlab.errors import InputError
+from skinlab.inference.error_judgement import judge_errors
 from skinlab.mechanics.model_file import BASE, Model
 from skinlab.tables.base import Database
 from skinlab.tables.forward import check_law_of
@@ -109,6 +110,7 @@ def explain(
             np.random.default_rng([seed, 1]),
         )
     after = held[chosen.effects] if verdict.explanations else tried.before
+    said = judge_errors(search.errors.looks[-1], None)
     return Outcome(
         verdict,
         found,
@@ -121,6 +123,8 @@ def explain(
         alike=alike(found.signatures),
         trials=tried.trials,
         shares=shares,
+        error_model=said.summary,
+        placement=said.placement,
         repeats_um=repeats_um(final.records, by_condition(final.records)),
     )
 

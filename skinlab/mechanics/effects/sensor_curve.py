@@ -15,8 +15,8 @@ class SensorCurve(Effect):
     physical = False
     parameters = (
         Parameter(
-            "curvature_um", "µm", "curvature of its characteristic, over 1 mm × 1 mm", -500.0, 500.0, 0.0,
-            20.0, "no published size: a range to look in",
+            "curvature_um", "µm", "curvature of its characteristic, over 1 mm²", -500.0, 500.0,
+            0.0, 20.0, "no published size: a range to look in",
         ),
         Parameter(
             "exact_mm", "mm", "height at which it was calibrated", 0.05, 10.0, None, 1.0,

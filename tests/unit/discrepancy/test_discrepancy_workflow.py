@@ -88,6 +88,11 @@ def test_a_hidden_effect_is_named_and_the_gap_shrinks_to_the_noise(table, effect
     (name,) = effects
     ((parameter, true),) = effects[name].items()
     assert (found["verdict"], found["effects"]) == ("named", [[name]])
+    assert set(found["shares"]) == {"noise", "placement", "mesh", "effect"}
+    assert sum(found["shares"].values()) == pytest.approx(1.0)
+    assert found["error_model"]["name"].startswith("white")
+    scatter = found["placement"]["scatter"]
+    assert scatter["low"] <= scatter["value"] <= scatter["high"]
     gap = found["gap"]
     # Weighed by the errors: four placements might each be off by themselves, which is improbable.
     assert gap["before_um"] > 1.3 * gap["noise_um"]
