@@ -431,6 +431,8 @@ class SkinlabApp(App[None]):
     async def _on_key(self, event: events.Key) -> None:
         """Say so where a key has no meaning here: nothing took it on its way."""
         event.prevent_default()  # the base class would do what the key does once more
+        if not self.screen_stack:  # a key that was still on its way when the app was left
+            return
         if not await self._check_bindings(event.key):
             name = event.character if event.is_printable and event.character else event.key
             self.board.say(Level.INFO, f"{name}: no meaning here; ? lists the keys")
