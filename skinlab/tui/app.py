@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import re
+import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -13,6 +16,7 @@ from textual import events, on
 from textual.app import App
 from textual.binding import Binding, BindingType
 from textual.filter import LineFilter
+from textual.geometry import Size
 from textual.message import Message
 from textual.screen import ModalScreen, Screen
 from textual.widgets import Input
@@ -102,6 +106,7 @@ _COMMANDS = (
     Command("app.leave", "Quit", "q"),
 )
 _TICK_S = 0.1
+_REPAINT_S = 2.0  # how long a lost size, or what another program wrote over the screen, can stay
 _LEFT_BY_VENT = (
     HelpScreen,
     LineScreen,
@@ -214,6 +219,7 @@ class SkinlabApp(App[None]):
         self._main.begin()
         self._tick()
         self.set_interval(_TICK_S, self._tick)
+        self.set_interval(_REPAINT_S, self._see_again)
         if self._ask:
             self.push_screen(WelcomeScreen(self.board, self._ports()), self._welcomed)
         elif self._replay is not None:
@@ -221,6 +227,15 @@ class SkinlabApp(App[None]):
         else:
             self._connect(self.board.port)
         self._perform("preparing", self.bench.analysis.prepare)
+
+    def _see_again(self) -> None:
+        """Take the terminal's size, if its news of that was lost, and draw all of the screen."""
+        if not (self.is_headless or self.is_web):
+            with contextlib.suppress(OSError, ValueError, AttributeError):  # no terminal
+                now = Size(*os.get_terminal_size(sys.__stdout__.fileno()))  # type: ignore[union-attr]
+                if now.area and now != self.screen.size:
+                    self.post_message(events.Resize(now, now))
+        self.screen.refresh(layout=True)
 
     def _tick(self) -> None:
         self.board.tick(self._clock())

@@ -65,6 +65,10 @@ class Terminal:
         )
         return done.stdout
 
+    def write_over(self, text: str) -> None:
+        """Write to the terminal behind the program's back."""
+        Path(self._tmux("list-panes", "-F", "#{pane_tty}").strip()).write_text(text)
+
     def press(self, *keys: str) -> None:
         self._tmux("send-keys", *keys)
 
@@ -184,6 +188,14 @@ def test_a_measurement_by_keys(open_terminal, size):
     last = terminal.until_all("exit status 0", "session:")
     assert "Traceback" not in last
     assert terminal.session().results[0]["parameters"] is not None
+
+
+def test_what_another_program_writes_over_the_screen_does_not_stay(open_terminal):
+    terminal = open_terminal((60, 20))
+    terminal.until_all("READY", "SIMULATED", "Next: F8")
+    terminal.write_over("\n\n\nBroadcast message\n\n\n\n")
+    terminal.until_all("Broadcast")
+    terminal.until(lambda screen: "Broadcast" not in screen and "Next: F8" in screen)
 
 
 def test_three_visits_with_the_left_hand_alone_in_a_small_window_without_colour(open_terminal):
