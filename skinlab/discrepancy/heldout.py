@@ -25,12 +25,14 @@ class HeldOut:
 
     Root mean squares weighed by the errors: of independent errors the plain ones; what a placement
     or a slow error may have done counts by how improbable it is. A perfect model leaves the noise.
+    `plain_um` is not weighed: all that the prediction is off by.
     """
 
     rms_um: float
     noise_um: float  # what a perfect model would leave
     expected_um: float  # the same of one whose unknowns the other conditions have to tell
     files: tuple[str, ...]  # empty where there is one condition only: then of the fit itself
+    plain_um: float
 
 
 def conditions_of(fitter: Fitter, fits: Sequence[Fit]) -> list[Part]:
@@ -85,8 +87,9 @@ def predict_held_out(fitter: Fitter, fit: Fit, parts: Sequence[Part]) -> HeldOut
     process = 0.0 if errors.ou is None else errors.ou.size_mm
     noise = 1e3 * float(np.sqrt(np.mean(errors.variance_mm2) + process**2))
     if not parts:
-        z = errors.whiten(np.concatenate(fit.deflections_mm) - measured)
-        return HeldOut(noise * float(np.sqrt(np.mean(z**2))), noise, noise, ())
+        off = np.concatenate(fit.deflections_mm) - measured
+        z = errors.whiten(off)
+        return HeldOut(noise * float(np.sqrt(np.mean(z**2))), noise, noise, (), _plain_um(off))
     model = fitter.model(fit.unknowns)
     fitter.prepare(model, fit.u, slopes=True)
     low, high = fit.unknowns.bounds
@@ -96,7 +99,7 @@ def predict_held_out(fitter: Fitter, fit: Fit, parts: Sequence[Part]) -> HeldOut
         if transform == "linear":
             radius[i] = _REACHES * fit.unknowns.reaches[i]
     low, high = np.maximum(low, fit.u - radius), np.minimum(high, fit.u + radius)
-    left, doubt = 0.0, 0.0
+    left, doubt, plain = 0.0, 0.0, 0.0
     held = np.zeros(len(measured), dtype=bool)
     slopes = errors.colour(fit.jacobian)
     for out in parts:
@@ -105,11 +108,20 @@ def predict_held_out(fitter: Fitter, fit: Fit, parts: Sequence[Part]) -> HeldOut
         here = errors.only(out)
         z, reach = here.whiten(off), here.whiten(slopes[out])
         left += float(z @ z)
+        plain += float(off @ off)
         doubt += float(np.einsum("nj,jk,nk->", reach, _covariance(errors, fit, out), reach))
         held |= out
     n = int(held.sum())
     split = errors.split(held)
     files = tuple(r.name for r, part in zip(fitter.records, split, strict=True) if part.any())
     return HeldOut(
-        noise * float(np.sqrt(left / n)), noise, noise * float(np.sqrt(1.0 + doubt / n)), files
+        noise * float(np.sqrt(left / n)),
+        noise,
+        noise * float(np.sqrt(1.0 + doubt / n)),
+        files,
+        1e3 * float(np.sqrt(plain / n)),
     )
+
+
+def _plain_um(off_mm: Array) -> float:
+    return 1e3 * float(np.sqrt(np.mean(off_mm**2)))

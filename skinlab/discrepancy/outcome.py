@@ -97,6 +97,8 @@ class Outcome:
             "gap": {
                 "before_um": self.gap_before.rms_um,
                 "after_um": self.gap_after.rms_um,
+                "plain_before_um": self.gap_before.plain_um,
+                "plain_after_um": self.gap_after.plain_um,
                 "noise_um": self.gap_before.noise_um,
                 "held_out": list(self.gap_before.files),
                 "expected_um": self.gap_after.expected_um,

@@ -15,6 +15,7 @@ from skinlab.mechanics.names import is_effects, parameter_of, plain
 from skinlab.text import inert
 
 _SHOWN = 5
+_BY_CHANCE = 0.1  # from here on how often chance does as much says nothing
 _ROWS = 6  # of a learned function
 
 
@@ -146,10 +147,10 @@ def where_words(place: Place) -> str:
     """Return one place in a line."""
     low, high = place.pressure_mbar
     begin, end = place.time_s
+    chance = f"; {chance_words(place.p_value)}" if place.p_value < _BY_CHANCE else ""
     return (
         f"{inert(place.file)}, {place.phase}, {low:.0f}–{high:.0f} mbar, {begin:.1f}–{end:.1f} s: "
-        f"{place.mean_um:+.1f} µm on average (noise {place.noise_um:.1f} µm a sample; "
-        f"{chance_words(place.p_value)})"
+        f"{place.mean_um:+.1f} µm on average (noise {place.noise_um:.1f} µm a sample{chance})"
     )
 
 
@@ -177,12 +178,14 @@ def gap_words(outcome: Outcome) -> str:
         if before.files
         else "of the fit itself (one condition only: nothing could be held out)"
     )
-    text = f"Gap {what}: {before.rms_um:.1f} µm ({before.rms_um / before.noise_um:.1f} × noise)"
+    weighed = f"{before.rms_um:.1f} µm ({before.rms_um / before.noise_um:.1f} × noise)"
+    text = f"Gap {what}: {before.plain_um:.1f} µm"
     if outcome.verdict.explanations:
-        text += (
+        text += f" before, {after.plain_um:.1f} µm after"
+        weighed += (
             f" before, {after.rms_um:.1f} µm ({after.rms_um / after.noise_um:.1f} × noise) after"
         )
-    return text + "."
+    return f"{text}. Less what errors of placement may have done: {weighed}."
 
 
 def next_words(outcome: Outcome) -> list[str]:

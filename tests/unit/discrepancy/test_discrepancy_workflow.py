@@ -98,6 +98,7 @@ def test_a_hidden_effect_is_named_and_the_gap_shrinks_to_the_noise(table, effect
     assert gap["before_um"] > 1.3 * gap["noise_um"]
     assert all(trial["passed"] for trial in found["trials"])
     assert gap["after_um"] < 1.2 * gap["noise_um"]
+    assert gap["plain_after_um"] < gap["plain_before_um"]
     assert gap["held_out"] == [f"c{i}.csv" for i in range(len(plan))]
     best = found["candidates"][0]
     assert best["log10_evidence"] == 0.0
@@ -177,7 +178,7 @@ def test_an_effect_whose_model_does_not_hold_is_told_of(table):
     fitter = NoSurfaceLayer(records, errors_of(records), domes, finite_elements=False)
     model = Model(Header("own"), effects={"deflection_gain": {"gain": EffectRange(1.0)}})
     found = Search(fitter, model=model).run()
-    gap = HeldOut(3.0, 3.0, 3.0, ())
+    gap = HeldOut(3.0, 3.0, 3.0, (), 3.0)
     outcome = Outcome(decide(found), found, gap, gap, {}, None)
     not_screened = document(outcome)["not_screened"]
     assert set(not_screened) == {"surface_layer", "deflection_gain"}

@@ -124,7 +124,7 @@ def test_where_only_noise_is_nothing_is_learned(table):
 def outcome_of(found):
     best = decide_learned(found)
     (candidate,) = best.explanations
-    before, after = HeldOut(12.0, 3.0, 3.0, ("c0_1.csv",)), HeldOut(3.2, 3.0, 3.1, ("c0_1.csv",))
+    before, after = (HeldOut(rms, 3.0, 3.1, ("c0_1.csv",), rms) for rms in (12.0, 3.2))
     posteriors = {candidate.effects: gaussian(candidate.fit)}
     return Outcome(best, found, before, after, {}, None, posteriors=posteriors)
 
