@@ -27,6 +27,8 @@ def main() -> None:
             if number is not None and signal.getsignal(number) is signal.SIG_DFL:
                 signal.signal(number, _end)
         _open_closed_streams()
+        # Sums shared out among threads differ in the last bit from run to run; matrices are small.
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
         from skinlab.cli.main import run
 
         status = run()
