@@ -27,7 +27,7 @@ from drivers.events import (
     SegmentKind,
     VentConfirmed,
 )
-from drivers.probe import Limits, Probe
+from drivers.probe import DEFAULTS, Limits, Probe
 from skinlab.cli.main import run as skinlab
 from skinlab.recording.session import read_session
 
@@ -120,6 +120,13 @@ class Host:
         out, err = self.process.communicate(timeout=PATIENCE_S)
         assert "Traceback" not in err
         return self.process.returncode, out, err
+
+
+@pytest.fixture(autouse=True)
+def _patient_answers(monkeypatch):
+    """Not how fast a busy machine answers a command is judged here, but the watchdogs."""
+    monkeypatch.setattr(DEFAULTS, "command_timeout_s", FORGIVING_S)
+    monkeypatch.setattr(DEFAULTS, "open_timeout_s", FORGIVING_S)
 
 
 @pytest.fixture
