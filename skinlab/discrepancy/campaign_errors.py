@@ -128,7 +128,6 @@ class Linearised:
 
     def shares(self, errors: Covariance) -> Array:
         """Return what each of the errors' columns probably did (u, m), mm."""
-        k = len(self.free)
         columns = np.column_stack([self.residual_mm, self.slopes_mm[:, self.free]])
         white = errors.whiten_without_columns(np.column_stack([columns, errors.columns_mm]))
         gram = white.T @ white
@@ -139,7 +138,6 @@ class Linearised:
         whole.flat[own * (len(whole) + 1) :: len(whole) + 1] += 1.0
         right = gram[1:, 0].copy()
         right[:own] -= slopes.T @ self.prior
-        del k
         return np.asarray(errors.columns_mm * np.linalg.solve(whole, right)[own:])
 
 

@@ -290,17 +290,16 @@ class MappedModel:
             there = held & np.isfinite(column)
             if there.any():
                 learnt.slopes[:, j] = _read_on(nodes, column, there)
-        for j, (up, _, _) in beside.items():
-            other = self._moved_ratio(u, j, up, key, nodes, needed)
+        for j in beside:
+            other = self._moved_ratio(u, j, key, nodes, needed)
             if other is not None:
                 learnt.slopes[:, j] = (other[0] - learnt.value) / other[1]
         return nodes, learnt
 
     def _moved_ratio(
-        self, u: Array, j: int, up: SkinProblem, key: Key, nodes: Array, needed_mbar: float
+        self, u: Array, j: int, key: Key, nodes: Array, needed_mbar: float
     ) -> tuple[Array, float] | None:
         """Return the log ratio (m,) with an effect's unknown some way off, and how far."""
-        del up
         step = _EFFECT_STEP if u[j] + _EFFECT_STEP <= self.unknowns.bounds[1][j] else -_EFFECT_STEP
         there = self._candidate(_moved(u, j, step))
         if there is None:

@@ -9,6 +9,7 @@ is smooth beforehand (the Karhunen-Loeve form of a Gaussian process: Rasmussen a
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -92,7 +93,7 @@ def less_gain(x: Array, y: Array) -> Array:
     return np.asarray(y - (y @ x / (x @ x))[..., None] * x)
 
 
-class LearnedEffect(Effect):
+class LearnedEffect(Effect, ABC):
     """A family of smooth unknown functions; its coefficients are the parameters with a zero."""
 
     family: ClassVar[str]
@@ -109,18 +110,18 @@ class LearnedEffect(Effect):
         """Return the length of the function's range for these curves."""
         return 1.0
 
+    @abstractmethod
     def abscissa(self, seen: Seen) -> Array:
         """Return where the function is drawn (m,)."""
-        raise NotImplementedError
 
+    @abstractmethod
     def function(self, at: Array, values: Values) -> Array:
         """Return the function (m,)."""
-        raise NotImplementedError
 
     def shown(self, x: Array, y: Array) -> Array:
         """Return what is drawn of functions (..., m): less what no curve can tell."""
         return y
 
+    @abstractmethod
     def sentence(self, x: Array, y: Array) -> str:
         """Return what the function (m,) says, after "something that"."""
-        raise NotImplementedError
