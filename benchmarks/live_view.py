@@ -11,8 +11,8 @@ same process, or (`--apart`) in a process of its own.
   s (the session opens), b (it closes), v and Esc (vented; of a run that goes on). The last two also
   in tmux with its own settings, which holds a lone Esc back.
 - completion: from the moment at which the host had the curve's last sample, by the session file,
-  to the end of the first frame with its verdict, which comes with the card. All by the one monotonic
-  clock that both processes have (Linux).
+  to the end of the first frame with its verdict, which comes with the card. All by the one clock
+  that both processes have (Linux).
 - cut short: curves that a watchdog ended, on a machine that is busy with other things.
 - lost: counters of samples that are missing in the file.
 """
