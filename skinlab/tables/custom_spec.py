@@ -585,4 +585,5 @@ def _error_shapes(errors: Array, along: Array) -> Array:
     together = np.exp(-np.abs(knots[:, None] - knots) / _REACH)
     hats = np.maximum(0.0, 1.0 - np.abs(along[:, None] - knots) * (_KNOTS - 1))
     any_shape = size[:, None] * (hats @ np.linalg.cholesky(together))
-    return np.sqrt(0.5) * np.hstack([errors / np.sqrt(errors.shape[1]), any_shape])
+    both = np.hstack([errors / np.sqrt(errors.shape[1]), any_shape])
+    return np.asarray(np.sqrt(0.5) * both)
