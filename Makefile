@@ -76,6 +76,7 @@ lock:
 soak: setup
 	@$(BIN)/python -m pytest -m soak
 	@$(BIN)/python tests/system/kills.py --kills 100 --save benchmarks/results/kills.json >/dev/null
+	@$(BIN)/python tests/system/liars.py --rounds 10 --save benchmarks/results/liars.json >/dev/null
 
 clean:
 	rm -rf .venv .venv-locked site dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache
