@@ -6,6 +6,7 @@ where the computer has it: a program that one hand wrote is often good at its ow
 
 from __future__ import annotations
 
+import copy
 import csv
 import datetime as dt
 import io
@@ -150,11 +151,13 @@ def in_structure(raw: bytes, rng: Random) -> bytes:
                 case 0:
                     del holder[key]
                 case 1:
-                    holder[key] = [holder[key]] * rng.choice([1, 2, 300])
+                    holder[key] = [copy.deepcopy(holder[key])] * rng.choice([1, 2, 300])
                 case 2 if isinstance(holder, dict):
-                    holder[rng.choice(["", "x", "schema", "a.b", key.upper()])] = holder[key]
+                    holder[rng.choice(["", "x", "schema", "a.b", key.upper()])] = copy.deepcopy(
+                        holder[key]
+                    )
                 case _:
-                    holder[key] = rng.choice(WRONG)
+                    holder[key] = copy.deepcopy(rng.choice(WRONG))
             break
     return tomli_w.dumps(tree).encode("utf-8", "surrogatepass")
 

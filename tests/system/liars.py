@@ -49,25 +49,25 @@ class Lie:
     status: int = 4
 
 
-HELD = "ramp:60@1000,hold:4"
+HELD = "ramp:60@100000,hold:4"
 LIES = {
     "creeps up": Lie(HELD, 1.5, "overshoot"),
     "vents in name": Lie(HELD, 1.5, "lift the probe"),
-    "holds on": Lie("ramp:60@1000,hold:1", 1.06 + 0.15, "behind the program"),
+    "holds on": Lie("ramp:60@100000,hold:1", 1.0 + 0.15, "behind the program"),
     "jumps": Lie(HELD, 1.0, "ahead of the host's"),
     "wobbles": Lie(HELD, 1.02, "ahead of the host's"),
     "back again": Lie(HELD, 1.0, "back in segment"),
     "past the end": Lie(HELD, 1.0, "past the end"),
     "stands": Lie(HELD, 1.0 + 0.3, "stale"),
-    "counts back": Lie(HELD, None, "", 0),
+    "counts back": Lie(HELD, 0.78 + 0.3, "stale"),
     "frozen height": Lie("ramp:100@20", 0.5 + 0.5, "frozen deflection"),
     "frozen pressure": Lie("ramp:100@20", 1.5 + 0.5, "frozen pressure"),
     "reads nothing": Lie("ramp:60@100,hold:4", 0.2 + 1.0, "no skin"),
-    "starts by itself": Lie(HELD, 0.0, "nobody asked"),
+    "starts by itself": Lie(HELD, 0.0, "nobody has started it"),
     "arms late": Lie(HELD, None, "Arm"),
     "never starts": Lie(HELD, None, "Start"),
     "hostile names": Lie(HELD, 1.0, "fault"),
-    "says all twice": Lie("ramp:60@1000,hold:1", None, "", 0),
+    "says all twice": Lie("ramp:60@100000,hold:1", None, "", 0),
 }
 
 
