@@ -30,7 +30,7 @@ check: setup
 	@$(BIN)/lint-imports
 
 unit: setup
-	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
+	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 
 # The pages of docs/ as a site in site/, command line and Python API from the code; runs every command
 # in them.
@@ -56,7 +56,7 @@ lowest: setup
 
 # The tests with exactly the versions of requirements-dev.lock, each held against its hash.
 locked: .venv-locked/.installed
-	@OPENBLAS_NUM_THREADS=1 .venv-locked/bin/python -m pytest -n auto --maxprocesses 4 --dist loadfile
+	@OPENBLAS_NUM_THREADS=1 .venv-locked/bin/python -m pytest -n auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 
 .venv-locked/.installed: requirements-dev.lock
 	@$(PYTHON) -m venv .venv-locked
