@@ -79,7 +79,7 @@ def main() -> int:
     parser.add_argument("--patient", action="store_true")
     arguments = parser.parse_args()
     if arguments.patient:
-        DEFAULTS.limits = Limits(stale_s=FORGIVING_S)
+        DEFAULTS.limits = Limits(stale_s=FORGIVING_S, clock_s=FORGIVING_S)
     preload()
     result: dict[str, Any] = {
         "command": "make soak",
