@@ -31,6 +31,7 @@ from crashes import journal_of_example
 
 from drivers.capture import decode_capture, read_capture
 from drivers.dialects import get_dialect
+from drivers.errors import DialectFileError
 from drivers.line_dialect import read_line_dialect
 from sim_device.build import build_device
 from skinlab.acquisition.protocol import read_protocol
@@ -567,9 +568,11 @@ READERS: dict[str, tuple[bytes, Callable[[Path], object]]] = {
     "answers": (ANSWERS.encode(), lambda path: Remembered(path).lines),
 }
 MADE: dict[str, Callable[[Path], object]] = {"capture.jsonl": _capture, "rows": _checkpoint}
-PLAIN_ERRORS = {"dialect", "skin", "faults", "capture.jsonl"}
+PLAIN_ERRORS = {"skin", "faults", "capture.jsonl"}
 
 
 def refusal(kind: str) -> type[Exception]:
     """Return the error that a reader of this kind may end in."""
+    if kind == "dialect":
+        return DialectFileError
     return ValueError if kind in PLAIN_ERRORS else InputError
