@@ -43,14 +43,15 @@ class VisitRow:
 
 
 def visits(
-    folder: Path, tell: Callable[[int, int], None] = lambda done, of: None
+    folder: Path, tell: Callable[[int, int], None] = lambda done, of: None, *, keep: bool = True
 ) -> list[VisitRow]:
     """Return the visits of a folder, the latest first; `tell` hears how far new files are read.
 
-    Only files that are new or changed are opened. Without a place to write, nothing is kept.
+    Only files that are new or changed are opened. Without a place to write, or where it is not to
+    be kept and is not there yet, no index is made.
     """
     paths = sorted(folder.glob("*.h5")) if folder.is_dir() else []
-    with _database(folder) as database:
+    with _database(folder, keep=keep) as database:
         known = {
             str(row[0]): row
             for row in database.execute(f"SELECT {', '.join(_COLUMNS)} FROM visits")
@@ -72,7 +73,12 @@ def visits(
 
 
 def visit_before(
-    folder: Path, whose: tuple[str, str] | None, session: Path | None, *, simulated: bool
+    folder: Path,
+    whose: tuple[str, str] | None,
+    session: Path | None,
+    *,
+    simulated: bool,
+    keep: bool = True,
 ) -> Path | None:
     """Return the last other session of this subject and site; None: there is none.
 
@@ -81,7 +87,7 @@ def visit_before(
     if whose is None or not whose[0]:
         return None  # nobody knows whose it is
     present = None if session is None else session.name
-    rows = visits(folder)
+    rows = visits(folder, keep=keep)
     now = next((row.created_utc for row in rows if row.file == present), None)
     same = (
         row
@@ -97,10 +103,11 @@ def visit_before(
 
 
 @contextmanager
-def _database(folder: Path) -> Iterator[sqlite3.Connection]:
+def _database(folder: Path, *, keep: bool) -> Iterator[sqlite3.Connection]:
     path = folder / NAME
     try:
-        connection = _open(path)
+        make = keep or path.exists()
+        connection = _open(path) if make else _prepared(sqlite3.connect(":memory:"))
     except sqlite3.Error:  # damaged, or of another kind: it is only a cache
         with suppress(OSError):
             path.unlink()

@@ -39,11 +39,6 @@ _BAR_SAYS = 48  # columns of the words behind a bar
 Rows = list[list[Run]]
 
 
-def plain_text(rows: Rows) -> str:
-    """Return the rows without their styles."""
-    return "\n".join("".join(text for text, _ in row) for row in rows)
-
-
 def outcome_rows(outcome: Outcome, columns: int, lines: int = 0) -> Rows:
     """Return the whole answer: what is missing, pictures, how sure that is, values, limits.
 

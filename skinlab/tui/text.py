@@ -143,6 +143,9 @@ def last_text(board: Board) -> str:
     return f"last: {values}, {clock(board.latest_at)}".rstrip(", ")
 
 
+TIMELINE = r"[█░]+"  # of a replay, in the line of readings
+
+
 def timeline_text(playing: Playing, columns: int = _BAR) -> str:
     """Return where a replay is, and at what speed."""
     share = playing.at_s / playing.length_s if playing.length_s > 0 else 1.0

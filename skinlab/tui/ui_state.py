@@ -257,6 +257,7 @@ class Board:
         self._busy: dict[str, float | None] = {}  # what computes beside, since when
         self._now_s = 0.0
         self.rest_until_s: float | None = None  # when the next repeat is due, by the same clock
+        self._read_any = False  # of the present repeat
         self.version = 0
 
     # ---- what may be done ---------------------------------------------------------------------
@@ -626,11 +627,9 @@ class Board:
         match phase:
             case Phase.ARMING:
                 self.shown = None  # the plot is for the next curve
+                self._read_any = False
             case Phase.STARTING if self.read_only:
                 self.say(Level.INFO, "start the instrument; v gives the curve up")
-            case Phase.RUNNING:
-                how = "end it at the instrument" if self.read_only else "v vents"
-                self.say(Level.INFO, f"suction; {how}")
             case Phase.RESTING if left is not None and not self.read_only:
                 self.say(Level.INFO, f"{left.repeats} more to come; v ends them")
             case Phase.SEARCHING:
@@ -647,8 +646,12 @@ class Board:
 
     def _over(self, failed: str | None, given_up: int) -> None:
         self.series = self.left = None
-        if failed is not None and given_up > 1:
-            self.say(Level.WARNING, "vented: the repeats that were left are given up")
+        if failed is None:
+            return
+        none = "" if self._read_any else f"{failed}, before the first reading: nothing to keep"
+        rest = "vented: the repeats that were left are given up" if given_up > 1 else ""
+        if none or rest:
+            self.say(Level.WARNING, "; ".join(filter(None, (none, rest))))
 
     def _connected(self, port: str, hello: Hello, *, goes_on: bool) -> None:
         self.port, self.hello, self._simulated = port, hello, hello.simulated
@@ -679,7 +682,7 @@ class Board:
                 self.shown = None
                 self.begun_at = self.begun_at or at
             case Sampled(index, sample):
-                self.latest, self.latest_at = sample, at
+                self.latest, self.latest_at, self._read_any = sample, at, True
                 self._load(index, sample)
                 if self.live is not None and self.live.index == index:
                     self.live.last = sample
