@@ -396,7 +396,7 @@ class SkinlabApp(App[None]):
             return
         if not await self._check_bindings(event.key):
             name = event.character if event.is_printable and event.character else event.key
-            self.board.say(Level.INFO, f"{_shown(name)}: {self._why_not}; ? lists the keys")
+            self.board.tell(f"{_shown(name)}: {self._why_not}; ? lists the keys")
 
     @property
     def _why_not(self) -> str:

@@ -98,6 +98,7 @@ class Level(StrEnum):
 
 _RANK = {Level.INFO: 0, Level.WARNING: 1, Level.ERROR: 2}
 _LASTS_S = {Level.INFO: 12.0, Level.WARNING: 45.0, Level.ERROR: 120.0}  # on the screen
+_ASIDE_S = 4.0  # the answer to a key that does nothing
 _MOST_TOLD = 200  # messages that can be read again
 _BUSY_S = 0.3  # what takes longer is named
 _BUSY = {
@@ -253,6 +254,8 @@ class Board:
         self.told: deque[tuple[str, Level]] = deque(
             maxlen=_MOST_TOLD
         )  # all notes, to be read again
+        self.aside = ""  # said for a moment in the place of the note, which comes back
+        self._aside_s: float | None = None  # since when
         self._noted: tuple[str, Level, float] = ("", Level.INFO, 0.0)  # with since when
         self._busy: dict[str, float | None] = {}  # what computes beside, since when
         self._now_s = 0.0
@@ -500,6 +503,11 @@ class Board:
         elif note and now_s - since_s > _LASTS_S[level]:
             self.note, self.level = "", Level.INFO
             self.version += 1
+        if self.aside and self._aside_s is None:
+            self._aside_s = now_s
+        elif self._aside_s is not None and now_s - self._aside_s > _ASIDE_S:
+            self.aside, self._aside_s = "", None
+            self.version += 1
         if drawn != (self.busy, self.rest_left_s):
             self.version += 1
 
@@ -515,6 +523,12 @@ class Board:
         else:
             self.told.append((note, level))
 
+    def tell(self, text: str) -> None:
+        """Answer a key that does nothing, for a moment; what was said before comes back."""
+        self.told.append((text, Level.INFO))
+        self.aside, self._aside_s = text, None
+        self.version += 1
+
     def refuse(self, note: str) -> None:
         """Say why what was asked for is not done."""
         self.answer(Level.ERROR, note)
@@ -523,7 +537,7 @@ class Board:
         """Say what a key came to, whatever was said before."""
         if note:
             self.told.append((note, level))
-        self.note, self.level = note, level
+        self.note, self.level, self.aside = note, level, ""
         self.version += 1
 
     def show(self, index: int) -> None:

@@ -31,7 +31,6 @@ from skinlab.tui.screens.session import SessionScreen
 from skinlab.tui.screens.visits import VisitsScreen
 from skinlab.tui.text import TIMELINE
 from skinlab.tui.themes import ORDER
-from skinlab.tui.ui_state import Level
 from skinlab.tui.visits import found, series, trend_lines
 from skinlab.tui.widgets.hints import KeyHint
 
@@ -354,6 +353,7 @@ async def test_undo_says_what_it_undid(bedside):
         await bed.run()
         await bed.press("s")
         await bed.until(lambda: isinstance(bed.app.screen, SessionScreen))
+        await bed.until(lambda: bed.board.note.startswith("saved: "))
         await bed.press("ctrl+z")
         assert bed.board.note == "there is nothing to undo"
         await bed.press("delete")
@@ -451,6 +451,5 @@ async def test_no_key_is_silent_on_any_screen(bedside):
             await bed.until(lambda: not isinstance(bed.app.screen, MainScreen))
             await bed.press("f10")
             await bed.until(lambda: bed.text("#note").startswith("F10: no meaning here"))
-            bed.board.answer(Level.INFO, "")
             await bed.press("escape")
             await bed.until(lambda: isinstance(bed.app.screen, MainScreen))

@@ -12,7 +12,7 @@ from textual.screen import Screen
 from textual.widget import Widget
 from textual.widgets import Footer
 
-from skinlab.tui.ui_state import Board, Level
+from skinlab.tui.ui_state import Board
 from skinlab.tui.widgets.header import Top
 from skinlab.tui.widgets.note import Note
 
@@ -75,8 +75,8 @@ class BoardScreen(Screen[None]):
         """Show more."""
         says = self.query_one(self.SAYS)
         if not says.max_scroll_y:
-            self._board.answer(Level.INFO, "there is no more than this")
-        says.scroll_relative(y=by * max(says.size.height - 1, 1), animate=False)
+            self._board.tell("there is no more than this")
+        says.scroll_relative(y=by * max(says.size.height - 1, 1), animate=False, immediate=True)
 
     def action_back(self) -> None:
         """Go back."""

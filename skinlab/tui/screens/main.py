@@ -17,7 +17,7 @@ from textual.widgets import DataTable, Footer, Input, Static
 
 from skinlab.tui.text import settings_line
 from skinlab.tui.typing_guard import CHECK_KEY, CONFIRM_KEY, TypingGuard
-from skinlab.tui.ui_state import Board, Level, Review
+from skinlab.tui.ui_state import Board, Review
 from skinlab.tui.widgets.card import Card
 from skinlab.tui.widgets.curve_plot import CurvePlot
 from skinlab.tui.widgets.curves import Curves
@@ -234,19 +234,19 @@ class MainScreen(Screen[None]):
         """Look at the curve before or after."""
         curves = self.query_one(Curves)
         if not curves.row_count:
-            self._board.say(Level.INFO, "there is no curve yet")
+            self._board.tell("there is no curve yet")
         curves.move_cursor(row=curves.cursor_row + by)
 
     def action_across(self, by: int) -> None:
         """Move the list of curves sideways."""
-        self.query_one(Curves).scroll_relative(x=8 * by, animate=False, force=True)
+        self.query_one(Curves).scroll_relative(x=8 * by, animate=False, force=True, immediate=True)
 
     def action_page(self, by: int) -> None:
         """Show more of the card."""
         card = self.query_one(Card)
         if not card.max_scroll_y:
-            self._board.say(Level.INFO, "the card shows all of it")
-        card.scroll_relative(y=by * max(card.size.height - 1, 1), animate=False)
+            self._board.tell("the card shows all of it")
+        card.scroll_relative(y=by * max(card.size.height - 1, 1), animate=False, immediate=True)
 
     def on_resize(self) -> None:
         """Draw again once the new layout is there."""
@@ -260,7 +260,7 @@ class MainScreen(Screen[None]):
     def action_nothing(self) -> None:
         """Say which key means what Enter and Space do not."""
         if self._board.can_arm:
-            self._board.say(Level.INFO, "F8 shows what will happen; F9 then starts it")
+            self._board.tell("F8 shows what will happen; F9 then starts it")
 
     def close_fields(self, *, closed: bool) -> None:
         """Let the fields take no text, or text again."""

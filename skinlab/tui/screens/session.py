@@ -138,7 +138,7 @@ class SessionScreen(BoardScreen):
         """Leave the curve out, with a reason, or take it in again."""
         index = self._index
         if index is None:
-            self._board.answer(Level.INFO, "there is no curve yet")
+            self._board.tell("there is no curve yet")
             return
         if index in self._board.ledger.excluded:
             self._decided(self._board.ledger.include(index))

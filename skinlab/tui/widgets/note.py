@@ -36,7 +36,8 @@ class Note(Static):
 
     def draw(self) -> None:
         """Draw where it changed."""
-        text, level = self._board.note, self._board.level
+        board = self._board
+        text, level = (board.aside, Level.INFO) if board.aside else (board.note, board.level)
         if text == self._old:
             text = ""
         else:
