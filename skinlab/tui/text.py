@@ -153,7 +153,7 @@ def timeline_text(playing: Playing, columns: int = _BAR) -> str:
     speed = "max" if playing.speed is None else f"{playing.speed:g}"
     sign = "■" if playing.ended else "‖" if playing.paused else "►"
     bar = "█" * filled + "░" * (columns - filled)
-    return f"{sign} x{speed} {bar} {playing.at_s:.1f}/{playing.length_s:.1f} s"
+    return f"{sign} x{speed} {playing.at_s:.1f}/{playing.length_s:.1f} s {bar}"
 
 
 def link_text(board: Board) -> str:
@@ -171,12 +171,12 @@ def progress_text(board: Board) -> str:
     """Return how far the program is: points, segment, time."""
     if board.playing is not None:
         n = 0 if board.live is None else len(board.live.curve)
-        return f"{n} points  {timeline_text(board.playing)}"
+        return f"{timeline_text(board.playing)}  {n} points"
     live, entry = board.live, board.entry
     if live is not None:
         rate = "" if live.rate_hz is None else f" {live.rate_hz:.0f} Hz"
         lost = f", {live.curve.lost} lost" if live.curve.lost else ""
-        return f"{len(live.curve)} points{rate}{lost}  {_progress(live)}"
+        return f"{len(live.curve)} points{lost}  {_progress(live)}{rate}"
     if entry is not None:
         lost = f", {entry.lost} lost" if entry.lost else ""
         return f"curve {entry.index}: {len(entry.curve)} points{lost}"
@@ -192,7 +192,7 @@ def _progress(live: Live) -> str:
     filled = round(_BAR * done / whole) if whole > 0 else _BAR
     number = min(last.segment + 1, len(program.segments))
     bar = "█" * filled + "░" * (_BAR - filled)
-    return f"{bar} {done:.1f}/{whole:.1f} s, part {number} of {len(program.segments)}"
+    return f"{done:.1f}/{whole:.1f} s {bar} part {number} of {len(program.segments)}"
 
 
 def order_lines(
@@ -370,13 +370,13 @@ def _following(board: Board, verdict: Verdict) -> str:
         case Step.CHECK_SETTINGS | Step.LOWER:
             return "F3: check opening, thickness, program; then F8"
         case Step.LOOK_FOR_EFFECT:
-            return "hold the probe still and repeat (F8); if it stays so, d looks for why"
+            return "hold still and repeat (F8); if it stays, d says why"
         case Step.OTHER_OPENING if len(openings) > 1:
             return "s, then j: fit the openings together"
         case Step.OTHER_OPENING:
-            return "rest, put another opening on, F8; then s and j fit them together"
+            return "another opening after a rest (F8); then s, j fit all"
         case Step.REST:
-            return "let the site rest; F6 says that it has rested, or is another one"
+            return "let the site rest, then F6 (also for another spot)"
         case Step.REPEAT_TO_CONFIRM if len(board.used) > 1:
             return "s shows what the curves say together; F8 measures on"
         case _:

@@ -50,12 +50,12 @@ class MissingScreen(BoardScreen):
 
     SAYS = AUTO_FOCUS = "#missing-says"
     BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("b,q,s", "back", "Back", key_display="b"),
         Binding("f7", "want('load')", "Load next", key_display="F7", id="load"),
         Binding("a", "want('adopt')", "Adopt", id="adopt"),
         Binding("ctrl+z", "want('undo')", "Undo", key_display="^z", priority=True, id="undo"),
         Binding("delete", "want('cancel')", "Give up", key_display="Del", id="give_up"),
         Binding("d,D", "want('begin')", "Look again", key_display="d", id="missing"),
-        Binding("b,q,s", "back", "Back", key_display="b"),
     ]
 
     def __init__(self, board: Board) -> None:

@@ -71,13 +71,13 @@ class ProtocolScreen(BoardScreen):
 
     SAYS = "#protocol-says"
     BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("p,b,q", "back", "Back", key_display="p"),
         Binding("f7", "load", "Load next", key_display="F7", priority=True, id="load"),
         Binding("e", "state", "State conditions"),
         Binding(CHECK_KEY, "cancel", "No", key_display="F8", priority=True, id="check"),
         Binding("tab,shift+tab", "nothing", show=False, priority=True),
         Binding("up", "page(-1)", show=False),
         Binding("down", "page(1)", show=False),
-        Binding("p,b,q", "back", "Back", key_display="p"),
     ]
 
     def __init__(self, board: Board) -> None:

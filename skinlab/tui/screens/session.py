@@ -54,6 +54,7 @@ class SessionScreen(BoardScreen):
     SAYS = "#session-says"
     AUTO_FOCUS = "#session-curves"
     BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("s,b,q", "back", "Back", key_display="s"),
         Binding("delete", "exclude", "Leave out", key_display="Del", id="exclude"),
         Binding("j", "joint", "Joint", id="joint"),
         Binding("c", "compare", "Compare", id="compare"),
@@ -62,7 +63,6 @@ class SessionScreen(BoardScreen):
         Binding("ctrl+z", "undo", "Undo", key_display="^z", priority=True, id="undo"),
         Binding(CHECK_KEY, "cancel", "No", key_display="F8", priority=True, id="check"),
         Binding("tab,shift+tab", "stay", show=False, priority=True),
-        Binding("s,b,q", "back", "Back", key_display="s"),
     ]
 
     def __init__(self, board: Board) -> None:

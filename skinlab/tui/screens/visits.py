@@ -42,6 +42,7 @@ class VisitsScreen(BoardScreen):
     SAYS = "#visits-says"
     AUTO_FOCUS = "#visits"
     BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("b,q,f5", "back", "Back", key_display="b"),
         Binding("slash,f", "search", "Search", key_display="/", id="search"),
         Binding("o", "order", "Order", id="order"),
         Binding("enter", "look", "Look into", priority=True),
@@ -49,7 +50,6 @@ class VisitsScreen(BoardScreen):
         Binding("c", "compare", "Compare", id="compare"),
         Binding("t", "trend", "Trend", id="trend"),
         Binding(CHECK_KEY, "leave_search", show=False, priority=True, id="check"),
-        Binding("b,q,f5", "back", "Back", key_display="b"),
     ]
 
     def __init__(self, board: Board, folder: Path, identifier: Callable[[], Identifier]) -> None:
