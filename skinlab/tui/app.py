@@ -404,6 +404,8 @@ class SkinlabApp(App[None]):
         board = self.board
         if board.playing is not None:
             return "no meaning in a replay"
+        if board.alarm is not None:
+            return "not before the alarm is acknowledged (F9)"
         return "no meaning here" if board.can_arm else f"not now ({board.phase.lower()})"
 
     async def on_event(self, event: events.Event) -> None:

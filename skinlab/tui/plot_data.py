@@ -212,10 +212,10 @@ def residual(entry: Entry, columns: int, rows: int) -> Drawing | None:
         for side in (-1.0, 1.0):
             at = share(side * height_um, -most_um, most_um)
             band = band | dots(across, at, columns, rows)
-    noise = f"±{np.sqrt(np.mean(edge_um**2)):.2g}"
-    long = f"residual µm{f', noise {noise} dotted' if widest_um else ''}, rms {result.rms_um:.3g}"
+    noise = f"±{np.sqrt(np.mean(edge_um**2)):.2g}" if widest_um else ""
+    long = f"residual µm{noise and f', noise {noise} dotted'}, rms {result.rms_um:.3g}"
     return Drawing(
-        long if len(long) <= columns else f"residual µm{f'; dotted {noise}' if widest_um else ''}",
+        long if len(long) <= columns else f"residual µm{noise and f'; dotted {noise}'}",
         main=dots(
             share(entry.curve.pressure_mbar[there], 0.0, top_mbar),
             share(left_um[there], -most_um, most_um),

@@ -34,7 +34,7 @@ from skinlab.report.text import explain
 from skinlab.report.verdict import Step, Use, Verdict, judge, step_words
 from skinlab.tui.canvas import interval_bar, share
 from skinlab.tui.plot_data import noise_band, round_down, round_up
-from skinlab.tui.ui_state import Board, Entry, Live, Playing
+from skinlab.tui.ui_state import SEARCHING, Board, Entry, Live, Playing
 
 if TYPE_CHECKING:
     from skinlab.acquisition.measurement_request import Order
@@ -312,6 +312,8 @@ def verdict_text(board: Board) -> VerdictText:
         more = "" if board.left is None else f" ({board.left.repeats} to come)"
         use = None if entry is None or entry.verdict is None else entry.verdict.use
         return VerdictText(f"Resting: next repeat in {left_s} s{so_far}", f"v ends it{more}", use)
+    if board.doing == SEARCHING and board.playing is None:
+        return VerdictText("The link is lost", "lift the probe if it still pulls; plug it in again")
     if board.doing is not None and board.playing is None and board.doing != "venting":
         vents = "v gives up" if board.read_only else "v vents"
         return VerdictText(f"{board.phase.capitalize()} …", vents if board.moving else "wait")

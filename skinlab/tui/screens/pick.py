@@ -44,8 +44,8 @@ class PickScreen(OverScreen[str | None]):
                 )
                 if self._body:
                     yield BodyMap(body_map(""), id="body", markup=False)
-            where = ", a click on the map too" if self._body else ""
-            yield Hints((f"Enter chooses{where}", "enter"), ("F4 closes", "f4"))
+            how = "Enter, or a click on the map, chooses" if self._body else "Enter chooses"
+            yield Hints((how, "enter"), ("F4 closes", "f4"))
 
     @on(OptionList.OptionHighlighted)
     def _mark(self, event: OptionList.OptionHighlighted) -> None:
