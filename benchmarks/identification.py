@@ -14,8 +14,8 @@ it ended (coverage.py has the rows, prior_skins.py the skins). Curves of the oth
 computed by the finite elements directly, for skins drawn from the prior (flat in log X1, log X2/X1
 and ν over the database's range, where the skin does not crease before 100 mbar), openings of 2, 4,
 6 and 8 mm and thicknesses of 0.8–1.6 mm: 51 samples, 0–100 mbar. `rivals` needs the package cma,
-`sampler` emcee (extra "bench"). `ranks` draws docs/pictures/ranks.svg and prints docs/intervals.md's
-tables, of coverage from its saved rows, of flags from the kept outcomes.
+`sampler` emcee (extra "bench"). `ranks` draws docs/pictures/ranks.svg and prints the tables of
+docs/intervals.md, of coverage from its saved rows, of flags from the kept outcomes.
 """
 
 from __future__ import annotations

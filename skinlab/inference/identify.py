@@ -169,7 +169,7 @@ class Identifier:
         start: Array | None = None,
     ) -> Identification:
         started = self.clock()
-        answer = self._fit(curves, blank, intervals=intervals, start=start)
+        answer = self._fit_up_to(math.inf, curves, blank, intervals=intervals, start=start)
         if {"crease", "misfit_above_noise"} & set(answer.flags) and answer.uncertainty is not None:
             answer = self._below_a_crease(curves, blank, answer)
         return replace(answer, seconds=self.clock() - started)
@@ -184,25 +184,25 @@ class Identifier:
         """
         top = max(float(curve.pressure_mbar.max()) for curve in curves)
         above, creased = whole, _creased(whole)
-        part = self._fit(curves, blank, most_mbar=_LOWER * top, creased=creased)
+        part = self._fit_up_to(_LOWER * top, curves, blank, creased=creased)
         while above is whole or _creased(above) is not None or _contradicts(part, above):
             creased = creased if _creased(part) is None else _creased(part)
             top *= _LOWER
             above = part
-            part = self._fit(curves, blank, most_mbar=_LOWER * top, creased=creased)
+            part = self._fit_up_to(_LOWER * top, curves, blank, creased=creased)
         misses = "misfit_above_noise" in above.flags
         if creased is None or misses or not _contradicts(above, whole):
             return whole
         return replace(above, flags=("crease", f"fitted_to:{top:.0f}", *above.flags))
 
-    def _fit(
+    def _fit_up_to(
         self,
+        most_mbar: float,
         curves: Sequence[Curve],
         blank: Identification,
         *,
         intervals: bool = True,
         start: Array | None = None,
-        most_mbar: float = math.inf,
         creased: Array | None = None,
     ) -> Identification:
         """Return the answer from the samples up to so much pressure.
