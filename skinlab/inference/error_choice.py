@@ -36,6 +36,9 @@ _WIDER = 1.2
 _FREEDOM = 6.0  # of the Student distribution
 _NODES = {0: 1, 1: 10, 2: 24, 3: 40}  # by the number of parameters
 _MOST_NODES = 64
+_FEW = 2  # parameters: the nodes of the first round will do
+_WEIGHTY = 3.0  # in log evidence below the best: those have a second round
+_AS_MODE = 6.0  # nodes that the curvature at the mode counts as, beside them
 _FROM_PRIOR = 0.2  # of the nodes
 _NO_GAIN = 0.0  # of the log evidence with odds: below, no more models are added
 _MOST_MODELS = 4  # beside those that are always there
@@ -313,7 +316,34 @@ def choose_errors(
         tried.append(mixture)
         if mixture.log_evidence > best.log_evidence:
             best = mixture
-    return _collect(tried, best)
+    return _collect([_again(e, linear) if _is_coarse(e, best) else e for e in tried], best)
+
+
+def _is_coarse(one: _Explored, best: _Explored) -> bool:
+    """Return whether the nodes of a combination are too few for what it weighs."""
+    return (
+        len(one.log_mode) > _FEW
+        and len(one.nodes) > 0
+        and one.log_evidence > best.log_evidence - _WEIGHTY
+    )
+
+
+def _again(one: _Explored, linear: LinearModel) -> _Explored:
+    """Return the combination with nodes about where those before have their weight.
+
+    A distribution about the mode alone leaves a dozen nodes that count, where sizes and times of
+    errors that last trade for each other.
+    """
+    values = np.array([node.log_values for node in one.nodes])
+    log_weight = np.array([node.log_prior + node.log_marginal for node in one.nodes])
+    weight = np.exp(log_weight - np.logaddexp.reduce(log_weight))
+    mean = weight @ values
+    counts = 1.0 / float(np.square(weight).sum())
+    spread = (values - mean).T @ ((values - mean) * weight[:, None])
+    spread = (counts * spread + _AS_MODE * one.root @ one.root.T) / (counts + _AS_MODE)
+    wide = _WIDER * np.linalg.cholesky(spread)
+    points = mean + student_points(_MOST_NODES, len(mean)) @ wide.T
+    return _integrated(one, points, _log_student(points - mean, wide), linear)
 
 
 def _collect(tried: Sequence[_Explored], best: _Explored) -> ErrorChoice:
@@ -332,6 +362,8 @@ class _Explored:
 
     combination: Combination
     log_mode: Array
+    root: Array  # (d, d) of the covariance of the parameters' logarithms there, and
+    here: float  # the log density
     nodes: tuple[Node, ...]
     log_evidence: float
 
@@ -365,8 +397,14 @@ def _explore(
     roughly = here + 0.5 * len(mode) * math.log(2.0 * math.pi) + float(np.linalg.slogdet(root)[1])
     roughly += combination.log_odds
     if not combination.bound and roughly < rival - _HOPELESS:
-        return _Explored(combination, mode, (), roughly)
-    values, log_drawn = _draws(combination, mode, root)
+        return _Explored(combination, mode, root, here, (), roughly)
+    begun = _Explored(combination, mode, root, here, (), roughly)
+    return _integrated(begun, *_draws(combination, mode, root), linear)
+
+
+def _integrated(one: _Explored, values: Array, log_drawn: Array, linear: LinearModel) -> _Explored:
+    """Return the combination with nodes at logarithms (n, d) drawn with log densities (n,)."""
+    combination = one.combination
     covariances = combination.covariances(values)
     log_prior = combination.log_priors(values)
     log_prior += combination.log_odds - math.log(len(values)) - log_drawn
@@ -374,15 +412,15 @@ def _explore(
     evidence = float(np.logaddexp.reduce(log_prior + log_marginal))
     if combination.bound:
         # The evidence is that of the mixture's own variances; the nodes' are spread.
-        spread = _density(combination, linear, spread=True)(mode[None])[0]
-        right = here - float(spread) + combination.bound
+        spread = _density(combination, linear, spread=True)(one.log_mode[None])[0]
+        right = one.here - float(spread) + combination.bound
         log_prior += right
         evidence += right
     nodes = tuple(
         Node(combination, *one)
         for one in zip(values, covariances, log_prior.tolist(), log_marginal.tolist(), strict=True)
     )
-    return _Explored(combination, mode, nodes, evidence)
+    return replace(one, nodes=nodes, log_evidence=evidence)
 
 
 def _density(
@@ -506,19 +544,25 @@ def _draws(combination: Combination, mode: Array, root: Array) -> tuple[Array, A
         other = middle + np.where(sure, 1.5 * own * normal_points(count - first, d), other)
         values = np.vstack([near, other])
         width = np.where(sure, 1.5 * own, width)
-    z = np.linalg.solve(wide, (values - mode).T).T
-    log_near = (
+    log_near = _log_student(values - mode, wide)
+    if first == count:
+        return values, log_near
+    off = (values - middle) / width
+    log_far = -0.5 * np.square(off).sum(axis=1) - np.log(width * math.sqrt(2 * math.pi)).sum()
+    return values, np.logaddexp(math.log(share) + log_near, math.log(1.0 - share) + log_far)
+
+
+def _log_student(off: Array, wide: Array) -> Array:
+    """Return the log densities (n,) of a Student distribution, (n, d) off its middle."""
+    d = off.shape[1]
+    z = np.linalg.solve(wide, off.T).T
+    return np.asarray(
         math.lgamma(0.5 * (_FREEDOM + d))
         - math.lgamma(0.5 * _FREEDOM)
         - 0.5 * d * math.log(_FREEDOM * math.pi)
         - float(np.linalg.slogdet(wide)[1])
         - 0.5 * (_FREEDOM + d) * np.log1p(np.square(z).sum(axis=1) / _FREEDOM)
     )
-    if first == count:
-        return values, log_near
-    off = (values - middle) / width
-    log_far = -0.5 * np.square(off).sum(axis=1) - np.log(width * math.sqrt(2 * math.pi)).sum()
-    return values, np.logaddexp(math.log(share) + log_near, math.log(1.0 - share) + log_far)
 
 
 def _scale_mixture(

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.inference.error_choice import ErrorChoice, Node
+from skinlab.inference.noise import roughness
 
 Array = NDArray[np.float64]
 
@@ -76,6 +78,15 @@ def judge_errors(errors: ErrorChoice, stated_um: float | None) -> Judged:
     numbers = {k: v for k, v in errors.parameters().items() if not k.startswith("placement_")}
     summary = ErrorModelSummary(name, numbers, sentence)
     return Judged(summary, noise, tuple(flags), _placement(errors))
+
+
+def misses_noise(residuals_mm: Sequence[NDArray[np.float64]]) -> bool:
+    """Return whether residuals (u,) of curves are more than noise: for methods without intervals.
+
+    By what is left of their mean square without that of white noise as rough as they are.
+    """
+    lasting_mm2 = [np.mean(r**2) - roughness(r) ** 2 for r in residuals_mm]
+    return bool(np.mean(lasting_mm2) > (1e-3 * _MOST_UM) ** 2)
 
 
 def _beside(errors: ErrorChoice, found_um: Array, stated_um: float) -> tuple[float, bool]:

@@ -436,3 +436,14 @@ def test_a_curve_without_any_pressure_has_an_answer(table, method):
     result = Identifier(table, method=method)(curve)
     assert result.error is None
     json.dumps(result.to_json(), allow_nan=False)
+
+
+@pytest.mark.parametrize("method", ["auto", "gn", "gn-linesearch", "hka", "lm", "rls", "sto"])
+def test_a_curve_that_no_skin_has_is_flagged(table, method):
+    """`sto` said nothing of a deflection of zero up to 100 mbar."""
+    time_s = np.arange(51) / 10
+    curve = Curve("zero", Setup(6.0, 1.0), time_s, 20 * time_s, np.zeros(51))
+    result = Identifier(table, method=method)(curve)
+    assert result.error is None
+    assert "misfit_above_noise" in result.flags
+    json.dumps(result.to_json(), allow_nan=False)
