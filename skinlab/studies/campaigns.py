@@ -411,8 +411,8 @@ def section(found: Evidence) -> Section:
         )
     words = [
         f"{counted(len(found.campaigns), 'campaign')} explained, {len(named)} by more than the "
-        f"model. At most some {100 * FALSE_DISCOVERIES:g} % of what holds over the study is there by "
-        "chance. A pooled effect is one that the curves of many campaigns share; its size is "
+        f"model. At most some {100 * FALSE_DISCOVERIES:g} % of what holds over the study is there "
+        "by chance. A pooled effect is one that the curves of many campaigns share; its size is "
         "linear, in typical sizes."
     ]
     if rest := len(found.pooled) - len(shown):
