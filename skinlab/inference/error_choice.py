@@ -18,9 +18,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.inference.covariance import Covariance
+from skinlab.inference.covariance import Covariance, OrnsteinUhlenbeck
 from skinlab.inference.error_models import ERROR_MODELS
-from skinlab.inference.error_models.base import ErrorModel, Look, Part
+from skinlab.inference.error_models.base import ErrorModel, Look, Part, Terms
 from skinlab.inference.likelihood import LinearModel
 
 Array = NDArray[np.float64]
@@ -56,6 +56,7 @@ class Combination:
     ends: tuple[int, ...]
     fixed_mm: Array  # (u, m) columns that are there whatever the parameters
     fixed_mm2: Array  # (u,) variances, likewise
+    _last: list[tuple[Array, ...]] = field(default_factory=list, init=False, repr=False)
 
     @property
     def name(self) -> str:
@@ -92,44 +93,90 @@ class Combination:
         """What the parts that are scale mixtures add to the log evidence."""
         return sum(part.bound for part in self.parts)
 
-    def log_prior(self, log_values: Array) -> float:
-        """Return the log prior density of the parameters' logarithms (d,)."""
+    def log_priors(self, log_values: Array) -> Array:
+        """Return the log prior densities (n,) of the parameters' logarithms (n, d)."""
         each = [p for part in self.parts for p in part.parameters]
-        return float(sum(p.log_prior(v) for p, v in zip(each, log_values, strict=True)))
+        found = np.zeros(len(log_values))
+        for parameter, values in zip(each, log_values.T, strict=True):
+            found += parameter.log_prior(values)
+        return found
 
     def sizes_um(self, log_values: Array) -> dict[str, float]:
         """Return the root mean square over samples of each part's errors, µm, by its name."""
-        values, at = np.exp(log_values).tolist(), 0
-        found = {}
-        for part in self.parts:
-            terms = part.terms(values[at : at + len(part.parameters)])
-            at += len(part.parameters)
-            total = float(np.mean(terms.variance_mm2))
-            if terms.ou is not None:
-                total += terms.ou.size_mm**2
-            if terms.columns_mm is not None:
-                total += float(np.square(terms.columns_mm).sum(axis=1).mean())
-            found[part.name] = 1e3 * math.sqrt(total)
+        values, found = np.exp(log_values).tolist(), dict(self._constant_um)
+        for part, own in zip(self.parts, self._own, strict=True):
+            if part.parameters:
+                found[part.name] = _size_um(part.terms(values[own]))
         return found
+
+    @cached_property
+    def _constant_um(self) -> dict[str, float]:
+        return {p.name: _size_um(p.terms(())) for p in self.parts if not p.parameters}
+
+    def covariances(self, log_values: Array, *, spread: bool = True) -> list[Covariance]:
+        """Return the covariances (n,) at logarithms (n, d)."""
+        n, values = len(log_values), np.exp(log_values)
+        variance, stretch = self.fixed_mm2, np.ones(1)
+        processes: list[OrnsteinUhlenbeck | None] = [None] * n
+        columns = [[self.fixed_mm] * n]
+        for part, own in zip(self.parts, self._own, strict=True):
+            if part.variances is not None:
+                variance = variance + part.variances(values[:, own])
+                continue
+            settings = values[:, own].tolist() if part.parameters else [()]
+            each = [part.terms(setting) for setting in settings]
+            own_mm2 = np.array([terms.variance_mm2 for terms in each], dtype=float)
+            variance = variance + own_mm2.reshape(len(each), -1)
+            if len(each) < n:
+                each = each * n  # it has no parameters
+            processes = [terms.ou or ou for terms, ou in zip(each, processes, strict=True)]
+            some = [terms.columns_mm for terms in each if terms.columns_mm is not None]
+            if len(some) == n:
+                columns.append(some)
+            if each[0].stretch is not None:
+                stretched = [1.0 if terms.stretch is None else terms.stretch for terms in each]
+                stretch = stretch * np.array(stretched) * (part.spread if spread else 1.0)
+        variance = np.broadcast_to(variance * stretch, (n, len(self.fixed_mm2)))
+        whole = columns[0] if len(columns) == 1 else self._side_by_side(columns)
+        return [
+            Covariance(d, v, self.ends, ou, self.samples_time_s)
+            for d, v, ou in zip(variance, whole, processes, strict=True)
+        ]
 
     def covariance(self, log_values: Array, *, spread: bool = True) -> Covariance:
         """Return the covariance at these logarithms (d,)."""
-        values = np.exp(log_values).tolist()
-        variance, ou = self.fixed_mm2, None
-        columns = [self.fixed_mm]
-        stretch: Array | float = 1.0
-        at = 0
-        for part in self.parts:
-            terms = part.terms(values[at : at + len(part.parameters)])
-            at += len(part.parameters)
-            variance = variance + terms.variance_mm2
-            ou = terms.ou or ou
-            if terms.columns_mm is not None:
-                columns.append(terms.columns_mm)
-            if terms.stretch is not None:
-                stretch = stretch * terms.stretch * (part.spread if spread else 1.0)
-        whole = columns[0] if len(columns) == 1 else np.hstack(columns)
-        return Covariance(variance * stretch, whole, self.ends, ou, self.samples_time_s)
+        return self.covariances(log_values[None], spread=spread)[0]
+
+    @cached_property
+    def _own(self) -> list[slice]:
+        """Where each part's parameters are among all."""
+        ends = np.cumsum([len(part.parameters) for part in self.parts]).tolist()
+        return [slice(e - len(p.parameters), e) for e, p in zip(ends, self.parts, strict=True)]
+
+    def _side_by_side(self, columns: list[list[Array]]) -> list[Array]:
+        """Return columns (u, m) side by side; the same array where they are the same arrays."""
+        found: list[Array] = []
+        for blocks in zip(*columns, strict=True):
+            if not self._last or not _same(self._last[0], blocks):
+                self._last[:] = [blocks, (np.hstack(blocks),)]
+            found.append(self._last[1][0])
+        return found
+
+
+def _size_um(terms: Terms) -> float:
+    """Return the root mean square over samples, µm."""
+    variance = np.asarray(terms.variance_mm2)
+    total = float(np.add.reduce(variance, axis=None)) / variance.size
+    if terms.ou is not None:
+        total += terms.ou.size_mm**2
+    if terms.columns_mm is not None and len(terms.columns_mm):
+        columns = terms.columns_mm.ravel()
+        total += float(columns @ columns) / len(terms.columns_mm)
+    return 1e3 * math.sqrt(total)
+
+
+def _same(some: Sequence[Array], others: Sequence[Array]) -> bool:
+    return len(some) == len(others) and all(a is b for a, b in zip(some, others, strict=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,7 +228,10 @@ class ErrorChoice:
 
     def quantile(self, function: Callable[[Node], float], share: float) -> float:
         """Return a weighted quantile of a function of the nodes."""
-        values = np.array([function(node) for node in self.nodes])
+        return self.quantile_of(np.array([function(node) for node in self.nodes]), share)
+
+    def quantile_of(self, values: Array, share: float) -> float:
+        """Return a weighted quantile of values (nodes,)."""
         order = np.argsort(values, kind="stable")
         below = np.cumsum(self.weight[order]) - 0.5 * self.weight[order]
         return float(np.interp(share, below, values[order]))
@@ -355,8 +405,8 @@ def _explore(
 def _integrated(one: _Explored, values: Array, log_drawn: Array, linear: LinearModel) -> _Explored:
     """Return the combination with nodes at logarithms (n, d) drawn with log densities (n,)."""
     combination = one.combination
-    covariances = [combination.covariance(value) for value in values]
-    log_prior = np.array([combination.log_prior(value) for value in values])
+    covariances = combination.covariances(values)
+    log_prior = combination.log_priors(values)
     log_prior += combination.log_odds - math.log(len(values)) - log_drawn
     log_marginal = linear.log_marginals(covariances)
     evidence = float(np.logaddexp.reduce(log_prior + log_marginal))
@@ -379,10 +429,8 @@ def _density(
     """Return the log density (n,) of logarithms (n, d) of the errors' parameters."""
 
     def density(log_values: Array) -> Array:
-        found = linear.log_marginals(
-            [combination.covariance(value, spread=spread) for value in log_values]
-        )
-        return np.asarray(found + [combination.log_prior(value) for value in log_values])
+        found = linear.log_marginals(combination.covariances(log_values, spread=spread))
+        return np.asarray(found + combination.log_priors(log_values))
 
     return density
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.curves.curve import Curve
-from skinlab.inference.covariance import Covariance, OnKept
+from skinlab.inference.covariance import Covariance, OnKept, block_diagonal
 from skinlab.inference.error_choice import ErrorChoice, choose_errors
 from skinlab.inference.error_judgement import Judged, judge_errors
 from skinlab.inference.error_models.base import ErrorModel, Look
@@ -133,12 +133,7 @@ class Fitted:
             at = self.parameters if self.creased is None else self.creased
             own = model.error_shapes_mm(at)
             blocks.append(np.hstack([mesh_error_shapes(g.pressure_mbar, w), own]))
-        whole = np.zeros((len(self.samples), sum(b.shape[1] for b in blocks)))
-        row = column = 0
-        for b in blocks:
-            whole[row : row + len(b), column : column + b.shape[1]] = b
-            row, column = row + len(b), column + b.shape[1]
-        return whole
+        return block_diagonal(blocks)
 
     def probe_columns(self) -> Array:
         """Return what the probe's calibration leaves open (u, m): all samples err together."""
@@ -332,7 +327,7 @@ def assess(
     ]
     parts += priors
     likelihood = IntegratedLikelihood(
-        models, fitted.linear.residual_mm[kept], fitted.best_mm[kept], kept, errors
+        models, fitted.linear.residual_mm[kept], fitted.parameters, kept, errors
     )
 
     def log_density(parameters: Array) -> Array:

@@ -52,7 +52,7 @@ def test_auto_finds_the_optimum_of_every_curve(table):
     """Against 100 polished starts; benchmarks/identification.py does it for 1,000 from the FE."""
     model = table.model(Geometry(6.0, 1.0), PRESSURE)
     rng = np.random.default_rng(0)
-    for truth in drawn(table, 15, 11):
+    for truth in drawn(table, 8, 11):
         curve = curve_of(table, truth, noise_um=3.0, seed=1)
         found = Identifier(table).growing(curve)  # the quick one: few starts
         full = replace(Identifier(table), sensor=Sensor(3.0, 0.0))(curve)
@@ -65,7 +65,7 @@ def test_auto_finds_the_optimum_of_every_curve(table):
 
 def test_intervals_hold_the_truth_as_often_as_they_say(table):
     """A subset of the benchmark, within binomial bounds of 99.8 %; skins drawn from the prior."""
-    n = 40
+    n = 24
     low, high = binom.interval(0.998, n, 0.9)
     held = np.zeros(3)
     for i, truth in enumerate(drawn(table, n, 12)):
@@ -302,7 +302,7 @@ class TestJoint:
 
     def test_intervals_hold_the_truth(self, table):
         held = np.zeros(3)
-        n = 20
+        n = 12
         skins = drawn(table, n, 15)
         for i, truth in enumerate(skins):
             curves = [
