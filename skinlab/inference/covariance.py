@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -210,27 +211,44 @@ def gram_matrices(covariances: Sequence[Covariance], values_mm: Array) -> tuple[
         whole = np.ones((len(covariances), gram.shape[1]))
         whole[:, values_mm.shape[1] :] = [scale for _, scale in scales]
         return gram[which] * whole[:, :, None] * whole[:, None, :], log_base[which]
+    first, m = covariances[0], values_mm.shape[1]
+    n, width = len(covariances), m + first.columns_mm.shape[1]
+    whole, log_base = np.zeros((n, width, width)), np.zeros(n)
+    for begin, end in pairwise((0, *first.ends)):
+        if begin == end:
+            continue
+        here = slice(begin, end)
+        # Most columns are of one curve or a few, and zero in the others.
+        seen = np.logical_or.reduce([c.columns_mm[here].any(axis=0) for c in covariances])
+        own, of = np.flatnonzero(values_mm[here].any(axis=0)), np.flatnonzero(seen)
+        both = np.concatenate([own, m + of])
+        at_once = max(1, _AT_ONCE // max((end - begin) * len(both), 1))
+        for i in range(0, n, at_once):
+            some = slice(i, i + at_once)
+            gram, log_determinant = _gram(covariances[some], values_mm[here][:, own], of, here)
+            whole[some, both[:, None], both] += gram
+            log_base[some] += log_determinant
+    return whole, log_base
+
+
+def _gram(
+    covariances: Sequence[Covariance], values_mm: Array, of: NDArray[np.intp], here: slice
+) -> tuple[Array, Array]:
+    """Return `gram_matrices` of one curve's samples and of these of the columns."""
     first = covariances[0]
-    n, u, m = len(covariances), first.count, values_mm.shape[1]
-    at_once = max(1, _AT_ONCE // max(u * (m + first.columns_mm.shape[1]), 1))
-    if n > at_once:
-        parts = [
-            gram_matrices(covariances[i : i + at_once], values_mm) for i in range(0, n, at_once)
-        ]
-        return np.concatenate([g for g, _ in parts]), np.concatenate([d for _, d in parts])
-    both = np.empty((n, u, m + first.columns_mm.shape[1]))
+    n, (u, m) = len(covariances), values_mm.shape
+    both = np.empty((n, u, m + len(of)))
     both[:, :, :m] = values_mm
     for i, one in enumerate(covariances):
-        both[i, :, m:] = one.columns_mm
-    d = np.array([one.variance_mm2 for one in covariances])
+        both[i, :, m:] = one.columns_mm[here][:, of]
+    d = np.array([one.variance_mm2[here] for one in covariances])
     if first.ou is not None:
         assert first.time_s is not None
         processes = [one.ou for one in covariances if one.ou is not None]
         squares = np.array([[ou.size_mm**2] for ou in processes])
         times = np.array([[ou.time_s] for ou in processes])
         phi = np.zeros((n, u))
-        phi[:, 1:] = np.exp(-np.maximum(np.diff(first.time_s), 0.0) / times)
-        phi[:, [end for end in first.ends if end < u]] = 0.0
+        phi[:, 1:] = np.exp(-np.maximum(np.diff(first.time_s[here]), 0.0) / times)
         diagonal = d + squares * (1.0 - phi**2)
         diagonal[:, 1:] += phi[:, 1:] ** 2 * d[:, :-1]
         beside = np.zeros((n, u))
