@@ -39,15 +39,22 @@ class OrnsteinUhlenbeck:
 class Covariance:
     """Σ over samples (u,) of one or several curves, end to end, times increasing in each.
 
-    `variance_mm2` (u,) is D, `columns_mm` (u, m) V. `ends` are the ends of the curves; `time_s`
+    `variance_mm2` (u,) is D; V are `shapes_mm` (u, m), which covariances may share, times `scale`
+    (m,), if there is one. `ends` are the ends of the curves; `time_s`
     (u,) is needed where there is an Ornstein-Uhlenbeck process.
     """
 
     variance_mm2: Array
-    columns_mm: Array
+    shapes_mm: Array
     ends: tuple[int, ...]
     ou: OrnsteinUhlenbeck | None = None
     time_s: Array | None = None
+    scale: Array | None = None
+
+    @cached_property
+    def columns_mm(self) -> Array:
+        """V (u, m): columns, each as large as its standard deviation."""
+        return self.shapes_mm if self.scale is None else self.shapes_mm * self.scale
 
     @property
     def count(self) -> int:
@@ -183,7 +190,7 @@ class Covariance:
         return replace(
             self,
             variance_mm2=self.variance_mm2[kept],
-            columns_mm=self.columns_mm[kept],
+            shapes_mm=self.shapes_mm[kept],
             ends=tuple(int(c) for c in counts),
             time_s=None if self.time_s is None else self.time_s[kept],
         )
@@ -212,14 +219,15 @@ def gram_matrices(covariances: Sequence[Covariance], values_mm: Array) -> tuple[
         whole[:, values_mm.shape[1] :] = [scale for _, scale in scales]
         return gram[which] * whole[:, :, None] * whole[:, None, :], log_base[which]
     first, m = covariances[0], values_mm.shape[1]
-    n, width = len(covariances), m + first.columns_mm.shape[1]
+    n, width = len(covariances), m + first.shapes_mm.shape[1]
+    shapes = list({id(c.shapes_mm): c.shapes_mm for c in covariances}.values())
     whole, log_base = np.zeros((n, width, width)), np.zeros(n)
     for begin, end in pairwise((0, *first.ends)):
         if begin == end:
             continue
         here = slice(begin, end)
         # Most columns are of one curve or a few, and zero in the others.
-        seen = np.logical_or.reduce([c.columns_mm[here].any(axis=0) for c in covariances])
+        seen = np.logical_or.reduce([v[here].any(axis=0) for v in shapes])
         own, of = np.flatnonzero(values_mm[here].any(axis=0)), np.flatnonzero(seen)
         both = np.concatenate([own, m + of])
         at_once = max(1, _AT_ONCE // max((end - begin) * len(both), 1))
@@ -240,7 +248,9 @@ def _gram(
     both = np.empty((n, u, m + len(of)))
     both[:, :, :m] = values_mm
     for i, one in enumerate(covariances):
-        both[i, :, m:] = one.columns_mm[here][:, of]
+        both[i, :, m:] = one.shapes_mm[here][:, of]
+        if one.scale is not None:
+            both[i, :, m:] *= one.scale[of]
     d = np.array([one.variance_mm2[here] for one in covariances])
     if first.ou is not None:
         assert first.time_s is not None
@@ -269,24 +279,24 @@ def _scaled_alike(covariances: Sequence[Covariance]) -> tuple[list[int], list[tu
     Where only the sizes of random effects differ, D + B is the same and the columns are the
     leader's, each longer or shorter.
     """
-    known: dict[tuple[bytes, OrnsteinUhlenbeck | None], tuple[int, Array, Array]] = {}
+    known: dict[tuple[bytes, OrnsteinUhlenbeck | None, int], tuple[int, Array]] = {}
+    largest: dict[int, Array] = {}  # of each column
     leaders, found = [], []
     for i, one in enumerate(covariances):
-        key = (one.variance_mm2.tobytes(), one.ou)
-        if key in known:
-            leader, rows, largest = known[key]
-            before = covariances[leader].columns_mm
-            if before.shape == one.columns_mm.shape:
-                scale = one.columns_mm[rows, np.arange(len(rows))] / largest
-                if np.allclose(before * scale, one.columns_mm, rtol=1e-12, atol=0.0):
-                    found.append((leader, scale))
-                    continue
-        columns = one.columns_mm
-        rows = np.abs(columns).argmax(axis=0) if len(columns) else np.zeros(0, dtype=np.intp)
-        largest = columns[rows, np.arange(columns.shape[1])]
-        known[key] = i, rows, np.where(largest == 0.0, 1.0, largest)
+        shapes, m = one.shapes_mm, one.shapes_mm.shape[1]
+        if one.scale is not None:
+            if id(shapes) not in largest:
+                rows = np.abs(shapes).argmax(axis=0) if len(shapes) else np.zeros(0, dtype=np.intp)
+                largest[id(shapes)] = shapes[rows, np.arange(m)]
+            mine = largest[id(shapes)] * one.scale
+            key = (one.variance_mm2.tobytes(), one.ou, id(shapes))
+            if key in known:
+                leader, its = known[key]
+                found.append((leader, mine / its))
+                continue
+            known[key] = i, np.where(mine == 0.0, 1.0, mine)
         leaders.append(i)
-        found.append((i, np.ones(columns.shape[1])))
+        found.append((i, np.ones(m)))
     return leaders, found
 
 

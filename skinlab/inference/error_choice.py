@@ -10,6 +10,7 @@ and by the prior (a defensive mixture: Hesterberg 1995, Technometrics 37:185).
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property, lru_cache
@@ -41,6 +42,7 @@ _NO_GAIN = 0.0  # of the log evidence with odds: below, no more models are added
 _MOST_MODELS = 4  # beside those that are always there
 _NEGLIGIBLE = 1e-3  # of all weight: nodes that carry less are dropped
 _MIXTURE_ROUNDS = 6
+_KEPT_SHAPES = 4  # of columns: a search moves in sizes mostly
 POINTS = Path(__file__).parents[1] / "data" / "sobol.npz"  # tests/unit/inference/test_sobol.py
 
 
@@ -105,7 +107,7 @@ class Combination:
             if terms.ou is not None:
                 total += terms.ou.size_mm**2
             if terms.columns_mm is not None:
-                total += float(np.square(terms.columns_mm).sum(axis=1).mean())
+                total += float(np.square(terms.columns_mm * terms.scale).sum(axis=1).mean())
             found[part.name] = 1e3 * math.sqrt(total)
         return found
 
@@ -113,7 +115,7 @@ class Combination:
         """Return the covariance at these logarithms (d,)."""
         values = np.exp(log_values).tolist()
         variance, ou = self.fixed_mm2, None
-        columns = [self.fixed_mm]
+        columns, scales = [self.fixed_mm], [np.ones(self.fixed_mm.shape[1])]
         stretch: Array | float = 1.0
         at = 0
         for part in self.parts:
@@ -123,10 +125,25 @@ class Combination:
             ou = terms.ou or ou
             if terms.columns_mm is not None:
                 columns.append(terms.columns_mm)
+                scales.append(np.broadcast_to(terms.scale, terms.columns_mm.shape[1:]))
             if terms.stretch is not None:
                 stretch = stretch * terms.stretch * (part.spread if spread else 1.0)
-        whole = columns[0] if len(columns) == 1 else np.hstack(columns)
-        return Covariance(variance * stretch, whole, self.ends, ou, self.samples_time_s)
+        whole, scale = self._beside(columns), np.concatenate(scales)
+        return Covariance(variance * stretch, whole, self.ends, ou, self.samples_time_s, scale)
+
+    def _beside(self, columns: list[Array]) -> Array:
+        """Return columns (u, m) beside each other; those of the same shapes are one array."""
+        known = self._known
+        for parts, whole in known:
+            if len(parts) == len(columns) and all(map(operator.is_, parts, columns)):
+                return whole
+        known.append((columns, columns[0] if len(columns) == 1 else np.hstack(columns)))
+        del known[:-_KEPT_SHAPES]
+        return known[-1][1]
+
+    @cached_property
+    def _known(self) -> list[tuple[list[Array], Array]]:
+        return []
 
 
 @dataclass(frozen=True, eq=False)

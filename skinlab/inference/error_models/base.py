@@ -72,8 +72,9 @@ class Terms:
 
     variance_mm2: Array | float = 0.0  # (u,) independent
     ou: OrnsteinUhlenbeck | None = None
-    columns_mm: Array | None = None  # (u, m), each as large as its standard deviation
+    columns_mm: Array | None = None  # (u, m), times `scale` as large as their standard deviations
     stretch: Array | None = None  # (u,) by which the independent parts' variance is multiplied
+    scale: Array | float = 1.0  # (m,): the columns themselves may then be kept, and shared
 
 
 @dataclass(frozen=True, eq=False)

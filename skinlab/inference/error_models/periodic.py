@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,9 +100,11 @@ class Periodic:
         frequency = float(grid[best])
         size = Hyperparameter(f"{self.name}_um", self.median_um, _LOG_SD)
 
+        waves = lru_cache(maxsize=4)(partial(columns, samples))
+
         def terms(values: Sequence[float]) -> Terms:
             size_um, hz = values
-            return Terms(columns_mm=1e-3 * size_um * columns(samples, hz))
+            return Terms(columns_mm=waves(hz), scale=1e-3 * size_um)
 
         return Part(
             self.name,

@@ -53,7 +53,7 @@ class LearnedLoop(LearnedEffect):
         return np.linspace(0.0, seen.pressure_mbar, 41)
 
     def function(self, at: Array, values: Values) -> Array:
-        """Return how much more suction is felt (m,), mbar, on the way back from the last of them."""
+        """Return how much more is felt (m,), mbar, on the way back from the last of these."""
         return self._more(at, at[-1:], values)
 
     def _more(self, pressure_mbar: Array, top_mbar: Array, values: Values) -> Array:
@@ -67,8 +67,8 @@ class LearnedLoop(LearnedEffect):
         i = int(np.abs(y).argmax())
         what = "more" if y[i] > 0 else "less"
         return (
-            "depends on whether the suction rises or falls, at any rate alike: on the way back from "
-            f"{x[-1]:.0f} mbar the skin feels {abs(y[i]):.2g} mbar {what} than is read at "
+            "depends on whether the suction rises or falls, at any rate alike: on the way back "
+            f"from {x[-1]:.0f} mbar the skin feels {abs(y[i]):.2g} mbar {what} than is read at "
             f"{x[i]:.0f} mbar"
         )
 

@@ -136,8 +136,9 @@ def test_what_the_columns_did_is_taken_off():
 def test_random_effects_of_other_sizes_share_one_decomposition_and_nothing_else(covariance):
     values = np.random.default_rng(0).normal(size=(covariance.count, 2))
     sizes = np.random.default_rng(1).uniform(0.1, 3.0, covariance.columns_mm.shape[1])
-    longer = replace(covariance, columns_mm=covariance.columns_mm * sizes)
-    turned = replace(covariance, columns_mm=covariance.columns_mm[::-1].copy())
+    longer = replace(covariance, scale=sizes)
+    turned = replace(covariance, shapes_mm=covariance.columns_mm[::-1].copy())
+    covariance = replace(covariance, scale=np.ones(len(sizes)))
     several = [covariance, longer, turned, longer]
     found, log_determinant = products(several, values)
     for i, one in enumerate(several):
