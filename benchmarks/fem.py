@@ -401,7 +401,6 @@ def main() -> None:
             "curves": grid.spec.entries,
             "seconds_on_2_cores": time.perf_counter() - start,
             "marked": int((grid.holds_to < 100).sum()),
-            "iterations": int(grid.iterations.sum()),
         }
     text = json.dumps(report, indent=1)
     print(text)

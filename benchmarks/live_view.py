@@ -11,8 +11,8 @@ same process, or (`--apart`) in a process of its own.
   s (the session opens), b (it closes), v and Esc (vented; of a run that goes on). The last two also
   in tmux with its own settings, which holds a lone Esc back.
 - completion: from the moment at which the host had the curve's last sample, by the session file,
-  to the end of the first frame with bars, which only a final result has. All by the one monotonic
-  clock that both processes have (Linux).
+  to the end of the first frame with its verdict, which comes with the card. All by the one clock
+  that both processes have (Linux).
 - cut short: curves that a watchdog ended, on a machine that is busy with other things.
 - lost: counters of samples that are missing in the file.
 """
@@ -53,8 +53,9 @@ PROGRAM = "ramp:100@20"
 LONG = "ramp:100@2"  # for keys that are pressed while a curve runs
 _VENTED = b"VENTING|vent ordered|vented|cut short|READY"
 _COMPLETE = b"saved:|cut short|Repeat: |Good curve"
+_VERDICT = b"Repeat: |Good curve|Do not use"
 _TYPED_S = 0.1  # between two keys
-_READ_S = 1.2  # after typing, until F9 counts
+_READ_S = 1.3  # longer than after typed letters
 _F8, _F9 = b"\x1b[19~", b"\x1b[20~"
 _END = b"\x1b[?2026l"  # of a frame
 # What a bedside needs at 100 Hz in every size, by the worst of all curves
@@ -165,7 +166,7 @@ def measure(port: str, columns: int, rows: int, curves: int, folder: Path) -> di
         runs: list[tuple[float, float]] = []
         for _ in range(curves):
             started = check_and_start(terminal)
-            shown = terminal.until("●".encode(), started + 1.0)
+            shown = terminal.until(_VERDICT, started + 1.0)
             runs.append((started, shown))
             terminal.until(_COMPLETE, shown)
             terminal.pump(1.0)
@@ -206,7 +207,7 @@ def against_aims(sizes: list[dict[str, Any]]) -> dict[str, Any]:
         name: {
             "aim": aim,
             "worst": found[name],
-            "met": found[name] >= aim if name == "frames_per_s" else found[name] <= aim,
+            "met": bool(found[name] >= aim if name == "frames_per_s" else found[name] <= aim),
         }
         for name, aim in AIMS.items()
     }

@@ -27,6 +27,9 @@ from skinlab.cli.output import echo, echo_text, print_json
 @click.argument("folders", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("--out", required=True, type=click.Path(path_type=Path), help="The study's folder.")
 @click.option("--explain", is_flag=True, help="Look for missing effects over all campaigns.")
+@click.option(
+    "--mdc-percent", type=float, help="Say how many repeats show a change of so many per cent."
+)
 @click.option("--resume", is_flag=True, help="Go on, and refuse to if the settings differ.")
 @click.option("--workers", type=int, help="Processes  [default: one a core].")
 @click.option("--dask", metavar="ADDRESS", help="Compute on the cluster of this dask scheduler.")
@@ -40,6 +43,7 @@ def command(
     folders: tuple[Path, ...],
     out: Path,
     explain: bool,
+    mdc_percent: float | None,
     resume: bool,
     workers: int | None,
     dask: str | None,
@@ -72,6 +76,8 @@ def command(
         raise click.UsageError("--dask and --workers exclude each other")
     if workers is not None and not 1 <= workers <= 1024:
         raise InputError(f"workers {workers}: expected 1–1024")
+    if mdc_percent is not None and not mdc_percent > 0:
+        raise InputError(f"--mdc-percent {mdc_percent:g}: expected more than 0")
     stated = {
         "aperture_mm": aperture_mm,
         "thickness_mm": thickness_mm,
@@ -84,7 +90,14 @@ def command(
         how = How(workers or os.cpu_count() or 1, dask, progress)
         try:
             made = make_study(
-                plan, out, identifier, how, resume=resume, explain=explain, now=datetime.now(UTC)
+                plan,
+                out,
+                identifier,
+                how,
+                resume=resume,
+                explain=explain,
+                mdc_percent=mdc_percent,
+                now=datetime.now(UTC),
             )
         except KeyboardInterrupt:
             echo(f"skinlab: what is done is kept in {out}; the same command goes on", err=True)

@@ -21,7 +21,7 @@ from skinlab.report.pictures import NO_PICTURES, have_pictures
 from skinlab.studies.campaigns import Evidence, Shared, evidence, explain_all, section
 from skinlab.studies.population import Posterior, learn, to_toml
 from skinlab.studies.reference import reference_of, write_reference
-from skinlab.studies.reliability import FACETS, Analysis, Reliability, reliability
+from skinlab.studies.reliability import FACETS, Analysis, Reliability, reliability, repeats_for
 from skinlab.studies.report import flags_of, html, main_analyses, people_of
 from skinlab.studies.run import How, settings_of, update
 from skinlab.studies.sources import Plan
@@ -83,9 +83,12 @@ def make_study(
     *,
     resume: bool,
     explain: bool,
+    mdc_percent: float | None = None,
     now: datetime,
 ) -> Made:
     """Bring the study in `out` up to date with the folders, and write all its files.
+
+    With `mdc_percent` it also says how many repeats show a change of so many per cent.
 
     Raises:
         InputError: a folder does not exist, `out` cannot be written, or holds something else.
@@ -131,6 +134,7 @@ def make_study(
         "settings": json.loads(settings_of(identifier)),
         "versions": versions(),
         "reliability": _summary(found),
+        "repeats": None if mdc_percent is None else _repeats(found, mdc_percent),
         "missing_effects": None
         if found_effects is None
         else {"campaigns": list(found_effects.campaigns), "pooled": list(found_effects.pooled)},
@@ -150,6 +154,7 @@ def make_study(
     )
     write_file(out / CRATE, crate, replace=True)
     lines = [f"{count} curves in {out / 'curves.csv'}", *_lines(found)]
+    lines += _repeat_lines(document["repeats"] or ())
     lines += _effect_lines(found_effects)
     if failures:
         lines.append(f"{len(failures)} files could not be used: {out / 'failures.csv'}")
@@ -251,6 +256,34 @@ def _lines(found: Reliability) -> list[str]:
                     f"{row['value']:.0f} %"
                 )
     return lines
+
+
+def _repeats(found: Reliability, percent: float) -> list[dict[str, Any]]:
+    """Return how many placements each quantity needs; None: no number is enough."""
+    return [
+        {
+            **one.key,
+            "facet": facet.name,
+            "mdc_percent": percent,
+            "repeats": repeats_for(one, percent, facet),
+        }
+        for one in main_analyses(found)
+        for facet in one.facets()
+    ]
+
+
+def _repeat_lines(repeats: Sequence[Mapping[str, Any]]) -> list[str]:
+    words = {facet.name: facet.words for facet in FACETS}
+    return [
+        f"to show a change of {row['mdc_percent']:g} % in {row['quantity']}, "
+        f"{words[row['facet']]}: "
+        + (
+            "no number of repeats is enough"
+            if row["repeats"] is None
+            else f"{row['repeats']} placement{'s' * (row['repeats'] > 1)} each time"
+        )
+        for row in repeats
+    ]
 
 
 def _effect_lines(found: Evidence | None) -> list[str]:

@@ -202,6 +202,7 @@ def test_three_visits_with_the_left_hand_alone_in_a_small_window_without_colour(
     terminal = open_terminal((60, 20), "sim://?seed=1&speed=2", colour=False)
     terminal.until_all("READY", "SIMULATED", "Next: F8")
     for number, subject in enumerate(("A1", "A2", "A3"), start=1):
+        terminal.until_all("READY")  # before, the fields take no text
         terminal.press("F3")  # goes to the program; back over the fields to the subject
         for _ in range(8):
             terminal.press("BTab")

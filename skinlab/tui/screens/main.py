@@ -224,6 +224,9 @@ class MainScreen(Screen[None]):
         if isinstance(self.focused, Input):
             self.set_focus(None)
             return
+        if self._board.moving:
+            self._board.answer(Level.INFO, "the settings open when the suction is off and vented")
+            return
         self._board.withdraw()
         self.close_fields(closed=False)
         self.set_focus(self.query_one("#program", Input))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import shutil
 import signal
@@ -62,6 +63,25 @@ def test_parquet_has_the_same_table(made):
 def test_files_are_for_their_owner_only(made):
     out, _ = made
     assert all(path.stat().st_mode & 0o077 == 0 for path in out.iterdir())
+
+
+def test_a_wanted_change_is_answered_with_the_number_of_repeats(cohort, made, tmp_path):
+    out = tmp_path / "again"
+    shutil.copytree(made[0], out)
+    done = study(cohort, "--out", out, "--workers", 1, "--mdc-percent", 10)
+    row = next(
+        row for row in json.loads((out / "study.json").read_text())["repeats"]
+        if row["quantity"] == "X1_MPa" and row["facet"] == "placement"
+    )  # fmt: skip
+    curve = next(
+        float(r["value"]) for r in rows_of(out / "agreement.csv")
+        if r["quantity"] == "X1_MPa" and r["facet"] == "placement" and r["k"] == "1"
+        and r["measure"] == "MDC95" and r["scale"] == "log"
+    )  # fmt: skip
+    assert row["repeats"] == math.ceil((curve / math.log(1.1)) ** 2 - 1e-9)
+    assert f"{row['repeats']} placement" in done.output
+    with pytest.raises(InputError, match="--mdc-percent 0: expected more than 0"):
+        study(cohort, "--out", out, "--mdc-percent", 0)
 
 
 def test_only_what_changed_is_computed_again(cohort, made, tmp_path):
