@@ -15,8 +15,6 @@ from skinlab.discrepancy.space_mapping import MappedModel
 from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.inference.covariance import Covariance
-from skinlab.inference.optimise import polish
-from skinlab.parameters import Space
 
 Array = NDArray[np.float64]
 
@@ -29,8 +27,6 @@ HOPELESS = 1.5  # a χ² a sample that no exact optimum will turn into an explan
 _GAIN = 0.3  # of the cost: less is not worth another time
 _CLOSE = 0.3  # of χ²: an anchor that changes the curves by no more is the last
 _CLOSE_SHARE = 0.01  # or so much of the χ² that is more than noise: such a fit decides nothing
-_PLAIN_GAIN = 1e-2  # of χ²: the best of many starts is followed to its bottom afterwards
-_PLAIN_STEPS = 40
 _EFFECT_RADIUS = 1.0  # how far from an anchor an effect's unknown is trusted
 NO_MODEL = 1e3  # a whitened residual where there is no model
 _DIFFERENCE = 1e-4
@@ -213,20 +209,6 @@ class Fitter:
             return best
         final = self._finish(model, best.u)
         return best if final is None else replace(final, settled=best.settled)
-
-    def fit_plain(self, unknowns: Unknowns, starts: Array) -> Fit | None:
-        """Return the best fit from starts (n, k) of what the table answers alone, in one batch."""
-        model = self.model(unknowns)
-        low, high = unknowns.bounds
-        space = Space.box(unknowns.names, low.tolist(), high.tolist())
-        found = polish(
-            space, Misfit(self, model), space.to_unit(starts), least_gain=_PLAIN_GAIN,
-            most_iterations=_PLAIN_STEPS,
-        )  # fmt: skip
-        if not np.isfinite(found.cost).any():
-            return None
-        best = space.from_unit(found.unit[int(np.argmin(found.cost))])
-        return self._finish(model, self.minimise(model, best, low, high))
 
     def refined(self, fit: Fit) -> Fit:
         """Return a fit moved to the optimum by these errors, its finite elements kept."""

@@ -186,10 +186,11 @@ class Search:
         unknowns = self._unknowns
         plain = unknowns.plain
         begin, middle = _starts(unknowns)
-        best = self.fitter.fit_plain(plain, np.array(begin))
-        fits = [] if best is None else [best]
+        fits = [f for f in (self.fitter.fit(plain, start) for start in begin) if f is not None]
         if self._own:
-            starts = [*(f.u for f in fits), middle]
+            # Finite elements cost more: from the best of the plain fits, and from the middle.
+            fits.sort(key=lambda f: f.cost)
+            starts = [*(f.u for f in fits[:1]), middle]
             found = (self.fitter.fit(unknowns, unknowns.start(start)) for start in starts)
             fits = [f for f in found if f is not None]
         if not fits:
