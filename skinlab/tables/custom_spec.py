@@ -37,6 +37,8 @@ from skinlab.tables.table import Dataset, Table
 Array = NDArray[np.float64]
 
 _CHECKS = 12  # points at which the interpolation is compared with finite elements
+_KNOTS = 17  # of other shapes of that error
+_REACH = 0.25  # of the whole: so far such a shape is alike
 _ERRORS = "interpolation_error"
 _CURVES = (("deflection_mm", "mm"), ("slope_mm_per_mbar", "mm/mbar"))
 MOST_ENTRIES = 1_000_000
@@ -336,7 +338,9 @@ class CustomSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             wide @ q,
             table.holds_to,
             np.minimum(abscissa.along(pressure_mbar, time_s), end),
-            errors_mm=operator @ errors.T / np.sqrt(len(errors)),
+            errors_mm=_error_shapes(
+                operator @ errors.T, abscissa.along(pressure_mbar, time_s) / end
+            ),
         )
 
     def _check(self, geometry: Geometry, thickness_sd_mm: float) -> None:
@@ -568,3 +572,17 @@ def _check_corners(spec: CustomSpec) -> None:
         except InputError as error:
             at = ", ".join(f"{n} {v:g}" for n, v in zip(spec.axis, corner, strict=True))
             raise InputError(f"axis: at {at}: {error}") from None
+
+
+def _error_shapes(errors: Array, along: Array) -> Array:
+    """Return shapes (u, m) of the interpolation's error, each as large as its standard deviation.
+
+    `errors` (u, c) are those that were seen, `along` (u,) is 0 to 1. Those alone would say that no
+    other shape can be: half of the variance goes to continuous shapes of the same size.
+    """
+    size = np.sqrt(np.mean(errors**2, axis=1))
+    knots = np.linspace(0.0, 1.0, _KNOTS)
+    together = np.exp(-np.abs(knots[:, None] - knots) / _REACH)
+    hats = np.maximum(0.0, 1.0 - np.abs(along[:, None] - knots) * (_KNOTS - 1))
+    any_shape = size[:, None] * (hats @ np.linalg.cholesky(together))
+    return np.sqrt(0.5) * np.hstack([errors / np.sqrt(errors.shape[1]), any_shape])

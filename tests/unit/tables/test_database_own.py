@@ -195,6 +195,17 @@ def test_identify_finds_the_skin_and_the_effect(tiny, off_the_nodes, tmp_path, c
     assert min(held.values()) >= 4, held
 
 
+def test_intervals_know_that_a_coarse_table_is_wrong_between_its_nodes(tiny):
+    database = read(tiny)
+    identifier = with_custom_table(Identifier(database), database, phases_said=False)
+    setup = Setup(6.0, 1.0, parse_program("ramp:60@10"))
+    for truth, stretch in (((0.027, 0.65, 0.33), 1.015), ((0.041, 1.6, 0.3), 1.045)):
+        curve, _ = simulate(Skin(truth), setup, effects={"natural_tension": {"stretch": stretch}})
+        found = identifier(curve).parameters
+        for name, value in zip(("X1_MPa", "X2_MPa", "nu"), truth, strict=True):
+            assert found[name].low <= value <= found[name].high, (name, truth, found)
+
+
 def test_a_models_prior_counts(tiny, off_the_nodes):
     """Four unknowns on one curve lie in a valley: what is known of the effect chooses in it."""
     built = read(tiny)
