@@ -108,7 +108,7 @@ def find_families(search: Search, found: Found) -> Found:
 
 
 def against_families(search: Search, base: Candidate, best: Candidate) -> Trial:
-    """Return whether an explanation is likelier than a smooth function, and needs none beside it.
+    """Return whether no smooth function is 20 times likelier, or needed beside an explanation.
 
     Of the families that cost no finite elements, linearised about the explanation and about the
     model as it is; their odds are alike.
@@ -133,23 +133,24 @@ def against_families(search: Search, base: Candidate, best: Candidate) -> Trial:
     mean = (logsumexp(by_scale, axis=2) - np.log(len(_SCALES))) / LOG10
     odds = -float(np.log10(max(len(offered), 2)))
     ahead = float(name - plain) + search.log10_odds(best.fit)
-    for which, against, limit, what in (
-        (0, float(plain) + ahead, 0.0, "in its place is"),
-        (1, float(name), NAMES.tie, "beside it makes the curves"),
+    for which, against, what in (
+        (0, float(plain) + ahead, "in its place is"),
+        (1, float(name), "beside it makes the curves"),
     ):
         if not named:
             break
         gains = mean[:, which] + odds - against
         i = int(np.argmax(gains))
-        if gains[i] >= limit:
+        if gains[i] >= NAMES.tie:
             kind = named[i].family.replace("_", " ")
             return Trial(
                 "families", False,
                 f"a smooth unknown function ({kind}) {what} {odds_words(gains[i])} likelier",
             )  # fmt: skip
     return Trial(
-        "families", True, "it is likelier than a smooth unknown function, and needs none beside it"
-    )
+        "families", True,
+        "no smooth unknown function is 20 times likelier in its place, or needed beside it",
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
