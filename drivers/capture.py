@@ -86,7 +86,7 @@ def read_capture(path: Path) -> tuple[dict[str, Any], list[Chunk]]:
 
     Raises OSError, and ValueError (one sentence that names file and line) for what is no capture.
     """
-    lines = path.read_text(encoding="utf-8").split("\n")[:-1]  # whole lines end with a newline
+    lines = path.read_bytes().split(b"\n")[:-1]  # whole lines end with a newline
     facts: dict[str, Any] = {}
     chunks = []
     for number, line in enumerate(lines, start=1):
@@ -104,7 +104,7 @@ def read_capture(path: Path) -> tuple[dict[str, Any], list[Chunk]]:
                     bytes.fromhex(document["hex"]),
                 )
             )
-        except (ValueError, KeyError, TypeError, RecursionError) as error:
+        except (ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
             raise ValueError(f"{path}: line {number}: not a line of a capture ({error})") from None
     if not facts:
         raise ValueError(f"{path}: empty; expected a capture")

@@ -216,7 +216,7 @@ def line_dialect(text: str, where: str) -> Dialect:
         raise DialectFileError(f"{where}: nested too deeply")
     try:
         said = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:
         raise DialectFileError(f"{where}: no TOML: {error}") from None
     try:
         return _dialect(said, text)

@@ -60,6 +60,7 @@ class Watchdog:
         self._vent_since: float | None = None  # a vent is on its way and not confirmed
         self._host_vented = False  # that vent was ordered by the host
         self._unseen = False  # the link was lost under suction, and nobody saw it fall since
+        self._confirmed: tuple[float, float] | None = None  # last vent: since when, and when seen
         self._aperture_mm: float | None = None
         self._dose = DoseMeter()
         self._forget()
@@ -78,6 +79,7 @@ class Watchdog:
 
     def _begin_run(self, now: float) -> None:
         self._envelope = Envelope(self._segments, self._limits)
+        self._confirmed = None
         self._begun = self._asked.get(Start, now - self._limits.clock_s)  # not before
         self._last_sample = now
         self._sampled_s = 0.0  # when the last sample was taken, by the instrument's clock
@@ -150,7 +152,13 @@ class Watchdog:
         self._host_vented = True
         self._asked.clear()
         if self._vent_since is None:
-            self._vent_since = now
+            self._vent_since = self._unbroken_since(now)
+
+    def _unbroken_since(self, now: float) -> float:
+        """Since when the pressure should have fallen: a vent in words only is no new beginning."""
+        if self._confirmed is None or now - self._confirmed[1] > self._limits.vent_time_s:
+            return now
+        return self._confirmed[0]
 
     def link_lost(self) -> list[SafetyEvent]:
         """Judge the loss of the link: where vacuum may be on, nobody can see it go."""
@@ -242,12 +250,13 @@ class Watchdog:
         alarm = Alarm(self._alarm)
         return [alarm] if self._host_vented else [HostVented(text), alarm]
 
-    def _settle(self, pressure_mbar: float) -> list[SafetyEvent]:
+    def _settle(self, pressure_mbar: float, now: float) -> list[SafetyEvent]:
         """Confirm the vent where the pressure says so, once the instrument no longer pulls."""
         if self._vent_since is None or self._state in _PULLING:
             return []
         if pressure_mbar >= self._limits.vent_pressure_mbar:
             return []
+        self._confirmed = (self._vent_since, now)
         self._vent_since = None
         self._host_vented = self._unseen = False
         return [VentConfirmed(pressure_mbar)]
@@ -276,10 +285,13 @@ class Watchdog:
                 self._asked.clear()
             if fell or event.state in {InstrumentState.VENTING, InstrumentState.FAULT}:
                 self._ended = before is InstrumentState.RUNNING and not orders
-                self._vent_since = now if self._vent_since is None else self._vent_since
+                if self._vent_since is None:
+                    self._vent_since = now
         if event.pressure_mbar is None:
             return orders
-        return orders or self._settle(event.pressure_mbar) or self._at_rest(event.pressure_mbar)
+        return (
+            orders or self._settle(event.pressure_mbar, now) or self._at_rest(event.pressure_mbar)
+        )
 
     def _unasked(self, state: InstrumentState) -> list[SafetyEvent]:
         command = _ASKED_BY.get(state)
@@ -306,7 +318,7 @@ class Watchdog:
         self._pulls = pulls
         if self._vent_since is not None:
             beyond = self._ended and not self._host_vented
-            return self._settle(pressure) or (self._beyond(sample) if beyond else [])
+            return self._settle(pressure, now) or (self._beyond(sample) if beyond else [])
         if self._state is not InstrumentState.RUNNING:
             return self._at_rest(pressure)
         if sample.segment > self._envelope.segment:

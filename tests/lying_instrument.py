@@ -1,7 +1,8 @@
 """An instrument that lies, as a process of its own: it says what it likes.
 
-`python tests/lying_instrument.py [--pty] LIE` prints its URL and serves one host after the other.
-It speaks the reference dialect on the real clock and does what a good instrument does, but for its
+`python tests/lying_instrument.py [--pty] [--log FILE] LIE` prints its URL and serves one host after
+the other; the log has a line a word that it had from the host, with the time since Start in s. It
+speaks the reference dialect on the real clock and does what a good instrument does, but for its
 lie. It has no chamber: the pressure is what it says.
 """
 
@@ -10,7 +11,9 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import TextIO
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
@@ -24,6 +27,7 @@ from drivers.events import (
     Hello,
     Identify,
     InstrumentEvent,
+    InstrumentFault,
     Load,
     Loaded,
     Sample,
@@ -55,6 +59,9 @@ ENDLESS: dict[str, Lie] = {  # it never says that the program is over
     "runs backwards": lambda t, p, s: (t if t < 1.0 else max(0.0, 2.0 - t), 60.0, 1),
     "dips": lambda t, p, s: (t, 3.0 if t % 0.5 < INTERVAL_S else 60.0, 1),
     "frozen pressure": lambda t, p, s: (t, min(p, 30.0), s),
+    "creeps up": lambda t, p, s: (t, p + 20.0 * max(0.0, t - 1.0), s),
+    "reads nothing": lambda t, p, s: (t, 0.0, s),
+    "wobbles": lambda t, p, s: (t + (0.9 if t > 1.0 and int(50 * t) % 2 else 0.0), p, s),
 }
 OTHERS: dict[str, Lie] = {
     "truth": lambda t, p, s: (t, p, s),
@@ -63,24 +70,38 @@ OTHERS: dict[str, Lie] = {
     "starts by itself": lambda t, p, s: (t, p, s),
     "starts again": lambda t, p, s: (t, p, s),
     "done": lambda t, p, s: (t, 60.0, s),
+    "frozen height": lambda t, p, s: (t, p, s),
+    "says all twice": lambda t, p, s: (t, p, s),
+    "counts back": lambda t, p, s: (t, p, s),
+    "arms late": lambda t, p, s: (t, p, s),
+    "never starts": lambda t, p, s: (t, p, s),
+    "hostile names": lambda t, p, s: (t, p, s),
+    "vents in name": lambda t, p, s: (t, p + 20.0 * max(0.0, t - 1.0), s),
 }
+EVIL = "e\x1b]0;evil\x07\x9b2J\u202e\r\n[red]x[/]"  # what acts on a terminal
+LATE_S = 3.0  # longer than a host waits for an answer
 
 
 class Liar:
     """The instrument; `out` is what it wants to send."""
 
-    def __init__(self, lie: str) -> None:
+    def __init__(self, lie: str, log: TextIO | None = None) -> None:
         self.lie = lie
+        self.log = log
+        self.late: list[tuple[float, InstrumentEvent]] = []  # what is to be said at a time
         self.alter = {**ENDLESS, **OTHERS}[lie]
         self.state = S.IDLE
         self.load: Load | None = None
         self.run: Run | None = None
         self.started = 0.0
         self.count = 0
+        self.said_mbar = 0.0
         self.out = bytearray()
 
     def say(self, event: InstrumentEvent, number: int | None = None) -> None:
         self.out += DIALECT.encode_event(event, number)
+        if self.lie == "says all twice":
+            self.out += DIALECT.encode_event(event, number)
 
     def enter(self, state: S, reason: str) -> None:
         self.state = state
@@ -88,9 +109,14 @@ class Liar:
 
     def obey(self, frame: bytes) -> None:
         command, number = DIALECT.decode_command(frame)
+        if self.log is not None:
+            since_s = time.monotonic() - self.started if self.started else 0.0
+            self.log.write(f"{since_s:.3f} {type(command).__name__} {self.said_mbar:g}\n")
+            self.log.flush()
         match command:
             case Identify():
-                self.say(HELLO)
+                hostile = {"model": EVIL, "firmware": EVIL, "serial_number": EVIL}
+                self.say(replace(HELLO, **hostile) if self.lie == "hostile names" else HELLO)
                 if self.lie == "passes the height":
                     self.say(Abilities(until=True))
                 self.say(State(self.state, "identify", 0.0))
@@ -100,14 +126,19 @@ class Liar:
                 self.enter(S.LOADED, "loaded")
                 if self.lie == "another program":  # said again, and longer
                     self.say(Loaded((*segments, *segments[-1:] * 5), rate_hz, 500.0, 60.0), number)
+            case Arm() if self.lie == "arms late":
+                self.late.append((time.monotonic() + LATE_S, State(S.ARMED, "armed", 0.0)))
             case Arm():
                 self.enter(S.ARMED, "armed")
                 if self.lie == "starts by itself":
                     self.start()
+            case Start() if self.lie == "never starts":
+                pass
             case Start() if self.state is S.ARMED:
                 self.start()
             case Vent():
-                self.run = None
+                if self.lie != "vents in name":
+                    self.run = None
                 self.enter(S.VENTING, "host")
                 self.enter(S.LOADED, "vented")
             case _:
@@ -120,6 +151,8 @@ class Liar:
 
     def live(self) -> None:
         """Say the samples that are due."""
+        while self.late and time.monotonic() > self.late[0][0]:
+            self.say(self.late.pop(0)[1])
         while self.run is not None and time.monotonic() - self.started >= self.count * INTERVAL_S:
             at_s = self.count * INTERVAL_S
             self.run.advance(round(1e6 * at_s), 0.0)
@@ -129,7 +162,14 @@ class Liar:
             time_s, pressure, segment = self.alter(at_s, self.run.set_point_mbar, self.run.index)
             pressure = pressure if self.count else 0.0  # nothing can be there at once
             height_mm = (5e-3 if self.lie == "passes the height" else 1e-4) * self.count
-            self.say(Sample(self.count, time_s, pressure, height_mm, segment))
+            if self.lie == "frozen height":
+                height_mm = min(height_mm, 25e-4)  # from 0.5 s on
+            number = self.count % 40 if self.lie == "counts back" else self.count
+            self.say(Sample(number, time_s, pressure, height_mm, segment))
+            if self.lie == "hostile names" and self.count == 50:
+                self.say(InstrumentFault(EVIL, EVIL))
+                self.enter(S.FAULT, EVIL)
+            self.said_mbar = pressure
             self.count += 1
 
     def end(self) -> None:
@@ -144,7 +184,10 @@ class Liar:
 
 
 def main() -> None:
-    liar = Liar(sys.argv[-1])
+    log = None
+    if "--log" in sys.argv:
+        log = Path(sys.argv[sys.argv.index("--log") + 1]).open("w")  # noqa: SIM115 -- until it is killed
+    liar = Liar(sys.argv[-1], log)
     waiting = bytearray()
     with PtyHost() if "--pty" in sys.argv else TcpHost(0) as host:
         sys.stdout.write(f"{host.url}\n")

@@ -9,14 +9,16 @@ from typing import Any, TextIO
 
 from skinlab.text import inert, inert_lines, json_text
 
+_LONGEST = 1500  # characters of a line to standard error; a path may have some hundreds
+
 
 def echo(line: str, *, err: bool = False) -> None:
-    """Print one line; `err`: to standard error, which never fails.
+    """Print one line; `err`: to standard error, which never fails and takes no floods.
 
     Raises:
         OSError: standard output cannot be written, for another reason than a closed terminal.
     """
-    _write(inert(line) + "\n", err)
+    _write((_shortened(inert(line)) if err else inert(line)) + "\n", err)
 
 
 def echo_text(text: str, *, err: bool = False) -> None:
@@ -25,7 +27,13 @@ def echo_text(text: str, *, err: bool = False) -> None:
     Raises:
         OSError: as `echo`.
     """
-    _write(inert_lines(text) + "\n", err)
+    lines = inert_lines(text)
+    _write(("\n".join(map(_shortened, lines.split("\n"))) if err else lines) + "\n", err)
+
+
+def _shortened(line: str) -> str:
+    """Leave out the middle of a line that repeats a whole file's content."""
+    return line if len(line) <= _LONGEST else f"{line[: _LONGEST - 300]} … {line[-300:]}"
 
 
 def print_json(document: dict[str, Any]) -> None:

@@ -8,6 +8,8 @@ import click
 
 from skinlab.cli.output import echo
 
+_MOST_SAID = 20  # sentences on what was skipped
+
 
 @click.command()
 @click.argument("journal", type=click.Path(path_type=Path))
@@ -27,7 +29,10 @@ def command(journal: Path, out: Path | None) -> int:
     if is_live(journal):
         raise InputError(f"{journal}: a measurement is recording there now; it saves by itself")
     made, skipped = recover(journal, out)
-    for sentence in skipped:
+    for sentence in skipped[:_MOST_SAID]:
         echo(f"skinlab: {journal}: {sentence}", err=True)
+    if len(skipped) > _MOST_SAID:
+        more = len(skipped) - _MOST_SAID
+        echo(f"skinlab: {journal}: {more} more of this kind", err=True)
     echo(f"{out}: {len(made.curves)} curves recovered; {journal} can be deleted")
     return 0

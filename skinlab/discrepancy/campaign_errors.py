@@ -204,7 +204,7 @@ def log_evidences(ones: Sequence[Linearised], covariances: Sequence[Covariance])
     columns = [c for one, _ in blocks.values() for c in (one.residual_mm, one.slopes_mm)]
     values = np.column_stack(columns)
     found = np.empty((len(covariances), len(ones)))
-    for members in alike([(c.shapes_mm.shape[1], c.ou is None) for c in covariances]):
+    for members in alike([(c.columns_mm.shape[1], c.ou is None) for c in covariances]):
         every, log_determinant = products([covariances[i] for i in members], values)
         for j, one in enumerate(ones):
             _, at = blocks[id(one.slopes_mm)]
@@ -231,7 +231,7 @@ class ThicknessScatter:
         columns = self.slope_mm[:, None] * one
 
         def terms(values: Sequence[float]) -> Terms:
-            return Terms(columns_mm=columns, scale=values[0])
+            return Terms(columns_mm=values[0] * columns)
 
         size = Hyperparameter(self.name, *ERRORS.thickness_scatter)
         return Part(self.name, (size,), terms, always=True)

@@ -89,8 +89,11 @@ def the_same_seed_gives_the_same_bits(method: Method) -> None:
 def a_curve_without_an_answer_is_no_crash(method: Method) -> None:
     """A curve that no skin explains is no crash."""
     given = _curve()
-    for deflection_mm in (np.zeros(51), -given.deflection_mm):
-        flat = Curve("curve", given.setup, given.time_s, given.pressure_mbar, deflection_mm)
+    time_s, pressure_mbar, deflection_mm = (
+        each[::5] for each in (given.time_s, given.pressure_mbar, given.deflection_mm)
+    )
+    for wrong_mm in (np.zeros(len(time_s)), -deflection_mm):
+        flat = Curve("curve", given.setup, time_s, pressure_mbar, wrong_mm)
         Identifier(shipped_grid(), method=method.name)(flat)
 
 

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.inference import bidiagonal
+from skinlab.mechanics.fem import kernel
 
 Array = NDArray[np.float64]
 
@@ -39,22 +40,15 @@ class OrnsteinUhlenbeck:
 class Covariance:
     """Σ over samples (u,) of one or several curves, end to end, times increasing in each.
 
-    `variance_mm2` (u,) is D; V are `shapes_mm` (u, m), which covariances may share, times `scale`
-    (m,), if there is one. `ends` are the ends of the curves; `time_s`
+    `variance_mm2` (u,) is D, `columns_mm` (u, m) V. `ends` are the ends of the curves; `time_s`
     (u,) is needed where there is an Ornstein-Uhlenbeck process.
     """
 
     variance_mm2: Array
-    shapes_mm: Array
+    columns_mm: Array
     ends: tuple[int, ...]
     ou: OrnsteinUhlenbeck | None = None
     time_s: Array | None = None
-    scale: Array | None = None
-
-    @cached_property
-    def columns_mm(self) -> Array:
-        """V (u, m): columns, each as large as its standard deviation."""
-        return self.shapes_mm if self.scale is None else self.shapes_mm * self.scale
 
     @property
     def count(self) -> int:
@@ -190,7 +184,7 @@ class Covariance:
         return replace(
             self,
             variance_mm2=self.variance_mm2[kept],
-            shapes_mm=self.shapes_mm[kept],
+            columns_mm=self.columns_mm[kept],
             ends=tuple(int(c) for c in counts),
             time_s=None if self.time_s is None else self.time_s[kept],
         )
@@ -210,65 +204,93 @@ def gram_matrices(covariances: Sequence[Covariance], values_mm: Array) -> tuple[
     Raises:
         numpy.linalg.LinAlgError: one is not positive definite.
     """
-    leaders, scales = _scaled_alike(covariances)
-    if len(leaders) < len(covariances):
-        gram, log_base = gram_matrices([covariances[i] for i in leaders], values_mm)
-        place = {leader: i for i, leader in enumerate(leaders)}
-        which = [place[leader] for leader, _ in scales]
-        whole = np.ones((len(covariances), gram.shape[1]))
-        whole[:, values_mm.shape[1] :] = [scale for _, scale in scales]
-        return gram[which] * whole[:, :, None] * whole[:, None, :], log_base[which]
+    first = covariances[0]
+    shared = all(one.columns_mm is first.columns_mm for one in covariances)
+    if not shared:
+        leaders, scales = _scaled_alike(covariances)
+        if len(leaders) < len(covariances):
+            gram, log_base = gram_matrices([covariances[i] for i in leaders], values_mm)
+            place = {leader: i for i, leader in enumerate(leaders)}
+            which = [place[leader] for leader, _ in scales]
+            whole = np.ones((len(covariances), gram.shape[1]))
+            whole[:, values_mm.shape[1] :] = [scale for _, scale in scales]
+            return gram[which] * whole[:, :, None] * whole[:, None, :], log_base[which]
+    n, u = len(covariances), first.count
+    if len(first.ends) > 1:
+        return _gram_by_curve(covariances, values_mm)
+    at_once = max(1, _AT_ONCE // max(u * (values_mm.shape[1] + first.columns_mm.shape[1]), 1))
+    if n > at_once:
+        parts = [
+            gram_matrices(covariances[i : i + at_once], values_mm) for i in range(0, n, at_once)
+        ]
+        return np.concatenate([g for g, _ in parts]), np.concatenate([d for _, d in parts])
+    variance = np.array([one.variance_mm2 for one in covariances])
+    columns = first.columns_mm[None] if shared else np.array([c.columns_mm for c in covariances])
+    square = decay = None
+    if first.ou is not None:
+        assert first.time_s is not None
+        processes = [one.ou for one in covariances if one.ou is not None]
+        square = np.array([ou.size_mm**2 for ou in processes])
+        times = np.array([[ou.time_s] for ou in processes])
+        decay = np.zeros((n, u))
+        decay[:, 1:] = np.exp(-np.maximum(np.diff(first.time_s), 0.0) / times)
+        decay[:, [end for end in first.ends if end < u]] = 0.0
+    found = kernel.gram(values_mm, columns, variance, square, decay)
+    if found is None:
+        return _gram(values_mm, columns, variance, square, decay)
+    if found[2]:
+        raise np.linalg.LinAlgError("the covariance of the errors is not positive definite")
+    return found[:2]
+
+
+def _gram_by_curve(covariances: Sequence[Covariance], values_mm: Array) -> tuple[Array, Array]:
+    """Return `gram_matrices` of several curves: most columns are of one, and zero in the others."""
     first, m = covariances[0], values_mm.shape[1]
-    n, width = len(covariances), m + first.shapes_mm.shape[1]
-    shapes = list({id(c.shapes_mm): c.shapes_mm for c in covariances}.values())
+    n, width = len(covariances), m + first.columns_mm.shape[1]
+    several = list({id(c.columns_mm): c.columns_mm for c in covariances}.values())
     whole, log_base = np.zeros((n, width, width)), np.zeros(n)
     for begin, end in pairwise((0, *first.ends)):
         if begin == end:
             continue
         here = slice(begin, end)
-        # Most columns are of one curve or a few, and zero in the others.
-        seen = np.logical_or.reduce([v[here].any(axis=0) for v in shapes])
-        own, of = np.flatnonzero(values_mm[here].any(axis=0)), np.flatnonzero(seen)
-        both = np.concatenate([own, m + of])
-        at_once = max(1, _AT_ONCE // max((end - begin) * len(both), 1))
-        for i in range(0, n, at_once):
-            some = slice(i, i + at_once)
-            gram, log_determinant = _gram(covariances[some], values_mm[here][:, own], of, here)
-            whole[some, both[:, None], both] += gram
-            log_base[some] += log_determinant
+        own = np.flatnonzero(values_mm[here].any(axis=0))
+        of = np.flatnonzero(np.logical_or.reduce([v[here].any(axis=0) for v in several]))
+        cut = {id(v): np.ascontiguousarray(v[here][:, of]) for v in several}
+        parts = [
+            replace(
+                c, variance_mm2=c.variance_mm2[here], columns_mm=cut[id(c.columns_mm)],
+                ends=(end - begin,), time_s=None if c.time_s is None else c.time_s[here],
+            )
+            for c in covariances
+        ]  # fmt: skip
+        gram, log_determinant = gram_matrices(parts, np.ascontiguousarray(values_mm[here][:, own]))
+        at = np.concatenate([own, m + of])
+        whole[:, at[:, None], at] += gram
+        log_base += log_determinant
     return whole, log_base
 
 
 def _gram(
-    covariances: Sequence[Covariance], values_mm: Array, of: NDArray[np.intp], here: slice
+    values_mm: Array, columns_mm: Array, d: Array, square: Array | None, decay: Array | None
 ) -> tuple[Array, Array]:
-    """Return `gram_matrices` of one curve's samples and of these of the columns."""
-    first = covariances[0]
-    n, (u, m) = len(covariances), values_mm.shape
-    both = np.empty((n, u, m + len(of)))
-    both[:, :, :m] = values_mm
-    for i, one in enumerate(covariances):
-        both[i, :, m:] = one.shapes_mm[here][:, of]
-        if one.scale is not None:
-            both[i, :, m:] *= one.scale[of]
-    d = np.array([one.variance_mm2[here] for one in covariances])
-    if first.ou is not None:
-        assert first.time_s is not None
-        processes = [one.ou for one in covariances if one.ou is not None]
-        squares = np.array([[ou.size_mm**2] for ou in processes])
-        times = np.array([[ou.time_s] for ou in processes])
-        phi = np.zeros((n, u))
-        phi[:, 1:] = np.exp(-np.maximum(np.diff(first.time_s[here]), 0.0) / times)
-        diagonal = d + squares * (1.0 - phi**2)
-        diagonal[:, 1:] += phi[:, 1:] ** 2 * d[:, :-1]
+    """Return the same as the compiled kernel."""
+    n, u = d.shape
+    m = values_mm.shape[1]
+    both = np.empty((n, u, m + columns_mm.shape[2]))
+    both[:, :, :m], both[:, :, m:] = values_mm, columns_mm
+    if square is not None and decay is not None:
+        diagonal = d + square[:, None] * (1.0 - decay**2)
+        diagonal[:, 1:] += decay[:, 1:] ** 2 * d[:, :-1]
         beside = np.zeros((n, u))
-        beside[:, :-1] = -phi[:, 1:] * d[:, :-1]
-        both[:, 1:] -= phi[:, 1:, None] * both[:, :-1]
+        beside[:, :-1] = -decay[:, 1:] * d[:, :-1]
+        both[:, 1:] -= decay[:, 1:, None] * both[:, :-1]
         if n * u > 1:
             found, below = bidiagonal.factorise(diagonal.ravel(), beside.ravel()[:-1])
             both = bidiagonal.solve(below, both.reshape(n * u, -1)).reshape(n, u, -1)
             diagonal = found.reshape(n, u)
         d = diagonal
+    if not (d > 0.0).all():
+        raise np.linalg.LinAlgError("the covariance of the errors is not positive definite")
     both /= np.sqrt(d)[:, :, None]
     return both.transpose(0, 2, 1) @ both, np.log(d).sum(axis=1)
 
@@ -279,25 +301,30 @@ def _scaled_alike(covariances: Sequence[Covariance]) -> tuple[list[int], list[tu
     Where only the sizes of random effects differ, D + B is the same and the columns are the
     leader's, each longer or shorter.
     """
-    known: dict[tuple[bytes, OrnsteinUhlenbeck | None, int], tuple[int, Array]] = {}
-    largest: dict[int, Array] = {}  # of each column
+    known: dict[tuple[bytes, OrnsteinUhlenbeck | None], int] = {}
     leaders, found = [], []
     for i, one in enumerate(covariances):
-        shapes, m = one.shapes_mm, one.shapes_mm.shape[1]
-        if one.scale is not None:
-            if id(shapes) not in largest:
-                rows = np.abs(shapes).argmax(axis=0) if len(shapes) else np.zeros(0, dtype=np.intp)
-                largest[id(shapes)] = shapes[rows, np.arange(m)]
-            mine = largest[id(shapes)] * one.scale
-            key = (one.variance_mm2.tobytes(), one.ou, id(shapes))
-            if key in known:
-                leader, its = known[key]
-                found.append((leader, mine / its))
-                continue
-            known[key] = i, np.where(mine == 0.0, 1.0, mine)
-        leaders.append(i)
-        found.append((i, np.ones(m)))
+        key = (one.variance_mm2.tobytes(), one.ou)
+        leader = known.setdefault(key, i)
+        scale = _scale_between(covariances[leader].columns_mm, one.columns_mm)
+        if scale is None:
+            known[key] = leader = i
+            scale = np.ones(one.columns_mm.shape[1])
+        if leader == i:
+            leaders.append(i)
+        found.append((leader, scale))
     return leaders, found
+
+
+def _scale_between(before: Array, now: Array) -> Array | None:
+    """Return by what columns (u, m) are longer than those before (m,); None: they are others."""
+    if before is now or before.shape != now.shape or not len(now):
+        return np.ones(now.shape[1]) if before.shape == now.shape else None
+    rows, columns = np.abs(before).argmax(axis=0), np.arange(before.shape[1])
+    largest = before[rows, columns]
+    scale = now[rows, columns] / np.where(largest == 0.0, 1.0, largest)
+    same = np.abs(before * scale - now) <= 1e-12 * np.abs(now)
+    return scale if same.all() else None
 
 
 def products(covariances: Sequence[Covariance], values_mm: Array) -> tuple[Array, Array]:
@@ -308,6 +335,18 @@ def products(covariances: Sequence[Covariance], values_mm: Array) -> tuple[Array
     taken = np.linalg.solve(root, gram[:, m:, :m])
     log_inner = 2.0 * np.log(np.einsum("nii->ni", root)).sum(axis=1)
     return gram[:, :m, :m] - taken.transpose(0, 2, 1) @ taken, log_base + log_inner
+
+
+def block_diagonal(blocks: Sequence[Array]) -> Array:
+    """Return the matrix with these (u, m) along its diagonal."""
+    if len(blocks) == 1:
+        return blocks[0]
+    whole = np.zeros((sum(len(b) for b in blocks), sum(b.shape[1] for b in blocks)))
+    row = column = 0
+    for b in blocks:
+        whole[row : row + len(b), column : column + b.shape[1]] = b
+        row, column = row + len(b), column + b.shape[1]
+    return whole
 
 
 def independent(sigma_mm: Array, columns_mm: Array | Sequence[Array] | None = None) -> Covariance:

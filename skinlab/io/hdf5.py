@@ -49,6 +49,7 @@ def open_hdf5(path: Path) -> Iterator[Any]:
         LookupError,
         MemoryError,
         RuntimeError,
+        SystemError,  # h5py's, of some damaged files
         TypeError,
         ValueError,
     ) as error:

@@ -61,7 +61,10 @@ class CurveAssembler:
                     self._cut = self._cut or reason
                 messages += self._finish()
             case Sample() if self._running and self._curve is not None:
-                if event.segment >= (self._segments() or math.inf):
+                count = self._segments() or math.inf
+                if event.segment > count:  # the one behind the last is the vent
+                    self._cut = self._cut or f"segment {event.segment}, past the end"
+                if event.segment >= count:
                     messages += self._finish()
                 else:
                     self._curve.append(event)

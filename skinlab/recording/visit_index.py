@@ -8,12 +8,13 @@ from __future__ import annotations
 import json
 import os
 import sqlite3
-from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager, suppress
+from collections.abc import Callable
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from skinlab.errors import SkinlabError
@@ -25,6 +26,8 @@ _COLUMNS = (
     "file", "mtime_ns", "size", "created_utc", "subject", "site", "simulated", "curves", "alike",
     "parameters", "problem",
 )  # fmt: skip
+# What an index that is only a cache may raise where somebody or something changed it
+_DAMAGED = (sqlite3.Error, ValueError, TypeError, OverflowError, RecursionError)
 
 
 @dataclass(frozen=True)
@@ -43,36 +46,52 @@ class VisitRow:
 
 
 def visits(
-    folder: Path, tell: Callable[[int, int], None] = lambda done, of: None
+    folder: Path, tell: Callable[[int, int], None] = lambda done, of: None, *, keep: bool = True
 ) -> list[VisitRow]:
     """Return the visits of a folder, the latest first; `tell` hears how far new files are read.
 
-    Only files that are new or changed are opened. Without a place to write, nothing is kept.
+    Only files that are new or changed are opened. Without a place to write, or where it is not to
+    be kept and is not there yet, no index is made.
     """
     paths = sorted(folder.glob("*.h5")) if folder.is_dir() else []
-    with _database(folder) as database:
-        known = {
-            str(row[0]): row
-            for row in database.execute(f"SELECT {', '.join(_COLUMNS)} FROM visits")
-        }
-        gone = set(known) - {path.name for path in paths}
-        database.executemany("DELETE FROM visits WHERE file = ?", [(name,) for name in gone])
-        found = []
-        for number, path in enumerate(paths):
-            row = known.get(path.name)
-            stat = path.stat()
-            if row is None or (row[1], row[2]) != (stat.st_mtime_ns, stat.st_size):
-                tell(number, len(paths))
-                row = (path.name, stat.st_mtime_ns, stat.st_size, *_read(path))
-                marks = ", ".join("?" * len(_COLUMNS))
-                database.execute(f"REPLACE INTO visits VALUES ({marks})", row)
-            found.append(_row(row))
-        database.commit()
+    # An index that is damaged, or of another kind, is made anew: it is only a cache
+    ways = (_open, _anew) if keep or (folder / NAME).exists() else ()
+    for opened in ways:
+        with suppress(*_DAMAGED), closing(opened(folder / NAME)) as database:
+            return _listed(database, paths, tell)
+    with closing(_prepared(sqlite3.connect(":memory:"))) as database:
+        return _listed(database, paths, tell)
+
+
+def _listed(
+    database: sqlite3.Connection, paths: list[Path], tell: Callable[[int, int], None]
+) -> list[VisitRow]:
+    known = {
+        str(row[0]): row for row in database.execute(f"SELECT {', '.join(_COLUMNS)} FROM visits")
+    }
+    gone = set(known) - {path.name for path in paths}
+    database.executemany("DELETE FROM visits WHERE file = ?", [(name,) for name in gone])
+    found = []
+    for number, path in enumerate(paths):
+        row = known.get(path.name)
+        stat = path.stat()
+        if row is None or (row[1], row[2]) != (stat.st_mtime_ns, stat.st_size):
+            tell(number, len(paths))
+            row = (path.name, stat.st_mtime_ns, stat.st_size, *_read(path))
+            marks = ", ".join("?" * len(_COLUMNS))
+            database.execute(f"REPLACE INTO visits VALUES ({marks})", row)
+        found.append(_row(row))
+    database.commit()
     return sorted(found, key=lambda v: (v.created_utc, v.file), reverse=True)
 
 
 def visit_before(
-    folder: Path, whose: tuple[str, str] | None, session: Path | None, *, simulated: bool
+    folder: Path,
+    whose: tuple[str, str] | None,
+    session: Path | None,
+    *,
+    simulated: bool,
+    keep: bool = True,
 ) -> Path | None:
     """Return the last other session of this subject and site; None: there is none.
 
@@ -81,7 +100,7 @@ def visit_before(
     if whose is None or not whose[0]:
         return None  # nobody knows whose it is
     present = None if session is None else session.name
-    rows = visits(folder)
+    rows = visits(folder, keep=keep)
     now = next((row.created_utc for row in rows if row.file == present), None)
     same = (
         row
@@ -96,20 +115,11 @@ def visit_before(
     return None if found is None else folder / found.file
 
 
-@contextmanager
-def _database(folder: Path) -> Iterator[sqlite3.Connection]:
-    path = folder / NAME
-    try:
-        connection = _open(path)
-    except sqlite3.Error:  # damaged, or of another kind: it is only a cache
-        with suppress(OSError):
-            path.unlink()
-        try:
-            connection = _open(path)
-        except sqlite3.Error:
-            connection = _prepared(sqlite3.connect(":memory:"))
-    with closing(connection):
-        yield connection
+def _anew(path: Path) -> sqlite3.Connection:
+    """Open an empty index in the place of one that is damaged or of another kind."""
+    with suppress(OSError):
+        path.unlink()
+    return _open(path)
 
 
 def _open(path: Path) -> sqlite3.Connection:
@@ -170,6 +180,7 @@ def _read(path: Path) -> tuple[Any, ...]:
 
 def _row(row: tuple[Any, ...]) -> VisitRow:
     file, _, _, created, subject, site, simulated, curves, alike, parameters, problem = row
-    values = {name: (v[0], v[1], v[2]) for name, v in json.loads(parameters).items()}
+    values = msgspec.json.decode(parameters, type=dict[str, tuple[float, float, float]])
     whose = (str(created), str(subject), str(site), bool(simulated), int(curves))
-    return VisitRow(str(file), *whose, tuple(json.loads(alike)), values, str(problem))
+    same = msgspec.json.decode(alike, type=tuple[str, ...])
+    return VisitRow(str(file), *whose, same, values, str(problem))

@@ -14,12 +14,17 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Self, TypeVar
+
+import msgspec
 
 from skinlab.errors import InputError
+from skinlab.io.documents import read_json
 from skinlab.studies.compute import Computed, Row, Task
 from skinlab.studies.sources import LABELS, pseudonym
 from skinlab.text import inert
+
+Kind = TypeVar("Kind")
 
 SCHEMA = "skinlab.study.state/1"
 NAME = "study.sqlite"
@@ -38,6 +43,17 @@ CREATE TABLE IF NOT EXISTS campaign (
   name TEXT PRIMARY KEY, wanted TEXT NOT NULL, text TEXT NOT NULL);
 CREATE TABLE IF NOT EXISTS person (subject TEXT PRIMARY KEY, facts TEXT NOT NULL);
 """
+
+
+class _Said(msgspec.Struct):
+    """What is kept of a curve, as JSON; looked at before it is used."""
+
+    curve: str
+    partial: bool
+    setup: dict[str, Any]
+    known: dict[str, Any]
+    result: dict[str, Any]
+    step: dict[str, float]
 
 
 @dataclass(frozen=True)
@@ -92,12 +108,16 @@ class State:
                 ) from None
             raise InputError(f"{self.path}: cannot be written ({error})") from None
         except sqlite3.DatabaseError as error:
-            raise InputError(f"{self.path}: damaged ({error}); remove it to begin anew") from None
+            raise self._damaged(error) from None
         except OSError as error:
             raise InputError(f"{folder}: cannot be written ({error.strerror or error})") from None
-        if self._meta("schema") not in (None, SCHEMA):
-            raise InputError(f"{self.path}: {self._meta('schema')}; expected {SCHEMA}")
-        self._set("schema", SCHEMA)
+        try:
+            schema = self._meta("schema")
+            if schema not in (None, SCHEMA):
+                raise InputError(f"{self.path}: {schema}; expected {SCHEMA}")
+            self._set("schema", SCHEMA)
+        except sqlite3.DatabaseError as error:
+            raise self._damaged(error) from None
 
     def __enter__(self) -> Self:
         return self
@@ -109,6 +129,24 @@ class State:
         trace: TracebackType | None,
     ) -> None:
         self._db.close()
+        if isinstance(error, sqlite3.DatabaseError):  # pages that nobody had to look at before
+            raise self._damaged(error) from None
+
+    def _damaged(self, why: object) -> InputError:
+        return InputError(f"{self.path}: damaged ({why}); remove it to begin anew")
+
+    def _as(self, kind: type[Kind], said: Any) -> Kind:
+        """Return what the file says, which must be of this kind; a row comes as a list."""
+        try:
+            return msgspec.convert(said, kind)
+        except msgspec.ValidationError as error:
+            raise self._damaged(error) from None
+
+    def _object(self, text: Any) -> dict[str, Any]:
+        try:
+            return self._as(dict[str, Any], read_json(self._as(str, text)))
+        except ValueError as error:  # InputError is one
+            raise error if isinstance(error, InputError) else self._damaged(error) from None
 
     @property
     def settings(self) -> str | None:
@@ -117,7 +155,10 @@ class State:
 
     def begin(self, settings: str) -> int:
         """Begin a look at the folders; return its number."""
-        scan = int(self._meta("scan") or 0) + 1
+        before = self._meta("scan") or "0"
+        scan = (
+            int(before) if before.isascii() and before.isdigit() and len(before) < 16 else 0
+        ) + 1
         self._db.execute("BEGIN")
         self._set("scan", str(scan))
         self._set("settings", settings)
@@ -147,7 +188,7 @@ class State:
         """Note what is known of one of the people."""
         before = self._db.execute("SELECT facts FROM person WHERE subject = ?", (subject,))
         row = before.fetchone()
-        merged = {**(json.loads(row[0]) if row else {}), **facts}
+        merged = {**(self._object(row[0]) if row else {}), **facts}
         self._db.execute(
             "INSERT OR REPLACE INTO person (subject, facts) VALUES (?, ?)",
             (subject, json.dumps(merged)),
@@ -199,7 +240,7 @@ class State:
             if not rows:
                 return
             last = rows[-1][3]
-            yield [Task(r[0], _path(r[1]), json.loads(r[2])) for r in rows]
+            yield [Task(r[0], self._path(r[1]), self._object(r[2])) for r in rows]
 
     def add(self, computed: Sequence[Computed], wanted: dict[int, str]) -> None:
         """Keep what was computed, all of it or nothing; `wanted` by file says of which state."""
@@ -233,7 +274,7 @@ class State:
     def people(self) -> dict[str, dict[str, Any]]:
         """Return what is known of the people, by subject."""
         rows = self._db.execute("SELECT subject, facts FROM person")
-        return {subject: json.loads(facts) for subject, facts in rows}
+        return {self._as(str, subject): self._object(facts) for subject, facts in rows}
 
     def failures(self) -> Iterator[tuple[str, str]]:
         """Yield the files that could not be read, each with its reason."""
@@ -248,8 +289,14 @@ class State:
             "JOIN curve c ON c.source = s.number WHERE s.error IS NULL AND s.done = s.wanted "
             "ORDER BY s.name, c.number"
         )
-        for name, sha, facts, number, text, draws in rows:
-            yield Stored(name, sha, json.loads(facts), number, json.loads(text), draws)
+        for row in rows:
+            name, sha, facts, number, text, draws = self._as(
+                tuple[str, str, str, int, str, bytes], row
+            )
+            said = self._as(_Said, self._object(text))
+            if len(draws) % (4 * max(1, len(said.result.get("order") or ()))):
+                raise self._damaged("draws that are no whole rows")
+            yield Stored(name, sha, self._object(facts), number, msgspec.to_builtins(said), draws)
 
     def readable(self) -> Iterator[Readable]:
         """Yield the files that could be read, in the order of their names."""
@@ -259,17 +306,20 @@ class State:
             "ORDER BY s.name"
         )
         for name, path, sha, text, curve in rows:
-            facts = json.loads(text)
-            known = {**json.loads(curve)["known"], **facts}
+            facts = self._object(text)
+            known = {**self._as(_Said, self._object(curve)).known, **facts}
             labels = {n: str(known[n]) for n in LABELS if known.get(n)}
             if "subject" in labels:
                 labels["subject"] = pseudonym(labels["subject"])
-            yield Readable(name, _path(path), sha, facts, labels)
+            yield Readable(name, self._path(path), sha, facts, labels)
 
     def explained(self) -> dict[str, tuple[str, str]]:
         """Return what is said of campaigns: by name the hash it depends on, and the text."""
         rows = self._db.execute("SELECT name, wanted, text FROM campaign")
-        return {name: (wanted, text) for name, wanted, text in rows}
+        return {
+            name: (wanted, text)
+            for name, wanted, text in (self._as(tuple[str, str, str], r) for r in rows)
+        }
 
     def add_explained(self, name: str, wanted: str, text: str) -> None:
         """Keep what is said of a campaign."""
@@ -279,6 +329,9 @@ class State:
         row = self._db.execute("SELECT value FROM meta WHERE name = ?", (name,)).fetchone()
         return None if row is None else str(row[0])
 
+    def _path(self, kept: Any) -> Path:
+        return Path(os.fsdecode(self._as(str, kept) if not isinstance(kept, bytes) else kept))
+
     def _set(self, name: str, value: str) -> None:
         self._db.execute("INSERT OR REPLACE INTO meta VALUES (?, ?)", (name, value))
 
@@ -287,10 +340,6 @@ def _kept(path: Path) -> str | bytes:
     """Return a path as SQLite takes it: its text, which has to be UTF-8, or else its bytes."""
     text = str(path)
     return text if text == text.encode(errors="replace").decode() else os.fsencode(path)
-
-
-def _path(kept: str | bytes) -> Path:
-    return Path(os.fsdecode(kept))
 
 
 __all__ = ["NAME", "Row", "State", "Stored"]

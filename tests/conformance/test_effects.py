@@ -48,10 +48,18 @@ def test_it_is_recovered_from_another_mesh(effect):
 EVERYTHING = {effect.name: effect.typical for effect in EFFECTS}
 
 
-def test_all_of_them_together():
+SOME = [NAMES.index(n) for n in ("viscoelasticity", "hypodermis", "tape_slip", "sensor_curve")]
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [[EFFECTS[k] for k in SOME], pytest.param(EFFECTS, marks=pytest.mark.soak)],
+    ids=["some", "each"],
+)
+def test_all_of_them_together(effects):
     together = curve(EVERYTHING)
     np.testing.assert_array_equal(curve(dict(reversed(EVERYTHING.items()))), together)
-    for effect in EFFECTS:
+    for effect in effects:
         without = {k: v for k, v in EVERYTHING.items() if k != effect.name}
         zero = curve(EVERYTHING | {effect.name: effect.zero})
         np.testing.assert_allclose(zero, curve(without), rtol=1e-13, atol=1e-15)

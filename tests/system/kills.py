@@ -17,7 +17,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import hashlib
-import importlib
 import json
 import math
 import os
@@ -36,22 +35,21 @@ os.environ["OPENBLAS_NUM_THREADS"] = "1"
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from patience import be_patient
+from preloaded import measure, preload
 
 from drivers.dialects.reference import DIALECT
 from drivers.events import InstrumentState, Sample, State, TimedEvent
-from skinlab.cli.main import run
 from skinlab.errors import InputError
 from skinlab.recording.recorded import recorded_items
 from skinlab.recording.recorder import recover
 from skinlab.recording.records import Kind, Record
 from skinlab.recording.session_check import check
-from skinlab.tables.store import shipped_table
 
 SPEED = 4.0  # of the simulated probe
 TICK_S = 0.005
 MOST_LOST_MS = 100.0
 WINDOW_S = 0.5
-REPEATS = "2"
+OPTIONS = ("--repeats", "2", "--rest-s", "0.1")
 
 
 def main() -> int:
@@ -102,7 +100,7 @@ def study(
 ) -> dict[str, Any]:
     preload()
     started = time.monotonic()
-    _, status = os.waitpid(measure(url, program, folder / "whole.h5"), 0)
+    _, status = os.waitpid(measure(url, program, folder / "whole.h5", OPTIONS), 0)
     whole_s = time.monotonic() - started
     if status != 0:
         raise SystemExit((folder / "whole.txt").read_text())
@@ -143,36 +141,10 @@ def failure(entry: dict[str, Any], most_lost_ms: float) -> str | None:
     return None
 
 
-def preload() -> None:
-    """Import and load what a measurement needs, once."""
-    for module in ("h5py", "drivers.probe", "skinlab.cli.measure", "skinlab.acquisition.measure"):
-        importlib.import_module(module)
-    for module in ("skinlab.acquisition.pipeline", "skinlab.report.text"):
-        importlib.import_module(module)
-    shipped_table()
-
-
-def measure(url: str, program: str, out: Path) -> int:
-    """Fork a process that measures; return its id."""
-    process = os.fork()
-    if process:
-        return process
-    log = os.open(out.with_suffix(".txt"), os.O_CREAT | os.O_WRONLY)
-    os.dup2(log, 1)
-    os.dup2(log, 2)
-    status = 70
-    try:
-        options = f"--aperture-mm 6 --thickness-mm 1 --repeats {REPEATS} --rest-s 0.1".split()
-        status = run(["measure", "--port", url, "--program", program, "--out", str(out), *options])
-    finally:
-        sys.stdout.flush()
-        os._exit(status)
-
-
 def kill_once(folder: Path, url: str, program: str, name: str, moment_s: float) -> dict[str, Any]:
     out = folder / f"{name}.h5"
     begun = time.monotonic()
-    process = measure(url, program, out)
+    process = measure(url, program, out, OPTIONS)
     waited = [(begun, 0.0)]
     while (now := time.monotonic()) < begun + moment_s:
         waited.append((now, starved_s(process)))

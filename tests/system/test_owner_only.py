@@ -2,43 +2,20 @@
 
 from __future__ import annotations
 
-import json
 import os
 import stat
-from importlib.resources import files
 from pathlib import Path
 
 import pytest
+from crashes import journal_of_example
 from studies import small
 
 from sim_device.cohort import write_cohort
 from skinlab.cli.main import run
-from skinlab.recording.journal import Journal
-from skinlab.recording.records import Kind
-from skinlab.recording.session import read_session
 
 GEOMETRY = ["--aperture-mm", "6", "--thickness-mm", "1"]
 SKIN = ["--x1-mpa", "0.03", "--x2-mpa", "1.5", "--nu", "0.3"]
-SPEC = """[model]
-name = "small"
-[axis.X1_MPa]
-low = 0.02
-high = 0.05
-nodes = 2
-[axis.X2_MPa]
-low = 0.5
-high = 2.0
-nodes = 2
-[axis.nu]
-low = 0.28
-high = 0.36
-nodes = 2
-[pressures]
-high_mbar = 30
-nodes = 8
-[mesh]
-name = "screening-1"
-"""
+SPEC = Path(__file__).parents[1] / "data" / "inputs" / "spec.toml"
 
 
 def readable_by_others(folder: Path) -> list[str]:
@@ -60,26 +37,12 @@ def folder(tmp_path, monkeypatch):
     os.umask(before)
 
 
-def journal(path: Path) -> Journal:
-    """A journal as a crash leaves it, still open."""
-    example = read_session(Path(str(files("skinlab") / "data" / "example.h5")))
-    writer = Journal(path, example.meta)
-    for record in example.records:
-        if record.kind is Kind.PLAN:
-            writer.plan(record.host_time_s, json.loads(record.data))
-        elif record.kind in (Kind.RECEIVED, Kind.SENT):
-            way = "rx" if record.kind is Kind.RECEIVED else "tx"
-            writer.raw(way, record.host_time_s, record.data, record.utc_s)
-    writer.flush()
-    return writer
-
-
 def test_every_file_that_a_command_writes(folder):
     write_cohort(small(people=3), folder / "given", seed=5, broken=2)
     (folder / "given.truth.csv").unlink()
-    (folder / "spec.toml").write_text(SPEC)
+    (folder / "spec.toml").write_bytes(SPEC.read_bytes())
     given = {path for path in folder.rglob("*") if path.is_file()}
-    open_journal = journal(folder / "crashed.h5.journal")
+    open_journal = journal_of_example(folder / "crashed.h5.journal")
     assert readable_by_others(folder) == [
         f"{path.relative_to(folder)} 644" for path in folder.rglob("*") if path in given
     ]

@@ -463,6 +463,15 @@ def test_pressure_after_the_end():
     assert 2.0 < at_s <= 2.5
 
 
+def test_a_vent_in_words_only():
+    """It says that it has vented, with a pressure of 0, and its samples go on at 60 mbar."""
+    seen = []
+    with lying("vents in name") as probe:
+        assert "lift the probe" in until(probe, Alarm, seen).text
+        assert probe.alarm is not None
+    assert "overshoot" in next(e for e in seen if isinstance(e, HostVented)).reason
+
+
 def test_pressure_beyond_the_moment():
     """60 mbar are fine at first, and not after the ramp down, half a second later."""
     program = (ramp(60, 1e5), hold(1), ramp(20, 1e5), hold(3))

@@ -12,6 +12,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from crashes import journal_of_example
 
 from sim_device.files import load_skin_file
 from skinlab.cli.main import run
@@ -188,12 +189,7 @@ def test_what_a_driver_takes_is_taken(program):
 def journal(tmp_path):
     """A journal of the example's records, as a crash leaves one."""
     path = tmp_path / "s.h5.journal"
-    example = read_session(EXAMPLE)
-    writer = Journal(path, example.meta)
-    for record in example.records:
-        if record.kind is not Kind.AUDIT:
-            writer.put(record.kind, record.host_time_s, record.data, record.utc_s)
-    writer.close()
+    journal_of_example(path).close()
     return path
 
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +47,8 @@ def spectrum(look: Look, frequencies_hz: Array) -> Array:
 def columns(samples: Samples, frequency_hz: float) -> Array:
     """Return sine and cosine (u, 2 × curves), of each curve alone: it has a phase of its own."""
     angle = 2.0 * np.pi * frequency_hz * samples.time_s
+    if samples.curves == 1:
+        return np.stack([np.sin(angle), np.cos(angle)], axis=1)
     one = samples.curve[:, None] == np.arange(samples.curves)
     return np.hstack([np.sin(angle)[:, None] * one, np.cos(angle)[:, None] * one])
 
@@ -100,11 +101,9 @@ class Periodic:
         frequency = float(grid[best])
         size = Hyperparameter(f"{self.name}_um", self.median_um, _LOG_SD)
 
-        waves = lru_cache(maxsize=4)(partial(columns, samples))
-
         def terms(values: Sequence[float]) -> Terms:
             size_um, hz = values
-            return Terms(columns_mm=waves(hz), scale=1e-3 * size_um)
+            return Terms(columns_mm=1e-3 * size_um * columns(samples, hz))
 
         return Part(
             self.name,

@@ -46,14 +46,11 @@ class Placement:
             thickness = look.thickness_error_mm[:, None] * one
         stiffness = (samples.pressure_mbar * look.slope_mm_per_mbar)[:, None] * one
 
-        columns = np.hstack([stiffness, one, thickness])
-        counts = [part.shape[1] for part in (stiffness, one, thickness)]
-
         def terms(values: Sequence[float]) -> Terms:
             offset_um, *learned = values
             scatter = learned[0] if stated is None else stated
             return Terms(
-                columns_mm=columns, scale=np.repeat([scatter, 1e-3 * offset_um, 1.0], counts)
+                columns_mm=np.hstack([scatter * stiffness, 1e-3 * offset_um * one, thickness])
             )
 
         parameters = (_OFFSET, _SCATTER) if stated is None else (_OFFSET,)

@@ -100,7 +100,7 @@ def test_an_interrupted_run_says_what_it_knows(campaign, tmp_path, capsys, monke
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("skinlab.discrepancy.search._worth", interrupted)
+    monkeypatch.setattr("skinlab.discrepancy.search.Pool", interrupted)  # once the base is fitted
     report = tmp_path / "report"
     assert run(["discrepancy", str(campaign), "--workers", "1", "--report", str(report)]) == 130
     assert "more than noise" in capsys.readouterr().err

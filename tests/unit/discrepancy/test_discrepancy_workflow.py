@@ -190,7 +190,7 @@ def test_an_effect_whose_model_does_not_hold_is_told_of(table):
 
 
 def test_what_is_kept_comes_back_whole(table, tmp_path):
-    hidden = campaign({"deflection_offset": {"offset_um": 20.0}}, RAMPS)
+    hidden = campaign({"pressure_lag": {"lag_s": 0.06}}, RAMPS[:1])
     outcome = explain(hidden, table, finite_elements=False)
     cache.save("a", outcome, tmp_path)
     again = cache.load("a", records_of(hidden), tmp_path)
@@ -227,7 +227,8 @@ def test_one_ramp_names_nothing_and_any_number_of_workers_says_the_same(table):
     rough = gaussian(one.best.fit).parameters["nu"]
     nu = drawn.parameters["nu"]
     assert nu["high"] - nu["low"] > 1.5 * (rough["high"] - rough["low"])
-    assert document(explain(hidden, table, workers=2)) == document(one)
+    alone, two = (explain(hidden, table, workers=n, finite_elements=False) for n in (1, 2))
+    assert document(two) == document(alone)
 
 
 def test_what_the_library_does_not_have_is_unknown(table):

@@ -233,3 +233,8 @@ def test_an_unknown_dialect_lists_those_that_there_are():
             choose_dialect(url)
     with pytest.raises(UnknownDialectError, match="was asked for"):
         choose_dialect("COM3?dialect=a", "b")
+
+
+def test_a_number_that_nobody_can_read_is_a_sentence():
+    with pytest.raises(DialectFileError, match=r"a\.toml: no TOML"):
+        line_dialect(f"[dialect]\nversion = {'9' * 5000}\n", "a.toml")

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import dataclasses
-import time
+import threading
 from itertools import pairwise
 
 import pytest
@@ -154,16 +154,14 @@ def test_operator_vents_and_the_pressure_is_seen_to_fall(make_bench):
 
 def test_leaving_the_block_in_a_run_vents_the_instrument(make_bench):
     bench = make_bench()
-
-    def wait_for_close():
-        while bench.probe._engine is not None:  # which `close` sets at once; is_open is later
-            time.sleep(0)  # the other thread's turn
+    leaving = threading.Event()
 
     def fail():
-        bench.link.hook = once_pulling(wait_for_close)
+        bench.link.hook = once_pulling(leaving.wait)
         with bench.probe:
             run(bench, HOLD)
             bench.until(lambda e: isinstance(e, Sample) and e.pressure_mbar > 45)
+            leaving.set()  # and 55 s of the device's time are left to vent it
             raise RuntimeError("the caller's")
 
     with pytest.raises(RuntimeError, match="the caller's"):

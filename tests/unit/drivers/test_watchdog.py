@@ -135,6 +135,30 @@ def test_a_vent_is_confirmed_only_by_an_instrument_that_no_longer_pulls(dog):
     assert dog.check(100) == []
 
 
+def test_saying_again_and_again_that_it_has_vented_wins_no_time(dog):
+    """Each word of it was a confirmed vent, and each sample behind it a new order: no alarm."""
+    now, alarms = 0.0, []
+    while not alarms:
+        assert now <= 1.1
+        assert any(isinstance(e, HostVented) for e in dog.on_event(sample(now, 110), now))
+        dog.vent_ordered(now)
+        alarms = dog.check(now)
+        [confirmed] = dog.on_event(State(S.LOADED, "host", 0.0), now + 0.01)
+        assert isinstance(confirmed, VentConfirmed)
+        now += 0.05
+    assert now > 1.0
+    assert "within 1 s" in dog.alarm
+
+
+def test_another_vent_of_another_run_has_its_own_second(dog):
+    dog.vent_ordered(0.0)
+    dog.on_event(State(S.LOADED, "host", 0.0), 0.5)
+    dog.on_event(State(S.RUNNING, "", 0.0), 0.6)
+    dog.vent_ordered(0.7)
+    assert dog.check(1.5) == []
+    assert dog.check(1.8)
+
+
 def test_the_instruments_own_vent_is_watched_too(dog):
     dog.on_event(State(S.VENTING, "program end", 100.0), 10)
     assert dog.check(11) == []

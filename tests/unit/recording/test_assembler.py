@@ -48,3 +48,10 @@ def test_a_run_that_goes_on_while_the_link_is_lost_is_cut_there(live):
 def test_an_instrument_that_is_found_running_gives_no_curve():
     found = [HELLO, State(S.RUNNING, "identify", 60.0), *samples(30, 60)]
     assert curves([*found, State(S.VENTING, "host", 80.0)]) == ([], [])
+
+
+def test_a_segment_that_no_program_has_cuts_the_curve():
+    past = Sample(20, 1.0, 40.0, 0.2, 7)
+    assert curves([HELLO, *READY, *samples(0, 20), past]) == ([1], [(1, 20, True)])
+    vent = Sample(20, 1.0, 40.0, 0.2, 1)
+    assert curves([HELLO, *READY, *samples(0, 20), vent]) == ([1], [(1, 20, False)])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from studies import stiffness_table as table
@@ -9,34 +11,8 @@ from studies import stiffness_table as table
 from skinlab.errors import InputError
 from skinlab.studies.reference import place, read_reference, reference_of, write_reference
 
-TEXT = """
-schema = "skinlab.reference/1"
-title = "made up for a test"
-source = "nobody"
-licence = "CC0"
-[[range]]
-quantity = "R0"
-site = "cheek"
-aperture_mm = 2.0
-program = "mode1:450,3,3"
-n = 75
-[range.percentiles]
-5 = 0.20
-50 = 0.26
-95 = 0.33
-[[range]]
-quantity = "R0"
-site = "cheek"
-aperture_mm = 2.0
-program = "mode1:450,3,3"
-n = 30
-sex = "f"
-age_years = [20.0, 40.0]
-[range.percentiles]
-5 = 0.22
-50 = 0.28
-95 = 0.34
-"""
+INPUTS = Path(__file__).parents[2] / "data" / "inputs"
+TEXT = (INPUTS / "reference.toml").read_text()
 WHERE = {"site": "cheek", "aperture_mm": 2.0, "program": "mode1:450,3,3"}
 
 
