@@ -33,7 +33,7 @@ from skinlab.mechanics.fem.skin import Prony, Skin, SkinProblem, Term
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.mechanics.model_file import BASE, decode_model
 from skinlab.report.missing_effect import render
-from skinlab.tui.missing import outcome_rows, plain_text
+from skinlab.tui.missing import outcome_rows
 
 SKIN = Skin((0.041, 1.7, 0.31))
 THICKNESS_MM = 1.13
@@ -139,6 +139,10 @@ def test_where_only_noise_is_nothing_is_learned(table):
     _, found = learn(campaign(RAMPS), table)
     assert decide_learned(found).name == "unknown"
     assert all(c.log10_evidence < 1.3 for c in found.candidates)
+
+
+def plain_text(rows):
+    return "\n".join("".join(text for text, _ in row) for row in rows)
 
 
 def outcome_of(found):
