@@ -26,6 +26,7 @@ from skinlab.mechanics.fem import kernel
 Array = NDArray[np.float64]
 
 _AT_ONCE = 2_000_000  # numbers
+WORTH_SHARING = 10_000  # numbers: of fewer a product costs less than looking for what it shares
 
 
 @dataclass(frozen=True)
@@ -206,7 +207,7 @@ def gram_matrices(covariances: Sequence[Covariance], values_mm: Array) -> tuple[
     """
     first = covariances[0]
     shared = all(one.columns_mm is first.columns_mm for one in covariances)
-    if not shared:
+    if not shared and first.columns_mm.size > WORTH_SHARING:
         leaders, scales = _scaled_alike(covariances)
         if len(leaders) < len(covariances):
             gram, log_base = gram_matrices([covariances[i] for i in leaders], values_mm)
