@@ -11,17 +11,19 @@ import json
 import statistics
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from prior_skins import CACHE, PAIR_MM, Skin, skins
+from prior_skins import CACHE, OTHER_PROGRAM, PAIR_MM, Skin, other_program, skins
 from scipy.signal import lfilter
 from scipy.special import log_ndtr
-from scipy.stats import binom
+from scipy.stats import beta, binom
 
 from skinlab import inference
 from skinlab.curves.curve import Curve
@@ -41,7 +43,10 @@ Rng = np.random.Generator
 LASTS_S, TOP_MBAR = 5.0, 100.0
 PLACED_MBAR = 70.0  # where placements differ: a soft one is as at more
 ZERO_UM = 4.0  # of a placement
-SEED = 20261124  # of skins and errors; nothing was chosen by looking at these
+_BESIDE = 0.85  # correlation of neighbouring samples in the rows of the other program's curves
+SEED = 20261125  # of skins and errors; nothing was chosen by looking at these
+ORACLES = 100  # curves of a row, at most: they take as long as the answers
+AT_ONCE = 12  # curves of a row before it is the next one's turn
 RESULT = Path(__file__).parent / "results" / "identification_coverage.jsonl"
 _OF_THE_SKIN = ("at_bound", "not_identifiable")  # flags that say nothing of the errors
 PICTURE = Path(__file__).parents[1] / "docs" / "pictures" / "ranks.svg"
@@ -63,6 +68,7 @@ class Errors:
     proportional: float = 0.0
     pressure_mbar: float = 0.0
     step: float = 0.0
+    jump: float = 0.0  # in the middle of the curve, and for good: the probe slipped
 
     @property
     def sd_um(self) -> float:
@@ -114,7 +120,7 @@ def measured(
             added = added + size * np.sin(2 * np.pi * (waves[-1] * t + rng.random()))
     if errors.proportional:
         added = added + errors.proportional * w * rng.standard_normal(n)
-    w = w + added + zero_um
+    w = w + added + zero_um + errors.jump * (t > 0.5 * LASTS_S)
     if errors.step:
         w = errors.step * np.round(w / errors.step)
     curve = Curve(f"skin{skin.number}", skin.setup, t, reading, 1e-3 * w)
@@ -159,8 +165,15 @@ def _rows() -> dict[str, Row]:
         found[f"{name}_stated"] = replace(found[name], stated_um=found[name].errors.sd_um)
     found["white_3_stated_as_6"] = Row(Errors(white=3.0), stated_um=6.0)
     found["glitch_50"] = Row(Errors(white=3.0, glitch=50.0))
+    for rate in (10.0, 100.0):
+        lasting = Errors(white=1.0, ou=3.0, ou_s=-1.0 / (rate * np.log(_BESIDE)))
+        both = replace(lasting, step=10.0, glitch=100.0)
+        for name, errors in (("ar", lasting), ("ar_steps_glitch", both)):
+            found[f"other_{name}_{rate:g}hz"] = Row(errors, rate, kind=OTHER_PROGRAM)
     found["ends_white_3"] = Row(Errors(white=3.0), kind="ends")
     found["ends_everything"] = Row(EVERYTHING, kind="ends")
+    found["jump"] = Row(Errors(white=3.0, jump=40.0))
+    found["creased_white_3"] = Row(Errors(white=3.0), kind="creased")
     for scatter in (0.0, 0.03, 0.06, 0.12):
         for count in (1, 2, 4):
             name = f"placed_{100 * scatter:g}_{count}"
@@ -171,11 +184,13 @@ def _rows() -> dict[str, Row]:
 ROWS = _rows()
 
 
-def one(row: Row, skin: Skin, seed: int) -> dict[str, Any]:
-    """Return what becomes of one curve, beside an oracle that knows the errors' parameters."""
+def one(row: Row, skin: Skin, seed: int, beside: bool = True) -> dict[str, Any]:
+    """Return what becomes of one curve, if so asked beside who knows the errors' parameters."""
     rng = np.random.default_rng([seed, skin.number])
     drawn = measured(row.errors, skin, row.rate_hz, rng)
-    identifier = Identifier(shipped_table(), sensor=Sensor(row.stated_um, None), seed=skin.number)
+    identifier = Identifier(
+        shipped_table(), sensor=Sensor(row.stated_um, None), seed=skin.number, kappa=skin.kappa
+    )
     began = time.process_time()
     result = identifier(drawn.curve)
     seconds = time.process_time() - began
@@ -184,7 +199,11 @@ def one(row: Row, skin: Skin, seed: int) -> dict[str, Any]:
         found["spikes"] = int(drawn.off.sum())
         found["spikes_found"] = int((drawn.off & result.outliers).sum())
         found["taken_for_spikes"] = int((~drawn.off & result.outliers).sum())
-        found["oracle"] = oracle(row, skin, drawn, result, np.random.default_rng(skin.number))
+        if beside:
+            # The whole curve of one that creases has no model.
+            with suppress(ValueError):
+                beside_it = np.random.default_rng(skin.number)
+                found["oracle"] = oracle(row, skin, drawn, result, beside_it)
     return found
 
 
@@ -220,7 +239,7 @@ def _judged(result: Identification, skin: Skin, seconds: float) -> dict[str, Any
         return {"failed": result.error or "no intervals", "seconds": seconds}
     assert result.uncertainty is not None
     draws = result.uncertainty.draws
-    model = shipped_table().model(_geometry(skin), np.array([TOP_MBAR]))
+    model = shipped_table().model(_geometry(skin), np.array([TOP_MBAR]), skin.kappa)
     return {
         "held": [
             bool(v.low <= t <= v.high) for v, t in zip(values.values(), skin.truth, strict=True)
@@ -229,6 +248,8 @@ def _judged(result: Identification, skin: Skin, seconds: float) -> dict[str, Any
         "rank": [
             float(draws.weight[draws.parameters[:, i] < t].sum()) for i, t in enumerate(skin.truth)
         ],
+        "off": [_off(n, v.value, t) for (n, v), t in zip(values.items(), skin.truth, strict=True)],
+        "loose": [f"not_identifiable:{n}" in result.flags for n in NAMES],
         "model": result.error_model.name if result.error_model else "",
         "flags": [f.split(":")[0] for f in result.flags],
         "table_refuses": not bool(np.isfinite(model.deflection_mm(skin.truth[None])).all()),
@@ -242,6 +263,10 @@ def _width(name: str, low: float, high: float) -> float:
     return float(np.log(high / low)) if name != "nu" else high - low
 
 
+def _off(name: str, value: float, truth: float) -> float:
+    return abs(float(np.log(value / truth)) if name != "nu" else value - truth)
+
+
 def oracle(
     row: Row, skin: Skin, drawn: Measured, result: Identification, rng: Rng
 ) -> dict[str, Any]:
@@ -251,7 +276,7 @@ def oracle(
     """
     e, curve = row.errors, drawn.curve
     kept, t = ~drawn.off, curve.time_s
-    model = shipped_table().model(_geometry(skin), curve.pressure_mbar)
+    model = shipped_table().model(_geometry(skin), curve.pressure_mbar, skin.kappa)
     true = skin.deflection(TOP_MBAR * t / LASTS_S)
     variance = e.white**2 + (1e3 * e.proportional * true) ** 2 + 3.0 * e.student**2
     if e.pressure_mbar:
@@ -342,13 +367,13 @@ def summary(name: str, found: list[dict[str, Any]], seed: int) -> dict[str, Any]
         "median_cpu_ms": round(1e3 * statistics.median(f["seconds"] for f in found), 1),
         "failed": len(found) - len(good),
     }
-    known = [f for f in good if "oracle" in f]
-    if known:
+    if known := [f for f in good if "oracle" in f]:
         ratio = np.array([f["width"] for f in known]) / [f["oracle"]["width"] for f in known]
         line["oracle_held"] = _percent(np.array([f["oracle"]["held"] for f in known]))
         line["width_over_oracle"] = np.median(ratio, axis=0).round(3).tolist()
+    if alone := [f for f in good if "spikes" in f]:
         line["spikes"] = {
-            key: sum(f[key] for f in known)
+            key: sum(f[key] for f in alone)
             for key in ("spikes", "spikes_found", "taken_for_spikes")
         }
     learned = [f for f in good if "scatter" in f]
@@ -371,32 +396,44 @@ def run(
     result: Path = RESULT,
     say: Callable[[str], None] = print,
 ) -> None:
-    """Run rows, each saved as a line when it is done.
+    """Run rows by turns, a few curves of each at a time, and save their lines after every turn.
 
     Every curve's outcome is kept in benchmarks/cache, by the inference's sources and the database,
     so that a row of more curves goes on where one of fewer ended. Its line replaces the older one.
     """
-    for name in names:
-        row = ROWS[name]
-        kept = CACHE / f"coverage_{seed}_{name}_{_version()}.jsonl"
-        known = kept.read_text().splitlines()[:curves] if kept.exists() else []
-        found = [json.loads(line) for line in known]
+    for goal in [*range(AT_ONCE, curves, AT_ONCE), curves]:
+        for name in names:
+            line = summary(name, _outcomes(name, goal, seed), seed)
+            say(json.dumps(line))
+            same = ("row", "seed", "database")
+            lines = [json.loads(one) for one in _lines(result)]
+            lines = [old for old in lines if any(old[key] != line[key] for key in same)]
+            result.write_text("".join(json.dumps(one) + "\n" for one in [*lines, line]))
+
+
+def _outcomes(name: str, curves: int, seed: int) -> list[dict[str, Any]]:
+    """Return what becomes of the first curves of a row, from the cache as far as it goes."""
+    row = ROWS[name]
+    CACHE.mkdir(exist_ok=True)
+    kept = _kept(name, seed)
+    found = [json.loads(line) for line in _lines(kept)[:curves]]
+    if row.kind == OTHER_PROGRAM:
+        drawn = other_program(curves)
+    else:
         drawn = skins(curves, seed=seed, kind=row.kind)
-        pairs = zip(*[drawn] * (len(PAIR_MM) if row.scatter is not None else 1), strict=True)
-        for number, skin in enumerate(pairs):
-            if number < len(found):
-                continue
-            found.append(
-                one(row, skin[0], seed) if row.scatter is None else placed(row, skin, seed)
-            )
-            with kept.open("a") as stream:
-                stream.write(json.dumps(found[-1]) + "\n")
-        line = summary(name, found, seed)
-        say(json.dumps(line))
-        same = ("row", "seed", "database")
-        lines = [json.loads(one) for one in _lines(result)]
-        lines = [old for old in lines if any(old[key] != line[key] for key in same)]
-        result.write_text("".join(json.dumps(one) + "\n" for one in [*lines, line]))
+    pairs = zip(*[drawn] * (len(PAIR_MM) if row.scatter is not None else 1), strict=True)
+    for skin in islice(pairs, len(found), None):
+        beside = len(found) < ORACLES and not row.errors.jump
+        found.append(
+            one(row, skin[0], seed, beside) if row.scatter is None else placed(row, skin, seed)
+        )
+        with kept.open("a") as stream:
+            stream.write(json.dumps(found[-1]) + "\n")
+    return found
+
+
+def _kept(name: str, seed: int) -> Path:
+    return CACHE / f"coverage_{seed}_{name}_{_version()}.jsonl"
 
 
 def _lines(result: Path) -> list[str]:
@@ -412,19 +449,66 @@ def _version() -> str:
     return hashed.hexdigest()[:12]
 
 
+# When a flag should come, and of which rows nobody can say: large errors of heavy tails are
+# outliers as well, and what is stated of proportional errors leaves these out.
+_SHOULD_COME: dict[str, Callable[[Row], bool]] = {
+    "outliers": lambda row: row.errors.spikes + row.errors.glitch > 0.0,
+    "correlated_noise": lambda row: row.errors.ou + row.errors.breathing + row.errors.pulse > 0.0,
+    "stated_noise_contradicted": lambda row: row is ROWS["white_3_stated_as_6"],
+    "misfit_above_noise": lambda row: row.errors.jump > 0.0,
+}
+_CANNOT_SAY: dict[str, Callable[[Row], bool]] = {
+    "outliers": lambda row: row.errors.student + row.errors.jump > 0.0,
+    "correlated_noise": lambda row: row.errors.jump > 0.0,
+    "stated_noise_contradicted": lambda row: row.stated_um is None or row.errors.proportional > 0.0,
+    "misfit_above_noise": lambda row: row.stated_um is not None and (
+        row.errors.proportional > 0.0 or row is ROWS["white_3_stated_as_6"]
+    ),
+}  # fmt: skip
+
+
+def power(seed: int = SEED) -> str:
+    """Return how often flags came when they should, and when not, from the kept outcomes."""
+    came: dict[str, dict[bool, list[bool]]] = {f: {True: [], False: []} for f in _SHOULD_COME}
+    off: dict[str, dict[bool, list[float]]] = {n: {True: [], False: []} for n in NAMES}
+    for name, row in ROWS.items():
+        if row.kind not in ("any", "ends"):
+            continue
+        for outcome in (json.loads(line) for line in _lines(_kept(name, seed))):
+            if "held" not in outcome:
+                continue
+            for flag, should in _SHOULD_COME.items():
+                wanted = should(row)
+                none_drawn = flag == "outliers" and wanted and not outcome["spikes"]
+                if not (none_drawn or _CANNOT_SAY[flag](row)):
+                    came[flag][wanted].append(flag in outcome["flags"])
+            for i, parameter in enumerate(NAMES):
+                off[parameter][outcome["loose"][i]].append(outcome["off"][i])
+    lines = ["| flag | curves where it should come | came | where not | came |"]
+    lines.append("|---|---|---|---|---|")
+    for flag, (yes, no) in ((f, (c[True], c[False])) for f, c in came.items()):
+        lines.append(f"| `{flag}` | {len(yes)} | {sum(yes)} | {len(no)} | {sum(no)} |")
+    lines += [
+        "",
+        "| `not_identifiable` | flagged: curves | off by | not flagged: curves | off by |",
+    ]
+    lines.append("|---|---|---|---|---|")
+    for parameter, each in off.items():
+        cells = [f"{len(each[k])} | {statistics.median(each[k] or [0]):.2f}" for k in (True, False)]
+        lines.append(f"| {parameter} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
 def draw_ranks(seed: int = SEED) -> None:
     """Draw how ranks of the truth among the draws spread, over all rows of single curves.
 
     Simulation-based calibration (Talts et al. 2018, arXiv:1804.06788): the skins are drawn from the
-    prior, so that ranks are uniform where intervals of every level hold the truth as they say. Of
-    the database that most rows are of: one with a wider range has another prior than the skins.
+    prior, so that ranks are uniform where intervals of every level hold the truth as they say.
     """
     from matplotlib import pyplot as plt
 
     lines = [json.loads(line) for line in RESULT.read_text().splitlines()]
     lines = [r for r in lines if r["seed"] == seed and ROWS[r["row"]].kind == "any"]
-    database = statistics.mode(r["database"] for r in lines)
-    lines = [r for r in lines if r["database"] == database]
     figure, axes = plt.subplots(1, 3, figsize=(7.5, 2.4), sharey=True, layout="constrained")
     for axis, name in zip(axes, NAMES, strict=True):
         counts = np.sum([r["ranks"][name] for r in lines], axis=0)
@@ -437,23 +521,26 @@ def draw_ranks(seed: int = SEED) -> None:
     figure.savefig(PICTURE, metadata={"Date": None})
 
 
-def table() -> str:
-    """Return the saved rows as tables of docs/intervals.md, one for each database."""
-    head = ("errors", "curves", "held", "where the table answers", "oracle", "width", "flags")
-    databases: dict[str, list[tuple[str, ...]]] = {}
-    for row in (json.loads(line) for line in RESULT.read_text().splitlines()):
+def table(seed: int = SEED) -> str:
+    """Return the saved rows of a seed as the table of docs/intervals.md."""
+    head = ("errors", "curves", "X1", "X2", "ν", "oracle", "width", "flags")
+    lines = [head, ("---",) * len(head)]
+    for row in (json.loads(line) for line in _lines(RESULT)):
+        if row["seed"] != seed:
+            continue
         wanted = {k: v for k, v in row["flags"].items() if k not in _OF_THE_SKIN}
         said = ", ".join(f"`{k}` {100 * v:.0f}" for k, v in wanted.items())
-        inside = row["coverage_where_the_table_answers"] if row["refused_by_the_table"] else {}
         ratio = ", ".join(f"{v:.2f}" for v in row.get("width_over_oracle", ()))
-        held = [_words(v) for v in (row["coverage"], inside, row.get("oracle_held", {}))]
-        cells = (f"`{row['row']}`", str(row["curves"]), *held, ratio or "–", said or "–")
-        databases.setdefault(row["database"], [head, ("---",) * len(head)]).append(cells)
-    return "\n\n".join(
-        f"{name}\n\n" + "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
-        for name, lines in databases.items()
-    )
+        judged = row["curves"] - row["failed"]
+        held = [_with_interval(row["coverage"][name], judged) for name in NAMES]
+        oracle = ", ".join(f"{v:.0f}" for v in row.get("oracle_held", {}).values())
+        cells = (f"`{row['row']}`", row["curves"], *held, oracle or "–", ratio or "–", said or "–")
+        lines.append(tuple(map(str, cells)))
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
 
 
-def _words(held: dict[str, float]) -> str:
-    return ", ".join(f"{v:.0f}" for v in held.values()) or "–"
+def _with_interval(percent: float, curves: int) -> str:
+    """Return a share with its 90 % interval (Jeffreys: Brown, Cai and DasGupta 2001)."""
+    held = round(0.01 * percent * curves)
+    low, high = beta.ppf([0.05, 0.95], held + 0.5, curves - held + 0.5)
+    return f"{percent:.0f} ({100 * low:.0f}–{100 * high:.0f})"

@@ -2,20 +2,20 @@
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/identification.py optimum [--curves 1000] [--seed 1]
     OPENBLAS_NUM_THREADS=1 python benchmarks/identification.py coverage [--curves 1000]
-        [--seed 20261124] [--rows white_3,ou_0.3s]
+        [--seed 20261125] [--rows white_3,ou_0.3s]
     OPENBLAS_NUM_THREADS=1 python benchmarks/identification.py sampler [--curves 50]
-        [--seed 20261124]
+        [--seed 20261125]
     OPENBLAS_NUM_THREADS=1 python benchmarks/identification.py ranks
     OPENBLAS_NUM_THREADS=1 python benchmarks/identification.py rivals [--curves 40] [--seed 3]
 
-Each part prints and saves benchmarks/results/identification_PART.json; `coverage` saves each row as
-a line of identification_coverage.jsonl when it is done, and goes on where it ended (coverage.py has
-the rows, prior_skins.py the skins). Curves of the other parts are computed by the finite elements
-directly, for skins drawn from the prior (flat in log X1, log X2/X1 and ν over the database's range,
-where the skin does not crease before 100 mbar), openings of 2, 4, 6 and 8 mm and thicknesses of
-0.8–1.6 mm: 51 samples, 0–100 mbar. `rivals` needs the package cma, `sampler` emcee
-(extra "bench"). `ranks` draws docs/pictures/ranks.svg and prints docs/intervals.md's table from
-the saved rows of `coverage`.
+Each part prints and saves benchmarks/results/identification_PART.json; `coverage` runs some curves
+of each row by turns, saves each row as a line of identification_coverage.jsonl, and goes on where
+it ended (coverage.py has the rows, prior_skins.py the skins). Curves of the other parts are
+computed by the finite elements directly, for skins drawn from the prior (flat in log X1, log X2/X1
+and ν over the database's range, where the skin does not crease before 100 mbar), openings of 2, 4,
+6 and 8 mm and thicknesses of 0.8–1.6 mm: 51 samples, 0–100 mbar. `rivals` needs the package cma,
+`sampler` emcee (extra "bench"). `ranks` draws docs/pictures/ranks.svg and prints the tables of
+docs/intervals.md, of coverage from its saved rows, of flags from the kept outcomes.
 """
 
 from __future__ import annotations
@@ -316,7 +316,7 @@ def main() -> None:
         return
     if arguments.part == "ranks":
         coverage.draw_ranks()
-        print(coverage.table())
+        print(f"{coverage.table()}\n\n{coverage.power()}")
         return
     part, curves, seed = {
         "optimum": (optimum, 1000, 1),

@@ -5,7 +5,8 @@
     OPENBLAS_NUM_THREADS=1 python benchmarks/study.py prior [--cohorts 10] [--people 60] [--seed 1]
     OPENBLAS_NUM_THREADS=1 python benchmarks/study.py speed [--people 625]
 
-Each part prints and saves benchmarks/results/study_PART.json.
+Each part prints and saves benchmarks/results/study_PART.json; `simulated` appends each cohort to
+study_simulated.jsonl when it is done, and goes on where it ended.
 
 `components`: small cohorts with known components, as the simulator's (people, two sites, two
 visits, operators, probes, placements), whole and with 15 % of their curves lost. How often the 90 %
@@ -27,6 +28,7 @@ from __future__ import annotations
 import argparse
 import csv
 import json
+import math
 import os
 import shutil
 import subprocess
@@ -53,6 +55,7 @@ from skinlab.studies.population import Posterior, learn, to_toml
 from skinlab.tables.store import shipped_table
 
 RESULTS = Path(__file__).parent / "results"
+LINES = RESULTS / "study_simulated.jsonl"
 
 TRUE = {
     "subject": 0.25,
@@ -136,8 +139,8 @@ SIMULATED = {
 }
 
 
-def _simulated_cohort(people: int, seed: int) -> dict[str, bool]:
-    """Return whether the 90 % interval of each component of log X1 holds the truth."""
+def _simulated_cohort(people: int, seed: int) -> dict[str, Any]:
+    """Return the 90 % interval of each component's standard deviation, of log X1."""
     spec = CohortFile(
         cohort=Size(people=people),
         subject=Shifts(X1=SIMULATED["subject"], X2=0.25, nu=0.02),
@@ -176,28 +179,39 @@ def _simulated_cohort(people: int, seed: int) -> dict[str, bool]:
         effect("probe", codes("probe")),
     ]
     found = components(np.array(values), effects, seed=seed)
-    return {
-        part.name: bool(part.low <= SIMULATED[part.name] ** 2 <= part.high)
+    intervals = {
+        part.name: [math.sqrt(part.low), math.sqrt(part.high)]
         for part in found.parts
         if part.name in SIMULATED
     }
+    return {"people": people, "seed": seed, "curves": len(values), "sd": intervals}
 
 
 def measure_simulated(arguments: argparse.Namespace) -> dict[str, Any]:
     """Return how often intervals hold the truth, of cohorts measured by the simulator."""
     seeds = [1000 * arguments.seed + k for k in range(arguments.cohorts)]
+    done = {
+        row["seed"]: row
+        for row in map(json.loads, LINES.read_text().splitlines() if LINES.exists() else ())
+        if row["people"] == arguments.people
+    }
+    missing = [seed for seed in seeds if seed not in done]
+    RESULTS.mkdir(exist_ok=True)
+    with ProcessPoolExecutor(arguments.workers) as pool, LINES.open("a", encoding="utf-8") as out:
+        for row in pool.map(partial(_simulated_cohort, arguments.people), missing):
+            done[row["seed"]] = row
+            print(json.dumps(row), file=out, flush=True)
+            print(f"{len(done)} of {len(seeds)}", file=sys.stderr)
     held: dict[str, list[bool]] = {}
-    with ProcessPoolExecutor(arguments.workers) as pool:
-        for number, one in enumerate(
-            pool.map(partial(_simulated_cohort, arguments.people), seeds), start=1
-        ):
-            for name, inside in one.items():
-                held.setdefault(name, []).append(inside)
-            print(f"{number} of {len(seeds)}", file=sys.stderr)
+    for seed in seeds:
+        for name, (low, high) in done[seed]["sd"].items():
+            held.setdefault(name, []).append(low <= SIMULATED[name] <= high)
     return {
         "true_sd": SIMULATED,
         "cohorts": len(seeds),
+        "curves": sum(done[seed]["curves"] for seed in seeds),
         "intervals that hold the truth": {n: float(np.mean(h)) for n, h in held.items()},
+        "cohorts that tell the component": {n: len(h) for n, h in held.items()},
         "all of them": float(np.mean([inside for h in held.values() for inside in h])),
     }
 

@@ -134,6 +134,10 @@ class ParameterSpace(Protocol):
         """Return the points of the cube (..., k) of parameters."""
         ...
 
+    def by_unit(self, parameters: Array) -> Array:
+        """Return derivatives (..., p, k) of parameters (..., p) by the cube's coordinates."""
+        ...
+
 
 @dataclass(frozen=True)
 class Space:
@@ -210,6 +214,16 @@ class Space:
         """Return the points of the cube (..., k) of parameters."""
         low, high = self.ends
         return np.asarray((self.coordinates(parameters) - low) / (high - low))
+
+    def by_unit(self, parameters: Array) -> Array:
+        """Return derivatives (..., k, k) of parameters (..., k) by the cube's coordinates."""
+        low, high = self.ends
+        each = (high - low) * np.where(self._logs, parameters, 1.0)
+        slopes = each[..., None] * np.eye(len(self))
+        if len(self._ratios):
+            share = each[..., [self.scale]] / parameters[..., [self.scale]]
+            slopes[..., self._ratios, self.scale] = parameters[..., self._ratios] * share
+        return np.asarray(slopes)
 
     def outside(self, parameters: Array) -> str:
         """Return which end the parameters (k,) are beyond, in words; empty where none."""

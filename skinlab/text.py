@@ -70,6 +70,11 @@ def escaped(text: str) -> str:
     return text if text.isprintable() else text.translate(_ESCAPES)
 
 
+def counted(count: int, noun: str) -> str:
+    """Return `1 file`, or `2 files`."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
 def json_text(document: Any) -> str:
     """Return a document as JSON of ASCII characters, none of which a terminal obeys.
 

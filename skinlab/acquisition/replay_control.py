@@ -15,7 +15,8 @@ class ReplayControl:
     """Lets the events of a record through at its pace; `wait` is called by the replay alone.
 
     All other methods may be called from any thread. `speed` 1 keeps the original times, 10 is ten
-    times as fast, None does not wait. `clock` and `sleep` are in s.
+    times as fast, None does not wait; the first `ahead_s` are not waited for. `clock` and `sleep`
+    are in s.
 
     Raises:
         InputError: the speed is not positive.
@@ -26,6 +27,7 @@ class ReplayControl:
         speed: float | None = None,
         *,
         paused: bool = False,
+        ahead_s: float | None = None,
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], object] = time.sleep,
     ) -> None:
@@ -34,6 +36,7 @@ class ReplayControl:
         self._lock = threading.Lock()
         self._speed = _checked(speed)
         self._paused = paused
+        self._ahead_s = ahead_s
         self._steps = 0
         self._until_s: float | None = None  # what was recorded before this is not waited for
         self._to_event = False  # nor is any sample
@@ -126,6 +129,7 @@ class ReplayControl:
         self._settle()
         if self._at_s is None:
             self._at_s = record_time_s
+            self._until_s = None if self._ahead_s is None else record_time_s + self._ahead_s
         if self._until_s is not None:
             if record_time_s <= self._until_s:
                 self._at_s = max(self._at_s, record_time_s)

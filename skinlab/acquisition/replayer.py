@@ -59,7 +59,6 @@ class Replayer:
         self.analysis = Analysis(folder, post, self)
         self.control = ReplayControl(speed, sleep=self._nap)
         self._post = post
-        self._speed = speed
         self._outbox = Outbox(self._heard, self._moment)
         self._free = threading.Event()
         self._free.set()
@@ -74,9 +73,14 @@ class Replayer:
         """How often a vent was asked for."""
         return self._vents
 
-    def again(self) -> None:
-        """Be ready to play from the beginning."""
-        self.control = ReplayControl(self._speed, sleep=self._nap)
+    def again(self, ahead_s: float | None = None) -> None:
+        """Be ready to play from the beginning, whose first `ahead_s` are not waited for.
+
+        Speed and pause stay as they were.
+        """
+        paused = self.control.paused and ahead_s is not None
+        speed = self.control.speed
+        self.control = ReplayControl(speed, paused=paused, ahead_s=ahead_s, sleep=self._nap)
 
     def vent(self, reason: str) -> None:
         """Count it: there is nothing to vent."""

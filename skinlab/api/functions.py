@@ -385,8 +385,9 @@ def study(
     explain: look for missing effects, too. resume: refuse other settings than those before.
     workers: processes; None: one a core. dask: a scheduler's address instead. layout: what paths
     say, such as "{subject}/{site}/v{visit}". aperture_mm, thickness_mm, thickness_sd_mm, program:
-    where nothing else says them. progress is called with files (done, of all). identification:
-    what `identify` takes. Only what is new or changed is computed (docs/study.md).
+    where nothing else says them. progress is called with files (done, of all), then, to explain,
+    with campaigns. identification: what `identify` takes. Only what is new or changed is computed
+    (docs/study.md).
 
     Raises:
         InputError: a folder or a setting is wrong. Files that cannot be used are in `failures`.
@@ -419,7 +420,8 @@ def study(
         layout,
         to.resolve(),
     )
-    how = How(workers or os.cpu_count() or 1, dask, progress or (lambda done, total: None))
+    tell = progress or (lambda done, total: None)
+    how = How(workers or os.cpu_count() or 1, dask, tell, tell)
     identifier = compose_identifier(**identification)
     now = datetime.now(UTC)
     made = make_study(plan, to, identifier, how, resume=resume, explain=explain, now=now)

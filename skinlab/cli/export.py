@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from skinlab.report.page import Section
     from skinlab.report.session_report import Format
 
+_NO_COMPARISON = Path("none")
+
 
 @click.command()
 @click.argument("session", type=click.Path(path_type=Path))
@@ -37,6 +39,20 @@ if TYPE_CHECKING:
 )
 @click.option("--age-years", type=float, help="Of the person, for --reference.")
 @click.option("--sex", type=click.Choice(["f", "m"]), help="For --reference.")
+@click.option(
+    "--since",
+    "since_path",
+    type=click.Path(path_type=Path),
+    help="Session that the report compares with, or none [default: the one before it in its "
+    "folder, of the same subject and site].",
+)
+@click.option(
+    "--control",
+    nargs=2,
+    type=click.Path(path_type=Path),
+    metavar="BEFORE AFTER",
+    help="Sessions of a site that was left alone, on the same days, for that comparison.",
+)
 def command(
     session: Path,
     folder: Path,
@@ -45,6 +61,8 @@ def command(
     reference_path: Path | None,
     age_years: float | None,
     sex: str | None,
+    since_path: Path | None,
+    control: tuple[Path, Path] | None,
 ) -> int:
     """Write SESSION into DIR.
 
@@ -66,6 +84,8 @@ def command(
         raise click.UsageError("--age-years and --sex are for --reference")
     if reference_path is not None and kind not in {"html", "pdf"}:
         raise click.UsageError("--reference is for the report, --to html or pdf")
+    if (since_path or control) and kind not in {"html", "pdf"}:
+        raise click.UsageError("--since and --control are for the report, --to html or pdf")
     read = read_session(session)
     match kind:
         case "csv" | "json":
@@ -82,6 +102,8 @@ def command(
             more = []
             if reference_path is not None:
                 more.append(_beside(read, reference_path, sex, age_years, database_path))
+            if kind in {"html", "pdf"}:
+                more += _changed(session, read, since_path, control, database_path)
             paths = _export_report(session, read, kind, folder, database_path, more)
     for path in paths:
         echo(str(path))
@@ -121,6 +143,40 @@ def _beside(
             echo(f"skinlab: {path}: {error}", err=True)
         found.append((curve.name, placed))
     return section(found)
+
+
+def _changed(
+    path: Path,
+    session: Session,
+    before: Path | None,
+    control: tuple[Path, Path] | None,
+    database_path: Path | None,
+) -> list[Section]:
+    """Return whether the skin has changed; nothing where there is nothing to compare with."""
+    from skinlab.acquisition.replay import identifier_of
+    from skinlab.errors import SkinlabError
+    from skinlab.recording.visit_index import visit_before
+    from skinlab.studies.comparison import section, since
+
+    if before == _NO_COMPARISON:
+        return []
+    asked = before is not None or control is not None
+    if before is None:
+        instrument = session.meta.get("instrument")
+        simulated = isinstance(instrument, dict) and bool(instrument.get("simulated"))
+        whose = (str(session.meta.get("subject") or ""), str(session.meta.get("site") or ""))
+        before = visit_before(path.parent, whose, path, simulated=simulated, keep=False)
+    if before is None:
+        if control is not None:
+            raise click.UsageError("--control needs an earlier session of this site: --since FILE")
+        return []
+    try:
+        return [section(since(identifier_of(session, database_path)[0], before, path, control))]
+    except SkinlabError as error:
+        if asked:
+            raise
+        echo(f"skinlab: {path}: not compared with {before}: {error}", err=True)
+        return [section(str(error))]
 
 
 def _export_report(

@@ -7,8 +7,9 @@ import sys
 import time
 from collections.abc import Callable
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import click
 
@@ -86,8 +87,8 @@ def command(
     }
     plan = Plan(folders, {k: v for k, v in stated.items() if v is not None}, layout, out.resolve())
     identifier = make_identifier(**options)
-    with _bar() as progress:
-        how = How(workers or os.cpu_count() or 1, dask, progress)
+    with _Bars() as bars:
+        how = How(workers or os.cpu_count() or 1, dask, bars.of("files"), bars.of("campaigns"))
         try:
             made = make_study(
                 plan,
@@ -111,31 +112,42 @@ def command(
     return 3 if made.failures else 0
 
 
-class _bar:  # noqa: N801 -- used as a function
-    """A progress bar with rate and time left on a terminal, nothing in a pipe."""
+class _Bars:
+    """Progress bars, one after the other, with rate and time left; nothing in a pipe."""
 
-    def __enter__(self) -> Callable[[int, int], None]:
+    def __init__(self) -> None:
         self._bar: Any = None
         self._started, self._first = 0.0, 0
-        return self._show
 
-    def _show(self, done: int, total: int) -> None:
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._end()
+
+    def of(self, label: str) -> Callable[[int, int], None]:
+        """Return what shows (done, total) of these."""
+        return partial(self._show, label)
+
+    def _show(self, label: str, done: int, total: int) -> None:
         if not sys.stderr.isatty():
             return
-        if self._bar is None:
+        if self._bar is None or self._bar.label != label:
+            self._end()
             self._started, self._first = time.monotonic(), done
             self._bar = click.progressbar(
                 length=total,
-                label="files",
+                label=label,
                 file=sys.stderr,
                 show_pos=True,
                 item_show_func=lambda rate: rate,
             )
             self._bar.__enter__()
         seconds = time.monotonic() - self._started
-        rate = f"{(done - self._first) / seconds:.1f} a second" if seconds > 1 else None
+        rate = f"{(done - self._first) / seconds:.2g} a second" if seconds > 1 else None
         self._bar.update(done - self._bar.pos, rate)
 
-    def __exit__(self, *error: object) -> None:
+    def _end(self) -> None:
         if self._bar is not None:
             self._bar.__exit__(None, None, None)
+            self._bar = None

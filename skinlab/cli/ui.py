@@ -187,7 +187,7 @@ def user_settings() -> UserSettings:
     Raises:
         InputError: something in it is wrong.
     """
-    from skinlab.tui.app import owners
+    from skinlab.tui.key_owners import owners
     from skinlab.tui.settings_file import default_settings_path, read_settings
 
     return read_settings(default_settings_path(), owners())

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from skinlab.discrepancy.adequacy import ADEQUATE, Place
@@ -236,13 +238,15 @@ def _size_words(name: str, size: float) -> str:
     return f"{name} {size:.3g}{unit and ' '}{unit}"
 
 
-def limits_words(outcome: Outcome) -> list[str]:
+def limits_words(
+    outcome: Outcome, size_words: Callable[[str, float], str] = _size_words
+) -> list[str]:
     """Return which effects these data could have shown, and which not: the whole library."""
     lines = []
     for heading, entries in (
         (
             "Smallest sizes that these data could have shown:",
-            [_size_words(name, size) for name, size in outcome.detectable.items()],
+            [size_words(name, size) for name, size in outcome.detectable.items()],
         ),
         ("These data cannot show:", [f"{n}: {w}" for n, w in outcome.cannot_show.items()]),
         ("Not looked for:", [f"{n}: {w}" for n, w in outcome.not_screened.items()]),

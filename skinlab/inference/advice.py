@@ -18,7 +18,6 @@ from skinlab.curves.program import parse_program
 from skinlab.errors import NotTrustworthyError
 from skinlab.inference.covariance import independent
 from skinlab.inference.noise import MESH_REST, mesh_error_shapes, slope_mm_per_mbar
-from skinlab.inference.optimise import unit_slopes
 from skinlab.inference.problem import LeastSquares
 from skinlab.inference.result import Advice
 from skinlab.inference.uncertainty import Uncertainty
@@ -62,9 +61,9 @@ def advise(
     menu = Menu() if menu is None else menu
     space, draws = known.space, known.draws
     chosen = rng.choice(len(draws.weight), _DRAWS, p=draws.weight)
-    unit, parameters = draws.unit[chosen], draws.parameters[chosen]
-    turn = unit_slopes(space, unit)  # (draws, p, k)
-    now = _information(known.parts, parameters, turn) + _FLAT_PRECISION * np.eye(unit.shape[1])
+    parameters = draws.parameters[chosen]
+    turn = space.by_unit(parameters)  # (draws, p, k)
+    now = _information(known.parts, parameters, turn) + _FLAT_PRECISION * np.eye(turn.shape[2])
     found: list[tuple[float, Advice]] = []
     noise = max(known.errors.noise_um, _LEAST_NOISE_UM)
     for aperture, top in product(menu.apertures_mm, menu.pressures_mbar):

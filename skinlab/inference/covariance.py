@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.inference import bidiagonal
+from skinlab.mechanics.fem import kernel
 
 Array = NDArray[np.float64]
 
@@ -202,45 +203,64 @@ def gram_matrices(covariances: Sequence[Covariance], values_mm: Array) -> tuple[
     Raises:
         numpy.linalg.LinAlgError: one is not positive definite.
     """
-    leaders, scales = _scaled_alike(covariances)
-    if len(leaders) < len(covariances):
-        gram, log_base = gram_matrices([covariances[i] for i in leaders], values_mm)
-        place = {leader: i for i, leader in enumerate(leaders)}
-        which = [place[leader] for leader, _ in scales]
-        whole = np.ones((len(covariances), gram.shape[1]))
-        whole[:, values_mm.shape[1] :] = [scale for _, scale in scales]
-        return gram[which] * whole[:, :, None] * whole[:, None, :], log_base[which]
     first = covariances[0]
-    n, u, m = len(covariances), first.count, values_mm.shape[1]
-    at_once = max(1, _AT_ONCE // max(u * (m + first.columns_mm.shape[1]), 1))
+    shared = all(one.columns_mm is first.columns_mm for one in covariances)
+    if not shared:
+        leaders, scales = _scaled_alike(covariances)
+        if len(leaders) < len(covariances):
+            gram, log_base = gram_matrices([covariances[i] for i in leaders], values_mm)
+            place = {leader: i for i, leader in enumerate(leaders)}
+            which = [place[leader] for leader, _ in scales]
+            whole = np.ones((len(covariances), gram.shape[1]))
+            whole[:, values_mm.shape[1] :] = [scale for _, scale in scales]
+            return gram[which] * whole[:, :, None] * whole[:, None, :], log_base[which]
+    n, u = len(covariances), first.count
+    at_once = max(1, _AT_ONCE // max(u * (values_mm.shape[1] + first.columns_mm.shape[1]), 1))
     if n > at_once:
         parts = [
             gram_matrices(covariances[i : i + at_once], values_mm) for i in range(0, n, at_once)
         ]
         return np.concatenate([g for g, _ in parts]), np.concatenate([d for _, d in parts])
-    both = np.empty((n, u, m + first.columns_mm.shape[1]))
-    both[:, :, :m] = values_mm
-    for i, one in enumerate(covariances):
-        both[i, :, m:] = one.columns_mm
-    d = np.array([one.variance_mm2 for one in covariances])
+    variance = np.array([one.variance_mm2 for one in covariances])
+    columns = first.columns_mm[None] if shared else np.array([c.columns_mm for c in covariances])
+    square = decay = None
     if first.ou is not None:
         assert first.time_s is not None
         processes = [one.ou for one in covariances if one.ou is not None]
-        squares = np.array([[ou.size_mm**2] for ou in processes])
+        square = np.array([ou.size_mm**2 for ou in processes])
         times = np.array([[ou.time_s] for ou in processes])
-        phi = np.zeros((n, u))
-        phi[:, 1:] = np.exp(-np.maximum(np.diff(first.time_s), 0.0) / times)
-        phi[:, [end for end in first.ends if end < u]] = 0.0
-        diagonal = d + squares * (1.0 - phi**2)
-        diagonal[:, 1:] += phi[:, 1:] ** 2 * d[:, :-1]
+        decay = np.zeros((n, u))
+        decay[:, 1:] = np.exp(-np.maximum(np.diff(first.time_s), 0.0) / times)
+        decay[:, [end for end in first.ends if end < u]] = 0.0
+    found = kernel.gram(values_mm, columns, variance, square, decay)
+    if found is None:
+        return _gram(values_mm, columns, variance, square, decay)
+    if found[2]:
+        raise np.linalg.LinAlgError("the covariance of the errors is not positive definite")
+    return found[:2]
+
+
+def _gram(
+    values_mm: Array, columns_mm: Array, d: Array, square: Array | None, decay: Array | None
+) -> tuple[Array, Array]:
+    """Return the same as the compiled kernel."""
+    n, u = d.shape
+    m = values_mm.shape[1]
+    both = np.empty((n, u, m + columns_mm.shape[2]))
+    both[:, :, :m], both[:, :, m:] = values_mm, columns_mm
+    if square is not None and decay is not None:
+        diagonal = d + square[:, None] * (1.0 - decay**2)
+        diagonal[:, 1:] += decay[:, 1:] ** 2 * d[:, :-1]
         beside = np.zeros((n, u))
-        beside[:, :-1] = -phi[:, 1:] * d[:, :-1]
-        both[:, 1:] -= phi[:, 1:, None] * both[:, :-1]
+        beside[:, :-1] = -decay[:, 1:] * d[:, :-1]
+        both[:, 1:] -= decay[:, 1:, None] * both[:, :-1]
         if n * u > 1:
             found, below = bidiagonal.factorise(diagonal.ravel(), beside.ravel()[:-1])
             both = bidiagonal.solve(below, both.reshape(n * u, -1)).reshape(n, u, -1)
             diagonal = found.reshape(n, u)
         d = diagonal
+    if not (d > 0.0).all():
+        raise np.linalg.LinAlgError("the covariance of the errors is not positive definite")
     both /= np.sqrt(d)[:, :, None]
     return both.transpose(0, 2, 1) @ both, np.log(d).sum(axis=1)
 
@@ -251,25 +271,30 @@ def _scaled_alike(covariances: Sequence[Covariance]) -> tuple[list[int], list[tu
     Where only the sizes of random effects differ, D + B is the same and the columns are the
     leader's, each longer or shorter.
     """
-    known: dict[tuple[bytes, OrnsteinUhlenbeck | None], tuple[int, Array, Array]] = {}
+    known: dict[tuple[bytes, OrnsteinUhlenbeck | None], int] = {}
     leaders, found = [], []
     for i, one in enumerate(covariances):
         key = (one.variance_mm2.tobytes(), one.ou)
-        if key in known:
-            leader, rows, largest = known[key]
-            before = covariances[leader].columns_mm
-            if before.shape == one.columns_mm.shape:
-                scale = one.columns_mm[rows, np.arange(len(rows))] / largest
-                if np.allclose(before * scale, one.columns_mm, rtol=1e-12, atol=0.0):
-                    found.append((leader, scale))
-                    continue
-        columns = one.columns_mm
-        rows = np.abs(columns).argmax(axis=0) if len(columns) else np.zeros(0, dtype=np.intp)
-        largest = columns[rows, np.arange(columns.shape[1])]
-        known[key] = i, rows, np.where(largest == 0.0, 1.0, largest)
-        leaders.append(i)
-        found.append((i, np.ones(columns.shape[1])))
+        leader = known.setdefault(key, i)
+        scale = _scale_between(covariances[leader].columns_mm, one.columns_mm)
+        if scale is None:
+            known[key] = leader = i
+            scale = np.ones(one.columns_mm.shape[1])
+        if leader == i:
+            leaders.append(i)
+        found.append((leader, scale))
     return leaders, found
+
+
+def _scale_between(before: Array, now: Array) -> Array | None:
+    """Return by what columns (u, m) are longer than those before (m,); None: they are others."""
+    if before is now or before.shape != now.shape or not len(now):
+        return np.ones(now.shape[1]) if before.shape == now.shape else None
+    rows, columns = np.abs(before).argmax(axis=0), np.arange(before.shape[1])
+    largest = before[rows, columns]
+    scale = now[rows, columns] / np.where(largest == 0.0, 1.0, largest)
+    same = np.abs(before * scale - now) <= 1e-12 * np.abs(now)
+    return scale if same.all() else None
 
 
 def products(covariances: Sequence[Covariance], values_mm: Array) -> tuple[Array, Array]:
@@ -280,6 +305,18 @@ def products(covariances: Sequence[Covariance], values_mm: Array) -> tuple[Array
     taken = np.linalg.solve(root, gram[:, m:, :m])
     log_inner = 2.0 * np.log(np.einsum("nii->ni", root)).sum(axis=1)
     return gram[:, :m, :m] - taken.transpose(0, 2, 1) @ taken, log_base + log_inner
+
+
+def block_diagonal(blocks: Sequence[Array]) -> Array:
+    """Return the matrix with these (u, m) along its diagonal."""
+    if len(blocks) == 1:
+        return blocks[0]
+    whole = np.zeros((sum(len(b) for b in blocks), sum(b.shape[1] for b in blocks)))
+    row = column = 0
+    for b in blocks:
+        whole[row : row + len(b), column : column + b.shape[1]] = b
+        row, column = row + len(b), column + b.shape[1]
+    return whole
 
 
 def independent(sigma_mm: Array, columns_mm: Array | Sequence[Array] | None = None) -> Covariance:

@@ -18,9 +18,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.inference.covariance import Covariance
+from skinlab.inference.covariance import Covariance, OrnsteinUhlenbeck
 from skinlab.inference.error_models import ERROR_MODELS
-from skinlab.inference.error_models.base import ErrorModel, Look, Part
+from skinlab.inference.error_models.base import ErrorModel, Look, Part, Terms
 from skinlab.inference.likelihood import LinearModel
 
 Array = NDArray[np.float64]
@@ -36,6 +36,9 @@ _WIDER = 1.2
 _FREEDOM = 6.0  # of the Student distribution
 _NODES = {0: 1, 1: 10, 2: 24, 3: 40}  # by the number of parameters
 _MOST_NODES = 64
+_FEW = 2  # parameters: the nodes of the first round will do
+_WEIGHTY = 3.0  # in log evidence below the best: those have a second round
+_AS_MODE = 6.0  # nodes that the curvature at the mode counts as, beside them
 _FROM_PRIOR = 0.2  # of the nodes
 _NO_GAIN = 0.0  # of the log evidence with odds: below, no more models are added
 _MOST_MODELS = 4  # beside those that are always there
@@ -53,6 +56,7 @@ class Combination:
     ends: tuple[int, ...]
     fixed_mm: Array  # (u, m) columns that are there whatever the parameters
     fixed_mm2: Array  # (u,) variances, likewise
+    _last: list[tuple[Array, ...]] = field(default_factory=list, init=False, repr=False)
 
     @property
     def name(self) -> str:
@@ -89,44 +93,90 @@ class Combination:
         """What the parts that are scale mixtures add to the log evidence."""
         return sum(part.bound for part in self.parts)
 
-    def log_prior(self, log_values: Array) -> float:
-        """Return the log prior density of the parameters' logarithms (d,)."""
+    def log_priors(self, log_values: Array) -> Array:
+        """Return the log prior densities (n,) of the parameters' logarithms (n, d)."""
         each = [p for part in self.parts for p in part.parameters]
-        return float(sum(p.log_prior(v) for p, v in zip(each, log_values, strict=True)))
+        found = np.zeros(len(log_values))
+        for parameter, values in zip(each, log_values.T, strict=True):
+            found += parameter.log_prior(values)
+        return found
 
     def sizes_um(self, log_values: Array) -> dict[str, float]:
         """Return the root mean square over samples of each part's errors, µm, by its name."""
-        values, at = np.exp(log_values).tolist(), 0
-        found = {}
-        for part in self.parts:
-            terms = part.terms(values[at : at + len(part.parameters)])
-            at += len(part.parameters)
-            total = float(np.mean(terms.variance_mm2))
-            if terms.ou is not None:
-                total += terms.ou.size_mm**2
-            if terms.columns_mm is not None:
-                total += float(np.square(terms.columns_mm).sum(axis=1).mean())
-            found[part.name] = 1e3 * math.sqrt(total)
+        values, found = np.exp(log_values).tolist(), dict(self._constant_um)
+        for part, own in zip(self.parts, self._own, strict=True):
+            if part.parameters:
+                found[part.name] = _size_um(part.terms(values[own]))
         return found
+
+    @cached_property
+    def _constant_um(self) -> dict[str, float]:
+        return {p.name: _size_um(p.terms(())) for p in self.parts if not p.parameters}
+
+    def covariances(self, log_values: Array, *, spread: bool = True) -> list[Covariance]:
+        """Return the covariances (n,) at logarithms (n, d)."""
+        n, values = len(log_values), np.exp(log_values)
+        variance, stretch = self.fixed_mm2, np.ones(1)
+        processes: list[OrnsteinUhlenbeck | None] = [None] * n
+        columns = [[self.fixed_mm] * n]
+        for part, own in zip(self.parts, self._own, strict=True):
+            if part.variances is not None:
+                variance = variance + part.variances(values[:, own])
+                continue
+            settings = values[:, own].tolist() if part.parameters else [()]
+            each = [part.terms(setting) for setting in settings]
+            own_mm2 = np.array([terms.variance_mm2 for terms in each], dtype=float)
+            variance = variance + own_mm2.reshape(len(each), -1)
+            if len(each) < n:
+                each = each * n  # it has no parameters
+            processes = [terms.ou or ou for terms, ou in zip(each, processes, strict=True)]
+            some = [terms.columns_mm for terms in each if terms.columns_mm is not None]
+            if len(some) == n:
+                columns.append(some)
+            if each[0].stretch is not None:
+                stretched = [1.0 if terms.stretch is None else terms.stretch for terms in each]
+                stretch = stretch * np.array(stretched) * (part.spread if spread else 1.0)
+        variance = np.broadcast_to(variance * stretch, (n, len(self.fixed_mm2)))
+        whole = columns[0] if len(columns) == 1 else self._side_by_side(columns)
+        return [
+            Covariance(d, v, self.ends, ou, self.samples_time_s)
+            for d, v, ou in zip(variance, whole, processes, strict=True)
+        ]
 
     def covariance(self, log_values: Array, *, spread: bool = True) -> Covariance:
         """Return the covariance at these logarithms (d,)."""
-        values = np.exp(log_values).tolist()
-        variance, ou = self.fixed_mm2, None
-        columns = [self.fixed_mm]
-        stretch: Array | float = 1.0
-        at = 0
-        for part in self.parts:
-            terms = part.terms(values[at : at + len(part.parameters)])
-            at += len(part.parameters)
-            variance = variance + terms.variance_mm2
-            ou = terms.ou or ou
-            if terms.columns_mm is not None:
-                columns.append(terms.columns_mm)
-            if terms.stretch is not None:
-                stretch = stretch * terms.stretch * (part.spread if spread else 1.0)
-        whole = columns[0] if len(columns) == 1 else np.hstack(columns)
-        return Covariance(variance * stretch, whole, self.ends, ou, self.samples_time_s)
+        return self.covariances(log_values[None], spread=spread)[0]
+
+    @cached_property
+    def _own(self) -> list[slice]:
+        """Where each part's parameters are among all."""
+        ends = np.cumsum([len(part.parameters) for part in self.parts]).tolist()
+        return [slice(e - len(p.parameters), e) for e, p in zip(ends, self.parts, strict=True)]
+
+    def _side_by_side(self, columns: list[list[Array]]) -> list[Array]:
+        """Return columns (u, m) side by side; the same array where they are the same arrays."""
+        found: list[Array] = []
+        for blocks in zip(*columns, strict=True):
+            if not self._last or not _same(self._last[0], blocks):
+                self._last[:] = [blocks, (np.hstack(blocks),)]
+            found.append(self._last[1][0])
+        return found
+
+
+def _size_um(terms: Terms) -> float:
+    """Return the root mean square over samples, µm."""
+    variance = np.asarray(terms.variance_mm2)
+    total = float(np.add.reduce(variance, axis=None)) / variance.size
+    if terms.ou is not None:
+        total += terms.ou.size_mm**2
+    if terms.columns_mm is not None and len(terms.columns_mm):
+        columns = terms.columns_mm.ravel()
+        total += float(columns @ columns) / len(terms.columns_mm)
+    return 1e3 * math.sqrt(total)
+
+
+def _same(some: Sequence[Array], others: Sequence[Array]) -> bool:
+    return len(some) == len(others) and all(a is b for a, b in zip(some, others, strict=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,7 +228,10 @@ class ErrorChoice:
 
     def quantile(self, function: Callable[[Node], float], share: float) -> float:
         """Return a weighted quantile of a function of the nodes."""
-        values = np.array([function(node) for node in self.nodes])
+        return self.quantile_of(np.array([function(node) for node in self.nodes]), share)
+
+    def quantile_of(self, values: Array, share: float) -> float:
+        """Return a weighted quantile of values (nodes,)."""
         order = np.argsort(values, kind="stable")
         below = np.cumsum(self.weight[order]) - 0.5 * self.weight[order]
         return float(np.interp(share, below, values[order]))
@@ -263,7 +316,34 @@ def choose_errors(
         tried.append(mixture)
         if mixture.log_evidence > best.log_evidence:
             best = mixture
-    return _collect(tried, best)
+    return _collect([_again(e, linear) if _is_coarse(e, best) else e for e in tried], best)
+
+
+def _is_coarse(one: _Explored, best: _Explored) -> bool:
+    """Return whether the nodes of a combination are too few for what it weighs."""
+    return (
+        len(one.log_mode) > _FEW
+        and len(one.nodes) > 0
+        and one.log_evidence > best.log_evidence - _WEIGHTY
+    )
+
+
+def _again(one: _Explored, linear: LinearModel) -> _Explored:
+    """Return the combination with nodes about where those before have their weight.
+
+    A distribution about the mode alone leaves a dozen nodes that count, where sizes and times of
+    errors that last trade for each other.
+    """
+    values = np.array([node.log_values for node in one.nodes])
+    log_weight = np.array([node.log_prior + node.log_marginal for node in one.nodes])
+    weight = np.exp(log_weight - np.logaddexp.reduce(log_weight))
+    mean = weight @ values
+    counts = 1.0 / float(np.square(weight).sum())
+    spread = (values - mean).T @ ((values - mean) * weight[:, None])
+    spread = (counts * spread + _AS_MODE * one.root @ one.root.T) / (counts + _AS_MODE)
+    wide = _WIDER * np.linalg.cholesky(spread)
+    points = mean + student_points(_MOST_NODES, len(mean)) @ wide.T
+    return _integrated(one, points, _log_student(points - mean, wide), linear)
 
 
 def _collect(tried: Sequence[_Explored], best: _Explored) -> ErrorChoice:
@@ -282,6 +362,8 @@ class _Explored:
 
     combination: Combination
     log_mode: Array
+    root: Array  # (d, d) of the covariance of the parameters' logarithms there, and
+    here: float  # the log density
     nodes: tuple[Node, ...]
     log_evidence: float
 
@@ -315,24 +397,30 @@ def _explore(
     roughly = here + 0.5 * len(mode) * math.log(2.0 * math.pi) + float(np.linalg.slogdet(root)[1])
     roughly += combination.log_odds
     if not combination.bound and roughly < rival - _HOPELESS:
-        return _Explored(combination, mode, (), roughly)
-    values, log_drawn = _draws(combination, mode, root)
-    covariances = [combination.covariance(value) for value in values]
-    log_prior = np.array([combination.log_prior(value) for value in values])
+        return _Explored(combination, mode, root, here, (), roughly)
+    begun = _Explored(combination, mode, root, here, (), roughly)
+    return _integrated(begun, *_draws(combination, mode, root), linear)
+
+
+def _integrated(one: _Explored, values: Array, log_drawn: Array, linear: LinearModel) -> _Explored:
+    """Return the combination with nodes at logarithms (n, d) drawn with log densities (n,)."""
+    combination = one.combination
+    covariances = combination.covariances(values)
+    log_prior = combination.log_priors(values)
     log_prior += combination.log_odds - math.log(len(values)) - log_drawn
     log_marginal = linear.log_marginals(covariances)
     evidence = float(np.logaddexp.reduce(log_prior + log_marginal))
     if combination.bound:
         # The evidence is that of the mixture's own variances; the nodes' are spread.
-        spread = _density(combination, linear, spread=True)(mode[None])[0]
-        right = here - float(spread) + combination.bound
+        spread = _density(combination, linear, spread=True)(one.log_mode[None])[0]
+        right = one.here - float(spread) + combination.bound
         log_prior += right
         evidence += right
     nodes = tuple(
         Node(combination, *one)
         for one in zip(values, covariances, log_prior.tolist(), log_marginal.tolist(), strict=True)
     )
-    return _Explored(combination, mode, nodes, evidence)
+    return replace(one, nodes=nodes, log_evidence=evidence)
 
 
 def _density(
@@ -341,10 +429,8 @@ def _density(
     """Return the log density (n,) of logarithms (n, d) of the errors' parameters."""
 
     def density(log_values: Array) -> Array:
-        found = linear.log_marginals(
-            [combination.covariance(value, spread=spread) for value in log_values]
-        )
-        return np.asarray(found + [combination.log_prior(value) for value in log_values])
+        found = linear.log_marginals(combination.covariances(log_values, spread=spread))
+        return np.asarray(found + combination.log_priors(log_values))
 
     return density
 
@@ -458,19 +544,25 @@ def _draws(combination: Combination, mode: Array, root: Array) -> tuple[Array, A
         other = middle + np.where(sure, 1.5 * own * normal_points(count - first, d), other)
         values = np.vstack([near, other])
         width = np.where(sure, 1.5 * own, width)
-    z = np.linalg.solve(wide, (values - mode).T).T
-    log_near = (
+    log_near = _log_student(values - mode, wide)
+    if first == count:
+        return values, log_near
+    off = (values - middle) / width
+    log_far = -0.5 * np.square(off).sum(axis=1) - np.log(width * math.sqrt(2 * math.pi)).sum()
+    return values, np.logaddexp(math.log(share) + log_near, math.log(1.0 - share) + log_far)
+
+
+def _log_student(off: Array, wide: Array) -> Array:
+    """Return the log densities (n,) of a Student distribution, (n, d) off its middle."""
+    d = off.shape[1]
+    z = np.linalg.solve(wide, off.T).T
+    return np.asarray(
         math.lgamma(0.5 * (_FREEDOM + d))
         - math.lgamma(0.5 * _FREEDOM)
         - 0.5 * d * math.log(_FREEDOM * math.pi)
         - float(np.linalg.slogdet(wide)[1])
         - 0.5 * (_FREEDOM + d) * np.log1p(np.square(z).sum(axis=1) / _FREEDOM)
     )
-    if first == count:
-        return values, log_near
-    off = (values - middle) / width
-    log_far = -0.5 * np.square(off).sum(axis=1) - np.log(width * math.sqrt(2 * math.pi)).sum()
-    return values, np.logaddexp(math.log(share) + log_near, math.log(1.0 - share) + log_far)
 
 
 def _scale_mixture(

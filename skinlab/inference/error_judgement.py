@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from skinlab.inference.error_choice import ErrorChoice, Node
+from skinlab.inference.noise import roughness
+
+Array = NDArray[np.float64]
 
 _SURE = 0.95
 _CONTRADICTED = 1.3
@@ -48,20 +52,19 @@ class Judged:
 def judge_errors(errors: ErrorChoice, stated_um: float | None) -> Judged:
     """Return what these errors say, next to a noise that was stated."""
     flags: list[str] = []
-    lasting = errors.median(_lasting_um)
-    misses = lasting > _MOST_UM
-    noise = errors.median(lambda node: noise_um(node, lasting=not misses))
-    lasts = sum(
-        float(weight)
-        for node, weight in zip(errors.nodes, errors.weight, strict=True)
-        if _lasting_um(node) > _SHOWS * noise_um(node, lasting=False)
-    )
+    sizes = _Sizes.of(errors)
+    misses = errors.quantile_of(sizes.lasting_um, 0.5) > _MOST_UM
+    noise = errors.quantile_of(sizes.noise_um(lasting=not misses), 0.5)
+    lasts = errors.weight[sizes.lasting_um > _SHOWS * sizes.noise_um(lasting=False)].sum()
     if lasts >= _SURE:
         flags.append("correlated_noise")
     why = [part.why for part in errors.best.parts if part.why]
     if stated_um is not None:
         # A statement may or may not count the rounding as noise.
-        found = [_beside(errors, stated_um, rounding=rounding) for rounding in (True, False)]
+        found = [
+            _beside(errors, sizes.noise_um(rounding=rounding), stated_um)
+            for rounding in (True, False)
+        ]
         if all(contradicted for _, contradicted in found):
             all_um = found[0][0]
             flags.append("stated_noise_contradicted")
@@ -77,16 +80,21 @@ def judge_errors(errors: ErrorChoice, stated_um: float | None) -> Judged:
     return Judged(summary, noise, tuple(flags), _placement(errors))
 
 
-def _beside(errors: ErrorChoice, stated_um: float, *, rounding: bool) -> tuple[float, bool]:
-    """Return the noise, µm, and whether it contradicts the stated one."""
+def misses_noise(residuals_mm: Sequence[NDArray[np.float64]]) -> bool:
+    """Return whether residuals (u,) of curves are more than noise: for methods without intervals.
 
-    def size(node: Node) -> float:
-        return noise_um(node, rounding=rounding)
+    By what is left of their mean square without that of white noise as rough as they are.
+    """
+    lasting_mm2 = [np.mean(r**2) - roughness(r) ** 2 for r in residuals_mm]
+    return bool(np.mean(lasting_mm2) > (1e-3 * _MOST_UM) ** 2)
 
-    median = errors.median(size)
+
+def _beside(errors: ErrorChoice, found_um: Array, stated_um: float) -> tuple[float, bool]:
+    """Return the noise, µm, of that of the nodes, and whether it contradicts the stated one."""
+    median = errors.quantile_of(found_um, 0.5)
     if max(median / stated_um, stated_um / median) <= _CONTRADICTED:
         return median, False
-    low, high = (errors.quantile(size, q) for q in (_DOUBT, 1.0 - _DOUBT))
+    low, high = (errors.quantile_of(found_um, q) for q in (_DOUBT, 1.0 - _DOUBT))
     return median, not low <= stated_um <= high
 
 
@@ -112,17 +120,33 @@ def _placement(errors: ErrorChoice) -> PlacementSummary | None:
     )
 
 
-def _lasting_um(node: Node) -> float:
-    lasting = node.combination.lasting
-    return math.sqrt(sum(v**2 for k, v in node.sizes_um.items() if k in lasting))
+@dataclass(frozen=True, eq=False)
+class _Sizes:
+    """Squares (nodes, kinds) of the sizes of the errors' parts, µm²."""
 
+    squares: Array
+    kinds: tuple[str, ...]
+    lasting: frozenset[str]  # of the kinds, those that are correlated in time
 
-def noise_um(node: Node, *, lasting: bool = True, rounding: bool = True) -> float:
-    """Return the standard deviation of a deflection sample's errors, µm.
+    @classmethod
+    def of(cls, errors: ErrorChoice) -> _Sizes:
+        each = [node.sizes_um for node in errors.nodes]
+        kinds = tuple(dict.fromkeys(name for sizes in each for name in sizes))
+        squares = np.square([[sizes.get(name, 0.0) for name in kinds] for sizes in each])
+        lasting = frozenset[str]().union(*(node.combination.lasting for node in errors.nodes))
+        return cls(squares.reshape(len(each), -1), kinds, lasting)
 
-    The pressure's noise is not among them, nor, if so asked, are errors that last and rounding.
-    """
-    without = _OTHER if lasting else _OTHER | node.combination.lasting
-    if not rounding:
-        without = without | {"quantised"}
-    return math.sqrt(sum(v**2 for k, v in node.sizes_um.items() if k not in without))
+    @property
+    def lasting_um(self) -> Array:
+        """Return the size (nodes,) of errors that last."""
+        return np.sqrt(self.squares @ [float(name in self.lasting) for name in self.kinds])
+
+    def noise_um(self, *, lasting: bool = True, rounding: bool = True) -> Array:
+        """Return the standard deviations (nodes,) of a deflection sample's errors.
+
+        The pressure's noise is not among them, nor, if so asked, are errors that last and rounding.
+        """
+        without = _OTHER if lasting else _OTHER | self.lasting
+        if not rounding:
+            without = without | {"quantised"}
+        return np.sqrt(self.squares @ [float(name not in without) for name in self.kinds])

@@ -70,6 +70,12 @@ CATALOGUE = {
         "The surface creases at the opening's edge; the intervals account for that.",
         "Compare such a curve with care, or measure with less suction.",
     ),
+    "fitted_to": Flag(
+        "fitted to {} mbar only",
+        "Only the samples up to {} mbar were fitted: beyond, the surface creases at the opening's "
+        "edge, and no model of it is to be trusted.",
+        "Use the intervals as they are; measure with less suction or a smaller opening.",
+    ),
     "thinned": Flag(
         "every {}th sample fitted",
         "The curve is very long: every {}th sample was fitted, which shows nearly as much.",

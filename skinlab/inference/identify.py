@@ -17,6 +17,7 @@ from skinlab.errors import InputError, NotTrustworthyError
 from skinlab.inference import flags
 from skinlab.inference.advice import advise
 from skinlab.inference.covariance import OnKept, independent
+from skinlab.inference.error_judgement import misses_noise
 from skinlab.inference.intervals import correlation, is_logarithmic, most_of_the_range, summary
 from skinlab.inference.joint import GaussianPrior, JointMisfit
 from skinlab.inference.methods import auto, get_method
@@ -42,6 +43,9 @@ Array = NDArray[np.float64]
 
 _PRIOR_DRAWS = 1000
 _OUTLIER_ROUNDS = 4
+_COMPARED = 200  # draws
+_CONTRADICTION = 7.8  # 95 % of χ² with three degrees
+_LOWER = 0.75  # times the pressure, where a skin creases: the next to be tried
 _QUICK = Options(samples=200, best=20, most_iterations=30)  # for a curve that still grows
 
 
@@ -164,11 +168,51 @@ class Identifier:
         intervals: bool = True,
         start: Array | None = None,
     ) -> Identification:
-        method = get_method(self.method)
         started = self.clock()
+        answer = self._fit_up_to(math.inf, curves, blank, intervals=intervals, start=start)
+        if {"crease", "misfit_above_noise"} & set(answer.flags) and answer.uncertainty is not None:
+            answer = self._below_a_crease(curves, blank, answer)
+        return replace(answer, seconds=self.clock() - started)
+
+    def _below_a_crease(
+        self, curves: Sequence[Curve], blank: Identification, whole: Identification
+    ) -> Identification:
+        """Return the answer from below the pressure at which the skin creases, if it is another.
+
+        Candidates end soon after their own crease: only skins that are too stiff go on to the end
+        of a curve that goes on far beyond. What is below then contradicts the answer of the whole.
+        """
+        top = max(float(curve.pressure_mbar.max()) for curve in curves)
+        above, creased = whole, _creased(whole)
+        part = self._fit_up_to(_LOWER * top, curves, blank, creased=creased)
+        while above is whole or _creased(above) is not None or _contradicts(part, above):
+            creased = creased if _creased(part) is None else _creased(part)
+            top *= _LOWER
+            above = part
+            part = self._fit_up_to(_LOWER * top, curves, blank, creased=creased)
+        misses = "misfit_above_noise" in above.flags
+        if creased is None or misses or not _contradicts(above, whole):
+            return whole
+        return replace(above, flags=("crease", f"fitted_to:{top:.0f}", *above.flags))
+
+    def _fit_up_to(
+        self,
+        most_mbar: float,
+        curves: Sequence[Curve],
+        blank: Identification,
+        *,
+        intervals: bool = True,
+        start: Array | None = None,
+        creased: Array | None = None,
+    ) -> Identification:
+        """Return the answer from the samples up to so much pressure.
+
+        `creased` (k,) is a skin that creases where, as far as known, this one does.
+        """
+        method = get_method(self.method)
         try:
             true = [self.sensor.corrected(c) for c in curves]
-            groups = group([choose(c, self.phases, self.database) for c in true])
+            groups = group([choose(c, self.phases, self.database, most_mbar) for c in true])
             models = [g.model(self.database, self.kappa) for g in groups]
         except (InputError, NotTrustworthyError) as error:
             outside = isinstance(error, NotTrustworthyError)
@@ -198,11 +242,14 @@ class Identifier:
                 rng,
                 kept=kept,
                 priors=self.priors,
+                creased=creased,
             )
             answer = _with_uncertainty(
                 answer, self._space(models), left, self.database.law, self.kappa, self.seed
             )
-        return replace(answer, seconds=self.clock() - started)
+        elif intervals and misses_noise(_residuals(groups, models, estimate)):
+            answer = replace(answer, flags=(*answer.flags, "misfit_above_noise"))
+        return answer
 
     def _space(self, models: Sequence[CurveModel]) -> Space:
         if self.space is not None:
@@ -337,6 +384,32 @@ class Identifier:
             *flags.of_curves(curves, [m.beyond for m in members]),
             *(f"thinned:{m.every}" for m in members if m.every > 1),
         ]
+
+
+def _residuals(
+    groups: Sequence[Group], models: Sequence[CurveModel], estimate: Estimate
+) -> list[Array]:
+    """Return the residuals (u,), mm, of each curve."""
+    found = []
+    for g, m in zip(groups, models, strict=True):
+        found += g.split(g.deflection_mm - m.deflection_mm(estimate.parameters[None])[0])
+    return found
+
+
+def _creased(answer: Identification) -> Array | None:
+    """Return the best fit's parameters (k,) where it creases."""
+    return np.array(list((answer.optimum or {}).values())) if "crease" in answer.flags else None
+
+
+def _contradicts(part: Identification, whole: Identification) -> bool:
+    """Return whether the samples of `part` speak against most of what `whole` leaves possible."""
+    if part.uncertainty is None or whole.uncertainty is None:
+        return False
+    own, other = part.uncertainty.draws, whole.uncertainty.draws
+    chi2 = JointMisfit(part.uncertainty.parts)
+    some = np.random.default_rng(0).choice(len(other.weight), _COMPARED, p=other.weight)
+    excess = chi2(other.parameters[some]) - chi2(own.parameters[own.weight > 0.0]).min()
+    return bool(np.median(excess) > _CONTRADICTION)
 
 
 def search_space(method: str, law: str, whole: Space) -> Space:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.inference.covariance import products
+from skinlab.inference.covariance import block_diagonal, products
 from skinlab.inference.error_choice import ErrorChoice
 from skinlab.inference.posterior import log_sum_exp
 from skinlab.inference.samples import alike
@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 _FOR_BASIS = 200  # curves that the others are combinations of
 _KEPT = 0.01  # of the least noise: components that move no curve by more are dropped
-_AT_ONCE = 4_000_000  # numbers
+_AT_ONCE = 50_000  # numbers, which stay in a core's cache
 
 
 @dataclass(eq=False)
@@ -31,55 +31,53 @@ class IntegratedLikelihood:
 
     models: Sequence[CurveModel]
     residual_mm: Array  # (u,) measured − model at the best fit, of the samples that are kept
-    best_mm: Array  # (u,)
+    best: Array  # (p,) the best fit
     kept: NDArray[np.bool_]  # (all samples,)
     choice: ErrorChoice
-    _basis: Array | None = field(default=None, init=False)
+    _turn: Array | None = field(default=None, init=False)  # (components, dimensions)
     _forms: Array = field(init=False)
 
     def __call__(self, parameters: Array) -> Array:
         """Return log densities (n,); −∞ where there is no model."""
+        moved = self._coordinates(parameters) - self._coordinates(self.best[None])
+        holds = np.isfinite(moved).all(axis=1)
         found = np.full(len(parameters), -np.inf)
-        if self._basis is None:
-            self._prepare(parameters)
-        assert self._basis is not None
-        step = max(1, _AT_ONCE // len(self.kept))
-        for begin in range(0, len(parameters), step):
-            moved = self._moved(parameters[begin : begin + step])
-            holds = np.isfinite(moved).all(axis=1)
-            found[begin : begin + step][holds] = self._density(moved[holds] @ self._basis)
+        if not holds.any():
+            return found
+        if self._turn is None:
+            self._prepare(moved[holds])
+        assert self._turn is not None
+        at = moved[holds] @ self._turn
+        step = max(8, _AT_ONCE // max(self._forms.shape))
+        parts = [self._density(at[i : i + step]) for i in range(0, len(at), step)]
+        found[holds] = np.concatenate(parts)
         return found
 
-    def _moved(self, parameters: Array) -> Array:
-        curves = [model.deflection_mm(parameters) for model in self.models]
-        whole = curves[0] if len(curves) == 1 else np.hstack(curves)
-        if not self.kept.all():
-            whole = whole[:, self.kept]
-        return np.asarray(whole - self.best_mm)
+    def _coordinates(self, parameters: Array) -> Array:
+        each = [model.coordinates(parameters) for model in self.models]
+        return each[0] if len(each) == 1 else np.hstack(each)
 
-    def _prepare(self, parameters: Array) -> None:
+    def _prepare(self, moved: Array) -> None:
         """Find the dimensions from some of these curves, and each node's form in them."""
-        chosen = np.linspace(0, len(parameters) - 1, min(_FOR_BASIS, len(parameters))).astype(int)
-        moved = self._moved(parameters[chosen])
-        moved = moved[np.isfinite(moved).all(axis=1)]
-        _, s, basis = np.linalg.svd(moved, full_matrices=False)
+        chosen = np.linspace(0, len(moved) - 1, min(_FOR_BASIS, len(moved))).astype(int)
+        whole, inner = np.linalg.qr(block_diagonal([m.basis for m in self.models])[self.kept])
+        _, s, turn = np.linalg.svd(moved[chosen] @ inner.T, full_matrices=False)
         least = min(float(node.covariance.variance_mm2.min()) for node in self.choice.nodes)
-        rank = int((s > _KEPT * np.sqrt(least * max(len(moved), 1))).sum())
-        self._basis = basis[:rank].T
-        both = np.column_stack([self.residual_mm, self._basis])
+        rank = int((s > _KEPT * np.sqrt(least * max(len(chosen), 1))).sum())
+        self._turn = inner.T @ turn[:rank].T
+        both = np.column_stack([self.residual_mm, whole @ turn[:rank].T])
         forms = np.empty((len(self.choice.nodes), 1 + rank + rank * (rank + 1) // 2))
+        i, j = np.tril_indices(rank)
         for members in alike([id(node.combination) for node in self.choice.nodes]):
             nodes = [self.choice.nodes[i] for i in members]
             gram, log_determinant = products([node.covariance for node in nodes], both)
             prior = np.array([node.log_prior for node in nodes])
             forms[members, 0] = gram[:, 0, 0] + log_determinant - 2.0 * prior
             forms[members, 1 : 1 + rank] = -2.0 * gram[:, 0, 1:]
-            i, j = np.tril_indices(rank)
-            forms[members, 1 + rank :] = gram[:, 1 + i, 1 + j]
+            forms[members, 1 + rank :] = gram[:, 1 + i, 1 + j] * np.where(i == j, 1.0, 2.0)
         self._forms = -0.5 * forms.T
 
     def _density(self, at: Array) -> Array:
         i, j = np.tril_indices(at.shape[1])
-        twice = np.where(i == j, 1.0, 2.0)
-        features = np.column_stack([np.ones(len(at)), at, at[:, i] * at[:, j] * twice])
+        features = np.column_stack([np.ones(len(at)), at, at[:, i] * at[:, j]])
         return log_sum_exp(features @ self._forms)

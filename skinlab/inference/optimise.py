@@ -16,7 +16,6 @@ from skinlab.parameters import ParameterSpace
 
 Array = NDArray[np.float64]
 
-_STEP = 1e-6  # of the unit cube, for the slopes of the space's own map
 _FIRST_DAMPING = 1e-3
 _MOST_DAMPING = 1e12
 _SMALL_STEP = 1e-10  # of the unit cube
@@ -32,17 +31,6 @@ class Polished:
     converged: NDArray[np.bool_]  # (n,)
     iterations: int
     evaluations: int
-
-
-def unit_slopes(space: ParameterSpace, unit: Array) -> Array:
-    """Return derivatives (..., p, k) of the parameters by the cube's coordinates, at (..., k).
-
-    By central differences, good to about 1e-9: spaces are smooth, also beyond their boundary.
-    """
-    shifts = _STEP * np.eye(unit.shape[-1])
-    at = unit[..., None, :]
-    rise = space.from_unit(at + shifts) - space.from_unit(at - shifts)
-    return np.asarray(np.swapaxes(rise, -1, -2) / (2.0 * _STEP))
 
 
 def polish(
@@ -62,8 +50,7 @@ def polish(
     unit = np.clip(starts, 0.0, 1.0)
     n, k = unit.shape
     keep = np.zeros((n, k), dtype=bool) if held is None else held
-    residual, jacobian = _evaluate(space, problem, unit)
-    cost = _squares(residual)
+    cost, gradient, normal = _evaluate(space, problem, unit)
     damping = np.full(n, _FIRST_DAMPING)
     growth = np.full(n, 2.0)
     converged = np.zeros(n, dtype=bool)
@@ -71,31 +58,26 @@ def polish(
     live = np.flatnonzero(np.isfinite(cost))
     while live.size and iteration < most_iterations:
         iteration += 1
-        J, r = jacobian[live], residual[live]
-        turned = np.swapaxes(J, 1, 2)
-        gradient = (turned @ r[..., None])[..., 0]
-        at = unit[live]
-        stuck = keep[live] | ((at <= 0.0) & (gradient > 0.0)) | ((at >= 1.0) & (gradient < 0.0))
-        normal = turned @ J
-        step = _damped_step(normal, gradient, damping[live], stuck)
+        at, down, curvature = unit[live], gradient[live], normal[live]
+        stuck = keep[live] | ((at <= 0.0) & (down > 0.0)) | ((at >= 1.0) & (down < 0.0))
+        step = _damped_step(curvature, down, damping[live], stuck)
         trial = np.clip(at + step, 0.0, 1.0)
         step = trial - at
-        promise = -np.einsum("nk,nk->n", step, 2.0 * gradient) - np.einsum(
-            "nk,nkl,nl->n", step, normal, step
-        )
-        done = (promise < least_gain) | (np.abs(step).max(axis=1) < _SMALL_STEP)
+        longest = np.abs(step).max(axis=1)
+        bent = (curvature @ step[..., None])[..., 0]
+        promise = -np.einsum("nk,nk->n", step, 2.0 * down + bent)
+        done = (promise < least_gain) | (longest < _SMALL_STEP)
         # A step cut at the boundary may promise nothing though a shorter way goes on.
-        cut = done & (promise <= 0.0) & (np.abs(step).max(axis=1) >= _SMALL_STEP)
-        done &= ~cut
-        r_new, J_new = _evaluate(space, problem, trial)
+        done &= ~((promise <= 0.0) & (longest >= _SMALL_STEP))
+        found = _evaluate(space, problem, trial)
         evaluations += len(trial)
-        cost_new = _squares(r_new)
-        better = cost_new < cost[live]
+        better = found[0] < cost[live]
         with np.errstate(over="ignore"):  # a step that promised nothing; the gain is clipped
-            gain = (cost[live] - cost_new) / np.maximum(promise, 1e-300)
+            gain = (cost[live] - found[0]) / np.maximum(promise, 1e-300)
         yes, no = live[better], live[~better]
-        unit[yes], cost[yes] = trial[better], cost_new[better]
-        residual[yes], jacobian[yes] = r_new[better], J_new[better]
+        unit[yes] = trial[better]
+        for kept, new in zip((cost, gradient, normal), found, strict=True):
+            kept[yes] = new[better]
         # Nielsen 1999 (IMM-REP-1999-05): damping follows the quality of the quadratic model.
         damping[yes] *= np.maximum(1.0 / 9.0, 1.0 - (2.0 * np.clip(gain[better], 0, 1) - 1.0) ** 3)
         growth[yes] = 2.0
@@ -104,18 +86,22 @@ def polish(
         converged[live[done]] = True
         lost = damping[live] > _MOST_DAMPING
         live = live[~(done | lost)]
-    normal = np.swapaxes(jacobian, 1, 2) @ jacobian
     return Polished(unit, cost, normal, converged, iteration, evaluations)
 
 
-def _evaluate(space: ParameterSpace, problem: LeastSquares, unit: Array) -> tuple[Array, Array]:
+def _evaluate(
+    space: ParameterSpace, problem: LeastSquares, unit: Array
+) -> tuple[Array, Array, Array]:
+    """Return |r|² (n,), infinite without a model, Jᵀr (n, k) and JᵀJ (n, k, k)."""
     parameters = space.from_unit(unit)
-    return problem.differences(parameters), problem.slopes(parameters) @ unit_slopes(space, unit)
-
-
-def _squares(residual: Array) -> Array:
-    cost = np.einsum("nm,nm->n", residual, residual)
-    return np.where(np.isfinite(cost), cost, np.inf)
+    residual = problem.differences(parameters)
+    by_parameters = np.swapaxes(problem.slopes(parameters), 1, 2)
+    turned = np.swapaxes(space.by_unit(parameters), 1, 2) @ by_parameters
+    rows = np.concatenate([turned, residual[:, None]], axis=1)  # one product for all three
+    products = rows @ np.swapaxes(rows, 1, 2)
+    cost = products[:, -1, -1]
+    cost = np.where(np.isfinite(cost), cost, np.inf)
+    return cost, products[:, :-1, -1].copy(), products[:, :-1, :-1].copy()
 
 
 def _damped_step(normal: Array, gradient: Array, damping: Array, stuck: NDArray[np.bool_]) -> Array:

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +34,7 @@ _ENOUGH = 500.0  # effective draws: quantiles of 5 % to within 1 %
 _MOST_ROUNDS = 3
 _CENTRES = 64
 _STRIDE = 0.3  # of the posterior's width: how far one centre speaks
+_AT_ONCE = 50_000  # numbers, which stay in a core's cache
 _FLAT_PRECISION = 12.0  # of a flat distribution on the unit interval
 
 
@@ -191,31 +193,46 @@ class _Mixture:
         )
 
     def log_density(self, at: Array) -> Array:
+        step = max(8, _AT_ONCE // self.mean.size)
+        parts = [self._log_density(at[i : i + step]) for i in range(0, len(at), step)]
+        return np.concatenate(parts) if parts else np.zeros(0)
+
+    def _log_density(self, at: Array) -> Array:
         k = self.mean.shape[1]
-        # All z = factor⁻¹ (at − mean) by one matrix product: ten times as fast as one by one
-        inverse = np.linalg.inv(self.factor)  # (m, k, k)
-        middle = self.mean.mean(axis=0)
-        shift = (inverse @ (self.mean - middle)[:, :, None])[:, :, 0]  # (m, k)
-        z = (at - middle) @ inverse.reshape(-1, k).T - shift.ravel()  # (n, m k)
-        distance = np.square(z, out=z).reshape(len(at), -1, k) @ np.ones(k)
-        log_det = np.log(np.einsum("mii->mi", self.factor)).sum(axis=1)
+        # All z = factor⁻¹ (at − mean) by one matrix product, component after component
+        middle, inverse, shift, height = self._prepared
+        z = (at - middle) @ inverse - shift
+        first, *others = np.split(np.square(z, out=z), k, axis=1)
+        distance = sum(others, first)
         constant = (
             math.lgamma(0.5 * (_FREEDOM + k))
             - math.lgamma(0.5 * _FREEDOM)
             - 0.5 * k * np.log(_FREEDOM)
         )
-        height = self.log_share - log_det
         # Products and a root in place of a logarithm and an exponential of each number
         each = 1.0 / _half_power(1.0 + distance / _FREEDOM, _FREEDOM + k)
         return np.asarray(constant + height.max() + np.log(each @ np.exp(height - height.max())))
 
+    @cached_property
+    def _prepared(self) -> tuple[Array, Array, Array, Array]:
+        k = self.mean.shape[1]
+        inverse = np.linalg.inv(self.factor)  # (m, k, k)
+        middle = self.mean.mean(axis=0)
+        shift = (inverse @ (self.mean - middle)[:, :, None])[:, :, 0]  # (m, k)
+        log_det = np.log(np.einsum("mii->mi", self.factor)).sum(axis=1)
+        turned = np.asarray(inverse.transpose(1, 0, 2).reshape(-1, k).T)
+        return middle, turned, shift.T.ravel(), self.log_share - log_det
+
 
 def _half_power(values: Array, n: int) -> Array:
     """Return values ** (n / 2)."""
-    found = np.sqrt(values) if n % 2 else np.ones_like(values)
-    for _ in range(n // 2):
-        found *= values
-    return found
+    found, power, left = np.sqrt(values) if n % 2 else 1.0, values, n // 2
+    while left:
+        if left % 2:
+            found = found * power
+        left //= 2
+        power = power * power if left else power
+    return np.asarray(found)
 
 
 def _mixture(centre: Array, precision: Array, spacing: Array, worse: Array) -> _Mixture:

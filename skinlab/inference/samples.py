@@ -129,21 +129,26 @@ def samples_of(groups: Sequence[Group]) -> Samples:
     return Samples(*(np.concatenate(column) for column in zip(*rows, strict=True)))
 
 
-def choose(curve: Curve, phases: tuple[str, ...], database: Database) -> Fitted:
+def choose(
+    curve: Curve, phases: tuple[str, ...], database: Database, most_mbar: float = math.inf
+) -> Fitted:
     """Return the samples of the phases that the database speaks of; of very many, evenly some.
+
+    Of those, what is above `most_mbar` is left out.
 
     Raises:
         InputError: they are too few.
         NotTrustworthyError: it does not speak of such a curve at all.
     """
     asked = curve.in_phases(phases)
-    mask = asked & database.covers(curve)
+    covered = asked & database.covers(curve)
+    mask = covered & (curve.pressure_mbar <= most_mbar)
     if int(mask.sum()) < FEWEST_POINTS:
         raise InputError(
             f"{curve.name}: {int(mask.sum())} samples to fit in phases {','.join(phases)}; "
             f"expected at least {FEWEST_POINTS}"
         )
-    beyond = int(asked.sum()) - int(mask.sum())
+    beyond = int(asked.sum()) - int(covered.sum())
     every = math.ceil(int(mask.sum()) / MOST_FITTED)
     if every > 1:
         at = np.flatnonzero(mask)[::every]

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.curves.curve import Curve
-from skinlab.inference.covariance import Covariance, OnKept
+from skinlab.inference.covariance import Covariance, OnKept, block_diagonal
 from skinlab.inference.error_choice import ErrorChoice, choose_errors
 from skinlab.inference.error_judgement import Judged, judge_errors
 from skinlab.inference.error_models.base import ErrorModel, Look
@@ -100,6 +100,7 @@ class Fitted:
     best_mm: Array  # (u,) of the model there
     linear: LinearModel
     sensor: Sensor
+    creased: Array | None = None  # (p,) of a skin that creases where this one does, if known
 
     @property
     def slope_mm_per_mbar(self) -> Array:
@@ -129,14 +130,10 @@ class Fitted:
         for g, model, w in zip(
             self.groups, self.models, split_by_group(self.groups, self.best_mm), strict=True
         ):
-            own = model.error_shapes_mm(self.parameters)
+            at = self.parameters if self.creased is None else self.creased
+            own = model.error_shapes_mm(at)
             blocks.append(np.hstack([mesh_error_shapes(g.pressure_mbar, w), own]))
-        whole = np.zeros((len(self.samples), sum(b.shape[1] for b in blocks)))
-        row = column = 0
-        for b in blocks:
-            whole[row : row + len(b), column : column + b.shape[1]] = b
-            row, column = row + len(b), column + b.shape[1]
-        return whole
+        return block_diagonal(blocks)
 
     def probe_columns(self) -> Array:
         """Return what the probe's calibration leaves open (u, m): all samples err together."""
@@ -281,11 +278,13 @@ def assess(
     kept: NDArray[np.bool_] | None = None,
     priors: Sequence[GaussianPrior] = (),
     error_models: Sequence[ErrorModel] | None = None,
+    creased: Array | None = None,
 ) -> Uncertainty:
     """Return the posterior about the minima (m, k), points of the space's unit cube, best first.
 
     `models` are those of the groups at their stated thicknesses; `kept` (u,) are the samples that
-    belong to the curves; `error_models` are those to choose from, all that there are if None.
+    belong to the curves; `error_models` are those to choose from, all that there are if None;
+    `creased` (k,) is a skin that creases where this one does, if that is not the best.
     """
     names = space.names
     priors = list(priors)
@@ -305,6 +304,10 @@ def assess(
         stated = space.to_unit(np.append(best, 1.0))[-1]
         modes = np.column_stack([modes, np.full(len(modes), stated)])
     fitted = about(groups, models, space, modes[0], sensor, priors)
+    if creased is not None:
+        at = fitted.parameters.copy()
+        at[: len(creased)] = creased
+        fitted = replace(fitted, creased=at)
     if kept is None:
         kept = np.ones(len(fitted.samples), dtype=bool)
     thickness_error_mm = None
@@ -324,7 +327,7 @@ def assess(
     ]
     parts += priors
     likelihood = IntegratedLikelihood(
-        models, fitted.linear.residual_mm[kept], fitted.best_mm[kept], kept, errors
+        models, fitted.linear.residual_mm[kept], fitted.parameters, kept, errors
     )
 
     def log_density(parameters: Array) -> Array:

@@ -46,14 +46,17 @@ class VisitRow:
 
 
 def visits(
-    folder: Path, tell: Callable[[int, int], None] = lambda done, of: None
+    folder: Path, tell: Callable[[int, int], None] = lambda done, of: None, *, keep: bool = True
 ) -> list[VisitRow]:
     """Return the visits of a folder, the latest first; `tell` hears how far new files are read.
 
-    Only files that are new or changed are opened. Without a place to write, nothing is kept.
+    Only files that are new or changed are opened. Without a place to write, or where it is not to
+    be kept and is not there yet, no index is made.
     """
     paths = sorted(folder.glob("*.h5")) if folder.is_dir() else []
-    for opened in (_open, _anew):
+    # An index that is damaged, or of another kind, is made anew: it is only a cache
+    ways = (_open, _anew) if keep or (folder / NAME).exists() else ()
+    for opened in ways:
         with suppress(*_DAMAGED), closing(opened(folder / NAME)) as database:
             return _listed(database, paths, tell)
     with closing(_prepared(sqlite3.connect(":memory:"))) as database:
@@ -83,7 +86,12 @@ def _listed(
 
 
 def visit_before(
-    folder: Path, whose: tuple[str, str] | None, session: Path | None, *, simulated: bool
+    folder: Path,
+    whose: tuple[str, str] | None,
+    session: Path | None,
+    *,
+    simulated: bool,
+    keep: bool = True,
 ) -> Path | None:
     """Return the last other session of this subject and site; None: there is none.
 
@@ -92,7 +100,7 @@ def visit_before(
     if whose is None or not whose[0]:
         return None  # nobody knows whose it is
     present = None if session is None else session.name
-    rows = visits(folder)
+    rows = visits(folder, keep=keep)
     now = next((row.created_utc for row in rows if row.file == present), None)
     same = (
         row

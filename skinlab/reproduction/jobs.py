@@ -187,6 +187,11 @@ class Plane:
         low, high = self.bounds
         return np.asarray((parameters[..., self._free()] - low) / (high - low))
 
+    def by_unit(self, parameters: Array) -> Array:
+        """Return derivatives (..., 3, 2) of parameters (..., 3) by the square's coordinates."""
+        low, high = self.bounds
+        return np.broadcast_to(np.eye(3)[:, self._free()] * (high - low), (*parameters.shape, 2))
+
 
 def execute(
     jobs: Iterable[Job], workers: int = 1, progress: Callable[[float], None] = lambda _: None

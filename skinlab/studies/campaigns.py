@@ -26,6 +26,7 @@ from skinlab.curves.campaign import Campaign
 from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.workflow import explain
 from skinlab.errors import SkinlabError
+from skinlab.io.log import log_exception
 from skinlab.mechanics.effects import get_effect
 from skinlab.mechanics.fem.suction import SOLVER_VERSION
 from skinlab.mechanics.model_file import BASE, Model
@@ -91,10 +92,14 @@ class Evidence:
 
 
 def tasks_of(state: State, settings: str) -> Iterator[Task]:
-    """Yield the campaigns of a study, in the order of their names."""
+    """Yield the campaigns of a study, in the order of their names; a copied file counts once."""
+    seen: set[str] = set()
     groups: dict[str, list[tuple[str, Facts, str]]] = {}
     labels: dict[str, dict[str, str]] = {}
     for source in state.readable():
+        if source.sha256 in seen:
+            continue
+        seen.add(source.sha256)
         known = source.labels
         if source.path.suffix.lower() in SESSIONS:
             key = source.name
@@ -132,8 +137,10 @@ def explain_task(shared: Shared, task: Task) -> Explained:
         said["p_value"] = p_value_of(outcome)
     except SkinlabError as error:
         said["error"] = str(error)
-    except Exception as error:  # noqa: BLE001 -- one campaign never stops the rest
-        said["error"] = f"internal error ({type(error).__name__}: {error})"
+    except Exception as error:  # noqa: BLE001 -- one campaign never stops the rest; see the log
+        where = log_exception(error)
+        said["error"] = f"internal error ({type(error).__name__}: {error}); see {where}"
+        return Explained(task.key, "", json.dumps(said))  # the next run tries again
     return Explained(task.key, task.wanted, json.dumps(said, allow_nan=False))
 
 
@@ -176,11 +183,11 @@ def explain_all(state: State, shared: Shared, how: How, settings: str) -> list[d
     known = state.explained()
     missing = [t for t in tasks if known.get(t.key, ("", ""))[0] != t.wanted]
     done = len(tasks) - len(missing)
-    how.progress(done, len(tasks))
+    how.explaining(done, len(tasks))
     for explained in _results(shared, missing, how):
         state.add_explained(explained.key, explained.wanted, explained.text)
         done += 1
-        how.progress(done, len(tasks))
+        how.explaining(done, len(tasks))
     known = state.explained()
     return [json.loads(known[t.key][1]) for t in tasks if t.key in known]
 

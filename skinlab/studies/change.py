@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as t_distribution
 
+from skinlab.curves.curve import Curve
 from skinlab.errors import InputError
 from skinlab.inference.result import Identification
 from skinlab.mechanics.names import plain
@@ -127,9 +128,22 @@ class Changes:
         }
 
 
-def side_of(session: Session, answer: Identification) -> Side:
-    """Return what a session gives for the comparison."""
-    kept = comparable(session.curves, excluded_of(session))
+def condition(curve: Curve) -> tuple[float, str]:
+    """Return what must be alike in two visits: opening (mm) and program."""
+    return (curve.setup.aperture_mm, str(curve.setup.program or ""))
+
+
+def side_of(
+    session: Session,
+    answer: Identification,
+    conditions: frozenset[tuple[float, str]] | None = None,
+) -> Side:
+    """Return what a session gives for the comparison; of these conditions only, where given."""
+    kept = [
+        curve
+        for curve in comparable(session.curves, excluded_of(session))
+        if conditions is None or condition(curve) in conditions
+    ]
     names = {c.name for c in kept}
     singles = [
         {n: v["value"] for n, v in (result.get("parameters") or {}).items()}
@@ -143,7 +157,7 @@ def side_of(session: Session, answer: Identification) -> Side:
         max(1, sum(c.setup.cycle == 1 for c in kept)),
         next((e.who for e in entries(session.records)), ""),
         str(instrument.get("serial_number", "")) if isinstance(instrument, dict) else "",
-        frozenset((c.setup.aperture_mm, str(c.setup.program or "")) for c in kept),
+        frozenset(map(condition, kept)),
     )
 
 
@@ -336,7 +350,7 @@ def _of_study(name: str, side: Side, study: Path) -> Scatter:
     )
 
 
-_WORDS = {
+WORDS = {
     "changed": "changed",
     "not_shown": "no change is shown",
     "cannot_say": "too uncertain to say",
@@ -352,7 +366,7 @@ def in_words(found: Changes) -> list[str]:
         name = plain(one.name)[0]
         unit = " %" if said["unit"] == "%" else ""
         lines.append(
-            f"{name}: {_WORDS[one.verdict]}: {said['change']:+.3g}{unit} "
+            f"{name}: {WORDS[one.verdict]}: {said['change']:+.3g}{unit} "
             f"({said['low']:+.3g} to {said['high']:+.3g}); the smallest change that could have "
             f"been shown is {said['smallest_shown']:.3g}{unit}."
         )

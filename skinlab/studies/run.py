@@ -38,11 +38,15 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True)
 class How:
-    """Where to compute; `progress` is called with files (done, total) as they come."""
+    """Where to compute.
+
+    `progress` is called with files (done, total) as they come, then `explaining` with campaigns.
+    """
 
     workers: int = 1
     dask: str | None = None
     progress: Progress = lambda done, total: None
+    explaining: Progress = lambda done, total: None
 
 
 def settings_of(identifier: Identifier) -> str:

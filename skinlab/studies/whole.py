@@ -38,7 +38,7 @@ from skinlab.studies.table import (
     write_parquet,
 )
 from skinlab.tables.base import Database
-from skinlab.text import json_text
+from skinlab.text import counted, json_text
 from skinlab.versions import versions
 
 SCHEMA = "skinlab.study/1"
@@ -153,11 +153,12 @@ def make_study(
         licence="Not stated. Data about people: not to be passed on without the owner's consent.",
     )
     write_file(out / CRATE, crate, replace=True)
-    lines = [f"{count} curves in {out / 'curves.csv'}", *_lines(found)]
+    lines = [f"{counted(count, 'curve')} in {out / 'curves.csv'}", *_lines(found)]
     lines += _repeat_lines(document["repeats"] or ())
     lines += _effect_lines(found_effects)
     if failures:
-        lines.append(f"{len(failures)} files could not be used: {out / 'failures.csv'}")
+        some = counted(len(failures), "file")
+        lines.append(f"{some} could not be used: {out / 'failures.csv'}")
     return Made(document, tuple(lines), tuple(notices), len(failures), tuple(main_analyses(found)))
 
 
@@ -290,7 +291,8 @@ def _effect_lines(found: Evidence | None) -> list[str]:
     if found is None:
         return []
     held = [r for r in found.campaigns if r.get("holds")]
-    lines = [f"{len(found.campaigns)} campaigns: more than the model in {len(held)} of them"]
+    some = counted(len(found.campaigns), "campaign")
+    lines = [f"{some}: more than the model in {len(held)} of them"]
     lines += [
         f"  {r['effect']}, {r['shared_by']} {r['group']}: {r['size']:+.2g} times "
         f"({r['low']:+.2g} to {r['high']:+.2g}) of {r['unit']}, in {r['campaigns']} campaigns"

@@ -19,9 +19,10 @@ from skinlab.errors import InputError
 from skinlab.mechanics.materials.compressibility import (
     KappaConvention,
     kappa_ratio,
+    log_ratio_slope,
     nu_from_ratio,
 )
-from skinlab.tables.splines import inverse, inverse_of, knots, knots_through
+from skinlab.tables.splines import along, inverse, inverse_of, knots, knots_through
 
 Array = NDArray[np.float64]
 Spacing = Literal["linear", "log", "chebyshev"]
@@ -117,8 +118,10 @@ class Coordinate:
             return slopes / values[:, None]
         if self.kind == "linear" or (self.kind == "poisson" and self.kappa == self.stored):
             return slopes
+        at = np.maximum(values, _STEP)  # at 0 it may be flat, and a fit would stay there
+        if self.kind == "dilatation":
+            return np.asarray(slopes * log_ratio_slope(at, self.kappa)[:, None])
         # κ(ν) is a rational function: central differences are good to round-off
-        at = np.maximum(values, _STEP)
         rise = self(at + _STEP, at) - self(at - _STEP, at)
         return np.asarray(slopes * (rise / (2 * _STEP))[:, None])
 
@@ -129,7 +132,8 @@ class TableAxis:
     def __init__(self, coordinate: Coordinate, nodes: Array, degree: int = 3) -> None:
         """`nodes` (n,) ascend, in the coordinate."""
         self.coordinate, self.nodes, self.degree = coordinate, nodes, degree
-        self._slack = 1e-9 * float(nodes[-1] - nodes[0])
+        slack = 1e-9 * float(nodes[-1] - nodes[0])
+        self.ends = float(nodes[0]) - slack, float(nodes[-1]) + slack
         steps = np.diff(nodes)
         self._even = bool(np.ptp(steps) <= 1e-9 * steps[0])
 
@@ -147,13 +151,11 @@ class TableAxis:
 
     def coefficients(self, values: Array, axis: int) -> Array:
         """Return the spline's coefficients of nodal values along one axis; the shape stays."""
-        return np.moveaxis(np.tensordot(self._spline[1], values, axes=(1, axis)), 0, axis)
+        return along(self._spline[1], values, axis)
 
     def inside(self, at: Array) -> NDArray[np.bool_]:
         """Return which coordinates (n,) lie on the axis, its ends included."""
-        return np.asarray(
-            (at >= self.nodes[0] - self._slack) & (at <= self.nodes[-1] + self._slack)
-        )
+        return np.asarray((at >= self.ends[0]) & (at <= self.ends[1]))
 
     def cell(self, at: Array) -> NDArray[np.intp]:
         """Return the number (n,) of the cell between two nodes; the nearest where outside."""

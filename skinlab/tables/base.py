@@ -41,6 +41,11 @@ class CurveModel(Protocol):
         """Return the curves (n, u) of candidates (n, k); NaN where the model does not hold."""
         ...
 
+    @property
+    def basis(self) -> Array:
+        """Orthonormal (u, k): curves are `coordinates` times its transpose."""
+        ...
+
     def coordinates(self, parameters: Array) -> Array:
         """Return the components (n, k) of candidates' curves; NaN where there is no model."""
         ...

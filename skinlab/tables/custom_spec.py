@@ -27,11 +27,11 @@ from skinlab.parameters import Parameter, Space, Transform
 from skinlab.tables.abscissa import Abscissa, PressureAbscissa, ProgramAbscissa
 from skinlab.tables.any_geometry import AnyGeometry
 from skinlab.tables.axes import AxisRange, Spacing, TableAxis, axis_of
-from skinlab.tables.evaluator import Evaluator, TensorSpline
+from skinlab.tables.evaluator import Evaluator, tensor_spline
 from skinlab.tables.extrapolate import fill_curves
 from skinlab.tables.grid_spec import TOLERANCE_MM
 from skinlab.tables.meshes import MESHES
-from skinlab.tables.svd_basis import components
+from skinlab.tables.svd_basis import chosen, components
 from skinlab.tables.table import Dataset, Table
 
 Array = NDArray[np.float64]
@@ -229,7 +229,7 @@ class CustomSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         nodes, axes = self.abscissa.nodes, self.axes
         at = self.check_points().T
         points = np.stack([a.coordinate(p, p) for a, p in zip(axes, at, strict=True)], axis=1)
-        errors = np.nan_to_num(TensorSpline(axes, curves)(points) - computed)
+        errors = np.nan_to_num(tensor_spline(axes, curves)(points) - computed)
         for error, point in zip(errors, points, strict=True):  # as far as the point's cell holds
             cell = [int(axis.cell(point[[d]])[0]) for d, axis in enumerate(axes)]
             corners = holds_to[tuple(slice(i, i + 2) for i in cell)]
@@ -329,12 +329,12 @@ class CustomSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         errors = table.extra[_ERRORS]
         wide, turn = np.linalg.qr(operator)
         curves = table.values.reshape(-1, table.values.shape[-1]) @ turn.T
-        q = components(curves)  # of samples, in an orthonormal basis
+        q = components(curves[chosen(len(curves))])  # of samples, in an orthonormal basis
         end = float(abscissa.nodes[-1]) - 1e-6
         return Evaluator(
             self.space(table, kappa),
             axes,
-            TensorSpline(axes, (curves @ q).reshape(*self.shape, -1)),
+            tensor_spline(axes, (curves @ q).reshape(*self.shape, -1)),
             wide @ q,
             table.holds_to,
             np.minimum(abscissa.along(pressure_mbar, time_s), end),
@@ -585,4 +585,5 @@ def _error_shapes(errors: Array, along: Array) -> Array:
     together = np.exp(-np.abs(knots[:, None] - knots) / _REACH)
     hats = np.maximum(0.0, 1.0 - np.abs(along[:, None] - knots) * (_KNOTS - 1))
     any_shape = size[:, None] * (hats @ np.linalg.cholesky(together))
-    return np.sqrt(0.5) * np.hstack([errors / np.sqrt(errors.shape[1]), any_shape])
+    both = np.hstack([errors / np.sqrt(errors.shape[1]), any_shape])
+    return np.asarray(np.sqrt(0.5) * both)

@@ -44,12 +44,12 @@ from skinlab.mechanics.model_file import Model
 from skinlab.parameters import Parameter, Space, stem
 from skinlab.tables.any_geometry import AnyGeometry
 from skinlab.tables.axes import Coordinate, TableAxis
-from skinlab.tables.evaluator import Evaluator, TensorSpline
+from skinlab.tables.evaluator import Evaluator, tensor_spline
 from skinlab.tables.extrapolate import fill_ratios
 from skinlab.tables.grid_spec import plain_point
 from skinlab.tables.meshes import MESHES
 from skinlab.tables.splines import TensorBSpline, basis, coefficients, knots
-from skinlab.tables.svd_basis import components
+from skinlab.tables.svd_basis import chosen, components
 from skinlab.tables.table import Dataset, Table
 
 Array = NDArray[np.float64]
@@ -349,23 +349,25 @@ class DimensionlessSpec:
             low, high = math.exp(log_ratio[0]), math.exp(log_ratio[-1])
             space = space.extended("thickness_ratio", low, high)
         at_mbar, spread = self._nodes_for(log_thickness, pressure_mbar)
-        curves = np.stack(
-            [
-                geometry.radius_mm * self._tabulate(table, t, at_mbar, axes[0].nodes)
-                for t in thicknesses
-            ],
-            axis=1,
-        ).reshape(-1, len(at_mbar))
-        wide = None
-        if spread is not None:
-            wide, turn = np.linalg.qr(spread)
-            curves = curves @ turn.T
-        q = components(curves)  # (nodes, k), orthonormal
-        grid = (curves @ q).reshape(*(len(axis.nodes) for axis in axes), -1)
+        radius = geometry.radius_mm
+        curves = [self._tabulate(table, t, at_mbar, axes[0].nodes, radius) for t in thicknesses]
+        wide, turn = (None, None) if spread is None else np.linalg.qr(spread)
+        # Rows (scale, ratios, thickness) of curves, a few of which say in what they all live.
+        shape = (len(axes[0].nodes), curves[0].shape[2], len(thicknesses))
+        some = chosen(math.prod(shape))
+        scale, ratio, thickness = np.unravel_index(some, shape)
+        rows = np.empty((len(some), len(at_mbar)))
+        for t, one in enumerate(curves):
+            here = thickness == t
+            rows[here] = one[scale[here], :, ratio[here]]
+        q = components(rows if turn is None else rows @ turn.T)  # (nodes, k), orthonormal
+        onto = q if turn is None else turn.T @ q
+        each = [np.swapaxes(onto.T @ one, 1, 2) for one in curves]  # (scale, ratios, k)
+        grid = each[0] if len(each) == 1 else np.stack(each, axis=2)
         return Evaluator(
             space,
             axes,
-            TensorSpline(axes, grid),
+            tensor_spline(axes, grid.reshape(*(len(axis.nodes) for axis in axes), -1)),
             q if wide is None else wide @ q,
             self._hold_to(table, thicknesses),
             pressure_mbar,
@@ -401,9 +403,14 @@ class DimensionlessSpec:
         return axes
 
     def _tabulate(
-        self, table: Table, log_thickness: float, pressure_mbar: Array, log_scales: Array
+        self,
+        table: Table,
+        log_thickness: float,
+        pressure_mbar: Array,
+        log_scales: Array,
+        radius_mm: float,
     ) -> Array:
-        """Return w/R on the grid (scale · ratios, u)."""
+        """Return w, mm, on the grid (scale, u, ratios)."""
         stored = _load_coefficients(table)
         weights = basis(self.thickness.coordinates(), np.array([log_thickness]))[0]
         at_thickness = np.tensordot(weights, stored, axes=1)  # (ratios…, load)
@@ -414,9 +421,8 @@ class DimensionlessSpec:
         flat = at_thickness.reshape(-1, len(axis))
         log_compliance = TensorBSpline([spline], [3], flat.T)(at.reshape(-1, 1))  # (…, ratios)
         curves = np.exp(log_compliance, out=log_compliance)
-        curves *= load.ravel()[:, None]
-        n1, u = load.shape
-        return np.ascontiguousarray(curves.reshape(n1, u, -1).transpose(0, 2, 1)).reshape(-1, u)
+        curves *= radius_mm * load.ravel()[:, None]
+        return curves.reshape(*load.shape, -1)
 
     def _around(self, log_thickness: float, relative_sd: float) -> Array:
         """Return log h/R nodes about a thickness, as far as it is likely and the table goes."""
@@ -446,7 +452,12 @@ class DimensionlessSpec:
         """Return the load to which the nodes (ratios…[, thickness]) hold."""
         nodes = self.thickness.coordinates()
         limits = np.log(table.holds_to).reshape(len(nodes), -1)
-        at = np.stack([np.interp(log_thicknesses, nodes, each) for each in limits.T])
+        below = np.clip(
+            np.searchsorted(nodes, log_thicknesses, side="right") - 1, 0, len(nodes) - 2
+        )
+        share = (log_thicknesses - nodes[below]) / (nodes[below + 1] - nodes[below])
+        share = np.clip(share, 0.0, 1.0)[:, None]
+        at = ((1.0 - share) * limits[below] + share * limits[below + 1]).T
         held = np.exp(at).reshape(*self.shape[1:], -1)
         return held[..., 0] if len(log_thicknesses) == 1 else held
 

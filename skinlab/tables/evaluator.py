@@ -12,7 +12,7 @@ from skinlab.parameters import Space
 from skinlab.tables.axes import TableAxis
 from skinlab.tables.misfit import Misfit, Whitening
 from skinlab.tables.model_errors import crease_shapes, locking
-from skinlab.tables.splines import TensorBSpline
+from skinlab.tables.splines import TensorBSpline, knots_through
 
 Array = NDArray[np.float64]
 
@@ -27,29 +27,16 @@ class Tensor(Protocol):
         """Return the values (n, k) at points (n, d)."""
         ...
 
-    def slope(self, points: Array, d: int) -> Array:
-        """Return their derivatives (n, k) by coordinate `d`."""
+    def slopes(self, points: Array) -> Array:
+        """Return their derivatives (n, d, k) by each coordinate."""
         ...
 
 
-class TensorSpline:
-    """Splines along all axes."""
-
-    def __init__(self, axes: Sequence[TableAxis], values: Array) -> None:
-        """`values` (n1, …, nd, k) are those at the nodes."""
-        for d, axis in enumerate(axes):
-            values = axis.coefficients(values, d)
-        self._spline = TensorBSpline(
-            [axis.knots for axis in axes], [axis.degree for axis in axes], values
-        )
-
-    def __call__(self, points: Array) -> Array:
-        """Return the values (n, k) at points (n, d)."""
-        return self._spline(points)
-
-    def slope(self, points: Array, d: int) -> Array:
-        """Return their derivatives (n, k) by coordinate `d`."""
-        return self._spline(points, slope=d)
+def tensor_spline(axes: Sequence[TableAxis], values: Array) -> TensorBSpline:
+    """Return the splines along all axes through values (n1, …, nd, k) at the nodes."""
+    for d, axis in enumerate(axes):
+        values = axis.coefficients(values, d)
+    return TensorBSpline([axis.knots for axis in axes], [axis.degree for axis in axes], values)
 
 
 class Evaluator:
@@ -80,9 +67,15 @@ class Evaluator:
         `errors_mm` (u, m) are shapes in which the curves err as a whole.
         """
         self.space = space
-        self._axes, self._tensor, self._q = tuple(axes), tensor, basis
+        self._axes, self._tensor, self.basis = tuple(axes), tensor, basis
         self._limit_axes = self._axes if load_mbar is None else self._axes[1:]
-        self._log_limit = np.log(np.maximum(holds_to, _NOTHING))
+        ends = np.array([(*axis.ends, axis.nodes[0], axis.nodes[-1]) for axis in self._axes])
+        self._low, self._high, self._first, self._last = ends.T
+        self._log_limit = TensorBSpline(  # linear between the nodes
+            [knots_through(axis.nodes, 1) for axis in self._limit_axes],
+            [1] * len(self._limit_axes),
+            np.log(np.maximum(holds_to, _NOTHING))[..., None],
+        )
         self._along, self._load_mbar = along, load_mbar
         self._top = max(float(along.max(initial=0.0)), 1e-8)
         self._errors = np.zeros((len(basis), 0)) if errors_mm is None else errors_mm
@@ -97,15 +90,14 @@ class Evaluator:
         return self._placed[1]
 
     def _place(self, parameters: Array) -> tuple[Array, Array]:
-        points = np.empty_like(parameters, dtype=float)
-        inside = np.ones(len(parameters), dtype=bool)
+        at = np.empty(parameters.shape)
         scale = parameters[:, 0]
         for d, axis in enumerate(self._axes):
-            at = axis.coordinate(parameters[:, d], scale)
-            inside &= axis.inside(at)
-            points[:, d] = np.fmin(np.fmax(at, axis.nodes[0]), axis.nodes[-1])
-        at = points[:, len(self._axes) - len(self._limit_axes) :]
-        reach = np.exp(linear_between(self._limit_axes, self._log_limit, at))
+            at[:, d] = axis.coordinate(parameters[:, d], scale)
+        inside = ((at >= self._low) & (at <= self._high)).all(axis=1)
+        points = np.fmin(np.fmax(at, self._first), self._last)
+        limit_at = points[:, len(self._axes) - len(self._limit_axes) :]
+        reach = np.exp(self._log_limit(limit_at)[:, 0])
         if self._load_mbar is not None:
             reach = reach * scale * self._load_mbar
         return points, np.where(inside, reach, -np.inf)
@@ -124,7 +116,7 @@ class Evaluator:
         inside = reach * CONTINUED >= self._top
         if inside.all():
             return self._tensor(points)
-        found = np.full((len(points), self._q.shape[1]), np.nan)
+        found = np.full((len(points), self.basis.shape[1]), np.nan)
         found[inside] = self._tensor(points[inside])
         return found
 
@@ -132,16 +124,21 @@ class Evaluator:
         """Return derivatives (n, k, p) of the components by the parameters."""
         points, reach = self._points(parameters)
         inside = reach * CONTINUED >= self._top
-        slopes = np.full((len(points), self._q.shape[1], len(self._axes)), np.nan)
-        points, values = points[inside], parameters[inside]
-        # A ratio's coordinate falls as the scale, the first parameter, rises.
-        by = [self._tensor.slope(points, d) for d in range(len(self._axes))]
-        by[0] = by[0] - sum(
-            (b for b, a in zip(by, self._axes, strict=True) if a.coordinate.kind == "ratio"), 0.0
+        some, values = (
+            (points, parameters) if inside.all() else (points[inside], parameters[inside])
         )
+        slopes = self._tensor.slopes(some)
+        # A ratio's coordinate falls as the scale, the first parameter, rises.
         for d, axis in enumerate(self._axes):
-            slopes[inside, :, d] = axis.coordinate.by_parameter(by[d], values[:, d])
-        return slopes
+            if axis.coordinate.kind == "ratio":
+                slopes[:, 0] -= slopes[:, d]
+        for d, axis in enumerate(self._axes):
+            slopes[:, d] = axis.coordinate.by_parameter(slopes[:, d], values[:, d])
+        if len(some) == len(points):
+            return np.swapaxes(slopes, 1, 2)
+        found = np.full((len(points), slopes.shape[2], len(self._axes)), np.nan)
+        found[inside] = np.swapaxes(slopes, 1, 2)
+        return found
 
     def error_shapes_mm(self, parameters: Array) -> Array:
         """Return shapes (u, m) in which the curve of a candidate (p,) errs as a whole.
@@ -149,7 +146,7 @@ class Evaluator:
         Each is as large as its standard deviation.
         """
         points, reach = self._points(parameters[None])
-        deflection = self._tensor(points)[0] @ self._q.T
+        deflection = self._tensor(points)[0] @ self.basis.T
         relative = crease_shapes(self._along / max(float(reach[0]), _NOTHING))
         for axis, value in zip(self._axes, parameters, strict=True):
             ratio = axis.coordinate.dilatation_ratio(float(value))
@@ -159,7 +156,7 @@ class Evaluator:
 
     def deflection_mm(self, parameters: Array) -> Array:
         """Return the curves (n, u) of candidates (n, p); NaN where the table does not hold."""
-        return np.asarray(self.coordinates(parameters) @ self._q.T)
+        return np.asarray(self.coordinates(parameters) @ self.basis.T)
 
     def with_reach(self, parameters: Array) -> tuple[Array, Array]:
         """Return curves (n, u), and how far (n,) these are answers; NaN and 0 outside.
@@ -168,13 +165,13 @@ class Evaluator:
         """
         points, reach = self._points(parameters)
         inside = reach > 0.0
-        found = np.full((len(points), len(self._q)), np.nan)
-        found[inside] = self._tensor(points[inside]) @ self._q.T
+        found = np.full((len(points), len(self.basis)), np.nan)
+        found[inside] = self._tensor(points[inside]) @ self.basis.T
         return found, np.maximum(reach, 0.0)
 
     def misfit(self, measured_mm: Array, whitening: Whitening | None = None) -> Misfit:
         """Return the sum of squared differences to these deflections (u,), as a function."""
-        return Misfit(self, self._q, measured_mm, whitening)
+        return Misfit(self, self.basis, measured_mm, whitening)
 
 
 def linear_between(axes: Sequence[TableAxis], values: Array, points: Array) -> Array:

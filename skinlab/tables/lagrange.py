@@ -70,14 +70,13 @@ class TensorLagrange:
         matrix = csr_array((weights.ravel(), rows.ravel(), ends), shape=shape)
         return np.asarray(matrix @ self._values)
 
-    def slope(self, points: Array, d: int) -> Array:
-        """Return derivatives (n, k) by coordinate `d`, by central differences.
+    def slopes(self, points: Array) -> Array:
+        """Return derivatives (n, d, k) by each coordinate, by central differences.
 
         Cubic Lagrange pieces meet with a kink at the nodes; next to one this is a mean.
         """
-        axis = self._axes[d]
-        step = np.zeros(len(self._axes))
-        step[d] = 1e-6 * (axis[-1] - axis[0])
+        steps = 1e-6 * np.array([axis[-1] - axis[0] for axis in self._axes])
         # In one call, which costs a single point hardly more than one of them.
-        both = self(np.concatenate([points + step, points - step]))
-        return np.asarray((both[: len(points)] - both[len(points) :]) / (2 * step[d]))
+        shifted = np.concatenate([points + sign * np.diag(steps)[:, None] for sign in (1, -1)])
+        both = self(shifted.reshape(-1, len(steps))).reshape(2, len(steps), len(points), -1)
+        return np.asarray(np.swapaxes(both[0] - both[1], 0, 1) / (2 * steps)[:, None])

@@ -78,7 +78,9 @@ class Misfit:
         """Return the derivatives (n, k, p) of `differences`; NaN where there is no model."""
         found = self._model.coordinate_slopes(parameters)
         if self._turn is not None:
-            found = np.einsum("jk,nkp->njp", self._turn, found)
+            by = np.swapaxes(found, 1, 2)  # as they lie in memory: one product of all
+            turned = by.reshape(-1, by.shape[2]) @ self._turn.T
+            found = np.swapaxes(turned.reshape(*by.shape[:2], -1), 1, 2)
         return found
 
     def gradient(self, parameters: Array) -> Array:

@@ -6,6 +6,7 @@ curve takes to identify. Formulas: de Boor, A Practical Guide to Splines, chapte
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import cache
 
@@ -92,8 +93,14 @@ def knots(nodes: Array) -> Array:
 
 def coefficients(values: Array, axis: int) -> Array:
     """Return the B-spline coefficients of nodal values along one axis; the shape stays."""
-    inverse = _knots_and_inverse(values.shape[axis])[1]
-    return np.moveaxis(np.tensordot(inverse, values, axes=(1, axis)), 0, axis)
+    return along(inverse(values.shape[axis]), values, axis)
+
+
+def along(matrix: Array, values: Array, axis: int) -> Array:
+    """Return values with a square matrix applied along one axis."""
+    shape = values.shape
+    rows = values.reshape(-1, shape[axis], math.prod(shape[axis + 1 :]))
+    return np.asarray(matrix @ rows).reshape(shape)
 
 
 def basis(nodes: Array, at: Array) -> Array:
@@ -109,18 +116,28 @@ class TensorBSpline:
         """`values` (n1, …, nd, k) are the coefficients."""
         self._axes = list(zip(knots, degrees, values.shape[:-1], strict=True))
         self._values = np.ascontiguousarray(values.reshape(-1, values.shape[-1]))
-        self._knots = np.concatenate(knots)
-        self._sizes = np.array(values.shape[:-1], dtype=np.intp)
-        self._degrees = np.array(degrees, dtype=np.intp)
+        sizes = np.array(values.shape[:-1], dtype=np.intp)
+        self._compiled = kernel.Spline(
+            np.concatenate(knots), sizes, np.array(degrees, dtype=np.intp), self._values
+        )
 
-    def __call__(self, points: Array, slope: int = -1) -> Array:
-        """Return the values (m, k) at points (m, d), or the derivatives by coordinate `slope`."""
-        found = kernel.spline(self._knots, self._sizes, self._degrees, self._values, points, slope)
+    def __call__(self, points: Array) -> Array:
+        """Return the values (m, k) at points (m, d)."""
+        found = self._compiled(points, slopes=False)
+        return self._values_or_slope(points) if found is None else found
+
+    def slopes(self, points: Array) -> Array:
+        """Return the derivatives (m, d, k) by each coordinate at points (m, d)."""
+        found = self._compiled(points, slopes=True)
         if found is not None:
             return found
+        each = [self._values_or_slope(points, slope=d) for d in range(len(self._axes))]
+        return np.stack(each, axis=1)
+
+    def _values_or_slope(self, points: Array, slope: int = -1) -> Array:
         if len(points) > _AT_ONCE:
             parts = np.array_split(points, -(-len(points) // _AT_ONCE))
-            return np.concatenate([self(part, slope) for part in parts])
+            return np.concatenate([self._values_or_slope(part, slope) for part in parts])
         rows, weights = np.zeros(len(points), dtype=np.intp), []
         stride = len(self._values)
         for d, (t, degree, size) in enumerate(self._axes):

@@ -18,9 +18,13 @@ _DROPPED = 2e-6  # mm: a component is dropped that, in the mean over curves, is 
 _ROWS = 400
 
 
+def chosen(count: int) -> NDArray[np.intp]:
+    """Return which (m,) of so many curves are enough for their components."""
+    return np.arange(0, count, max(1, count // _ROWS))
+
+
 def components(curves_mm: Array) -> Array:
     """Return orthonormal components (u, k) that hold these curves (n, u) to 2 nm."""
-    rows = curves_mm[:: max(1, len(curves_mm) // _ROWS)]
-    _, s, vt = np.linalg.svd(rows, full_matrices=False)
-    k = max(1, int((s > _DROPPED * math.sqrt(len(rows))).sum()))
+    _, s, vt = np.linalg.svd(curves_mm, full_matrices=False)
+    k = max(1, int((s > _DROPPED * math.sqrt(len(curves_mm))).sum()))
     return np.ascontiguousarray(vt[:k].T)

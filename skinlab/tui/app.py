@@ -18,7 +18,7 @@ from textual.binding import Binding, BindingType
 from textual.filter import LineFilter
 from textual.geometry import Size
 from textual.message import Message
-from textual.screen import ModalScreen, Screen
+from textual.screen import ModalScreen
 from textual.widgets import Input
 
 from drivers.errors import DriverError
@@ -36,7 +36,7 @@ from skinlab.acquisition.messages import (
     Recording,
 )
 from skinlab.acquisition.probe_session import ProbeSession
-from skinlab.acquisition.replayer import Replayer, example_session, next_speed
+from skinlab.acquisition.replayer import Replayer, example_session
 from skinlab.acquisition.settings import recall, recall_choice, remember, remember_choice
 from skinlab.acquisition.shutdown import INTERRUPTED
 from skinlab.errors import InputError, SkinlabError
@@ -47,12 +47,15 @@ from skinlab.recording.session_fit import comparable
 from skinlab.recording.stream import Identified, Sampled
 from skinlab.recording.visit_index import visit_before
 from skinlab.tui.choices import choices_for
+from skinlab.tui.commands import COMMANDS
 from skinlab.tui.goal import ChangeGoal, change_distance, choices, distance
 from skinlab.tui.inert import InertText
 from skinlab.tui.no_color import StyledFirst
+from skinlab.tui.protocol_check import against_protocol
+from skinlab.tui.replay_keys import ReplayKeys
 from skinlab.tui.screens.alarm import AlarmScreen
 from skinlab.tui.screens.help import HelpScreen
-from skinlab.tui.screens.line import LineScreen, seconds
+from skinlab.tui.screens.line import LineScreen
 from skinlab.tui.screens.main import MainScreen
 from skinlab.tui.screens.messages import MessagesScreen
 from skinlab.tui.screens.missing import MissingScreen
@@ -79,6 +82,7 @@ from skinlab.tui.ui_state import (
     Review,
 )
 from skinlab.tui.widgets.fields import Fields
+from skinlab.tui.widgets.reading import Reading
 
 if TYPE_CHECKING:
     from skinlab.acquisition.protocol import NamedProtocol
@@ -87,24 +91,6 @@ if TYPE_CHECKING:
     from skinlab.discrepancy.outcome import Outcome
     from skinlab.studies.reference import Reference
 
-_COMMANDS = (
-    Command("app.help", "Help: all keys", "?"),
-    Command("want('session')", "Session: means, joint fit, compare, notes", "s"),
-    Command("want('visits')", "Visits: search, compare, trend", "F5"),
-    Command("want('missing')", "Look for what the model misses", "d"),
-    Command("want('protocol')", "Protocol: its steps, conditions, what is missing", "p"),
-    Command("want('goal')", "Set the goal of this visit", "g"),
-    Command("want('next')", "Load the next step of the protocol, or what the goal needs", "F7"),
-    Command("want('card')", "R0 to R9 of a step curve, or the values", "r"),
-    Command("want('rested')", "The site has rested: count loadings from 1", "F6"),
-    Command("settings", "Edit the settings", "F3"),
-    Command("want('pick')", "Choose a program by its name", "F4"),
-    Command("app.ports", "Choose a port", "F2"),
-    Command("app.messages", "Read the messages again", "w"),
-    Command("app.theme", "Other colours: dark, light, high contrast, colour-blind safe", "t"),
-    Command("app.vent", "Vent", "v"),
-    Command("app.leave", "Quit", "q"),
-)
 _TICK_S = 0.1
 _REPAINT_S = 2.0  # how long a lost size, or what another program wrote over the screen, can stay
 _LEFT_BY_VENT = (
@@ -207,6 +193,12 @@ class SkinlabApp(App[None]):
         self._anew = False  # what is connected next begins another session
         self._leaving = False
         self._clock = clock
+        self._replaying = ReplayKeys(
+            self.board,
+            lambda: self.bench,
+            lambda: self._connect(self.board.port),
+            self._ask_line,
+        )
 
     # ---- life ---------------------------------------------------------------------------------
 
@@ -266,60 +258,12 @@ class SkinlabApp(App[None]):
         self.board.playing = Playing(speed=self._speed)
         self._connect(str(path))
 
-    def _control(self, what: str) -> None:
-        """Do what a key of the replay says."""
-        replayer, playing = self.bench, self.board.playing
-        if not isinstance(replayer, Replayer) or playing is None:
-            return
-        control = replayer.control
-        if playing.ended:
-            if what == "play" and self.board.doing is None:
-                replayer.again()
-                self.board.playing = Playing(speed=self._speed)
-                self._connect(self.board.port)
-            return
-        match what:
-            case "play":
-                (control.resume if control.paused else control.pause)()
-            case "step":
-                control.step()
-            case "event":
-                control.to_next_event()
-            case _:
-                control.set_speed(next_speed(control.speed, faster=what == "faster"))
-        playing.paused, playing.speed = control.paused, control.speed
-        self.board.touch()
+    def _ask_line(self, question: str, answered: Callable[[str | None], None]) -> None:
+        self.push_screen(LineScreen(self.board, question), answered)
 
-    def _ask_time(self) -> None:
-        """Ask to which time of the record to go."""
-        playing = self.board.playing
-        if playing is None or playing.ended:
-            return
-
-        def answered(text: str | None) -> None:
-            if text is None:
-                return
-            at_s = seconds(text)
-            if at_s is None or not at_s <= playing.length_s:
-                ends = f"0 to {playing.length_s:.1f} s, or minutes as 1:30"
-                self.board.answer(Level.ERROR, f"time {text!r}: expected {ends}")
-                return
-            self._jump(at_s)
-
-        what = f"Go on to which time? (now {playing.at_s:.1f} of {playing.length_s:.1f} s)"
-        self.push_screen(LineScreen(self.board, what), answered)
-
-    def _jump(self, at_s: float) -> None:
-        """Go to a time of the record without waiting."""
-        replayer, playing = self.bench, self.board.playing
-        if not isinstance(replayer, Replayer) or playing is None or playing.ended:
-            return
-        ahead_s = at_s - playing.at_s
-        if ahead_s <= 0:
-            said = "a replay goes forward only: at its end Space plays it again"
-            self.board.answer(Level.INFO, said)
-            return
-        replayer.control.jump(ahead_s)
+    @on(Reading.Pointed)
+    def _pointed(self, message: Reading.Pointed) -> None:
+        self._replaying.point(message.share)
 
     def on_unmount(self) -> None:
         """Whatever ended the app: vent, and finish the session."""
@@ -395,6 +339,8 @@ class SkinlabApp(App[None]):
                 self._connect(port)
             case Failed("connecting"):
                 self._queued = None
+            case Done("connecting"):
+                self._replaying.over()
             case Done("closing"):
                 self._leave()
             case _:
@@ -450,7 +396,17 @@ class SkinlabApp(App[None]):
             return
         if not await self._check_bindings(event.key):
             name = event.character if event.is_printable and event.character else event.key
-            self.board.say(Level.INFO, f"{name}: no meaning here; ? lists the keys")
+            self.board.tell(f"{_shown(name)}: {self._why_not}; ? lists the keys")
+
+    @property
+    def _why_not(self) -> str:
+        """Why a key means nothing."""
+        board = self.board
+        if board.playing is not None:
+            return "no meaning in a replay"
+        if board.alarm is not None:
+            return "not before the alarm is acknowledged (F9)"
+        return "no meaning here" if board.can_arm else f"not now ({board.phase.lower()})"
 
     async def on_event(self, event: events.Event) -> None:
         """Tell the guard of what is typed or pasted, before any key does anything."""
@@ -533,9 +489,7 @@ class SkinlabApp(App[None]):
 
     def get_key_display(self, binding: Binding) -> str:
         """Return a key as it stands on the keyboard."""
-        shown = binding.key_display or super().get_key_display(binding)
-        named = {"delete": "Del", "pageup": "PgUp", "pagedown": "PgDn", "escape": "Esc"}
-        return named.get(shown, shown.upper() if re.fullmatch(r"f\d+", shown) else shown)
+        return _shown(binding.key_display or super().get_key_display(binding))
 
     def action_palette(self) -> None:
         """Search among all that can be done: on this screen, and from the main one."""
@@ -558,7 +512,7 @@ class SkinlabApp(App[None]):
                 self.board.answer(Level.INFO, "that means nothing at this moment")
 
         listed = [Command(name, f"here: {c.words}", c.key) for name, c in here.items()]
-        self.push_screen(PaletteScreen(self.board, (*listed, *_COMMANDS)), chosen)
+        self.push_screen(PaletteScreen(self.board, (*listed, *COMMANDS)), chosen)
 
     def _commands_here(self) -> dict[str, Command]:
         """Return what the keys of the present screen only look at or ask for, by a name."""
@@ -627,12 +581,11 @@ class SkinlabApp(App[None]):
             case "start" | "early" if self.board.can_arm:
                 self._confirm()
             case "play" | "step" | "faster" | "slower" | "event":
-                self._control(message.what)
+                self._replaying.press(message.what)
             case "time":
-                self._ask_time()
+                self._replaying.ask_time()
             case what if what.startswith("to "):
-                length_s = 0.0 if self.board.playing is None else self.board.playing.length_s
-                self._jump(int(what.removeprefix("to ")) / 10 * length_s)
+                self._replaying.point(int(what.removeprefix("to ")) / 10)
             case "pick" if self.board.can_arm:
                 self._pick()
             case "visits":
@@ -707,17 +660,21 @@ class SkinlabApp(App[None]):
         by_name = {e.curve.name: e.result for e in board.entries.values() if e.result is not None}
         known = [curve for curve in curves if curve.name in by_name]
         results = [by_name[curve.name] for curve in known]
-        visit, path, simulated = board.visit, board.path, board.simulated
         serial = "" if board.hello is None else board.hello.serial_number
 
         def work() -> None:
             if not isinstance(goal, ChangeGoal):
                 self._post(Aimed(distance(goal, curves, identifier)))
                 return
-            before = visit_before(self._folder, visit, path, simulated=simulated)
-            self._post(Aimed(change_distance(goal, before, known, results, identifier, serial)))
+            found = change_distance(goal, self._before(), known, results, identifier, serial)
+            self._post(Aimed(found))
 
         self._perform("aiming", work)
+
+    def _before(self) -> Path | None:
+        """Return the last visit of the same subject and site before the open one."""
+        board = self.board
+        return visit_before(self._folder, board.visit, board.path, simulated=board.simulated)
 
     def _load_advice(self) -> None:
         """Put into the fields what would narrow the goal's interval most."""
@@ -772,43 +729,6 @@ class SkinlabApp(App[None]):
         self._fields.put("rest_s", f"{step.rest_s:g}")
         board.answer(Level.INFO, f"loaded: {walk.words if walk else ''}; F8 shows it")
         return True
-
-    def _against_protocol(self, order: Order) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """Return which step an order is, and what is otherwise than the protocol says."""
-        board = self.board
-        named, walk = board.protocol, board.walk
-        if named is None or walk is None:
-            return (), ()
-        from skinlab.acquisition.protocol import conditions_missing
-        from skinlab.report.protocol import rest_due_s, serves
-
-        protocol, otherwise = named.protocol, []
-        fitting = [s for s in walk.steps if serves(s.step, order.setup)]
-        state = next((s for s in fitting if s.left), None)
-        step = "no step asks for this"
-        if state is not None:
-            step = f"step {state.number} of {len(walk.steps)}: {state.step.words}"
-            if walk.next is not None and state is not walk.next:
-                otherwise.append(f"step {walk.next.number} comes before it")
-            if order.repeats != state.left:
-                otherwise.append(f"repeats: {order.repeats}, not {state.left}")
-            if order.repeats > 1 and order.rest_s < state.step.rest_s:
-                otherwise.append(f"rest {order.rest_s:g} s, not {state.step.rest_s:g} s")
-            done = board.done_curves
-            due_s = rest_due_s(state, done[-1] if done else None, board.now_s)
-            if due_s > 1:
-                otherwise.append(f"the site is to rest {due_s:.0f} s more")
-        elif fitting:
-            step = f"step {fitting[-1].number} is done: this is one more"
-        if state is None:
-            otherwise.append(step)
-        sites = protocol.study.sites
-        if sites and order.site not in sites:
-            otherwise.append(f"the protocol does not name the site {order.site or 'none given'}")
-        otherwise += conditions_missing(protocol, board.stated)
-        if protocol.conditions.thickness_measured and self._fields.assumed_thickness:
-            otherwise.append("the thickness is not measured")
-        return ((step,) if state is not None else ()), tuple(otherwise)
 
     def _record_protocol(self) -> None:
         """Write what is demanded, and under which conditions it begins, into the new session."""
@@ -878,15 +798,20 @@ class SkinlabApp(App[None]):
         elif message.what == "joint":
             self._perform("fitting", lambda: self.bench.analysis.fit_together(curves))
         else:
-            path = Path(message.path).expanduser()
-            self._perform("comparing", lambda: self._compare(path, curves))
+            typed = message.path
+            self._perform("comparing", lambda: self._compare(typed, curves))
 
-    def _compare(self, path: Path, curves: Sequence[Curve]) -> None:
-        """Post whether the skin changed since another session; slow."""
+    def _compare(self, typed: str, curves: Sequence[Curve]) -> None:
+        """Post whether the skin changed since another session, or the visit before; slow."""
         from skinlab.tui.comparing import compare_with
 
-        board, names = self.board, {curve.name for curve in curves}
-        results = [e.result for e in board.entries.values() if e.curve.name in names and e.result]
+        board = self.board
+        path = self._folder / Path(typed).expanduser() if typed else self._before()
+        if path is None:
+            raise InputError("there is no earlier visit of this subject and site here")
+        found = {e.curve.name: e.result for e in board.entries.values() if e.result is not None}
+        curves = [curve for curve in curves if curve.name in found]
+        results = [found[curve.name] for curve in curves]
         serial = "" if board.hello is None else board.hello.serial_number
         identifier = self.bench.analysis.identifier
         self._post(compare_with(path, curves, results, identifier, serial))
@@ -1019,7 +944,11 @@ class SkinlabApp(App[None]):
         if goes_on and board.left is not None:
             order = order.with_left(board.left)
         counted = None if goes_on else board.next_cycle
-        protocol, otherwise = ((), ()) if goes_on else self._against_protocol(order)
+        protocol: tuple[str, ...] = ()
+        otherwise: tuple[str, ...] = ()
+        if not goes_on:
+            assumed = fields.assumed_thickness
+            protocol, otherwise = against_protocol(board, order, assumed_thickness=assumed)
         review = Review(
             order,
             fields.texts(),
@@ -1088,27 +1017,11 @@ class SkinlabApp(App[None]):
         self._perform("connecting", lambda: self.bench.serve(port, anew=anew))
 
 
+def _shown(key: str) -> str:
+    """Return a key as it stands on the keyboard."""
+    named = {"delete": "Del", "pageup": "PgUp", "pagedown": "PgDn", "escape": "Esc"}
+    return named.get(key, key.upper() if re.fullmatch(r"f\d+", key) else key)
+
+
 def _only_samples(news: News | Aimed) -> bool:
     return isinstance(news, Heard) and all(isinstance(m, Sampled) for m in news.messages)
-
-
-def owners() -> dict[str, list[Binding]]:
-    """Return the bindings of the screens on which the settings file may add keys, by their name."""
-    screens: dict[str, type[App[None]] | type[Screen[Any]]] = {
-        "app": SkinlabApp,
-        "main": MainScreen,
-        "session": SessionScreen,
-        "missing": MissingScreen,
-        "visits": VisitsScreen,
-        "protocol": ProtocolScreen,
-        "question": ConfirmScreen,
-    }
-    return {
-        name: [
-            binding
-            for cls in owner.__mro__
-            for binding in vars(cls).get("BINDINGS", ())
-            if isinstance(binding, Binding) and cls.__module__.startswith("skinlab")
-        ]
-        for name, owner in screens.items()
-    }

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from skinlab.acquisition.messages import Compared
+from skinlab.errors import InputError
 
 if TYPE_CHECKING:
     from skinlab.curves.curve import Curve
@@ -26,19 +27,26 @@ def compare_with(
 ) -> Compared:
     """Return how curves, with their own results, differ from an earlier session.
 
-    What placing the probe anew scatters counts, and the smallest change that could have been shown
-    is said.
+    Only what both measured alike is compared. What placing the probe anew scatters counts, and the
+    smallest change that could have been shown is said.
 
     Raises:
-        SkinlabError: it cannot be read, or one of the two gives nothing to compare.
+        SkinlabError: it cannot be read, or there is nothing to compare.
     """
     from skinlab.recording.session import read_session
-    from skinlab.recording.session_fit import fit_session
+    from skinlab.recording.session_fit import comparable, excluded_of, fit_curves
     from skinlab.studies import change
 
     session = read_session(before)
-    earlier = change.side_of(session, fit_session(identifier, before, session))
-    now = side_now(curves, results, identifier, serial_number)
+    then = comparable(session.curves, excluded_of(session))
+    shared = frozenset(map(change.condition, then)) & frozenset(map(change.condition, curves))
+    if not shared:
+        raise InputError(f"{before.name} was measured with another opening or program")
+    alike = [curve for curve in then if change.condition(curve) in shared]
+    earlier = change.side_of(session, fit_curves(identifier, before.name, alike), shared)
+    pairs = zip(curves, results, strict=True)
+    kept = [(c, result) for c, result in pairs if change.condition(c) in shared]
+    now = side_now([c for c, _ in kept], [r for _, r in kept], identifier, serial_number)
     return Compared(_lines(before, session, change.changes(earlier, now, study=study)))
 
 
@@ -67,13 +75,8 @@ def side_now(
         max(1, sum(curve.setup.cycle == 1 for curve in curves)),
         operator(),
         serial_number,
-        frozenset(condition(curve) for curve in curves),
+        frozenset(map(change.condition, curves)),
     )
-
-
-def condition(curve: Curve) -> tuple[float, str]:
-    """Return what must be alike in two visits: opening and program."""
-    return (curve.setup.aperture_mm, str(curve.setup.program or ""))
 
 
 def _lines(before: Path, session: Session, found: Changes) -> tuple[str, ...]:

@@ -154,7 +154,8 @@ def change_distance(
     from skinlab.recording.session import read_session
     from skinlab.recording.session_fit import comparable, excluded_of, fit_curves
     from skinlab.studies import change
-    from skinlab.tui.comparing import condition, side_now
+    from skinlab.studies.change import condition
+    from skinlab.tui.comparing import side_now
 
     if before is None:
         return ChangeDistance(goal, why="there is no earlier visit of this subject and site here")
@@ -168,19 +169,8 @@ def change_distance(
         why = f"{before.name} was measured otherwise"
         return ChangeDistance(goal, before.name, following=lacking[0], why=why)
     alike = [c for c in earlier if condition(c) in now]
-    whole = change.side_of(session, fit_curves(identifier, before.name, alike))
-    names = {c.name for c in alike}
-    singles = [
-        {name: entry["value"] for name, entry in ((result or {}).get("parameters") or {}).items()}
-        for curve, result in zip(session.curves, session.results, strict=True)
-        if curve.name in names
-    ]
-    first = replace(
-        whole,
-        singles=[single for single in singles if single],
-        placements=max(1, sum(c.setup.cycle == 1 for c in alike)),
-        conditions=frozenset(then & now),
-    )
+    answer = fit_curves(identifier, before.name, alike)
+    first = change.side_of(session, answer, frozenset(then & now))
     kept = [c for c in curves if condition(c) in then]
     mine = [r for c, r in zip(curves, results, strict=True) if condition(c) in then]
     last = side_now(kept, mine, identifier, serial_number)

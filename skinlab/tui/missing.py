@@ -39,11 +39,6 @@ _BAR_SAYS = 48  # columns of the words behind a bar
 Rows = list[list[Run]]
 
 
-def plain_text(rows: Rows) -> str:
-    """Return the rows without their styles."""
-    return "\n".join("".join(text for text, _ in row) for row in rows)
-
-
 def outcome_rows(outcome: Outcome, columns: int, lines: int = 0) -> Rows:
     """Return the whole answer: what is missing, pictures, how sure that is, values, limits.
 
@@ -62,7 +57,7 @@ def outcome_rows(outcome: Outcome, columns: int, lines: int = 0) -> Rows:
     if outcome.where:
         rows += [[], [("Where the model as it is disagrees:", "quiet")]]
         rows += [[(f"  {where_words(place)}", "quiet")] for place in outcome.where[:_MOST]]
-    rows += [[], *([(line, "quiet")] for line in limits_words(outcome))]
+    rows += [[], *([(line, "quiet")] for line in limits_words(outcome, _least_words))]
     if outcome.alike:
         pairs = "; ".join(f"{a} and {b}" for a, b in outcome.alike)
         said = f"With these measurements nobody could tell apart: {pairs}."
@@ -105,6 +100,12 @@ def next_lines(outcome: Outcome) -> list[str]:
     if outcome.verdict.name == "none":
         return ["Next: b goes back; nothing has to be done."]
     return ["Next: measure through another opening, or with a hold, then d looks again."]
+
+
+def _least_words(name: str, size: float) -> str:
+    """Return a size that could have been shown: pressure_lag: lag 4.00 ms."""
+    words = size_words(name, Value(size, None, None))
+    return f"{name.partition('.')[0]}: {name_of_effect(name)} {words}"
 
 
 _SMALL = {"s": ("ms", 1e3, 0.5), "mm": ("µm", 1e3, 0.2)}  # below this, in the smaller unit
@@ -210,7 +211,7 @@ def _share_rows(outcome: Outcome) -> Rows:
     words = ", ".join(f"{c} {what} {percent} %" for c, what, percent in parts if percent)
     return [
         [],
-        [("What the gap is made of, by its mean square:", "quiet")],
+        [("What the gap is made of:", "quiet")],
         [*bar, (f" {words}", "quiet")],
     ]
 
@@ -267,7 +268,7 @@ def _multiples(outcome: Outcome, columns: int, lines: int) -> Rows:
     noise_um = [record.noise_um for record in records]
     largest = max(float(np.abs(x).max(initial=0.0)) for some in lefts.values() for x in some)
     most_um = round_up(1.05 * max(largest, _NOISE * max(noise_um)), least=0.1)
-    title = f"What each curve leaves, all to ±{most_um:g} µm; shaded: noise (±2 sd)"
+    title = f"What each curve leaves, all to ±{most_um:g} µm; shaded: twice the noise"
     rows: Rows = [[(title, "quiet")]]
     panels = [
         _panel(

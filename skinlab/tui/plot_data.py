@@ -173,8 +173,9 @@ def against_time(live: Live, columns: int, rows: int) -> Drawing:
     )
     deepest_mm = round_up(float(deflection_mm.max(initial=0.0)), least=0.1)
     at = share(time_s, 0.0, whole_s)
+    long = f"against {whole_s:.3g} s: to {deepest_mm:g} mm; dotted to {most_mbar:g} mbar"
     return Drawing(
-        f"against {whole_s:.3g} s: to {deepest_mm:g} mm; dotted to {most_mbar:g} mbar",
+        long if len(long) <= columns else f"{deepest_mm:g} mm; dotted {most_mbar:g} mbar",
         main=dots(*_line(at, share(deflection_mm, 0.0, deepest_mm), 4 * columns), columns, rows),
         second=dots(
             *_line(at, share(pressure_mbar, 0.0, 1.05 * most_mbar), columns // 2),
@@ -211,9 +212,10 @@ def residual(entry: Entry, columns: int, rows: int) -> Drawing | None:
         for side in (-1.0, 1.0):
             at = share(side * height_um, -most_um, most_um)
             band = band | dots(across, at, columns, rows)
-    noise = f", noise ±{np.sqrt(np.mean(edge_um**2)):.2g} dotted" if widest_um else ""
+    noise = f"±{np.sqrt(np.mean(edge_um**2)):.2g}" if widest_um else ""
+    long = f"residual µm{noise and f', noise {noise} dotted'}, rms {result.rms_um:.3g}"
     return Drawing(
-        f"residual µm{noise}, rms {result.rms_um:.3g}",
+        long if len(long) <= columns else f"residual µm{noise and f'; dotted {noise}'}",
         main=dots(
             share(entry.curve.pressure_mbar[there], 0.0, top_mbar),
             share(left_um[there], -most_um, most_um),

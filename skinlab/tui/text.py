@@ -34,7 +34,7 @@ from skinlab.report.text import explain
 from skinlab.report.verdict import Step, Use, Verdict, judge, step_words
 from skinlab.tui.canvas import interval_bar, share
 from skinlab.tui.plot_data import noise_band, round_down, round_up
-from skinlab.tui.ui_state import Board, Entry, Live, Playing
+from skinlab.tui.ui_state import SEARCHING, Board, Entry, Live, Playing
 
 if TYPE_CHECKING:
     from skinlab.acquisition.measurement_request import Order
@@ -143,6 +143,9 @@ def last_text(board: Board) -> str:
     return f"last: {values}, {clock(board.latest_at)}".rstrip(", ")
 
 
+TIMELINE = r"[█░]+"  # of a replay, in the line of readings
+
+
 def timeline_text(playing: Playing, columns: int = _BAR) -> str:
     """Return where a replay is, and at what speed."""
     share = playing.at_s / playing.length_s if playing.length_s > 0 else 1.0
@@ -150,7 +153,7 @@ def timeline_text(playing: Playing, columns: int = _BAR) -> str:
     speed = "max" if playing.speed is None else f"{playing.speed:g}"
     sign = "■" if playing.ended else "‖" if playing.paused else "►"
     bar = "█" * filled + "░" * (columns - filled)
-    return f"{sign} x{speed} {bar} {playing.at_s:.1f}/{playing.length_s:.1f} s"
+    return f"{sign} x{speed} {playing.at_s:.1f}/{playing.length_s:.1f} s {bar}"
 
 
 def link_text(board: Board) -> str:
@@ -168,12 +171,12 @@ def progress_text(board: Board) -> str:
     """Return how far the program is: points, segment, time."""
     if board.playing is not None:
         n = 0 if board.live is None else len(board.live.curve)
-        return f"{n} points  {timeline_text(board.playing)}"
+        return f"{timeline_text(board.playing)}  {n} points"
     live, entry = board.live, board.entry
     if live is not None:
         rate = "" if live.rate_hz is None else f" {live.rate_hz:.0f} Hz"
         lost = f", {live.curve.lost} lost" if live.curve.lost else ""
-        return f"{len(live.curve)} points{rate}{lost}  {_progress(live)}"
+        return f"{len(live.curve)} points{lost}  {_progress(live)}{rate}"
     if entry is not None:
         lost = f", {entry.lost} lost" if entry.lost else ""
         return f"curve {entry.index}: {len(entry.curve)} points{lost}"
@@ -189,7 +192,7 @@ def _progress(live: Live) -> str:
     filled = round(_BAR * done / whole) if whole > 0 else _BAR
     number = min(last.segment + 1, len(program.segments))
     bar = "█" * filled + "░" * (_BAR - filled)
-    return f"{bar} {done:.1f}/{whole:.1f} s, part {number} of {len(program.segments)}"
+    return f"{done:.1f}/{whole:.1f} s {bar} part {number} of {len(program.segments)}"
 
 
 def order_lines(
@@ -309,6 +312,8 @@ def verdict_text(board: Board) -> VerdictText:
         more = "" if board.left is None else f" ({board.left.repeats} to come)"
         use = None if entry is None or entry.verdict is None else entry.verdict.use
         return VerdictText(f"Resting: next repeat in {left_s} s{so_far}", f"v ends it{more}", use)
+    if board.doing == SEARCHING and board.playing is None:
+        return VerdictText("The link is lost", "lift the probe if it still pulls; plug it in again")
     if board.doing is not None and board.playing is None and board.doing != "venting":
         vents = "v gives up" if board.read_only else "v vents"
         return VerdictText(f"{board.phase.capitalize()} …", vents if board.moving else "wait")
@@ -367,13 +372,13 @@ def _following(board: Board, verdict: Verdict) -> str:
         case Step.CHECK_SETTINGS | Step.LOWER:
             return "F3: check opening, thickness, program; then F8"
         case Step.LOOK_FOR_EFFECT:
-            return "hold the probe still and repeat (F8); if it stays so, d looks for why"
+            return "hold still and repeat (F8); if it stays, d says why"
         case Step.OTHER_OPENING if len(openings) > 1:
             return "s, then j: fit the openings together"
         case Step.OTHER_OPENING:
-            return "rest, put another opening on, F8; then s and j fit them together"
+            return "another opening after a rest (F8); then s, j fit all"
         case Step.REST:
-            return "let the site rest; F6 says that it has rested, or is another one"
+            return "let the site rest, then F6 (also for another spot)"
         case Step.REPEAT_TO_CONFIRM if len(board.used) > 1:
             return "s shows what the curves say together; F8 measures on"
         case _:

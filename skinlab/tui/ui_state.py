@@ -98,6 +98,7 @@ class Level(StrEnum):
 
 _RANK = {Level.INFO: 0, Level.WARNING: 1, Level.ERROR: 2}
 _LASTS_S = {Level.INFO: 12.0, Level.WARNING: 45.0, Level.ERROR: 120.0}  # on the screen
+_ASIDE_S = 4.0  # the answer to a key that does nothing
 _MOST_TOLD = 200  # messages that can be read again
 _BUSY_S = 0.3  # what takes longer is named
 _BUSY = {
@@ -253,10 +254,13 @@ class Board:
         self.told: deque[tuple[str, Level]] = deque(
             maxlen=_MOST_TOLD
         )  # all notes, to be read again
+        self.aside = ""  # said for a moment in the place of the note, which comes back
+        self._aside_s: float | None = None  # since when
         self._noted: tuple[str, Level, float] = ("", Level.INFO, 0.0)  # with since when
         self._busy: dict[str, float | None] = {}  # what computes beside, since when
         self._now_s = 0.0
         self.rest_until_s: float | None = None  # when the next repeat is due, by the same clock
+        self._read_any = False  # of the present repeat
         self.version = 0
 
     # ---- what may be done ---------------------------------------------------------------------
@@ -499,6 +503,11 @@ class Board:
         elif note and now_s - since_s > _LASTS_S[level]:
             self.note, self.level = "", Level.INFO
             self.version += 1
+        if self.aside and self._aside_s is None:
+            self._aside_s = now_s
+        elif self._aside_s is not None and now_s - self._aside_s > _ASIDE_S:
+            self.aside, self._aside_s = "", None
+            self.version += 1
         if drawn != (self.busy, self.rest_left_s):
             self.version += 1
 
@@ -514,6 +523,12 @@ class Board:
         else:
             self.told.append((note, level))
 
+    def tell(self, text: str) -> None:
+        """Answer a key that does nothing, for a moment; what was said before comes back."""
+        self.told.append((text, Level.INFO))
+        self.aside, self._aside_s = text, None
+        self.version += 1
+
     def refuse(self, note: str) -> None:
         """Say why what was asked for is not done."""
         self.answer(Level.ERROR, note)
@@ -522,7 +537,7 @@ class Board:
         """Say what a key came to, whatever was said before."""
         if note:
             self.told.append((note, level))
-        self.note, self.level = note, level
+        self.note, self.level, self.aside = note, level, ""
         self.version += 1
 
     def show(self, index: int) -> None:
@@ -626,11 +641,9 @@ class Board:
         match phase:
             case Phase.ARMING:
                 self.shown = None  # the plot is for the next curve
+                self._read_any = False
             case Phase.STARTING if self.read_only:
                 self.say(Level.INFO, "start the instrument; v gives the curve up")
-            case Phase.RUNNING:
-                how = "end it at the instrument" if self.read_only else "v vents"
-                self.say(Level.INFO, f"suction; {how}")
             case Phase.RESTING if left is not None and not self.read_only:
                 self.say(Level.INFO, f"{left.repeats} more to come; v ends them")
             case Phase.SEARCHING:
@@ -647,8 +660,12 @@ class Board:
 
     def _over(self, failed: str | None, given_up: int) -> None:
         self.series = self.left = None
-        if failed is not None and given_up > 1:
-            self.say(Level.WARNING, "vented: the repeats that were left are given up")
+        if failed is None:
+            return
+        none = "" if self._read_any else f"{failed}, before the first reading: nothing to keep"
+        rest = "vented: the repeats that were left are given up" if given_up > 1 else ""
+        if none or rest:
+            self.say(Level.WARNING, "; ".join(filter(None, (none, rest))))
 
     def _connected(self, port: str, hello: Hello, *, goes_on: bool) -> None:
         self.port, self.hello, self._simulated = port, hello, hello.simulated
@@ -679,7 +696,7 @@ class Board:
                 self.shown = None
                 self.begun_at = self.begun_at or at
             case Sampled(index, sample):
-                self.latest, self.latest_at = sample, at
+                self.latest, self.latest_at, self._read_any = sample, at, True
                 self._load(index, sample)
                 if self.live is not None and self.live.index == index:
                     self.live.last = sample

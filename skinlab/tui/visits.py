@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from datetime import datetime
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from skinlab.inference.result import Value
@@ -15,7 +14,6 @@ from skinlab.report.rounding import interval_words
 from skinlab.tui.text import meaning, name_of, scaled_bar, value_scale
 
 if TYPE_CHECKING:
-    from skinlab.inference.identify import Identifier
     from skinlab.studies.change import Changes
 
 ORDERS: tuple[tuple[str, Callable[[VisitRow], tuple[str, ...]], bool], ...] = (
@@ -102,20 +100,3 @@ def trend_lines(rows: Sequence[VisitRow], columns: int, changes: Changes | None)
         lines += ["", "░ no change could be shown within it. The last visit against the first:"]
         lines += [f"  {line}" for line in in_words(changes)]
     return lines
-
-
-def changes_between(before: Path, after: Path, identifier: Identifier) -> Changes:
-    """Return how the skin of one session differs from that of another; slow.
-
-    Raises:
-        SkinlabError: one cannot be read or fitted, or they were measured differently.
-    """
-    from skinlab.recording.session import read_session
-    from skinlab.recording.session_fit import fit_session
-    from skinlab.studies import change
-
-    sides = []
-    for path in (before, after):
-        session = read_session(path)
-        sides.append(change.side_of(session, fit_session(identifier, path, session)))
-    return change.changes(sides[0], sides[1])

@@ -3,11 +3,12 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from functools import partial
 from pathlib import Path
 
 import pytest
+from textual import events
 from textual.pilot import Pilot
 from textual.widgets import Input
 
@@ -21,7 +22,7 @@ from skinlab.tui.app import SkinlabApp
 from skinlab.tui.screens.over import ConfirmScreen
 
 SIMULATED = "sim://?seed=1&speed=20"
-PATIENCE_S = 120.0
+PATIENCE_S = 15.0
 
 
 class Clock:
@@ -50,21 +51,40 @@ class Bedside:
         await self.until(lambda: self.board.hello is not None and self.board.can_arm)
 
     async def press(self, *keys: str) -> None:
-        await self.pilot.press(*keys)
+        """Press keys, each once the one before has come through.
+
+        Not by the pilot, who waits until the process is idle: beside a probe that takes a second.
+        """
+        for key in map(_key, keys):
+            character = _CHARACTERS.get(key, key if len(key) == 1 else None)
+            self.app.post_message(events.Key(key, character))
+            await self.settle()
+
+    async def settle(self) -> None:
+        """Let what is under way come through: down to what has the focus, and up again."""
+        for _ in range(2):
+            if not self.app.is_running or not self.app.screen_stack:
+                return
+            bottom = self.app.focused or self.app.screen
+            for node in (self.app, *bottom.ancestors_with_self):
+                done = asyncio.Event()
+                if node.call_later(done.set):
+                    with suppress(TimeoutError):  # it was taken down meanwhile
+                        await asyncio.wait_for(done.wait(), 2.0)
 
     async def fill(self, field: str, text: str) -> None:
         """Put text into a field without the keys: `type` is slow."""
         box = self.app.screen.query_one(f"#{field}", Input)
         await self.until(lambda: box.focusable)  # not while the fields are closed
         box.value = text
-        await self.pilot.pause()
+        await self.settle()
 
     async def type(self, field: str, text: str) -> None:
         box = self.app.screen.query_one(f"#{field}")
         await self.until(lambda: box.focusable)  # not while the fields are closed
         box.focus()
         await self.until(lambda: box.has_focus)
-        await self.press("ctrl+shift+a", *(_key(c) for c in text))
+        await self.press("ctrl+shift+a", *text)
 
     async def check(self) -> None:
         """Let what will happen be shown, and be read."""
@@ -110,12 +130,15 @@ class Bedside:
         return self.app.export_screenshot()
 
 
-def _key(character: str) -> str:
-    names = {
-        " ": "space", ":": "colon", "/": "slash", "?": "question_mark", "@": "at",
-        "=": "equals_sign", "&": "ampersand", ",": "comma", ".": "full_stop", "-": "minus",
-    }  # fmt: skip
-    return names.get(character, character)
+_NAMES = {
+    " ": "space", ":": "colon", "/": "slash", "?": "question_mark", "@": "at", "+": "plus",
+    "=": "equals_sign", "&": "ampersand", ",": "comma", ".": "full_stop", "-": "minus",
+}  # fmt: skip
+_CHARACTERS = {name: character for character, name in _NAMES.items()} | {"enter": "\r"}
+
+
+def _key(key: str) -> str:
+    return _NAMES.get(key, key)
 
 
 @pytest.fixture(scope="session")

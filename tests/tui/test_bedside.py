@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from textual import events
+
 from drivers.events import Hello, InstrumentState, Sample, State
+from drivers.probe import Probe
 from skinlab.acquisition.measurement import Phase, Plan
-from skinlab.acquisition.messages import Connected, Done, Heard, Went
+from skinlab.acquisition.messages import Connected, Done, Heard, Over, Went
 from skinlab.acquisition.replayer import example_session
 from skinlab.curves.curve import Setup
 from skinlab.curves.growing import GrowingCurve
@@ -82,7 +85,13 @@ async def test_loadings_are_counted_for_each_site(bedside, session_files):
 
 
 async def test_the_dose_of_a_site_goes_on_in_its_next_session(bedside):
-    async with bedside() as bed:
+    probes = []
+
+    def make_probe(*arguments, **options):
+        probes.append(Probe(*arguments, **options))
+        return probes[-1]
+
+    async with bedside(make_probe=make_probe) as bed:
         await bed.connected()
         await bed.fill("subject", "P01")
         await bed.run()
@@ -90,7 +99,7 @@ async def test_the_dose_of_a_site_goes_on_in_its_next_session(bedside):
         await begin_visit(bed, "P02")
         await begin_visit(bed, "P01")
         assert bed.board.dose.suction_mbar_s > 1.9 * once
-        assert bed.app.bench._probe.dose.suction_mbar_s > 1.9 * once  # which the limit is held to
+        assert probes[-1].dose.suction_mbar_s > 1.9 * once  # which the limit is held to
         await bed.quit()
 
 
@@ -260,9 +269,9 @@ async def test_no_key_is_silent(bedside):
     async with bedside() as bed:
         await bed.connected()
         await bed.press("x")
-        await bed.until(lambda: bed.board.note == "x: no meaning here; ? lists the keys")
+        await bed.until(lambda: bed.board.aside == "x: no meaning here; ? lists the keys")
         await bed.press("f11")
-        await bed.until(lambda: bed.board.note == "f11: no meaning here; ? lists the keys")
+        await bed.until(lambda: bed.board.aside == "F11: no meaning here; ? lists the keys")
 
 
 async def test_everything_is_drawn_again_in_another_size_and_theme(bedside):
@@ -296,3 +305,26 @@ async def test_what_does_not_fit_can_be_scrolled_by_keys_and_says_so(bedside):
         await bed.until(lambda: "▼ PgDn" in bed.text("#card-title"))
         await bed.press("right", "right")
         await bed.until(lambda: curves.scroll_offset.x > 0)
+
+
+def test_a_vent_before_the_first_reading_says_that_there_is_no_curve():
+    board = connected_board()
+    for phase in (Phase.ARMING, Phase.STARTING):
+        board.see(Went(phase, Plan(SETUP)))
+    board.see(Over("vented (operator)", 1))
+    assert board.note == "vented (operator), before the first reading: nothing to keep"
+    board.see(Went(Phase.ARMING, Plan(SETUP)))
+    load(board, ("P01", "arm"))
+    board.answer(Level.INFO, "")
+    board.see(Over("vented (operator)", 1))
+    assert board.note == ""
+
+
+async def test_f8_waits_for_the_letters_that_were_typed_before_it(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        bed.app.screen.set_focus(bed.app.screen.query_one("#subject"))
+        for key in [*"subject-17", "f8"]:
+            bed.app.post_message(events.Key(key, key if len(key) == 1 else None))
+        await bed.until(lambda: bed.board.review)
+        assert bed.board.review.order.subject == "subject-17"

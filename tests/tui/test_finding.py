@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -23,12 +24,15 @@ from skinlab.tui.screens.help import HelpScreen
 from skinlab.tui.screens.line import LineScreen, seconds
 from skinlab.tui.screens.main import MainScreen
 from skinlab.tui.screens.messages import MessagesScreen
+from skinlab.tui.screens.over import ConfirmScreen
 from skinlab.tui.screens.palette import PaletteScreen
 from skinlab.tui.screens.pick import PickScreen
 from skinlab.tui.screens.session import SessionScreen
 from skinlab.tui.screens.visits import VisitsScreen
+from skinlab.tui.text import TIMELINE
 from skinlab.tui.themes import ORDER
 from skinlab.tui.visits import found, series, trend_lines
+from skinlab.tui.widgets.hints import KeyHint
 
 # ---- visits ----------------------------------------
 
@@ -262,6 +266,17 @@ def test_a_replay_jumps_by_time_and_to_the_next_event():
     assert control.paused
 
 
+def test_a_replay_begins_with_what_is_not_waited_for():
+    slept = []
+    control = ReplayControl(1.0, ahead_s=5.0, paused=True, clock=lambda: 0.0, sleep=slept.append)
+    assert all(control.wait(100.0 + k, sample=True) for k in range(6))
+    assert not slept
+    control.step()
+    assert control.wait(105.1, sample=True)
+    assert control.at_s == pytest.approx(105.1)
+    assert control.paused
+
+
 SKIN = "[skin]\nX1_MPa = {x1}\nX2_MPa = 1.0\nnu = 0.3\nthickness_mm = 1.0\n"
 
 
@@ -338,6 +353,7 @@ async def test_undo_says_what_it_undid(bedside):
         await bed.run()
         await bed.press("s")
         await bed.until(lambda: isinstance(bed.app.screen, SessionScreen))
+        await bed.until(lambda: bed.board.note.startswith("saved: "))
         await bed.press("ctrl+z")
         assert bed.board.note == "there is nothing to undo"
         await bed.press("delete")
@@ -369,3 +385,71 @@ async def test_a_replay_goes_on_to_a_time(bedside):
         await bed.press("4", "enter")
         await bed.until(lambda: bed.board.playing.at_s > 3.5)
         assert not bed.board.playing.ended
+
+
+async def click_time(bed, share):
+    """Click on the time line of a replay."""
+    line = bed.app.screen.query_one("#reading-line")
+    await bed.until(lambda: re.search(TIMELINE, str(line.content)))
+    bar = re.search(TIMELINE, str(line.content))
+    at = line.gutter.left + bar.start() + round(share * (len(bar[0]) - 1))
+    await bed.pilot.click("#reading-line", offset=(at, 0))
+
+
+async def test_a_click_on_the_time_line_goes_there_and_back_again(bedside):
+    async with bedside(None, replay=example_session(), speed=0.01) as bed:
+        await bed.until(lambda: bed.board.playing and bed.board.playing.length_s > 4)
+        whole_s = bed.board.playing.length_s
+        await bed.press("space")
+        await bed.until(lambda: bed.board.phase == "PAUSED")
+        await click_time(bed, 0.75)
+        await bed.until(lambda: bed.board.playing.at_s > 0.6 * whole_s)
+        assert bed.board.entries
+        await click_time(bed, 0.25)
+        await bed.until(lambda: 0.1 * whole_s < bed.board.playing.at_s < 0.5 * whole_s)
+        await bed.until(lambda: bed.board.live is not None)
+        assert bed.board.phase == "PAUSED"  # as it was
+        assert not bed.board.entries  # what came after that is still to come
+        await bed.press("9")
+        await bed.until(lambda: bed.board.playing.at_s > 0.8 * whole_s)
+
+
+async def test_what_is_open_can_be_left_by_a_click_on_its_keys(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        for key in ("f1", "w", "f4", "ctrl+p", "f2"):
+            await bed.press(key)
+            await bed.until(lambda: bed.app.screen.query(KeyHint))
+            await bed.until(lambda: bed.app.screen.query(KeyHint).last().size.width)
+            await bed.pilot.click(bed.app.screen.query(KeyHint).last())
+            await bed.until(lambda: isinstance(bed.app.screen, MainScreen))
+        await bed.press("q")
+        await bed.until(lambda: isinstance(bed.app.screen, ConfirmScreen))
+        await bed.until(lambda: bed.app.screen.query(KeyHint).first().size.width)
+        await bed.pilot.click(bed.app.screen.query(KeyHint).first())  # yes, at once
+        await bed.until(lambda: "press F9 again" in bed.text("#question-why"))
+        await bed.pilot.click(bed.app.screen.query(KeyHint).last())  # no
+        await bed.until(lambda: isinstance(bed.app.screen, MainScreen))
+
+
+async def test_suction_ends_by_a_click_where_it_says_so(bedside):
+    async with bedside("sim://?seed=1&speed=2") as bed:
+        await bed.connected()
+        await bed.fill("program", "ramp:100@2")
+        await bed.start()
+        await bed.until(lambda: bed.text("#suction") == "SUCTION: v vents")
+        await bed.pilot.click("#suction")
+        await bed.until(lambda: bed.app.bench.vents == 1)
+        await bed.until(lambda: not bed.board.suction)
+
+
+async def test_no_key_is_silent_on_any_screen(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        for key in ("f1", "w", "f4", "f2", "f5", "q"):
+            await bed.press(key)
+            await bed.until(lambda: not isinstance(bed.app.screen, MainScreen))
+            await bed.press("f10")
+            await bed.until(lambda: bed.text("#note").startswith("F10: no meaning here"))
+            await bed.press("escape")
+            await bed.until(lambda: isinstance(bed.app.screen, MainScreen))

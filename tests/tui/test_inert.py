@@ -58,6 +58,6 @@ async def test_instrument_notes_and_reasons_cannot_act_on_the_terminal(bedside):
 async def test_an_alarm_with_hostile_text(bedside):
     async with bedside() as bed:
         await bed.connected()
-        bed.app._post(Heard((Happened(Alarm(EVIL)),)))
+        bed.app.post_message(bed.app.Said(Heard((Happened(Alarm(EVIL)),))))
         await bed.until(lambda: "␛]0;evil" in shown(bed))
         await bed.press("a")

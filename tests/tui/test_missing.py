@@ -26,7 +26,6 @@ from skinlab.tui.missing import (
     hints,
     missing_rows,
     outcome_rows,
-    plain_text,
     size_words,
 )
 from skinlab.tui.screens.main import MainScreen
@@ -218,6 +217,10 @@ async def test_a_search_that_fails_is_a_sentence(bedside):
 
 
 # ---- words and picture ----------------------------------------------------------------------
+
+
+def plain_text(rows):
+    return "\n".join("".join(text for text, _ in row) for row in rows)
 
 
 def words(missing):

@@ -121,7 +121,7 @@ async def test_without_a_protocol_p_says_that_it_means_nothing(bedside):
     async with bedside() as bed:
         await bed.connected()
         await bed.press("p")
-        assert "p: no meaning here" in bed.board.note
+        assert "p: no meaning here" in bed.board.aside
         await bed.quit()
 
 

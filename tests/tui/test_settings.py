@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from skinlab.errors import InputError
-from skinlab.tui.app import owners
+from skinlab.tui.key_owners import owners
 from skinlab.tui.screens.help import HelpScreen
 from skinlab.tui.screens.pick import PickScreen
 from skinlab.tui.screens.session import SessionScreen

@@ -22,6 +22,8 @@ from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.growing import GrowingCurve
 from skinlab.curves.program import parse_program
 from skinlab.discrepancy.discipline import Shares
+from skinlab.discrepancy.heldout import HeldOut
+from skinlab.discrepancy.verdict import Verdict
 from skinlab.inference.result import Identification, Value
 from skinlab.quality.gates.base import Finding
 from skinlab.recording.stream import CurveStarted, Happened, Sampled
@@ -125,7 +127,8 @@ def outcome():
         "pressure_lag.lag_s": {"value": 0.0231, "low": 0.0174, "high": 0.0281},
     }
     return SimpleNamespace(
-        verdict=SimpleNamespace(name="named", explanations=[best]),
+        verdict=Verdict("named", [best]),
+        learned=None,
         found=SimpleNamespace(
             base=base, candidates=[best, second], records=records, implausible=""
         ),
@@ -133,8 +136,8 @@ def outcome():
         shares=Shares(2.0, 0.4, 0.1, 5.8),
         trials=(),
         best=best,
-        gap_before=SimpleNamespace(rms_um=6.2, noise_um=2.0, files=("curve 2",)),
-        gap_after=SimpleNamespace(rms_um=2.1, noise_um=2.0, files=("curve 2",)),
+        gap_before=HeldOut(6.2, 2.0, 2.0, ("curve 2",), 6.2),
+        gap_after=HeldOut(2.1, 2.0, 2.0, ("curve 2",), 2.1),
         next_measurement=None,
         parameters=lambda candidate: law if candidate is base else after_values,
         where=[],
@@ -267,6 +270,7 @@ def app(tmp_path, monkeypatch):
 @pytest.mark.parametrize("name", SCREENS)
 def test_screen(snap_compare, app, name, size):
     assert snap_compare(app, terminal_size=size, run_before=SCREENS[name])
+    assert app.failure is None  # else it would be the picture of nothing
 
 
 @pytest.mark.parametrize("theme", ["textual-light", HIGH_CONTRAST.name, COLOUR_BLIND_SAFE.name])

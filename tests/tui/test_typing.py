@@ -5,12 +5,14 @@ from __future__ import annotations
 import random
 import string
 import threading
+from contextlib import suppress
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from textual import events
-from textual.widgets import Input
+from textual.errors import NoWidget
+from textual.widgets import Footer, Input
 
 from drivers.events import Alarm
 from drivers.probe import Probe
@@ -152,11 +154,30 @@ async def resting(bed):
     await bed.until(lambda: bed.board.phase == "RESTING")
 
 
-async def session(bed):
-    await bed.connected()
-    await bed.run()
-    await bed.press("s")
-    await bed.until(lambda: isinstance(bed.app.screen, SessionScreen))
+def opened(name, key, screen, *, measured=False):
+    """A state: this screen, opened by this key, with a curve or without."""
+
+    async def state(bed):
+        await bed.connected()
+        if measured:
+            await bed.run()
+        await bed.press(key)
+        await bed.until(lambda: isinstance(bed.app.screen, screen))
+
+    state.__name__ = name
+    return state
+
+
+session = opened("session", "s", SessionScreen, measured=True)
+missing = opened("missing", "d", MissingScreen, measured=True)
+visits = opened("visits", "f5", VisitsScreen, measured=True)
+help_ = opened("help_", "f1", HelpScreen)
+ports = opened("ports", "f2", PortsScreen)
+palette = opened("palette", "ctrl+p", PaletteScreen)
+pick = opened("pick", "f4", PickScreen)
+goal = opened("goal", "g", PickScreen)
+messages = opened("messages", "w", MessagesScreen)
+quit_question = opened("quit_question", "q", ConfirmScreen)
 
 
 async def prompt(bed):
@@ -165,70 +186,14 @@ async def prompt(bed):
     await bed.until(lambda: isinstance(bed.app.focused, Input))
 
 
-async def missing(bed):
-    await bed.connected()
-    await bed.run()
-    await bed.press("d")
-    await bed.until(lambda: isinstance(bed.app.screen, MissingScreen))
-
-
-async def help_(bed):
-    await bed.connected()
-    await bed.press("f1")
-    await bed.until(lambda: isinstance(bed.app.screen, HelpScreen))
-
-
-async def ports(bed):
-    await bed.connected()
-    await bed.press("f2")
-    await bed.until(lambda: isinstance(bed.app.screen, PortsScreen))
-
-
-async def visits(bed):
-    await bed.connected()
-    await bed.run()
-    await bed.press("f5")
-    await bed.until(lambda: isinstance(bed.app.screen, VisitsScreen))
-
-
 async def search_of_visits(bed):
     await visits(bed)
     await bed.press("slash")
     await bed.until(lambda: isinstance(bed.app.focused, Input))
 
 
-async def palette(bed):
-    await bed.connected()
-    await bed.press("ctrl+p")
-    await bed.until(lambda: isinstance(bed.app.screen, PaletteScreen))
-
-
-async def pick(bed):
-    await bed.connected()
-    await bed.press("f4")
-    await bed.until(lambda: isinstance(bed.app.screen, PickScreen))
-
-
-async def goal(bed):
-    await bed.connected()
-    await bed.press("g")
-    await bed.until(lambda: isinstance(bed.app.screen, PickScreen))
-
-
-async def messages(bed):
-    await bed.connected()
-    await bed.press("w")
-    await bed.until(lambda: isinstance(bed.app.screen, MessagesScreen))
-
-
 async def replay(bed):
     await bed.until(lambda: bed.board.playing is not None and bed.board.hello is not None)
-
-
-async def quit_question(bed):
-    await bed.connected()
-    await bed.press("q")
-    await bed.until(lambda: isinstance(bed.app.screen, ConfirmScreen))
 
 
 async def alarm(bed):
@@ -260,7 +225,7 @@ async def type_in(bed, state, keys, rng, starts):
         bed.clock.now_s += rng.choice([0.0, 0.05, 0.2, 0.9, 1.5, 5.0])
         for key in word:
             bed.app.post_message(events.Key(key, CHARACTERS.get(key, key)))
-        await bed.pilot.pause()
+        await bed.settle()
         assert starts.count == started, word
     assert bed.app.return_code is None
     assert bed.board.alarm == alarmed
@@ -369,6 +334,99 @@ async def test_ten_thousand_keys_start_only_what_was_shown_and_confirmed(bedside
     for seed in range(SOAK_KEYS // 200):
         started, allowed = await walk_one(bedside, 200, 100 + seed)
         assert started <= allowed
+
+
+# ---- words, runs, clicks anywhere, other sizes ----------------------------------------------
+
+WORDS = [
+    "start",
+    "measure now",
+    "yes",
+    "forearm",
+    "vent",
+    "ramp:300@20",
+    "f9",
+    "dd",
+    "qqq",
+    "j",
+    "n",
+]
+SIZES = [(60, 20), (80, 24), (120, 40), (160, 50), (40, 12)]
+STEPS_OF_A_HAND, HANDS = 40, 60
+
+
+def clicked_key(bed, at):
+    """Return the key that a click there presses, if it is one of the bottom line."""
+    with suppress(NoWidget):
+        widget, _ = bed.app.screen.get_widget_at(*at)
+        if any(isinstance(above, Footer) for above in widget.ancestors):
+            return getattr(widget, "key", None)
+    return None
+
+
+def inputs(bed, rng):
+    """Return what a hand does next: keys, and places that are clicked."""
+    match rng.choices(["word", "run", "key", "click", "begin"], [4, 2, 6, 5, 2])[0]:
+        case "word":
+            return list(rng.choice(WORDS))
+        case "run":
+            return [rng.choice(["enter", "space", "tab"])] * rng.randint(2, 6)
+        case "key":
+            return [rng.choice([*OTHER, "f4", "f6", "w", "t", "r", "g", "s", "q", "ctrl+p"])]
+        case "click":
+            size = bed.app.size
+            row = rng.choice([size.height - 1, rng.randrange(size.height)])  # the keys more often
+            return [(rng.randrange(size.width), row)]
+    return ["f8", "f8", "f9"]
+
+
+async def fumble(bed, steps, rng, starts):
+    """Do anything; return how many starts were allowed, by what was on the screen."""
+    app, main = bed.app, bed.app.screen_stack[0]
+    allowed, typed_s = 0, -10.0
+    for _ in range(steps):
+        if rng.random() < 0.1:
+            await bed.pilot.resize_terminal(*rng.choice(SIZES))
+        if rng.random() < 0.2 and app.return_code is None and app.screen is main:
+            main.query_one("#subject", Input).value = f"P{rng.randint(1, 9)}"
+        for one in inputs(bed, rng):
+            if app.return_code is not None:
+                return allowed
+            bed.clock.now_s += rng.choice([0.0, 0.1, 0.5, 1.5, 3.0])
+            key = one if isinstance(one, str) else clicked_key(bed, one)
+            in_view = app.screen is main and bed.text("#card-title").startswith("THIS WILL")
+            quiet = bed.clock.now_s - typed_s >= QUIET_S
+            if key in {"f9", "ctrl+g"} and in_view and quiet and bed.board.review:
+                allowed += bed.board.review.order.repeats
+            if isinstance(one, str):
+                if is_typing(one, printable=len(one) == 1):
+                    typed_s = bed.clock.now_s
+                await bed.press(one)
+            else:
+                await bed.pilot.click(offset=one)
+            assert starts.count <= allowed, one
+    return allowed
+
+
+async def fumble_one(bedside, steps, seed):
+    starts, rng = Starts(), random.Random(seed)
+    port, size = "sim://?seed=1&speed=20", rng.choice(SIZES)
+    async with bedside(port, size=size, make_probe=starts, explain=Searching()) as bed:
+        await bed.connected()
+        allowed = await fumble(bed, steps, rng, starts)
+    return starts.count, allowed
+
+
+async def test_a_fumbling_hand_starts_only_what_was_shown_and_confirmed(bedside):
+    started, allowed = await fumble_one(bedside, STEPS_OF_A_HAND, seed=3)
+    assert started <= allowed
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("seed", range(100, 100 + HANDS))
+async def test_many_fumbling_hands_start_only_what_was_shown_and_confirmed(bedside, seed):
+    started, allowed = await fumble_one(bedside, STEPS_OF_A_HAND, seed)
+    assert started <= allowed
 
 
 # ---- what stands on every screen ------------------------------------------------------------

@@ -46,24 +46,28 @@ class Hyperparameter:
     log_sd_above: float | None = None
     scale: float = 1.0
 
-    def log_prior(self, log_value: float) -> float:
-        """Return the log density of the logarithm."""
+    def log_prior(self, log_value: Array) -> Array:
+        """Return the log density of logarithms, of any shape."""
         off = log_value - math.log(self.median)
         found = _log_normal(off, self.log_sd)
         if self.log_sd_above is not None:  # two halves that meet
-            here = self.log_sd if off < 0 else self.log_sd_above
-            share = 2.0 * here / (self.log_sd + self.log_sd_above)
-            found = math.log(share) + _log_normal(off, here)
-        if abs(off) > self.reach:
-            found -= 0.5 * ((abs(off) - self.reach) / _EDGE) ** 2
+            whole = 0.5 * (self.log_sd + self.log_sd_above)
+            halves = (
+                math.log(sd / whole) + _log_normal(off, sd)
+                for sd in (self.log_sd, self.log_sd_above)
+            )
+            found = np.where(off < 0, *halves)
+        if math.isfinite(self.reach):
+            beyond = np.maximum(np.abs(off) - self.reach, 0.0)
+            found = found - 0.5 * (beyond / _EDGE) ** 2
         if not self.outlying:
             return found
         other = math.log(self.outlying) + _log_normal(off, self.outlying_sd)
-        return float(np.logaddexp(math.log1p(-self.outlying) + found, other))
+        return np.asarray(np.logaddexp(math.log1p(-self.outlying) + found, other))
 
 
-def _log_normal(off: float, sd: float) -> float:
-    return -0.5 * (off / sd) ** 2 - math.log(sd * math.sqrt(2.0 * math.pi))
+def _log_normal(off: Array, sd: float) -> Array:
+    return np.asarray(-0.5 * (off / sd) ** 2 - math.log(sd * math.sqrt(2.0 * math.pi)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +82,11 @@ class Terms:
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """An error model for these samples: `terms` of the values of its parameters, in order."""
+    """An error model for these samples: `terms` of the values of its parameters, in order.
+
+    `variances`, if given, is quicker: the same of values (..., d) at once, variances (..., u), of a
+    model that has nothing else.
+    """
 
     name: str
     parameters: tuple[Hyperparameter, ...]
@@ -91,6 +99,7 @@ class Part:
     bound: float = 0.0  # what `stretch` costs or gains in log evidence (scale mixtures)
     spread: float = 1.0  # by which `stretch` is to be multiplied for the information to be right
     again: Callable[[Array], Part] | None = None  # a scale mixture, given other `white_square`
+    variances: Callable[[Array], Array] | None = None
 
     @property
     def is_process(self) -> bool:

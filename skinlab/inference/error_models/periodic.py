@@ -47,6 +47,8 @@ def spectrum(look: Look, frequencies_hz: Array) -> Array:
 def columns(samples: Samples, frequency_hz: float) -> Array:
     """Return sine and cosine (u, 2 × curves), of each curve alone: it has a phase of its own."""
     angle = 2.0 * np.pi * frequency_hz * samples.time_s
+    if samples.curves == 1:
+        return np.stack([np.sin(angle), np.cos(angle)], axis=1)
     one = samples.curve[:, None] == np.arange(samples.curves)
     return np.hstack([np.sin(angle)[:, None] * one, np.cos(angle)[:, None] * one])
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skinlab.inference.error_models.base import Hyperparameter, Look, Part, Terms
+from skinlab.inference.error_models.base import Array, Hyperparameter, Look, Part, Terms
 
 _LOG_SD = 0.2  # of the channel's own estimate
 
@@ -27,11 +27,14 @@ class Pressure:
             return None
         per_mbar = np.square(look.pressure_error_mm / typical)
 
+        def variances(values: Array) -> Array:
+            return np.asarray(values[..., :1] ** 2 * per_mbar)
+
         def terms(values: Sequence[float]) -> Terms:
-            return Terms(values[0] ** 2 * per_mbar)
+            return Terms(variances(np.array(values)))
 
         size = Hyperparameter("pressure_mbar", typical, _LOG_SD)
-        return Part("pressure", (size,), terms, always=True)
+        return Part("pressure", (size,), terms, always=True, variances=variances)
 
 
 ERROR_MODEL = Pressure()

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skinlab.inference.error_models.base import Hyperparameter, Look, Part, Terms
+from skinlab.inference.error_models.base import Array, Hyperparameter, Look, Part, Terms
 
 _SHARE = Hyperparameter("proportional_share", 0.01, 0.7)
 _ODDS = 0.2
@@ -29,12 +29,15 @@ class Proportional:
             return None
         squared = np.square(look.deflection_mm)
 
+        def variances(values: Array) -> Array:
+            return np.asarray(values[..., :1] ** 2 * squared)
+
         def terms(values: Sequence[float]) -> Terms:
-            return Terms(values[0] ** 2 * squared)
+            return Terms(variances(np.array(values)))
 
         return Part(
             "proportional", (_SHARE,), terms, math.log(_ODDS),
-            why="residuals grow with the deflection",
+            why="residuals grow with the deflection", variances=variances,
         )  # fmt: skip
 
 

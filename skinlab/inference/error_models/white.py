@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skinlab.inference.error_models.base import Hyperparameter, Look, Part, Terms
+from skinlab.inference.error_models.base import Array, Hyperparameter, Look, Part, Terms
 
 _MEDIAN_UM, _LOG_SD = 3.0, 1.5
 _STATED_SD = 0.06  # a statement is good to some per cent, or wrong altogether
@@ -31,10 +31,13 @@ class White:
         least = (1e-3 * _TABLE_UM) ** 2
         relative = np.square(look.samples.relative_noise)
 
-        def terms(values: Sequence[float]) -> Terms:
-            return Terms((1e-3 * values[0]) ** 2 * relative + least)
+        def variances(values: Array) -> Array:
+            return np.asarray((1e-3 * values[..., :1]) ** 2 * relative + least)
 
-        return Part("white", (size,), terms, always=True)
+        def terms(values: Sequence[float]) -> Terms:
+            return Terms(variances(np.array(values)))
+
+        return Part("white", (size,), terms, always=True, variances=variances)
 
 
 ERROR_MODEL = White()

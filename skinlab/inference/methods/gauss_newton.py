@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.inference.methods.base import Method
-from skinlab.inference.optimise import unit_slopes
 from skinlab.inference.problem import Estimate, Options, Problem
 
 Array = NDArray[np.float64]
@@ -80,7 +79,8 @@ class Search:
         space = self._problem.space
         if by_parameters is not None:
             self.evaluations += 1
-            slopes = by_parameters(space.from_unit(unit)) @ unit_slopes(space, unit)
+            parameters = space.from_unit(unit)
+            slopes = by_parameters(parameters) @ space.by_unit(parameters)
             if np.isfinite(slopes).all():
                 return np.asarray(slopes)
         here = self.residuals(unit)

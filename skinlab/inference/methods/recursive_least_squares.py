@@ -24,7 +24,6 @@ from numpy.typing import NDArray
 
 from skinlab.inference.methods.base import Method, Option
 from skinlab.inference.methods.gauss_newton import Search
-from skinlab.inference.optimise import unit_slopes
 from skinlab.inference.problem import Estimate, Options, Problem, check
 
 Array = NDArray[np.float64]
@@ -80,7 +79,7 @@ def identify(
     unit, error = search.begin(start)
     if not np.isfinite(error):
         return search.end(unit, error, 0, converged=False)
-    to_unit = np.linalg.inv(unit_slopes(problem.space, unit))
+    to_unit = np.linalg.inv(problem.space.by_unit(problem.space.from_unit(unit)))
     P = COVARIANCE.of(options) * to_unit @ to_unit.T
     for iteration in range(1, passes + 1):
         if not np.isfinite(_sample(problem, search, unit, 0)[1]).all():  # the model ends right here
@@ -126,8 +125,9 @@ def _sample(problem: Problem, search: Search, unit: Array, t: int) -> tuple[floa
     if not isinstance(problem.misfit, Sampled):
         return -float(search.residuals(unit)[t]), search.jacobian(unit)[t]
     search.evaluations += 1
-    difference, by_parameters = problem.misfit.sample(problem.space.from_unit(unit), t)
-    return difference, by_parameters @ unit_slopes(problem.space, unit)
+    parameters = problem.space.from_unit(unit)
+    difference, by_parameters = problem.misfit.sample(parameters, t)
+    return difference, by_parameters @ problem.space.by_unit(parameters)
 
 
 METHOD = Method(

@@ -546,36 +546,45 @@ static int64_t local_basis(const double *knots, int64_t size, int64_t degree, do
 #define MOST_WIDE 64 /* degree + 1 */
 
 /* A spline along d axes with `sizes` and `degrees`, all knots end to end, coefficients (rows, k), at
- * `at` (points, d); the slope along axis `slope`, or none where it is negative. Returns 0, or 1 where
- * there are more axes or higher degrees than it has room for. */
+ * `at` (points, d): values `out` (points, k), or with `slopes` the slopes along each axis, (points, d, k).
+ * Returns 0, or 1 where there are more axes or higher degrees than it has room for. */
 FAST int64_t skinlab_spline(int64_t points, int64_t d, const int64_t *sizes, const int64_t *degrees,
-                            const double *knots, const double *at, int64_t slope,
+                            const double *knots, const double *at, int64_t slopes,
                             const double *coefficients, int64_t k, double *out) {
-    double basis[MOST_AXES][MOST_WIDE];
+    double basis[MOST_AXES][MOST_WIDE], rise[MOST_AXES][MOST_WIDE];
     int64_t stride[MOST_AXES], place[MOST_AXES], rows = 1;
+    const int64_t kinds = slopes ? d : 1;
     if (d > MOST_AXES) return 1;
     for (int64_t i = d - 1; i >= 0; i--) {
         if (degrees[i] + 1 > MOST_WIDE) return 1;
         stride[i] = rows, rows *= sizes[i];
     }
-    memset(out, 0, points * k * sizeof *out);
+    memset(out, 0, points * kinds * k * sizeof *out);
     for (int64_t p = 0; p < points; p++) {
-        double *restrict sum = out + p * k;
+        double *restrict sum = out + p * kinds * k;
         const double *t = knots;
         int64_t row = 0;
         for (int64_t i = 0; i < d; i++) {
-            row += stride[i] * local_basis(t, sizes[i], degrees[i], at[p * d + i], i == slope, basis[i]);
+            row += stride[i] * local_basis(t, sizes[i], degrees[i], at[p * d + i], 0, basis[i]);
+            if (slopes) local_basis(t, sizes[i], degrees[i], at[p * d + i], 1, rise[i]);
             t += sizes[i] + degrees[i] + 1;
             place[i] = 0;
         }
         for (;;) {
-            double weight = 1;
+            double weight[MOST_AXES]; /* of each kind: the product of all axes but the last */
             int64_t here = row, i = d - 2;
-            for (int64_t a = 0; a < d - 1; a++) weight *= basis[a][place[a]], here += place[a] * stride[a];
+            for (int64_t kind = 0; kind < kinds; kind++) {
+                weight[kind] = 1;
+                for (int64_t a = 0; a < d - 1; a++)
+                    weight[kind] *= (slopes && a == kind ? rise : basis)[a][place[a]];
+            }
+            for (int64_t a = 0; a < d - 1; a++) here += place[a] * stride[a];
             for (int64_t last = 0; last <= degrees[d - 1]; last++) {
-                const double w = weight * basis[d - 1][last];
                 const double *restrict from = coefficients + (here + last) * k;
-                for (int64_t c = 0; c < k; c++) sum[c] += w * from[c];
+                for (int64_t kind = 0; kind < kinds; kind++) {
+                    const double w = weight[kind] * (slopes && kind == d - 1 ? rise : basis)[d - 1][last];
+                    for (int64_t c = 0; c < k; c++) sum[kind * k + c] += w * from[c];
+                }
             }
             while (i >= 0 && ++place[i] > degrees[i]) place[i--] = 0;
             if (i < 0) break;
@@ -607,4 +616,56 @@ FAST void skinlab_bidiagonal(int64_t n, int64_t many, const double *below, int64
     else
         for (int64_t i = 1; i < n; i++)
             for (int64_t k = 0; k < many; k++) right[i * many + k] -= below[i - 1] * right[(i - 1) * many + k];
+}
+
+#define MOST_COLUMNS 64
+
+/* (W x)' (W x) of x = [values, columns] for `many` covariances of the same n samples, and the log
+ * determinants: W'W is the inverse of D + B, with D `variance` (many, n) and B an Ornstein-Uhlenbeck process
+ * of variance `square` (many), none where that is null; `decay` (many, n) is its correlation with the sample
+ * before, 0 where a curve begins. `values` (n, m1), `columns` (n, m2), those of the next covariance `stride`
+ * further. Returns 0, where one is not positive definite, from 1, or -1 where there is no room. */
+FAST int64_t skinlab_gram(int64_t many, int64_t n, int64_t m1, int64_t m2, const double *values,
+                          const double *columns, int64_t stride, const double *variance, const double *square,
+                          const double *decay, double *gram, double *log_determinant) {
+    const int64_t m = m1 + m2, blocks = (m + 7) / 8;
+    if (m > MOST_COLUMNS) return -1;
+    for (int64_t i = 0; i < many; i++) {
+        double before[MOST_COLUMNS] = {0}, row[MOST_COLUMNS] = {0}, white[MOST_COLUMNS] = {0};
+        Eight sum[MOST_COLUMNS][MOST_COLUMNS / 8];
+        double pivot = 1.0, before_variance = 0.0, total = 0.0;
+        const double *var = variance + i * n;
+        memset(sum, 0, m * sizeof sum[0]);
+        for (int64_t t = 0; t < n; t++) {
+            memcpy(row, values + t * m1, m1 * sizeof *row);
+            memcpy(row + m1, columns + i * stride + t * m2, m2 * sizeof *row);
+            if (square) {
+                const double phi = decay[i * n + t], beside = -phi * before_variance;
+                const double below = beside / pivot;
+                pivot = var[t] + square[i] * (1.0 - phi * phi) + phi * phi * before_variance - below * beside;
+                for (int64_t b = 0; b < blocks; b++) {
+                    const Eight here = load8(row + 8 * b);
+                    *(Eight *)(white + 8 * b) =
+                        here - phi * load8(before + 8 * b) - below * load8(white + 8 * b);
+                    *(Eight *)(before + 8 * b) = here;
+                }
+                before_variance = var[t];
+            } else {
+                pivot = var[t];
+                memcpy(white, row, sizeof row);
+            }
+            if (!(pivot > 0.0)) return i + 1;
+            total += log(pivot);
+            const double inverse = 1.0 / pivot;
+            for (int64_t a = 0; a < m; a++) {
+                const double scaled = white[a] * inverse;
+                for (int64_t b = 0; b <= a / 8; b++) sum[a][b] += scaled * load8(white + 8 * b);
+            }
+        }
+        double *out = gram + i * m * m;
+        for (int64_t a = 0; a < m; a++)
+            for (int64_t b = 0; b <= a; b++) out[a * m + b] = out[b * m + a] = sum[a][b / 8][b % 8];
+        log_determinant[i] = total;
+    }
+    return 0;
 }

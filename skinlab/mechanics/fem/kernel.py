@@ -56,6 +56,10 @@ def load(path: Path, source: Path) -> ctypes.CDLL | None:
     found.skinlab_tridiagonal.restype = _INTEGER
     found.skinlab_bidiagonal.argtypes = [_INTEGER, _INTEGER, _POINTER, _INTEGER, _POINTER]
     found.skinlab_bidiagonal.restype = None
+    found.skinlab_gram.argtypes = [
+        *[_INTEGER] * 4, _POINTER, _POINTER, _INTEGER, *[_POINTER] * 5,
+    ]  # fmt: skip
+    found.skinlab_gram.restype = _INTEGER
     found.skinlab_spline.argtypes = [
         _INTEGER, _INTEGER, *[_POINTER] * 4, _INTEGER, _POINTER, _INTEGER, _POINTER,
     ]  # fmt: skip
@@ -221,24 +225,35 @@ class Kernel:
         return padded[:, :n]
 
 
-def spline(
-    knots: Array, sizes: Index, degrees: Index, coefficients: Array, points: Array, slope: int
-) -> Array | None:
-    """Return a spline's values (n, k) at points (n, d); None where the library cannot.
+class Spline:
+    """A spline along all axes of a grid, for the library."""
 
-    `knots` of all axes end to end, `coefficients` (all, k); the slope along axis `slope` unless
-    that is negative.
-    """
-    found = library()
-    if found is None:
-        return None
-    at = np.ascontiguousarray(points, dtype=np.float64)
-    out = np.empty((len(points), coefficients.shape[1]))
-    failed = found.skinlab_spline(
-        len(points), len(sizes), _address(sizes), _address(degrees), _address(knots), _address(at),
-        slope, _address(coefficients), coefficients.shape[1], _address(out),
-    )  # fmt: skip
-    return None if failed else out
+    def __init__(self, knots: Array, sizes: Index, degrees: Index, coefficients: Array) -> None:
+        """`knots` of all axes end to end, `coefficients` (all, k), contiguous."""
+        self._axes, self._k = len(sizes), coefficients.shape[1]
+        self._kept = knots, sizes, degrees, coefficients  # alive as long as their addresses
+        self._addresses = [_address(part) for part in self._kept]
+
+    def __reduce__(self) -> tuple[type[Spline], tuple[Any, ...]]:
+        return Spline, self._kept  # addresses are of this process
+
+    def __call__(self, points: Array, *, slopes: bool) -> Array | None:
+        """Return values (n, k) at points (n, d), or slopes along each axis (n, d, k).
+
+        None where the library cannot.
+        """
+        found = library()
+        if found is None:
+            return None
+        at = np.ascontiguousarray(points, dtype=np.float64)
+        n, k = len(at), self._k
+        out = np.empty((n, self._axes, k) if slopes else (n, k))
+        knots, sizes, degrees, coefficients = self._addresses
+        failed = found.skinlab_spline(
+            n, self._axes, sizes, degrees, knots, _address(at), int(slopes), coefficients, k,
+            _address(out),
+        )  # fmt: skip
+        return None if failed else out
 
 
 def factorise_tridiagonal(diagonal: Array, beside: Array) -> tuple[Array, Array, int] | None:
@@ -259,6 +274,32 @@ def solve_bidiagonal(below: Array, right: Array, *, transposed: bool) -> Array |
     beside = np.ascontiguousarray(below, dtype=np.float64)
     found.skinlab_bidiagonal(len(x), x.shape[1], _address(beside), int(transposed), _address(x))
     return x
+
+
+def gram(
+    values: Array, columns: Array, variance: Array, square: Array | None, decay: Array | None
+) -> tuple[Array, Array, int] | None:
+    """Return Gram matrices (n, m, m), log determinants (n,), and where one fails, from 1.
+
+    See `skinlab.inference.covariance.gram_matrices`; None where the library cannot. `values`
+    (u, m1), `columns` (1 or n, u, m2), `variance` and `decay` (n, u), `square` (n,).
+    """
+    found = library()
+    if found is None:
+        return None
+    parts = [
+        None if part is None else np.ascontiguousarray(part, dtype=np.float64)
+        for part in (values, columns, variance, square, decay)
+    ]
+    n, u = variance.shape
+    m1, m2 = values.shape[1], columns.shape[2]
+    matrices, determinants = np.empty((n, m1 + m2, m1 + m2)), np.empty(n)
+    x, v, *rest = (_address(part) for part in parts)
+    stride = 0 if len(columns) == 1 else u * m2
+    failed = found.skinlab_gram(
+        n, u, m1, m2, x, v, stride, *rest, _address(matrices), _address(determinants)
+    )
+    return None if failed < 0 else (matrices, determinants, int(failed))
 
 
 class _Energy:

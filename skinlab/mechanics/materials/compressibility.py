@@ -32,6 +32,14 @@ def kappa_ratio(nu: Any, convention: KappaConvention) -> Any:
     assert_never(convention)
 
 
+def log_ratio_slope(nu: Any, convention: KappaConvention) -> Any:
+    """Return the derivative of log `kappa_ratio` by ν (float or array)."""
+    down = (1.0 + nu) * (1.0 - 2.0 * nu)
+    if convention == "consistent":
+        return 3.0 / down
+    return 12.0 * nu * (2.0 - nu) / (down * (6.0 * (1.0 - nu) - 8.0 / 3.0 * down))
+
+
 def nu_from_ratio(ratio: Any, convention: KappaConvention) -> Any:
     """Return the ν whose `kappa_ratio` in this convention is `ratio` (float or array)."""
     if convention == "consistent":

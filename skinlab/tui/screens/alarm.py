@@ -12,7 +12,7 @@ from skinlab.tui.ui_state import Board
 class AlarmScreen(AskingScreen):
     """Lift the probe. Only F9 takes it away; v and Esc vent again."""
 
-    _hint = "v vents again      F9 acknowledges"
+    _keys = (("v vents again", "v"), ("F9 acknowledges", "f9"))
     _box = "alarm"
 
     def __init__(self, board: Board, guard: TypingGuard, text: str) -> None:

@@ -12,6 +12,7 @@ from textual.widgets import Static
 
 from skinlab.tui.screens.over import OverScreen
 from skinlab.tui.ui_state import Board
+from skinlab.tui.widgets.hints import Hints
 
 _KEYS = """\
 F8        check, connect if need be, show what will happen
@@ -51,7 +52,9 @@ With several repeats each follows by itself after the rest; v ends that too. A t
 lone Esc back for a moment: v is the sure key.
 
 In a replay: Space pauses, the full stop steps, + and - change the speed, e goes on to the next \
-event, j asks for a time, 1 to 9 go to tenths of the record.
+event, j asks for a time, 1 to 9 and a click on the time line go there, back as well.
+
+Whatever names a key can be clicked: the bottom line, windows, the next step, SUCTION (vents).
 
 Loadings are counted for each site, over all sessions of this program: a later one is never taken \
 for a first. F6 says that the site has fully rested.
@@ -81,7 +84,8 @@ class HelpScreen(OverScreen[None]):
     def compose_box(self) -> ComposeResult:
         """Yield the text."""
         with VerticalScroll(id="help"):
-            yield Static("skinlab: keys (Enter closes)", classes="title", markup=False)
+            yield Static("skinlab: keys", classes="title", markup=False)
+            yield Hints(("Enter closes", "enter"))
             if self._here:
                 lines = ["On the screen that you came from, now:"]
                 lines += [f"{key:<10} {what}" for key, what in self._here]

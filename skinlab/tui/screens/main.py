@@ -6,7 +6,7 @@ import time
 from collections.abc import Mapping
 from typing import ClassVar
 
-from textual import on
+from textual import events, on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
@@ -17,18 +17,20 @@ from textual.widgets import DataTable, Footer, Input, Static
 
 from skinlab.tui.text import settings_line
 from skinlab.tui.typing_guard import CHECK_KEY, CONFIRM_KEY, TypingGuard
-from skinlab.tui.ui_state import Board, Level, Review
+from skinlab.tui.ui_state import Board, Review
 from skinlab.tui.widgets.card import Card
 from skinlab.tui.widgets.curve_plot import CurvePlot
 from skinlab.tui.widgets.curves import Curves
 from skinlab.tui.widgets.fields import Fields
 from skinlab.tui.widgets.header import Top
 from skinlab.tui.widgets.intervals import Intervals
+from skinlab.tui.widgets.note import Note
 from skinlab.tui.widgets.reading import Reading
 from skinlab.tui.widgets.strip import Strip
 from skinlab.tui.widgets.verdict import VerdictLine
 
 _FRAMES_PER_S = 16
+_REPLAYS = frozenset({"play", "step", "faster", "slower", "event", "time"})
 _ANSWER_S = 0.15
 
 
@@ -51,14 +53,14 @@ class MainScreen(Screen[None]):
             CONFIRM_KEY, "want('start')", "Start", key_display="F9", priority=True, id="confirm"
         ),
         Binding(CONFIRM_KEY, "want('early')", show=False, priority=True, id="confirm"),
-        Binding("space", "play", "Play", key_display="Space", priority=True),
+        Binding("space", "want('play')", "Play", key_display="Space", priority=True),
         Binding("enter,space", "nothing", show=False),
-        Binding("full_stop", "step", "Step", key_display="."),
-        Binding("plus,equals_sign", "speed(1)", "Faster", key_display="+"),
-        Binding("minus", "speed(-1)", "Slower", key_display="-"),
-        Binding("j", "time", "Go to a time", show=False, id="time"),
-        Binding("e", "event", "Next event", show=False, id="event"),
-        *(Binding(str(n), f"jump({n})", show=False) for n in range(1, 10)),
+        Binding("full_stop", "want('step')", "Step", key_display="."),
+        Binding("plus,equals_sign", "want('faster')", "Faster", key_display="+"),
+        Binding("minus", "want('slower')", "Slower", key_display="-"),
+        Binding("j", "want('time')", "Time", id="time"),
+        Binding("e", "want('event')", "Event", id="event"),
+        *(Binding(str(n), f"want('to {n}')", show=False) for n in range(1, 10)),
         Binding("f3", "settings", "Edit", key_display="F3", priority=True, id="settings"),
         # With priority: keys that wait behind one of these already go to the next field
         Binding("tab", "form(1)", show=False, priority=True),
@@ -106,7 +108,6 @@ class MainScreen(Screen[None]):
         self._asked: Review | None = None  # what is in view to be confirmed, and since when is told
         self._settings = settings
         self._drawn = -1  # version of the board
-        self._noted = ("", "")
         self._keys: tuple[bool, ...] = ()
         self._due_s: float | None = None  # until when the answer is waited for
 
@@ -126,7 +127,7 @@ class MainScreen(Screen[None]):
             yield Intervals()
         yield Reading(id="reading")
         yield Curves()
-        yield Static("", id="note", markup=False)
+        yield Note(self._board)
         yield Footer(show_command_palette=False, compact=True)
 
     def begin(self) -> None:
@@ -153,7 +154,7 @@ class MainScreen(Screen[None]):
         self.query_one(Intervals).show(board)
         self.query_one(Reading).show(board)
         self.query_one(Curves).show(board)
-        self._write_note(board.note, str(board.level))
+        self.query_one(Note).draw()
         keys = (board.can_arm, board.review is None, board.playing is not None, bool(board.entries))
         if keys != self._keys:
             self._keys = keys
@@ -196,13 +197,6 @@ class MainScreen(Screen[None]):
             self._due_s = time.monotonic() + _ANSWER_S
         return time.monotonic() < self._due_s
 
-    def _write_note(self, text: str, level: str) -> None:
-        note = self.query_one("#note", Static)
-        if (text, level) != self._noted:
-            self._noted = (text, level)
-            note.update(text)
-            note.set_classes(f"-{level}")
-
     def fold(self) -> None:
         """Leave the room, and the time of a frame, to what is measured and found; F3 unfolds."""
         board = self._board
@@ -224,9 +218,6 @@ class MainScreen(Screen[None]):
         if isinstance(self.focused, Input):
             self.set_focus(None)
             return
-        if self._board.moving:
-            self._board.answer(Level.INFO, "the settings open when the suction is off and vented")
-            return
         self._board.withdraw()
         self.close_fields(closed=False)
         self.set_focus(self.query_one("#program", Input))
@@ -242,16 +233,20 @@ class MainScreen(Screen[None]):
     def action_look(self, by: int) -> None:
         """Look at the curve before or after."""
         curves = self.query_one(Curves)
+        if not curves.row_count:
+            self._board.tell("there is no curve yet")
         curves.move_cursor(row=curves.cursor_row + by)
 
     def action_across(self, by: int) -> None:
         """Move the list of curves sideways."""
-        self.query_one(Curves).scroll_relative(x=8 * by, animate=False, force=True)
+        self.query_one(Curves).scroll_relative(x=8 * by, animate=False, force=True, immediate=True)
 
     def action_page(self, by: int) -> None:
         """Show more of the card."""
         card = self.query_one(Card)
-        card.scroll_relative(y=by * max(card.size.height - 1, 1), animate=False)
+        if not card.max_scroll_y:
+            self._board.tell("the card shows all of it")
+        card.scroll_relative(y=by * max(card.size.height - 1, 1), animate=False, immediate=True)
 
     def on_resize(self) -> None:
         """Draw again once the new layout is there."""
@@ -265,7 +260,7 @@ class MainScreen(Screen[None]):
     def action_nothing(self) -> None:
         """Say which key means what Enter and Space do not."""
         if self._board.can_arm:
-            self._board.say(Level.INFO, "F8 shows what will happen; F9 then starts it")
+            self._board.tell("F8 shows what will happen; F9 then starts it")
 
     def close_fields(self, *, closed: bool) -> None:
         """Let the fields take no text, or text again."""
@@ -276,10 +271,10 @@ class MainScreen(Screen[None]):
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Let keys pass where they mean nothing here."""
-        if action in {"play", "step", "speed", "event", "time", "jump"}:
-            return self._board.playing is not None
         if action == "want":
-            what = parameters[0]
+            what = str(parameters[0])
+            if what in _REPLAYS or what.startswith("to "):
+                return self._board.playing is not None
             if what == "start":
                 return self._board.review is not None
             if what == "protocol":
@@ -299,33 +294,20 @@ class MainScreen(Screen[None]):
             return self._board.can_arm and self._board.review is None
         return super().check_action(action, parameters)
 
-    def action_play(self) -> None:
-        """Pass on that a replay is to go on, or to stop."""
-        self.post_message(self.Wanted("play"))
-
-    def action_step(self) -> None:
-        """Pass on that a replay is to go one sample further."""
-        self.post_message(self.Wanted("step"))
-
-    def action_event(self) -> None:
-        """Pass on that a replay is to go on to the next event."""
-        self.post_message(self.Wanted("event"))
-
-    def action_time(self) -> None:
-        """Pass on that a replay is to go on to a time."""
-        self.post_message(self.Wanted("time"))
-
-    def action_jump(self, tenths: int) -> None:
-        """Pass on that a replay is to go to a part of the record."""
-        self.post_message(self.Wanted(f"to {tenths}"))
-
-    def action_speed(self, by: int) -> None:
-        """Pass on that a replay is to be faster or slower."""
-        self.post_message(self.Wanted("faster" if by > 0 else "slower"))
-
     def action_want(self, what: str) -> None:
-        """Pass on what a key asked for."""
-        self.post_message(self.Wanted(what))
+        """Pass on what a key asked for, behind what was typed before it.
+
+        Such a key is heard at once, while letters still wait in the queue of their field.
+        """
+        (self.focused or self).call_later(self.post_message, self.Wanted(what))
+
+    def on_click(self, event: events.Click) -> None:
+        """Unfold the settings, or show more of the card, where that was clicked."""
+        match event.widget and event.widget.id:
+            case "settings-line" if self._board.can_arm:
+                self.action_settings()
+            case "card-title":
+                self.query_one(Card).turn()
 
     @on(DataTable.RowHighlighted)
     def _look_at(self, event: DataTable.RowHighlighted) -> None:

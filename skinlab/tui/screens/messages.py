@@ -10,6 +10,7 @@ from textual.containers import VerticalScroll
 from textual.widgets import Static
 
 from skinlab.tui.screens.over import OverScreen
+from skinlab.tui.widgets.hints import Hints
 
 
 class MessagesScreen(OverScreen[None]):
@@ -23,5 +24,6 @@ class MessagesScreen(OverScreen[None]):
         """Yield the text."""
         lines = [f"{level}: {note}" for note, level in reversed(self._board.told)]
         with VerticalScroll(id="help"):
-            yield Static("Messages, the latest first (Enter closes)", classes="title", markup=False)
+            yield Static("Messages, the latest first", classes="title", markup=False)
+            yield Hints(("Enter closes", "enter"))
             yield Static("\n".join(lines) or "No messages yet.", markup=False)

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import ClassVar
 
 from rich.text import Text
-from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import VerticalScroll
 from textual.message import Message
-from textual.screen import Screen
-from textual.widgets import Footer, Static
+from textual.widget import Widget
+from textual.widgets import Static
 
 from skinlab.tui.missing import hints, missing_rows
+from skinlab.tui.screens.board_screen import BoardScreen
 from skinlab.tui.ui_state import Board, Missing
-from skinlab.tui.widgets.header import Top
 
-_FRAMES_PER_S = 8
 _USUAL_COLUMNS = 76  # before the first layout
 _STYLES = ("text", "strong", "quiet", "before", "after", "band")
 
@@ -39,7 +38,7 @@ class MissingAnswer(Static):
         self.update(text)
 
 
-class MissingScreen(Screen[None]):
+class MissingScreen(BoardScreen):
     """Shows the board's search; says what is wanted of it."""
 
     class Wanted(Message):
@@ -49,52 +48,38 @@ class MissingScreen(Screen[None]):
             super().__init__()
             self.what = what
 
-    AUTO_FOCUS = "#missing-says"
+    SAYS = AUTO_FOCUS = "#missing-says"
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("v", "app.vent_key", "Vent", priority=True, id="vent"),
+        Binding("b,q,s", "back", "Back", key_display="b"),
         Binding("f7", "want('load')", "Load next", key_display="F7", id="load"),
         Binding("a", "want('adopt')", "Adopt", id="adopt"),
         Binding("ctrl+z", "want('undo')", "Undo", key_display="^z", priority=True, id="undo"),
         Binding("delete", "want('cancel')", "Give up", key_display="Del", id="give_up"),
         Binding("d,D", "want('begin')", "Look again", key_display="d", id="missing"),
-        Binding("b,q,s", "back", "Back", key_display="b"),
     ]
 
     def __init__(self, board: Board) -> None:
-        super().__init__()
-        self._board = board
-        self._drawn: object = None
+        super().__init__(board)
         self._keys: object = None
 
-    def compose(self) -> ComposeResult:
-        """Yield the parts, from top to bottom."""
-        yield Top(self._board)
+    def parts(self) -> Iterator[Widget]:
+        """Yield title and answer."""
         yield Static("", id="missing-title", markup=False)
-        with VerticalScroll(id="missing-says"):
-            yield MissingAnswer("", id="missing-text", markup=False)
-        yield Static("", id="missing-note", markup=False)
-        yield Footer(show_command_palette=False, compact=True)
+        yield VerticalScroll(MissingAnswer("", id="missing-text", markup=False), id="missing-says")
 
-    def on_mount(self) -> None:
-        """Begin to draw."""
-        self.draw()
-        self.set_interval(1 / _FRAMES_PER_S, self.draw)
+    def drawn_from(self) -> object:
+        """Return what decides whether something else is to be drawn."""
+        width = self.query_one(MissingAnswer).size.width
+        return (self._board.version, width, self.size.height, self.app.theme)
 
-    def draw(self) -> None:
-        """Draw where something changed; nothing once the screen is being taken down."""
-        if not self.display:
-            return
+    def show(self) -> None:
+        """Draw the answer, or how far the search is."""
         board, answer = self._board, self.query_one(MissingAnswer)
-        drawn = (board.version, answer.size.width, self.size.height, self.app.theme)
-        if drawn == self._drawn:
-            return
-        self._drawn = drawn
         missing = board.missing
         state = "" if missing is None else "looking …" if missing.running else "done"
         title = f"What is missing in the model? {state}"
         self.query_one("#missing-title", Static).update(title)
         answer.draw(missing)
-        self.query_one("#missing-note", Static).update(board.note)
         keys = (missing and missing.running, missing and missing.adopted, hints(missing))
         if keys != self._keys:
             self._keys = keys
@@ -114,7 +99,3 @@ class MissingScreen(Screen[None]):
     def action_want(self, what: str) -> None:
         """Pass on what a key asked for."""
         self.post_message(self.Wanted(what))
-
-    def action_back(self) -> None:
-        """Go back; the search goes on."""
-        self.dismiss()

@@ -14,6 +14,8 @@ from textual.widgets import Static
 from skinlab.tui.typing_guard import CHECK_KEY, CONFIRM_KEY, TypingGuard
 from skinlab.tui.ui_state import Board
 from skinlab.tui.widgets.header import Top
+from skinlab.tui.widgets.hints import Hints
+from skinlab.tui.widgets.note import Note
 
 Answer = TypeVar("Answer")
 
@@ -29,6 +31,7 @@ class OverScreen(ModalScreen[Answer]):
         """Yield the top, and the box."""
         yield Top(self._board)
         yield from self.compose_box()
+        yield Note(self._board, later=True)
 
     @abstractmethod
     def compose_box(self) -> ComposeResult:
@@ -38,14 +41,14 @@ class OverScreen(ModalScreen[Answer]):
 class AskingScreen(OverScreen[bool]):
     """A question that stays until F9 (yes) or F8 (no); no letter, Enter or Space answers it.
 
-    `_hint` says what the keys do; `_fresh` is whether F9 counts only where nobody types.
+    `_keys` are its keys in words.
     """
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding(CONFIRM_KEY, "answer_yes", "Yes", priority=True, id="confirm"),
         Binding(CHECK_KEY, "answer_no", "No", priority=True, id="check"),
     ]
-    _hint = "F9 yes      F8 no"
+    _keys: tuple[tuple[str, str], ...] = (("F9 yes", "f9"), ("F8 no", "f8"))
     _box = "question"
 
     def __init__(self, board: Board, guard: TypingGuard, title: str, text: str) -> None:
@@ -60,7 +63,8 @@ class AskingScreen(OverScreen[bool]):
         with Vertical(id=self._box):
             yield Static(self._title, classes="title", markup=False)
             yield Static(self._text, id=f"{self._box}-text", markup=False)
-            yield Static(self._hint, id=f"{self._box}-hint", classes="hint", markup=False)
+            yield Hints(*self._keys)
+            yield Static("", id=f"{self._box}-why", classes="hint", markup=False)
 
     def on_screen_resume(self) -> None:
         """Count from when it can be read, also where something lay over it."""
@@ -73,7 +77,7 @@ class AskingScreen(OverScreen[bool]):
         if why is None:
             self.dismiss(True)
         else:
-            self.query_one(f"#{self._box}-hint", Static).update(f"{self._hint}\n({why})")
+            self.query_one(f"#{self._box}-why", Static).update(f"({why})")
 
     def action_answer_no(self) -> None:
         """Answer no."""

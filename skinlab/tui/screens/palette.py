@@ -15,6 +15,7 @@ from textual.widgets.option_list import Option
 
 from skinlab.tui.screens.over import OverScreen
 from skinlab.tui.ui_state import Board
+from skinlab.tui.widgets.hints import Hints
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ class PaletteScreen(OverScreen[str | None]):
             yield Static("What do you want to do?", classes="title", markup=False)
             yield Input(id="palette-line", compact=True, placeholder="type to search")
             yield OptionList(id="palette-list", markup=False)
-            yield Static("Enter chooses, F8 closes", classes="hint", markup=False)
+            yield Hints(("Enter chooses", "enter"), ("F8 closes", "f8"))
 
     def on_mount(self) -> None:
         """Begin with all."""

@@ -15,6 +15,7 @@ from textual.widgets.option_list import Option
 from skinlab.tui.choices import body_map, nearest_site
 from skinlab.tui.screens.over import OverScreen
 from skinlab.tui.ui_state import Board
+from skinlab.tui.widgets.hints import Hints
 
 
 class PickScreen(OverScreen[str | None]):
@@ -43,9 +44,8 @@ class PickScreen(OverScreen[str | None]):
                 )
                 if self._body:
                     yield BodyMap(body_map(""), id="body", markup=False)
-            hint = "Enter chooses, F4 closes"
-            where = ", a click on the map too" if self._body else ""
-            yield Static(hint + where, classes="hint", markup=False)
+            how = "Enter, or a click on the map, chooses" if self._body else "Enter chooses"
+            yield Hints((how, "enter"), ("F4 closes", "f4"))
 
     @on(OptionList.OptionHighlighted)
     def _mark(self, event: OptionList.OptionHighlighted) -> None:

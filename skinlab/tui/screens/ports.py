@@ -14,6 +14,7 @@ from textual.widgets.option_list import Option
 from drivers.link import list_ports
 from skinlab.curves.curve import APERTURES_MM
 from skinlab.tui.screens.over import OverScreen
+from skinlab.tui.widgets.hints import Hints
 
 
 def choices() -> list[tuple[str, str]]:
@@ -40,7 +41,7 @@ class PortsScreen(OverScreen[str | None]):
             yield OptionList(
                 *(Option(_line(url, text), id=url) for url, text in choices()), markup=False
             )
-            yield Static("Enter chooses, F2 closes", classes="hint", markup=False)
+            yield Hints(("Enter chooses", "enter"), ("F2 closes", "f2"))
 
     @on(OptionList.OptionSelected)
     def _chosen(self, event: OptionList.OptionSelected) -> None:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import ClassVar
 
 from textual import on
-from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import VerticalScroll
 from textual.message import Message
-from textual.screen import Screen
-from textual.widgets import Footer, Input, Static
+from textual.widget import Widget
+from textual.widgets import Input, Static
 
 from skinlab.acquisition.protocol import (
     condition_complaint,
@@ -18,12 +18,10 @@ from skinlab.acquisition.protocol import (
     demanded,
     stated_words,
 )
+from skinlab.tui.screens.board_screen import BoardScreen
 from skinlab.tui.text import who_text
 from skinlab.tui.typing_guard import CHECK_KEY
 from skinlab.tui.ui_state import Board
-from skinlab.tui.widgets.header import Top
-
-_FRAMES_PER_S = 8
 
 
 def protocol_lines(board: Board) -> list[str]:
@@ -62,7 +60,7 @@ def protocol_lines(board: Board) -> list[str]:
     return lines
 
 
-class ProtocolScreen(Screen[None]):
+class ProtocolScreen(BoardScreen):
     """Shows the board's protocol; says what was stated, and that its next step is wanted."""
 
     class Stated(Message):
@@ -71,46 +69,34 @@ class ProtocolScreen(Screen[None]):
     class Wanted(Message):
         """The next step is to be put into the fields."""
 
-    AUTO_FOCUS = ""
+    SAYS = "#protocol-says"
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("v", "app.vent_key", "Vent", priority=True, id="vent"),
+        Binding("p,b,q", "back", "Back", key_display="p"),
         Binding("f7", "load", "Load next", key_display="F7", priority=True, id="load"),
         Binding("e", "state", "State conditions"),
         Binding(CHECK_KEY, "cancel", "No", key_display="F8", priority=True, id="check"),
         Binding("tab,shift+tab", "nothing", show=False, priority=True),
-        Binding("pageup,up", "page(-1)", show=False),
-        Binding("pagedown,down", "page(1)", show=False),
-        Binding("p,b,q", "back", "Back", key_display="p"),
+        Binding("up", "page(-1)", show=False),
+        Binding("down", "page(1)", show=False),
     ]
 
     def __init__(self, board: Board) -> None:
-        super().__init__()
-        self._board = board
-        self._drawn: object = None
+        super().__init__(board)
         self._asking: list[str] = []  # conditions that are still to be asked for
 
-    def compose(self) -> ComposeResult:
-        """Yield the parts, from top to bottom."""
-        yield Top(self._board)
+    def parts(self) -> Iterator[Widget]:
+        """Yield title, steps, and the line for a condition."""
         yield Static("", id="protocol-title", markup=False)
-        with VerticalScroll(id="protocol-says", can_focus=False):
-            yield Static("", id="protocol-text", markup=False)
+        text = Static("", id="protocol-text", markup=False)
+        yield VerticalScroll(text, id="protocol-says", can_focus=False)
         yield Static("", id="protocol-question", markup=False)
-        yield Input(id="protocol-line", compact=True, max_length=60)
-        yield Footer(show_command_palette=False, compact=True)
+        line = Input(id="protocol-line", compact=True, max_length=60)
+        line.display = False
+        yield line
 
-    def on_mount(self) -> None:
-        """Begin to draw."""
-        self.leave_line()
-        self.draw()
-        self.set_interval(1 / _FRAMES_PER_S, self.draw)
-
-    def draw(self) -> None:
-        """Draw where something changed; nothing once the screen is being taken down."""
+    def show(self) -> None:
+        """Draw the steps."""
         board = self._board
-        if not self.display or board.version == self._drawn:
-            return
-        self._drawn = board.version
         named = board.protocol
         title = "" if named is None else named.protocol.study.title
         whose = who_text(board.who)
@@ -133,17 +119,8 @@ class ProtocolScreen(Screen[None]):
         """Ask for the next step."""
         self.post_message(self.Wanted())
 
-    def action_page(self, by: int) -> None:
-        """Show more."""
-        says = self.query_one("#protocol-says")
-        says.scroll_relative(y=by * max(says.size.height - 1, 1), animate=False)
-
     def action_nothing(self) -> None:
         """Stay in the line."""
-
-    def action_back(self) -> None:
-        """Go back."""
-        self.dismiss()
 
     # ---- the conditions, one by one -----------------------------------------------------------
 

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import ClassVar
 
 from rich.text import Text
 from textual import on
-from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import VerticalScroll
 from textual.message import Message
-from textual.screen import Screen
-from textual.widgets import DataTable, Footer, Input, Static
+from textual.widget import Widget
+from textual.widgets import DataTable, Input, Static
 
 from skinlab.errors import InputError
 from skinlab.recording.curve_selection import Deed
 from skinlab.recording.pseudonym import check_note
+from skinlab.tui.screens.board_screen import BoardScreen
 from skinlab.tui.summary import left_out, repeats, repeats_lines
 from skinlab.tui.text import (
     ROW_AFTER,
@@ -30,12 +30,9 @@ from skinlab.tui.text import (
 )
 from skinlab.tui.typing_guard import CHECK_KEY
 from skinlab.tui.ui_state import Board, Level
-from skinlab.tui.widgets.header import Top
-
-_FRAMES_PER_S = 8
 
 
-class SessionScreen(Screen[None]):
+class SessionScreen(BoardScreen):
     """Shows the board's session; says what was decided, and what is to be computed."""
 
     class Decided(Message):
@@ -54,10 +51,11 @@ class SessionScreen(Screen[None]):
             self.what = what
             self.path = path
 
+    SAYS = "#session-says"
     AUTO_FOCUS = "#session-curves"
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("v", "app.vent_key", "Vent", priority=True, id="vent"),
-        Binding("delete", "exclude", "Use", key_display="Del", id="exclude"),
+        Binding("s,b,q", "back", "Back", key_display="s"),
+        Binding("delete", "exclude", "Leave out", key_display="Del", id="exclude"),
         Binding("j", "joint", "Joint", id="joint"),
         Binding("c", "compare", "Compare", id="compare"),
         Binding("n", "note", "Note", id="note"),
@@ -65,41 +63,27 @@ class SessionScreen(Screen[None]):
         Binding("ctrl+z", "undo", "Undo", key_display="^z", priority=True, id="undo"),
         Binding(CHECK_KEY, "cancel", "No", key_display="F8", priority=True, id="check"),
         Binding("tab,shift+tab", "stay", show=False, priority=True),
-        Binding("pageup", "page(-1)", show=False, priority=True),
-        Binding("pagedown", "page(1)", show=False, priority=True),
-        Binding("s,b,q", "back", "Back", key_display="s"),
     ]
 
     def __init__(self, board: Board) -> None:
-        super().__init__()
-        self._board = board
-        self._drawn: object = None
+        super().__init__(board)
+        self._names: tuple[str, ...] = ()  # of the parameters that have a column
         self._then: Callable[[str], None] | None = None  # what the line that is typed is for
+        self._needed = True  # an answer to it
 
-    def compose(self) -> ComposeResult:
-        """Yield the parts, from top to bottom."""
-        yield Top(self._board)
+    def parts(self) -> Iterator[Widget]:
+        """Yield title, curves, what they say together, and the line for an answer."""
         yield Static("", id="session-title", markup=False)
         yield DataTable(id="session-curves", cursor_type="row", zebra_stripes=True)
-        with VerticalScroll(id="session-says", can_focus=False):
-            yield Static("", id="session-text", markup=False)
-        yield Input(id="session-line", compact=True, max_length=200)
-        yield Static("", id="session-note", markup=False)
-        yield Footer(show_command_palette=False, compact=True)
+        text = Static("", id="session-text", markup=False)
+        yield VerticalScroll(text, id="session-says", can_focus=False)
+        line = Input(id="session-line", compact=True, max_length=200)
+        line.display = False
+        yield line
 
-    def on_mount(self) -> None:
-        """Begin to draw."""
-        self._names: tuple[str, ...] = ()
-        self.query_one(Input).display = False
-        self.draw()
-        self.set_interval(1 / _FRAMES_PER_S, self.draw)
-
-    def draw(self) -> None:
-        """Draw where something changed; nothing once the screen is being taken down."""
+    def show(self) -> None:
+        """Draw the curves, and what they say together."""
         board = self._board
-        if not self.display or board.version == self._drawn:
-            return
-        self._drawn = board.version
         since = f", since {clock(board.begun_at)}" if board.begun_at else ""
         self.query_one("#session-title", Static).update(
             f"Session: {who_text(board.visit)}{since}, {len(board.entries)} curves"
@@ -118,7 +102,6 @@ class SessionScreen(Screen[None]):
         if board.entries:
             table.move_cursor(row=min(at, len(board.entries) - 1))
         self.query_one("#session-text", Static).update("\n".join(self._lines()))
-        self.query_one("#session-note", Static).update(board.note)
 
     def _lines(self) -> list[str]:
         board = self._board
@@ -155,6 +138,7 @@ class SessionScreen(Screen[None]):
         """Leave the curve out, with a reason, or take it in again."""
         index = self._index
         if index is None:
+            self._board.tell("there is no curve yet")
             return
         if index in self._board.ledger.excluded:
             self._decided(self._board.ledger.include(index))
@@ -171,8 +155,9 @@ class SessionScreen(Screen[None]):
     def action_compare(self) -> None:
         """Compare with another session."""
         self._ask(
-            "path of the session to compare with (the earlier one)",
+            "compare with which session? Its file; Enter: the visit before of this site",
             lambda text: self._want(self.Wanted("compare", text)),
+            needed=False,
         )
 
     def action_joint(self) -> None:
@@ -192,15 +177,6 @@ class SessionScreen(Screen[None]):
         self._board.touch()
         self.post_message(self.Decided(deed, undone=True))
 
-    def action_page(self, by: int) -> None:
-        """Show more of what the curves say together."""
-        says = self.query_one("#session-says")
-        says.scroll_relative(y=by * max(says.size.height - 1, 1), animate=False)
-
-    def action_back(self) -> None:
-        """Go back to the main screen."""
-        self.dismiss()
-
     def _want(self, message: Wanted) -> None:
         self.post_message(message)
 
@@ -210,8 +186,8 @@ class SessionScreen(Screen[None]):
 
     # ---- a line of text -----------------------------------------------------------------------
 
-    def _ask(self, what: str, then: Callable[[str], None]) -> None:
-        self._then = then
+    def _ask(self, what: str, then: Callable[[str], None], *, needed: bool = True) -> None:
+        self._then, self._needed = then, needed
         line = self.query_one(Input)
         line.value, line.placeholder, line.display = "", what, True
         self.query_one(DataTable).disabled = True  # a click there would make letters keys again
@@ -238,7 +214,7 @@ class SessionScreen(Screen[None]):
     def _answered(self, event: Input.Submitted) -> None:
         event.stop()
         text, then = event.value.strip(), self._then
-        if not text or then is None:
+        if then is None or (self._needed and not text):
             self._board.refuse(f"{event.input.placeholder}: type an answer, or F8 leaves it")
             return
         self.leave_line()

@@ -2,61 +2,58 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from textual import on
-from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import VerticalScroll
-from textual.screen import Screen
-from textual.widgets import DataTable, Footer, Input, Static
+from textual.widget import Widget
+from textual.widgets import DataTable, Input, Static
 
 from skinlab.errors import SkinlabError
 from skinlab.io.log import log_exception
 from skinlab.recording.visit_index import VisitRow, visits
 from skinlab.text import inert
+from skinlab.tui.screens.board_screen import BoardScreen
 from skinlab.tui.typing_guard import CHECK_KEY
 from skinlab.tui.ui_state import Board
 from skinlab.tui.visits import (
     ORDERS,
     TITLES,
     cells,
-    changes_between,
     found,
     series,
     trend_lines,
     when,
 )
-from skinlab.tui.widgets.header import Top
 
 if TYPE_CHECKING:
     from skinlab.inference.identify import Identifier
     from skinlab.studies.change import Changes
 
+_NONE = "There is no visit here."
 
-class VisitsScreen(Screen[None]):
+
+class VisitsScreen(BoardScreen):
     """A table of visits, and what was asked of them below."""
 
+    SAYS = "#visits-says"
     AUTO_FOCUS = "#visits"
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("v", "app.vent_key", "Vent", priority=True, id="vent"),
+        Binding("b,q,f5", "back", "Back", key_display="b"),
         Binding("slash,f", "search", "Search", key_display="/", id="search"),
         Binding("o", "order", "Order", id="order"),
         Binding("enter", "look", "Look into", priority=True),
         Binding("m", "mark", "Mark", id="mark"),
         Binding("c", "compare", "Compare", id="compare"),
         Binding("t", "trend", "Trend", id="trend"),
-        Binding("pageup", "page(-1)", show=False, priority=True),
-        Binding("pagedown", "page(1)", show=False, priority=True),
         Binding(CHECK_KEY, "leave_search", show=False, priority=True, id="check"),
-        Binding("b,q,f5", "back", "Back", key_display="b"),
     ]
 
     def __init__(self, board: Board, folder: Path, identifier: Callable[[], Identifier]) -> None:
-        super().__init__()
-        self._board = board
+        super().__init__(board)
         self._folder = folder
         self._identifier = identifier
         self._rows: list[VisitRow] = []
@@ -64,20 +61,22 @@ class VisitsScreen(Screen[None]):
         self._order = 0
         self._marked: str | None = None
 
-    def compose(self) -> ComposeResult:
-        """Yield the parts, from top to bottom."""
-        yield Top(self._board)
+    def parts(self) -> Iterator[Widget]:
+        """Yield title, search, list and answer."""
         yield Static("Visits: reading …", id="visits-title", markup=False)
-        yield Input(id="visits-search", compact=True, placeholder="words to search for")
+        line = Input(id="visits-search", compact=True, placeholder="words to search for")
+        line.display = False
+        yield line
         yield DataTable(id="visits", cursor_type="row", zebra_stripes=True)
-        with VerticalScroll(id="visits-says", can_focus=False):
-            yield Static("", id="visits-text", markup=False)
-        yield Footer(show_command_palette=False, compact=True)
+        text = Static("", id="visits-text", markup=False)
+        yield VerticalScroll(text, id="visits-says", can_focus=False)
+
+    def show(self) -> None:
+        """Draw nothing: what is listed changes with the folder and the keys."""
 
     def on_mount(self) -> None:
         """Read the folder, beside."""
         self.query_one(DataTable).add_columns("", *TITLES)
-        self.query_one(Input).display = False
 
         def read() -> None:
             try:
@@ -139,6 +138,10 @@ class VisitsScreen(Screen[None]):
         line.display = bool(line.value)
         self.set_focus(self.query_one(DataTable))
 
+    @on(DataTable.RowSelected)
+    def _clicked(self) -> None:
+        self.action_look()
+
     @on(Input.Changed)
     def _searched(self, event: Input.Changed) -> None:
         event.stop()
@@ -152,11 +155,13 @@ class VisitsScreen(Screen[None]):
     def action_mark(self) -> None:
         """Mark the visit that others are compared with."""
         row = self._chosen
-        if row is not None:
-            self._marked = None if row.file == self._marked else row.file
-            at = self.query_one(DataTable).cursor_row
-            self._list()
-            self.query_one(DataTable).move_cursor(row=at)
+        if row is None:
+            self._write(_NONE)
+            return
+        self._marked = None if row.file == self._marked else row.file
+        at = self.query_one(DataTable).cursor_row
+        self._list()
+        self.query_one(DataTable).move_cursor(row=at)
 
     def action_look(self) -> None:
         """Say what is in a visit."""
@@ -165,6 +170,7 @@ class VisitsScreen(Screen[None]):
             return
         row = self._chosen
         if row is None:
+            self._write(_NONE)
             return
         path = self._folder / row.file
 
@@ -200,6 +206,7 @@ class VisitsScreen(Screen[None]):
         """Draw the values of a subject's site over its visits."""
         row = self._chosen
         if row is None:
+            self._write(_NONE)
             return
         rows = series(self._rows, row)
         columns = self.query_one("#visits-text").size.width or 76
@@ -210,21 +217,13 @@ class VisitsScreen(Screen[None]):
 
         self._compute("following …", trend)
 
-    def action_page(self, by: int) -> None:
-        """Show more of the answer."""
-        says = self.query_one("#visits-says")
-        says.scroll_relative(y=by * max(says.size.height - 1, 1), animate=False)
-
-    def action_back(self) -> None:
-        """Go back."""
-        self.dismiss()
-
     # ---- what takes a while -------------------------------------------------------------------
 
     def _changes(self, before: VisitRow, after: VisitRow) -> Changes:
-        return changes_between(
-            self._folder / before.file, self._folder / after.file, self._identifier()
-        )
+        from skinlab.studies.comparison import since
+
+        paths = (self._folder / before.file, self._folder / after.file)
+        return since(self._identifier(), *paths).found
 
     def _compute(self, busy: str, call: Callable[[], str]) -> None:
         """Write what a call returns, or why it cannot, from a thread."""

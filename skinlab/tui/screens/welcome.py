@@ -14,6 +14,7 @@ from textual.widgets.option_list import Option
 from drivers.link import PortInfo
 from skinlab.tui.screens.over import OverScreen
 from skinlab.tui.ui_state import Board
+from skinlab.tui.widgets.hints import Hints
 
 SIMULATED = "sim://?seed=1"
 EXAMPLE = "example"
@@ -49,7 +50,7 @@ class WelcomeScreen(OverScreen[str]):
             if not self._ports:
                 yield Static("no serial port was found on this computer", classes="hint")
             yield Static(_TOUR, id="tour", markup=False)
-            yield Static("up, down and Enter choose; q quits", classes="hint")
+            yield Hints(("up, down and Enter choose", "enter"), ("q quits", "q"))
 
     @on(OptionList.OptionSelected)
     def _chosen(self, event: OptionList.OptionSelected) -> None:

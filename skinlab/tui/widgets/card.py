@@ -46,6 +46,13 @@ class Card(VerticalScroll, can_focus=False):
         super().watch_scroll_y(old_value, new_value)
         self._title()
 
+    def turn(self) -> None:
+        """Show the next page; after the last comes the first."""
+        if self.scroll_offset.y >= self.max_scroll_y:
+            self.scroll_home(animate=False)
+        else:
+            self.scroll_relative(y=max(self.size.height - 1, 1), animate=False)
+
     @property
     def _columns(self) -> int:
         return self.query_one("#card-text").size.width or _USUAL_COLUMNS

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from textual import events
 from textual.app import ComposeResult
 from textual.containers import Horizontal, Vertical
 from textual.widgets import Static
@@ -33,6 +34,12 @@ class Top(Vertical):
             yield Static("", id="suction", markup=False)
             yield Static("", id="where", markup=False)
         yield Static("", id="banner", markup=False)
+
+    def on_click(self, event: events.Click) -> None:
+        """Vent where the line says that something vents."""
+        if event.widget is self.query_one("#suction") and self._board.suction:
+            event.stop()
+            self.app.simulate_key("escape")
 
     def on_mount(self) -> None:
         """Begin to draw."""

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import re
+
+from textual import events
 from textual.app import ComposeResult
 from textual.containers import Horizontal, Vertical
+from textual.message import Message
 from textual.widgets import Digits, Label, Static
 
 from skinlab.tui.text import (
+    TIMELINE,
     deflection_text,
     last_text,
     link_text,
@@ -17,7 +22,27 @@ from skinlab.tui.ui_state import Board
 
 
 class Reading(Vertical):
-    """Pressure, deflection and progress."""
+    """Pressure, deflection and progress; the time line of a replay can be clicked."""
+
+    class Pointed(Message):
+        """A place on the time line was clicked, at this share of it."""
+
+        def __init__(self, share: float) -> None:
+            super().__init__()
+            self.share = share
+
+    _playing = False
+
+    def on_click(self, event: events.Click) -> None:
+        """Say where on the time line that was."""
+        line = event.widget
+        at = event.get_content_offset(line) if isinstance(line, Static) else None
+        if not self._playing or at is None or not isinstance(line, Static):
+            return
+        bar = re.search(TIMELINE, str(line.content))
+        if bar is not None and bar.start() <= at.x < bar.end():
+            event.stop()
+            self.post_message(self.Pointed((at.x - bar.start() + 0.5) / len(bar[0])))
 
     def compose(self) -> ComposeResult:
         """Yield both forms; the style sheet shows one."""
@@ -31,6 +56,7 @@ class Reading(Vertical):
 
     def show(self, board: Board) -> None:
         """Draw."""
+        self._playing = board.playing is not None
         # Numbers only while they are those of now; else what was last, and when
         now = board.latest if board.streaming else None
         pressure, deflection = pressure_text(now), deflection_text(now)

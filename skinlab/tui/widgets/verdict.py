@@ -13,6 +13,8 @@ from skinlab.report.verdict import Use
 from skinlab.tui.text import VerdictText, verdict_text
 from skinlab.tui.ui_state import Board
 
+# A letter is a key where it begins a clause: "s, then j", "v vents", and no "2 s on"
+_KEY = re.compile(r"\b(F[2-8])\b|(?:^|[;,(] ?)([dpsv])(?=,? [a-z])")
 _SIGN = {Use.GOOD: "✔ ", Use.REPEAT: "↻ ", Use.NOT: "✘ "}  # not by colour alone
 
 
@@ -32,9 +34,9 @@ class VerdictLine(Vertical):
         """Do what the line of the next step says first; never what starts suction."""
         event.stop()
         text = "" if self._drawn is None else self._drawn.following
-        found = re.search(r"\bF[2-8]\b", text)
+        found = _KEY.search(text)
         if found is not None and event.widget is self.query_one("#verdict-next"):
-            self.app.simulate_key(found[0].lower())
+            self.app.simulate_key((found[1] or found[2]).lower())
 
     def show(self, board: Board) -> None:
         """Draw."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from skinlab.inference.covariance import Covariance, OrnsteinUhlenbeck, independent, products
+from skinlab.mechanics.fem import kernel
 
 
 def dense(covariance: Covariance) -> np.ndarray:
@@ -54,10 +56,29 @@ def test_products_are_those_of_whitened_values(covariance):
     values = np.random.default_rng(0).normal(size=(covariance.count, 3))
     white = covariance.whiten(values)
     other = replace(covariance, variance_mm2=2.0 * covariance.variance_mm2)
-    found, log_determinant = products([other, covariance], values)
-    np.testing.assert_allclose(found[1], white.T @ white, rtol=1e-6, atol=1e-8)
-    assert log_determinant[1] == pytest.approx(covariance.log_determinant, abs=1e-7)
-    assert log_determinant[0] == pytest.approx(other.log_determinant, abs=1e-7)
+    longer = replace(covariance, columns_mm=1.5 * covariance.columns_mm)
+    for library in (kernel.library, lambda: None):  # compiled where it is there, and numpy
+        with patch.object(kernel, "library", library):
+            for others in ([other, covariance], [other, covariance, longer]):
+                found, log_determinant = products(others, values)
+                np.testing.assert_allclose(found[1], white.T @ white, rtol=1e-6, atol=1e-8)
+                expected = [one.log_determinant for one in others]
+                assert log_determinant == pytest.approx(expected, abs=1e-7)
+
+
+def test_more_columns_than_the_library_has_room_for():
+    rng = np.random.default_rng(3)
+    columns = rng.normal(size=(90, 70))
+    one = Covariance(np.full(90, 0.3), columns, (90,), OrnsteinUhlenbeck(1.0, 0.5), np.arange(90.0))
+    values = rng.normal(size=(90, 2))
+    white = one.whiten(values)
+    np.testing.assert_allclose(products([one], values)[0][0], white.T @ white, rtol=1e-8)
+
+
+def test_what_is_no_covariance_is_an_error():
+    one = Covariance(np.array([1.0, -2.0, 1.0]), np.zeros((3, 0)), (3,))
+    with pytest.raises(np.linalg.LinAlgError):
+        products([one], np.ones((3, 1)))
 
 
 @given(covariances(), st.randoms(use_true_random=False))

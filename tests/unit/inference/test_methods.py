@@ -175,13 +175,12 @@ class TestGaussNewton:
         assert found.parameters == pytest.approx([0.41, 0.41])  # the first hundredth
         np.testing.assert_allclose(run(gauss_newton, problem).parameters, TRUE, atol=1e-6)
 
-    def test_unit_slopes_are_those_of_the_space(self):
+    def test_slopes_by_the_unit_cube_are_those_of_the_space(self):
         space = get_law().space
-        x = np.array([0.03, 1.0, 0.32])
-        slopes = gauss_newton.unit_slopes(space, space.to_unit(x))
         by_x1, by_ratio = np.log(0.2 / 0.005), np.log(1000.0 / 0.5)
         expected = [[0.03 * by_x1, 0, 0], [by_x1, by_ratio, 0], [0, 0, 0.499]]
-        np.testing.assert_allclose(slopes, expected, rtol=1e-7, atol=1e-12)
+        slopes = space.by_unit(np.array([0.03, 1.0, 0.32]))
+        np.testing.assert_allclose(slopes, expected, rtol=1e-12, atol=1e-15)
 
 
 class TestLineSearch:
@@ -436,4 +435,15 @@ def test_a_curve_without_any_pressure_has_an_answer(table, method):
     curve = Curve("zero", Setup(6.0, 1.0), np.arange(51) / 10, zero, zero)
     result = Identifier(table, method=method)(curve)
     assert result.error is None
+    json.dumps(result.to_json(), allow_nan=False)
+
+
+@pytest.mark.parametrize("method", ["auto", "gn", "gn-linesearch", "hka", "lm", "rls", "sto"])
+def test_a_curve_that_no_skin_has_is_flagged(table, method):
+    """`sto` said nothing of a deflection of zero up to 100 mbar."""
+    time_s = np.arange(51) / 10
+    curve = Curve("zero", Setup(6.0, 1.0), time_s, 20 * time_s, np.zeros(51))
+    result = Identifier(table, method=method)(curve)
+    assert result.error is None
+    assert "misfit_above_noise" in result.flags
     json.dumps(result.to_json(), allow_nan=False)

@@ -355,6 +355,45 @@ def test_the_command_writes_what_it_says_and_nothing_over_anything(few, tmp_path
     assert "is no folder" in capsys.readouterr().err
 
 
+def visit_file(path, session, day, curve, identifier, **meta):
+    """Write one curve as the visit of a day; return the path as text."""
+    about = {**session.meta, "created_utc": f"2026-01-0{day}T03:04:05+00:00", **meta}
+    write_session(path, Session(about, (), (curve,), (identifier(curve).to_json(),)))
+    return str(path)
+
+
+def exported(path, out, *options):
+    assert run(["export", path, str(out), "--to", "html", *options]) == 0
+    first = next(ET.fromstring((out / "report.html").read_text(encoding="utf-8")).iter("section"))
+    return text_of(first)
+
+
+def test_page_one_compares_with_the_visit_before(table, session, identifier, tmp_path):
+    same, later = (curve_of(table, "curve 1", seed) for seed in (1, 2))
+    other = replace(curve_of(table, "curve 1", 3), setup=Setup(8.0, 1.0, same.setup.program))
+    monday = visit_file(tmp_path / "monday.h5", session, 2, same, identifier)
+    friday = visit_file(tmp_path / "friday.h5", session, 6, later, identifier)
+    assert "Changed?" not in exported(monday, tmp_path / "1")
+    text = exported(friday, tmp_path / "2")
+    assert "Compared with monday.h5 of 2026-01-02" in text
+    assert "smallest that could be shown" in text
+    assert "stiffness as a whole" in text
+    assert "lower with" not in text
+    assert sorted(p.name for p in tmp_path.glob("*")) == ["1", "2", "friday.h5", "monday.h5"]
+    assert "Changed?" not in exported(friday, tmp_path / "3", "--since", "none")
+    # Two sites on the same days, of which one was left alone
+    left = [
+        visit_file(tmp_path / f"{day}.h5", session, day, curve, identifier, site="other arm")
+        for day, curve in ((2, same), (6, later))
+    ]
+    text = exported(friday, tmp_path / "4", "--control", *left)
+    assert "a site that was left alone (2.h5 and 6.h5) is taken away" in text
+    sunday = visit_file(tmp_path / "sunday.h5", session, 8, other, identifier)
+    assert "Not compared: friday.h5 and sunday.h5: measured" in exported(sunday, tmp_path / "5")
+    assert run(["export", sunday, str(tmp_path / "6"), "--to", "html", "--since", friday]) == 3
+    assert run(["export", monday, str(tmp_path / "7"), "--to", "csv", "--since", friday]) == 2
+
+
 def _identifier(path):
     from skinlab.acquisition.replay import identifier_of
 

@@ -1,0 +1,94 @@
+"""The change since an earlier session: of what both measured alike, and as a part of a report."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from skinlab.errors import InputError
+from skinlab.inference.identify import Identifier
+from skinlab.mechanics.names import heading
+from skinlab.recording.session import read_session
+from skinlab.recording.session_fit import comparable, excluded_of, fit_curves
+from skinlab.report.page import Section, Table
+from skinlab.studies.change import WORDS, Changed, Changes, changes, condition, side_of
+
+
+@dataclass(frozen=True)
+class Since:
+    """How the skin of a session differs from an earlier one.
+
+    `conditions` are the openings (mm) and programs that all of them measured.
+    """
+
+    before: Path
+    begun_utc: str  # the earlier one
+    found: Changes
+    conditions: frozenset[tuple[float, str]]
+    control: tuple[Path, Path] | None = None
+
+
+def since(
+    identifier: Identifier, before: Path, after: Path, control: tuple[Path, Path] | None = None
+) -> Since:
+    """Return how `after` differs from `before`; takes about a second for each session.
+
+    `control` are two sessions of a site that was left alone, on the same days: their change is
+    taken away.
+
+    Raises:
+        SkinlabError: one cannot be read or fitted, or they have no opening and program in common.
+    """
+    paths = (before, after, *(control or ()))
+    sessions = [read_session(path) for path in paths]
+    kept = [comparable(s.curves, excluded_of(s)) for s in sessions]
+    shared = frozenset.intersection(*(frozenset(map(condition, curves)) for curves in kept))
+    if not shared:
+        raise InputError(
+            f"{before.name} and {after.name}: measured differently; expected an opening and a "
+            "program in common"
+        )
+    sides = []
+    for path, session, curves in zip(paths, sessions, kept, strict=True):
+        alike = [curve for curve in curves if condition(curve) in shared]
+        sides.append(side_of(session, fit_curves(identifier, path.name, alike), shared))
+    beside = (sides[2], sides[3]) if control else None
+    found = changes(sides[0], sides[1], control=beside)
+    return Since(before, str(sessions[0].meta.get("created_utc") or ""), found, shared, control)
+
+
+def section(compared: Since | str) -> Section:
+    """Return what a report says of a comparison, or why there is none."""
+    if isinstance(compared, str):
+        return Section("Changed?", (f"Not compared: {compared}.",))
+    found = compared.found
+    alike = "; ".join(f"{a:g} mm, {p or 'no program'}" for a, p in sorted(compared.conditions))
+    sentences = [
+        f"Compared with {compared.before.name} of {compared.begun_utc[:10] or 'an unknown day'}, "
+        f"by what both measured alike ({alike})."
+    ]
+    if compared.control is not None:
+        names = " and ".join(path.name for path in compared.control)
+        sentences.append(f"The change of a site that was left alone ({names}) is taken away.")
+    sentences.append(f"At {100 * found.level:g} %, by {found.basis}.")
+    head = ("quantity", "answer", "change", "between", "smallest that could be shown")
+    whole = () if found.stiffness is None else (found.stiffness,)
+    rows = [_row(one) for one in (*whole, *found.parameters)]
+    return Section("Changed?", (" ".join(sentences),), (Table(head, rows),))
+
+
+def _row(one: Changed) -> Sequence[str]:
+    said = one.to_json()
+    unit, places = (" %", 0) if said["unit"] == "%" else ("", 2)
+    change, low, high, smallest = (
+        f"{said[key]:+.{places}f}".replace("-", "−")
+        for key in ("change", "low", "high", "smallest_shown")
+    )
+    return (
+        "stiffness as a whole" if one.name == "stiffness" else heading(one.name),
+        WORDS[one.verdict],
+        f"{change}{unit}",
+        f"{low} to {high}{unit}",
+        f"{smallest.lstrip('+')}{unit}",
+    )

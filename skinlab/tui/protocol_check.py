@@ -1,0 +1,49 @@
+"""An order against the protocol of the study: what is otherwise is said, and nothing refused."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from skinlab.tui.ui_state import Board
+
+if TYPE_CHECKING:
+    from skinlab.acquisition.measurement_request import Order
+
+
+def against_protocol(
+    board: Board, order: Order, *, assumed_thickness: bool
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return which step an order is, and what is otherwise than the protocol says."""
+    named, walk = board.protocol, board.walk
+    if named is None or walk is None:
+        return (), ()
+    from skinlab.acquisition.protocol import conditions_missing
+    from skinlab.report.protocol import rest_due_s, serves
+
+    protocol, otherwise = named.protocol, []
+    fitting = [s for s in walk.steps if serves(s.step, order.setup)]
+    state = next((s for s in fitting if s.left), None)
+    step = "no step asks for this"
+    if state is not None:
+        step = f"step {state.number} of {len(walk.steps)}: {state.step.words}"
+        if walk.next is not None and state is not walk.next:
+            otherwise.append(f"step {walk.next.number} comes before it")
+        if order.repeats != state.left:
+            otherwise.append(f"repeats: {order.repeats}, not {state.left}")
+        if order.repeats > 1 and order.rest_s < state.step.rest_s:
+            otherwise.append(f"rest {order.rest_s:g} s, not {state.step.rest_s:g} s")
+        done = board.done_curves
+        due_s = rest_due_s(state, done[-1] if done else None, board.now_s)
+        if due_s > 1:
+            otherwise.append(f"the site is to rest {due_s:.0f} s more")
+    elif fitting:
+        step = f"step {fitting[-1].number} is done: this is one more"
+    if state is None:
+        otherwise.append(step)
+    sites = protocol.study.sites
+    if sites and order.site not in sites:
+        otherwise.append(f"the protocol does not name the site {order.site or 'none given'}")
+    otherwise += conditions_missing(protocol, board.stated)
+    if protocol.conditions.thickness_measured and assumed_thickness:
+        otherwise.append("the thickness is not measured")
+    return ((step,) if state is not None else ()), tuple(otherwise)

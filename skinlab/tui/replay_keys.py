@@ -1,0 +1,111 @@
+"""What the keys, and the time line, of a replay do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from skinlab.acquisition.replayer import Replayer, next_speed
+from skinlab.tui.screens.line import seconds
+from skinlab.tui.ui_state import Board, Level, Playing
+
+if TYPE_CHECKING:
+    from skinlab.acquisition.probe_session import ProbeSession
+
+
+class ReplayKeys:
+    """Pace, pause, and jumps in both directions.
+
+    `bench` returns what plays, or a probe, with which nothing here means anything; `play` begins
+    anew; `ask` asks for a line.
+    """
+
+    def __init__(
+        self,
+        board: Board,
+        bench: Callable[[], ProbeSession | Replayer],
+        play: Callable[[], None],
+        ask: Callable[[str, Callable[[str | None], None]], None],
+    ) -> None:
+        self._board = board
+        self._bench = bench
+        self._play = play
+        self._ask = ask
+        self._back_to_s: float | None = None  # from the beginning, once the present replay is over
+
+    @property
+    def _parts(self) -> tuple[Replayer, Playing] | None:
+        replayer, playing = self._bench(), self._board.playing
+        return (replayer, playing) if isinstance(replayer, Replayer) and playing else None
+
+    def press(self, what: str) -> None:
+        """Do what a key says: play, step, event, faster or slower."""
+        if self._parts is None:
+            return
+        replayer, playing = self._parts
+        control = replayer.control
+        if playing.ended:
+            if what == "play" and self._board.doing is None:
+                self._again(replayer)
+            return
+        match what:
+            case "play":
+                (control.resume if control.paused else control.pause)()
+            case "step":
+                control.step()
+            case "event":
+                control.to_next_event()
+            case _:
+                control.set_speed(next_speed(control.speed, faster=what == "faster"))
+        playing.paused, playing.speed = control.paused, control.speed
+        self._board.touch()
+
+    def ask_time(self) -> None:
+        """Ask to which time of the record to go."""
+        if self._parts is None:
+            return
+        _, playing = self._parts
+
+        def answered(text: str | None) -> None:
+            if text is None:
+                return
+            at_s = seconds(text)
+            if at_s is None or not at_s <= playing.length_s:
+                ends = f"0 to {playing.length_s:.1f} s, or minutes as 1:30"
+                self._board.answer(Level.ERROR, f"time {text!r}: expected {ends}")
+                return
+            self.jump(at_s)
+
+        now = f"now {playing.at_s:.1f} of {playing.length_s:.1f} s"
+        self._ask(f"Go to which time? ({now})", answered)
+
+    def point(self, share: float) -> None:
+        """Go to a share of the record."""
+        if self._parts is not None:
+            self.jump(share * self._parts[1].length_s)
+
+    def jump(self, at_s: float) -> None:
+        """Go to a time of the record without waiting; back means from the beginning to there."""
+        if self._parts is None or self._board.doing is not None:
+            return
+        replayer, playing = self._parts
+        if playing.ended:
+            self._again(replayer, at_s)
+        elif at_s > playing.at_s:
+            replayer.control.jump(at_s - playing.at_s)
+        else:
+            self._back_to_s = at_s
+            replayer.control.stop()
+        self._board.answer(Level.INFO, f"to {at_s:.1f} s")
+
+    def over(self) -> None:
+        """Take in that what was played is over: it may have been stopped to go back."""
+        back_to_s, self._back_to_s = self._back_to_s, None
+        if back_to_s is not None and self._parts is not None:
+            self._again(self._parts[0], back_to_s)
+
+    def _again(self, replayer: Replayer, ahead_s: float | None = None) -> None:
+        replayer.again(ahead_s)
+        control = replayer.control
+        self._board.playing = Playing(speed=control.speed, paused=control.paused)
+        self._play()
