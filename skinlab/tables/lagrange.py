@@ -78,5 +78,6 @@ class TensorLagrange:
         steps = 1e-6 * np.array([axis[-1] - axis[0] for axis in self._axes])
         # In one call, which costs a single point hardly more than one of them.
         shifted = np.concatenate([points + sign * np.diag(steps)[:, None] for sign in (1, -1)])
-        both = self(shifted.reshape(-1, len(steps))).reshape(2, len(steps), len(points), -1)
+        found = self(shifted.reshape(-1, len(steps)))
+        both = found.reshape(2, len(steps), len(points), found.shape[1])
         return np.asarray(np.swapaxes(both[0] - both[1], 0, 1) / (2 * steps)[:, None])
