@@ -508,7 +508,8 @@ def draw_ranks(seed: int = SEED) -> None:
     from matplotlib import pyplot as plt
 
     lines = [json.loads(line) for line in RESULT.read_text().splitlines()]
-    lines = [r for r in lines if r["seed"] == seed and ROWS[r["row"]].kind == "any"]
+    rows = [name for name, row in ROWS.items() if row.kind == "any" and not row.errors.jump]
+    lines = [r for r in lines if r["seed"] == seed and r["row"] in rows]
     figure, axes = plt.subplots(1, 3, figsize=(7.5, 2.4), sharey=True, layout="constrained")
     for axis, name in zip(axes, NAMES, strict=True):
         counts = np.sum([r["ranks"][name] for r in lines], axis=0)

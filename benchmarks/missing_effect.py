@@ -34,7 +34,7 @@ from typing import Any
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
-from challenge.campaigns import PARTS, Life, Made, Truth, curve_of, make
+from challenge.campaigns import FAMILIES, PARTS, Life, Made, Truth, curve_of, make
 from challenge.score import share
 from numpy.typing import NDArray
 from peers import ask
@@ -79,6 +79,8 @@ def judge(part: str, seed: int, version: str, number: int) -> dict[str, Any]:
         "base_p": outcome.found.base.left.p_value,
         "life": None if truth.life is None else vars(truth.life),
         "repeats": max(entry.setup.repeat for entry in made.campaign.curves),
+        "family": None if outcome.learned is None else outcome.learned.family.family,
+        "trials": [[t.name, t.passed, t.sentence] for t in outcome.trials],
         "gap_um": [outcome.gap_before.rms_um, outcome.gap_after.rms_um],
         "gap_noise_um": outcome.gap_after.noise_um,
         "gap_expected_um": outcome.gap_after.expected_um,
@@ -218,6 +220,11 @@ def among(line: dict[str, Any]) -> bool:
     )
 
 
+def family_right(line: dict[str, Any]) -> bool:
+    """Return whether the kind that was learned is one that the hidden thing is of."""
+    return line["verdict"] == "learned" and line["family"] in FAMILIES.get(line["outside"], ())
+
+
 def covered(line: dict[str, Any], name: str) -> bool:
     """Return whether the interval of a base parameter holds its true value."""
     value = line["skin"][("X1_MPa", "X2_MPa", "nu").index(name)]
@@ -274,6 +281,26 @@ def figures(lines: Sequence[dict[str, Any]]) -> dict[str, Any]:
         "life_outside_given_a_library_name": {
             "target": "<= 0.03", **share(x["verdict"] == "named" for x in life_outside),
         },
+        "life_outside_families_right_of_those_given": {
+            "target": ">= 0.90",
+            **share(family_right(x) for x in life_outside if x["verdict"] == "learned"),
+        },
+        "life_outside_family_right_where_it_has_one_and_is_seen": share(
+            family_right(x)
+            for x in life_outside
+            if FAMILIES.get(x["outside"]) and x["verdict"] != "none"
+        ),
+        "life_outside_gap_within_1.3_noise_where_learned": {
+            "target": "all",
+            **share(
+                x["gap_um"][1] <= 1.3 * x["gap_noise_um"]
+                for x in life_outside
+                if x["verdict"] == "learned"
+            ),
+        },
+        "life_nothing_or_one_hidden_learned": share(
+            x["verdict"] == "learned" for x in life_none + life_single
+        ),
         "life_outside_seen": share(x["verdict"] != "none" for x in life_outside),
         "life_held_out_gap_over_noise_within_1.2": share(
             x["gap_um"][1] <= 1.2 * x["gap_noise_um"] for x in life_named
@@ -377,7 +404,9 @@ def confusion(lines: Sequence[dict[str, Any]]) -> dict[str, dict[str, int]]:
         if what in ("single", "outside", "life_single", "life_outside"):
             what = f"{what}: {x['outside'] or x['hidden'][0]}"
         verdict = x["verdict"]
-        if verdict == "named":
+        if verdict == "learned":
+            verdict += f" {x['family']}"
+        elif verdict == "named":
             verdict += " right" if right(x) else f" {'+'.join(x['effects'][0])}"
         elif verdict == "ambiguous":
             verdict += ", truth among" if among(x) else ", truth missing"

@@ -25,7 +25,7 @@ from skinlab.discrepancy.search import Search
 from skinlab.discrepancy.search_workers import fit_one
 from skinlab.discrepancy.settings import ERRORS
 from skinlab.discrepancy.table_domes import TableDomes
-from skinlab.mechanics.effects import effect_names, get_effect
+from skinlab.mechanics.effects import get_effect, library_names
 from skinlab.tables.base import Database
 
 Array = NDArray[np.float64]
@@ -73,7 +73,7 @@ def _stepwise(fitter: Fitter, base: Fit) -> list[Fit]:
     path = [base]
     for _ in range(_MOST):
         fit = path[-1]
-        names = [n for n in effect_names() if n not in fit.effects and not get_effect(n).same_as]
+        names = [n for n in library_names() if n not in fit.effects and not get_effect(n).same_as]
         seen = [s for n in names if (s := signature(fitter, fit, n)) is not None]
         best = sorted(seen, key=lambda s: -s.gain)[:_TRIED]
         fits = [f for s in best if (f := fit_one(fitter, (fit, s, math.inf))) is not None]

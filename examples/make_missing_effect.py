@@ -22,7 +22,7 @@ from skinlab.mechanics.effects.model import Skin, response
 from skinlab.mechanics.fem.suction import Geometry
 
 FOLDER = Path(__file__).parent / "missing_effect"
-SKIN = Skin(0.04, 1.5, 0.32)
+SKIN = Skin((0.04, 1.5, 0.32))
 EFFECTS = {"natural_tension": {"stretch": 1.025}}
 THICKNESS_MM = 1.1
 CURVES = (

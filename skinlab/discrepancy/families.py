@@ -17,12 +17,14 @@ from scipy.special import logsumexp
 
 from skinlab.discrepancy.adequacy import judge
 from skinlab.discrepancy.campaign_errors import CampaignErrors
-from skinlab.discrepancy.fit import Fit
+from skinlab.discrepancy.discipline import Trial
+from skinlab.discrepancy.fit import Fit, Fitter
+from skinlab.discrepancy.odds import odds_words
 from skinlab.discrepancy.posterior import Posterior
 from skinlab.discrepancy.records import Record
 from skinlab.discrepancy.screen import Signature
 from skinlab.discrepancy.search import LOG10, Candidate, Found, Search
-from skinlab.discrepancy.settings import NAMES
+from skinlab.discrepancy.settings import ERRORS, NAMES
 from skinlab.discrepancy.table_domes import has_features
 from skinlab.discrepancy.unknowns import Known, Unknowns
 from skinlab.mechanics.effects import all_effects
@@ -41,14 +43,18 @@ def families() -> list[LearnedEffect]:
     return [one for one in all_effects() if isinstance(one, LearnedEffect)]
 
 
-def seen_in(records: Sequence[Record]) -> Seen:
-    """Return what the curves reach."""
+def seen_in(records: Sequence[Record], fit: Fit) -> Seen:
+    """Return what the curves reach, and what a fit leaves of them."""
     return Seen(
         max(float(r.curve.deflection_mm.max()) for r in records),
         max(r.path.top_mbar for r in records),
         max(float(np.ptp(r.curve.time_s)) for r in records),
         max(r.curve.setup.cycle for r in records),
         tuple(sorted({r.geometry.aperture_mm for r in records})),
+        tuple(
+            (r.curve.time_s, r.curve.deflection_mm - w)
+            for r, w in zip(records, fit.deflections_mm, strict=True)
+        ),
     )
 
 
@@ -72,7 +78,8 @@ def find_families(search: Search, found: Found) -> Found:
     `search.errors` are those that were learned with them from then on.
     """
     assert search.errors is not None
-    seen, base = seen_in(found.records), found.base
+    base = found.base
+    seen = seen_in(found.records, base.fit)
     own = set(base.effects)
     promises = [
         _Promise.of(search, base.fit, one, seen) for one in families() if one.name not in own
@@ -100,6 +107,52 @@ def find_families(search: Search, found: Found) -> Found:
     return replace(found, candidates=candidates, implausible=search.errors.implausible)
 
 
+def against_families(search: Search, base: Candidate, best: Candidate) -> Trial:
+    """Return whether no smooth function is 20 times likelier, or needed beside an explanation.
+
+    Of the families that cost no finite elements, linearised about the explanation and about the
+    model as it is; their odds are alike.
+    """
+    errors, fits = search.errors, (base.fit, best.fit)
+    assert errors is not None
+    seen, own = seen_in(search.fitter.records, base.fit), set(best.effects)
+    offered = [one for one in families() if one.name not in own]
+    asked = [one for one in offered if not _of_the_solid(search, base.fit, one, seen)]
+    ones = [search.linear(fit) for fit in fits]
+    named: list[LearnedEffect] = []
+    for one in asked:
+        each = [_shapes(search, fit, one, seen) for fit in fits]
+        if all(shapes is not None for shapes in each):
+            named.append(one)
+            for linear, shapes in zip(ones[:2], each, strict=True):
+                assert shapes is not None
+                more, m = linear.beside(shapes), shapes.shape[1]
+                ones += [more.scaled(scale, m) for scale in _SCALES]
+    plain, name, *each_scale = errors.log_evidences(ones, ERRORS.rough_nodes) / LOG10
+    by_scale = np.reshape(each_scale, (len(named), len(fits), len(_SCALES))) * LOG10
+    mean = (logsumexp(by_scale, axis=2) - np.log(len(_SCALES))) / LOG10
+    odds = -float(np.log10(max(len(offered), 2)))
+    ahead = float(name - plain) + search.log10_odds(best.fit)
+    for which, against, what in (
+        (0, float(plain) + ahead, "in its place is"),
+        (1, float(name), "beside it makes the curves"),
+    ):
+        if not named:
+            break
+        gains = mean[:, which] + odds - against
+        i = int(np.argmax(gains))
+        if gains[i] >= NAMES.tie:
+            kind = named[i].family.replace("_", " ")
+            return Trial(
+                "families", False,
+                f"a smooth unknown function ({kind}) {what} {odds_words(gains[i])} likelier",
+            )  # fmt: skip
+    return Trial(
+        "families", True,
+        "no smooth unknown function is 20 times likelier in its place, or needed beside it",
+    )  # fmt: skip
+
+
 @dataclass(frozen=True, eq=False)
 class _Promise:
     """What a family would explain, linearised about the model as it is."""
@@ -114,27 +167,11 @@ class _Promise:
         """Return it, None where its model does not hold or it does nothing."""
         fitter, errors = search.fitter, search.errors
         assert errors is not None
-        unknowns = with_family(fit.unknowns, one, seen, 1.0)
-        columns = []
+        shapes = _shapes(search, fit, one, seen)
+        if shapes is None:
+            return None
         here = np.concatenate(fit.deflections_mm)
         first, names = len(fit.u), one.names
-        for k in range(len(names)):
-            u = np.concatenate([fit.u, np.zeros(len(names))])
-            u[first + k] = _STEP
-            model = fitter.model(unknowns)
-            values = unknowns.values(u)
-            at = fitter.records[0].geometry
-            if has_features(problem_of(unknowns.skin(u), values, at)) and not fitter.prepare(
-                model, u
-            ):
-                return None
-            there = np.concatenate(model.predict(u))
-            if not np.isfinite(there).all():
-                return None
-            columns.append((there - here) / _STEP)
-        shapes = PRIOR_SIZES * np.column_stack(columns)
-        if not np.abs(shapes).max() > 1e-6:
-            return None
         linear = search.linear(fit)
         more = linear.beside(shapes)
         each = errors.log_evidences([more.scaled(scale, len(names)) for scale in _SCALES])
@@ -151,6 +188,51 @@ class _Promise:
         low, high = scaled.bounds
         start = np.clip(at_fit + moved, low, high)
         return cls(one, float(logsumexp(each) - np.log(len(each))), scale, start)
+
+
+def _shapes(search: Search, fit: Fit, one: LearnedEffect, seen: Seen) -> Array | None:
+    """Return what a family's coefficients do (u, m), mm, at their priors' standard deviations.
+
+    Differences about a fit; None where its model does not hold, or nothing changes.
+    """
+    fitter, m = search.fitter, len(one.names)
+    rows: list[Array]
+    unknowns = with_family(fit.unknowns, one, seen, 1.0)
+    at = np.concatenate([fit.u, np.zeros(m)])
+    moved = at + _STEP * np.eye(len(at))[len(fit.u) :]
+    if _of_the_solid(search, fit, one, seen):
+        here = np.concatenate(fit.deflections_mm)
+        rows = []  # the finite elements know of the function only where it is not zero
+        for u in moved:
+            model = fitter.model(unknowns)
+            if not fitter.prepare(model, u):
+                return None
+            rows.append(np.concatenate(model.predict(u)))
+        there = np.array(rows)
+    else:
+        model = fitter.model(unknowns)
+        if _solved(fitter, unknowns, at) and not fitter.prepare(model, at, memory=False):
+            return None
+        here, *rows = np.hstack(model.predict_many(np.vstack([at, moved])))
+        there = np.array(rows)
+    if not np.isfinite(there).all():
+        return None
+    shapes = PRIOR_SIZES * (there - here).T / _STEP
+    return shapes if np.abs(shapes).max() > 1e-6 else None
+
+
+def _of_the_solid(search: Search, fit: Fit, one: LearnedEffect, seen: Seen) -> bool:
+    """Return whether a family changes the solid, so that the finite elements have to be asked."""
+    unknowns = with_family(fit.unknowns, one, seen, 1.0)
+    at = np.concatenate([fit.u, np.zeros(len(one.names))])
+    moved = at + _STEP * (np.arange(len(at)) == len(fit.u))
+    return _solved(search.fitter, unknowns, moved) and not _solved(search.fitter, unknowns, at)
+
+
+def _solved(fitter: Fitter, unknowns: Unknowns, u: Array) -> bool:
+    """Return whether the finite elements have to correct the table there."""
+    at = fitter.records[0].geometry
+    return has_features(problem_of(unknowns.skin(u), unknowns.values(u), at))
 
 
 def _fit(search: Search, base: Fit, promise: _Promise, seen: Seen) -> Fit | None:
@@ -216,7 +298,7 @@ def describe_learned(
 ) -> Learned:
     """Return what a learned explanation says."""
     (one,) = [f for f in families() if f.name in set(candidate.effects) - set(base.effects)]
-    x = one.abscissa(seen_in(found.records))
+    x = one.abscissa(seen_in(found.records, base))
     draws = np.array([one.function(x, posterior.unknowns.values(u)[one.name]) for u in posterior.u])
     draws = one.shown(x, draws)
     low, y, high = (_quantile(draws, posterior.weight, q) for q in (0.05, 0.5, 0.95))

@@ -312,3 +312,33 @@ class Fitter:
             settled=True,
             corrected=model.corrected,
         )
+
+
+@dataclass(frozen=True, eq=False)
+class Misfit:
+    """A fit's whitened residuals and priors, of many candidates at once."""
+
+    fitter: Fitter
+    model: MappedModel
+    rest: float = 0.0
+
+    def __call__(self, parameters: Array) -> Array:
+        """Return χ² (n,) with the priors; infinite where there is no model."""
+        cost = np.square(self.differences(parameters)).sum(axis=1)
+        return np.where(cost < NO_MODEL**2, cost, np.inf)
+
+    def differences(self, parameters: Array) -> Array:
+        """Return residuals (n, m); large where there is no model."""
+        priors = [self.model.unknowns.prior_rows(u) for u in parameters]
+        each = self.fitter.residuals_of_many(self.model, parameters)
+        return np.hstack([each, np.array(priors).reshape(len(each), -1)])
+
+    def slopes(self, parameters: Array) -> Array:
+        """Return derivatives (n, m, k) of `differences`."""
+        priors = [self.model.unknowns.prior_slopes(u) for u in parameters]
+        found = self.fitter.jacobians(self.model, parameters)
+        return np.concatenate([found, np.array(priors)], axis=1)
+
+    def residuals(self, parameters: Array) -> Array:
+        """Return residuals (m,) of one candidate."""
+        return self.fitter.all_residuals(self.model, parameters)

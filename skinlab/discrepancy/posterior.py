@@ -11,8 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.discrepancy.fit import NO_MODEL, Fit, Fitter
-from skinlab.discrepancy.space_mapping import MappedModel
+from skinlab.discrepancy.fit import Fit, Fitter, Misfit
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.inference.intervals import correlation, summary
 from skinlab.inference.posterior import sample as follow_the_valley
@@ -81,41 +80,11 @@ def sample(fitter: Fitter, fit: Fit, rng: np.random.Generator) -> Posterior:
     space = Space.box(unknowns.names, low.tolist(), high.tolist())
     try:
         draws = follow_the_valley(
-            space, _Misfit(fitter, model), space.to_unit(fit.u)[None], rng, draws=_DRAWS
+            space, Misfit(fitter, model), space.to_unit(fit.u)[None], rng, draws=_DRAWS
         )
     except ValueError:  # nothing can be drawn about this minimum
         return gaussian(fit)
     return Posterior(unknowns, fit.u, draws.parameters, draws.weight, draws.log_target)
-
-
-@dataclass(frozen=True, eq=False)
-class _Misfit:
-    """A fit's whitened residuals and priors, of many candidates at once."""
-
-    fitter: Fitter
-    model: MappedModel
-    rest: float = 0.0
-
-    def __call__(self, parameters: Array) -> Array:
-        """Return χ² (n,) with the priors; infinite where there is no model."""
-        cost = np.square(self.differences(parameters)).sum(axis=1)
-        return np.where(cost < NO_MODEL**2, cost, np.inf)
-
-    def differences(self, parameters: Array) -> Array:
-        """Return residuals (n, m); large where there is no model."""
-        priors = [self.model.unknowns.prior_rows(u) for u in parameters]
-        each = self.fitter.residuals_of_many(self.model, parameters)
-        return np.hstack([each, np.array(priors).reshape(len(each), -1)])
-
-    def slopes(self, parameters: Array) -> Array:
-        """Return derivatives (n, m, k) of `differences`."""
-        priors = [self.model.unknowns.prior_slopes(u) for u in parameters]
-        found = self.fitter.jacobians(self.model, parameters)
-        return np.concatenate([found, np.array(priors)], axis=1)
-
-    def residuals(self, parameters: Array) -> Array:
-        """Return residuals (m,) of one candidate."""
-        return self.fitter.all_residuals(self.model, parameters)
 
 
 def gaussian(fit: Fit) -> Posterior:

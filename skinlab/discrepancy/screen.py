@@ -7,8 +7,9 @@ handful of elastic finite-element solutions an effect, and no fit; relaxation is
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
 
 import numpy as np
@@ -61,49 +62,102 @@ def signature(fitter: Fitter, fit: Fit, effect: str) -> Signature | None:
         else [a.to_u(v) for v in tried.get(a.parameter.name, (a.parameter.typical,))]
         for a in axes
     ]
-    found = [_along(fitter, fit, here, unknowns, own, i) for own in product(*beside) for i in sized]
-    held = [s for s in found if s is not None]
+    tasks = [(own, which) for own in product(*beside) for which in sized]
+    one = _Screened(fitter, fit, unknowns, effect)
+    held = [found for found in one.signatures(here, tasks) if found is not None]
     # Where several of its parameters have a zero, it is the one that explains most.
     return max(held, key=lambda s: (s.gain, s.size)) if held else None
 
 
-def _along(
-    fitter: Fitter,
-    fit: Fit,
-    here: Array,
-    unknowns: Unknowns,
-    own: tuple[float, ...],
-    which: int,
-) -> Signature | None:
-    """Return the signature of one of an effect's parameters."""
-    axes = unknowns.axes[len(fit.unknowns.axes) :]
-    axis, effect = axes[which], axes[which].effect
-    for size in _SIZES:
+@dataclass(frozen=True, eq=False)
+class _Screened:
+    """One effect beside a fit."""
+
+    fitter: Fitter
+    fit: Fit
+    unknowns: Unknowns  # with the effect
+    effect: str
+
+    @cached_property
+    def _axes(self) -> tuple[Axis, ...]:
+        return self.unknowns.axes[len(self.fit.unknowns.axes) :]
+
+    @cached_property
+    def _residual(self) -> Array:
+        off = self.fitter.measured - np.concatenate(self.fit.deflections_mm)
+        return self.fitter.errors.whiten(off)
+
+    @cached_property
+    def _absorbed(self) -> Array:
+        """Directions (n, k) that the fit's unknowns absorb."""
+        return np.asarray(np.linalg.qr(_with_priors(self.fit))[0][: self.fitter.errors.count])
+
+    def signatures(
+        self, here: Array, tasks: Sequence[tuple[tuple[float, ...], int]]
+    ) -> list[Signature | None]:
+        """Return those along each (its axes' unknowns, which of them is its size)."""
+        there: list[tuple[Array, float] | None]
+        if get_effect(self.effect).physical:
+            there = [self._moved(*task) for task in tasks]
+        else:
+            there = self._read(tasks)
+        known = [i for i, one in enumerate(there) if one is not None]
+        if not known:
+            return [None] * len(tasks)
+        off = np.column_stack([(one[0] - here) / one[1] for one in there if one is not None])
+        raw = self.fitter.errors.whiten(off)
+        found: list[Signature | None] = [None] * len(tasks)
+        for column, i in enumerate(known):
+            found[i] = self._along(raw[:, column], *tasks[i])
+        return found
+
+    def _u(self, own: tuple[float, ...], which: int, size: float) -> tuple[Array, float]:
+        """Return unknowns with so much of a typical size of the effect, and the step."""
+        axis = self._axes[which]
         step = size * axis.to_u(axis.parameter.typical)
-        some = np.concatenate([fit.u, own])
-        some[len(fit.u) + which] += step
-        model = fitter.model(unknowns)
-        if fitter.prepare(model, some, memory=False):
-            there = np.concatenate(model.predict(some))
-            if np.isfinite(there).all():
-                break
-    else:
+        some = np.concatenate([self.fit.u, own])
+        some[len(self.fit.u) + which] += step
+        return some, step
+
+    def _moved(self, own: tuple[float, ...], which: int) -> tuple[Array, float] | None:
+        """Return the curves with the effect, and its step; None where its model does not hold."""
+        for size in _SIZES:
+            some, step = self._u(own, which, size)
+            model = self.fitter.model(self.unknowns)
+            if self.fitter.prepare(model, some, memory=False):
+                there = np.concatenate(model.predict(some))
+                if np.isfinite(there).all():
+                    return there, step
         return None
-    raw = fitter.errors.whiten(there - here) / step
-    residual = fitter.errors.whiten(fitter.measured - np.concatenate(fit.deflections_mm))
-    basis = np.linalg.qr(_with_priors(fit))[0][: len(raw)]
-    direction = raw - basis @ (basis.T @ raw)
-    length = float(np.linalg.norm(direction))
-    whole = float(np.linalg.norm(raw))
-    if length < _INVISIBLE:
-        absorbed = 1.0 if whole > _INVISIBLE else 0.0
-        return Signature(effect, axes, direction, length, 0.0, 0.0, absorbed, which, own)
-    amount = float(direction @ residual) / length**2
-    low, high = axis.bounds
-    amount = float(np.clip(amount, low, high))
-    gain = 2.0 * amount * float(direction @ residual) - amount**2 * length**2
-    absorbed = 1.0 - length / max(whole, 1e-12)
-    return Signature(effect, axes, direction, length, amount, max(gain, 0.0), absorbed, which, own)
+
+    def _read(
+        self, tasks: Sequence[tuple[tuple[float, ...], int]]
+    ) -> list[tuple[Array, float] | None]:
+        """Return the same of an effect on the record: the skin is solved once."""
+        model = self.fitter.model(self.unknowns)
+        moved = [self._u(*task, _SIZES[0]) for task in tasks]
+        if not self.fitter.prepare(model, moved[0][0], memory=False):
+            return [None] * len(tasks)
+        every = np.hstack(model.predict_many(np.array([u for u, _ in moved])))
+        return [
+            (there, step) if np.isfinite(there).all() else self._moved(*task)
+            for there, (_, step), task in zip(every, moved, tasks, strict=True)
+        ]
+
+    def _along(self, raw: Array, own: tuple[float, ...], which: int) -> Signature:
+        """Return the signature of what a typical size does (n,), whitened."""
+        axes, axis, residual = self._axes, self._axes[which], self._residual
+        direction = raw - self._absorbed @ (self._absorbed.T @ raw)
+        length, whole = float(np.linalg.norm(direction)), float(np.linalg.norm(raw))
+        if length < _INVISIBLE:
+            share = 1.0 if whole > _INVISIBLE else 0.0
+            return Signature(self.effect, axes, direction, length, 0.0, 0.0, share, which, own)
+        amount = float(np.clip(float(direction @ residual) / length**2, *axis.bounds))
+        gain = 2.0 * amount * float(direction @ residual) - amount**2 * length**2
+        return Signature(
+            self.effect, axes, direction, length, amount, max(gain, 0.0),
+            1.0 - length / max(whole, 1e-12), which, own,
+        )  # fmt: skip
 
 
 def _with_priors(fit: Fit) -> Array:

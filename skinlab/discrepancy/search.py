@@ -294,11 +294,11 @@ class Search:
         linear = [self.linear(c.fit) for c in (base, *candidates)]
         least, *each = self.errors.log_evidences(linear).tolist()
         return [
-            replace(c, log10_evidence=(one - least) / LOG10 + self._log10_odds(c.fit))
+            replace(c, log10_evidence=(one - least) / LOG10 + self.log10_odds(c.fit))
             for c, one in zip(candidates, each, strict=True)
         ]
 
-    def _log10_odds(self, fit: Fit) -> float:
+    def log10_odds(self, fit: Fit) -> float:
         """Return the odds before the data against the base model."""
         added = len(fit.effects) - len(self._own)
         n = max(len(self._library), 2)
@@ -458,7 +458,7 @@ class Search:
         if base is None:
             self._base_evidence = self._roughly(fit)
         else:
-            ahead = (self._roughly(fit) - self._base_evidence) / LOG10 + self._log10_odds(fit)
+            ahead = (self._roughly(fit) - self._base_evidence) / LOG10 + self.log10_odds(fit)
         found = Candidate(fit, left, ahead, at_bound)
         if self._partial is not None:
             self._partial.add(found, base=base is None)

@@ -57,6 +57,11 @@ class NameRules:
     near: float = 0.5
     """Cosine between what a learned function and a named effect do to the curves, above which the
     name is told as the nearest."""
+    learned_left: float = 0.1
+    """Of the noise's mean square: what a learned function may leave though it is no noise. A few
+    shapes follow an unknown form to a third of the noise, not to its end."""
+    learned_share: float = 0.2
+    """The same of what the model as it is leaves beyond noise."""
     repeats_factor: float = 2.0
     """Repeats that differ by more than so many times the noise are told of first."""
 

@@ -59,10 +59,10 @@ def decide(found: Found) -> Verdict:
 def decide_learned(found: Found) -> Verdict:
     """Return the verdict where the library explains nothing, of its families of functions.
 
-    `learned`: one's residual may be noise, it is 20 : 1 ahead of the model as it is and of the
-    other families, and its errors may be errors; else `unknown`.
+    `learned`: one's residual may be noise, or all but a little of it, it is 20 : 1 ahead of the
+    model as it is and of the other families, and its errors may be errors; else `unknown`.
     """
-    good = [c for c in found.candidates if c.adequate and c.log10_evidence >= found.tie]
+    good = [c for c in found.candidates if _learns(c, found) and c.log10_evidence >= found.tie]
     if found.implausible or not good:
         return Verdict("unknown", [])
     best = max(good, key=lambda c: c.log10_evidence)
@@ -70,6 +70,14 @@ def decide_learned(found: Found) -> Verdict:
     if best.log10_evidence - max(others, default=0.0) < NAMES.tie:
         return Verdict("unknown", [])
     return Verdict("learned", [best])
+
+
+def _learns(one: Candidate, found: Found) -> bool:
+    """Return whether what a family leaves may be noise, but for a little."""
+    noise = found.errors.count
+    left, whole = (max(fit.chi2 - noise, 0.0) for fit in (one.fit, found.base.fit))
+    little = left <= NAMES.learned_left * noise and left <= NAMES.learned_share * whole
+    return one.adequate or little
 
 
 def disciplined(verdict: Verdict, found: Found, trials: Sequence[Trial]) -> Verdict:

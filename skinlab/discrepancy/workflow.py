@@ -9,7 +9,7 @@ import numpy as np
 
 from skinlab.curves.campaign import Campaign
 from skinlab.discrepancy.discipline import Discipline, Trial, repeats_um, shares_of
-from skinlab.discrepancy.families import find_families
+from skinlab.discrepancy.families import against_families, find_families
 from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.heldout import HeldOut, conditions_of, predict_held_out
 from skinlab.discrepancy.misfit import errors_of
@@ -170,4 +170,6 @@ def _tried(search: Search, found: Found, first: Verdict, progress: Callable[[str
     linear = {id(c): search.linear(c.fit) for c in (found.base, best, *serving[:_MOST_TIED])}
     discipline = Discipline(fitter.records, search.errors, linear)
     stood = discipline.trials(best, found.base, serving, parts, held[best.effects])
+    if first.name != "learned" and all(trial.passed for trial in stood):
+        stood.append(against_families(search, found.base, best))
     return replace(tried, verdict=disciplined(first, found, stood), trials=tuple(stood))

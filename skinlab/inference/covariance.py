@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ from skinlab.mechanics.fem import kernel
 Array = NDArray[np.float64]
 
 _AT_ONCE = 2_000_000  # numbers
+WORTH_SHARING = 10_000  # numbers: of fewer a product costs less than looking for what it shares
 
 
 @dataclass(frozen=True)
@@ -205,7 +207,7 @@ def gram_matrices(covariances: Sequence[Covariance], values_mm: Array) -> tuple[
     """
     first = covariances[0]
     shared = all(one.columns_mm is first.columns_mm for one in covariances)
-    if not shared:
+    if not shared and first.columns_mm.size > WORTH_SHARING:
         leaders, scales = _scaled_alike(covariances)
         if len(leaders) < len(covariances):
             gram, log_base = gram_matrices([covariances[i] for i in leaders], values_mm)
@@ -215,6 +217,8 @@ def gram_matrices(covariances: Sequence[Covariance], values_mm: Array) -> tuple[
             whole[:, values_mm.shape[1] :] = [scale for _, scale in scales]
             return gram[which] * whole[:, :, None] * whole[:, None, :], log_base[which]
     n, u = len(covariances), first.count
+    if len(first.ends) > 1:
+        return _gram_by_curve(covariances, values_mm)
     at_once = max(1, _AT_ONCE // max(u * (values_mm.shape[1] + first.columns_mm.shape[1]), 1))
     if n > at_once:
         parts = [
@@ -238,6 +242,33 @@ def gram_matrices(covariances: Sequence[Covariance], values_mm: Array) -> tuple[
     if found[2]:
         raise np.linalg.LinAlgError("the covariance of the errors is not positive definite")
     return found[:2]
+
+
+def _gram_by_curve(covariances: Sequence[Covariance], values_mm: Array) -> tuple[Array, Array]:
+    """Return `gram_matrices` of several curves: most columns are of one, and zero in the others."""
+    first, m = covariances[0], values_mm.shape[1]
+    n, width = len(covariances), m + first.columns_mm.shape[1]
+    several = list({id(c.columns_mm): c.columns_mm for c in covariances}.values())
+    whole, log_base = np.zeros((n, width, width)), np.zeros(n)
+    for begin, end in pairwise((0, *first.ends)):
+        if begin == end:
+            continue
+        here = slice(begin, end)
+        own = np.flatnonzero(values_mm[here].any(axis=0))
+        of = np.flatnonzero(np.logical_or.reduce([v[here].any(axis=0) for v in several]))
+        cut = {id(v): np.ascontiguousarray(v[here][:, of]) for v in several}
+        parts = [
+            replace(
+                c, variance_mm2=c.variance_mm2[here], columns_mm=cut[id(c.columns_mm)],
+                ends=(end - begin,), time_s=None if c.time_s is None else c.time_s[here],
+            )
+            for c in covariances
+        ]  # fmt: skip
+        gram, log_determinant = gram_matrices(parts, np.ascontiguousarray(values_mm[here][:, own]))
+        at = np.concatenate([own, m + of])
+        whole[:, at[:, None], at] += gram
+        log_base += log_determinant
+    return whole, log_base
 
 
 def _gram(

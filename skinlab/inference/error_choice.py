@@ -203,7 +203,7 @@ class ErrorChoice:
     mode: Covariance  # of the best combination
     weight: Array = field(repr=False)  # (nodes,) sums up to 1, by the linearised model
 
-    @property
+    @cached_property
     def best(self) -> Combination:
         """The combination with most weight."""
         total: dict[int, float] = {}

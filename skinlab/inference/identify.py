@@ -193,7 +193,8 @@ class Identifier:
         misses = "misfit_above_noise" in above.flags
         if creased is None or misses or not _contradicts(above, whole):
             return whole
-        return replace(above, flags=("crease", f"fitted_to:{top:.0f}", *above.flags))
+        said = ("misfit_above_noise",) if "misfit_above_noise" in whole.flags else ()
+        return replace(above, flags=("crease", f"fitted_to:{top:.0f}", *above.flags, *said))
 
     def _fit_up_to(
         self,

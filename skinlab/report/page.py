@@ -173,8 +173,11 @@ th { font-weight: 600; }
 @media print {
   #s1 { break-after: page; }
   #s1 h2 { border-top: none; margin-top: 0; }
-  #s1 figure img { max-height: 52mm; }
+  #s1 figure img { max-height: 48mm; }
   #s1 table, figcaption { font-size: 9pt; }
+  #s1 h3 { margin: 0.7em 0 0.2em; }
+  #s1 p, #s1 ul, #s1 .wide { margin: 0.4em 0; }
+  #s1 th, #s1 td, #s1 figcaption, #s1 caption { padding-top: 0.1rem; padding-bottom: 0.1rem; }
   body { max-width: none; padding: 0; font-size: 10pt; }
   nav { display: none; }
   figure, tr, li { break-inside: avoid; }

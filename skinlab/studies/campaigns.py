@@ -30,13 +30,16 @@ from skinlab.io.log import log_exception
 from skinlab.mechanics.effects import get_effect
 from skinlab.mechanics.fem.suction import SOLVER_VERSION
 from skinlab.mechanics.model_file import BASE, Model
-from skinlab.report.page import Section, Table
+from skinlab.report.page import Illustration, Section, Table
+from skinlab.report.pictures import style, to_data_uri
 from skinlab.studies.compute import curves_of
+from skinlab.studies.plots import draw_pooled
 from skinlab.studies.run import How
 from skinlab.studies.sources import SESSIONS, Facts
 from skinlab.studies.state import State
 from skinlab.studies.table import Cell
 from skinlab.tables.base import Database
+from skinlab.text import counted
 from skinlab.workers import on_cluster, on_processes
 
 Array = NDArray[np.float64]
@@ -374,6 +377,7 @@ def _typical(name: str) -> str:
 def section(found: Evidence) -> Section:
     """Return what the report says of it."""
     named = [r for r in found.campaigns if r["verdict"] not in (None, "none")]
+    shown = [r for r in found.pooled if r["holds"] or r["instead_of"]]
     rows = [
         [
             str(r["effect"]),
@@ -382,34 +386,44 @@ def section(found: Evidence) -> Section:
             f"{r['size']:+.3g}",
             f"{r['low']:+.2g} to {r['high']:+.2g}",
             str(r["unit"]),
-            f"{r['q_value']:.2g}",
-            "yes" if r["holds"] else f"{r['instead_of']} explains it" if r["instead_of"] else "no",
+            "yes" if r["holds"] else f"no: {r['instead_of']} explains it",
         ]
-        for r in found.pooled
+        for r in shown
     ]
-    head = ["effect", "shared by", "campaigns", "size", "90 %", "1 is", "q", "holds"]
     singles = [
         [
             str(r["campaign"]),
             str(r["verdict"]),
             str(r["effects"]),
-            f"{r['q_value']:.2g}",
             "yes" if r["holds"] else "no",
         ]
         for r in named
     ]
-    tables = [Table(head, rows, "Sizes of effects, averaged over campaigns that share them")]
+    tables = []
+    if rows:
+        head = ["effect", "shared by", "campaigns", "size", "90 %", "1 is", "holds"]
+        tables.append(
+            Table(head, rows, "Sizes of effects, averaged over campaigns that share them")
+        )
     if singles:
         tables.append(
-            Table(["campaign", "verdict", "effects", "q", "holds"], singles, "Single campaigns")
+            Table(["campaign", "verdict", "effects", "holds"], singles, "Single campaigns")
         )
-    return Section(
-        "Missing effects",
-        [
-            f"{len(found.campaigns)} campaigns were explained, {len(named)} of them by more than "
-            f"the model. What holds does so at a false discovery rate of {FALSE_DISCOVERIES:.0%} "
-            "over the study. A pooled effect is one that the curves of many campaigns share; its "
-            "size is linear, in typical sizes."
-        ],
-        tables=tables,
-    )
+    words = [
+        f"{counted(len(found.campaigns), 'campaign')} explained, {len(named)} by more than the "
+        f"model. At most some {100 * FALSE_DISCOVERIES:g} % of what holds over the study is there "
+        "by chance. A pooled effect is one that the curves of many campaigns share; its size is "
+        "linear, in typical sizes."
+    ]
+    if rest := len(found.pooled) - len(shown):
+        words.append(
+            f"{counted(rest, 'pooled size')} more do not hold: pooled_effects.csv has all."
+        )
+    figures = []
+    if found.pooled:
+        with style():
+            picture = to_data_uri(draw_pooled(found.pooled), "svg")
+        caption = "Filled: holds. The size 1 is a typical one, 0 is none. 90 % intervals."
+        alt = "Sizes of pooled effects with their intervals, those that hold first."
+        figures.append(Illustration(picture, alt, caption))
+    return Section("Missing effects", words, figures=figures, tables=tables)

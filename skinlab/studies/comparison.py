@@ -71,7 +71,8 @@ def section(compared: Since | str) -> Section:
     if compared.control is not None:
         names = " and ".join(path.name for path in compared.control)
         sentences.append(f"The change of a site that was left alone ({names}) is taken away.")
-    sentences.append(f"At {100 * found.level:g} %, by {found.basis}.")
+    basis = found.basis.partition(" (--")[0]  # the rest is of the command line
+    sentences.append(f"At {100 * found.level:g} %, by {basis}.")
     head = ("quantity", "answer", "change", "between", "smallest that could be shown")
     whole = () if found.stiffness is None else (found.stiffness,)
     rows = [_row(one) for one in (*whole, *found.parameters)]

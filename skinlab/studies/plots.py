@@ -24,6 +24,7 @@ _ORDER = ("subject", "site", "subject:site", "visit", "operator", "probe", "plac
 _HATCH = ("", "//", "\\\\", "..", "xx", "--", "oo", "")
 _COLOURS = (*SERIES[:6], "#F0E442", GREY)
 _MOST_NAMED = 45  # people whose pseudonyms can be read beside a forest
+_MOST_POOLED = 12  # effects that are drawn
 _NARROW = 10.0  # ends of an axis closer than this have ticks where a linear one has
 _MANY = 3000  # points from which a picture stores them as an image
 
@@ -83,6 +84,28 @@ def _patch(colour: str, hatch: str, name: str) -> Any:
     from matplotlib.patches import Patch
 
     return Patch(facecolor=colour, hatch=hatch, edgecolor="white", label=name)
+
+
+def draw_pooled(pooled: Sequence[Row]) -> Figure:
+    """Return the sizes of pooled effects with their intervals, those that hold at the top."""
+    shown = sorted(pooled, key=lambda r: (not r["holds"], float(r["p_value"])))[:_MOST_POOLED]
+    figure = new_figure(WIDTH_IN, 1.2 + 0.28 * len(shown))
+    axes = figure.add_subplot()
+    for at, row in enumerate(shown):
+        colour = VERMILION if row["holds"] else GREY
+        axes.hlines(at, float(row["low"]), float(row["high"]), color=colour, lw=2)
+        fill = colour if row["holds"] else "white"
+        axes.plot(float(row["size"]), at, "o", color=colour, mfc=fill, ms=5)
+    axes.axvline(0.0, color=BLUE, lw=1.0)
+    ends = [abs(float(r[n])) for r in shown if r["holds"] for n in ("low", "high")]
+    reach = 1.3 * max([*ends, 2.0])  # an interval of what the curves hardly show would fill it
+    axes.set_xlim(-reach, reach)
+    names = [f"{r['effect']}, {r['shared_by']} {r['group']}".strip() for r in shown]
+    axes.set_yticks(range(len(shown)), names, parse_math=False, fontsize=8)
+    axes.set_ylim(len(shown) - 0.5, -0.5)
+    axes.grid(axis="y", visible=False)
+    axes.set_xlabel("size, in typical sizes, 90 % interval")
+    return figure
 
 
 def draw_forest(one: Analysis, people: Sequence[Row]) -> Figure:

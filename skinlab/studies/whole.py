@@ -201,17 +201,16 @@ def _write_tables(
         "people.csv": [row for rows_ in people.values() for row in rows_],
         "flags.csv": flags_of(table),
     }
-    more = []
     if effects is not None:
         tables["missing_effects.csv"] = effects.campaigns
         tables["pooled_effects.csv"] = effects.pooled
-        more.append(section(effects))
     for name, body in tables.items():
         columns = dict.fromkeys(key for row in body for key in row)
         write_csv(out / name, tuple(columns) or ("empty",), body)
     if not have_pictures():
         (out / "report.html").unlink(missing_ok=True)  # that of an earlier state
         return list(tables)
+    more = [] if effects is None else [section(effects)]
     page = html(f"Study {out.resolve().name}", table, found, people, failures, more)
     write_file(out / "report.html", page, replace=True)
     return [*tables, "report.html"]

@@ -80,7 +80,7 @@ class Misfit:
         if self._turn is not None:
             by = np.swapaxes(found, 1, 2)  # as they lie in memory: one product of all
             turned = by.reshape(-1, by.shape[2]) @ self._turn.T
-            found = np.swapaxes(turned.reshape(*by.shape[:2], -1), 1, 2)
+            found = np.swapaxes(turned.reshape(*by.shape[:2], len(self._turn)), 1, 2)
         return found
 
     def gradient(self, parameters: Array) -> Array:

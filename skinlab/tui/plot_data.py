@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 _BAND_POINTS = 100
 MOST_POINTS = 1500  # more than a terminal can tell apart
 _NOISE = 2.0  # standard deviations: 19 of 20 residuals lie inside the band
+_LABELS = 6  # columns left of the drawing that a caption may use as well
 _STEPS = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
 
 
@@ -175,7 +176,7 @@ def against_time(live: Live, columns: int, rows: int) -> Drawing:
     at = share(time_s, 0.0, whole_s)
     long = f"against {whole_s:.3g} s: to {deepest_mm:g} mm; dotted to {most_mbar:g} mbar"
     return Drawing(
-        long if len(long) <= columns else f"{deepest_mm:g} mm; dotted {most_mbar:g} mbar",
+        long if len(long) <= columns + _LABELS else f"{deepest_mm:g} mm; dotted {most_mbar:g} mbar",
         main=dots(*_line(at, share(deflection_mm, 0.0, deepest_mm), 4 * columns), columns, rows),
         second=dots(
             *_line(at, share(pressure_mbar, 0.0, 1.05 * most_mbar), columns // 2),
@@ -215,7 +216,7 @@ def residual(entry: Entry, columns: int, rows: int) -> Drawing | None:
     noise = f"±{np.sqrt(np.mean(edge_um**2)):.2g}" if widest_um else ""
     long = f"residual µm{noise and f', noise {noise} dotted'}, rms {result.rms_um:.3g}"
     return Drawing(
-        long if len(long) <= columns else f"residual µm{noise and f'; dotted {noise}'}",
+        long if len(long) <= columns + _LABELS else f"residual µm{noise and f'; dotted {noise}'}",
         main=dots(
             share(entry.curve.pressure_mbar[there], 0.0, top_mbar),
             share(left_um[there], -most_um, most_um),

@@ -644,6 +644,8 @@ class Board:
                 self._read_any = False
             case Phase.STARTING if self.read_only:
                 self.say(Level.INFO, "start the instrument; v gives the curve up")
+            case Phase.RUNNING if self.level is Level.INFO:
+                self.answer(Level.INFO, "")  # it spoke of the start
             case Phase.RESTING if left is not None and not self.read_only:
                 self.say(Level.INFO, f"{left.repeats} more to come; v ends them")
             case Phase.SEARCHING:

@@ -22,7 +22,7 @@ from skinlab.tui.app import SkinlabApp
 from skinlab.tui.screens.over import ConfirmScreen
 
 SIMULATED = "sim://?seed=1&speed=20"
-PATIENCE_S = 15.0
+PATIENCE_S = 120.0
 
 
 class Clock:

@@ -30,7 +30,8 @@ async def test_a_curve_that_somebody_starts(bedside, session_files):
         up = ramp(60.0)
         wire.put([0.0] * AT_REST + up)
         await bed.until(lambda: bed.board.live is not None)
-        await bed.until(lambda: "end it at the instrument" in bed.board.note)
+        await bed.until(lambda: "end it at the instrument" in bed.text("#suction"))
+        assert bed.board.note == ""  # no word of starting it any more
         assert bed.board.suction
         wire.put(up[-2::-1] + [0.0] * AT_REST)
         await bed.until(lambda: bed.board.entry and bed.board.entry.result and bed.board.can_arm)

@@ -23,15 +23,19 @@ _SOURCE = "a smooth function of unknown form; its size is learned from the data"
 _PIECES = 60  # of the highest suction: how finely a path is cut before it is bent
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Seen:
-    """What the curves of a campaign reach: a function is learned, and drawn, no further."""
+    """What the curves of a campaign reach: a function is learned, and drawn, no further.
+
+    `left` is what the model leaves of each curve: times (n,) and deflections (n,), mm.
+    """
 
     height_mm: float
     pressure_mbar: float
     time_s: float
     cycle: int
     apertures_mm: tuple[float, ...]
+    left: tuple[tuple[Array, Array], ...] = ()
 
 
 def coefficients(count: int, unit: str, most: float, typical: float) -> tuple[Parameter, ...]:

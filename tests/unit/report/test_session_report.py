@@ -27,6 +27,7 @@ from skinlab.recording.session import Session, content_hash, read_session, write
 from skinlab.report.curve_section import curve_section
 from skinlab.report.flags import explanations
 from skinlab.report.measured import measured_curves
+from skinlab.report.page import Section, Table
 from skinlab.report.pdf import to_pdf
 from skinlab.report.session_report import FORMATS, SessionReport
 from skinlab.versions import versions
@@ -300,6 +301,19 @@ def test_the_pdf_is_on_a4_and_begins_with_page_one(few, identifier):
     assert "90 % intervals" in first
     assert "Curve by curve" not in first  # behind it
     assert len(pages) > 1
+
+
+@needs_pango
+def test_a_comparison_is_on_page_one_too(few, identifier):
+    head = ("quantity", "answer", "change", "between", "smallest that could be shown")
+    rows = [(name, "too uncertain to say", "+5 %", "−46 to +104 %", "94 %") for name in "abcd"]
+    changed = Section("Changed?", ("Compared with the visit before. " * 4,), (Table(head, rows),))
+    (written,) = SessionReport(few, identifier, more=[changed]).files("pdf").values()
+    pages = [page.extract_text().replace("\0", "") for page in PdfReader(io.BytesIO(written)).pages]
+    assert "smallest that could be shown" in pages[0]
+    assert pages[0].count("+104") == len(rows)
+    assert "+104" not in pages[1]
+    assert "Curve by curve" in pages[1]
 
 
 @needs_pango

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skinlab.studies.campaigns import evidence, pool
+from skinlab.studies.campaigns import evidence, pool, section
 
 NAMES = ["baseline_drift", "deflection_offset", "tape_slip"]
 # Drift and offset look alike; slip is another thing.
@@ -64,6 +64,16 @@ def test_scatter_between_campaigns_widens_the_interval():
     assert freedom == 29
     _, exact, _ = pool(np.full(30, 2.0), deviation)
     assert exact == pytest.approx(0.1 / np.sqrt(30))
+
+
+def test_the_report_shows_what_holds_and_counts_the_rest():
+    found = evidence([*campaigns(0.3, seed=1), *campaigns(0.0, seed=2, probe="b2")])
+    shown = section(found)
+    rows = {tuple(row[:2]): row[-1] for row in shown.tables[0].rows}
+    assert rows["baseline_drift", "probe b1"] == "yes"
+    assert all(words == "yes" or "explains it" in words for words in rows.values())
+    assert f"{len(found.pooled) - len(rows)} pooled sizes more do not hold" in shown.paragraphs[1]
+    assert shown.figures[0].source.startswith("data:image/svg")
 
 
 def test_campaigns_that_failed_are_listed():
