@@ -10,6 +10,7 @@ import binascii
 import math
 import re
 import tomllib
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -440,8 +441,10 @@ def _pattern(text: str, where: str) -> re.Pattern[str]:
     if len(text) > _MAX_PATTERN:
         raise _BadFieldError(f"{where} has {len(text)} characters; expected up to {_MAX_PATTERN}")
     try:
-        pattern = re.compile(text, re.ASCII)
-    except (re.error, OverflowError, RecursionError) as error:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")  # Python's, of what may mean something else one day
+            pattern = re.compile(text, re.ASCII)
+    except (re.error, OverflowError, RecursionError, Warning) as error:
         raise _BadFieldError(f"{where} is no regular expression: {error}") from None
     atoms = _atoms(text)
     repeats = 0

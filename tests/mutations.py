@@ -51,7 +51,7 @@ from skinlab.studies.reference import read_reference
 from skinlab.studies.table import read_columns
 from skinlab.tables.build_checkpoint import KeptRows
 from skinlab.tables.spec_file import read_spec
-from skinlab.tui.app import owners
+from skinlab.tui.key_owners import owners
 from skinlab.tui.settings_file import read_settings
 
 ROOT = Path(__file__).parents[1]

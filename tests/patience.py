@@ -48,11 +48,17 @@ def be_patient(*, apart: bool = False) -> None:
     from sim_device.timing import TIMING
 
     DEFAULTS.clock = TIMING.clock = PatientClock()
-    # It may be another process whose clock is compared, and each loses its own seconds
-    DEFAULTS.limits = Limits(clock_s=FORGIVING_S)
+    # It may be another process whose clock is compared, and each loses its own seconds; of a probe
+    # that runs 50 times as fast, one step of this clock is a second of suction
+    DEFAULTS.limits = Limits(clock_s=FORGIVING_S, suction_slack_s=FORGIVING_S)
     if apart:
         TIMING.keep_alive_s = DEFAULTS.open_timeout_s = DEFAULTS.command_timeout_s = FORGIVING_S
-        DEFAULTS.limits = Limits(stale_s=FORGIVING_S, clock_s=FORGIVING_S, vent_time_s=FORGIVING_S)
+        DEFAULTS.limits = Limits(
+            stale_s=FORGIVING_S,
+            clock_s=FORGIVING_S,
+            suction_slack_s=FORGIVING_S,
+            vent_time_s=FORGIVING_S,
+        )
 
 
 def reopen(probe: Probe) -> None:

@@ -65,12 +65,13 @@ def read(path: Path) -> Table:
             )
         try:
             table = _KINDS[kind].read(file)
+            found = table.content_hash
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
         except (ValueError, TypeError, AttributeError) as error:
             raise InputError(f"{path}: its spec is damaged ({error})") from None
         stated = str(file.attrs["content_hash"])
-    check_hash(path, table.content_hash, stated)
+    check_hash(path, found, stated)
     return replace(table, path=path.resolve())
 
 

@@ -76,6 +76,14 @@ def test_the_same_holds_for_databases(tmp_path, capfd):
     assert "elements" in refused(capfd, "database", "info", path)
 
 
+def test_a_text_that_is_no_utf_8_in_a_database(tmp_path, capfd):
+    path = tmp_path / "d.h5"
+    shutil.copy(Path(__file__).parents[1] / "data" / "v0.1" / "custom.h5", path)
+    with h5py.File(path, "r+") as file:
+        file.attrs.create("solver_version", b"\xff", dtype=h5py.string_dtype())
+    assert "damaged" in refused(capfd, "database", "info", path)
+
+
 @pytest.mark.parametrize("kind", ["i1", "c16", "f2", "S8", "bool"])
 @pytest.mark.parametrize("name", ["curves/0001/time_s", "samples/pressure_mbar", "raw/host_time_s"])
 def test_data_of_another_type_are_refused(session, name, kind):

@@ -238,3 +238,9 @@ def test_an_unknown_dialect_lists_those_that_there_are():
 def test_a_number_that_nobody_can_read_is_a_sentence():
     with pytest.raises(DialectFileError, match=r"a\.toml: no TOML"):
         line_dialect(f"[dialect]\nversion = {'9' * 5000}\n", "a.toml")
+
+
+def test_a_pattern_that_python_warns_of_is_a_sentence():
+    text = plain(r"(?P<pressure>\S+)", "(?P<pressure>[0--9]+)")
+    with pytest.raises(DialectFileError, match="no regular expression: Possible set difference"):
+        line_dialect(text, "a.toml")
