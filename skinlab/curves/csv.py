@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 import math
 from collections.abc import Iterable
 from pathlib import Path
@@ -25,7 +26,8 @@ def read_curve(path: Path, setup: Setup) -> Curve:
             time that does not increase, or fewer than 5 samples; names the line.
     """
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        content = path.read_bytes()
+        text = content.decode("utf-8-sig")
     except UnicodeDecodeError:
         raise InputError(f"{path}: not UTF-8 text; expected a curve CSV") from None
     except OSError as error:
@@ -37,7 +39,8 @@ def read_curve(path: Path, setup: Setup) -> Curve:
     if len(rows) < FEWEST_POINTS:
         raise InputError(f"{path}: {len(rows)} samples; expected at least {FEWEST_POINTS}")
     data = np.array(rows)
-    return Curve(str(path), setup, data[:, 0], data[:, 1], data[:, 2])
+    source = "sha256:" + hashlib.sha256(content).hexdigest()
+    return Curve(str(path), setup, data[:, 0], data[:, 1], data[:, 2], source=source)
 
 
 def _rows(path: Path, text: str) -> list[tuple[float, ...]]:

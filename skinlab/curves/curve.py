@@ -83,6 +83,7 @@ class Curve:
     deflection_mm: Array
     segment: NDArray[np.intp] | None = None
     partial: bool = False  # cut short: by a vent, a fault, a lost link
+    source: str | None = None  # `sha256:…` of the file that it was read from
     _phase: NDArray[np.str_] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:

@@ -90,6 +90,11 @@ class ModelIdentifier(Identifier):
         history = any(get_effect(name).needs_history for name in self.model.effects)
         phases = EVERYTHING if history else self.phases
         blank = replace(blank, phases=phases)
+        if self.model.learned_from({curve.source for curve in curves if curve.source}):
+            # Data that the priors come from would count twice
+            once = replace(self, model=self.model.without_learned())
+            found = once._identify(curves, blank)
+            return replace(found, flags=(*found.flags, "learned_from_these"))
         try:
             fit, fitter, p_value = self._fit(curves, phases)
         except (InputError, NotTrustworthyError) as error:

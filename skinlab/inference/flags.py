@@ -41,6 +41,12 @@ CATALOGUE = {
         "Measure with another opening or a higher pressure as well (“skinlab identify --advise” "
         "says which).",
     ),
+    "learned_from_these": Flag(
+        "the model was learned from these curves",
+        "The model's effects were learned from these very curves: what the model says of their size "
+        "is left aside here, so that the curves count once.",
+        "Nothing is wrong; on other curves the model's knowledge narrows the intervals.",
+    ),
     "misfit_above_noise": Flag(
         "misfit above the noise",
         "The residual is clearly more than noise: the model misses something here, and the "

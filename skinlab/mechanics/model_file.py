@@ -28,7 +28,7 @@ import hashlib
 import json
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal, TypeVar
@@ -155,6 +155,20 @@ class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             own = self.parameters.get(name)
             return None if own is None else own.prior
         return self.effects[effect][parameter].prior
+
+    def learned_from(self, hashes: Collection[str]) -> bool:
+        """Return whether effects' priors were learned from data with one of these hashes."""
+        priors = [at.prior for each in self.effects.values() for at in each.values()]
+        known = any(isinstance(prior, Normal) for prior in priors)
+        return known and not set(self.provenance.data.values()).isdisjoint(hashes)
+
+    def without_learned(self) -> Model:
+        """Return it as it is for the data that its effects were learned from: these count once."""
+        effects = {
+            name: {p: msgspec.structs.replace(at, prior="uniform") for p, at in each.items()}
+            for name, each in self.effects.items()
+        }
+        return msgspec.structs.replace(self, effects=effects)
 
     @property
     def hash(self) -> str:

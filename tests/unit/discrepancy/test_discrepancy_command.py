@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -86,6 +87,22 @@ def test_the_effect_is_named_adopted_used_and_kept(campaign, tmp_path, capsys, m
     assert joint["order"] == ["X1_MPa", "X2_MPa", "nu", "deflection_offset.offset_um"]
     assert np.array(joint["correlation"]).shape == (4, 4)
     assert "misfit_above_noise" not in joint["flags"]
+    # What was learned from these curves does not count again; of others it is known.
+    assert "learned_from_these" in joint["flags"]
+    other = tmp_path / "other"
+    shutil.copytree(campaign, other)
+    for path in other.glob("*.csv"):
+        path.write_text(path.read_text() + "\n")
+    told = ["identify", str(other), "--model", str(model), "--joint", "--json"]
+    assert run(told) == 0
+    elsewhere = json.loads(capsys.readouterr().out)["joint"]
+    assert "learned_from_these" not in elsewhere["flags"]
+
+    def width(answer):
+        offset = answer["parameters"]["deflection_offset.offset_um"]
+        return offset["high"] - offset["low"]
+
+    assert width(elsewhere) < width(joint)
 
     def never(*_, **__):
         raise AssertionError("computed again")
