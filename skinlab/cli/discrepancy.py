@@ -74,8 +74,8 @@ def command(
     if base.learned_from(data.values()):
         base = base.without_learned()
         echo(
-            "skinlab: the model's effects were learned from these very curves: what it says of their "
-            "size is left aside, so that the curves count once",
+            "skinlab: the model's effects were learned from these very curves: what it says of "
+            "their size is left aside, so that the curves count once",
             err=True,
         )
     partial = Partial()

@@ -43,8 +43,8 @@ CATALOGUE = {
     ),
     "learned_from_these": Flag(
         "the model was learned from these curves",
-        "The model's effects were learned from these very curves: what the model says of their size "
-        "is left aside here, so that the curves count once.",
+        "The model's effects were learned from these very curves: what the model says of their "
+        "size is left aside here, so that the curves count once.",
         "Nothing is wrong; on other curves the model's knowledge narrows the intervals.",
     ),
     "misfit_above_noise": Flag(
