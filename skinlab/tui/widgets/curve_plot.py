@@ -4,24 +4,22 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from rich.text import Text
-from textual.widgets import Static
-
 from skinlab.tui.curve_drawing import Layers, curve_rows
 from skinlab.tui.plot_data import box_around, fit_band, fitted, measured, thin
 from skinlab.tui.ui_state import Board, Entry, Live
+from skinlab.tui.widgets.rows import Rows
 
 _EARLIER_POINTS = 150
 _STYLES = ("measured", "fitted", "earlier", "band", "axis", "tick", "label")
 
 
-class CurvePlot(Static):
+class CurvePlot(Rows):
     """Draws what the board shows, and only when that changed."""
 
     COMPONENT_CLASSES: ClassVar[set[str]] = {f"plot--{name}" for name in _STYLES}
 
     def __init__(self) -> None:
-        super().__init__("", id="plot-panel", markup=False)
+        super().__init__("plot-panel")
         self._drawn: object = None
         self.drawn_layers = Layers()  # as drawn last
 
@@ -46,13 +44,8 @@ class CurvePlot(Static):
         )
         box = box_around(top_mbar, self.drawn_layers.all)
         styles = {name: self.get_component_rich_style(f"plot--{name}") for name in _STYLES}
-        text = Text(no_wrap=True, overflow="crop")
-        for row in curve_rows(self.drawn_layers, box, self.size.width, self.size.height):
-            for cells, style in row:
-                text.append(cells, styles[style])
-            text.append("\n")
-        text.right_crop(1)
-        self.update(text, layout=False)
+        rows = curve_rows(self.drawn_layers, box, self.size.width, self.size.height)
+        self.set_rows([[(cells, styles[style]) for cells, style in row] for row in rows])
 
     def notify_style_update(self) -> None:
         """Draw again in the colours of another theme, with what is drawn next."""

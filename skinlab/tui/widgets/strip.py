@@ -4,23 +4,23 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from rich.text import Text
-from textual.widgets import Static
+from rich.style import Style
 
 from skinlab.tui.canvas import runs
 from skinlab.tui.plot_data import Drawing, against_time, residual
 from skinlab.tui.ui_state import Board, Entry, Live
+from skinlab.tui.widgets.rows import Rows
 
 _LEFT = 7  # as the plot above
 
 
-class Strip(Static):
+class Strip(Rows):
     """A caption and a few rows of dots."""
 
     COMPONENT_CLASSES: ClassVar[set[str]] = {"strip--main", "strip--second", "strip--band"}
 
     def __init__(self) -> None:
-        super().__init__("", id="strip", markup=False)
+        super().__init__("strip")
         self._drawn: object = None
 
     def show(self, board: Board) -> None:
@@ -34,23 +34,23 @@ class Strip(Static):
         self._drawn = key
         columns, rows = self.size.width - _LEFT - 1, self.size.height - 1
         drawing = _drawing(shown, columns, rows)
-        self.update("" if drawing is None else self._text(drawing), layout=False)
+        self.set_rows([] if drawing is None else self._styled(drawing))
 
     def notify_style_update(self) -> None:
         """Draw again in the colours of another theme, with what is drawn next."""
         super().notify_style_update()
         self._drawn = None
 
-    def _text(self, drawing: Drawing) -> Text:
-        text = Text(" " + drawing.caption, no_wrap=True, overflow="crop")
+    def _styled(self, drawing: Drawing) -> list[list[tuple[str, Style]]]:
+        plain = Style.null()
+        rows = [[(" " + drawing.caption, plain)]]
         styles = [
             self.get_component_rich_style(f"strip--{layer}") for layer in ("main", "second", "band")
         ]
         for number, row in enumerate(runs((drawing.main, drawing.second, drawing.band))):
-            text.append("\n" + drawing.label(number).rjust(_LEFT - 1) + " ")
-            for cells, layer in row:
-                text.append(cells, styles[layer])
-        return text
+            label = (drawing.label(number).rjust(_LEFT - 1) + " ", plain)
+            rows.append([label, *((cells, styles[layer]) for cells, layer in row)])
+        return rows
 
 
 def _drawing(shown: Live | Entry | None, columns: int, rows: int) -> Drawing | None:
