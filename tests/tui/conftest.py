@@ -88,13 +88,22 @@ class Bedside:
 
     async def check(self) -> None:
         """Let what will happen be shown, and be read."""
-        await self.press("f8")
-        await self.until(lambda: self.board.review or "whose skin" in self.board.note)
+        # Again where it came too early: while the probe still vents, F8 is answered "not now"
+        end = time.monotonic() + PATIENCE_S
+        while not (self.board.review or "whose skin" in self.board.note):
+            assert time.monotonic() < end, f"not in {PATIENCE_S} s; {self.board.note!r}"
+            await self.press("f8")
+            with suppress(TimeoutError):
+                await asyncio.wait_for(self._answered(), 3.0)
         if not self.board.review:
             await self.press("f8")
         await self.until(lambda: self.app.screen_stack[0].summary_in_view)
         await self.pilot.pause()
         self.clock.now_s += 2.0
+
+    async def _answered(self) -> None:
+        while not (self.board.review or "whose skin" in self.board.note):
+            await asyncio.sleep(0.02)
 
     async def start(self) -> None:
         """Let what will happen be shown, and start it."""
