@@ -324,9 +324,13 @@ async def walk_one(bedside, keys, seed):
 
 
 async def test_any_keys_start_only_what_was_shown_and_confirmed(bedside):
-    found = [await walk_one(bedside, KEYS_OF_A_WALK // 4, seed) for seed in range(4)]
+    found: list[tuple[int, int]] = []
+    for seed in range(40):  # until something was started, else nothing was tried
+        if seed >= 4 and any(started for started, _ in found):
+            break
+        found.append(await walk_one(bedside, KEYS_OF_A_WALK // 4, seed))
     assert all(started <= allowed for started, allowed in found)
-    assert sum(started for started, _ in found) > 0  # else nothing was tried
+    assert any(started for started, _ in found)
 
 
 @pytest.mark.soak
