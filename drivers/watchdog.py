@@ -61,6 +61,7 @@ class Watchdog:
         self._host_vented = False  # that vent was ordered by the host
         self._unseen = False  # the link was lost under suction, and nobody saw it fall since
         self._confirmed: tuple[float, float] | None = None  # last vent: since when, and when seen
+        self._back = False  # suction was seen again since then, with no run begun
         self._aperture_mm: float | None = None
         self._dose = DoseMeter()
         self._forget()
@@ -155,10 +156,14 @@ class Watchdog:
             self._vent_since = self._unbroken_since(now)
 
     def _unbroken_since(self, now: float) -> float:
-        """Since when the pressure should have fallen: a vent in words only is no new beginning."""
-        if self._confirmed is None or now - self._confirmed[1] > self._limits.vent_time_s:
+        """Since when the pressure should have fallen: a vent in words only is no new beginning.
+
+        Where the pressure stayed down, the last vent was real, and this one has its own time.
+        """
+        if self._confirmed is None or not self._back:
             return now
-        return self._confirmed[0]
+        since, seen = self._confirmed
+        return now if now - seen > self._limits.vent_time_s else since
 
     def link_lost(self) -> list[SafetyEvent]:
         """Judge the loss of the link: where vacuum may be on, nobody can see it go."""
@@ -256,7 +261,7 @@ class Watchdog:
             return []
         if pressure_mbar >= self._limits.vent_pressure_mbar:
             return []
-        self._confirmed = (self._vent_since, now)
+        self._confirmed, self._back = (self._vent_since, now), False
         self._vent_since = None
         self._host_vented = self._unseen = False
         return [VentConfirmed(pressure_mbar)]
@@ -289,6 +294,7 @@ class Watchdog:
                     self._vent_since = now
         if event.pressure_mbar is None:
             return orders
+        self._back |= event.pressure_mbar >= self._limits.vent_pressure_mbar
         return (
             orders or self._settle(event.pressure_mbar, now) or self._at_rest(event.pressure_mbar)
         )
@@ -313,6 +319,7 @@ class Watchdog:
         self._offset_s = min(self._offset_s, now - sample.device_time_s / self._pace)
         pressure = sample.pressure_mbar
         pulls = pressure >= self._limits.vent_pressure_mbar
+        self._back |= pulls
         if pulls or self._pulls:
             self._suction_s += passed_s
         self._pulls = pulls

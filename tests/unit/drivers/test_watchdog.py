@@ -150,6 +150,19 @@ def test_saying_again_and_again_that_it_has_vented_wins_no_time(dog):
     assert "within 1 s" in dog.alarm
 
 
+def test_a_second_vent_behind_a_real_one_has_its_own_second(dog):
+    """Who presses the key twice must not read *lift the probe* because the second answer is slow."""
+    dog.vent_ordered(0.0)
+    dog.on_event(sample(0.0, 80), 0.0)
+    dog.on_event(State(S.LOADED, "host", 0.0), 0.8)
+    dog.vent_ordered(0.9)
+    assert dog.check(1.5) == []
+    assert dog.on_event(State(S.LOADED, "host", 0.0), 1.6) == [VentConfirmed(0.0)]
+    dog.vent_ordered(1.7)
+    assert dog.check(2.6) == []
+    assert dog.check(2.8)
+
+
 def test_another_vent_of_another_run_has_its_own_second(dog):
     dog.vent_ordered(0.0)
     dog.on_event(State(S.LOADED, "host", 0.0), 0.5)
