@@ -155,13 +155,15 @@ class SkinlabApp(App[None]):
         reference: Reference | None = None,
         user: UserSettings | None = None,
         protocol: NamedProtocol | None = None,
+        study: Path | None = None,
     ) -> None:
         """Begin with a port, with the replay of a session, or (neither) by asking.
 
         Settings are kept for the next time in `settings`; None: nowhere. `model` names what
         curves are identified with; None: the base law. `clock` (s) tells typing from confirming.
         `reference` has the usual ranges that values are shown against, `user` the colours and
-        further keys of the settings file, `protocol` what a study demands.
+        further keys of the settings file, `protocol` what a study demands; `study`, a folder of
+        `skinlab study`, says how much visits, operators and placements scatter.
         """
         super().__init__()
         for theme in OWN:
@@ -185,6 +187,7 @@ class SkinlabApp(App[None]):
         self.board.model = model
         self.board.reference = reference
         self.board.protocol = protocol
+        self.board.study = study
         self._otherwise: list[str] = []  # than the protocol says, to be recorded
         self.failure: Exception | None = None  # a bug that ended the app
         self._queued: Order | None = None  # to be shown once its port is connected
@@ -666,8 +669,10 @@ class SkinlabApp(App[None]):
             if not isinstance(goal, ChangeGoal):
                 self._post(Aimed(distance(goal, curves, identifier)))
                 return
-            found = change_distance(goal, self._before(), known, results, identifier, serial)
-            self._post(Aimed(found))
+            before, study = self._before(), board.study
+            self._post(
+                Aimed(change_distance(goal, before, known, results, identifier, serial, study))
+            )
 
         self._perform("aiming", work)
 
@@ -814,7 +819,7 @@ class SkinlabApp(App[None]):
         results = [found[curve.name] for curve in curves]
         serial = "" if board.hello is None else board.hello.serial_number
         identifier = self.bench.analysis.identifier
-        self._post(compare_with(path, curves, results, identifier, serial))
+        self._post(compare_with(path, curves, results, identifier, serial, board.study))
 
     # ---- the missing effect -------------------------------------------------------------------
 
