@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import click
 
 from drivers.limits import DEFAULT_DOSE_MBAR_S
-from skinlab.cli.options import database_option, dialect_option, probe_option
+from skinlab.cli.options import database_option, dialect_option, probe_option, study_option
 from skinlab.cli.output import echo
 
 if TYPE_CHECKING:
@@ -42,11 +42,7 @@ ESCAPE_MS = "40"
     type=click.Path(path_type=Path),
     help="STUDY.toml of `skinlab study`: what is known of such people, of all its sites and ages.",
 )
-@click.option(
-    "--study",
-    type=click.Path(path_type=Path),
-    help="What `skinlab study` wrote: comparisons count how much visits and operators scatter.",
-)
+@study_option()
 @click.option(
     "--dose-limit-mbar-s",
     type=float,
