@@ -13,7 +13,7 @@ from textual.containers import Horizontal, Vertical
 from textual.events import DescendantBlur, DescendantFocus
 from textual.message import Message
 from textual.screen import Screen
-from textual.widgets import DataTable, Footer, Input, Static
+from textual.widgets import DataTable, Input, Static
 
 from skinlab.tui.text import settings_line
 from skinlab.tui.typing_guard import CHECK_KEY, CONFIRM_KEY, TypingGuard
@@ -24,6 +24,7 @@ from skinlab.tui.widgets.curves import Curves
 from skinlab.tui.widgets.fields import Fields
 from skinlab.tui.widgets.header import Top
 from skinlab.tui.widgets.intervals import Intervals
+from skinlab.tui.widgets.keys import Keys
 from skinlab.tui.widgets.note import Note
 from skinlab.tui.widgets.reading import Reading
 from skinlab.tui.widgets.strip import Strip
@@ -128,7 +129,7 @@ class MainScreen(Screen[None]):
         yield Reading(id="reading")
         yield Curves()
         yield Note(self._board)
-        yield Footer(show_command_palette=False, compact=True)
+        yield Keys()
 
     def begin(self) -> None:
         """Begin to draw, once all parts are there."""
