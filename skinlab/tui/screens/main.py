@@ -30,7 +30,7 @@ from skinlab.tui.widgets.reading import Reading
 from skinlab.tui.widgets.strip import Strip
 from skinlab.tui.widgets.verdict import VerdictLine
 
-_FRAMES_PER_S = 16
+_FRAMES_PER_S = 24
 _REPLAYS = frozenset({"play", "step", "faster", "slower", "event", "time"})
 _ANSWER_S = 0.3  # longer than an identification takes
 

@@ -6,6 +6,7 @@ from itertools import accumulate, pairwise
 from typing import ClassVar
 
 from textual import events
+from textual.binding import Binding
 from textual.screen import Screen
 
 from skinlab.tui.widgets.rows import Rows
@@ -58,7 +59,7 @@ class Keys(Rows):
         return None
 
     def _changed(self, screen: Screen[object]) -> None:
-        actions = {}  # of several keys for one thing, the first is shown
+        actions: dict[str, Binding] = {}  # of several keys for one thing, the first is shown
         for active in screen.active_bindings.values():
             if active.binding.show and active.enabled:
                 actions.setdefault(active.binding.action, active.binding)
