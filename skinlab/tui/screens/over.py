@@ -32,9 +32,7 @@ class OverScreen(ModalScreen[Answer]):
         """Yield the top, and the box."""
         yield Top(self._board)
         yield from self.compose_box()
-        with Vertical(
-            classes="bottom"
-        ):  # over the keys of the screen below, which mean nothing now
+        with Vertical(classes="bottom"):  # over the keys of the screen below: not theirs now
             yield Note(self._board, later=True)
             yield Keys()
 
