@@ -29,7 +29,7 @@ from skinlab.discrepancy.table_domes import TableDomes, relaxed_pressure
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.discrepancy.verdict import decide
 from skinlab.errors import InputError
-from skinlab.inference.noise import MESH_REST, legendre, slope_mm_per_mbar
+from skinlab.inference.noise import MESH_REST, legendre, pressure_error_mm
 from skinlab.mechanics.effects import all_effects
 from skinlab.mechanics.effects.model import Skin, response, solve_skin
 from skinlab.mechanics.fem.skin import Prony, SkinProblem
@@ -154,7 +154,12 @@ def test_whitening_is_that_of_the_dense_covariance():
     covariance += common @ common.T
     variances = [
         (1e-3 * r.noise_um) ** 2
-        + (slope_mm_per_mbar(r.pressure_mbar, r.curve.deflection_mm) * r.pressure_sd_mbar) ** 2
+        + pressure_error_mm(
+            r.pressure_mbar,
+            r.curve.deflection_mm,
+            np.full(len(r.curve), r.pressure_sd_mbar),
+        )
+        ** 2
         + (MESH_REST * r.curve.deflection_mm) ** 2
         for r in records
     ]
