@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from skinlab.cli.options import database_option, json_option
+from skinlab.cli.options import control_option, database_option, json_option
 from skinlab.cli.output import echo, print_json
 
 
@@ -19,13 +19,7 @@ from skinlab.cli.output import echo, print_json
     type=click.Path(path_type=Path),
     help="What `skinlab study` wrote: how much visits, operators and placements scatter.",
 )
-@click.option(
-    "--control",
-    nargs=2,
-    type=click.Path(path_type=Path),
-    metavar="BEFORE AFTER",
-    help="Sessions of a site that was left alone, on the same days.",
-)
+@control_option()
 @click.option(
     "--placement-scatter",
     default="auto",

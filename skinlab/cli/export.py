@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
-from skinlab.cli.options import database_option
+from skinlab.cli.options import control_option, database_option
 from skinlab.cli.output import echo
 
 if TYPE_CHECKING:
@@ -46,13 +46,7 @@ _NO_COMPARISON = Path("none")
     help="Session that the report compares with, or none [default: the one before it in its "
     "folder, of the same subject and site].",
 )
-@click.option(
-    "--control",
-    nargs=2,
-    type=click.Path(path_type=Path),
-    metavar="BEFORE AFTER",
-    help="Sessions of a site that was left alone, on the same days, for that comparison.",
-)
+@control_option()
 def command(
     session: Path,
     folder: Path,

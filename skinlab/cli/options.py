@@ -27,6 +27,17 @@ def _stack(*options: Callable[[F], F]) -> Callable[[F], F]:
     return apply
 
 
+def control_option() -> Callable[[F], F]:
+    """`--control BEFORE AFTER`."""
+    return click.option(
+        "--control",
+        nargs=2,
+        type=click.Path(path_type=Path),
+        metavar="BEFORE AFTER",
+        help="For a comparison: sessions of a site that was left alone, on the same days.",
+    )
+
+
 def geometry_options(required: bool) -> Callable[[F], F]:
     """`--aperture-mm`, `--thickness-mm`, `--thickness-sd-mm`."""
     return _stack(

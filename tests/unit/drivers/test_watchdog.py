@@ -151,7 +151,7 @@ def test_saying_again_and_again_that_it_has_vented_wins_no_time(dog):
 
 
 def test_a_second_vent_behind_a_real_one_has_its_own_second(dog):
-    """Who presses the key twice must not read *lift the probe* because the second answer is slow."""
+    """Who presses the key twice must not read *lift the probe* as the second is slow."""
     dog.vent_ordered(0.0)
     dog.on_event(sample(0.0, 80), 0.0)
     dog.on_event(State(S.LOADED, "host", 0.0), 0.8)
