@@ -131,10 +131,17 @@ def main_scale(quantity: str) -> str:
 
 
 def usable(table: Columns) -> Columns:
-    """Return the rows that count: whole curves, each file once."""
+    """Return the rows that count: whole curves, each file once, that tell some parameter."""
     once = table.text["same_as"] == ""
     whole = table.text["partial"] != "true"
-    return table.where(once & whole)
+    return table.where(once & whole & ~tells_nothing(table))
+
+
+def tells_nothing(table: Columns) -> NDArray[np.bool_]:
+    """Return of which rows (n,) no parameter is identified, as where the pump did not pull."""
+    nothing = {f"not_identifiable:{name}" for name in table.parameters} or {""}
+    flags = table.text["flags"].tolist()
+    return np.array([nothing <= set(said.split()) for said in flags], dtype=bool)
 
 
 def reliability(table: Columns, seed: int = 0) -> Reliability:

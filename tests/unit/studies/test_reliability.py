@@ -215,10 +215,11 @@ def test_the_figures_follow_from_the_components():
     assert {r["facet"] for r in found.bland_altman} == {"operator", "visit"}
 
 
-def test_a_copied_or_cut_curve_does_not_count():
+def test_a_copied_or_cut_curve_or_one_that_tells_nothing_does_not_count():
     whole = table()
-    text = {n: np.concatenate([v, v[:4]]) for n, v in whole.text.items()}
-    text["same_as"][-4:-2] = "f0.csv"
-    text["partial"][-2:] = "true"
+    text = {n: np.concatenate([v, v[:6]]).astype("U40") for n, v in whole.text.items()}
+    text["same_as"][-6:-4] = "f0.csv"
+    text["partial"][-4:-2] = "true"
+    text["flags"][-2:] = "crease not_identifiable:X1_MPa"
     again = reliability(Columns(text, whole.names))
     assert again.components == reliability(whole).components
