@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from skinlab.curves.curve import Setup
 from skinlab.curves.heights import Height
-from skinlab.inference.error_judgement import ErrorModelSummary, PlacementSummary
-from skinlab.inference.uncertainty import Uncertainty
 from skinlab.mechanics.materials import get_law
 
 if TYPE_CHECKING:
     from drivers.dose import Dose
+    from skinlab.inference.error_judgement import ErrorModelSummary, PlacementSummary
+    from skinlab.inference.uncertainty import Uncertainty
 
 Array = NDArray[np.float64]
 
