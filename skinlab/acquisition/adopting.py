@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from datetime import UTC, datetime
-from importlib.metadata import version
+from datetime import datetime
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from skinlab.errors import InputError
 from skinlab.io.files import write_file
 from skinlab.mechanics.model_file import Model
 
@@ -33,18 +31,8 @@ def write_adopted(
     """
     from skinlab.discrepancy.adopt import adopted, hashes  # slow to import
 
-    if not outcome.verdict.explains:
-        raise InputError(f"the verdict is {outcome.verdict.name}: there is nothing to adopt")
-    found = session is not None and session.is_file()
-    model = adopted(
-        base,
-        outcome.posteriors[outcome.best.effects],
-        verdict=outcome.verdict.name,
-        data=hashes([session]) if session is not None and found else {},
-        database_hash=database.content_hash,
-        version=version("skinlab"),
-        date=now.astimezone(UTC).date().isoformat(),
-    )
+    data = hashes([session]) if session is not None and session.is_file() else {}
+    model = adopted(base, outcome, data=data, database_hash=database.content_hash, now=now)
     names = "-".join(e for e in outcome.best.effects if e not in outcome.found.base.effects)
     stem = "model" if session is None else session.stem
     return _write_new(folder, f"{stem}-{names}", model.to_toml()), model

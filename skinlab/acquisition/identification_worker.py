@@ -56,9 +56,20 @@ class IdentifierApart:
         """Return an estimate of a curve that is not complete."""
         return self._worker.call(_estimate, curve, before)  # type: ignore[no-any-return]
 
+    def warm(self) -> None:
+        """Let the process load all that it loads for a first curve, which takes as long as two."""
+        self._worker.call(_warm)
+
     def close(self) -> None:
         """Let the process end."""
         self._worker.close()
+
+
+def _warm(identifier: Identifier) -> None:
+    from skinlab.acquisition.replayer import example_session
+    from skinlab.recording.session import read_session
+
+    identifier(read_session(example_session()).curves[0])
 
 
 def _identify(identifier: Identifier, curve: Curve) -> Identification:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import datetime
 import hashlib
 import os
 from collections.abc import Callable, Mapping
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +21,6 @@ from skinlab.errors import InputError
 from skinlab.io.files import write_file
 from skinlab.mechanics.model_file import Model, model_of_law
 from skinlab.tables.table import Table
-from skinlab.versions import __version__
 
 
 def base_model(model: PathLike | Model | None, table: Table) -> Model:
@@ -34,7 +33,7 @@ def base_model(model: PathLike | Model | None, table: Table) -> Model:
 
 
 def hashes_of(campaign: Campaign) -> dict[str, str]:
-    """Return `sha256:…` of what each curve says, and of what is stated of all, by name."""
+    """Return `sha256:…` of what each curve says, of its file, and of what is stated, by name."""
     stated = (campaign.noise_um, campaign.pressure_noise_mbar, campaign.placement_scatter)
     found = {"stated noise and scatter": _hash(repr(stated))}
     for number, curve in enumerate(campaign.curves, start=1):
@@ -42,6 +41,8 @@ def hashes_of(campaign: Campaign) -> dict[str, str]:
         arrays = [b"-" if a is None else np.ascontiguousarray(a).tobytes() for a in columns]
         text = repr((curve.name, curve.setup, str(curve.setup.program), curve.partial))
         found[f"curve {number} {curve.name}"] = _hash(text, *arrays)
+        if curve.source is not None:
+            found[f"file of curve {number}"] = curve.source
     return found
 
 
@@ -84,6 +85,7 @@ def outcome_of(
         table,
         model=base,
         workers=workers or os.cpu_count() or 1,
+        data=data.values(),
         progress=progress,
         partial=workflow.Partial() if partial is None else partial,
     )
@@ -97,18 +99,9 @@ def adopt(outcome: Outcome, to: Path, base: Model, table: Table, data: Mapping[s
     Raises:
         InputError: the verdict names no effect, or the file cannot be written.
     """
-    if not outcome.verdict.explains:
-        raise InputError(f"the verdict is {outcome.verdict.name}: there is nothing to adopt")
     if to.exists():
         raise InputError(f"{to}: exists already; expected a new file")
-    model = adopted(
-        base,
-        outcome.posteriors[outcome.best.effects],
-        verdict=outcome.verdict.name,
-        data=data,
-        database_hash=table.content_hash,
-        version=__version__,
-        date=datetime.datetime.now(datetime.UTC).date().isoformat(),
-    )
+    now = datetime.now(UTC)
+    model = adopted(base, outcome, data=data, database_hash=table.content_hash, now=now)
     write_file(to, model.to_toml())
     return model

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from skinlab.cli.options import database_option, json_option
+from skinlab.cli.options import control_option, database_option, json_option, study_option
 from skinlab.cli.output import echo, print_json
 
 
@@ -14,18 +14,8 @@ from skinlab.cli.output import echo, print_json
 @click.argument("before", type=click.Path(path_type=Path))
 @click.argument("after", type=click.Path(path_type=Path))
 @database_option("the one that BEFORE names")
-@click.option(
-    "--study",
-    type=click.Path(path_type=Path),
-    help="What `skinlab study` wrote: how much visits, operators and placements scatter.",
-)
-@click.option(
-    "--control",
-    nargs=2,
-    type=click.Path(path_type=Path),
-    metavar="BEFORE AFTER",
-    help="Sessions of a site that was left alone, on the same days.",
-)
+@study_option()
+@control_option()
 @click.option(
     "--placement-scatter",
     default="auto",

@@ -71,13 +71,6 @@ def command(
     table = find_table(database_path)
     base = base_model(model_path, table)
     data = hashes(files)
-    if base.learned_from(data.values()):
-        base = base.without_learned()
-        echo(
-            "skinlab: the model's effects were learned from these very curves: what it says of "
-            "their size is left aside, so that the curves count once",
-            err=True,
-        )
     partial = Partial()
     try:
         outcome = outcome_of(

@@ -27,6 +27,27 @@ def _stack(*options: Callable[[F], F]) -> Callable[[F], F]:
     return apply
 
 
+def control_option() -> Callable[[F], F]:
+    """`--control BEFORE AFTER`."""
+    return click.option(
+        "--control",
+        nargs=2,
+        type=click.Path(path_type=Path),
+        metavar="BEFORE AFTER",
+        help="For a comparison: sessions of a site that was left alone, on the same days.",
+    )
+
+
+def study_option() -> Callable[[F], F]:
+    """`--study FOLDER`."""
+    return click.option(
+        "--study",
+        type=click.Path(path_type=Path),
+        help="For a comparison: what `skinlab study` wrote, on how much visits, operators and "
+        "placements scatter.",
+    )
+
+
 def geometry_options(required: bool) -> Callable[[F], F]:
     """`--aperture-mm`, `--thickness-mm`, `--thickness-sd-mm`."""
     return _stack(

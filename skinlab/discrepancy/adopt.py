@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterable, Mapping
+from datetime import UTC, datetime
 from pathlib import Path
 
-from skinlab.discrepancy.posterior import Posterior
+from skinlab.discrepancy.outcome import Outcome
+from skinlab.errors import InputError
+from skinlab.io.files import file_hash
 from skinlab.mechanics.fem.suction import SOLVER_VERSION
 from skinlab.mechanics.model_file import (
     EffectRange,
@@ -16,22 +18,27 @@ from skinlab.mechanics.model_file import (
     Provenance,
     Range,
 )
+from skinlab.versions import __version__
 
 
 def adopted(
     base: Model,
-    explanation: Posterior,
+    outcome: Outcome,
     *,
-    verdict: str,
     data: Mapping[str, str],
     database_hash: str,
-    version: str,
-    date: str,
+    now: datetime,
 ) -> Model:
-    """Return the base model with an explanation's effects: values, priors as wide as they are sure.
+    """Return the base model with what was missing: values, priors as wide as they are sure.
 
-    `data` are hashes by file; `date` is ISO 8601.
+    `data` are hashes by file.
+
+    Raises:
+        InputError: the verdict names no effect.
     """
+    if not outcome.verdict.explains:
+        raise InputError(f"the verdict is {outcome.verdict.name}: there is nothing to adopt")
+    explanation = outcome.posteriors[outcome.best.effects]
     effects: dict[str, dict[str, EffectRange]] = {}
     unknowns = explanation.unknowns
     best, deviations = (x[unknowns.count :] for x in (explanation.best, explanation.deviations))
@@ -57,9 +64,9 @@ def adopted(
         effects,
         Provenance(
             dict(data),
-            {"skinlab": version, "solver": SOLVER_VERSION, "database": database_hash},
-            verdict,
-            date,
+            {"skinlab": __version__, "solver": SOLVER_VERSION, "database": database_hash},
+            outcome.verdict.name,
+            now.astimezone(UTC).date().isoformat(),
             base.hash,
         ),
     )
@@ -77,4 +84,4 @@ def _law_ranges(base: Model) -> dict[str, Range]:
 
 def hashes(files: Iterable[Path]) -> dict[str, str]:
     """Return `sha256:…` of each file's bytes, by its name."""
-    return {f.name: "sha256:" + hashlib.sha256(f.read_bytes()).hexdigest() for f in files}
+    return {f.name: file_hash(f) for f in files}

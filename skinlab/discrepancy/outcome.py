@@ -47,6 +47,7 @@ class Outcome:
     error_model: ErrorModelSummary | None = None  # of the samples, under what is chosen
     placement: PlacementSummary | None = None
     repeats_um: float | None = None  # by which a curve differs from its repeats
+    learned_from_these: bool = False  # the model was, so that its own priors were left aside
 
     @property
     def best(self) -> Candidate:
@@ -108,6 +109,7 @@ class Outcome:
             "shares": self.shares and self.shares.of_the_gap(),
             "error_model": self.error_model and asdict(self.error_model),
             "placement": self.placement and asdict(self.placement),
+            "learned_from_these": self.learned_from_these,
             "trials": [
                 {"name": t.name, "passed": t.passed, "sentence": t.sentence} for t in self.trials
             ],

@@ -12,6 +12,7 @@ from skinlab.discrepancy.odds import behind_words, chance_words, odds_words
 from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.search import Candidate, Partial
 from skinlab.discrepancy.settings import NAMES, PLANS
+from skinlab.inference.flags import CATALOGUE
 from skinlab.mechanics.effects import get_effect
 from skinlab.mechanics.names import is_effects, parameter_of, plain
 from skinlab.text import inert
@@ -257,6 +258,8 @@ def limits_words(
         "The intervals assume that none of the effects that could not be shown or looked for is "
         "there: each can have changed the parameters without a trace in these curves."
     )
+    if outcome.learned_from_these:
+        lines.append(CATALOGUE["learned_from_these"].meaning)
     return lines
 
 

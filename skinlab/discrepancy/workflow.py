@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -40,6 +40,7 @@ def explain(
     model: Model = BASE,
     workers: int = 1,
     finite_elements: bool = True,
+    data: Collection[str] = (),
     progress: Callable[[str], None] = lambda _: None,
     partial: Partial | None = None,
     seed: int = 0,
@@ -49,6 +50,8 @@ def explain(
     `model` is what the curves are explained by so far; without `finite_elements` the effects that
     the database cannot answer stay approximate. `partial` is told of what is known so far. The
     answer is the same for any number of workers; `seed` is that of the draws from the posterior.
+    Where effects of the model were learned from a file of these curves, or from `data` (`sha256:…`
+    each), what the model says of their size is left aside: the curves count once.
 
     Raises:
         InputError: a curve is too short, the database is of another law, or of one opening only.
@@ -57,6 +60,10 @@ def explain(
     check_law_of(database, model.model.law)
     if database.fixed_geometry is not None:
         raise InputError("a missing effect is looked for with a dimensionless database")
+    sources = {curve.source for curve in campaign.curves if curve.source}
+    learned_from_these = model.learned_from({*data, *sources})
+    if learned_from_these:
+        model = model.without_learned()
     records = [coarsened(r, ERRORS.coarse_hz) for r in records_of(campaign)]
     fitter = Fitter(
         records, errors_of(records), TableDomes(database), finite_elements=finite_elements
@@ -126,6 +133,7 @@ def explain(
         error_model=said.summary,
         placement=said.placement,
         repeats_um=repeats_um(final.records, by_condition(final.records)),
+        learned_from_these=learned_from_these,
     )
 
 

@@ -13,7 +13,7 @@ from skinlab.curves.curve import Setup
 from skinlab.curves.heights import Height
 from skinlab.mechanics.materials import get_law
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # slow to import, and a screen shows answers before it makes any
     from drivers.dose import Dose
     from skinlab.inference.error_judgement import ErrorModelSummary, PlacementSummary
     from skinlab.inference.uncertainty import Uncertainty

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import os
 import stat
 import tempfile
@@ -32,6 +33,12 @@ def write_file(path: Path, content: bytes | memoryview | str, *, replace: bool =
             return
         with _whole(path, replace) as partial, partial.open("wb") as file:
             file.write(raw)
+
+
+def file_hash(path: Path) -> str:
+    """Return `sha256:…` of the file's bytes."""
+    with path.open("rb") as file:
+        return "sha256:" + hashlib.file_digest(file, "sha256").hexdigest()
 
 
 @contextmanager

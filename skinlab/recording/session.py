@@ -23,7 +23,7 @@ from skinlab.curves.curve import Curve
 from skinlab.errors import InputError
 from skinlab.inference.stored import stored_result
 from skinlab.io.documents import read_json_object
-from skinlab.io.files import write_file
+from skinlab.io.files import file_hash, write_file
 from skinlab.io.hdf5 import open_hdf5, read_array
 from skinlab.recording.assembler import CurveAssembler
 from skinlab.recording.clocks import ClockReading, clock_from_json, clock_readings
@@ -265,7 +265,9 @@ def read_session(path: Path) -> Session:
             f"{path}: it was changed, or not written by skinlab: "
             + ("its seal is missing" if stored.unchanged else "its content differs from its hash")
         )
-    return stored.session
+    source = file_hash(path)
+    curves = tuple(dc_replace(curve, source=source) for curve in stored.session.curves)
+    return dc_replace(stored.session, curves=curves)
 
 
 def read_stored(path: Path) -> Stored:

@@ -10,6 +10,7 @@ is smooth beforehand (the Karhunen-Loeve form of a Gaussian process: Rasmussen a
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -75,7 +76,14 @@ def sines(at: Array, values: Values, names: tuple[str, ...]) -> Array:
     )
 
 
-def cut(path: PressurePath) -> PressurePath:
+def bent(path: PressurePath, more: Callable[[Array], Array]) -> PressurePath:
+    """Return the path with `more` added to its pressures, of which it is a smooth function."""
+    found = _cut(path)
+    p = np.array(found.pressure_mbar)
+    return replace(found, pressure_mbar=tuple((p + more(p)).tolist()))
+
+
+def _cut(path: PressurePath) -> PressurePath:
     """Return the path with knots so close in suction that a smooth function may bend it."""
     t, p = np.array(path.time_s), np.array(path.pressure_mbar)
     step = max(path.top_mbar, 1.0) / _PIECES

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.mechanics.effects.base import Array, Values
-from skinlab.mechanics.effects.learned import LearnedEffect, Seen, coefficients, cut, sines
+from skinlab.mechanics.effects.learned import LearnedEffect, Seen, bent, coefficients, sines
 
 _NEAR_MBAR = 5.0  # of the turning point: there it changes fastest
 _SHAPES = 4
@@ -42,11 +42,12 @@ class LearnedLoop(LearnedEffect):
         """Bend the way back."""
         if not any(values[n] for n in self.names):
             return path
-        found = cut(path)
-        p = np.array(found.pressure_mbar)
-        top = np.maximum.accumulate(p)
-        more = np.where(_falls(p) & (p < top), self._more(p, top, values), 0.0)
-        return replace(found, pressure_mbar=tuple((p + more).tolist()))
+
+        def more(p: Array) -> Array:
+            top = np.maximum.accumulate(p)
+            return np.where(_falls(p) & (p < top), self._more(p, top, values), 0.0)
+
+        return bent(path, more)
 
     def abscissa(self, seen: Seen) -> Array:
         """Return suctions up to the highest one."""

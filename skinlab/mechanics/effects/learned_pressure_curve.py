@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from skinlab.curves.pressure_path import PressurePath
@@ -11,8 +9,8 @@ from skinlab.mechanics.effects.base import Array, Values
 from skinlab.mechanics.effects.learned import (
     LearnedEffect,
     Seen,
+    bent,
     coefficients,
-    cut,
     less_gain,
     sines,
     span,
@@ -49,10 +47,7 @@ class LearnedPressureCurve(LearnedEffect):
         """Bend the path."""
         if not any(values[n] for n in self.names):
             return path
-        found = cut(path)
-        p = np.array(found.pressure_mbar)
-        bent = p + self.function(p, values)
-        return replace(found, pressure_mbar=tuple(bent.tolist()))
+        return bent(path, lambda p: self.function(p, values))
 
     def range_of(self, seen: Seen) -> float:
         """Return a little more than the highest suction."""

@@ -2,6 +2,8 @@
 
 import json
 import pickle
+from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +15,7 @@ from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
 from skinlab.discrepancy import cache
+from skinlab.discrepancy.adopt import adopted
 from skinlab.discrepancy.fit import Fitter
 from skinlab.discrepancy.heldout import HeldOut
 from skinlab.discrepancy.misfit import errors_of
@@ -27,7 +30,7 @@ from skinlab.discrepancy.workflow import Partial, explain
 from skinlab.mechanics.effects import library_names
 from skinlab.mechanics.effects.model import Skin, response
 from skinlab.mechanics.fem.suction import Geometry
-from skinlab.mechanics.model_file import EffectRange, Header, Model
+from skinlab.mechanics.model_file import BASE, EffectRange, Header, Model
 from skinlab.report.missing_effect import render
 
 SKIN = Skin((0.041, 1.7, 0.31))
@@ -119,6 +122,33 @@ def test_a_zero_that_no_placement_has_is_named_with_two_curves(table):
     hidden = campaign({"deflection_offset": {"offset_um": 25.0}}, (PLAN[0], RAMPS[1]))
     found = document(explain(hidden, table, finite_elements=False))
     assert (found["verdict"], found["effects"]) == ("named", [["deflection_offset"]])
+
+
+def test_curves_that_a_model_was_learned_from_count_once(table):
+    hidden = campaign({"deflection_offset": {"offset_um": 25.0}}, (PLAN[0], RAMPS[1]))
+    curves = tuple(replace(c, source=f"sha256:{k}") for k, c in enumerate(hidden.curves))
+    hidden = replace(hidden, curves=curves)
+    first = explain(hidden, table, finite_elements=False)
+    data = {"0.csv": "sha256:0"}
+    now = datetime(2026, 1, 1, tzinfo=UTC)
+    model = adopted(BASE, first, data=data, database_hash="", now=now)
+    again = explain(hidden, table, model=model, finite_elements=False)
+    elsewhere = explain(
+        replace(hidden, curves=tuple(replace(c, source=None) for c in curves)),
+        table,
+        model=model,
+        finite_elements=False,
+    )
+
+    def width(outcome):
+        known = outcome.parameters(outcome.best)["deflection_offset.offset_um"]
+        return known["high"] - known["low"]
+
+    assert document(again)["learned_from_these"]
+    assert "count once" in describe(again)
+    assert not elsewhere.learned_from_these
+    assert width(elsewhere) < 0.9 * width(again)
+    assert width(again) > 0.8 * width(first)
 
 
 def test_who_interrupts_keeps_every_fit_that_was_done(table):

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from datetime import UTC, datetime
 
 import numpy as np
 import pytest
@@ -26,7 +27,7 @@ from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.discrepancy.text import describe
 from skinlab.discrepancy.verdict import decide_learned
 from skinlab.mechanics.effects import all_effects, get_effect, library_names
-from skinlab.mechanics.effects.learned import Seen, cut, less_gain
+from skinlab.mechanics.effects.learned import Seen, bent, less_gain
 from skinlab.mechanics.effects.model import response, solve_skin
 from skinlab.mechanics.effects.strain_stiffening import CUBIC
 from skinlab.mechanics.fem.skin import Prony, Skin, SkinProblem, Term
@@ -50,21 +51,19 @@ def bump(w):
     return w + 0.018 * np.exp(-(((w - 0.55) / 0.2) ** 2)) * np.clip(w / 0.05, 0, 1)
 
 
-def bent(path):
+def felt(path):
     """A suction that is 4 mbar more than is read about 55 mbar."""
-    fine = cut(path)
-    p = np.array(fine.pressure_mbar)
-    more = 4 * np.exp(-(((p - 55) / 20) ** 2)) * np.clip(p / 10, 0, 1)
-    return replace(fine, pressure_mbar=tuple((p + more).tolist()))
+    return bent(path, lambda p: 4 * np.exp(-(((p - 55) / 20) ** 2)) * np.clip(p / 10, 0, 1))
 
 
 def rubs(path):
     """A way back that lags behind by up to 9 mbar, in a form of its own."""
-    fine = cut(path)
-    p = np.array(fine.pressure_mbar)
-    back = np.arange(len(p)) > p.argmax()
-    more = np.where(back, 9.0 * np.tanh((p.max() - p) / 15.0), 0.0)
-    return replace(fine, pressure_mbar=tuple((p + more).tolist()))
+
+    def more(p):
+        back = np.arange(len(p)) > p.argmax()
+        return np.where(back, 9.0 * np.tanh((p.max() - p) / 15.0), 0.0)
+
+    return bent(path, more)
 
 
 def strokes(t):
@@ -115,7 +114,7 @@ def learn(hidden, table, *, finite_elements=False):
     ("family", "plan", "how"),
     [
         ("sensor_curve", RAMPS, {"sensor": bump}),
-        ("pressure_curve", RAMPS, {"felt": bent}),
+        ("pressure_curve", RAMPS, {"felt": felt}),
         ("time", HOLDS, {"prony": (Prony(0.12, 0.25), Prony(0.1, 2.0), Prony(0.12, 18.0))}),
         ("opening", OPENINGS, {"stiffer": STIFFER}),
         ("history", RAMPS[:2], {"cycles": CYCLES}),
@@ -177,10 +176,8 @@ def test_what_is_learned_is_told_adopted_and_used(table, tmp_path):
     cache.save("a", outcome, tmp_path)
     again = cache.load("a", records_of(hidden), tmp_path)
     assert again.to_json() == outcome.to_json()
-    text = adopted(
-        BASE, outcome.posteriors[outcome.best.effects], verdict="learned", data={},
-        database_hash="", version="0", date="2026-01-01",
-    ).to_toml()  # fmt: skip
+    now = datetime(2026, 1, 1, tzinfo=UTC)
+    text = adopted(BASE, outcome, data={}, database_hash="", now=now).to_toml()
     model = decode_model(text, "learned.toml")
     fit = outcome.best.fit
     assert model.values["learned_sensor_curve"]["span_mm"] == pytest.approx(
