@@ -187,10 +187,10 @@ def with_prior_option(
     Raises:
         InputError: the file is wrong, or does not fit.
     """
-    from skinlab.inference.population import read_prior, with_prior
-
     if prior_path is None:
         return identifier
+    from skinlab.inference.population import read_prior, with_prior
+
     return with_prior(identifier, read_prior(prior_path, site or None, age_years))
 
 
