@@ -66,7 +66,7 @@ LIES = {
     "counts back": Lie(HELD, 0.78 + 0.3, "stale"),
     "frozen height": Lie("ramp:100@20", 0.5 + 0.5, "frozen deflection"),
     "frozen pressure": Lie("ramp:100@20", 1.5 + 0.5, "frozen pressure"),
-    "wrong sign": Lie(HELD, 0.02, "impossible pressure"),
+    "wrong sign": Lie(HELD, 0.0, "impossible pressure"),
     "reads nothing": Lie("ramp:60@100,hold:4", 0.2 + 1.0, "no skin"),
     "starts by itself": Lie(HELD, 0.0, "nobody has started it"),
     "arms late": Lie(HELD, None, "Arm"),
