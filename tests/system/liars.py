@@ -72,7 +72,7 @@ LIES = {
     "arms late": Lie(HELD, None, "Arm"),
     "never starts": Lie(HELD, None, "Start"),
     "stays high": Lie(
-        "ramp:60@100000,hold:1", 1.0, "suction of 60 mbar while venting", partial=False
+        "ramp:60@100000,hold:1", 1.0, "overshoot: 60 mbar", partial=False
     ),
     "vents in silence": Lie(SHORT, 1.0, "stale", partial=False),
     "fault in name": Lie(SHORT, 1.0, "vented by itself", partial=False),
