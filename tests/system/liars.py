@@ -71,9 +71,7 @@ LIES = {
     "starts by itself": Lie(HELD, 0.0, "nobody has started it"),
     "arms late": Lie(HELD, None, "Arm"),
     "never starts": Lie(HELD, None, "Start"),
-    "stays high": Lie(
-        "ramp:60@100000,hold:1", 1.0, "overshoot: 60 mbar", partial=False
-    ),
+    "stays high": Lie("ramp:60@100000,hold:1", 1.0, "overshoot: 60 mbar", partial=False),
     "vents in silence": Lie(SHORT, 1.0, "stale", partial=False),
     "fault in name": Lie(SHORT, 1.0, "vented by itself", partial=False),
     "hello again": Lie(HELD, 1.0, "hello in the middle"),

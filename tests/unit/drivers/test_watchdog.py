@@ -219,7 +219,7 @@ def test_no_word_wins_time_behind_a_vent_in_words_only(word):
 
 
 def ended(state):
-    """A program of 1 s that has come to its end, with a low reading; then the instrument says so."""
+    """A program of 1 s that has come to its end, with a low reading; then it says `state`."""
     dog = Watchdog(Limits())
     up = Segment(K.RAMP, target_mbar=60, rate_mbar_per_s=1e5)
     dog.on_event(Loaded((up, Segment(K.HOLD, duration_s=1)), 20, 60, 2), 0)
