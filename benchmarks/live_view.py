@@ -10,6 +10,8 @@ same process, or (`--apart`) in a process of its own.
 - input to screen: from the byte of a key to the end of the first frame that shows its effect:
   s (the session opens), b (it closes), v and Esc (vented; of a run that goes on). The last two also
   in tmux with its own settings, which holds a lone Esc back.
+- start: from the command to the first frame of the main screen, and to a connected probe. With
+  compiled modules, as an installed program has them, so behind a start that is not counted.
 - completion: from the moment at which the host had the curve's last sample, by the session file,
   to the end of the first frame with its verdict, which comes with the card. All by the one clock
   that both processes have (Linux).
@@ -48,6 +50,7 @@ import numpy as np
 from skinlab.recording.session import read_session, sample_rows
 
 FOLDER = Path(__file__).resolve().parent
+BYTECODE = Path(tempfile.gettempdir()) / "skinlab-live-view-bytecode"
 PATIENCE_S = 60.0
 PROGRAM = "ramp:100@20"
 LONG = "ramp:100@2"  # for keys that are pressed while a curve runs
@@ -67,7 +70,8 @@ class Terminal:
 
     def __init__(self, command: list[str], columns: int, rows: int, folder: Path) -> None:
         environment = {
-            **os.environ,
+            **{k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"},
+            "PYTHONPYCACHEPREFIX": str(BYTECODE),
             "TERM": "xterm-256color",
             "COLORTERM": "truecolor",
             **{f"XDG_{kind}_HOME": str(folder / kind) for kind in ("CONFIG", "STATE", "CACHE")},
@@ -159,9 +163,14 @@ def measure(port: str, columns: int, rows: int, curves: int, folder: Path) -> di
     folder = folder / f"{columns}x{rows}"  # with settings of its own
     sessions = folder / "sessions"
     command = [sys.executable, "-m", "skinlab", "ui", "--port", port, "--sessions", str(sessions)]
-    terminal = Terminal(command, columns, rows, folder)
-    try:
+    for counted in (False, True):
         begin = time.monotonic()
+        terminal = Terminal(command, columns, rows, folder)
+        if not counted:
+            terminal.until(b"connected; F8 shows", begin)
+            terminal.end()
+    try:
+        screen = terminal.until(b"CONNECTING|READY", begin)
         ready = terminal.until(b"connected; F8 shows", begin)
         runs: list[tuple[float, float]] = []
         for _ in range(curves):
@@ -189,6 +198,7 @@ def measure(port: str, columns: int, rows: int, curves: int, folder: Path) -> di
     session = read_session(next(sessions.glob("*.h5")))
     return {
         "size": f"{columns}x{rows}",
+        "start_to_screen_s": round(screen - begin, 2),
         "start_to_ready_s": round(ready - begin, 2),
         **_of_session(session, terminal, runs),
         "input_to_screen": {name: spread(values) for name, values in keys.items()},

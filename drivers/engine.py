@@ -44,7 +44,7 @@ from drivers.watchdog import SafetyEvent, Watchdog
 
 OnBytes = Callable[[str, float, bytes], None]
 
-_READ_BYTES = 4096
+_READ_BYTES = 1 << 16  # more than comes in a second: behind a read nothing old is waiting
 _READ_S = 0.01  # also how long an order to vent may wait
 _RESEND_S = 0.5  # a lost command is sent again; its number keeps it from being done twice
 _VENT_RESEND_S = 0.1  # until the instrument answers; later once a second while not confirmed
@@ -211,17 +211,21 @@ class Engine:
             self._end(reason)
 
     def step(self) -> None:
-        """Send what is due, read once, judge. Raises LinkError."""
+        """Send what is due, read once, judge. Raises LinkError.
+
+        The silence is judged up to where the read began. A busy machine may stop this thread at any
+        moment: what came while it stood is not read yet, and is no silence of the instrument.
+        """
         self._send_due()
+        now = self._clock()
         data = self._link.read(_READ_BYTES, _READ_S)
         if data:
             self._heard_at = self._clock()
             self._tap("rx", self._heard_at, data)
             self._feed(data)
-        now = self._clock()
         if isinstance(self._connection, StreamConnection):
             self._look_at_stream(self._connection, now)
-        self._apply(self._watchdog.check(now), now)
+        self._apply(self._watchdog.check(now), self._clock())
         for request in self._pending:
             if now > request._deadline:
                 request.fail(LinkError(f"no answer to {request.name} in {request.timeout_s:g} s"))

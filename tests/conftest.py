@@ -7,12 +7,10 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-# Tests start hundreds of interpreters: where no bytecode may lie beside the sources, each would
-# compile all that it imports, which is most of its time
+# Tests start hundreds of interpreters: without bytecode each would compile all that it imports,
+# which is most of its time
 if os.environ.pop("PYTHONDONTWRITEBYTECODE", None):
     sys.dont_write_bytecode = False
-    sys.pycache_prefix = str(Path(__file__).parents[1] / ".pytest_cache" / "bytecode")
-    os.environ["PYTHONPYCACHEPREFIX"] = sys.pycache_prefix
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -27,11 +25,30 @@ settings.register_profile("patient", deadline=None, suppress_health_check=[Healt
 settings.load_profile("patient")
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Try screens and other processes once more: what a busy machine delays is not wrong yet."""
+# `SOAK_DONE=FILE pytest -m soak …` goes on where it was stopped, by whatever
+_SOAK_DONE = Path(os.environ["SOAK_DONE"]) if os.environ.get("SOAK_DONE") else None
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Try screens and other processes once more: what a busy machine delays is not wrong yet.
+
+    Not those that say themselves how often. What `SOAK_DONE` names has passed.
+    """
+    done = set[str]()
+    if _SOAK_DONE is not None and _SOAK_DONE.exists():
+        done.update(_SOAK_DONE.read_text(encoding="utf-8").splitlines())
+        config.hook.pytest_deselected(items=[item for item in items if item.nodeid in done])
+        items[:] = [item for item in items if item.nodeid not in done]
     for item in items:
-        if {"tui", "system"} & set(item.path.parts):
+        if {"tui", "system"} & set(item.path.parts) and not item.get_closest_marker("flaky"):
             item.add_marker(pytest.mark.flaky(reruns=1))
+
+
+def pytest_runtest_logreport(report: pytest.TestReport) -> None:
+    """Note what of a soak has passed."""
+    if _SOAK_DONE is not None and report.when == "call" and report.passed:
+        with _SOAK_DONE.open("a", encoding="utf-8") as file:
+            file.write(f"{report.nodeid}\n")
 
 
 @pytest.fixture(scope="session")

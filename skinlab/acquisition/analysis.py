@@ -129,7 +129,9 @@ class Analysis:
 
     def prepare(self) -> None:
         """Load what identification needs."""
-        self.worker(self.identifier)
+        worker = self.worker(self.identifier)
+        if isinstance(worker, IdentifierApart):
+            worker.warm()
 
     def fit_together(self, curves: Sequence[Curve]) -> None:
         """Post one answer for several curves.

@@ -12,15 +12,18 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from drivers.events import Sample
 from skinlab.curves.curve import FEWEST_POINTS, Curve
 from skinlab.curves.growing import GrowingCurve
-from skinlab.inference.identify import Identifier
 from skinlab.inference.result import Identification
 from skinlab.io.log import log_exception
 from skinlab.recording.stream import CurveCompleted, CurveStarted, Message, Sampled
 from skinlab.workers import Worker
+
+if TYPE_CHECKING:
+    from skinlab.inference.identify import Identifier
 
 _EVERY_S = 0.3  # between two estimates of a growing curve
 _END_S = 0.4  # of the program: no estimate is begun so late, the answer would wait for it
@@ -53,9 +56,20 @@ class IdentifierApart:
         """Return an estimate of a curve that is not complete."""
         return self._worker.call(_estimate, curve, before)  # type: ignore[no-any-return]
 
+    def warm(self) -> None:
+        """Let the process load all that it loads for a first curve, which takes as long as two."""
+        self._worker.call(_warm)
+
     def close(self) -> None:
         """Let the process end."""
         self._worker.close()
+
+
+def _warm(identifier: Identifier) -> None:
+    from skinlab.acquisition.replayer import example_session
+    from skinlab.recording.session import read_session
+
+    identifier(read_session(example_session()).curves[0])
 
 
 def _identify(identifier: Identifier, curve: Curve) -> Identification:

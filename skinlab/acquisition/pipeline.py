@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from skinlab.acquisition.monitor import Monitor
 from skinlab.curves.curve import Curve
 from skinlab.curves.growing import GrowingCurve
-from skinlab.inference.identify import Identifier
 from skinlab.inference.result import Identification
 from skinlab.recording.assembler import CurveAssembler
 from skinlab.recording.stream import (
@@ -19,6 +19,9 @@ from skinlab.recording.stream import (
     Message,
     Planned,
 )
+
+if TYPE_CHECKING:
+    from skinlab.inference.identify import Identifier
 
 Listener = Callable[[Message], None]
 HandOver = Callable[[int, Curve], None]

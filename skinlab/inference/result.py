@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.dose import Dose
 from skinlab.curves.curve import Setup
 from skinlab.curves.heights import Height
-from skinlab.inference.error_judgement import ErrorModelSummary, PlacementSummary
-from skinlab.inference.uncertainty import Uncertainty
 from skinlab.mechanics.materials import get_law
+
+if TYPE_CHECKING:  # slow to import, and a screen shows answers before it makes any
+    from drivers.dose import Dose
+    from skinlab.inference.error_judgement import ErrorModelSummary, PlacementSummary
+    from skinlab.inference.uncertainty import Uncertainty
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,6 @@ import re
 import sys
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -22,9 +21,7 @@ from textual.screen import ModalScreen
 from textual.widgets import Input
 
 from drivers.errors import DriverError
-from drivers.events import InstrumentState
 from drivers.link import PortInfo, list_ports
-from skinlab.acquisition.measurement_request import Order, check_limits, read_order, with_opening
 from skinlab.acquisition.messages import (
     Adopted,
     Connected,
@@ -37,21 +34,17 @@ from skinlab.acquisition.messages import (
 )
 from skinlab.acquisition.probe_session import ProbeSession
 from skinlab.acquisition.replayer import Replayer, example_session
-from skinlab.acquisition.settings import recall, recall_choice, remember, remember_choice
+from skinlab.acquisition.settings import recall, recall_choice, remember_choice
 from skinlab.acquisition.shutdown import INTERRUPTED
-from skinlab.errors import InputError, SkinlabError
+from skinlab.errors import SkinlabError
 from skinlab.io.log import log_exception
-from skinlab.mechanics.materials import get_law
-from skinlab.recording.curve_selection import Deed
-from skinlab.recording.session_fit import comparable
 from skinlab.recording.stream import Identified, Sampled
-from skinlab.recording.visit_index import visit_before
 from skinlab.tui.choices import choices_for
 from skinlab.tui.commands import COMMANDS
-from skinlab.tui.goal import ChangeGoal, change_distance, choices, distance
 from skinlab.tui.inert import InertText
+from skinlab.tui.missing_keys import MissingKeys
 from skinlab.tui.no_color import StyledFirst
-from skinlab.tui.protocol_check import against_protocol
+from skinlab.tui.protocol_steps import ProtocolSteps
 from skinlab.tui.replay_keys import ReplayKeys
 from skinlab.tui.screens.alarm import AlarmScreen
 from skinlab.tui.screens.help import HelpScreen
@@ -67,28 +60,22 @@ from skinlab.tui.screens.protocol import ProtocolScreen
 from skinlab.tui.screens.session import SessionScreen
 from skinlab.tui.screens.visits import VisitsScreen
 from skinlab.tui.screens.welcome import EXAMPLE, SIMULATED, WelcomeScreen
+from skinlab.tui.session_keys import SessionKeys
 from skinlab.tui.settings_file import LOOKING, UserSettings
-from skinlab.tui.text import adoption_lines, undone_words
+from skinlab.tui.starting import Starting
 from skinlab.tui.themes import ORDER, OWN, WORDS, next_theme
 from skinlab.tui.typing_guard import TypingGuard, is_typing
 from skinlab.tui.ui_state import (
-    EXPLAINING,
-    MEASURING,
     Aimed,
     Board,
     Level,
-    Missing,
     Playing,
-    Review,
 )
 from skinlab.tui.widgets.fields import Fields
 from skinlab.tui.widgets.reading import Reading
 
 if TYPE_CHECKING:
     from skinlab.acquisition.protocol import NamedProtocol
-    from skinlab.curves.curve import Curve
-    from skinlab.discrepancy.next_measurement import NextMeasurement
-    from skinlab.discrepancy.outcome import Outcome
     from skinlab.studies.reference import Reference
 
 _TICK_S = 0.1
@@ -155,15 +142,18 @@ class SkinlabApp(App[None]):
         reference: Reference | None = None,
         user: UserSettings | None = None,
         protocol: NamedProtocol | None = None,
+        study: Path | None = None,
     ) -> None:
         """Begin with a port, with the replay of a session, or (neither) by asking.
 
         Settings are kept for the next time in `settings`; None: nowhere. `model` names what
         curves are identified with; None: the base law. `clock` (s) tells typing from confirming.
         `reference` has the usual ranges that values are shown against, `user` the colours and
-        further keys of the settings file, `protocol` what a study demands.
+        further keys of the settings file, `protocol` what a study demands; `study`, a folder of
+        `skinlab study`, says how much visits, operators and placements scatter.
         """
         super().__init__()
+        self._line_filters: tuple[tuple[LineFilter, ...], ...] = ((), (InertText(),))
         for theme in OWN:
             self.register_theme(theme)
         user = user or UserSettings()
@@ -174,31 +164,26 @@ class SkinlabApp(App[None]):
         self._own_keys = user.keymap
         self.guard = TypingGuard(clock)
         self.board = Board(port or SIMULATED)
-        self._folder = folder
+        self.folder = folder
         self._ask = port is None and replay is None
         self._replay = replay
         self._speed = speed
         self._ports = ports
         self._settings = settings
-        self.bench: ProbeSession | Replayer = make_bench(folder, self._post)
+        self.bench: ProbeSession | Replayer = make_bench(folder, self.post)
         self._make_replayer = make_replayer
         self.board.model = model
         self.board.reference = reference
         self.board.protocol = protocol
-        self._otherwise: list[str] = []  # than the protocol says, to be recorded
+        self.board.study = study
         self.failure: Exception | None = None  # a bug that ended the app
-        self._queued: Order | None = None  # to be shown once its port is connected
-        self._unnamed: tuple[str, str] | None = None  # visit that may do without a subject
-        self._next_port: str | None = None  # to be connected once the present one is closed
-        self._anew = False  # what is connected next begins another session
         self._leaving = False
         self._clock = clock
-        self._replaying = ReplayKeys(
-            self.board,
-            lambda: self.bench,
-            lambda: self._connect(self.board.port),
-            self._ask_line,
-        )
+        self.starting = Starting(self, settings)
+        self.protocol_steps = ProtocolSteps(self)
+        self._session_keys = SessionKeys(self)
+        self._missing_keys = MissingKeys(self)
+        self._replay_keys = ReplayKeys(self)
 
     # ---- life ---------------------------------------------------------------------------------
 
@@ -208,7 +193,7 @@ class SkinlabApp(App[None]):
 
     def on_ready(self) -> None:
         """Connect, and load what identification needs meanwhile."""
-        self._main.begin()
+        self.main.begin()
         self._tick()
         self.set_interval(_TICK_S, self._tick)
         self.set_interval(_REPAINT_S, self._see_again)
@@ -217,8 +202,8 @@ class SkinlabApp(App[None]):
         elif self._replay is not None:
             self._play(self._replay)
         else:
-            self._connect(self.board.port)
-        self._perform("preparing", self.bench.analysis.prepare)
+            self.starting.connect(self.board.port)
+        self.perform("preparing", self.bench.analysis.prepare)
 
     def _see_again(self) -> None:
         """Take the terminal's size, if its news of that was lost, and draw all of the screen."""
@@ -238,8 +223,8 @@ class SkinlabApp(App[None]):
         if choice == EXAMPLE:
             self._play(example_session())
         else:
-            self._fields.put("port", choice)
-            self._connect(choice)
+            self.fields.put("port", choice)
+            self.starting.connect(choice)
 
     def vent(self, reason: str) -> None:
         """Vent what is connected; from any thread."""
@@ -252,18 +237,15 @@ class SkinlabApp(App[None]):
     # ---- a replay -----------------------------------------------------------------------------
 
     def _play(self, path: Path) -> None:
-        folder = self._folder if path == example_session() else path.parent  # for models
-        replayer = self._make_replayer(folder, self._post, self._speed)
+        folder = self.folder if path == example_session() else path.parent  # for models
+        replayer = self._make_replayer(folder, self.post, self._speed)
         self.bench = replayer
         self.board.playing = Playing(speed=self._speed)
-        self._connect(str(path))
-
-    def _ask_line(self, question: str, answered: Callable[[str | None], None]) -> None:
-        self.push_screen(LineScreen(self.board, question), answered)
+        self.starting.connect(str(path))
 
     @on(Reading.Pointed)
     def _pointed(self, message: Reading.Pointed) -> None:
-        self._replaying.point(message.share)
+        self._replay_keys.point(message.share)
 
     def on_unmount(self) -> None:
         """Whatever ended the app: vent, and finish the session."""
@@ -290,31 +272,39 @@ class SkinlabApp(App[None]):
         self._close_messages_no_wait()
 
     def get_line_filters(self) -> Sequence[LineFilter]:
-        """Return Textual's filters, safe for text without a style, behind our own."""
-        return [InertText(), *(StyledFirst(inner) for inner in super().get_line_filters())]
+        """Return Textual's filters, safe for text without a style, behind our own.
+
+        The same ones each time: every line of the screen keeps what a filter has made of it, and a
+        filter that is new makes it again, of all lines in each frame.
+        """
+        inner = tuple(super().get_line_filters())
+        if inner != self._line_filters[0]:
+            self._line_filters = inner, (InertText(), *map(StyledFirst, inner))
+        return self._line_filters[1]
 
     # ---- threads ------------------------------------------------------------------------------
 
-    def _post(self, news: News | Aimed) -> None:
+    def post(self, news: News | Aimed) -> None:
+        """Hand news over to the thread that draws; from any thread."""
         try:
             self.post_message(self.Said(news))
         except RuntimeError:
             return  # the loop is closed: nobody is left to read it
 
-    def _perform(self, doing: str, call: Callable[[], None]) -> None:
+    def perform(self, doing: str, call: Callable[[], None]) -> None:
         """Do something slow in a thread; its end is news, whichever it is."""
 
         def work() -> None:
             try:
                 call()
             except (SkinlabError, DriverError) as error:
-                self._post(Failed(doing, str(error)))
+                self.post(Failed(doing, str(error)))
             except Exception as error:  # noqa: BLE001 -- told in a sentence; details are logged
                 self.bench.vent("internal error")
                 where = log_exception(error)
-                self._post(Failed(doing, f"{doing} failed ({error!r}); details are in {where}"))
+                self.post(Failed(doing, f"{doing} failed ({error!r}); details are in {where}"))
             else:
-                self._post(Done(doing))
+                self.post(Done(doing))
 
         self.board.compute(doing)
         self.run_worker(work, name=doing, group=doing, thread=True, exit_on_error=False)
@@ -329,47 +319,27 @@ class SkinlabApp(App[None]):
             return  # the app ends: there is nothing left to draw on
         match news:
             case Connected():
-                self._connected(news)
+                self.starting.connected(news)
             case Recording():
-                self._record_protocol()
+                self.protocol_steps.record()
             case Adopted():
-                self._anew = news.anew  # a session is identified with one model
-            case Disconnected() if self._next_port is not None:
-                port, self._next_port = self._next_port, None
-                self._connect(port)
+                self.starting.anew = news.anew  # a session is identified with one model
+            case Disconnected():
+                self.starting.disconnected()
             case Failed("connecting"):
-                self._queued = None
+                self.starting.forget()
             case Done("connecting"):
-                self._replaying.over()
+                self._replay_keys.over()
             case Done("closing"):
                 self._leave()
             case _:
                 pass
-        if isinstance(news, Heard) and any(isinstance(m, Identified) for m in news.messages):
-            self._aim()
         if self.board.alarm is not None:
             self._raise_alarm(self.board.alarm)
-        if self.screen is self._main and not _only_samples(news):
-            self._main.draw()  # now, not with the next frame: it is waited for
-
-    def _connected(self, news: Connected) -> None:
-        order, self._queued = self._queued, None
-        aperture_mm = news.hello.aperture_mm
-        if self.board.playing is not None:
-            return
-        if order is not None and order.setup.aperture_mm == aperture_mm:
-            self._show(order)
-            return
-        if aperture_mm is None:  # it does not say; the field holds
-            if order is not None:
-                self._show(order)
-            return
-        self._fields.put("aperture_mm", f"{aperture_mm:g}")
-        if order is not None:
-            self.board.say(
-                Level.WARNING,
-                f"this probe has an opening of {aperture_mm:g} mm, as set now; F8 goes on",
-            )
+        if self.screen is self.main and not _only_samples(news):
+            self.main.draw()  # now, not with the next frame: it is waited for
+        if isinstance(news, Heard) and any(isinstance(m, Identified) for m in news.messages):
+            self._session_keys.aim()
 
     def _raise_alarm(self, text: str) -> None:
         for screen in self.screen_stack:
@@ -425,14 +395,16 @@ class SkinlabApp(App[None]):
         return self._own_keys.get("vent", "v").split(",")
 
     @property
-    def _main(self) -> MainScreen:
+    def main(self) -> MainScreen:
+        """The main screen, whatever lies over it."""
         screen = self.screen_stack[0]
         assert isinstance(screen, MainScreen)
         return screen
 
     @property
-    def _fields(self) -> Fields:
-        return self._main.query_one(Fields)
+    def fields(self) -> Fields:
+        """The settings on it."""
+        return self.main.query_one(Fields)
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """While a field takes text, v is text."""
@@ -451,7 +423,7 @@ class SkinlabApp(App[None]):
         self.bench.vent("operator")
         if self.board.moving:
             self.board.say(Level.WARNING, "vent ordered")
-        self._queued = None
+        self.starting.forget()
         self.board.withdraw()
         if isinstance(self.screen, SessionScreen):
             self.screen.leave_line()
@@ -459,9 +431,9 @@ class SkinlabApp(App[None]):
             self.screen.dismiss(False)
         elif isinstance(self.screen, _LEFT_BY_VENT):
             self.pop_screen()
-        self._main.set_focus(None)
-        if self._main.is_mounted:
-            self._main.draw()
+        self.main.set_focus(None)
+        if self.main.is_mounted:
+            self.main.draw()
 
     def action_help(self) -> None:
         """Open the help, unless an alarm is to be read; close it where it is open."""
@@ -475,7 +447,7 @@ class SkinlabApp(App[None]):
 
         Those of the main screen are in the list below, unless the settings file adds some.
         """
-        if self.screen is self._main and not self._own_keys:
+        if self.screen is self.main and not self._own_keys:
             return []
         here: dict[str, list[str]] = {}
         for active in self.screen.active_bindings.values():
@@ -497,7 +469,7 @@ class SkinlabApp(App[None]):
             return
         self.board.withdraw()
         below = self.screen
-        here = {} if below is self._main else self._commands_here()
+        here = {} if below is self.main else self._commands_here()
 
         async def chosen(action: str | None) -> None:
             if action is None or self.screen is not below:
@@ -505,9 +477,9 @@ class SkinlabApp(App[None]):
             if action in here:
                 done = await self.run_action(here[action].action, below)
             else:
-                while self.screen is not self._main:
+                while self.screen is not self.main:
                     self.pop_screen()
-                done = await self.run_action(action, self._main)
+                done = await self.run_action(action, self.main)
             if not done:
                 self.board.answer(Level.INFO, "that means nothing at this moment")
 
@@ -535,14 +507,14 @@ class SkinlabApp(App[None]):
     def action_ports(self) -> None:
         """Choose a port."""
         self.board.withdraw()
-        self.push_screen(PortsScreen(self.board), self._port_chosen)
+        self.push_screen(PortsScreen(self.board), self.starting.port_chosen)
 
     def action_theme(self) -> None:
         """Change the colours: dark, light, high contrast, colour-blind safe."""
         self.theme = next_theme(self.theme)
         remember_choice(self._settings, "theme", self.theme)
         self.board.answer(Level.INFO, f"colours: {WORDS[self.theme]}")
-        self._main.redraw()
+        self.main.redraw()
 
     def action_leave(self) -> None:
         """Ask whether to vent, finish the session and quit; where that was asked, press F9."""
@@ -567,7 +539,7 @@ class SkinlabApp(App[None]):
         self.bench.vent("quit")
         self._leaving = True
         self.board.begin("closing", "venting, saving the session …")
-        self._perform("closing", self.bench.close)
+        self.perform("closing", self.bench.close)
 
     def _leave(self) -> None:
         if self.board.alarm is None:  # else once it is acknowledged
@@ -577,45 +549,43 @@ class SkinlabApp(App[None]):
     def _wanted(self, message: MainScreen.Wanted) -> None:
         match message.what:
             case "check" if self.board.can_arm:
-                self._check()
+                self.starting.check()
             case "start" | "early" if self.board.can_arm:
-                self._confirm()
+                self.starting.confirm()
             case "play" | "step" | "faster" | "slower" | "event":
-                self._replaying.press(message.what)
+                self._replay_keys.press(message.what)
             case "time":
-                self._replaying.ask_time()
+                self._replay_keys.ask_time()
             case what if what.startswith("to "):
-                self._replaying.point(int(what.removeprefix("to ")) / 10)
+                self._replay_keys.point(int(what.removeprefix("to ")) / 10)
             case "pick" if self.board.can_arm:
                 self._pick()
             case "visits":
                 analysis = self.bench.analysis
-                self.push_screen(
-                    VisitsScreen(self.board, self._folder, lambda: analysis.identifier)
-                )
+                self.push_screen(VisitsScreen(self.board, self.folder, lambda: analysis.identifier))
             case "protocol":
                 self.push_screen(ProtocolScreen(self.board))
             case "goal":
-                self._choose_goal()
+                self._session_keys.choose_goal()
             case "next" if self.board.can_arm:
-                if not self._load_step():
-                    self._load_advice()
+                if not self.protocol_steps.load_step():
+                    self._session_keys.load_advice()
             case "rested" if self.board.can_arm:
-                self._count_anew()
+                self.starting.count_anew()
             case "card":
                 self.board.second_card = not self.board.second_card
                 self.board.touch()
             case "session":
                 self.push_screen(SessionScreen(self.board))
             case "missing":
-                self._show_missing()
+                self._missing_keys.show()
             case _:
                 pass
 
     def _pick(self) -> None:
         """Offer a list for the field that is typed in; without one, that of programs."""
         self.board.withdraw()
-        focused = self._main.focused
+        focused = self.main.focused
         field = str(focused.id) if isinstance(focused, Input) else "program"
         choices = choices_for(field)
         if not choices:
@@ -624,397 +594,48 @@ class SkinlabApp(App[None]):
 
         def chosen(text: str | None) -> None:
             if text is not None:
-                self._fields.put(field, text)
-                self._fields.follow()
+                self.fields.put(field, text)
+                self.fields.follow()
 
         title = {"aperture_mm": "Opening", "site": "Site"}.get(field, "Program")
         screen = PickScreen(self.board, title, choices, body=field == "site")
         self.push_screen(screen, chosen)
 
-    def _choose_goal(self) -> None:
-        """Offer what a visit can aim at."""
-        law = self.bench.analysis.law
-        if law is None:
-            self.board.answer(Level.INFO, "still preparing: g again in a moment")
-            return
-        offered = {goal.words: goal for goal in choices(get_law(law))}
-
-        def chosen(text: str | None) -> None:
-            if text is None:
-                return
-            self.board.goal = offered.get(text)
-            self.board.goal_is = None
-            self.board.touch()
-            self._aim()
-
-        lines = [(words, words) for words in ("no goal", *offered)]
-        self.push_screen(PickScreen(self.board, "Goal of this visit", lines), chosen)
-
-    def _aim(self) -> None:
-        """Find out beside how far the visit is from its goal."""
-        board, goal = self.board, self.board.goal
-        curves = comparable(board.used)
-        if goal is None or not curves or board.playing is not None:
-            return
-        identifier = self.bench.analysis.identifier
-        by_name = {e.curve.name: e.result for e in board.entries.values() if e.result is not None}
-        known = [curve for curve in curves if curve.name in by_name]
-        results = [by_name[curve.name] for curve in known]
-        serial = "" if board.hello is None else board.hello.serial_number
-
-        def work() -> None:
-            if not isinstance(goal, ChangeGoal):
-                self._post(Aimed(distance(goal, curves, identifier)))
-                return
-            found = change_distance(goal, self._before(), known, results, identifier, serial)
-            self._post(Aimed(found))
-
-        self._perform("aiming", work)
-
-    def _before(self) -> Path | None:
-        """Return the last visit of the same subject and site before the open one."""
-        board = self.board
-        return visit_before(self._folder, board.visit, board.path, simulated=board.simulated)
-
-    def _load_advice(self) -> None:
-        """Put into the fields what would narrow the goal's interval most."""
-        found = self.board.goal_is
-        if found is None or found.following is None:
-            self.board.answer(Level.INFO, "no measurement is suggested (g sets a goal)")
-            return
-        following = found.following
-        self._fields.put("aperture_mm", f"{following.aperture_mm:g}")
-        self._fields.put("program", following.program)
-        what = f"{following.program}, {following.aperture_mm:g} mm opening"
-        self.board.answer(Level.INFO, f"loaded: {what}; F8 goes on")
-
-    # ---- a protocol ---------------------------------------------------------------------------
-
-    @on(ProtocolScreen.Wanted)
-    def _step_wanted(self) -> None:
-        while self.screen is not self._main:
-            self.pop_screen()
-        if not self._load_step():
-            self.board.answer(Level.INFO, "all steps of the protocol are done")
-
-    @on(ProtocolScreen.Stated)
-    def _conditions_stated(self) -> None:
-        board = self.board
-        if board.path is not None and board.visit == board.who:
-            self._audit("conditions", **board.stated)
-
-    def _load_step(self) -> bool:
-        """Put the next step of the protocol into the fields; False: there is none."""
-        board = self.board
-        named, walk = board.protocol, board.walk
-        if named is None or walk is None:
-            return False
-        sites = named.protocol.study.sites
-        state = walk.next
-        site = board.who[1]
-        if sites and (state is None or site not in sites):
-            left = [s for s in sites if not board.site_done(s) and s != site]
-            if left:  # another visit begins there, with the first step
-                self._fields.put("site", left[0])
-                self._fields.follow()
-                board.name(self._fields.who)
-                walk = board.walk
-                state = None if walk is None else walk.next
-        if state is None:
-            return False
-        step = state.step
-        self._fields.put("aperture_mm", f"{step.aperture_mm:g}")
-        self._fields.put("program", step.program)
-        self._fields.put("repeats", str(state.left))
-        self._fields.put("rest_s", f"{step.rest_s:g}")
-        board.answer(Level.INFO, f"loaded: {walk.words if walk else ''}; F8 shows it")
-        return True
-
-    def _record_protocol(self) -> None:
-        """Write what is demanded, and under which conditions it begins, into the new session."""
-        named = self.board.protocol
-        if named is None:
-            return
-        from skinlab.report.protocol import protocol_trail
-
-        for what, detail in protocol_trail(named, self.board.stated):
-            self._audit(what, **detail)
-        self._record_otherwise()
-
-    def _record_otherwise(self) -> None:
-        from skinlab.report.protocol import DEVIATION
-
-        clauses, self._otherwise = self._otherwise, []
-        for clause in clauses:
-            self._audit(DEVIATION, text=clause)
-
-    def _audit(self, what: str, **detail: Any) -> None:
-        try:
-            self.bench.audit(what, **detail)
-        except SkinlabError as error:
-            self.board.refuse(str(error))
-
-    def _count_anew(self) -> None:
-        """Take the next loading for a first one, because the operator says so."""
-        self.board.withdraw()
-        self._fields.put("cycle", "1")
-        counted = self.board.next_cycle
-        seen = f" (by count it would be loading {counted})" if counted > 1 else ""
-        note = f"the next curve is a first loading: fully rested, or another spot{seen}"
-        self.board.answer(Level.INFO, note)
+    # ---- what other screens ask for -----------------------------------------------------------
 
     @on(Fields.Named)
     def _named(self, message: Fields.Named) -> None:
         self.board.name(message.who)
 
+    @on(ProtocolScreen.Wanted)
+    def _step_wanted(self) -> None:
+        self.protocol_steps.go_to_step()
+
+    @on(ProtocolScreen.Stated)
+    def _conditions_stated(self) -> None:
+        self.protocol_steps.state_conditions()
+
     @on(SessionScreen.Decided)
     def _decided(self, message: SessionScreen.Decided) -> None:
-        deed = message.deed
-        what = f"undone: {deed.what}" if message.undone else deed.what
-        # What is undone is put right in the trail as well, whoever reads it
-        if message.undone and deed.curve is not None:
-            back = self.board.ledger.excluded.get(deed.curve)
-            what = "curve included" if back is None else "curve excluded"
-            deed = Deed(what, deed.curve, back or "")
-        try:
-            self.bench.audit(what, curve=deed.curve, text=deed.text)
-        except SkinlabError as error:
-            self.board.refuse(str(error))
-        else:
-            # More than a note: not to be covered by "saved"
-            level = Level.WARNING if message.undone else Level.INFO
-            undone = f"undone: {undone_words(message.deed)}"
-            self.board.answer(level, undone if message.undone else f"recorded: {what}")
+        self._session_keys.decide(message)
 
     @on(SessionScreen.Wanted)
     def _session_wanted(self, message: SessionScreen.Wanted) -> None:
-        board = self.board
         if message.what == "missing":
-            self._show_missing()
-            return
-        curves = comparable(board.used)
-        if not curves:
-            board.refuse("no whole curve is there to be fitted")
-        elif message.what == "joint":
-            self._perform("fitting", lambda: self.bench.analysis.fit_together(curves))
+            self._missing_keys.show()
         else:
-            typed = message.path
-            self._perform("comparing", lambda: self._compare(typed, curves))
-
-    def _compare(self, typed: str, curves: Sequence[Curve]) -> None:
-        """Post whether the skin changed since another session, or the visit before; slow."""
-        from skinlab.tui.comparing import compare_with
-
-        board = self.board
-        path = self._folder / Path(typed).expanduser() if typed else self._before()
-        if path is None:
-            raise InputError("there is no earlier visit of this subject and site here")
-        found = {e.curve.name: e.result for e in board.entries.values() if e.result is not None}
-        curves = [curve for curve in curves if curve.name in found]
-        results = [found[curve.name] for curve in curves]
-        serial = "" if board.hello is None else board.hello.serial_number
-        identifier = self.bench.analysis.identifier
-        self._post(compare_with(path, curves, results, identifier, serial))
-
-    # ---- the missing effect -------------------------------------------------------------------
-
-    def _show_missing(self) -> None:
-        self.push_screen(MissingScreen(self.board))
-        if self.board.missing is None:
-            self._look_for_it()
-
-    def _look_for_it(self) -> None:
-        board = self.board
-        curves = [curve for curve in board.used if not curve.partial]
-        if not curves:
-            board.refuse("no whole curve is there to be looked at")
-            return
-        board.missing = Missing(tuple(curve.name for curve in curves))
-        board.touch()
-        self._perform(EXPLAINING, lambda: self.bench.analysis.explain(curves))
+            self._session_keys.do(message)
 
     @on(MissingScreen.Wanted)
     def _missing_wanted(self, message: MissingScreen.Wanted) -> None:
-        missing = self.board.missing
-        outcome = None if missing is None else missing.outcome
-        match message.what:
-            case "begin":
-                self._look_again()
-            case "cancel":
-                self.bench.analysis.stop_explaining()
-            case "adopt" if outcome is not None:
-                self._ask_to_adopt(outcome)
-            case "undo":
-                self._perform("undoing", self.bench.analysis.undo_adoption)
-            case "load" if outcome is not None and outcome.next_measurement is not None:
-                self._load_next(outcome.next_measurement)
-            case _:
-                pass
+        self._missing_keys.do(message)
 
-    def _look_again(self) -> None:
-        """Look anew, unless the same curves would give the same answer."""
-        missing = self.board.missing
-        curves = tuple(curve.name for curve in self.board.used if not curve.partial)
-        if missing is not None and missing.outcome is not None and missing.curves == curves:
-            self.board.say(Level.INFO, "these curves have been looked at: measure another one")
-        else:
-            self._look_for_it()
-
-    def _ask_to_adopt(self, outcome: Outcome) -> None:
-        session = Path(self.board.port) if self.board.playing else self.board.saved
-
-        def answered(yes: bool | None) -> None:
-            if yes:
-                self._perform("adopting", lambda: self.bench.analysis.adopt(outcome, session))
-
-        lines = adoption_lines(outcome, "model" if session is None else session.stem)
-        title = "Identify with this model from now on?"
-        question = ConfirmScreen(self.board, self.guard, title, "\n".join(lines))
-        self.push_screen(question, answered)
-
-    def _load_next(self, following: NextMeasurement) -> None:
-        """Put the measurement that would tell most into the fields; F8 shows it."""
-        aperture = f"{following.aperture_mm:g}"
-        self._fields.put("aperture_mm", aperture)
-        self._fields.put("program", following.program)
-        self._fields.put("repeats", "1")
-        while self.screen is not self._main:
-            self.pop_screen()
-        self.board.say(
-            Level.INFO, f"loaded: {following.program}, {aperture} mm opening; F8 goes on"
-        )
-
-    def _check(self) -> None:
-        """Show what will happen; connect first where that must be. Nothing moves yet."""
-        self.board.withdraw()
-        if self.board.instrument is InstrumentState.FAULT:
-            self.board.begin("resetting", "the fault is acknowledged")
-            self._perform("resetting", self.bench.reset)
-            return
-        self._fields.follow()  # what was typed last may not have come through
-        self.board.name(self._fields.who)
-        self._fields.count(self.board.next_cycle)
+    def audit(self, what: str, **detail: Any) -> None:
+        """Record in the session what the operator did; say so where that cannot be."""
         try:
-            texts = self._fields.texts()
-            order = read_order(texts)
-            if self.board.hello is not None and order.port == self.board.port:
-                assert order.setup.program is not None
-                check_limits(order.setup.program, self.board.hello)
-        except InputError as error:
+            self.bench.audit(what, **detail)
+        except SkinlabError as error:
             self.board.refuse(str(error))
-            wrong = self._fields.first_wrong()
-            if wrong is not None:
-                self._main.set_focus(wrong)
-            return
-        if self._must_be_named(order):
-            return
-        remember(self._settings, texts)
-        board = self.board
-        board.name(order.visit)
-        if board.visit is not None and board.visit != order.visit:
-            self._anew = True  # another person or site: another session
-        if board.hello is None or order.port != board.port:
-            self._reconnect(order.port, order)
-        elif board.hello.aperture_mm not in {None, order.setup.aperture_mm}:
-            # Another head was put on, so the instrument must be asked again
-            port = with_opening(order.port, order.setup.aperture_mm)
-            self._fields.put("port", port)
-            self._reconnect(port, replace(order, port=port))
-        elif self._anew and board.visit is not None:
-            self._reconnect(order.port, order)
-        else:
-            self._show(order)
-
-    def _must_be_named(self, order: Order) -> bool:
-        """Ask for a subject where there is none, once a visit."""
-        if order.subject or order.visit in {self.board.visit, self._unnamed}:
-            return False
-        self._unnamed = order.visit
-        self._main.set_focus(self._fields.query_one("#subject", Input))
-        self.board.answer(
-            Level.WARNING, "whose skin is it? Type a pseudonym, or F8 goes on without one"
-        )
-        return True
-
-    def _show(self, order: Order) -> None:
-        """Show what will happen; `_confirm` does it."""
-        fields, board = self._fields, self.board
-        # The same once more after a lost link is what was left, not all from the beginning
-        goes_on = board.left is not None and order == board.asked
-        if goes_on and board.left is not None:
-            order = order.with_left(board.left)
-        counted = None if goes_on else board.next_cycle
-        protocol: tuple[str, ...] = ()
-        otherwise: tuple[str, ...] = ()
-        if not goes_on:
-            assumed = fields.assumed_thickness
-            protocol, otherwise = against_protocol(board, order, assumed_thickness=assumed)
-        review = Review(
-            order,
-            fields.texts(),
-            goes_on,
-            fields.assumed_thickness,
-            counted,
-            protocol,
-            otherwise,
-        )
-        self._main.set_focus(None)
-        self.guard.hidden()
-        self.board.propose(review)
-        self._main.draw()
-
-    def _confirm(self) -> None:
-        """Arm and start what was shown, if it was read and nobody types."""
-        board, review = self.board, self.board.review
-        if review is None:
-            board.answer(Level.WARNING, "F8 first: it shows what F9 would start")
-            return
-        why = self.guard.refusal()
-        if not self._main.summary_in_view:
-            why = "the window does not show all that will happen: make it larger"
-        elif review.texts != self._fields.texts():
-            why = "the settings have changed: F8 shows them"
-        if why is not None:
-            board.answer(Level.WARNING, f"not started: {why}")
-            return
-        board.review = None
-        self._fields.accept()
-        self._otherwise = list(review.otherwise)
-        if board.path is not None and not self._anew:
-            self._record_otherwise()  # else once there is a session
-        self._run(review)
-
-    def _run(self, review: Review) -> None:
-        """Measure; repeats follow by themselves. A vent that is ordered later ends it."""
-        board, order, vents = self.board, review.order, self.bench.vents
-        board.series, board.order, board.visit = order, order, order.visit
-        board.begin("arming", "")
-        self._main.close_fields(closed=True)
-        if review.goes_on:  # `asked` stays
-            self._perform(MEASURING, lambda: self.bench.go_on(vents))
-        else:
-            board.asked = order
-            self._perform(MEASURING, lambda: self.bench.measure(order, vents))
-
-    def _port_chosen(self, port: str | None) -> None:
-        if port is not None:
-            self._fields.put("port", port)
-            self._reconnect(port, None)
-
-    def _reconnect(self, port: str, order: Order | None) -> None:
-        self._queued = order
-        if self.board.hello is None:
-            self._connect(port)
-        else:
-            self._next_port = port
-            self.board.begin("connecting", f"leaving {self.board.port} …")
-            self._perform("leaving", self.bench.leave)
-
-    def _connect(self, port: str) -> None:
-        self.board.port = port
-        self.board.begin("connecting", f"connecting to {port} …")
-        anew, self._anew = self._anew, False
-        self._perform("connecting", lambda: self.bench.serve(port, anew=anew))
 
 
 def _shown(key: str) -> str:

@@ -2,40 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from skinlab.acquisition.replayer import Replayer, next_speed
-from skinlab.tui.screens.line import seconds
-from skinlab.tui.ui_state import Board, Level, Playing
+from skinlab.tui.part import Part
+from skinlab.tui.screens.line import LineScreen, seconds
+from skinlab.tui.ui_state import Level, Playing
 
 if TYPE_CHECKING:
-    from skinlab.acquisition.probe_session import ProbeSession
+    from skinlab.tui.app import SkinlabApp
 
 
-class ReplayKeys:
-    """Pace, pause, and jumps in both directions.
+class ReplayKeys(Part):
+    """Pace, pause, and jumps in both directions; with a probe nothing here means anything."""
 
-    `bench` returns what plays, or a probe, with which nothing here means anything; `play` begins
-    anew; `ask` asks for a line.
-    """
-
-    def __init__(
-        self,
-        board: Board,
-        bench: Callable[[], ProbeSession | Replayer],
-        play: Callable[[], None],
-        ask: Callable[[str, Callable[[str | None], None]], None],
-    ) -> None:
-        self._board = board
-        self._bench = bench
-        self._play = play
-        self._ask = ask
+    def __init__(self, app: SkinlabApp) -> None:
+        super().__init__(app)
         self._back_to_s: float | None = None  # from the beginning, once the present replay is over
 
     @property
     def _parts(self) -> tuple[Replayer, Playing] | None:
-        replayer, playing = self._bench(), self._board.playing
+        replayer, playing = self.bench, self.board.playing
         return (replayer, playing) if isinstance(replayer, Replayer) and playing else None
 
     def press(self, what: str) -> None:
@@ -45,7 +32,7 @@ class ReplayKeys:
         replayer, playing = self._parts
         control = replayer.control
         if playing.ended:
-            if what == "play" and self._board.doing is None:
+            if what == "play" and self.board.doing is None:
                 self._again(replayer)
             return
         match what:
@@ -58,7 +45,7 @@ class ReplayKeys:
             case _:
                 control.set_speed(next_speed(control.speed, faster=what == "faster"))
         playing.paused, playing.speed = control.paused, control.speed
-        self._board.touch()
+        self.board.touch()
 
     def ask_time(self) -> None:
         """Ask to which time of the record to go."""
@@ -72,12 +59,13 @@ class ReplayKeys:
             at_s = seconds(text)
             if at_s is None or not at_s <= playing.length_s:
                 ends = f"0 to {playing.length_s:.1f} s, or minutes as 1:30"
-                self._board.answer(Level.ERROR, f"time {text!r}: expected {ends}")
+                self.board.answer(Level.ERROR, f"time {text!r}: expected {ends}")
                 return
             self.jump(at_s)
 
         now = f"now {playing.at_s:.1f} of {playing.length_s:.1f} s"
-        self._ask(f"Go to which time? ({now})", answered)
+        question = f"Go to which time? ({now})"
+        self.app.push_screen(LineScreen(self.board, question), answered)
 
     def point(self, share: float) -> None:
         """Go to a share of the record."""
@@ -86,7 +74,7 @@ class ReplayKeys:
 
     def jump(self, at_s: float) -> None:
         """Go to a time of the record without waiting; back means from the beginning to there."""
-        if self._parts is None or self._board.doing is not None:
+        if self._parts is None or self.board.doing is not None:
             return
         replayer, playing = self._parts
         if playing.ended:
@@ -96,7 +84,7 @@ class ReplayKeys:
         else:
             self._back_to_s = at_s
             replayer.control.stop()
-        self._board.answer(Level.INFO, f"to {at_s:.1f} s")
+        self.board.answer(Level.INFO, f"to {at_s:.1f} s")
 
     def over(self) -> None:
         """Take in that what was played is over: it may have been stopped to go back."""
@@ -107,5 +95,5 @@ class ReplayKeys:
     def _again(self, replayer: Replayer, ahead_s: float | None = None) -> None:
         replayer.again(ahead_s)
         control = replayer.control
-        self._board.playing = Playing(speed=control.speed, paused=control.paused)
-        self._play()
+        self.board.playing = Playing(speed=control.speed, paused=control.paused)
+        self.app.starting.connect(self.board.port)

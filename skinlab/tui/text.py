@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 _LEAST_BAR = 8  # cells; a shorter one shows nothing
 _BAR = 12  # cells of the progress bar
 _PROGRAM = 24  # cells of a program in the list
-_WHOSE = 14  # cells of subject and site in the list
+_WHOSE = 20  # cells of subject and site in the list
 
 
 def name_of(parameter: str) -> str:
@@ -77,7 +77,8 @@ def where_text(board: Board, columns: int = 200) -> str:
         opening = "" if hello.aperture_mm is None else f"{hello.aperture_mm:g} mm"
         probe = hello.model
     dose = "" if board.elsewhere else dose_text(board.dose)
-    return _fitting([busy, who_text(who), dose, opening, since, probe], columns, keep=2)
+    parts = [busy, who_text(who), dose, opening, since, probe]
+    return _fitting(parts, columns, keep=2 if busy else 1)
 
 
 def _fitting(parts: Sequence[str], columns: int, *, keep: int) -> str:
@@ -473,7 +474,7 @@ def result_lines(
     lines = []
     for name, value in (result.parameters or {}).items():
         loose = f"not_identifiable:{name}" in result.flags
-        lines.append(shortened(f"{name_of(name)} {meaning(name)}", columns))
+        lines.append(f"{name_of(name)} {meaning(name)}")
         lines.append(f" {value_words(name, value, loose=loose, columns=columns - 1)}")
         bar = value_bar(name, value, columns - 1, (ranges or {}).get(name))
         if bar:

@@ -10,10 +10,10 @@ from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.screen import Screen
 from textual.widget import Widget
-from textual.widgets import Footer
 
 from skinlab.tui.ui_state import Board
 from skinlab.tui.widgets.header import Top
+from skinlab.tui.widgets.keys import Keys
 from skinlab.tui.widgets.note import Note
 
 _FRAMES_PER_S = 8
@@ -43,7 +43,7 @@ class BoardScreen(Screen[None]):
         yield Top(self._board)
         yield from self.parts()
         yield Note(self._board)
-        yield Footer(show_command_palette=False, compact=True)
+        yield Keys()
 
     @abstractmethod
     def parts(self) -> Iterable[Widget]:

@@ -13,7 +13,7 @@ from textual.containers import Horizontal, Vertical
 from textual.events import DescendantBlur, DescendantFocus
 from textual.message import Message
 from textual.screen import Screen
-from textual.widgets import DataTable, Footer, Input, Static
+from textual.widgets import DataTable, Input, Static
 
 from skinlab.tui.text import settings_line
 from skinlab.tui.typing_guard import CHECK_KEY, CONFIRM_KEY, TypingGuard
@@ -24,14 +24,15 @@ from skinlab.tui.widgets.curves import Curves
 from skinlab.tui.widgets.fields import Fields
 from skinlab.tui.widgets.header import Top
 from skinlab.tui.widgets.intervals import Intervals
+from skinlab.tui.widgets.keys import Keys
 from skinlab.tui.widgets.note import Note
 from skinlab.tui.widgets.reading import Reading
 from skinlab.tui.widgets.strip import Strip
 from skinlab.tui.widgets.verdict import VerdictLine
 
-_FRAMES_PER_S = 16
+_FRAMES_PER_S = 24
 _REPLAYS = frozenset({"play", "step", "faster", "slower", "event", "time"})
-_ANSWER_S = 0.15
+_ANSWER_S = 0.3  # longer than an identification takes
 
 
 class MainScreen(Screen[None]):
@@ -128,7 +129,7 @@ class MainScreen(Screen[None]):
         yield Reading(id="reading")
         yield Curves()
         yield Note(self._board)
-        yield Footer(show_command_palette=False, compact=True)
+        yield Keys()
 
     def begin(self) -> None:
         """Begin to draw, once all parts are there."""
@@ -140,25 +141,39 @@ class MainScreen(Screen[None]):
         if not self.display or board.version == self._drawn or self._answer_is_near():
             return
         self._drawn = board.version
-        self.close_fields(closed=board.moving or board.review is not None)
+        if self._fields_closed:
+            self.close_fields(closed=True)
         self.set_class(board.review is not None, "-review")
         self.query_one(Top).draw()
         self.query_one(VerdictLine).show(board)
-        self.query_one(Fields).count(board.next_cycle)
         self.query_one(Card).show(board)
         self.fold()
         self._ask()
-        self.query_one(Fields).know(board.hello)
         self.query_one(CurvePlot).show(board)
         self.query_one(Strip).show(board)
-        self.query_one(Intervals).show(board)
         self.query_one(Reading).show(board)
-        self.query_one(Curves).show(board)
         self.query_one(Note).draw()
+        self.call_after_refresh(self._draw_rest)
+
+    def _draw_rest(self) -> None:
+        """Draw what nobody waits for: it takes as long as the answer above, which comes first."""
+        board = self._board
+        if not self.display or not self.is_mounted:
+            return
+        self.close_fields(closed=self._fields_closed)
+        self.query_one(Fields).count(board.next_cycle)
+        self.query_one(Fields).know(board.hello)
+        self.query_one(Intervals).show(board)
+        self.query_one(Curves).show(board)
         keys = (board.can_arm, board.review is None, board.playing is not None, bool(board.entries))
         if keys != self._keys:
             self._keys = keys
             self.refresh_bindings()
+
+    @property
+    def _fields_closed(self) -> bool:
+        """Whether the fields take no text now."""
+        return self._board.moving or self._board.review is not None
 
     def _ask(self) -> None:
         """Tell the guard once what will happen is in view, to the last line."""

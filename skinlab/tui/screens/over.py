@@ -15,6 +15,7 @@ from skinlab.tui.typing_guard import CHECK_KEY, CONFIRM_KEY, TypingGuard
 from skinlab.tui.ui_state import Board
 from skinlab.tui.widgets.header import Top
 from skinlab.tui.widgets.hints import Hints
+from skinlab.tui.widgets.keys import Keys
 from skinlab.tui.widgets.note import Note
 
 Answer = TypeVar("Answer")
@@ -31,7 +32,9 @@ class OverScreen(ModalScreen[Answer]):
         """Yield the top, and the box."""
         yield Top(self._board)
         yield from self.compose_box()
-        yield Note(self._board, later=True)
+        with Vertical(classes="bottom"):  # over the keys of the screen below: not theirs now
+            yield Note(self._board, later=True)
+            yield Keys()
 
     @abstractmethod
     def compose_box(self) -> ComposeResult:

@@ -8,7 +8,7 @@ from skinlab.tui.text import ROW_AFTER, ROW_BEFORE, column_title, row_texts, val
 from skinlab.tui.ui_state import Board
 
 # Widths of columns whose cells are filled later: a table does not always make room.
-_WIDTHS = {"whose": 14, "time": 5, "use": 6, "rms µm": 7, "remarks": 60}
+_WIDTHS = {"whose": 20, "time": 5, "use": 6, "rms µm": 7, "remarks": 60}
 _VALUE = 14
 
 

@@ -18,7 +18,7 @@ _ROWS: tuple[tuple[tuple[str, str, int], ...], ...] = (
     (("port", "Port", 200),),
     (("subject", "Subject", 60),),
     (("site", "Site", 60),),
-    (("aperture_mm", "Opening", 1), ("thickness_mm", "Skin", 5), ("thickness_sd_mm", "±", 5)),
+    (("aperture_mm", "Opening", 1), ("thickness_mm", "mm skin", 5), ("thickness_sd_mm", "±", 5)),
     (("cycle", "Cycle", 3), ("repeats", "Times", 2), ("rest_s", "Rest s", 4)),
     (("program", "Program", 200),),
 )
@@ -68,6 +68,8 @@ class Fields(Vertical):
                         max_length=most,
                         placeholder=_HINTS.get(name, ""),
                     )
+                if row[-1][0] == "thickness_sd_mm":
+                    yield Label("mm", classes="label -unit")
             yield Static("", id=f"wrong-{row[0][0]}", classes="wrong", markup=False)
 
     def texts(self) -> dict[str, str]:

@@ -37,7 +37,8 @@ class Rows(Widget):
 
     def render_line(self, y: int) -> Strip:
         """Return one row."""
+        columns, base = self.size.width, self.rich_style  # slow to find: once a line
         if y >= len(self._rows):
-            return Strip.blank(self.size.width, self.rich_style)
-        segments = [Segment(cells, self.rich_style + style) for cells, style in self._rows[y]]
-        return Strip(segments).adjust_cell_length(self.size.width, self.rich_style)
+            return Strip.blank(columns, base)
+        segments = [Segment(cells, base + style) for cells, style in self._rows[y]]
+        return Strip(segments).adjust_cell_length(columns, base)

@@ -44,7 +44,8 @@ class VerdictLine(Vertical):
         if text == self._drawn:
             return
         self._drawn = text
+        wraps = self.screen.has_class("-narrow")  # there a reason may need two lines
         sign = "" if text.use is None else _SIGN[text.use]
-        self.query_one("#verdict-words", Static).update(sign + text.words, layout=False)
-        self.query_one("#verdict-next", Static).update(f"Next: {text.following}", layout=False)
+        self.query_one("#verdict-words", Static).update(sign + text.words, layout=wraps)
+        self.query_one("#verdict-next", Static).update(f"Next: {text.following}", layout=wraps)
         self.set_classes("" if text.use is None else f"-{text.use}")

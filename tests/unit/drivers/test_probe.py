@@ -152,6 +152,25 @@ def test_operator_vents_and_the_pressure_is_seen_to_fall(make_bench):
     bench.probe.arm()  # and it can be repeated
 
 
+def test_a_machine_that_stops_the_thread_behind_a_read_raises_no_alarm(make_bench):
+    stood = []
+
+    def stand_still(direction, host_time_s, data):
+        if direction == "rx" and bench.device.state is InstrumentState.VENTING and not stood:
+            stood.append(bench.device.pressure_mbar)
+            bench.link.now += 1.5  # the instrument goes on, and what it says waits to be read
+            bench.device.process(1.5)
+
+    bench = make_bench(on_bytes=stand_still)
+    run(bench, HOLD)
+    bench.link.hook = once_pulling(bench.probe.vent)
+    bench.until(is_a(VentConfirmed))
+    bench.probe.close()
+    bench.rest()
+    assert stood[0] > 5.0  # it was still to fall
+    assert not bench.of(Alarm)
+
+
 def test_leaving_the_block_in_a_run_vents_the_instrument(make_bench):
     bench = make_bench()
     leaving = threading.Event()

@@ -1,0 +1,55 @@
+"""What the parts of the app have in common."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from skinlab.tui.ui_state import Level
+
+if TYPE_CHECKING:
+    from skinlab.acquisition.probe_session import ProbeSession
+    from skinlab.acquisition.replayer import Replayer
+    from skinlab.tui.app import SkinlabApp
+    from skinlab.tui.screens.main import MainScreen
+    from skinlab.tui.ui_state import Board
+    from skinlab.tui.widgets.fields import Fields
+
+
+class Part:
+    """One thing that the app does, with the board, the probe and the screens of that app."""
+
+    def __init__(self, app: SkinlabApp) -> None:
+        self.app = app
+
+    @property
+    def board(self) -> Board:
+        """What is known."""
+        return self.app.board
+
+    @property
+    def bench(self) -> ProbeSession | Replayer:
+        """The probe, or a replay in its place."""
+        return self.app.bench
+
+    @property
+    def main(self) -> MainScreen:
+        """The main screen, whatever lies over it."""
+        return self.app.main
+
+    @property
+    def fields(self) -> Fields:
+        """The settings on it."""
+        return self.app.fields
+
+    def load(self, aperture_mm: float, program: str) -> None:
+        """Put a measurement into the settings; F8 shows it."""
+        self.fields.put("aperture_mm", f"{aperture_mm:g}")
+        self.fields.put("program", program)
+        self.to_main()
+        what = f"{program}, {aperture_mm:g} mm opening"
+        self.board.answer(Level.INFO, f"loaded: {what}; F8 goes on")
+
+    def to_main(self) -> None:
+        """Close what is open over the main screen."""
+        while self.app.screen is not self.main:
+            self.app.pop_screen()
