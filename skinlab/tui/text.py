@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from textwrap import wrap
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -481,7 +482,7 @@ def result_lines(
     lines = []
     for name, value in (result.parameters or {}).items():
         loose = f"not_identifiable:{name}" in result.flags
-        lines.append(f"{name_of(name)} {meaning(name)}")
+        lines += wrap(f"{name_of(name)} {meaning(name)}", columns)
         lines.append(f" {value_words(name, value, loose=loose, columns=columns - 1)}")
         bar = value_bar(name, value, columns - 1, (ranges or {}).get(name))
         if bar:
