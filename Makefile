@@ -22,6 +22,7 @@ setup: .venv/.installed
 	else \
 	  $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[dev]"; \
 	fi
+	@$(BIN)/python -m compileall -q skinlab drivers sim_device # also where PYTHONDONTWRITEBYTECODE is set
 	@touch $@
 
 test: check unit

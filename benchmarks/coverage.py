@@ -29,8 +29,9 @@ from skinlab import inference
 from skinlab.curves.curve import Curve
 from skinlab.inference.covariance import Covariance, OnKept, OrnsteinUhlenbeck
 from skinlab.inference.identify import Identifier
+from skinlab.inference.intervals import at_an_end
 from skinlab.inference.intervals import summary as summary_of
-from skinlab.inference.noise import mesh_error_shapes, pressure_error_mm
+from skinlab.inference.noise import locking_shapes, mesh_error_shapes, pressure_error_mm
 from skinlab.inference.posterior import sample
 from skinlab.inference.result import Identification
 from skinlab.inference.uncertainty import Sensor
@@ -44,9 +45,9 @@ LASTS_S, TOP_MBAR = 5.0, 100.0
 PLACED_MBAR = 70.0  # where placements differ: a soft one is as at more
 ZERO_UM = 4.0  # of a placement
 _BESIDE = 0.85  # correlation of neighbouring samples in the rows of the other program's curves
-SEED = 20261125  # of skins and errors; nothing was chosen by looking at these
-ORACLES = 100  # curves of a row, at most: they take as long as the answers
-AT_ONCE = 12  # curves of a row before it is the next one's turn
+SEED = 20270301  # of skins and errors; nothing was chosen by looking at these
+ORACLES = 12  # curves of a row, at most: they take as long as the answers
+AT_ONCE = 8  # curves of a row before it is the next one's turn
 RESULT = Path(__file__).parent / "results" / "identification_coverage.jsonl"
 _OF_THE_SKIN = ("at_bound", "not_identifiable")  # flags that say nothing of the errors
 PICTURE = Path(__file__).parents[1] / "docs" / "pictures" / "ranks.svg"
@@ -272,7 +273,8 @@ def oracle(
 ) -> dict[str, Any]:
     """Return the intervals of who knows the errors' parameters, and which samples were hit.
 
-    Rounding and Student's t by their exact likelihoods; the mesh's errors as the estimate has them.
+    Rounding and Student's t by their exact likelihoods, without the mesh's errors; elsewhere these
+    are as the estimate has them, at the true skin.
     """
     e, curve = row.errors, drawn.curve
     kept, t = ~drawn.off, curve.time_s
@@ -282,7 +284,9 @@ def oracle(
     if e.pressure_mbar:
         sd = np.full(len(t), e.pressure_mbar)
         variance = variance + (1e3 * pressure_error_mm(curve.pressure_mbar, true, sd)) ** 2
-    columns = [1e3 * mesh_error_shapes(curve.pressure_mbar, true)]
+    mesh = mesh_error_shapes(curve.pressure_mbar, true)
+    locking = model.locking(skin.truth[None]) * locking_shapes(curve.pressure_mbar, true)
+    columns = [1e3 * np.hstack([mesh, locking, model.error_shapes_mm(skin.truth)])]
     for size, hz in zip([s for s in (e.breathing, e.pulse) if s], drawn.waves_hz, strict=True):
         angle = 2 * np.pi * hz * t
         columns.append(size / np.sqrt(2.0) * np.column_stack([np.sin(angle), np.cos(angle)]))
@@ -320,6 +324,7 @@ def oracle(
         summary_of(
             draws.parameters[:, i], draws.weight, draws.log_target,
             (float(space.bounds[0][i]), float(space.bounds[1][i])), logarithmic=name != "nu",
+            at_end=at_an_end(draws.unit),
         )
         for i, name in enumerate(NAMES)
     ]  # fmt: skip

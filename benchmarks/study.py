@@ -5,8 +5,8 @@
     OPENBLAS_NUM_THREADS=1 python benchmarks/study.py prior [--cohorts 10] [--people 60] [--seed 1]
     OPENBLAS_NUM_THREADS=1 python benchmarks/study.py speed [--people 625]
 
-Each part prints and saves benchmarks/results/study_PART.json; `simulated` appends each cohort to
-study_simulated.jsonl when it is done, and goes on where it ended.
+Each part prints and saves benchmarks/results/study_PART.json; `simulated` appends each cohort's
+values to study_simulated.jsonl when it is done, and goes on where it ended.
 
 `components`: small cohorts with known components, as the simulator's (people, two sites, two
 visits, operators, probes, placements), whole and with 15 % of their curves lost. How often the 90 %
@@ -139,8 +139,11 @@ SIMULATED = {
 }
 
 
+NAMES = ("subject", "site", "visit", "operator", "probe")
+
+
 def _simulated_cohort(people: int, seed: int) -> dict[str, Any]:
-    """Return the 90 % interval of each component's standard deviation, of log X1."""
+    """Return the log X1 that each curve of a cohort gives, behind its labels (numbers from 0)."""
     spec = CohortFile(
         cohort=Size(people=people),
         subject=Shifts(X1=SIMULATED["subject"], X2=0.25, nu=0.02),
@@ -151,7 +154,8 @@ def _simulated_cohort(people: int, seed: int) -> dict[str, Any]:
         placement=Shifts(stiffness=0.06),
     )
     identifier = Identifier(shipped_table(), method="lm")
-    labels, values = [], []
+    known: dict[str, list[Any]] = {name: [] for name in NAMES}
+    curves = []
     for measured in Cohort(spec, seed).curves():
         setup = Setup(6.0, float(measured.labels["thickness_mm"]), parse_program("ramp:100@20"))
         result = identifier(
@@ -163,28 +167,34 @@ def _simulated_cohort(people: int, seed: int) -> dict[str, Any]:
                 measured.deflection_mm,
             )
         )
-        if result.parameters:
-            labels.append(measured.labels)
-            values.append(np.log(result.parameters["X1_MPa"].value))
+        if not result.parameters:
+            continue
+        row: list[float] = []
+        for name, levels in known.items():
+            if measured.labels[name] not in levels:
+                levels.append(measured.labels[name])
+            row.append(levels.index(measured.labels[name]))
+        curves.append([*row, round(float(np.log(result.parameters["X1_MPa"].value)), 6)])
+    return {"people": people, "seed": seed, "curves": curves}
 
-    def codes(name: str) -> Any:
-        return np.unique([str(label[name]) for label in labels], return_inverse=True)[1]
 
-    subject, site, visit = codes("subject"), codes("site"), codes("visit")
+def _intervals(cohort: dict[str, Any]) -> dict[str, tuple[float, float]]:
+    """Return the 90 % interval of each component's standard deviation, of log X1."""
+    *labels, values = np.array(cohort["curves"]).T
+    subject, site, visit, operator, probe = labels
     effects = [
         effect("subject", subject),
         effect("subject:site", subject, site),
         effect("visit", subject, visit),
-        effect("operator", codes("operator")),
-        effect("probe", codes("probe")),
+        effect("operator", operator),
+        effect("probe", probe),
     ]
-    found = components(np.array(values), effects, seed=seed)
-    intervals = {
-        part.name: [math.sqrt(part.low), math.sqrt(part.high)]
+    found = components(values, effects, seed=cohort["seed"])
+    return {
+        part.name: (math.sqrt(part.low), math.sqrt(part.high))
         for part in found.parts
         if part.name in SIMULATED
     }
-    return {"people": people, "seed": seed, "curves": len(values), "sd": intervals}
 
 
 def measure_simulated(arguments: argparse.Namespace) -> dict[str, Any]:
@@ -200,16 +210,16 @@ def measure_simulated(arguments: argparse.Namespace) -> dict[str, Any]:
     with ProcessPoolExecutor(arguments.workers) as pool, LINES.open("a", encoding="utf-8") as out:
         for row in pool.map(partial(_simulated_cohort, arguments.people), missing):
             done[row["seed"]] = row
-            print(json.dumps(row), file=out, flush=True)
+            print(json.dumps(row, separators=(",", ":")), file=out, flush=True)
             print(f"{len(done)} of {len(seeds)}", file=sys.stderr)
     held: dict[str, list[bool]] = {}
     for seed in seeds:
-        for name, (low, high) in done[seed]["sd"].items():
+        for name, (low, high) in _intervals(done[seed]).items():
             held.setdefault(name, []).append(low <= SIMULATED[name] <= high)
     return {
         "true_sd": SIMULATED,
         "cohorts": len(seeds),
-        "curves": sum(done[seed]["curves"] for seed in seeds),
+        "curves": sum(len(done[seed]["curves"]) for seed in seeds),
         "intervals that hold the truth": {n: float(np.mean(h)) for n, h in held.items()},
         "cohorts that tell the component": {n: len(h) for n, h in held.items()},
         "all of them": float(np.mean([inside for h in held.values() for inside in h])),

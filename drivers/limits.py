@@ -44,6 +44,7 @@ class Limits:
     shortfall_fraction: float = 0.5
     shortfall_s: float = 1.0  # ... for this long: a leak, or no skin under the probe
     inward_mm: float = 0.5  # a deflection below minus this, or above the opening, cannot be
+    inward_mbar: float = 20.0  # nor a pressure below minus this: a wrong sign, or a broken sensor
     # How far a run may be from the program. Time, by the host's clock: what a link may keep back
     # before it is stale, and a clock of the instrument that is this part off
     clock_s: float = 0.3

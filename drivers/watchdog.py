@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from drivers.dose import Dose, DoseMeter, program_dose
-from drivers.envelope import Envelope
+from drivers.envelope import Envelope, targets
 from drivers.events import (
     PROGRAM_DONE,
     PROGRAM_END,
@@ -36,9 +36,6 @@ from drivers.limits import DEFAULT_LIMITS, MIN_PAUSE_S, Limits
 SafetyEvent = HostVented | VentConfirmed | Alarm
 
 _PULLING = frozenset({InstrumentState.ARMED, InstrumentState.RUNNING})
-_AT_REST = frozenset({InstrumentState.IDLE, InstrumentState.LOADED, InstrumentState.ARMED})
-
-
 _RISES = frozenset({SegmentKind.RAMP, SegmentKind.UNTIL})
 _UNSEEN_S = 0.1  # what is shorter is a dip, and what comes between two samples is not seen
 _ASKED_BY: dict[InstrumentState, type[Command]] = {
@@ -62,7 +59,7 @@ class Watchdog:
         self._unseen = False  # the link was lost under suction, and nobody saw it fall since
         self._confirmed: tuple[float, float] | None = None  # last vent: since when, and when seen
         self._back = False  # suction was seen again since then, with no run begun
-        self._aperture_mm: float | None = None
+        self._risen_since: float | None = None  # since when suction is back, more or less
         self._dose = DoseMeter()
         self._forget()
 
@@ -71,7 +68,7 @@ class Watchdog:
         self._state: InstrumentState | None = None
         self._told = False  # the host says what it commands
         self._asked: dict[type[Command], float] = {}  # since when Arm or Start may take effect
-        self._simulated = False
+        self._hello: Hello | None = None
         self._pace = 1.0  # s of the instrument in one of the host; never another if it is real
         self._segments: tuple[Segment, ...] = ()
         self._max_suction_s = self._limits.max_suction_s
@@ -80,12 +77,14 @@ class Watchdog:
 
     def _begin_run(self, now: float) -> None:
         self._envelope = Envelope(self._segments, self._limits)
-        self._confirmed = None
+        if not self._told or Start in self._asked:  # else it is no new beginning
+            self._confirmed = None
         self._begun = self._asked.get(Start, now - self._limits.clock_s)  # not before
         self._last_sample = now
         self._sampled_s = 0.0  # when the last sample was taken, by the instrument's clock
+        self._sequence = -1  # of the last sample
         self._offset_s = now  # least that the host's clock was ahead of it
-        self._step_s = 0.0  # between the last two samples
+        self._step_s = 0.0  # between the last two samples; 0 where some are missing
         self._ended = False  # by itself, as programmed
         self._suction_s = 0.0  # since the last pause
         self._pulls = False  # at the last sample
@@ -151,6 +150,7 @@ class Watchdog:
     def vent_ordered(self, now: float) -> None:
         """Note that the host sent Vent, at host time `now` (s)."""
         self._host_vented = True
+        self._ended = False
         self._asked.clear()
         if self._vent_since is None:
             self._vent_since = self._unbroken_since(now)
@@ -164,6 +164,18 @@ class Watchdog:
             return now
         since, seen = self._confirmed
         return now if now - seen > self._limits.vent_time_s else since
+
+    def _see(self, pressure_mbar: float, now: float) -> None:
+        """Note whether there is suction, and since when, outside a run."""
+        if pressure_mbar < self._limits.vent_pressure_mbar:
+            if pressure_mbar < self._limits.vent_pressure_mbar / 2:  # else it may swing
+                self._risen_since = None
+            return
+        self._back = True
+        if self._risen_since is None:
+            self._risen_since = now
+        if self._vent_since is not None:  # so the vent before it was one in words only
+            self._vent_since = self._unbroken_since(self._vent_since)
 
     def link_lost(self) -> list[SafetyEvent]:
         """Judge the loss of the link: where vacuum may be on, nobody can see it go."""
@@ -185,8 +197,7 @@ class Watchdog:
         """Judge what came at host time `now` (s)."""
         match event:
             case Hello():
-                self._aperture_mm = event.aperture_mm
-                self._simulated, self._pace = event.simulated, 1.0
+                return self._on_hello(event)
             case Pace() if self._simulated and self._state not in _PULLING:
                 self._pace = event.speed
             case Loaded() if not self._told:
@@ -210,9 +221,11 @@ class Watchdog:
                     f"the pressure did not fall below {self._limits.vent_pressure_mbar:g} mbar "
                     f"within {self._limits.vent_time_s:g} s of a vent"
                 )
-            return []
-        if self._state is not InstrumentState.RUNNING:
-            return []
+            if not self._in_final_vent():
+                return []
+        elif self._state is not InstrumentState.RUNNING:
+            endless = self._ended and self._state is InstrumentState.VENTING
+            return self._over(now) if endless else []
         if now - self._last_sample > self._stale_s:
             return self._order(f"stale link: no sample for {1000 * self._stale_s:.0f} ms")
         sampled_s = self._sampled_s / self._pace
@@ -259,14 +272,31 @@ class Watchdog:
         """Confirm the vent where the pressure says so, once the instrument no longer pulls."""
         if self._vent_since is None or self._state in _PULLING:
             return []
-        if pressure_mbar >= self._limits.vent_pressure_mbar:
+        if not -self._limits.inward_mbar <= pressure_mbar < self._limits.vent_pressure_mbar:
             return []
         self._confirmed, self._back = (self._vent_since, now), False
+        self._risen_since = None
         self._vent_since = None
         self._host_vented = self._unseen = False
         return [VentConfirmed(pressure_mbar)]
 
+    def _in_final_vent(self) -> bool:
+        """Whether the program's own vent is going on: samples come, as the program allows them."""
+        return self._ended and self._vent_since is not None and not self._host_vented
+
     # ---- events ------------------------------------------------------------
+
+    @property
+    def _simulated(self) -> bool:
+        return self._hello is not None and self._hello.simulated
+
+    def _on_hello(self, hello: Hello) -> list[SafetyEvent]:
+        known, self._hello, self._pace = self._hello, hello, 1.0
+        if known not in {None, hello}:
+            return self._order("the instrument says that it is another one than before")
+        if self._state is InstrumentState.RUNNING:
+            return self._order("the instrument said hello in the middle of a run")
+        return []
 
     def _program(self, program: Load | Loaded) -> None:
         self._segments = program.segments
@@ -286,24 +316,39 @@ class Watchdog:
                 self._asked.pop(command, None)
             fell = before in _PULLING and event.state not in _PULLING
             if fell:
-                orders = self._own_vent(event.reason)
+                orders = orders or self._own_vent(event.reason)
                 self._asked.clear()
             if fell or event.state in {InstrumentState.VENTING, InstrumentState.FAULT}:
-                self._ended = before is InstrumentState.RUNNING and not orders
+                own = not orders and not self._host_vented
+                self._ended = own and before is InstrumentState.RUNNING
                 if self._vent_since is None:
-                    self._vent_since = now
+                    self._vent_since = self._unbroken_since(now)
         if event.pressure_mbar is None:
             return orders
-        self._back |= event.pressure_mbar >= self._limits.vent_pressure_mbar
+        self._see(event.pressure_mbar, now)
         return (
-            orders or self._settle(event.pressure_mbar, now) or self._at_rest(event.pressure_mbar)
+            orders
+            or self._above_all(event.pressure_mbar)
+            or self._settle(event.pressure_mbar, now)
+            or self._at_rest(event.pressure_mbar, now)
         )
 
     def _unasked(self, state: InstrumentState) -> list[SafetyEvent]:
+        if state is InstrumentState.FAULT:
+            return self._order("the instrument reports a fault")
         command = _ASKED_BY.get(state)
         if command is None or not self._told or command in self._asked:
             return []
         return self._order(f"the instrument is {state} and nobody asked for it")
+
+    def _above_all(self, pressure_mbar: float) -> list[SafetyEvent]:
+        """Judge a pressure that comes without a time."""
+        most = max(targets(self._segments), default=self._limits.max_pressure_mbar)
+        if pressure_mbar <= self._limits.overshoot_above(most):
+            return []
+        return self._order(
+            f"overshoot: {pressure_mbar:g} mbar where at most {most:g} mbar was commanded"
+        )
 
     def _own_vent(self, reason: str) -> list[SafetyEvent]:
         if reason in {PROGRAM_END, PROGRAM_DONE} or self._vent_since is not None:
@@ -314,20 +359,21 @@ class Watchdog:
         self._dose.add(sample)
         passed_s = (now - self._last_sample) * self._pace
         self._last_sample = now
-        self._step_s = sample.device_time_s - self._sampled_s
-        self._sampled_s = sample.device_time_s
+        in_order = sample.sequence == self._sequence + 1
+        self._step_s = sample.device_time_s - self._sampled_s if in_order else 0.0
+        self._sampled_s, self._sequence = sample.device_time_s, sample.sequence
         self._offset_s = min(self._offset_s, now - sample.device_time_s / self._pace)
         pressure = sample.pressure_mbar
         pulls = pressure >= self._limits.vent_pressure_mbar
-        self._back |= pulls
+        self._see(pressure, now)
         if pulls or self._pulls:
             self._suction_s += passed_s
         self._pulls = pulls
         if self._vent_since is not None:
-            beyond = self._ended and not self._host_vented
-            return self._settle(pressure, now) or (self._beyond(sample) if beyond else [])
+            judged = self._beyond(sample) if self._in_final_vent() else []
+            return self._settle(pressure, now) or judged or self._at_rest(pressure, now)
         if self._state is not InstrumentState.RUNNING:
-            return self._at_rest(pressure)
+            return self._at_rest(pressure, now)
         if sample.segment > self._envelope.segment:
             # Where samples are lost, the segment began somewhere between these two
             self._segment_since = sample.device_time_s
@@ -401,10 +447,21 @@ class Watchdog:
             )
         return self._suction(0.0)
 
-    def _at_rest(self, pressure_mbar: float) -> list[SafetyEvent]:
-        if self._state not in _AT_REST or pressure_mbar <= self._limits.overshoot_mbar:
+    def _at_rest(self, pressure_mbar: float, now: float) -> list[SafetyEvent]:
+        """Judge suction where no program pulls: a vent in words has to be one."""
+        limits, state = self._limits, self._state
+        if state in {None, InstrumentState.RUNNING}:
             return []
-        return self._order(f"suction of {pressure_mbar:g} mbar while {self._state}")
+        if state is InstrumentState.VENTING and self._in_final_vent():
+            return []
+        if pressure_mbar > limits.overshoot_mbar:
+            return self._order(f"suction of {pressure_mbar:g} mbar while {state}")
+        if self._risen_since is None or now - self._risen_since <= limits.vent_time_s:
+            return []
+        return self._order(
+            f"suction around {limits.vent_pressure_mbar:g} mbar or more for "
+            f"{limits.vent_time_s:g} s while {state}"
+        )
 
     def _shortfall(self, sample: Sample) -> list[SafetyEvent]:
         command = self._least_command(sample)
@@ -436,7 +493,9 @@ class Watchdog:
         return min(target, before + risen)
 
     def _impossible(self, sample: Sample) -> list[SafetyEvent]:
-        low, high = -self._limits.inward_mm, self._aperture_mm
+        if sample.pressure_mbar < -self._limits.inward_mbar:
+            return self._order(f"impossible pressure: {sample.pressure_mbar:g} mbar")
+        low, high = -self._limits.inward_mm, self._hello.aperture_mm if self._hello else None
         if high is None or low <= sample.deflection_mm <= high:
             return []
         return self._order(

@@ -219,13 +219,18 @@ def needs(one: object, *attributes: str) -> None:
 def entries(group: str | None = None) -> list[EntryPoint]:
     """Return the entry points of a group, or of all of ours; sorted, so that all find the same."""
     try:
-        every = importlib.metadata.entry_points()
-        groups = [group] if group else sorted(g for g in every.groups if g.startswith(GROUPS))
-        found = [entry for g in groups for entry in every.select(group=g)]
+        found = [e for e in _every_entry() if group in (None, e.group)]
     except Exception as error:  # noqa: BLE001 -- metadata that somebody else has damaged
         warn(f"no plugins: the metadata of an installed package is damaged: {_reason(error)}")
         return []
     return sorted(found, key=lambda e: (e.group, e.name, origin_of(e).distribution))
+
+
+@cache
+def _every_entry() -> tuple[EntryPoint, ...]:
+    """Return all of ours; looked for once, in a file of every installed package."""
+    every = importlib.metadata.entry_points()
+    return tuple(e for g in every.groups if g.startswith(GROUPS) for e in every.select(group=g))
 
 
 def origin_of(entry: EntryPoint) -> Origin:

@@ -8,12 +8,17 @@ from __future__ import annotations
 
 import difflib
 import json
+import re
 import unicodedata
 from collections.abc import Iterable
 from typing import Any
 
 # Control, format (directions, zero widths), surrogate, line and paragraph separator.
 _UNSEEN = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
+# Unicode's other characters of no width, or blank: joiner, fillers, variation selectors
+_BLANK = re.compile(
+    "[\u034f\u115f\u1160\u17b4\u17b5\u180b-\u180f\u3164\ufe00-\ufe0f\uffa0\U000e0100-\U000e01ef]"
+)
 _FORMULA = ("=", "+", "-", "@", "＝", "＋", "－", "＠")
 
 
@@ -27,7 +32,12 @@ class _Symbols(dict[int, str | int]):
 
 def _unseen(code: int) -> bool:
     # The last two of each plane are no characters, and not allowed in XML.
-    return unicodedata.category(chr(code)) in _UNSEEN or code & 0xFFFE == 0xFFFE
+    char = chr(code)
+    return (
+        unicodedata.category(char) in _UNSEEN
+        or code & 0xFFFE == 0xFFFE
+        or _BLANK.match(char) is not None
+    )
 
 
 def _symbol(code: int) -> str:
@@ -55,19 +65,24 @@ class _Escapes(dict[int, str | int]):
 _SYMBOLS, _LINES, _ESCAPES = _Symbols(), _Symbols({10: 10}), _Escapes({9: "\\t"})
 
 
+def is_inert(text: str) -> bool:
+    """Return whether every character of one line can be seen."""
+    return text.isprintable() and (text.isascii() or _BLANK.search(text) is None)
+
+
 def inert(text: str) -> str:
     r"""Return one line of text in which every character can be seen: ESC as ␛, or as \u202e."""
-    return text if text.isprintable() else text.translate(_SYMBOLS)
+    return text if is_inert(text) else text.translate(_SYMBOLS)
 
 
 def inert_lines(text: str) -> str:
     """Return the same of a text of several lines, which stay lines."""
-    return text if text.isprintable() else text.translate(_LINES)
+    return text if is_inert(text) else text.translate(_LINES)
 
 
 def escaped(text: str) -> str:
     """Return TOML's text with what cannot be seen as escapes; its strings read back the same."""
-    return text if text.isprintable() else text.translate(_ESCAPES)
+    return text if is_inert(text) else text.translate(_ESCAPES)
 
 
 def counted(count: int, noun: str) -> str:

@@ -7,12 +7,10 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-# Tests start hundreds of interpreters: where no bytecode may lie beside the sources, each would
-# compile all that it imports, which is most of its time
+# Tests start hundreds of interpreters: without bytecode each would compile all that it imports,
+# which is most of its time
 if os.environ.pop("PYTHONDONTWRITEBYTECODE", None):
     sys.dont_write_bytecode = False
-    sys.pycache_prefix = str(Path(__file__).parents[1] / ".pytest_cache" / "bytecode")
-    os.environ["PYTHONPYCACHEPREFIX"] = sys.pycache_prefix
 
 import pytest
 from hypothesis import HealthCheck, settings

@@ -61,6 +61,7 @@ ENDLESS: dict[str, Lie] = {  # it never says that the program is over
     "frozen pressure": lambda t, p, s: (t, min(p, 30.0), s),
     "creeps up": lambda t, p, s: (t, p + 20.0 * max(0.0, t - 1.0), s),
     "reads nothing": lambda t, p, s: (t, 0.0, s),
+    "wrong sign": lambda t, p, s: (t, -p, s),
     "wobbles": lambda t, p, s: (t + (0.9 if t > 1.0 and int(50 * t) % 2 else 0.0), p, s),
 }
 OTHERS: dict[str, Lie] = {
@@ -76,6 +77,10 @@ OTHERS: dict[str, Lie] = {
     "arms late": lambda t, p, s: (t, p, s),
     "never starts": lambda t, p, s: (t, p, s),
     "hostile names": lambda t, p, s: (t, p, s),
+    "hello again": lambda t, p, s: (t, p, s),
+    "vents in silence": lambda t, p, s: (t, p, s),
+    "fault in name": lambda t, p, s: (t, 60.0, s),
+    "states only": lambda t, p, s: (t, p, s),
     "vents in name": lambda t, p, s: (t, p + 20.0 * max(0.0, t - 1.0), s),
 }
 EVIL = "e\x1b]0;evil\x07\x9b2J\u202e\r\n[red]x[/]"  # what acts on a terminal
@@ -165,6 +170,12 @@ class Liar:
             if self.lie == "frozen height":
                 height_mm = min(height_mm, 25e-4)  # from 0.5 s on
             number = self.count % 40 if self.lie == "counts back" else self.count
+            if self.lie == "hello again" and self.count == 50:
+                self.say(HELLO)
+            if self.lie == "states only" and self.count > 50:
+                self.say(State(S.RUNNING, "running", pressure))
+                self.count += 1
+                continue
             self.say(Sample(number, time_s, pressure, height_mm, segment))
             if self.lie == "hostile names" and self.count == 50:
                 self.say(InstrumentFault(EVIL, EVIL))
@@ -173,7 +184,13 @@ class Liar:
             self.count += 1
 
     def end(self) -> None:
-        self.enter(S.VENTING, PROGRAM_END)
+        if self.lie == "vents in silence":
+            self.say(State(S.VENTING, PROGRAM_END, 60.0))
+            self.run = None
+            return
+        self.enter(S.FAULT if self.lie == "fault in name" else S.VENTING, PROGRAM_END)
+        if self.lie == "fault in name":
+            return
         if self.lie != "stays high":
             self.enter(S.LOADED, PROGRAM_DONE)
         if self.lie == "starts again":

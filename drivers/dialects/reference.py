@@ -223,8 +223,8 @@ class Reference:
             case "PACE":
                 _count(word, fields, 1)
                 speed = _unint(fields[0]) / _MILLI
-                if not 0 < speed <= MAX_PACE:
-                    raise RemoteProtocolError(f"a pace of {speed:g} is outside 0 to {MAX_PACE:g}")
+                if not 1 <= speed <= MAX_PACE:  # a slower one would win time
+                    raise RemoteProtocolError(f"a pace of {speed:g} is outside 1 to {MAX_PACE:g}")
                 return Pace(speed), None
             case _:
                 raise RemoteProtocolError(f"unknown frame {word!r}")

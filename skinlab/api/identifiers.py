@@ -13,8 +13,6 @@ from skinlab.errors import InputError
 from skinlab.inference.custom_table import with_custom_table
 from skinlab.inference.identify import Identifier
 from skinlab.inference.methods import METHODS, get_method
-from skinlab.inference.population import read_prior, with_prior
-from skinlab.inference.probe_file import read_probe
 from skinlab.inference.problem import Options, check
 from skinlab.inference.uncertainty import Sensor
 from skinlab.mechanics.materials.compressibility import KappaConvention
@@ -104,6 +102,11 @@ def compose_identifier(
         raise InputError(f"pressure_noise_mbar {pressure_noise_mbar:g}: expected zero or more")
     check_kappa(kappa)
     table = find_table(database)
+    calibrated = None
+    if probe is not None:
+        from skinlab.inference.probe_file import read_probe
+
+        calibrated = read_probe(as_path(probe))
     identifier = Identifier(
         table,
         method=method,
@@ -111,11 +114,7 @@ def compose_identifier(
         seed=seed,
         kappa="paper" if kappa is None else kappa,
         phases=("load",) if phases is None else read_phases(phases),
-        sensor=Sensor(
-            noise_um,
-            pressure_noise_mbar,
-            probe=None if probe is None else read_probe(as_path(probe)),
-        ),
+        sensor=Sensor(noise_um, pressure_noise_mbar, probe=calibrated),
     )
     asked = find_model(model)
     own_model = table.spec.model
@@ -138,7 +137,11 @@ def compose_identifier(
             "a probe file is for models without effects; in a model, deflection_gain and the other "
             "effects of the sensors take the calibration as their priors"
         )
-    return identifier if prior is None else with_prior(identifier, read_prior(as_path(prior)))
+    if prior is None:
+        return identifier
+    from skinlab.inference.population import read_prior, with_prior
+
+    return with_prior(identifier, read_prior(as_path(prior)))
 
 
 def find_table(database: PathLike | Table | None) -> Table:

@@ -472,8 +472,12 @@ class Study(Document):
 
     def _figure(self) -> Figure | None:
         from skinlab.studies.plots import draw_shares
+        from skinlab.studies.reliability import reliability
+        from skinlab.studies.report import main_analyses
+        from skinlab.studies.table import read_columns
 
-        return draw_shares(self._made.analyses) if self._made.analyses else None
+        main = main_analyses(reliability(read_columns(self.folder / "curves.csv")))
+        return draw_shares(main) if main else None
 
 
 OnResult = Callable[[Identification], None]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from skinlab.cli.options import control_option, database_option, json_option
+from skinlab.cli.options import control_option, database_option, json_option, study_option
 from skinlab.cli.output import echo, print_json
 
 
@@ -14,11 +14,7 @@ from skinlab.cli.output import echo, print_json
 @click.argument("before", type=click.Path(path_type=Path))
 @click.argument("after", type=click.Path(path_type=Path))
 @database_option("the one that BEFORE names")
-@click.option(
-    "--study",
-    type=click.Path(path_type=Path),
-    help="What `skinlab study` wrote: how much visits, operators and placements scatter.",
-)
+@study_option()
 @control_option()
 @click.option(
     "--placement-scatter",

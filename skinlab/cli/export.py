@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
-from skinlab.cli.options import control_option, database_option
+from skinlab.cli.options import control_option, database_option, study_option
 from skinlab.cli.output import echo
 
 if TYPE_CHECKING:
@@ -47,6 +47,7 @@ _NO_COMPARISON = Path("none")
     "folder, of the same subject and site].",
 )
 @control_option()
+@study_option()
 def command(
     session: Path,
     folder: Path,
@@ -57,6 +58,7 @@ def command(
     sex: str | None,
     since_path: Path | None,
     control: tuple[Path, Path] | None,
+    study: Path | None,
 ) -> int:
     """Write SESSION into DIR.
 
@@ -78,8 +80,8 @@ def command(
         raise click.UsageError("--age-years and --sex are for --reference")
     if reference_path is not None and kind not in {"html", "pdf"}:
         raise click.UsageError("--reference is for the report, --to html or pdf")
-    if (since_path or control) and kind not in {"html", "pdf"}:
-        raise click.UsageError("--since and --control are for the report, --to html or pdf")
+    if (since_path or control or study) and kind not in {"html", "pdf"}:
+        raise click.UsageError("--since, --control and --study are for the report: html or pdf")
     read = read_session(session)
     match kind:
         case "csv" | "json":
@@ -97,7 +99,7 @@ def command(
             if reference_path is not None:
                 more.append(_beside(read, reference_path, sex, age_years, database_path))
             if kind in {"html", "pdf"}:
-                more += _changed(session, read, since_path, control, database_path)
+                more += _changed(session, read, since_path, control, study, database_path)
             paths = _export_report(session, read, kind, folder, database_path, more)
     for path in paths:
         echo(str(path))
@@ -144,6 +146,7 @@ def _changed(
     session: Session,
     before: Path | None,
     control: tuple[Path, Path] | None,
+    study: Path | None,
     database_path: Path | None,
 ) -> list[Section]:
     """Return whether the skin has changed; nothing where there is nothing to compare with."""
@@ -154,7 +157,7 @@ def _changed(
 
     if before == _NO_COMPARISON:
         return []
-    asked = before is not None or control is not None
+    asked = any((before, control, study))
     if before is None:
         instrument = session.meta.get("instrument")
         simulated = isinstance(instrument, dict) and bool(instrument.get("simulated"))
@@ -165,7 +168,8 @@ def _changed(
             raise click.UsageError("--control needs an earlier session of this site: --since FILE")
         return []
     try:
-        return [section(since(identifier_of(session, database_path)[0], before, path, control))]
+        identifier = identifier_of(session, database_path)[0]
+        return [section(since(identifier, before, path, control, study))]
     except SkinlabError as error:
         if asked:
             raise

@@ -38,6 +38,16 @@ def control_option() -> Callable[[F], F]:
     )
 
 
+def study_option() -> Callable[[F], F]:
+    """`--study FOLDER`."""
+    return click.option(
+        "--study",
+        type=click.Path(path_type=Path),
+        help="For a comparison: what `skinlab study` wrote, on how much visits, operators and "
+        "placements scatter.",
+    )
+
+
 def geometry_options(required: bool) -> Callable[[F], F]:
     """`--aperture-mm`, `--thickness-mm`, `--thickness-sd-mm`."""
     return _stack(
@@ -177,10 +187,10 @@ def with_prior_option(
     Raises:
         InputError: the file is wrong, or does not fit.
     """
-    from skinlab.inference.population import read_prior, with_prior
-
     if prior_path is None:
         return identifier
+    from skinlab.inference.population import read_prior, with_prior
+
     return with_prior(identifier, read_prior(prior_path, site or None, age_years))
 
 

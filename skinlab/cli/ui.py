@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import click
 
 from drivers.limits import DEFAULT_DOSE_MBAR_S
-from skinlab.cli.options import database_option, dialect_option, probe_option
+from skinlab.cli.options import database_option, dialect_option, probe_option, study_option
 from skinlab.cli.output import echo
 
 if TYPE_CHECKING:
@@ -36,6 +36,13 @@ ESCAPE_MS = "40"
 )
 @database_option()
 @probe_option()
+@click.option(
+    "--prior",
+    "prior_path",
+    type=click.Path(path_type=Path),
+    help="STUDY.toml of `skinlab study`: what is known of such people, of all its sites and ages.",
+)
+@study_option()
 @click.option(
     "--dose-limit-mbar-s",
     type=float,
@@ -65,6 +72,8 @@ def command(
     model_path: Path | None = None,
     database_path: Path | None = None,
     probe_path: Path | None = None,
+    prior_path: Path | None = None,
+    study: Path | None = None,
     dose_limit_mbar_s: float | None = None,
     reference_path: Path | None = None,
     protocol_path: Path | None = None,
@@ -88,8 +97,12 @@ def command(
 
     get_dialect(dialect or DEFAULT)
     said = None
-    if (model_path, database_path, probe_path) != (None, None, None):
-        said = _identifier(model_path, database_path, probe_path)
+    if any((model_path, database_path, probe_path, prior_path)):
+        said = _identifier(model_path, database_path, probe_path, prior_path)
+    if study is not None:
+        from skinlab.studies.change import components_of
+
+        components_of(study)
     reference = None
     if reference_path is not None:
         from skinlab.studies.reference import read_reference
@@ -109,13 +122,17 @@ def command(
             "--model": model_path,
             "--database": database_path,
             "--probe": probe_path,
+            "--prior": prior_path,
+            "--study": study,
             "--dose-limit-mbar-s": dose_limit_mbar_s,
             "--reference": reference_path,
             "--protocol": protocol_path,
         }
         return _serve(given, serve_host, serve_port)
     if has_screen():
-        return _on_terminal(port, dialect, folder, said, dose_limit_mbar_s, reference, protocol)
+        return _on_terminal(
+            port, dialect, folder, said, dose_limit_mbar_s, reference, protocol, study
+        )
     if protocol is not None:
         raise click.UsageError("--protocol needs a terminal; measure --protocol does without one")
     return _headless(port or SIMULATED, dialect, folder, said or _identifier(), dose_limit_mbar_s)
@@ -125,6 +142,7 @@ def _identifier(
     model_path: Path | None = None,
     database_path: Path | None = None,
     probe_path: Path | None = None,
+    prior_path: Path | None = None,
 ) -> Identifier:
     """Return what identifies with the defaults of `measure`.
 
@@ -133,7 +151,9 @@ def _identifier(
     """
     from skinlab.api.identifiers import compose_identifier
 
-    return compose_identifier(model=model_path, database=database_path, probe=probe_path)
+    return compose_identifier(
+        model=model_path, database=database_path, probe=probe_path, prior=prior_path
+    )
 
 
 def has_screen() -> bool:
@@ -152,6 +172,7 @@ def _on_terminal(
     dose_limit_mbar_s: float | None,
     reference: Reference | None,
     protocol: NamedProtocol | None,
+    study: Path | None,
 ) -> int:
     """Show the screen; without an identifier it makes its own, beside."""
     from skinlab.acquisition.session_run import probes
@@ -177,6 +198,7 @@ def _on_terminal(
         reference=reference,
         user=user,
         protocol=protocol,
+        study=study,
     )
     return show(app)
 

@@ -19,7 +19,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from drivers.limits import MIN_PAUSE_S
 from skinlab.errors import InputError
 from skinlab.text import did_you_mean
 
@@ -170,7 +169,7 @@ class Program:
             if not isinstance(segment, Until | Hold):
                 lowest = end
             if isinstance(segment, Release) or (
-                isinstance(segment, Rest) and duration_s >= MIN_PAUSE_S
+                isinstance(segment, Rest) and duration_s >= _least_pause_s()
             ):
                 suction_s = 0.0
             elif not isinstance(segment, Hold) or end > 0:
@@ -280,6 +279,13 @@ def _duration(segment: Segment, start: float) -> float:
     return 0.0 if isinstance(segment, Release) else segment.duration_s
 
 
+def _least_pause_s() -> float:
+    """Return how short a rest can be that a driver counts as a pause."""
+    from drivers.limits import MIN_PAUSE_S  # slow to import, and an identification needs none of it
+
+    return MIN_PAUSE_S
+
+
 def _text(number: float) -> str:
     """Return the shortest text that reads back as the same number."""
     return str(int(number)) if number == int(number) else repr(number)
@@ -321,7 +327,7 @@ def check_measurable(program: Program) -> Program:
     if program.unpaused_suction_s > MOST_SUCTION_S + 1e-6:
         raise InputError(
             f"program {program}: {program.unpaused_suction_s:g} s of suction without a pause (a "
-            f"release, or a rest of {MIN_PAUSE_S:g} s); expected at most {MOST_SUCTION_S:g} s"
+            f"release, or a rest of {_least_pause_s():g} s); expected at most {MOST_SUCTION_S:g} s"
         )
     return program
 

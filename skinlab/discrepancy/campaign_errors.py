@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from skinlab.discrepancy.fit import Fit
-from skinlab.discrepancy.misfit import mesh_columns
+from skinlab.discrepancy.misfit import mesh_columns, pressure_errors_mm
 from skinlab.discrepancy.records import Record, by_condition
 from skinlab.discrepancy.settings import ERRORS
 from skinlab.discrepancy.table_domes import TableDomes
@@ -31,7 +31,6 @@ from skinlab.inference.likelihood import LinearModel
 from skinlab.inference.noise import (
     MESH_REST,
     legendre,
-    pressure_error_mm,
     roughness,
     slope_mm_per_mbar,
 )
@@ -378,15 +377,6 @@ def _choose(
     seen = np.sqrt(np.square(columns).sum(axis=0)) > least
     rest = (MESH_REST * samples.deflection_mm) ** 2
     return choose_errors(look, linear, columns[:, seen], rest, models)
-
-
-def pressure_errors_mm(records: Sequence[Record]) -> Array:
-    """Return what the pressure readings' noise does to the deflections (u,)."""
-    found = []
-    for r in records:
-        sd_mbar = np.full(len(r.curve), r.pressure_sd_mbar)
-        found.append(pressure_error_mm(r.pressure_mbar, r.curve.deflection_mm, sd_mbar))
-    return np.concatenate(found)
 
 
 def slopes_mm_per_mbar(records: Sequence[Record]) -> Array:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.discrepancy.records import Record
+from skinlab.discrepancy.settings import FITS
 from skinlab.discrepancy.space_mapping import MappedModel
 from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.discrepancy.unknowns import Unknowns
@@ -18,16 +19,6 @@ from skinlab.inference.covariance import Covariance
 
 Array = NDArray[np.float64]
 
-_ANCHORS = 8
-_SEEN = 2  # after so many, one that expects to stay above its limit ends
-_ENOUGH = 3  # after so many, one that explains nothing goes on only while it gains this share
-_WORTH = 0.1
-_REFRESHED = 4  # times that a walk is begun anew
-HOPELESS = 1.5  # a χ² a sample that no exact optimum will turn into an explanation
-_GAIN = 0.3  # of the cost: less is not worth another time
-_CLOSE = 0.3  # of χ²: an anchor that changes the curves by no more is the last
-_CLOSE_SHARE = 0.01  # or so much of the χ² that is more than noise: such a fit decides nothing
-_EFFECT_RADIUS = 1.0  # how far from an anchor an effect's unknown is trusted
 NO_MODEL = 1e3  # a whitened residual where there is no model
 _DIFFERENCE = 1e-4
 _AT_BOUND = 1e-4  # of the range
@@ -192,14 +183,14 @@ class Fitter:
         not come below a cost of `limit` ends early and is not settled.
         """
         best = self._walk(unknowns, start, limit)
-        for _ in range(_REFRESHED):
-            hopeless = min(HOPELESS * self.errors.count, limit)
+        for _ in range(FITS.walks):
+            hopeless = min(FITS.hopeless * self.errors.count, limit)
             if best is None or not best.corrected or best.chi2 > hopeless:
                 return best
             if best.settled and not self.model(unknowns).remembers(best.u):
                 break
             again = self._walk(unknowns, best.u, limit)
-            least = _GAIN + _CLOSE_SHARE * max(0.0, best.chi2 - self.errors.count)
+            least = FITS.gain + FITS.close_share * max(0.0, best.chi2 - self.errors.count)
             if again is None or again.cost > best.cost - least:
                 break
             best = again
@@ -230,14 +221,14 @@ class Fitter:
         if not model.corrected:
             u = self.minimise(model, start, low, high)
             return self._finish(model, u)
-        effects = np.full(len(unknowns.axes), _EFFECT_RADIUS)
+        effects = np.full(len(unknowns.axes), FITS.effect_radius)
         widest = np.concatenate([unknowns.reaches, effects])
         radius = widest
         best = self._finish(model, start)
         if best is None:
             return None
         settled = again = False
-        for k in range(_ANCHORS):
+        for k in range(FITS.anchors):
             before = best.cost
             u = self.minimise(
                 model,
@@ -246,7 +237,7 @@ class Fitter:
                 np.minimum(high, best.u + radius),
             )
             expected = model.predict(u)
-            if k >= _SEEN and min(best.cost, self._cost(unknowns, u, expected)) > limit:
+            if k >= FITS.seen_anchors and min(best.cost, self._cost(unknowns, u, expected)) > limit:
                 settled = False
                 break
             if not model.anchor(u):
@@ -258,7 +249,7 @@ class Fitter:
             if found is None:
                 radius = 0.4 * radius
                 continue
-            close = _CLOSE + _CLOSE_SHARE * max(0.0, found.chi2 - self.errors.count)
+            close = FITS.close + FITS.close_share * max(0.0, found.chi2 - self.errors.count)
             well = self._change(found.deflections_mm, expected) < close
             at_edge = bool((np.abs(u - best.u) > 0.98 * radius).any())
             settled = well and not at_edge
@@ -270,8 +261,10 @@ class Fitter:
                 best = found
                 if well:
                     radius = np.minimum(2.5 * radius, widest)
-            stuck = k >= _ENOUGH and best.cost > before - _WORTH * (best.chi2 - self.errors.count)
-            if settled or (stuck and best.chi2 > 2.0 * HOPELESS * self.errors.count):
+            stuck = k >= FITS.enough_anchors and best.cost > before - FITS.worth * (
+                best.chi2 - self.errors.count
+            )
+            if settled or (stuck and best.chi2 > 2.0 * FITS.hopeless * self.errors.count):
                 break
         return replace(best, settled=settled)
 

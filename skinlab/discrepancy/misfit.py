@@ -9,11 +9,7 @@ from numpy.typing import NDArray
 
 from skinlab.discrepancy.records import Record, by_geometry
 from skinlab.inference.covariance import Covariance
-from skinlab.inference.noise import (
-    MESH_REST,
-    legendre,
-    slope_mm_per_mbar,
-)
+from skinlab.inference.noise import MESH_REST, legendre, pressure_error_mm
 
 Array = NDArray[np.float64]
 
@@ -30,20 +26,20 @@ OWN_FACTOR = 0.5
 
 def errors_of(records: Sequence[Record]) -> Covariance:
     """Return the errors: noise, pressure noise through dw/dp, and the discretisation's shapes."""
-    sigma = []
-    for record in records:
-        w, p = record.curve.deflection_mm, record.pressure_mbar
-        slope = slope_mm_per_mbar(p, w) if record.pressure_sd_mbar > 0 else np.zeros(len(w))
-        sigma.append(
-            np.sqrt(
-                (1e-3 * record.noise_um) ** 2
-                + (slope * record.pressure_sd_mbar) ** 2
-                + (MESH_REST * w) ** 2
-            )
-        )
-    variance = np.square(np.concatenate(sigma))
+    noise_mm = np.concatenate([np.full(len(r.curve), 1e-3 * r.noise_um) for r in records])
+    w = np.concatenate([r.curve.deflection_mm for r in records])
+    variance = noise_mm**2 + pressure_errors_mm(records) ** 2 + (MESH_REST * w) ** 2
     ends = tuple(int(v) for v in np.cumsum([len(r.curve) for r in records]))
     return Covariance(variance, mesh_columns(records), ends)
+
+
+def pressure_errors_mm(records: Sequence[Record]) -> Array:
+    """Return what the pressure readings' noise does to the deflections (u,)."""
+    found = []
+    for r in records:
+        sd_mbar = np.full(len(r.curve), r.pressure_sd_mbar)
+        found.append(pressure_error_mm(r.pressure_mbar, r.curve.deflection_mm, sd_mbar))
+    return np.concatenate(found)
 
 
 def mesh_columns(records: Sequence[Record]) -> Array:

@@ -13,6 +13,7 @@ from skinlab.curves.curve import Curve
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.errors import InputError
 from skinlab.inference.batch import noise_from_repeats_um
+from skinlab.inference.error_models.quantised import step_of
 from skinlab.inference.noise import pressure_noise_mbar, roughness
 from skinlab.inference.samples import alike, placements_of
 from skinlab.mechanics.fem.suction import Geometry
@@ -22,8 +23,10 @@ Array = NDArray[np.float64]
 _FEWEST = 20  # samples of a curve that can be looked at
 _WINDOW = 7  # samples over which the path of a measured pressure is smoothed, by parabolas
 _SMOOTHED = 0.58  # of the noise is left by that: sqrt(1/3)
+_CORNER = 3.0  # times its noise: what the parabolas are off by more is a corner
 _AS_ASKED = 1.25  # a channel within so many times its noise of the program followed it
 _ROUNDING_UM = 0.3
+_LEAST_STEP_MBAR = 0.01
 _GLITCH_WINDOW, _GLITCH, _GLITCH_LEAST_MM = 5, 8.0, 0.015  # samples; usual deviations
 _SPREAD = 0.6745  # median of |z| of a Gaussian
 
@@ -86,6 +89,8 @@ def records_of(campaign: Campaign) -> list[Record]:
 def _record(curve: Curve, noise_um: float | None, pressure_noise: float | None) -> Record:
     time, measured = curve.time_s, curve.pressure_mbar
     noise = pressure_noise_mbar(time, measured) if pressure_noise is None else pressure_noise
+    # A channel that reads in whole mbar looks silent, and is off by up to half of one.
+    noise = float(np.hypot(noise, step_of(measured, _LEAST_STEP_MBAR) / np.sqrt(12.0)))
     program = curve.program_as_run
     path = None
     if program is not None:
@@ -101,6 +106,8 @@ def _record(curve: Curve, noise_um: float | None, pressure_noise: float | None) 
         from scipy.signal import savgol_filter  # slow to import
 
         smooth = savgol_filter(measured, _WINDOW, 2, mode="interp")
+        corner = np.abs(measured - smooth) > _CORNER * noise
+        smooth = np.where(corner, measured, smooth)
         path = PressurePath.of_samples(time, smooth, max(2.5 * _SMOOTHED * noise, 0.2))
     own = noise_um
     if own is None:

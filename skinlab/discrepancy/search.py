@@ -27,7 +27,7 @@ from skinlab.discrepancy.search_workers import (
     fit_one,
     signature_of,
 )
-from skinlab.discrepancy.settings import ERRORS, NAMES
+from skinlab.discrepancy.settings import ERRORS, NAMES, SEARCH
 from skinlab.discrepancy.unknowns import BasePrior, Known, Unknowns
 from skinlab.errors import NotTrustworthyError
 from skinlab.inference.covariance import Covariance, independent
@@ -41,20 +41,6 @@ Array = NDArray[np.float64]
 Progress = Callable[[str], None]
 
 LOG10 = math.log(10.0)
-# Before the data: no effect as likely as one of the library, two together a fifth of that.
-_PAIRS_ODDS = 0.2
-_SEEN = 8.0  # a gain of χ² by which an effect is worth a fit
-_BEHIND = 18.0  # the same for a second one: 20 : 1, the odds of pairs, and what a prior costs
-_SHARE = 0.04  # or of the largest gain, where the misfit is large
-_RIVAL = 0.5
-_FAR = 20.0  # a cost so much above that of an explanation, and a tenth of what that one gained,
-_FAR_SHARE = 0.1  # is out of the race
-_MOST_SINGLES = 8
-_PARTNERS = 5  # of each of the best singles
-_LEADERS = 4
-_MOST_PAIRS = 8
-_AGAIN = 2  # effects that explain nothing, but most, are fitted from elsewhere too
-_MEMBERS = 4  # of pairs that explain, to be tried alone
 # Shares of the law's ranges from which the base model is fitted: of the scale, of other logarithms,
 # of what is none; and the middle, from which it is fitted with effects.
 _SCALES = (0.375803649418, 0.563705474127, 0.783536516671)
@@ -215,9 +201,9 @@ class Search:
             explaining = [c for c in singles if c.adequate]
             if explaining:
                 # Something weaker may hide behind what explains nearly all.
-                candidates = singles + self._pairs(pool, base, explaining, 1, _BEHIND)
+                candidates = singles + self._pairs(pool, base, explaining, 1, SEARCH.behind)
             elif not base.adequate:
-                pairs = self._pairs(pool, base, singles, _LEADERS, _SEEN, signatures)
+                pairs = self._pairs(pool, base, singles, SEARCH.leaders, SEARCH.seen, signatures)
                 candidates = self._members(pool, base, pairs) + pairs
                 named = {c.effects for c in candidates}
                 candidates += [c for c in singles if c.effects not in named]
@@ -302,7 +288,7 @@ class Search:
         """Return the odds before the data against the base model."""
         added = len(fit.effects) - len(self._own)
         n = max(len(self._library), 2)
-        return math.log10(1.0 / n if added == 1 else _PAIRS_ODDS / (0.5 * n * (n - 1)))
+        return math.log10(1.0 / n if added == 1 else SEARCH.pairs_odds / (0.5 * n * (n - 1)))
 
     def _roughly(self, fit: Fit) -> float:
         """Return the log evidence (natural) by which explanations are ranked."""
@@ -316,7 +302,7 @@ class Search:
         An effect of which the screen expects less than half of what another one, that explains the
         curves, takes away is no rival.
         """
-        likely = [s for s in chosen if s.gain >= _RIVAL * chosen[0].gain]
+        likely = [s for s in chosen if s.gain >= SEARCH.rival * chosen[0].gain]
         found = self._race(pool, base, [(base.fit, s) for s in likely])
         if not any(c.adequate for c in found):
             found += self._race(pool, base, [(base.fit, s) for s in chosen[len(likely) :]])
@@ -333,7 +319,7 @@ class Search:
         may end at a wall of skins that crease.
         """
         seen = {s.effect: s for s in chosen}
-        nearest = sorted(found, key=lambda c: c.fit.cost)[:_AGAIN]
+        nearest = sorted(found, key=lambda c: c.fit.cost)[: SEARCH.again]
         tasks = [(base.fit, seen[c.effects[-1]]) for c in nearest]
         better = {}
         for fit in pool.map(fit_elsewhere, tasks):
@@ -354,7 +340,11 @@ class Search:
         serving = [c.fit.cost for c in found if c.adequate]
         limit = math.inf
         if serving:
-            limit = min(serving) + _FAR + _FAR_SHARE * max(0.0, base.fit.cost - min(serving))
+            limit = (
+                min(serving)
+                + SEARCH.far
+                + SEARCH.far_share * max(0.0, base.fit.cost - min(serving))
+            )
         return found + self._fits(pool, base, tasks[2:], limit)
 
     def _pairs(
@@ -377,21 +367,21 @@ class Search:
             self._progress(f"looking for a partner of {mine}")
             others = [n for n in self._library if n != mine]
             found, _ = self._screen(pool, leader.fit, others)
-            for s in sorted(found.values(), key=lambda s: -s.gain)[:_PARTNERS]:
+            for s in sorted(found.values(), key=lambda s: -s.gain)[: SEARCH.partners]:
                 expected = leader.fit.cost - s.gain
                 names = frozenset((mine, s.effect))
                 if s.gain > least and (
                     names not in tasks or expected < tasks[names][0].cost - tasks[names][1].gain
                 ):
                     tasks[names] = leader.fit, s
-        ranked = sorted(tasks.values(), key=lambda t: t[0].cost - t[1].gain)[:_MOST_PAIRS]
+        ranked = sorted(tasks.values(), key=lambda t: t[0].cost - t[1].gain)[: SEARCH.most_pairs]
         costs = {frozenset((f.effects[-1], s.effect)): f.cost - s.gain for f, s in ranked}
         linear: list[tuple[Unknowns, Array]] = []
         if signatures:
             screened = _linear_pairs(self.fitter, base.fit, signatures)
             new = [pair for pair in screened if frozenset(pair.names) not in costs]
             costs |= {frozenset(pair.names): base.fit.cost - pair.gain for pair in new}
-            chosen = sorted(costs, key=lambda names: costs[names])[:_MOST_PAIRS]
+            chosen = sorted(costs, key=lambda names: costs[names])[: SEARCH.most_pairs]
             ranked = [t for t in ranked if frozenset((t[0].effects[-1], t[1].effect)) in chosen]
             linear = [pair.task for pair in new if frozenset(pair.names) in chosen]
         if not ranked and not linear:
@@ -416,7 +406,7 @@ class Search:
                     alone = self._unknowns.with_effect(name)
                     start = alone.among(pair.fit.unknowns, pair.fit.u)
                     tasks.setdefault(alone.effects, (alone, start))
-        found = list(tasks.values())[:_MEMBERS]
+        found = list(tasks.values())[: SEARCH.members]
         if found:
             self._progress("fitting the members of pairs alone")
         fits = [fit for fit in pool.map(fit_from, found) if fit is not None]
@@ -517,4 +507,6 @@ def _linear_pairs(
 def _worth(signatures: Iterable[Signature]) -> list[Signature]:
     ranked = sorted(signatures, key=lambda s: -s.gain)
     largest = ranked[0].gain if ranked else 0.0
-    return [s for s in ranked if s.gain > max(_SEEN, _SHARE * largest)][:_MOST_SINGLES]
+    return [s for s in ranked if s.gain > max(SEARCH.seen, SEARCH.seen_share * largest)][
+        : SEARCH.most_singles
+    ]

@@ -8,8 +8,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.discrepancy.fit import HOPELESS, Fit, Fitter
+from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.screen import NO_MODEL, Signature, signature
+from skinlab.discrepancy.settings import FITS
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.mechanics.effects import EFFECTS
 
@@ -64,7 +65,7 @@ def fit_elsewhere(fitter: Fitter, task: tuple[Fit, Signature]) -> Fit | None:
         found = fitter.fit(unknowns, _start(fit, unknowns, seen, share, stiffer))
         if found is not None and (best is None or found.cost < best.cost):
             best = found
-        if best is not None and best.chi2 < HOPELESS * fitter.errors.count:
+        if best is not None and best.chi2 < FITS.hopeless * fitter.errors.count:
             return best
     return _continued(fitter, fit, seen, best)
 
@@ -88,7 +89,7 @@ def _continued(fitter: Fitter, fit: Fit, seen: Signature, best: Fit | None) -> F
         at = found.u
         if best is None or found.cost < best.cost:
             best = found
-        if best.chi2 < HOPELESS * fitter.errors.count:
+        if best.chi2 < FITS.hopeless * fitter.errors.count:
             break
     return best
 
@@ -104,7 +105,7 @@ def fit_one(fitter: Fitter, task: tuple[Fit, Signature, float]) -> Fit | None:
             best = found
         # An effect that does not take away what the screen expected may have been misled.
         if best is not None and (
-            best.chi2 < HOPELESS * fitter.errors.count
+            best.chi2 < FITS.hopeless * fitter.errors.count
             or (best.settled and best.cost < fit.cost - 0.5 * seen.gain)
         ):
             break

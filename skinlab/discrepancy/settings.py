@@ -35,6 +35,75 @@ class ErrorRules:
 
 
 @dataclass(frozen=True)
+class FitRules:
+    """When a fit ends, and how far it may go from where the finite elements were asked.
+
+    Chosen on the white-noise campaigns of 0.1.0 (docs/decisions/0010-fits-anchor-the-database.md);
+    more anchors, or a closer end, move `cpu_seconds` of benchmarks/missing_effect.py up and no
+    verdict; fewer move `life_named_of_one_hidden` down.
+    """
+
+    anchors: int = 8
+    """Solutions of the finite elements in one walk, at most."""
+    seen_anchors: int = 2
+    """After so many, a fit that expects to stay above its limit ends."""
+    enough_anchors: int = 3
+    """After so many, one that explains nothing goes on only while it gains `worth`."""
+    worth: float = 0.1
+    """Share of what is left of χ²."""
+    walks: int = 4
+    """Times that a walk is begun anew, where something relaxes."""
+    hopeless: float = 1.5
+    """χ² a sample that no exact optimum will turn into an explanation."""
+    gain: float = 0.3
+    """Of the cost (natural logarithms, twice): less is not worth another walk."""
+    close: float = 0.3
+    """Of χ²: an anchor that changes the curves by no more is the last."""
+    close_share: float = 0.01
+    """Or so much of the χ² that is more than noise: such a fit decides nothing."""
+    effect_radius: float = 1.0
+    """How far from an anchor an effect is trusted, in typical sizes."""
+
+
+@dataclass(frozen=True)
+class SearchRules:
+    """Which explanations are fitted, and how likely each is before the data.
+
+    Chosen on the white-noise campaigns of 0.1.0, seeds that no figure is reported of. What is left
+    out can not be named: larger numbers move `cpu_seconds` of benchmarks/missing_effect.py up,
+    smaller ones `life_named_of_one_hidden` and `life_two_hidden_named_rightly` down.
+    """
+
+    pairs_odds: float = 0.2
+    """Odds before the data of two effects together, against one of the library."""
+    seen: float = 8.0
+    """Gain of χ² by which an effect is worth a fit."""
+    behind: float = 18.0
+    """The same for a second one beside what explains: 20 : 1, the odds of pairs, and what a prior
+    costs."""
+    seen_share: float = 0.04
+    """Or such a share of the largest gain, where the misfit is large."""
+    rival: float = 0.5
+    """Share of the largest gain below which an effect is fitted only if the likelier fail."""
+    far: float = 20.0
+    """Of the cost: an explanation so much worse than one that serves is out of the race, with
+    `far_share` of what that one gained on top."""
+    far_share: float = 0.1
+    most_singles: int = 8
+    """Single effects that are fitted."""
+    leaders: int = 4
+    """Of these, so many get partners,"""
+    partners: int = 5
+    """so many each,"""
+    most_pairs: int = 8
+    """and so many pairs are fitted in all."""
+    again: int = 2
+    """Effects that explain nothing, but most: fitted from elsewhere too."""
+    members: int = 4
+    """Of pairs that explain: tried alone."""
+
+
+@dataclass(frozen=True)
 class NameRules:
     """What a name needs. docs/missing-effect.md tells them in words."""
 
@@ -97,5 +166,7 @@ class PlanRules:
 
 
 ERRORS = ErrorRules()
+FITS = FitRules()
+SEARCH = SearchRules()
 NAMES = NameRules()
 PLANS = PlanRules()

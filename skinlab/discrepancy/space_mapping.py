@@ -207,10 +207,9 @@ class MappedModel:
             whens = np.broadcast_to(when, (len(candidates), len(time)))
             on_path = np.array([c.felt[i](t) for c, t in zip(candidates, whens, strict=True)])
         pressure = on_path
-        aside = record.pressure_mbar - record.path(time)
-        if aside.any():
-            shifted = [aside if not moved else np.interp(t, time, aside) for t in when]
-            pressure = pressure + np.array(shifted)
+        # A reading's own noise stays with its sample whatever lags: read between two samples it
+        # would be less, and half a sample of lag look better than none.
+        pressure = pressure + (record.pressure_mbar - record.path(time))
         zero = np.array([p.preload_mbar for p in problems])
         if any(p.prony for p in problems):
             terms = _as_many([p.prony for p in problems])

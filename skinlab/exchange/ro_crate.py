@@ -13,7 +13,6 @@ from typing import Any
 from skinlab.text import json_text
 
 FILE = "ro-crate-metadata.json"
-_CHUNK = 1 << 20
 _FORMATS = {
     ".csv": "text/csv",
     ".json": "application/json",
@@ -73,6 +72,8 @@ def ro_crate(
     ]
     for file, meaning in files.items():
         path = folder / file
+        with path.open("rb") as content:
+            digest = hashlib.file_digest(content, "sha256").hexdigest()
         graph.append(
             {
                 "@id": file,
@@ -81,16 +82,8 @@ def ro_crate(
                 "description": meaning,
                 "encodingFormat": _FORMATS.get(path.suffix, "application/octet-stream"),
                 "contentSize": str(path.stat().st_size),
-                "sha256": _sha256(path),
+                "sha256": digest,
             }
         )
     whole = {"@context": "https://w3id.org/ro/crate/1.1/context", "@graph": graph}
     return json_text(whole) + "\n"
-
-
-def _sha256(path: Path) -> str:
-    digest = hashlib.sha256()
-    with path.open("rb") as file:
-        while piece := file.read(_CHUNK):
-            digest.update(piece)
-    return digest.hexdigest()

@@ -12,7 +12,6 @@ from skinlab.curves.curve import Curve
 from skinlab.inference.identify import Identifier
 from skinlab.inference.noise import roughness
 from skinlab.inference.result import Identification
-from skinlab.workers import Pool
 
 _FEWEST_SAMPLES = 20
 
@@ -94,6 +93,10 @@ def identify_all(
     identifier: Identifier, curves: Sequence[Curve], workers: int = 1
 ) -> list[Identification]:
     """Return the answers in the order of the curves, the same bits for any number of workers."""
+    if min(workers, len(curves)) <= 1:
+        return [identifier(curve) for curve in curves]
+    from skinlab.workers import Pool  # slow to import
+
     with Pool(min(workers, len(curves)), identifier) as pool:
         return list(pool.map(_identify, curves))
 

@@ -61,13 +61,6 @@ class Covariance:
         """Standard deviations (u,) of D."""
         return np.asarray(np.sqrt(self.variance_mm2))
 
-    @property
-    def total_sd_mm(self) -> Array:
-        """Standard deviations (u,) of single samples, all parts together."""
-        process = 0.0 if self.ou is None else self.ou.size_mm**2
-        squares = np.square(self.columns_mm).sum(axis=1)
-        return np.asarray(np.sqrt(self.variance_mm2 + process + squares))
-
     @cached_property
     def _decay(self) -> Array:
         """Return φ (u,), 0 where a curve begins."""

@@ -18,9 +18,17 @@ from skinlab.inference import flags
 from skinlab.inference.advice import advise
 from skinlab.inference.covariance import OnKept, independent
 from skinlab.inference.error_judgement import misses_noise
-from skinlab.inference.intervals import correlation, is_logarithmic, most_of_the_range, summary
+from skinlab.inference.intervals import (
+    at_an_end,
+    correlation,
+    is_logarithmic,
+    most_of_the_range,
+    most_of_unit,
+    summary,
+)
 from skinlab.inference.joint import GaussianPrior, JointMisfit
 from skinlab.inference.methods import auto, get_method
+from skinlab.inference.noise import jumps
 from skinlab.inference.optimise import polish
 from skinlab.inference.posterior import Draws
 from skinlab.inference.problem import Estimate, Options, Problem, SquaredMisfit
@@ -46,6 +54,8 @@ _OUTLIER_ROUNDS = 4
 _COMPARED = 200  # draws
 _CONTRADICTION = 7.8  # 95 % of χ² with three degrees
 _LOWER = 0.75  # times the pressure, where a skin creases: the next to be tried
+_NORMAL_90 = 1.645  # standard deviations
+_LEAST_NOISE_MM = 1e-5
 _QUICK = Options(samples=200, best=20, most_iterations=30)  # for a curve that still grows
 
 
@@ -171,7 +181,12 @@ class Identifier:
         started = self.clock()
         answer = self._fit_up_to(math.inf, curves, blank, intervals=intervals, start=start)
         if {"crease", "misfit_above_noise"} & set(answer.flags) and answer.uncertainty is not None:
-            answer = self._below_a_crease(curves, blank, answer)
+            if len(curves) == 1 and _jumps(curves[0], answer):
+                # What fits a slip may crease; the skin need not.
+                others = [f for f in answer.flags if f not in ("crease", "misfit_above_noise")]
+                answer = replace(answer, flags=(*others, "misfit_above_noise"))
+            else:
+                answer = self._below_a_crease(curves, blank, answer)
         return replace(answer, seconds=self.clock() - started)
 
     def _below_a_crease(
@@ -213,7 +228,9 @@ class Identifier:
         method = get_method(self.method)
         try:
             true = [self.sensor.corrected(c) for c in curves]
-            groups = group([choose(c, self.phases, self.database, most_mbar) for c in true])
+            groups = group(
+                [choose(c, self.phases, self.database, most_mbar, method.most_fitted) for c in true]
+            )
             models = [g.model(self.database, self.kappa) for g in groups]
         except (InputError, NotTrustworthyError) as error:
             outside = isinstance(error, NotTrustworthyError)
@@ -248,9 +265,34 @@ class Identifier:
             answer = _with_uncertainty(
                 answer, self._space(models), left, self.database.law, self.kappa, self.seed
             )
-        elif intervals and misses_noise(_residuals(groups, models, estimate)):
-            answer = replace(answer, flags=(*answer.flags, "misfit_above_noise"))
+        elif intervals:
+            misses = misses_noise(_residuals(groups, models, estimate))
+            loose = self._not_identifiable(groups, models, problem, estimate)
+            said = ["misfit_above_noise"] * misses + [f"not_identifiable:{n}" for n in loose]
+            answer = replace(answer, flags=(*answer.flags, *said))
         return answer
+
+    def _not_identifiable(
+        self,
+        groups: Sequence[Group],
+        models: Sequence[CurveModel],
+        problem: Problem,
+        estimate: Estimate,
+    ) -> list[str]:
+        """Return the parameters that the samples leave open, for methods without intervals.
+
+        By the curvature at the answer, with noise as large as the residuals.
+        """
+        unit = problem.space.to_unit(estimate.parameters)
+        linear = about(groups, models, problem.space, unit, self.sensor, self.priors).linear
+        slopes, residual = linear.slopes_mm, linear.residual_mm
+        if not (np.isfinite(slopes).all() and np.isfinite(residual).all()):
+            return list(problem.space.names)
+        freedom = max(len(residual) - slopes.shape[1], 1)
+        variance = max(float(residual @ residual) / freedom, _LEAST_NOISE_MM**2)
+        spread = np.linalg.inv(slopes.T @ slopes / variance + linear.precision)
+        width = 2.0 * _NORMAL_90 * np.sqrt(np.diag(spread))
+        return [n for n, w in zip(problem.space.names, width, strict=True) if most_of_unit(w)]
 
     def _space(self, models: Sequence[CurveModel]) -> Space:
         if self.space is not None:
@@ -397,6 +439,12 @@ def _residuals(
     return found
 
 
+def _jumps(curve: Curve, answer: Identification) -> bool:
+    """Return whether what the fit leaves of the curve has a step in it."""
+    assert answer.model_mm is not None
+    return jumps((curve.deflection_mm - answer.model_mm)[answer.fitted])
+
+
 def _creased(answer: Identification) -> Array | None:
     """Return the best fit's parameters (k,) where it creases."""
     return np.array(list((answer.optimum or {}).values())) if "crease" in answer.flags else None
@@ -464,6 +512,7 @@ def from_draws(
     names = tuple(answer.parameters or ())
     priors = space.from_unit(np.random.default_rng(seed).random((_PRIOR_DRAWS, len(space))))
     values, loose = {}, []
+    at_end = at_an_end(draws.unit[:, : len(space)])
     for i, name in enumerate(names):
         prior = priors[:, i]
         bounds = (float(space.bounds[0][i]), float(space.bounds[1][i]))
@@ -473,6 +522,7 @@ def from_draws(
             draws.log_target,
             bounds,
             logarithmic=is_logarithmic(prior),
+            at_end=at_end,
         )
         values[name] = Value(value, low, high)
         if most_of_the_range((low, high), prior):

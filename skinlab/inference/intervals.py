@@ -9,6 +9,7 @@ Array = NDArray[np.float64]
 
 LEVEL = 0.9
 _NEAR_BOUND = 0.01  # of the range
+_AT_END = 0.002  # likewise
 _MOST_OF_THE_RANGE = 0.5  # of the prior's own interval, in the prior's scale
 # Twice the fall of the log likelihood inside an interval: at most that of χ² of one degree, 90 %;
 # at least so much, which holds at the ends of a range too (docs/intervals.md has the coverage).
@@ -23,6 +24,7 @@ def summary(
     bounds: tuple[float, float] = (-np.inf, np.inf),
     *,
     logarithmic: bool = False,
+    at_end: NDArray[np.bool_] | None = None,
 ) -> tuple[float, float, float]:
     """Return the median of weighted values (n,), and an interval with 90 % of the weight.
 
@@ -30,7 +32,9 @@ def summary(
     first (the order of Feldman and Cousins 1998, Phys. Rev. D 57:3873), until 90 % of the weight is
     inside, within the limits of fall. The middle half of the weight is always inside, and so the
     median is well inside: the likeliest values may be a narrow place far from most. Next to a bound
-    it ends at the bound, in logarithms where the prior is flat in these.
+    it ends at the bound, in logarithms where the prior is flat in these. Where another unknown is
+    at an end of its range (`at_end`, (n,)) all within the largest fall is inside: next to no weight
+    is there, and a true value may be.
     """
     by_value = np.argsort(values, kind="stable")
     x, below = values[by_value], np.cumsum(weight[by_value])
@@ -47,6 +51,9 @@ def summary(
     reach = float(np.clip(reach, _LEAST_FALL, _MOST_FALL))
     at = max(int(np.searchsorted(fall, reach, "right")) - 1, 0)
     ends = [min(float(low[at]), float(left)), max(float(high[at]), float(right))]
+    if at_end is not None:
+        cornered = values[order][at_end[order] & (fall <= _MOST_FALL)]
+        ends = [float(np.min([ends[0], *cornered])), float(np.max([ends[1], *cornered]))]
     scale = np.log if logarithmic else np.asarray
     if np.isfinite(bounds).all():
         near = _NEAR_BOUND * float(scale(bounds[1]) - scale(bounds[0]))
@@ -54,6 +61,11 @@ def summary(
             if abs(float(scale(ends[i]) - scale(bounds[i]))) <= near:
                 ends[i] = bounds[i]
     return float(middle), ends[0], ends[1]
+
+
+def at_an_end(unit: Array) -> NDArray[np.bool_]:
+    """Return which points (n, k) of the unit cube have an unknown at an end of its range."""
+    return np.asarray((np.abs(unit - 0.5) >= 0.5 - _AT_END).any(axis=1))
 
 
 def is_logarithmic(prior: Array) -> bool:
@@ -81,3 +93,8 @@ def most_of_the_range(width: tuple[float, float], prior: Array) -> bool:
     if is_logarithmic(prior):
         return bool(np.log(width[1] / width[0]) > _MOST_OF_THE_RANGE * np.log(high / low))
     return bool(width[1] - width[0] > _MOST_OF_THE_RANGE * (high - low))
+
+
+def most_of_unit(width: float) -> bool:
+    """Return whether an interval is more than half as wide as that of a flat prior on 0…1."""
+    return width > _MOST_OF_THE_RANGE * LEVEL

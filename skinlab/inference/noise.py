@@ -6,8 +6,12 @@ which the model's own discretisation errs as a whole.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
+
+from skinlab.tables.model_errors import LOCKING_SHAPES
 
 Array = NDArray[np.float64]
 
@@ -22,6 +26,8 @@ MESH_REST = 1.0e-5
 
 _LEAST_PRESSURE_NOISE_MBAR = 0.02  # less is rounding
 _CORNER = 3.5  # robust standard deviations: more is a corner of the program, not noise
+_SIDE = 5  # samples on either side of a step
+_JUMP = 6.0  # robust standard deviations: more is a step
 _FEWEST = 12  # samples of a pressure channel whose noise can be told
 
 
@@ -33,9 +39,36 @@ def legendre(x: Array, orders: int) -> Array:
 
 def mesh_error_shapes(pressure_mbar: Array, deflection_mm: Array) -> Array:
     """Return the shapes (u, m), mm, in which the model's own discretisation errs."""
+    return _shapes(MESH_ERROR, pressure_mbar, deflection_mm)
+
+
+def locking_shapes(pressure_mbar: Array, deflection_mm: Array) -> Array:
+    """Return the shapes (u, m), mm, in which a mesh errs that locks by the whole deflection."""
+    return _shapes(LOCKING_SHAPES, pressure_mbar, deflection_mm)
+
+
+def _shapes(sizes: Sequence[float], pressure_mbar: Array, deflection_mm: Array) -> Array:
     top = max(float(pressure_mbar.max(initial=0.0)), 1e-9)
     x = np.clip(pressure_mbar / top, 0.0, 1.0)
-    return np.asarray(legendre(x, len(MESH_ERROR)) * np.array(MESH_ERROR) * deflection_mm[:, None])
+    return np.asarray(legendre(x, len(sizes)) * np.array(sizes) * deflection_mm[:, None])
+
+
+def jumps(residual_mm: Array) -> bool:
+    """Return whether what a fit leaves (n,) has a step in it: the probe slipped, or was touched.
+
+    Straight lines through the samples on either side miss each other there by far more than
+    elsewhere, and so do two neighbours, which they do not where a smooth misfit bends.
+    """
+    if len(residual_mm) < 2 * _SIDE + _FEWEST:
+        return False
+    x = np.arange(_SIDE) - 0.5 * (_SIDE - 1)
+    ahead = 1.0 / _SIDE + x * (0.5 * _SIDE) / float(x @ x)  # the line, half a sample beyond its end
+    lines = np.lib.stride_tricks.sliding_window_view(residual_mm, _SIDE)
+    gaps = np.abs(lines[_SIDE:] @ ahead[::-1] - lines[:-_SIDE] @ ahead)
+    rises = np.diff(residual_mm)[_SIDE - 3 : 3 - _SIDE]
+    beside = np.abs(rises[2:-2] - 0.25 * (rises[:-4] + rises[1:-3] + rises[3:-1] + rises[4:]))
+    at = int(gaps.argmax())
+    return all(v[at] > _JUMP * float(np.median(v)) / _QUARTILE for v in (gaps, beside))
 
 
 def roughness(values: Array) -> float:

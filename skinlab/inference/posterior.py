@@ -34,6 +34,8 @@ _ENOUGH = 500.0  # effective draws: quantiles of 5 % to within 1 %
 _MOST_ROUNDS = 3
 _CENTRES = 64
 _STRIDE = 0.3  # of the posterior's width: how far one centre speaks
+_BETWEEN = 6  # points from one of the valley to the next
+_NO_WEIGHT = 1e-12
 _AT_ONCE = 50_000  # numbers, which stay in a core's cache
 _FLAT_PRECISION = 12.0  # of a flat distribution on the unit interval
 
@@ -101,7 +103,7 @@ def sample(
         weight = np.exp(log_weight - log_weight.max())
         found = Draws(unit, space.from_unit(unit), weight / weight.sum(), log_target, evaluations)
         if found.effective >= _ENOUGH or len(mixtures) > _MOST_ROUNDS:
-            return found
+            return _with_valley(found, space, target, valley.unit)
         centres = _resample(found, rng)
         at = polish(space, misfit, centres, most_iterations=0)
         evaluations += at.evaluations
@@ -114,6 +116,29 @@ def sample(
                 np.zeros(len(centres)),
             )
         )
+
+
+def _with_valley(
+    found: Draws, space: ParameterSpace, target: Callable[[Array], Array], valley: Array
+) -> Draws:
+    """Return the draws with points of the valley beside them, of next to no weight.
+
+    Intervals ask for the likeliest skins of each value: in a corner of the cube draws are few.
+    """
+    between = (np.arange(_BETWEEN) / _BETWEEN)[:, None, None]
+    along = (valley[:-1] + between * np.diff(valley, axis=0)).reshape(-1, valley.shape[1])
+    unit = np.clip(np.vstack([along, valley[-1:]]), 0.0, 1.0)
+    log_target = target(space.from_unit(unit))
+    held = log_target > found.log_target.max() - 0.5 * _LOST_CHI2
+    unit, log_target = unit[held], log_target[held]
+    weight = np.concatenate([found.weight, np.full(len(unit), _NO_WEIGHT)])
+    return Draws(
+        np.vstack([found.unit, unit]),
+        np.vstack([found.parameters, space.from_unit(unit)]),
+        weight / weight.sum(),
+        np.concatenate([found.log_target, log_target]),
+        found.evaluations + len(along) + 1,
+    )
 
 
 def log_sum_exp(values: Array) -> Array:

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from skinlab.curves.curve import FEWEST_POINTS, Curve
 from skinlab.errors import InputError
+from skinlab.inference.problem import MOST_FITTED
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.mechanics.materials.compressibility import KappaConvention
 from skinlab.tables.base import CurveModel, Database
 
 Array = NDArray[np.float64]
 
-MOST_FITTED = 5000  # more say next to nothing more, since errors last, and take their time
 EVERYTHING = ("load", "hold", "unload", "rest")  # what laws with a memory are fitted to
 
 
@@ -130,9 +130,13 @@ def samples_of(groups: Sequence[Group]) -> Samples:
 
 
 def choose(
-    curve: Curve, phases: tuple[str, ...], database: Database, most_mbar: float = math.inf
+    curve: Curve,
+    phases: tuple[str, ...],
+    database: Database,
+    most_mbar: float = math.inf,
+    most_samples: int = MOST_FITTED,
 ) -> Fitted:
-    """Return the samples of the phases that the database speaks of; of very many, evenly some.
+    """Return the samples of the phases that the database speaks of, evenly some of very many.
 
     Of those, what is above `most_mbar` is left out.
 
@@ -149,7 +153,7 @@ def choose(
             f"expected at least {FEWEST_POINTS}"
         )
     beyond = int(asked.sum()) - int(covered.sum())
-    every = math.ceil(int(mask.sum()) / MOST_FITTED)
+    every = math.ceil(int(mask.sum()) / most_samples)
     if every > 1:
         at = np.flatnonzero(mask)[::every]
         mask = np.zeros(len(mask), dtype=bool)

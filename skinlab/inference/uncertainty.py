@@ -22,9 +22,10 @@ from skinlab.inference.error_models.base import ErrorModel, Look
 from skinlab.inference.error_models.quantised import step_um
 from skinlab.inference.joint import GaussianPrior, JointMisfit
 from skinlab.inference.likelihood import LinearModel
-from skinlab.inference.marginal import IntegratedLikelihood
+from skinlab.inference.marginal import IntegratedLikelihood, Locking
 from skinlab.inference.noise import (
     MESH_REST,
+    locking_shapes,
     mesh_error_shapes,
     pressure_error_mm,
     pressure_noise_mbar,
@@ -124,6 +125,15 @@ class Fitted:
             ]
         )
 
+    def locking(self, kept: NDArray[np.bool_]) -> Locking:
+        """Return how the mesh locks, of all groups alike, at the samples that are kept."""
+        parts = split_by_group(self.groups, self.best_mm)
+        shapes = [
+            locking_shapes(g.pressure_mbar, w) for g, w in zip(self.groups, parts, strict=True)
+        ]
+        size = self.models[0].locking
+        return Locking(np.vstack(shapes)[kept], size, float(size(self.parameters[None])[0]))
+
     def mesh_columns(self) -> Array:
         """Return the shapes (u, m) in which mesh and database err, of each group for itself."""
         blocks = []
@@ -193,7 +203,9 @@ class Fitted:
         columns = np.hstack([self.mesh_columns(), self.probe_columns()])[kept]
         least = _SMALL * max(roughness(residual), _LEAST_ROUGH_MM)
         seen = np.sqrt(np.square(columns).sum(axis=0)) > least
-        return choose_errors(look, linear, columns[:, seen], rest, error_models)
+        locking = self.locking(kept)
+        fixed = np.hstack([columns[:, seen], locking.assumed * locking.shapes_mm])
+        return choose_errors(look, linear, fixed, rest, error_models)
 
 
 def _relative_noise(residual: Array, samples: Samples) -> Array:
@@ -327,7 +339,12 @@ def assess(
     ]
     parts += priors
     likelihood = IntegratedLikelihood(
-        models, fitted.linear.residual_mm[kept], fitted.parameters, kept, errors
+        models,
+        fitted.linear.residual_mm[kept],
+        fitted.parameters,
+        kept,
+        errors,
+        fitted.locking(kept),
     )
 
     def log_density(parameters: Array) -> Array:

@@ -14,6 +14,7 @@ from skinlab.discrepancy.misfit import errors_of
 from skinlab.discrepancy.records import records_of
 from skinlab.errors import InputError, NotTrustworthyError
 from skinlab.inference.identify import Identifier, search_space
+from skinlab.inference.methods import get_method
 from skinlab.inference.noise import pressure_noise_mbar, slope_mm_per_mbar
 from skinlab.inference.samples import Fitted, choose, group
 from skinlab.inference.stored import StoredResult
@@ -57,7 +58,12 @@ def fit_again(curve: Curve, result: StoredResult, identifier: Identifier) -> Fit
     """
     try:
         curve = identifier.sensor.corrected(curve)
-        chosen = choose(curve, result.phases or identifier.phases, identifier.database)
+        chosen = choose(
+            curve,
+            result.phases or identifier.phases,
+            identifier.database,
+            most_samples=get_method(identifier.method).most_fitted,
+        )
         chosen.mask[[i for i in result.outliers if 0 <= i < len(curve)]] = False
         make = _with_effects if identifier.model.effects else _from_database
         at = make(chosen, result, identifier)

@@ -44,17 +44,18 @@ _PRIOR_SD_LINEAR = 0.03
 _LEAST_FREEDOM = 4.0
 
 
+Estimate = tuple[float, float]  # a variance, and the degrees of freedom behind it
+
+
 @dataclass(frozen=True)
 class Scatter:
-    """Variances of one quantity, on its main scale, and the degrees of freedom behind them."""
+    """What one quantity scatters by, on its main scale."""
 
-    visit: float
-    operator: float
-    probe: float
-    placed: float  # of one placement, the identification's own share left out
-    freedom: float
+    placed: Estimate  # one placement, the identification's own share left out
     source: str
-    visit_known: bool
+    visit: Estimate | None = None  # None: unknown
+    operator: Estimate = (0.0, 1.0)
+    probe: Estimate = (0.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -217,13 +218,14 @@ def _judged(
 ) -> Changed:
     """Return the verdict on a change whose curves' own variance is `own`."""
     paired = len(sides) > 2
-    variance = own + sum(scatter.placed / side.placements for side in sides)
+    parts = [(sum(1.0 / side.placements for side in sides), scatter.placed)]
     if not paired:  # at a control site the same visit, operator and probe add the same
         before, after = sides
-        variance += 2.0 * scatter.visit
-        variance += 2.0 * scatter.operator * (before.operator != after.operator)
-        variance += 2.0 * scatter.probe * (before.probe != after.probe)
-    reach = float(t_distribution.ppf(0.5 + LEVEL / 2, scatter.freedom)) * math.sqrt(variance)
+        parts += [(2.0, scatter.visit)] if scatter.visit else []
+        parts += [(2.0, scatter.operator)] if before.operator != after.operator else []
+        parts += [(2.0, scatter.probe)] if before.probe != after.probe else []
+    variance = own + sum(times * size for times, (size, _) in parts)
+    reach = float(t_distribution.ppf(0.5 + LEVEL / 2, _freedom(parts))) * math.sqrt(variance)
     scale = scale or main_scale(name)
     relevant = math.log1p(relevant_percent / 100) if scale == "log" else _RELEVANT_LINEAR
     verdict: Verdict = "cannot_say"
@@ -231,12 +233,23 @@ def _judged(
         verdict = "changed"
     elif reach <= relevant:
         verdict = "not_shown"
-    if verdict == "changed" and not scatter.visit_known and not paired:
+    if verdict == "changed" and scatter.visit is None and not paired:
         # What a visit adds is not known: as much again as a placement may be in it.
-        extra = variance + 2.0 * scatter.placed
+        extra = variance + 2.0 * scatter.placed[0]
         if abs(change) <= reach * math.sqrt(extra / variance):
             verdict = "cannot_say"
     return Changed(name, scale, change, change - reach, change + reach, reach, verdict)
+
+
+def _freedom(parts: Sequence[tuple[float, Estimate]]) -> float:
+    """Return the degrees of freedom of a sum of so many times each variance (Satterthwaite 1946).
+
+    Two operators of a study are one degree of freedom: where they differ, little is known of it.
+    """
+    total = sum(times * size for times, (size, _) in parts)
+    if not total > 0:
+        return min(freedom for _, (_, freedom) in parts)
+    return total**2 / sum((times * size) ** 2 / freedom for times, (size, freedom) in parts)
 
 
 def _common(
@@ -286,7 +299,7 @@ def _scatter(name: str, sides: Sequence[Side], study: Path | None, stated: float
         return _of_study(name, sides[0], study)
     if stated is not None:
         source = f"a placement scatter of {100 * stated:g} %, stated; what a visit adds is unknown"
-        return Scatter(0.0, 0.0, 0.0, stated**2, 1e6, source, visit_known=False)
+        return Scatter((stated**2, 1e6), source)
     prior = _PRIOR_SD if main_scale(name) == "log" else _PRIOR_SD_LINEAR
     squares, freedom = 0.0, 0
     for side in sides:
@@ -302,7 +315,7 @@ def _scatter(name: str, sides: Sequence[Side], study: Path | None, stated: float
         f"published scatter of placements and {freedom} repeats in these sessions; what a visit "
         "adds is unknown (--study FOLDER says it)"
     )
-    return Scatter(0.0, 0.0, 0.0, variance, _PRIOR_FREEDOM + freedom, source, visit_known=False)
+    return Scatter((variance, _PRIOR_FREEDOM + freedom), source)
 
 
 def _single_variance(side: Side, name: str) -> float:
@@ -310,13 +323,25 @@ def _single_variance(side: Side, name: str) -> float:
     return _moments(side.answer)[name][1] * max(len(side.singles), 1)
 
 
-def _of_study(name: str, side: Side, study: Path) -> Scatter:
+def components_of(study: Path) -> tuple[Path, list[dict[str, str]]]:
+    """Return the components of variance of a study's folder, or such a file: its path, its rows.
+
+    Raises:
+        InputError: it cannot be read, or is none.
+    """
     path = study / "components.csv" if study.is_dir() else study
     try:
         with path.open(encoding="utf-8", newline="") as stream:
             rows = list(csv.DictReader(stream))
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{path}: cannot be read ({error}); expected that of a study") from None
+    if rows and not {"condition", "quantity", "component", "variance", "freedom"} <= rows[0].keys():
+        raise InputError(f"{path}: expected the components.csv of a study")
+    return path, rows
+
+
+def _of_study(name: str, side: Side, study: Path) -> Scatter:
+    path, rows = components_of(study)
     words = {f"{a:g} mm, {p or 'program not stated'}" for a, p in side.conditions}
     known = {r.get("condition", "") for r in rows}
     if not words <= known:
@@ -326,7 +351,7 @@ def _of_study(name: str, side: Side, study: Path) -> Scatter:
         )
     try:
         of = {
-            r["component"]: (float(r["variance"]), float(r["freedom"] or 0))
+            r["component"]: (float(r["variance"]), max(float(r["freedom"] or 0), 1.0))
             for r in rows
             if r["quantity"] == name
             and r["scale"] == main_scale(name)
@@ -335,18 +360,15 @@ def _of_study(name: str, side: Side, study: Path) -> Scatter:
         within, freedom = of[WITHIN]
     except (KeyError, ValueError):
         raise InputError(f"{path}: no components of {name}; expected those of a study") from None
-    placed = of.get("placement", (0.0, 0.0))[0] + within
-    placed = max(placed - of.get("of which identification", (0.0, 0.0))[0], 0.0)
-    visit, visit_freedom = of.get("visit", (0.0, 0.0))
-    frees = [f for f in (freedom, visit_freedom) if f > 0]
+    none = (0.0, freedom)
+    anew, freedom = of.get("placement", (0.0, freedom))  # of both, the fewer
+    placed = max(anew + within - of.get("of which identification", none)[0], 0.0)
     return Scatter(
-        visit,
-        of.get("operator", (0.0, 0.0))[0],
-        of.get("probe", (0.0, 0.0))[0],
-        placed,
-        max(min(frees, default=_LEAST_FREEDOM), _LEAST_FREEDOM),
+        (placed, max(freedom, _LEAST_FREEDOM)),
         f"the components of variance of {path}",
-        visit_known="visit" in of,
+        of.get("visit"),
+        of.get("operator", none),
+        of.get("probe", none),
     )
 
 

@@ -30,12 +30,16 @@ class Since:
 
 
 def since(
-    identifier: Identifier, before: Path, after: Path, control: tuple[Path, Path] | None = None
+    identifier: Identifier,
+    before: Path,
+    after: Path,
+    control: tuple[Path, Path] | None = None,
+    study: Path | None = None,
 ) -> Since:
     """Return how `after` differs from `before`; takes about a second for each session.
 
     `control` are two sessions of a site that was left alone, on the same days: their change is
-    taken away.
+    taken away. `study` is a folder of `skinlab study`: how much visits and operators scatter.
 
     Raises:
         SkinlabError: one cannot be read or fitted, or they have no opening and program in common.
@@ -54,7 +58,7 @@ def since(
         alike = [curve for curve in curves if condition(curve) in shared]
         sides.append(side_of(session, fit_curves(identifier, path.name, alike), shared))
     beside = (sides[2], sides[3]) if control else None
-    found = changes(sides[0], sides[1], control=beside)
+    found = changes(sides[0], sides[1], study=study, control=beside)
     return Since(before, str(sessions[0].meta.get("created_utc") or ""), found, shared, control)
 
 

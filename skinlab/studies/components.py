@@ -6,10 +6,13 @@ restricted maximum likelihood (Patterson and Thompson 1971), as statsmodels and 
 Intervals: each effect has a mean square, adjusted for all effects that are not nested in it, whose
 expectation is a known mixture of the components. For single components, shares and ICC the mean
 squares are drawn from their chi-squares and the mixture is solved, many times: generalised
-confidence intervals (Weerahandi 1993; Burdick, Borror and Montgomery 2005). For sums of components,
-of which SEM and MDC are the root, these are too high where one part is poorly known; there it is
-the modified large-sample interval (Ting, Burdick, Graybill, Jeyaratnam and Lu 1990). Both hold with
-two operators as well, where the profile of the likelihood and a bootstrap do not.
+confidence intervals (Weerahandi 1993; Burdick, Borror and Montgomery 2005). Two probes that agree
+by luck would be given "0 to 0", as if they could not differ; so the upper end is taken among the
+draws above zero (the CLs bound: Read 2002, J. Phys. G 28:2693), which is the usual end wherever a
+component is seen. For sums of components, of which SEM and MDC are the root, these are too high
+where one part is poorly known; there it is the modified large-sample interval (Ting, Burdick,
+Graybill, Jeyaratnam and Lu 1990). Both hold with two operators as well, where the profile of the
+likelihood and a bootstrap do not.
 
 statsmodels' MixedLM forms one dense matrix for crossed effects and gives no intervals of variances;
 here effects are worked out block by block (a block is a person), so that cost grows with the number
@@ -34,6 +37,7 @@ Codes = NDArray[np.intp]
 WITHIN = "within"
 LEVEL = 0.9
 _DRAWS = 20_000
+_SEEN = 0.01  # of the draws of a component are above zero, at least
 _LARGEST_BLOCK = 4000  # rows of one block; a dense matrix of it still fits
 _TINY = 1e-9
 _MOST_RATIO = 1e3  # of an effect's standard deviation to that within
@@ -199,10 +203,15 @@ def _large_sample(q: Array, squares: Array, freedom: Array) -> tuple[float, floa
     )
 
 
-def interval(draws: Array, value: float, level: float = LEVEL) -> tuple[float, float]:
-    """Return the central interval of draws (m,), widened to hold the value."""
-    low, high = np.quantile(draws, [(1 - level) / 2, (1 + level) / 2])
-    return min(float(low), value), max(float(high), value)
+def interval(draws: Array, value: float) -> tuple[float, float]:
+    """Return the interval of draws (m,) that are zero or more, widened to hold the value.
+
+    Its upper end is that of the draws above zero: never "0 to 0".
+    """
+    tail = (1 - LEVEL) / 2
+    above = draws[draws > 0]
+    high = float(np.quantile(above, 1 - tail)) if above.size else 0.0
+    return min(float(np.quantile(draws, tail)), value), max(high, value)
 
 
 @dataclass(frozen=True, eq=False)
@@ -370,7 +379,15 @@ class Design:
         """Return draws (m, q) of the variances, that within last."""
         squares, mixture = self.mean_squares(y)
         freedom = self._expected[1]
-        drawn = squares * freedom / rng.chisquare(freedom, (_DRAWS, len(freedom)))
+        seen = np.maximum(squares, _TINY)  # of values whose own variance is 1
+        drawn = seen * freedom / rng.chisquare(freedom, (_DRAWS, len(freedom)))
+        for k in reversed(range(len(squares))):
+            # Where nearly all draws are below zero its mean square is taken for as much larger as
+            # some need to be above: the upper end, which is theirs, is at its limit there.
+            own = mixture[k, k] * drawn[:, k]
+            if mixture[k, k] > 0:
+                factor = np.quantile((own - drawn @ mixture[k]) / own, _SEEN)
+                drawn[:, k] *= max(float(factor), 1.0)
         return np.asarray(drawn @ mixture.T)
 
     # ---- restricted maximum likelihood ------------------------------------------------------

@@ -16,7 +16,7 @@ from skinlab.curves.curve import Curve
 from skinlab.curves.cutometer import step_numbers
 from skinlab.errors import InputError, SkinlabError
 from skinlab.exchange.importing.questions import Answers
-from skinlab.exchange.importing.reader import import_file
+from skinlab.exchange.importing.reader import MOST_BYTES, import_file
 from skinlab.inference.batch import with_stated_noise
 from skinlab.inference.identify import Identifier
 from skinlab.inference.result import Identification
@@ -104,6 +104,8 @@ def curves_of(path: Path, facts: Facts) -> list[Curve]:
     if path.suffix.lower() in SESSIONS:
         return list(read_session(path).curves)
     setup = setup_of(facts)
+    if path.stat().st_size > MOST_BYTES:
+        raise InputError(f"{path}: larger than {MOST_BYTES >> 20} MB; expected one curve")
     if path.suffix.lower() == ".csv" and _is_ours(path):
         curve = read_input(path, setup).curves[0]
     else:

@@ -273,14 +273,16 @@ def _components(one: Analysis) -> Iterator[Row]:
         }
     if one.identification is not None:
         total = sum(p.variance for p in one.found.parts)
+        # Intervals hold what all curves err in alike as well: of the scatter it is no more than it.
+        own = min(one.identification, one.found.variance([WITHIN]))
         yield {
             **one.key,
             "curves": one.found.count,
             "people": one.people,
             "component": "of which identification",
-            "sd": math.sqrt(one.identification),
-            "variance": one.identification,
-            "share": one.identification / total,
+            "sd": math.sqrt(own),
+            "variance": own,
+            "share": own / total,
             "levels": one.found.count,
         }
 
@@ -296,7 +298,8 @@ def _agreement(one: Analysis) -> Iterator[Row]:
         key: Row = {**one.key, "facet": facet.name, "by": "components", "level": LEVEL}
         for k in (1, 2, 3):
             value = true / (true + error / k) if true + error > 0 else 0.0
-            low, high = interval(drawn_true / (drawn_true + drawn / k), value)
+            whole = np.maximum(drawn_true + drawn / k, np.finfo(float).tiny)
+            low, high = interval(drawn_true / whole, value)
             form = f"ICC({facet.form},{'1' if k == 1 else 'k'})"
             yield {
                 **key,

@@ -35,11 +35,12 @@ LABELS = ("subject", "visit", "site", "operator", "probe", "placement")
 SETUP = ("aperture_mm", "thickness_mm", "thickness_sd_mm", "program", "cycle", "repeat")
 NOISE = ("noise_um", "pressure_noise_mbar")
 SESSIONS = frozenset({".h5", ".hdf5"})
+LEFT_ALONE = "left alone: "  # how the reason begins of what nobody would take for a curve
 
 _NUMBERS = frozenset({"aperture_mm", "thickness_mm", "thickness_sd_mm", *NOISE})
 _WHOLE = frozenset({"cycle", "repeat"})
+_ENDINGS = SUFFIXES | SESSIONS
 _HEAD_BYTES = 4096
-_CHUNK_BYTES = 1 << 20
 _LONGEST = 200  # characters of a label
 _OURS = re.compile(  # columns of exported tables that a study computes itself
     r".*(_MPa|_low|_high|_um)|name|samples|points|partial|flags|not_identified|error|sha256"
@@ -78,16 +79,13 @@ class Plan:
 
 
 def sha256_of(path: Path) -> str:
-    """Return the hash of a file's bytes, read in pieces.
+    """Return the hash of a file's bytes.
 
     Raises:
         OSError: it cannot be read.
     """
-    digest = hashlib.sha256()
     with path.open("rb") as file:
-        while piece := file.read(_CHUNK_BYTES):
-            digest.update(piece)
-    return digest.hexdigest()
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def find_sources(plan: Plan) -> Iterator[Source | Table]:
@@ -126,11 +124,14 @@ def _walk(
         path = Path(entry.path)
         if entry.name.startswith((".", "~")):
             continue
-        if entry.is_dir(follow_symlinks=False):
+        kind, why = _kind(entry)
+        if kind == "folder":
             if plan.without is None or path.resolve() != plan.without:
                 folders.append(path)
-        elif entry.is_file():
+        elif kind == "file":
             files.append(path)
+        else:
+            yield Source(_name(path, top, prefix), path, error=f"{path}: {why}")
     listed = dict(known)
     curves: list[Path] = []
     for path in files:
@@ -143,10 +144,13 @@ def _walk(
                     listed |= _listed(table)
                 else:
                     yield table
-            elif suffix in SUFFIXES or suffix in SESSIONS:
+            elif suffix in _ENDINGS:
                 curves.append(path)
             elif suffix == ".journal":
                 reason = f"{path}: a measurement that did not end; see `skinlab recover`"
+                yield Source(_name(path, top, prefix), path, error=reason)
+            else:
+                reason = f"{LEFT_ALONE}{path}: expected {', '.join(sorted(_ENDINGS))}"
                 yield Source(_name(path, top, prefix), path, error=reason)
         except InputError as error:
             yield Source(_name(path, top, prefix), path, error=str(error))
@@ -167,6 +171,23 @@ def _walk(
             yield Source(_name(path, top, prefix), path, error=reason)
     for path in folders:
         yield from _walk(path, prefix, below.get(path, {}), plan, pattern, top)
+
+
+def _kind(entry: os.DirEntry[str]) -> tuple[str, str]:
+    """Return whether this is a folder or a file, or neither, and why."""
+    try:
+        if entry.is_dir(follow_symlinks=False):
+            named = Path(entry.name).suffix.lower() in _ENDINGS
+            if named and not os.listdir(entry.path):
+                return "", "an empty folder, expected a file"
+            return "folder", ""
+        if entry.is_file():
+            return "file", ""
+        if entry.is_dir():
+            return "", "a link to a folder, which is not followed; name the folder itself"
+        return "", "a link to nothing" if entry.is_symlink() else "no regular file"
+    except OSError as error:  # a link that leads to itself, a folder that nobody may read
+        return "", error.strerror or str(error)
 
 
 def _source(
@@ -271,19 +292,21 @@ def read_table(path: Path) -> Table | None:
     except (OSError, UnicodeDecodeError):
         raise InputError(f"{path}: not UTF-8 text; expected a table") from None
     reader = csv.reader(text.splitlines(), delimiter=sign)
-    columns = tuple(c.strip() for c in next(reader, []))
+    try:
+        every = [(values, reader.line_num) for values in reader]
+    except csv.Error as error:
+        raise InputError(f"{path}: line {reader.line_num}: {error}") from None
+    columns = tuple(c.strip() for c in every[0][0])
     if len(set(columns)) < len(columns):
         raise InputError(f"{path}: line 1: a column is there twice")
     rows = []
-    for values in reader:
+    for values, line in every[1:]:
         if not any(v.strip() for v in values):
             continue
         if len(values) != len(columns):
-            raise InputError(
-                f"{path}: line {reader.line_num}: {len(values)} fields, expected {len(columns)}"
-            )
+            raise InputError(f"{path}: line {line}: {len(values)} fields, expected {len(columns)}")
         cells = {c: v.strip() for c, v in zip(columns, values, strict=True) if v.strip()}
-        rows.append((reader.line_num, cells))
+        rows.append((line, cells))
     return Table(path, columns, rows)
 
 

@@ -56,6 +56,16 @@ class _Said(msgspec.Struct):
     step: dict[str, float]
 
 
+class _Made(msgspec.Struct):
+    """What is kept of the study's own files."""
+
+    key: str
+    hashes: dict[str, str]
+    document: dict[str, Any]
+    lines: list[str]
+    notices: list[str]
+
+
 @dataclass(frozen=True)
 class Stored:
     """One curve as it is stored, with its file."""
@@ -152,6 +162,16 @@ class State:
     def settings(self) -> str | None:
         """How the curves were identified, as JSON; None for a new study."""
         return self._meta("settings")
+
+    @property
+    def made(self) -> dict[str, Any] | None:
+        """What the study's files were made from, their hashes, what they say; None without any."""
+        text = self._meta("made")
+        return None if text is None else msgspec.to_builtins(self._as(_Made, self._object(text)))
+
+    @made.setter
+    def made(self, said: dict[str, Any]) -> None:
+        self._set("made", json.dumps(said))
 
     def begin(self, settings: str) -> int:
         """Begin a look at the folders; return its number."""

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import datetime
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -16,15 +18,16 @@ from skinlab.errors import InputError
 from skinlab.exchange.ro_crate import FILE as CRATE
 from skinlab.exchange.ro_crate import ro_crate
 from skinlab.inference.identify import Identifier
+from skinlab.inference.population import PriorFile
 from skinlab.io.files import write_file
 from skinlab.report.pictures import NO_PICTURES, have_pictures
 from skinlab.studies.campaigns import Evidence, Shared, evidence, explain_all, section
 from skinlab.studies.population import Posterior, learn, to_toml
 from skinlab.studies.reference import reference_of, write_reference
-from skinlab.studies.reliability import FACETS, Analysis, Reliability, reliability, repeats_for
+from skinlab.studies.reliability import FACETS, Reliability, reliability, repeats_for
 from skinlab.studies.report import flags_of, html, main_analyses, people_of
 from skinlab.studies.run import How, settings_of, update
-from skinlab.studies.sources import Plan
+from skinlab.studies.sources import LEFT_ALONE, Plan, sha256_of
 from skinlab.studies.state import State
 from skinlab.studies.table import (
     NO_PARQUET,
@@ -71,8 +74,7 @@ class Made:
     document: dict[str, Any]
     lines: tuple[str, ...]
     notices: tuple[str, ...]
-    failures: int
-    analyses: tuple[Analysis, ...]  # one a quantity
+    failures: int  # files left alone are none
 
 
 def make_study(
@@ -88,18 +90,33 @@ def make_study(
 ) -> Made:
     """Bring the study in `out` up to date with the folders, and write all its files.
 
-    With `mdc_percent` it also says how many repeats show a change of so many per cent.
+    With `mdc_percent` it also says how many repeats show a change of so many per cent. Where
+    nothing is new since its files were written they stay as they are.
 
     Raises:
         InputError: a folder does not exist, `out` cannot be written, or holds something else.
     """
-    notices: list[str] = []
     with State(out) as state:
         update(state, plan, identifier, how, resume=resume)
         layout = layout_of(state, identifier.database.law)
-        count = write_csv(out / "curves.csv", layout.columns, rows(state, layout, identifier))
+        table = out / "curves.csv"
+        count = write_csv(table, layout.columns, rows(state, layout, identifier))
+        failures = [{"file": name, "reason": reason} for name, reason in state.failures()]
+        effects = None
+        if explain:
+            shared = Shared(_dimensionless(identifier), identifier.model)
+            effects = explain_all(state, shared, how, settings_of(identifier))
+        # All that the other files are made from: where it is as it was, so are they.
+        basis = (
+            *(sha256_of(table), failures, effects, settings_of(identifier), versions()),
+            *(str(out), mdc_percent, have_pictures(), find_spec("pyarrow") is not None),
+        )
+        key = hashlib.sha256(json.dumps(basis, sort_keys=True).encode()).hexdigest()
+        known = _as_it_was(out, state, key)
+        if known is not None:
+            return known
         if not write_parquet(out / "curves.parquet", layout, rows(state, layout, identifier)):
-            notices.append(NO_PARQUET)
+            (out / "curves.parquet").unlink(missing_ok=True)  # that of an earlier state
         prior = learn(
             _posteriors(state, layout, identifier),
             layout.parameters,
@@ -107,25 +124,62 @@ def make_study(
             f"{out.resolve().name}, {count} curves",
             seed=identifier.seed,
         )
-        found_effects = None
-        if explain:
-            shared = Shared(_dimensionless(identifier), identifier.model)
-            found_effects = evidence(explain_all(state, shared, how, settings_of(identifier)))
-        failures = [{"file": name, "reason": reason} for name, reason in state.failures()]
+        evidenced = None if effects is None else evidence(effects)
+        made = _write(out, identifier, failures, prior, evidenced, mdc_percent, now)
+        hashes = {name: sha256_of(out / name) for name in made.document["files"]}
+        said = {"document": made.document, "lines": made.lines, "notices": made.notices}
+        state.made = {"key": key, "hashes": hashes, **said}
+    return made
+
+
+def _as_it_was(out: Path, state: State, key: str) -> Made | None:
+    """Return what the study said, where its files were made from the same and are as they were."""
+    said = state.made
+    if said is None or said["key"] != key:
+        return None
+    try:
+        if any(sha256_of(out / name) != hashed for name, hashed in said["hashes"].items()):
+            return None
+    except OSError:
+        return None
+    document = said["document"]
+    lines, notices = tuple(said["lines"]), tuple(said["notices"])
+    return Made(document, lines, notices, _broken(document["failures"]))
+
+
+def _broken(failures: Sequence[Mapping[str, str]]) -> int:
+    return sum(not f["reason"].startswith(LEFT_ALONE) for f in failures)
+
+
+def _write(
+    out: Path,
+    identifier: Identifier,
+    failures: list[dict[str, str]],
+    prior: PriorFile | None,
+    effects: Evidence | None,
+    mdc_percent: float | None,
+    now: datetime,
+) -> Made:
+    """Write all files but the tidy tables, which are there; say what they say."""
+    notices = [] if (out / "curves.parquet").exists() else [NO_PARQUET]
     write_csv(out / "failures.csv", ("file", "reason"), failures)
     files = ["curves.csv", "curves.parquet", "failures.csv"]
     table = read_columns(out / "curves.csv")
     found = reliability(table, identifier.seed)
-    files += _write_tables(out, table, found, failures, found_effects)
+    files += _write_tables(out, table, found, failures, effects)
     if not have_pictures():
         notices.append(f"report.html is not written: {NO_PICTURES}")
-    if prior is not None:
-        write_file(out / "study.toml", to_toml(prior), replace=True)
-        files.append("study.toml")
     reference, missing = reference_of(table, out.resolve().name, bands=AGE_BANDS, by_sex=True)
-    if reference is not None:
-        write_file(out / "reference.toml", write_reference(reference), replace=True)
-        files.append("reference.toml")
+    for name, text in (
+        ("study.toml", None if prior is None else to_toml(prior)),
+        ("reference.toml", None if reference is None else write_reference(reference)),
+    ):
+        if text is None:
+            (out / name).unlink(missing_ok=True)  # that of an earlier state
+        else:
+            write_file(out / name, text, replace=True)
+            files.append(name)
+    count = len(table)
     document: dict[str, Any] = {
         "schema": SCHEMA,
         "folder": str(out),
@@ -136,8 +190,8 @@ def make_study(
         "reliability": _summary(found),
         "repeats": None if mdc_percent is None else _repeats(found, mdc_percent),
         "missing_effects": None
-        if found_effects is None
-        else {"campaigns": list(found_effects.campaigns), "pooled": list(found_effects.pooled)},
+        if effects is None
+        else {"campaigns": list(effects.campaigns), "pooled": list(effects.pooled)},
         "notes": [*found.notes, *missing],
         "files": [name for name in files if (out / name).exists()],
     }
@@ -155,11 +209,15 @@ def make_study(
     write_file(out / CRATE, crate, replace=True)
     lines = [f"{counted(count, 'curve')} in {out / 'curves.csv'}", *_lines(found)]
     lines += _repeat_lines(document["repeats"] or ())
-    lines += _effect_lines(found_effects)
-    if failures:
-        some = counted(len(failures), "file")
-        lines.append(f"{some} could not be used: {out / 'failures.csv'}")
-    return Made(document, tuple(lines), tuple(notices), len(failures), tuple(main_analyses(found)))
+    lines += _effect_lines(effects)
+    broken = _broken(failures)
+    for number, words in (
+        (broken, "could not be used"),
+        (len(failures) - broken, "left alone"),
+    ):
+        if number:
+            lines.append(f"{counted(number, 'file')} {words}: {out / 'failures.csv'}")
+    return Made(document, tuple(lines), tuple(notices), broken)
 
 
 def _posteriors(state: State, layout: Layout, identifier: Identifier) -> Iterator[Posterior]:

@@ -103,11 +103,11 @@ class Coordinate:
                 found = nu_from_ratio(ratio, self.stored)
         return np.where(possible, found, np.nan)
 
-    def dilatation_ratio(self, value: float) -> float | None:
-        """Return κ/(μ/2) of a value of Poisson's ratio; None of another parameter."""
+    def dilatation_ratio(self, values: Array) -> Array | None:
+        """Return κ/(μ/2) of values (n,) of Poisson's ratio; None of another parameter."""
         if self.kind not in ("dilatation", "poisson"):
             return None
-        return float(kappa_ratio(value, self.kappa))
+        return np.asarray(kappa_ratio(values, self.kappa))
 
     def by_parameter(self, slopes: Array, values: Array) -> Array:
         """Return derivatives (n, k) by the parameter at values (n,), from those by the coordinate.

@@ -33,6 +33,10 @@ class CurveModel(Protocol):
         """
         ...
 
+    def locking(self, parameters: Array) -> Array:
+        """Return how much the mesh locks (n,) at candidates (n, p): a share of the deflection."""
+        ...
+
     def creases(self, parameters: Array) -> NDArray[np.bool_]:
         """Return which candidates (n,) end before the samples do, and go on all the same."""
         ...
@@ -52,13 +56,6 @@ class CurveModel(Protocol):
 
     def coordinate_slopes(self, parameters: Array) -> Array:
         """Return derivatives (n, k, p) of the components by the parameters."""
-        ...
-
-    def with_reach(self, parameters: Array) -> tuple[Array, Array]:
-        """Return curves (n, u), and how far (n,) these are answers; NaN and 0 where there is none.
-
-        Beyond that they go on smoothly and mean nothing.
-        """
         ...
 
     def misfit(self, measured_mm: Array, whitening: Whitening | None = None) -> Misfit:

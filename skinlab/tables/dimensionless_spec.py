@@ -376,14 +376,7 @@ class DimensionlessSpec:
 
     def any_geometry(self, table: Table, kappa: KappaConvention) -> AnyGeometry:
         """See `Table.any_geometry`."""
-        axes = [TableAxis(Coordinate("log"), self.thickness.coordinates()), *self._axes(kappa)[1:]]
-        return AnyGeometry(
-            axes,
-            _all_coefficients(table),
-            np.log(np.maximum(table.holds_to, 1e-300)),
-            knots(self.load_coordinates()),
-            self.coordinate,
-        )
+        return _any_geometry(table, kappa)
 
     def _axes(self, kappa: KappaConvention) -> list[TableAxis]:
         """Return the small grid's axes along the law's parameters."""
@@ -565,6 +558,20 @@ def _load_coefficients(table: Table) -> Array:
     """Return the B-spline coefficients of the table along h/R and the load."""
     values = table.values.astype(np.float64)
     return np.ascontiguousarray(coefficients(coefficients(values, 0), values.ndim - 1))
+
+
+@lru_cache(maxsize=4)
+def _any_geometry(table: Table, kappa: KappaConvention) -> AnyGeometry:
+    spec = table.spec
+    assert isinstance(spec, DimensionlessSpec)
+    axes = [TableAxis(Coordinate("log"), spec.thickness.coordinates()), *spec._axes(kappa)[1:]]
+    return AnyGeometry(
+        axes,
+        _all_coefficients(table),
+        np.log(np.maximum(table.holds_to, 1e-300)),
+        knots(spec.load_coordinates()),
+        spec.coordinate,
+    )
 
 
 @lru_cache(maxsize=4)

@@ -148,26 +148,20 @@ class Evaluator:
         points, reach = self._points(parameters[None])
         deflection = self._tensor(points)[0] @ self.basis.T
         relative = crease_shapes(self._along / max(float(reach[0]), _NOTHING))
-        for axis, value in zip(self._axes, parameters, strict=True):
-            ratio = axis.coordinate.dilatation_ratio(float(value))
-            if ratio is not None:
-                relative = np.column_stack([relative, np.full(len(relative), locking(ratio))])
         return np.hstack([self._errors, deflection[:, None] * relative])
+
+    def locking(self, parameters: Array) -> Array:
+        """Return how much the mesh locks (n,) at candidates (n, p): a share of the deflection."""
+        found = np.zeros(len(parameters))
+        for axis, values in zip(self._axes, parameters.T, strict=True):
+            ratio = axis.coordinate.dilatation_ratio(values)
+            if ratio is not None:
+                found = locking(ratio)
+        return found
 
     def deflection_mm(self, parameters: Array) -> Array:
         """Return the curves (n, u) of candidates (n, p); NaN where the table does not hold."""
         return np.asarray(self.coordinates(parameters) @ self.basis.T)
-
-    def with_reach(self, parameters: Array) -> tuple[Array, Array]:
-        """Return curves (n, u), and how far (n,) these are answers; NaN and 0 outside.
-
-        Beyond that they go on smoothly and mean nothing.
-        """
-        points, reach = self._points(parameters)
-        inside = reach > 0.0
-        found = np.full((len(points), len(self.basis)), np.nan)
-        found[inside] = self._tensor(points[inside]) @ self.basis.T
-        return found, np.maximum(reach, 0.0)
 
     def misfit(self, measured_mm: Array, whitening: Whitening | None = None) -> Misfit:
         """Return the sum of squared differences to these deflections (u,), as a function."""

@@ -142,13 +142,15 @@ class SkinlabApp(App[None]):
         reference: Reference | None = None,
         user: UserSettings | None = None,
         protocol: NamedProtocol | None = None,
+        study: Path | None = None,
     ) -> None:
         """Begin with a port, with the replay of a session, or (neither) by asking.
 
         Settings are kept for the next time in `settings`; None: nowhere. `model` names what
         curves are identified with; None: the base law. `clock` (s) tells typing from confirming.
         `reference` has the usual ranges that values are shown against, `user` the colours and
-        further keys of the settings file, `protocol` what a study demands.
+        further keys of the settings file, `protocol` what a study demands; `study`, a folder of
+        `skinlab study`, says how much visits, operators and placements scatter.
         """
         super().__init__()
         self._line_filters: tuple[tuple[LineFilter, ...], ...] = ((), (InertText(),))
@@ -173,6 +175,7 @@ class SkinlabApp(App[None]):
         self.board.model = model
         self.board.reference = reference
         self.board.protocol = protocol
+        self.board.study = study
         self.failure: Exception | None = None  # a bug that ended the app
         self._leaving = False
         self._clock = clock

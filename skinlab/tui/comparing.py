@@ -23,12 +23,12 @@ def compare_with(
     results: Sequence[Identification],
     identifier: Identifier,
     serial_number: str,
-    study: Path | None = None,
+    study: Path | None,
 ) -> Compared:
     """Return how curves, with their own results, differ from an earlier session.
 
     Only what both measured alike is compared. What placing the probe anew scatters counts, and the
-    smallest change that could have been shown is said.
+    smallest change that could have been shown is said; `study` is a folder of `skinlab study`.
 
     Raises:
         SkinlabError: it cannot be read, or there is nothing to compare.

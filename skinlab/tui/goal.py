@@ -143,10 +143,12 @@ def change_distance(
     results: Sequence[Identification],
     identifier: Identifier,
     serial_number: str,
+    study: Path | None = None,
 ) -> ChangeDistance:
     """Return how far these curves are from saying whether the skin changed; takes some seconds.
 
-    Only what both visits measured alike is compared. What placing the probe anew scatters counts.
+    Only what both visits measured alike is compared. What placing the probe anew scatters counts,
+    and of a `study`, a folder of `skinlab study`, visits and operators too.
 
     Raises:
         SkinlabError: the visit before cannot be read, or one of the two cannot be fitted.
@@ -174,16 +176,17 @@ def change_distance(
     kept = [c for c in curves if condition(c) in then]
     mine = [r for c, r in zip(curves, results, strict=True) if condition(c) in then]
     last = side_now(kept, mine, identifier, serial_number)
-    found = _stiffness(change.changes(first, last))
+    found = _stiffness(change.changes(first, last, study=study))
     if found.verdict != "cannot_say":
         return ChangeDistance(goal, before.name, found)
-    more = _stiffness(change.changes(first, replace(last, placements=last.placements + 1)))
+    again = replace(last, placements=last.placements + 1)
+    more = _stiffness(change.changes(first, again, study=study))
     if lacking:
         return ChangeDistance(goal, before.name, found, lacking[0])
     if more.smallest > _NO_HELP * found.smallest:
         return ChangeDistance(goal, before.name, found)
-    again = Following(*condition(kept[-1]))
-    return ChangeDistance(goal, before.name, found, again, more.to_json()["smallest_shown"])
+    next_one = Following(*condition(kept[-1]))
+    return ChangeDistance(goal, before.name, found, next_one, more.to_json()["smallest_shown"])
 
 
 def _stiffness(found: Changes) -> Changed:

@@ -6,7 +6,7 @@ from rich.segment import Segment
 from textual.color import Color
 from textual.filter import LineFilter
 
-from skinlab.text import inert
+from skinlab.text import inert, is_inert
 
 
 class InertText(LineFilter):
@@ -14,7 +14,7 @@ class InertText(LineFilter):
 
     def apply(self, segments: list[Segment], background: Color) -> list[Segment]:
         """Return the segments of a line."""
-        if all(segment.text.isprintable() for segment in segments):
+        if all(is_inert(segment.text) for segment in segments):
             return segments
         width = sum(segment.cell_length for segment in segments)
         shown = [Segment(inert(s.text), s.style, s.control) for s in segments]

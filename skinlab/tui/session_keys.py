@@ -69,7 +69,7 @@ class SessionKeys(Part):
         results = [found[curve.name] for curve in curves]
         serial = "" if board.hello is None else board.hello.serial_number
         identifier = self.bench.analysis.identifier
-        self.app.post(compare_with(path, curves, results, identifier, serial))
+        self.app.post(compare_with(path, curves, results, identifier, serial, self.board.study))
 
     def _before(self) -> Path | None:
         """Return the last visit of the same subject and site before the open one."""
@@ -111,8 +111,10 @@ class SessionKeys(Part):
             if not isinstance(goal, ChangeGoal):
                 self.app.post(Aimed(distance(goal, curves, identifier)))
                 return
-            found = change_distance(goal, self._before(), known, results, identifier, serial)
-            self.app.post(Aimed(found))
+            before, study = self._before(), board.study
+            self.app.post(
+                Aimed(change_distance(goal, before, known, results, identifier, serial, study))
+            )
 
         self.app.perform("aiming", work)
 

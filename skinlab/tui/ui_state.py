@@ -238,6 +238,7 @@ class Board:
         self.model: str | None = None  # that was adopted, by its name
         self.second_card = False  # the Cutometer's numbers in the place of the values
         self.reference: Reference | None = None  # to compare values with
+        self.study: Path | None = None  # a folder: how much visits, operators, placements scatter
         self.protocol: NamedProtocol | None = None  # that the screen walks through
         self._stated: dict[str, dict[str, str]] = {}  # conditions, by subject
         self._operator: dict[str, str] = {}

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from datetime import datetime
 from typing import TYPE_CHECKING
 
+from skinlab.errors import InputError
 from skinlab.inference.result import Value
 from skinlab.mechanics.names import of_law, unit_of
 from skinlab.recording.visit_index import VisitRow
@@ -61,6 +62,28 @@ def series(rows: Iterable[VisitRow], of: VisitRow) -> list[VisitRow]:
         and row.parameters
     ]
     return sorted(same, key=lambda v: (v.created_utc, v.file))
+
+
+def at_control(rows: Sequence[VisitRow], visit: VisitRow, site: str) -> VisitRow:
+    """Return the visit of the same subject at a site that was left alone, on the same day.
+
+    Raises:
+        InputError: there is none.
+    """
+    day = visit.created_utc[:10]
+    same = [
+        row
+        for row in rows
+        if (row.subject, row.site, row.simulated) == (visit.subject, site, visit.simulated)
+        and row.created_utc[:10] == day
+        and row.parameters
+    ]
+    if not same:
+        raise InputError(
+            f"{site or 'no site'} of {visit.subject or 'no subject'} was not measured on {day}: no "
+            "control; k takes it back"
+        )
+    return max(same, key=lambda row: row.created_utc)
 
 
 def trend_lines(rows: Sequence[VisitRow], columns: int, changes: Changes | None) -> list[str]:

@@ -156,6 +156,8 @@ def test_a_damaged_index_of_visits_is_made_again(tmp_path, originals, count):
         in_sqlite(folder / VISITS, random.Random(number))
         found = visits(folder)
         assert len(found) == len(wanted) == 1
+    if count > 1000:
+        save("index of visits", "all", made_again=count)
 
 
 @pytest.fixture(scope="module")
@@ -171,7 +173,16 @@ def test_a_damaged_cache_is_computed_again(tmp_path, outcome, count):
     (file,) = tmp_path.iterdir()
     raw = file.read_bytes()
     assert cache.load("key", records, tmp_path) is not None
+    before, longest = memory_kb(), 0.0
     for number in range(count):
         damaged = in_bytes(raw, random.Random(number))
         file.write_bytes(damaged)
+        begin = time.process_time()
         assert damaged == raw or cache.load("key", records, tmp_path) is None
+        longest = max(longest, time.process_time() - begin)
+    grown = memory_kb() - before
+    assert longest < LONGEST_S
+    assert grown < MOST_KB
+    if count > 1000:
+        figures = {"longest_s": round(longest, 2), "grown_mb": grown // 1000}
+        save("cache", "all", computed_again=count, **figures)

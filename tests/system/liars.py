@@ -49,13 +49,15 @@ class Lie:
     seen_s: float | None  # since Start; None: nothing is pulled, or nothing is vented
     words: str
     status: int = 4
+    partial: bool = True  # what was measured; not where it lies behind the program's end
 
 
 HELD = "ramp:60@100000,hold:4"
+SHORT = "ramp:60@100000,hold:1"
 LIES = {
     "creeps up": Lie(HELD, 1.5, "overshoot"),
     "vents in name": Lie(HELD, 1.5, "lift the probe"),
-    "holds on": Lie("ramp:60@100000,hold:1", 1.0 + 0.15, "behind the program"),
+    "holds on": Lie(SHORT, 1.0 + 0.15, "behind the program"),
     "jumps": Lie(HELD, 1.0, "ahead of the host's"),
     "wobbles": Lie(HELD, 1.02, "ahead of the host's"),
     "back again": Lie(HELD, 1.0, "back in segment"),
@@ -64,12 +66,20 @@ LIES = {
     "counts back": Lie(HELD, 0.78 + 0.3, "stale"),
     "frozen height": Lie("ramp:100@20", 0.5 + 0.5, "frozen deflection"),
     "frozen pressure": Lie("ramp:100@20", 1.5 + 0.5, "frozen pressure"),
+    "wrong sign": Lie(HELD, 0.02, "impossible pressure"),
     "reads nothing": Lie("ramp:60@100,hold:4", 0.2 + 1.0, "no skin"),
     "starts by itself": Lie(HELD, 0.0, "nobody has started it"),
     "arms late": Lie(HELD, None, "Arm"),
     "never starts": Lie(HELD, None, "Start"),
+    "stays high": Lie(
+        "ramp:60@100000,hold:1", 1.0, "suction of 60 mbar while venting", partial=False
+    ),
+    "vents in silence": Lie(SHORT, 1.0, "stale", partial=False),
+    "fault in name": Lie(SHORT, 1.0, "vented by itself", partial=False),
+    "hello again": Lie(HELD, 1.0, "hello in the middle"),
+    "states only": Lie(HELD, 1.0 + 0.3, "stale"),
     "hostile names": Lie(HELD, 1.0, "fault"),
-    "says all twice": Lie("ramp:60@100000,hold:1", None, "", 0),
+    "says all twice": Lie(SHORT, None, "", 0),
 }
 
 
@@ -161,7 +171,7 @@ def judged(lie: Lie, status: int, out: Path, within_ms: float) -> dict[str, Any]
         except (InputError, ValueError):
             wrong.append("no curve kept")
         else:
-            wrong += [] if curve.partial else ["not marked partial"]
+            wrong += [] if curve.partial or not lie.partial else ["not marked partial"]
     return {"after_ms": after_ms, "said": said.strip().splitlines()[-3:], "wrong": wrong}
 
 

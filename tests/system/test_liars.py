@@ -13,7 +13,7 @@ SCRIPT = Path(__file__).with_name("liars.py")
 LIES = (
     "creeps up", "vents in name", "frozen height", "reads nothing",
     "arms late", "never starts", "says all twice",
-    "hostile names",
+    "hostile names", "stays high", "fault in name", "hello again",
 )  # fmt: skip
 
 

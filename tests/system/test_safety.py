@@ -461,6 +461,31 @@ def test_pressure_after_the_end():
     reason, at_s = caught("done")
     assert "suction of 60 mbar while loaded" in reason
     assert 2.0 < at_s <= 2.5
+    reason, at_s = caught("stays high")
+    assert "suction of 60 mbar while venting" in reason
+    assert 2.0 < at_s <= 2.5
+    reason, at_s = caught("fault in name")
+    assert "reports a fault" in reason
+    assert 2.0 <= at_s + 0.02 <= 2.5
+
+
+def test_a_last_vent_that_nobody_can_see():
+    """It says that its program is over, of a pressure of 60 mbar, and nothing more."""
+    reason, at_s = caught("vents in silence", limits=Limits())
+    assert "stale" in reason
+    assert at_s <= 2.0
+
+
+def test_hello_in_the_middle_of_a_run():
+    reason, at_s = caught("hello again")
+    assert "hello in the middle of a run" in reason
+    assert at_s <= 1.5
+
+
+def test_pressure_with_the_wrong_sign():
+    reason, at_s = caught("wrong sign")
+    assert "impossible pressure: -60 mbar" in reason
+    assert at_s <= 0.5
 
 
 def test_a_vent_in_words_only():
@@ -583,7 +608,8 @@ HAZARDS = (
     "program that does not end", "suction that goes on", "too high for this moment",
     "segment that cannot be", "the instrument's clock", "started by itself", "another program",
     "suction without a pause", "height that is passed", "height that is never reached",
-    "height for an instrument", "too much in one visit",
+    "height for an instrument", "too much in one visit", "a last vent that nobody", "another instr",
+    "pressure with the wrong sign",
 )  # fmt: skip
 
 

@@ -13,8 +13,10 @@ from textual.widgets import DataTable, Input, OptionList
 from skinlab.acquisition.replay_control import ReplayControl
 from skinlab.acquisition.replayer import example_session
 from skinlab.curves.program import check_measurable, parse_program
+from skinlab.errors import InputError
 from skinlab.inference.result import Advice, Value
 from skinlab.recording.pseudonym import check_site
+from skinlab.recording.session import read_session, write_session
 from skinlab.recording.visit_index import NAME, visits
 from skinlab.report.rounding import half_width_percent
 from skinlab.studies.change import Changed
@@ -31,7 +33,7 @@ from skinlab.tui.screens.session import SessionScreen
 from skinlab.tui.screens.visits import VisitsScreen
 from skinlab.tui.text import TIMELINE
 from skinlab.tui.themes import ORDER
-from skinlab.tui.visits import found, series, trend_lines
+from skinlab.tui.visits import at_control, found, series, trend_lines
 from skinlab.tui.widgets.hints import KeyHint
 
 # ---- visits ----------------------------------------
@@ -100,6 +102,41 @@ async def test_the_list_of_visits_by_keys(bedside, folder):
         await bed.until(lambda: bed.app.bench.vents > vents)
         await bed.until(lambda: isinstance(bed.app.screen, MainScreen))
         await bed.quit()
+
+
+async def test_a_control_site_and_a_study_count_in_the_list_of_visits(bedside, folder):
+    one = read_session(example_session())
+    write_session(folder / "cheek.h5", replace(one, meta={**one.meta, "site": "cheek"}))
+    parts = [("within", 0.0064, 40), ("visit", 0.0025, 20), ("operator", 0.01, 2)]
+    where = f'"6 mm, {one.curves[0].setup.program}"'
+    lines = [f"{where},{q},log,{n},{v},{f}" for q in ("X1_MPa", "X2_MPa") for n, v, f in parts]
+    lines += [f"{where},nu,linear,{n},{v},{f}" for n, v, f in parts]
+    head = "condition,quantity,scale,component,variance,freedom"
+    (folder / "components.csv").write_text("\n".join([head, *lines]))
+    async with bedside() as bed:
+        await bed.connected()
+        bed.app.board.study = folder
+        await bed.press("f5")
+        await bed.until(lambda: isinstance(bed.app.screen, VisitsScreen))
+        table = bed.app.screen.query_one(DataTable)
+        await bed.until(lambda: table.row_count == 4)
+        await bed.press("m", "down", "c")
+        await bed.until(lambda: "components of variance" in bed.text("#visits-text"))
+        assert "less the change" not in bed.text("#visits-text")
+        await bed.press("down", "k")
+        await bed.until(lambda: "Control site" in bed.text("#visits-text"))
+        assert [table.get_row_at(k)[0] for k in range(4)] == ["●", "", "○", ""]
+        await bed.press("up", "c")
+        await bed.until(lambda: "less the change of the control" in bed.text("#visits-text"))
+        await bed.press("b")
+        await bed.until(lambda: isinstance(bed.app.screen, MainScreen))
+        await bed.quit()
+
+
+def test_a_control_that_was_not_measured_that_day_is_said(folder):
+    rows = visits(folder)
+    with pytest.raises(InputError, match=r"cheek of SIM-1 was not measured on 20\d\d"):
+        at_control(rows, rows[0], "cheek")
 
 
 # ---- pick-lists ----------------------------------------

@@ -38,6 +38,7 @@ def test_each_kind_has_its_sign():
     assert inert(said) == ("a␛[31m␇␉␡\\x9b\\u202e\\u200b\\u2028\\x9f\\ud800é漢👍")
     assert inert_lines("a\nb\r\x1b") == "a\nb␍␛"
     assert inert("plain") == "plain"
+    assert inert("a\u034fb\u3164c\ufe0fd\U000e0100") == "a\\u034fb\\u3164c\\ufe0fd\\U000e0100"
 
 
 @pytest.mark.parametrize("cell", ["=1+1", "+A1", "-cmd", "@SUM(A1)", "\t=1", "\r=1", " =1", "＝1"])

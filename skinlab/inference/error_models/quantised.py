@@ -34,14 +34,19 @@ _AGAIN = 4  # samples a reading
 
 def step_um(deflection_mm: Array) -> float:
     """Return the step of the lattice on which all readings (u,) lie, µm; 0 where there is none."""
-    levels = np.unique(np.round(1e3 * deflection_mm, 6))
+    return step_of(1e3 * deflection_mm, _LEAST_UM)
+
+
+def step_of(readings: Array, least: float) -> float:
+    """Return the same in the readings' own unit; a step below `least` is none."""
+    levels = np.unique(np.round(readings, 6))
     if len(levels) < 2:
         return 0.0
     gaps = np.diff(levels)
     step = float(gaps.min())
     # Few different readings are a lattice only if each of them comes again and again.
-    few = len(levels) < _FEWEST and len(levels) * _AGAIN > len(deflection_mm)
-    if step < _LEAST_UM or few:
+    few = len(levels) < _FEWEST and len(levels) * _AGAIN > len(readings)
+    if step < least or few:
         return 0.0
     at = (levels - levels[0]) / step
     return step if float(np.abs(at - np.round(at)).max()) < _OFF else 0.0

@@ -22,6 +22,7 @@ from skinlab.tui.ui_state import Board
 from skinlab.tui.visits import (
     ORDERS,
     TITLES,
+    at_control,
     cells,
     found,
     series,
@@ -47,6 +48,7 @@ class VisitsScreen(BoardScreen):
         Binding("o", "order", "Order", id="order"),
         Binding("enter", "look", "Look into", priority=True),
         Binding("m", "mark", "Mark", id="mark"),
+        Binding("k", "control", "Control", id="control"),
         Binding("c", "compare", "Compare", id="compare"),
         Binding("t", "trend", "Trend", id="trend"),
         Binding(CHECK_KEY, "leave_search", show=False, priority=True, id="check"),
@@ -60,6 +62,7 @@ class VisitsScreen(BoardScreen):
         self._shown: list[VisitRow] = []
         self._order = 0
         self._marked: str | None = None
+        self._control: tuple[str, str] | None = None  # subject and site that was left alone
 
     def parts(self) -> Iterator[Widget]:
         """Yield title, search, list and answer."""
@@ -104,7 +107,8 @@ class VisitsScreen(BoardScreen):
         table = self.query_one(DataTable)
         table.clear()
         for row in self._shown:
-            mark = "●" if row.file == self._marked else ""
+            alone = "○" if (row.subject, row.site) == self._control else ""
+            mark = "●" if row.file == self._marked else alone
             table.add_row(mark, *map(inert, cells(row)), key=row.file)
         only = f" with “{text}”" if text else ""
         title = f"Visits in {self._folder}{only}: {len(self._shown)}, {name}"
@@ -120,7 +124,7 @@ class VisitsScreen(BoardScreen):
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Letters are text while something is searched for."""
         searching = isinstance(self.focused, Input)
-        if action in {"search", "order", "mark", "compare", "trend", "back"}:
+        if action in {"search", "order", "mark", "control", "compare", "trend", "back"}:
             return not searching
         if action == "leave_search":
             return searching
@@ -159,6 +163,21 @@ class VisitsScreen(BoardScreen):
             self._write(_NONE)
             return
         self._marked = None if row.file == self._marked else row.file
+        self._list_again()
+
+    def action_control(self) -> None:
+        """Take the change of a site that was left alone away from every comparison."""
+        row = self._chosen
+        if row is None:
+            self._write(_NONE)
+            return
+        whose = (row.subject, row.site)
+        self._control = None if whose == self._control else whose
+        self._list_again()
+        what = "None" if self._control is None else f"{row.site or 'no site'} of {row.subject}"
+        self._write(f"Control site (left alone, measured on the same days): {what}.")
+
+    def _list_again(self) -> None:
         at = self.query_one(DataTable).cursor_row
         self._list()
         self.query_one(DataTable).move_cursor(row=at)
@@ -223,7 +242,14 @@ class VisitsScreen(BoardScreen):
         from skinlab.studies.comparison import since
 
         paths = (self._folder / before.file, self._folder / after.file)
-        return since(self._identifier(), *paths).found
+        whose = self._control
+        control = None
+        if whose is not None and whose[0] == before.subject and whose[1] != before.site:
+            control = (
+                self._folder / at_control(self._rows, before, whose[1]).file,
+                self._folder / at_control(self._rows, after, whose[1]).file,
+            )
+        return since(self._identifier(), *paths, control, self._board.study).found
 
     def _compute(self, busy: str, call: Callable[[], str]) -> None:
         """Write what a call returns, or why it cannot, from a thread."""

@@ -81,7 +81,11 @@ def test_repeats_and_roughness_tell_the_errors_whatever_the_model_misses(table):
     assert 0.1 < told["ou_s"] < 0.9
     assert 2.0 < told["placement_offset_um"] < 12.0
     # The model as it is, believed, takes what it misses for errors.
-    assert found.looks[1].mode.total_sd_mm.mean() > 2.0 * found.pure.mode.total_sd_mm.mean()
+    believed, pure = (
+        np.linalg.norm(one.mode.colour(np.eye(one.mode.count)), axis=1).mean()
+        for one in (found.looks[1], found.pure)
+    )
+    assert believed > 2.0 * pure
 
 
 def test_evidence_is_that_of_the_dense_gaussian():

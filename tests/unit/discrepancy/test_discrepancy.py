@@ -29,7 +29,7 @@ from skinlab.discrepancy.table_domes import TableDomes, relaxed_pressure
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.discrepancy.verdict import decide
 from skinlab.errors import InputError
-from skinlab.inference.noise import MESH_REST, legendre, slope_mm_per_mbar
+from skinlab.inference.noise import MESH_REST, legendre, pressure_error_mm, roughness
 from skinlab.mechanics.effects import all_effects
 from skinlab.mechanics.effects.model import Skin, response, solve_skin
 from skinlab.mechanics.fem.skin import Prony, SkinProblem
@@ -120,6 +120,31 @@ def test_a_channel_that_is_off_its_program_is_believed():
     assert np.abs(record.path(curve.time_s) - true)[away].max() < 1.0
 
 
+def test_a_channel_in_whole_mbar_is_not_silent():
+    """Most neighbouring readings are the same, and each is off by up to half a step."""
+    campaign = measured({}, RAMPS[:1], pressure_noise_mbar=0.02)
+    (c,) = campaign.curves
+    whole = Curve(c.name, c.setup, c.time_s, np.round(0.9 * c.pressure_mbar), c.deflection_mm)
+    for stated in (0.02, None):
+        (record,) = records_of(replace(campaign, pressure_noise_mbar=stated, curves=(whole,)))
+        assert record.pressure_sd_mbar == pytest.approx(1 / np.sqrt(12), rel=0.3)
+
+
+def test_a_lag_does_not_take_the_noise_off_the_pressure_readings(table):
+    campaign = measured({}, RAMPS[:1], pressure_noise_mbar=0.0)
+    (c,) = campaign.curves
+    noise = np.random.default_rng(1).normal(0, 0.3, len(c.time_s))
+    read = 0.9 * c.setup.program.pressure_mbar(c.time_s) + noise
+    low = Curve(c.name, c.setup, c.time_s, read, c.deflection_mm)
+    fitter = fitter_of(replace(campaign, pressure_noise_mbar=0.3, curves=(low,)), table)
+    unknowns = Unknowns(("pressure_lag",))
+    (axis,) = unknowns.axes
+    at = [np.append(TRUE, axis.to_u(lag)) for lag in (0.0, 0.0125, 0.025, -0.025)]
+    none, *lagging = (fitter.model(unknowns).predict(u)[0] for u in at)
+    for one in lagging:
+        assert roughness(one) == pytest.approx(roughness(none), rel=0.05)
+
+
 def test_a_curve_of_a_few_samples_is_refused():
     campaign = measured({}, RAMPS[:1])
     (c,) = campaign.curves
@@ -154,7 +179,12 @@ def test_whitening_is_that_of_the_dense_covariance():
     covariance += common @ common.T
     variances = [
         (1e-3 * r.noise_um) ** 2
-        + (slope_mm_per_mbar(r.pressure_mbar, r.curve.deflection_mm) * r.pressure_sd_mbar) ** 2
+        + pressure_error_mm(
+            r.pressure_mbar,
+            r.curve.deflection_mm,
+            np.full(len(r.curve), r.pressure_sd_mbar),
+        )
+        ** 2
         + (MESH_REST * r.curve.deflection_mm) ** 2
         for r in records
     ]

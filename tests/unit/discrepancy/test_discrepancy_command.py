@@ -13,11 +13,22 @@ from skinlab.curves.csv import write_curve
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
+from skinlab.discrepancy.fit import Fitter
 from skinlab.mechanics.effects.model import Skin, response
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.mechanics.model_file import read_model
 
 SKIN = Skin((0.04, 1.5, 0.32))
+
+
+@pytest.fixture(autouse=True)
+def by_the_table_alone(monkeypatch):
+    """What the finite elements add is not the point here, and takes most of the time."""
+
+    def alone(*given, **options):
+        return Fitter(*given, **{**options, "finite_elements": False})
+
+    monkeypatch.setattr("skinlab.discrepancy.workflow.Fitter", alone)
 
 
 @pytest.fixture

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from drivers.events import (
@@ -34,9 +36,13 @@ PROGRAM = (
 )
 
 
+HELLO = Hello("reference", 1, "", "", "", None, 500, 60, 1, 1000, False)
+
+
 @pytest.fixture
 def dog():
     dog = Watchdog(Limits())
+    assert dog.on_event(HELLO, 0) == []
     assert dog.on_event(Loaded(PROGRAM, 20, 100, 20), 0) == []
     for state in (S.LOADED, S.ARMED, S.RUNNING):
         assert dog.on_event(State(state, "", 0.0), 0) == []
@@ -151,7 +157,7 @@ def test_saying_again_and_again_that_it_has_vented_wins_no_time(dog):
 
 
 def test_a_second_vent_behind_a_real_one_has_its_own_second(dog):
-    """Who presses the key twice must not read *lift the probe* as the second is slow."""
+    """Who presses the key twice must not read *lift the probe* for a slow second answer."""
     dog.vent_ordered(0.0)
     dog.on_event(sample(0.0, 80), 0.0)
     dog.on_event(State(S.LOADED, "host", 0.0), 0.8)
@@ -173,20 +179,116 @@ def test_another_vent_of_another_run_has_its_own_second(dog):
 
 
 def test_the_instruments_own_vent_is_watched_too(dog):
-    dog.on_event(State(S.VENTING, "program end", 100.0), 10)
-    assert dog.check(11) == []
-    vent, alarm = dog.check(11.01)
+    dog.on_event(State(S.VENTING, "program end", 6.0), 0.1)
+    assert feed(dog, [(k / 20, sample(k / 20, 6)) for k in range(3, 23)]) == []
+    vent, alarm = dog.check(1.11)
     assert isinstance(vent, HostVented)
     assert isinstance(alarm, Alarm)
     assert "lift the probe" in alarm.text
     assert dog.alarm == alarm.text
-    dog.vent_ordered(11.01)
-    assert dog.check(12) == []  # latched, said once
+    dog.vent_ordered(1.11)
+    assert dog.check(2) == []  # latched, said once
     dog.acknowledge()
-    [again] = dog.check(12)  # and again if it is acknowledged too early
+    [again] = dog.check(2)  # and again if it is acknowledged too early
     assert again == alarm
-    assert dog.on_event(State(S.LOADED, "vented", 1.0), 13) == [VentConfirmed(1.0)]
+    assert dog.on_event(State(S.LOADED, "vented", 1.0), 3) == [VentConfirmed(1.0)]
     assert dog.alarm == alarm.text  # only a human unlatches it
+
+
+@pytest.mark.parametrize(
+    "word", [InstrumentFault("x", ""), State(S.VENTING, ""), State(S.RUNNING, "")]
+)
+def test_no_word_wins_time_behind_a_vent_in_words_only(word):
+    """One low reading a second, then a fault, a vent or a run by itself: the suction goes on."""
+    dog = told(Arm(), Start())
+    dog.on_event(State(S.RUNNING, "", 0.0), 0)
+    dog.vent_ordered(0.0)
+    dog.on_event(State(S.VENTING, "host", 0.0), 0.01)
+    orders = 0
+    for k in range(1, 60):
+        now = k / 20
+        dog.on_event(State(S.LOADED, "vented", 2.0 if k % 19 == 0 else 60.0), now)
+        orders += any(isinstance(e, HostVented) for e in dog.on_event(word, now + 0.01))
+        dog.vent_ordered(now + 0.01)
+        dog.on_event(sample(now, 60), now + 0.02)
+        dog.check(now + 0.03)
+        if dog.alarm:
+            break
+    assert dog.alarm is not None
+    assert now < 1.3
+
+
+@pytest.mark.parametrize("state", [S.VENTING, S.FAULT, S.LOADED, S.IDLE])
+def test_suction_behind_a_vent_that_was_confirmed(dog, state):
+    dog.on_event(State(S.VENTING, "program end", 2.0), 5.0)
+    dog.on_event(State(state, "done", 2.0), 5.1)
+    [vent] = dog.on_event(sample(5.2, 60, 6), 5.2)
+    assert f"suction of 60 mbar while {state}" in vent.reason
+
+
+@pytest.mark.parametrize("low", [8.0, 4.0])
+@pytest.mark.parametrize("state", [S.VENTING, S.LOADED])
+def test_little_suction_at_rest_for_a_second(dog, state, low):
+    """Steady, or swinging around what confirms a vent."""
+    dog.on_event(State(S.VENTING, "program end", 2.0), 5.0)
+    dog.on_event(State(state, "done", 2.0), 5.1)
+    swing = [(5.2 + k / 20, sample(5.2 + k / 20, (8.0, low)[k % 2], 6)) for k in range(23)]
+    assert feed(dog, swing[:21]) == []
+    [vent] = feed(dog, swing[21:])[:1]
+    assert f"5 mbar or more for 1 s while {state}" in vent.reason
+
+
+def test_a_pressure_with_the_wrong_sign(dog):
+    assert dog.on_event(sample(1, -20), 1) == []
+    [vent] = dog.on_event(sample(1.05, -21), 1.05)
+    assert "impossible pressure: -21 mbar" in vent.reason
+    dog.vent_ordered(1.05)
+    assert dog.on_event(State(S.LOADED, "host", -21.0), 1.1) == []  # nothing is confirmed by it
+
+
+def test_the_final_vent_is_seen_or_ordered(dog):
+    """An instrument that says that its program is over has to show that the pressure falls."""
+    dog.on_event(sample(5.0, 100), 5.0)
+    assert dog.on_event(State(S.VENTING, "program end", 100.0), 5.0) == []
+    assert dog.check(5.29) == []
+    [vent] = dog.check(5.31)
+    assert "stale" in vent.reason
+
+
+def test_a_final_vent_that_does_not_end(dog):
+    """Who waits for its end would wait for ever."""
+    dog.on_event(sample(0, 0), 0)
+    dog.on_event(State(S.VENTING, "program end", 2.0), 20.1)
+    assert dog.check(24) == []
+    [vent] = dog.check(27)
+    assert "after the end of the program" in vent.reason
+    dog.vent_ordered(27)
+    dog.on_event(State(S.VENTING, "host", 2.0), 27)
+    assert dog.check(28) == []  # said once
+
+
+def test_a_fault_that_calls_itself_the_end(dog):
+    [vent] = dog.on_event(State(S.FAULT, "program end", 60.0), 1)
+    assert "reports a fault" in vent.reason
+
+
+def test_a_state_with_more_than_was_ever_commanded(dog):
+    assert dog.on_event(State(S.RUNNING, "", 110.0), 1) == []
+    [vent] = dog.on_event(State(S.RUNNING, "", 110.1), 1)
+    assert "at most 100 mbar" in vent.reason
+
+
+def test_hello_in_the_middle_of_a_run(dog):
+    [vent] = dog.on_event(HELLO, 1)
+    assert "hello in the middle of a run" in vent.reason
+
+
+def test_an_instrument_that_becomes_another():
+    dog = told()
+    assert dog.on_event(HELLO, 1) == []
+    assert dog.on_event(HELLO, 1) == []
+    [vent] = dog.on_event(replace(HELLO, aperture_mm=2.0), 1)
+    assert "another one than before" in vent.reason
 
 
 def test_one_order_is_enough(dog):
@@ -233,6 +335,26 @@ def test_a_pause_between_two_samples_counts():
         pressure = 2.5 * (k % 800) / 20
         assert dog.on_event(sample(k / 20, pressure, 0 if k < 800 else 2), k / 20) == []
         assert dog.check(k / 20) == []
+
+
+def test_a_pause_whose_samples_are_lost_is_not_believed():
+    """A liar could lose them in every pause, and never come to its end."""
+    dog = Watchdog(Limits())
+    up, hold = Segment(K.RAMP, 60, 1000), Segment(K.HOLD, duration_s=4)
+    program = (up, hold, Segment(K.RELEASE)) * 5
+    dog.on_event(Loaded(program, 20, 60, 5), 0)
+    dog.on_event(State(S.RUNNING, "", 0.0), 0)
+    said = []
+    for k in range(20 * 20):
+        begin, part = divmod(k, 84)
+        if part > 80:
+            continue  # the release, of 0.2 s, which never was
+        segment = 3 * begin + min(1, int(part > 1))
+        said = feed(dog, [(k / 20, sample(k / 20, 0 if k == 0 else 60, segment, k / 100))])
+        if said:
+            break
+    assert "without a pause" in said[0].reason
+    assert k / 20 < 6.7
 
 
 def test_link_lost(dog):
@@ -314,9 +436,10 @@ def test_a_short_shortfall_is_the_pumps_own(dog):
 
 
 @pytest.mark.parametrize(("deflection", "fine"), [(-0.5, 1), (-0.51, 0), (6.0, 1), (6.01, 0)])
-def test_a_deflection_that_cannot_be(dog, deflection, fine):
-    hello = Hello("reference", 1, "", "", "", 6.0, 500, 60, 1, 1000, False)
-    assert dog.on_event(hello, 0) == []
+def test_a_deflection_that_cannot_be(deflection, fine):
+    dog = told(Arm(), Start())
+    dog.on_event(replace(HELLO, aperture_mm=6.0), 0)
+    dog.on_event(State(S.RUNNING, "", 0.0), 0)
     assert (dog.on_event(sample(1, 20, deflection=deflection), 1) == []) == bool(fine)
 
 
@@ -360,7 +483,8 @@ def test_a_vacuum_that_is_still_there_after_the_outage(dog):
     dog.link_lost()
     dog.acknowledge()
     dog.reconnected(10.0)
-    assert dog.on_event(State(S.FAULT, "identify", 50.0), 10.1) == []
+    [vent] = dog.on_event(State(S.FAULT, "identify", 50.0), 10.1)
+    assert "suction of 50 mbar while fault" in vent.reason
     assert dog.check(10.9) == []
     assert any(isinstance(event, Alarm) for event in dog.check(11.1))
 

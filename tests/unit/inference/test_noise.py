@@ -6,6 +6,7 @@ import pytest
 from skinlab.inference.covariance import independent
 from skinlab.inference.noise import (
     MESH_ERROR,
+    jumps,
     legendre,
     mesh_error_shapes,
     pressure_error_mm,
@@ -107,3 +108,13 @@ def test_one_glitch_is_not_rough():
     before = roughness(noise)
     noise[70] += 0.3
     assert roughness(noise) == pytest.approx(before, rel=0.1)
+
+
+def test_a_step_is_told_from_noise_and_from_what_bends():
+    n = np.arange(101)
+    for seed in range(20):
+        noise = 3.0 * np.random.default_rng(seed).standard_normal(len(n))
+        assert jumps(noise + 60.0 * (n > 50))
+        assert not jumps(noise)
+        assert not jumps(noise + 60.0 * np.exp(-n / 4))
+    assert not jumps(np.zeros(10))

@@ -198,6 +198,20 @@ class TestSummary:
         assert low == 0.0
         assert high == pytest.approx(0.75, abs=1e-3)
 
+    def test_where_another_unknown_is_at_its_end_a_value_counts_without_weight(self):
+        x, weight, log_density = self.drawn(3)
+        corner = -1.62, 1e-12, -1.3
+        x, weight, log_density = (
+            np.append(v, c) for v, c in zip((x, weight, log_density), corner, strict=True)
+        )
+        narrow = np.where(x < -1.4, 5.0, 1.0) * log_density
+        narrow[-1] = -1.3
+        at_end = x == corner[0]
+        _, without, _ = summary(x, weight, narrow)
+        _, low, _ = summary(x, weight, narrow, at_end=at_end)
+        assert low <= corner[0]
+        assert low <= without
+
     def test_the_scale_does_not_matter(self):
         x, weight, log_density = self.drawn(2)
         middle, low, high = summary(x, weight, log_density)

@@ -16,10 +16,11 @@ from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.program import parse_program
 from skinlab.inference.batch import identify_all, noise_from_repeats_um, with_stated_noise
 from skinlab.inference.identify import Identifier
+from skinlab.inference.marginal import IntegratedLikelihood
 from skinlab.inference.optimise import polish
 from skinlab.inference.problem import Problem
-from skinlab.inference.samples import Fitted, group, samples_of
-from skinlab.inference.uncertainty import Sensor
+from skinlab.inference.samples import Fitted, choose, group, samples_of
+from skinlab.inference.uncertainty import Sensor, about
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.report.text import describe
 
@@ -81,13 +82,12 @@ def test_intervals_hold_the_truth_as_often_as_they_say(table):
 
 
 def test_more_noise_gives_wider_intervals(table):
-    widths = [
-        width(
-            Identifier(table, sensor=Sensor(noise, 0.0))(curve_of(table, SKIN, noise_um=noise)),
-            "X1_MPa",
-        )
-        for noise in (1.0, 3.0, 10.0)
-    ]
+    def mean_width(noise):
+        curves = [curve_of(table, SKIN, noise_um=noise, seed=seed) for seed in range(3)]
+        answer = Identifier(table, sensor=Sensor(noise, 0.0))
+        return np.mean([width(answer(curve), "X1_MPa") for curve in curves])
+
+    widths = [mean_width(noise) for noise in (1.0, 3.0, 10.0)]
     assert widths[0] < widths[1] < widths[2]
 
 
@@ -518,3 +518,60 @@ class TestCommand:
     def test_a_noise_that_cannot_be_is_refused(self, table, tmp_path, capsys, option):
         assert run(["identify", self.campaign(table, tmp_path), *option]) == 3
         assert "expected" in capsys.readouterr().err
+
+
+def test_locking_is_that_of_each_skin_not_of_the_best_fit(table):
+    """Where a curve hardly tells ν, that of the best fit was far too little near ν = 1/2."""
+    curve = curve_of(table, SKIN, noise_um=3.0)
+    groups = group([choose(curve, ("load",), table)])
+    models = [g.model(table, "paper") for g in groups]
+    unit = models[0].space.to_unit(SKIN)
+    fitted = about(groups, models, models[0].space, unit, Sensor(3.0, 0.0))
+    kept = np.ones(len(fitted.samples), dtype=bool)
+    errors, locking = fitted.choose_errors(kept), fitted.locking(kept)
+    other = np.array([0.028, 1.1, 0.498])
+    size = float(locking.size(other[None])[0])
+    assert size > 5.0 * locking.assumed
+
+    def larger(one):
+        columns = one.columns_mm.copy()
+        for shape in locking.shapes_mm.T:
+            own = (columns == locking.assumed * shape[:, None]).all(axis=0)
+            assert own.sum() == 1
+            columns[:, own] = size * shape[:, None]
+        return replace(one, columns_mm=columns)
+
+    there = replace(
+        errors,
+        nodes=tuple(replace(n, covariance=larger(n.covariance)) for n in errors.nodes),
+    )
+    asked = np.stack([other, SKIN])
+    args = models, fitted.linear.residual_mm, fitted.parameters, kept
+    found = IntegratedLikelihood(*args, errors, locking)(asked)
+    dense = IntegratedLikelihood(*args, there, replace(locking, assumed=size))(asked)
+    np.testing.assert_allclose(found, dense, atol=1e-6)
+
+
+def test_a_probe_that_slips_is_a_misfit_and_no_crease(table):
+    """What fits a slip may crease, and was fitted below that crease as if the skin had one."""
+    slip = 0.06 * (np.arange(len(PRESSURE)) > len(PRESSURE) // 2)
+    soft = np.array([0.012, 0.6, 0.4])
+    for seed in range(4):
+        curve = curve_of(table, soft, noise_um=2.0, seed=seed, extra_mm=slip)
+        flags = {f.split(":")[0] for f in Identifier(table)(curve).flags}
+        assert "misfit_above_noise" in flags
+        assert not flags & {"crease", "fitted_to"}
+
+
+def test_methods_without_intervals_say_what_a_curve_leaves_open(table):
+    """`sto`, `hka` and `lm` answered a curve without any change of pressure as if it told all."""
+    n = len(PRESSURE)
+    still = Curve("still", STANDARD, np.arange(n) / 20, np.full(n, 50.0), np.full(n, 0.3))
+    clear = curve_of(table, SKIN)
+    rough = curve_of(table, SKIN, extra_mm=0.05 * (-1.0) ** np.arange(n))
+    for method in ("sto", "hka", "lm"):
+        flags = Identifier(table, method=method)(still).flags
+        assert {f"not_identifiable:{p}" for p in ("X1_MPa", "X2_MPa", "nu")} & set(flags)
+        assert "not_identifiable:nu" in Identifier(table, method=method)(rough).flags
+        if method == "lm":
+            assert Identifier(table, method=method)(clear).flags == ()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from scipy.stats import t as t_distribution
 
 from skinlab.cli.main import cli
 from skinlab.curves.curve import Setup
@@ -71,11 +72,25 @@ def test_a_study_says_what_a_visit_and_another_operator_add(study):
     same = verdict(side(0.03), side(0.03), study=study)
     other = verdict(side(0.03), side(0.03, operator="b"), study=study)
     variance = 2 * 0.0025 + 2 * (0.0064 - 0.0004) + 2 * 0.01**2
-    assert same.smallest == pytest.approx(2.086 * np.sqrt(variance), rel=0.03)
-    assert other.smallest > 1.3 * same.smallest
+    # 20 degrees of freedom behind the visit, 40 behind the placement: 60 behind their sum.
+    assert same.smallest == pytest.approx(2.0 * np.sqrt(variance), rel=0.03)
+    # Two operators' difference is two degrees of freedom: its size is hardly known.
+    variance += 2 * 0.01
+    parts = np.array([[2 * 0.0025, 20], [2 * 0.006, 40], [2 * 0.01, 2]]).T
+    freedom = parts[0].sum() ** 2 / (parts[0] ** 2 / parts[1]).sum()
+    reach = t_distribution.ppf(0.975, freedom) * np.sqrt(variance)
+    assert other.smallest == pytest.approx(reach, rel=0.03)
     found = changes(side(0.03), side(0.03), study=study)
     assert "components of variance" in found.basis
     assert "smallest change that could have been shown" in in_words(found)[0]
+
+
+def test_a_study_that_is_none_is_said(tmp_path):
+    with pytest.raises(InputError, match=r"components.csv: cannot be read"):
+        verdict(side(0.03), side(0.03), study=tmp_path)
+    (tmp_path / "components.csv").write_text("a,b\n1,2\n")
+    with pytest.raises(InputError, match=r"expected the components.csv of a study"):
+        verdict(side(0.03), side(0.03), study=tmp_path)
 
 
 def test_a_control_site_takes_away_what_the_day_does(study):

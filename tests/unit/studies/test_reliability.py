@@ -161,6 +161,20 @@ def test_small_cohorts_intervals_hold_the_truth():
     assert sums >= 48
 
 
+def test_two_probes_that_agree_by_luck_may_still_differ():
+    target, probe = np.repeat(np.arange(8), 8), np.tile([0, 1], 32)
+    people = effect("subject", target), effect("probe", probe)
+    for seed in range(40):
+        rng = np.random.default_rng([7, seed])
+        y = rng.normal(0, 0.3, 8)[target] + rng.normal(0, 0.1, 64)
+        y[probe == 1] += (y[probe == 0] - y[probe == 1]).mean() + 1e-4 * seed / 40
+        part = {p.name: p for p in components(y, people, seed=seed).parts}["probe"]
+        assert part.low == 0
+        # Were probes to scatter by 0.1, so would they agree in one of twenty pairs and more.
+        assert math.sqrt(part.high) > 0.1
+        assert part.share_high > 0.05
+
+
 def test_what_cannot_be_told_apart_is_said():
     s = np.repeat(np.arange(6), 4)
     y = np.random.default_rng(0).normal(size=24)

@@ -156,6 +156,83 @@ def _kept(out):
         return 0
 
 
+def test_every_kind_of_broken_file_is_listed_and_nothing_stops_the_rest(cohort, tmp_path):
+    folder = tmp_path / "in"
+    folder.mkdir()
+    one = (cohort / "P001" / "forearm" / "v1_p1_c1.csv").read_text()
+    (folder / "good.csv").write_text(one)
+    head, *lines = one.splitlines()
+    contents = {
+        "empty.csv": b"",
+        "binary.csv": np.random.default_rng(1).bytes(5000),
+        "zeros.csv": bytes(5000),
+        "half.csv": one[: len(one) // 30].encode(),
+        "nan.csv": "\n".join([head, *lines[:5], "0.25,nan,0.1", *lines[6:]]).encode(),
+        "names.csv": one.replace("deflection_mm", "deflection").encode(),
+        "page.csv": b"<html><body>Not found</body></html>",
+        "json.csv": b'{"time_s": [1, 2, 3]}',
+        "table.csv": b"subject,age\nP1," + b"9" * 200_000 + b"\n",
+        "file.csv": b'file,aperture_mm\n"' + b"x" * 200_000 + b"\n",
+        "long.csv": (head + "\n" + "1," * 100_000).encode(),
+        "book.xlsx": b"PK\x03\x04" + np.random.default_rng(1).bytes(500),
+        "session.h5": b"\x89HDF\r\n\x1a\n" + np.random.default_rng(1).bytes(500),
+        "campaign.toml": b"[campaign]\n[[curve]]\nnone = 1\n",
+        "visit.journal": b"{}",
+        "notes.json": b"{}",
+        "latin.csv": "Zeit;Höhe\n1;2\n".encode("latin-1"),
+    }
+    for name, content in contents.items():
+        (folder / name).write_bytes(content)
+    (folder / "folder.csv").mkdir()
+    (folder / "nowhere.csv").symlink_to(folder / "gone.csv")
+    (folder / "itself.csv").symlink_to(folder / "itself.csv")
+    (folder / "above").symlink_to(tmp_path, target_is_directory=True)
+    os.mkfifo(folder / "pipe.csv")
+    with (folder / "huge.csv").open("wb") as huge:
+        huge.write(head.encode() + b"\n")
+        huge.truncate(65 << 20)
+    links = {"folder.csv", "nowhere.csv", "itself.csv", "above", "pipe.csv", "huge.csv"}
+    setup = ("--aperture-mm", 6, "--thickness-mm", 1.2)
+    done = study(folder, "--out", tmp_path / "out", "--workers", 1, *setup)
+    assert done.return_value == 3
+    assert [r["file"] for r in rows_of(tmp_path / "out" / "curves.csv")] == ["good.csv"]
+    reasons = {r["file"]: r["reason"] for r in rows_of(tmp_path / "out" / "failures.csv")}
+    assert set(reasons) == {*contents, *links}
+    assert not any("internal error" in reason for reason in reasons.values())
+    assert all(name in reason for name, reason in reasons.items())
+    assert "larger than 64 MB" in reasons["huge.csv"]
+    assert "link to a folder" in reasons["above"]
+    assert reasons["notes.json"].startswith("left alone: ")
+    assert "22 files could not be used" in done.output
+    assert "1 file left alone" in done.output
+
+
+def test_files_of_other_kinds_are_listed_and_no_failure(cohort, tmp_path):
+    (tmp_path / "in").mkdir()
+    shutil.copy(cohort / "P001" / "forearm" / "v1_p1_c1.csv", tmp_path / "in" / "c.csv")
+    (tmp_path / "in" / "photo.jpg").write_bytes(b"x")
+    setup = ("--aperture-mm", 6, "--thickness-mm", 1.2)
+    done = study(tmp_path / "in", "--out", tmp_path / "out", "--workers", 1, *setup)
+    assert done.return_value == 0
+    assert [r["file"] for r in rows_of(tmp_path / "out" / "failures.csv")] == ["photo.jpg"]
+
+
+def test_where_nothing_is_new_no_file_is_made_again(cohort, made, tmp_path):
+    out = tmp_path / "study"
+    first = study(cohort, "--out", out, "--workers", 1, "--json")
+    marks = {path.name: path.stat().st_ino for path in out.iterdir()}
+    again = study(cohort, "--out", out, "--workers", 1, "--json")
+    assert again.stdout == first.stdout
+    assert again.return_value == first.return_value
+    left = {path.name for path in out.iterdir() if path.stat().st_ino == marks[path.name]}
+    assert left >= {"report.html", "study.json", "agreement.csv", "ro-crate-metadata.json"}
+    (out / "agreement.csv").write_text("mine")
+    (out / "trends.csv").unlink()
+    study(cohort, "--out", out, "--workers", 1)
+    for name in ("agreement.csv", "trends.csv", "report.html"):
+        assert (out / name).read_bytes() == (made[0] / name).read_bytes()
+
+
 def test_other_settings_are_refused_with_resume_and_computed_again_without(cohort, made, tmp_path):
     out = tmp_path / "study"
     shutil.copytree(made[0], out)

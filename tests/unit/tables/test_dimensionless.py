@@ -247,21 +247,15 @@ def test_a_curve_goes_on_a_little_beyond_its_limit_and_says_how_wrong_it_may_be(
     assert beyond.creases(soft[None])[0]
     deflection = beyond.deflection_mm(soft[None])[0]
     assert np.isfinite(deflection).all()
-    *crease, locking = beyond.error_shapes_mm(soft).T / np.maximum(deflection, 1e-9)
+    crease = beyond.error_shapes_mm(soft).T / np.maximum(deflection, 1e-9)
     assert np.linalg.norm(crease, axis=0)[-1] == pytest.approx(0.0094, rel=0.05)
     assert (np.diff(np.linalg.norm(crease, axis=0)) >= 0).all()
-    *crease, _ = within.error_shapes_mm(soft).T
-    assert not np.any(crease)
-    assert 0 < locking[-1] < 0.002
+    assert not np.any(within.error_shapes_mm(soft))
 
 
 def test_nearly_incompressible_skin_may_be_wrong_by_more(table):
     model = table.model(STANDARD, np.array([20.0, 50.0]))
-    share = [
-        model.error_shapes_mm(np.array([0.05, 2.0, nu]))[:, -1]
-        / model.deflection_mm(np.array([[0.05, 2.0, nu]]))[0]
-        for nu in (0.3, 0.48)
-    ]
+    share = model.locking(np.array([[0.05, 2.0, nu] for nu in (0.3, 0.48)]))
     # Found against a mesh that cannot lock: 0.1 and 0.3 to 0.5 % (docs/verification.md).
-    assert 0.0008 < share[0].max() < 0.0015
-    assert 0.003 < share[1].max() < 0.005
+    assert 0.0008 < share[0] < 0.0015
+    assert 0.003 < share[1] < 0.005
