@@ -50,7 +50,6 @@ _FEWEST = 3  # campaigns that share an effect
 _MOST_TAKEN = 3  # effects that a group may share
 _CURVATURE = 0.1  # of what the first explains: its own curvature, which looks like others
 _INVISIBLE = 1e-3  # of a signature's square: less is not told from those taken already
-_AHEAD = 2
 _90 = 0.95  # of a t distribution, for a 90 % interval
 
 

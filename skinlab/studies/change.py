@@ -51,7 +51,7 @@ Estimate = tuple[float, float]  # a variance, and the degrees of freedom behind 
 class Scatter:
     """What one quantity scatters by, on its main scale."""
 
-    placed: Estimate  # one placement, the identification's own share left out
+    placed: Estimate  # one placement, mostly without the identification's own share
     source: str
     visit: Estimate | None = None  # None: unknown
     operator: Estimate = (0.0, 1.0)
@@ -202,7 +202,10 @@ def changes(
     names = [n for n in parts[0] if main_scale(n) == "log"]
     if len(names) > 1:
         change, own = _common(sides, signs, list(parts[0]), names)
-        scatter = _scatter(names[0], sides, study, placement_scatter)
+        # Curves leave each stiffness more open than their common factor: what intervals explain of
+        # a parameter's scatter they need not explain of this one's.
+        whole = [_scatter(n, sides, study, placement_scatter, whole=True) for n in names]
+        scatter = min(whole, key=lambda one: one.placed[0])
         stiffness = _judged("stiffness", change, own, scatter, sides, relevant_percent, "log")
     return Changes(tuple(found), stiffness, basis, control is not None)
 
@@ -294,9 +297,17 @@ def _moments(answer: Identification) -> dict[str, tuple[float, float]]:
     return found
 
 
-def _scatter(name: str, sides: Sequence[Side], study: Path | None, stated: float | None) -> Scatter:
+def _scatter(
+    name: str,
+    sides: Sequence[Side],
+    study: Path | None,
+    stated: float | None,
+    *,
+    whole: bool = False,
+) -> Scatter:
+    """Return what a quantity scatters by; `whole`: the identification's own share left in."""
     if study is not None:
-        return _of_study(name, sides[0], study)
+        return _of_study(name, sides[0], study, whole=whole)
     if stated is not None:
         source = f"a placement scatter of {100 * stated:g} %, stated; what a visit adds is unknown"
         return Scatter((stated**2, 1e6), source)
@@ -307,7 +318,7 @@ def _scatter(name: str, sides: Sequence[Side], study: Path | None, stated: float
         if len(values) < 2:
             continue
         y = np.log(values) if main_scale(name) == "log" else values
-        own = _single_variance(side, name)
+        own = 0.0 if whole else _single_variance(side, name)
         squares += max(float(np.square(y - y.mean()).sum()) - own * (len(y) - 1), 0.0)
         freedom += len(y) - 1
     variance = (_PRIOR_FREEDOM * prior**2 + squares) / (_PRIOR_FREEDOM + freedom)
@@ -340,7 +351,7 @@ def components_of(study: Path) -> tuple[Path, list[dict[str, str]]]:
     return path, rows
 
 
-def _of_study(name: str, side: Side, study: Path) -> Scatter:
+def _of_study(name: str, side: Side, study: Path, *, whole: bool) -> Scatter:
     path, rows = components_of(study)
     words = {f"{a:g} mm, {p or 'program not stated'}" for a, p in side.conditions}
     known = {r.get("condition", "") for r in rows}
@@ -362,7 +373,8 @@ def _of_study(name: str, side: Side, study: Path) -> Scatter:
         raise InputError(f"{path}: no components of {name}; expected those of a study") from None
     none = (0.0, freedom)
     anew, freedom = of.get("placement", (0.0, freedom))  # of both, the fewer
-    placed = max(anew + within - of.get("of which identification", none)[0], 0.0)
+    own = 0.0 if whole else of.get("of which identification", none)[0]
+    placed = max(anew + within - own, 0.0)
     return Scatter(
         (placed, max(freedom, _LEAST_FREEDOM)),
         f"the components of variance of {path}",

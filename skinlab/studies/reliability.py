@@ -7,9 +7,10 @@ logarithms (`scale` is `log`), and once more as they are (`linear`); all else is
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from itertools import combinations
+from itertools import combinations, islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,8 +38,10 @@ Row = dict[str, Cell]
 PEOPLE = ("subject", "subject:site")
 REPEATS = (1, 2, 3, 5, 10)
 _FEWEST = 6  # curves of one condition
-_MOST_PAIRS = 6  # of operators, probes or visits that are held against each other
+_MOST_PAIRS = 45  # of operators, probes, visits or placements that are held against each other
 _MOST_REPEATS = 1000
+_NOT_STATED = "program not stated"
+_DAY = re.compile(r"\d{4}-\d\d-\d\d")
 _90 = 1.6448536269514722
 
 
@@ -131,15 +134,41 @@ def main_scale(quantity: str) -> str:
 
 
 def usable(table: Columns) -> Columns:
-    """Return the rows that count: whole curves, each file once."""
+    """Return the rows that count: whole curves, each file once, that tell some parameter."""
     once = table.text["same_as"] == ""
     whole = table.text["partial"] != "true"
-    return table.where(once & whole)
+    return table.where(once & whole & ~tells_nothing(table))
+
+
+def tells_nothing(table: Columns) -> NDArray[np.bool_]:
+    """Return of which rows (n,) no parameter is identified, as where the pump did not pull."""
+    nothing = {f"not_identifiable:{name}" for name in table.parameters} or {""}
+    flags = table.text["flags"].tolist()
+    return np.array([nothing <= set(said.split()) for said in flags], dtype=bool)
+
+
+def _numbered(table: Columns) -> Columns:
+    """Return the table with each person's days numbered, where visits are days, as sessions say.
+
+    Else hardly two people have a visit in common, and no two visits could be held together.
+    """
+    subject, visit = table.text["subject"], table.text["visit"]
+    days: dict[str, set[str]] = {}
+    for who, day in zip(subject.tolist(), visit.tolist(), strict=True):
+        if not _DAY.fullmatch(day):
+            return table
+        days.setdefault(who, set()).add(day)
+    number = {
+        (who, day): str(k) for who, own in days.items() for k, day in enumerate(sorted(own), 1)
+    }
+    pairs = zip(subject.tolist(), visit.tolist(), strict=True)
+    numbers = np.array([number[pair] for pair in pairs], dtype=str)
+    return Columns({**table.text, "visit": numbers}, table.names)
 
 
 def reliability(table: Columns, seed: int = 0) -> Reliability:
     """Return what the table says of the reliability of its quantities."""
-    kept = usable(table)
+    kept = _numbered(usable(table))
     analyses: list[Analysis] = []
     blands: list[Row] = []
     pairs: list[Row] = []
@@ -147,6 +176,7 @@ def reliability(table: Columns, seed: int = 0) -> Reliability:
     tables: list[Row] = []
     notes: dict[str, None] = {}
     for condition, rows in conditions(kept):
+        notes |= dict.fromkeys(_limits(condition, rows))
         for quantity in kept.quantities:
             values = rows.number(quantity)
             there = np.isfinite(values)
@@ -182,7 +212,7 @@ def conditions(table: Columns) -> Iterator[tuple[str, Columns]]:
     """Yield the openings and programs of a table with their rows, the most frequent first."""
     names = np.array(
         [
-            f"{float(a):g} mm, {p or 'program not stated'}"
+            f"{float(a):g} mm, {p or _NOT_STATED}"
             for a, p in zip(
                 table.text["aperture_mm"].tolist(), table.text["program"].tolist(), strict=True
             )
@@ -244,6 +274,16 @@ def _identification(table: Columns, quantity: str, scale: str) -> float | None:
     variance = np.square((high - low) / (2 * _90))
     variance = variance[np.isfinite(variance)]
     return float(variance.mean()) if variance.size else None
+
+
+def _limits(condition: str, table: Columns) -> Iterator[str]:
+    """Yield what a reader of the figures of one condition should know."""
+    if condition.endswith(_NOT_STATED):
+        yield f"{condition}: curves of different programs, if there are any, are taken as one"
+    for facet in _AGAIN:
+        count = math.comb(len(np.unique(table.text[facet])), 2)
+        if count > _MOST_PAIRS:
+            yield f"{condition}: agreement of the first {_MOST_PAIRS} of {count} pairs of {facet}s"
 
 
 def _notes(one: Analysis) -> list[str]:
@@ -442,7 +482,7 @@ def _agreements(one: Analysis, table: Columns, y: Array) -> Iterator[tuple[Row, 
         if len(levels) < 2:
             continue
         cells = _cells(table, y, facet)
-        for first, second in list(combinations(levels[:20], 2))[:_MOST_PAIRS]:
+        for first, second in islice(combinations(levels, 2), _MOST_PAIRS):
             both = [(k, c) for k, c in cells.items() if first in c and second in c]
             a = np.array([c[first][0] for _, c in both])
             b = np.array([c[second][0] for _, c in both])

@@ -18,6 +18,7 @@ from skinlab.studies.reliability import (
     Analysis,
     Reliability,
     conditions,
+    tells_nothing,
     usable,
 )
 from skinlab.studies.table import Cell, Columns
@@ -81,6 +82,8 @@ def flags_of(table: Columns) -> list[Row]:
             counts["not identified"] = failed
     if copies := int((table.text["same_as"] != "").sum()):
         counts["the same file again (left out)"] = copies
+    if silent := int(tells_nothing(table).sum()):
+        counts["tells no parameter (left out)"] = silent
     return [
         {"flag": flag, "curves": count, "share": count / max(len(table), 1)}
         for flag, count in counts.most_common()

@@ -20,7 +20,7 @@ import msgspec
 
 from skinlab.errors import InputError
 from skinlab.io.documents import read_json
-from skinlab.studies.compute import Computed, Row, Task
+from skinlab.studies.compute import Computed, Task
 from skinlab.studies.sources import LABELS, pseudonym
 from skinlab.text import inert
 
@@ -360,6 +360,3 @@ def _kept(path: Path) -> str | bytes:
     """Return a path as SQLite takes it: its text, which has to be UTF-8, or else its bytes."""
     text = str(path)
     return text if text == text.encode(errors="replace").decode() else os.fsencode(path)
-
-
-__all__ = ["NAME", "Row", "State", "Stored"]

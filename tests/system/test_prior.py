@@ -8,6 +8,7 @@ import numpy as np
 
 from skinlab.cli.main import run
 from skinlab.inference.identify import Identifier
+from skinlab.recording.session import read_session
 from skinlab.studies.population import Posterior, learn, to_toml
 from skinlab.tables.store import shipped_table
 
@@ -43,3 +44,15 @@ def test_measured_with_a_prior_and_replayed_to_the_same_bits(tmp_path, capsys):
     assert known < 0.8 * alone
     prior.unlink()  # the session has it
     assert run(["replay", str(session), "--speed", "max", "--verify"]) == 0
+
+
+def test_the_screen_takes_a_prior_and_a_study_or_says_what_is_wrong(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("TEXTUAL_DRIVER", "")
+    prior = population(tmp_path)
+    told = ["ui", "--sessions", str(tmp_path), "--port", "sim://?seed=1&speed=20"]
+    assert run([*told, "--prior", str(prior)]) in (0, 3)
+    (saved,) = tmp_path.glob("*.h5")
+    assert read_session(saved).meta["identification"]["prior"]["toml"] == prior.read_text()
+    assert run([*told, "--prior", str(tmp_path / "none.toml")]) == 3
+    assert run([*told, "--study", str(tmp_path)]) == 3
+    assert "components.csv: cannot be read" in capsys.readouterr().err

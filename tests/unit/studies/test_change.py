@@ -107,12 +107,12 @@ def test_a_control_site_takes_away_what_the_day_does(study):
     assert paired.change == pytest.approx(0.0, abs=1e-3)
 
 
-def test_a_common_factor_is_told_where_no_single_stiffness_is():
-    # X1 and X2 trade off along a valley; what they do together is known ten times better.
+def in_a_valley(*factors):
+    """Return sides whose X1 and X2 trade off: what they do together is known ten times better."""
     rng = np.random.default_rng(0)
     valley = rng.standard_normal((4000, 1)) * np.array([[0.2, -0.4]])
     sides = []
-    for factor in (1.0, 1.5):
+    for factor in factors:
         values = (
             np.array([0.03, 1.5]) * factor * np.exp(valley + 0.01 * rng.standard_normal((4000, 2)))
         )
@@ -123,7 +123,25 @@ def test_a_common_factor_is_told_where_no_single_stiffness_is():
         found = {"X1_MPa": Value(0.03), "X2_MPa": Value(1.5)}
         answer = Identification("s", Setup(6.0, 1.0), None, parameters=found, uncertainty=Left)
         sides.append(Side(answer, (), 2, "", "", CONDITIONS))
-    judged = changes(*sides, placement_scatter=0.06)
+    return sides
+
+
+def test_what_intervals_of_x1_explain_is_no_scatter_less_of_the_common_factor(tmp_path):
+    # Placing anew scatters by 8 %; the intervals of X1 are as wide, along the valley.
+    rows = [("visit", 0.0001, 20), ("within", 0.0064, 40), ("of which identification", 0.0062, "")]
+    lines = [
+        f'"6 mm, ramp:100@20",{q},log,{r[0]},{r[1]},{r[2]}'
+        for q in ("X1_MPa", "X2_MPa")
+        for r in rows
+    ]
+    (tmp_path / "components.csv").write_text(HEAD + "\n".join(lines))
+    whole = changes(*in_a_valley(1.0, 1.12), study=tmp_path).stiffness
+    assert whole.verdict == "not_shown"
+    assert whole.smallest >= 2.0 * np.sqrt(2 * (0.0001 + 0.0064 / 2))
+
+
+def test_a_common_factor_is_told_where_no_single_stiffness_is():
+    judged = changes(*in_a_valley(1.0, 1.5), placement_scatter=0.06)
     assert [one.verdict for one in judged.parameters] == ["cannot_say", "cannot_say"]
     assert judged.stiffness.verdict == "changed"
     assert judged.stiffness.change == pytest.approx(np.log(1.5), abs=0.05)

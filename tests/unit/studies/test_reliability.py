@@ -215,10 +215,35 @@ def test_the_figures_follow_from_the_components():
     assert {r["facet"] for r in found.bland_altman} == {"operator", "visit"}
 
 
-def test_a_copied_or_cut_curve_does_not_count():
+def test_days_are_each_persons_first_and_second_visit():
     whole = table()
-    text = {n: np.concatenate([v, v[:4]]) for n, v in whole.text.items()}
-    text["same_as"][-4:-2] = "f0.csv"
-    text["partial"][-2:] = "true"
+    person = [int(name[1:]) for name in whole.text["subject"].tolist()]
+    days = np.array(
+        [
+            f"2026-{1 + k % 9:02d}-{5 * int(v):02d}"
+            for k, v in zip(person, whole.text["visit"], strict=True)
+        ]
+    )
+    found = reliability(Columns({**whole.text, "visit": days}, whole.names))
+    assert found.bland_altman == reliability(whole).bland_altman
+    assert {r["facet"] for r in found.bland_altman} == {"operator", "visit"}
+    assert found.components == reliability(whole).components
+
+
+def test_what_is_left_out_or_taken_as_one_is_said():
+    whole = table()
+    many = np.array([f"op{k}" for k in range(len(whole))])
+    text = {**whole.text, "operator": many, "program": np.full(len(whole), "")}
+    notes = " ".join(reliability(Columns(text, whole.names)).notes)
+    assert "first 45 of 1770 pairs of operators" in notes
+    assert "curves of different programs" in notes
+
+
+def test_a_copied_or_cut_curve_or_one_that_tells_nothing_does_not_count():
+    whole = table()
+    text = {n: np.concatenate([v, v[:6]]).astype("U40") for n, v in whole.text.items()}
+    text["same_as"][-6:-4] = "f0.csv"
+    text["partial"][-4:-2] = "true"
+    text["flags"][-2:] = "crease not_identifiable:X1_MPa"
     again = reliability(Columns(text, whole.names))
     assert again.components == reliability(whole).components
