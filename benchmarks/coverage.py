@@ -536,6 +536,9 @@ def table(seed: int = SEED) -> str:
             continue
         wanted = {k: v for k, v in row["flags"].items() if k not in _OF_THE_SKIN}
         said = ", ".join(f"`{k}` {100 * v:.0f}" for k, v in wanted.items())
+        if "scatter" in row:
+            found = f"scatter {100 * row['scatter']:.1f} %, held {row['scatter_held']:.0f} %"
+            said = f"{found}; {said}" if said else found
         ratio = ", ".join(f"{v:.2f}" for v in row.get("width_over_oracle", ()))
         judged = row["curves"] - row["failed"]
         held = [_with_interval(row["coverage"][name], judged) for name in NAMES]

@@ -282,7 +282,8 @@ class Watchdog:
 
     def _in_final_vent(self) -> bool:
         """Whether the program's own vent is going on: samples come, as the program allows them."""
-        return self._ended and self._vent_since is not None and not self._host_vented
+        goes_on = self._vent_since is not None or self._state is InstrumentState.VENTING
+        return self._ended and goes_on and not self._host_vented
 
     # ---- events ------------------------------------------------------------
 
@@ -369,11 +370,10 @@ class Watchdog:
         if pulls or self._pulls:
             self._suction_s += passed_s
         self._pulls = pulls
-        if self._vent_since is not None:
+        if self._vent_since is not None or self._state is not InstrumentState.RUNNING:
+            # A pump that is late may show suction behind a first low reading
             judged = self._beyond(sample) if self._in_final_vent() else []
             return self._settle(pressure, now) or judged or self._at_rest(pressure, now)
-        if self._state is not InstrumentState.RUNNING:
-            return self._at_rest(pressure, now)
         if sample.segment > self._envelope.segment:
             # Where samples are lost, the segment began somewhere between these two
             self._segment_since = sample.device_time_s
@@ -452,9 +452,10 @@ class Watchdog:
         limits, state = self._limits, self._state
         if state in {None, InstrumentState.RUNNING}:
             return []
-        if state is InstrumentState.VENTING and self._in_final_vent():
+        in_vent = state is InstrumentState.VENTING and self._in_final_vent()
+        if in_vent and self._vent_since is not None:
             return []
-        if pressure_mbar > limits.overshoot_mbar:
+        if pressure_mbar > limits.overshoot_mbar and not in_vent:
             return self._order(f"suction of {pressure_mbar:g} mbar while {state}")
         if self._risen_since is None or now - self._risen_since <= limits.vent_time_s:
             return []

@@ -17,18 +17,18 @@ from typing import TYPE_CHECKING
 from drivers.events import Sample
 from skinlab.curves.curve import FEWEST_POINTS, Curve
 from skinlab.curves.growing import GrowingCurve
-from skinlab.inference.result import Identification
 from skinlab.io.log import log_exception
 from skinlab.recording.stream import CurveCompleted, CurveStarted, Message, Sampled
 from skinlab.workers import Worker
 
 if TYPE_CHECKING:
     from skinlab.inference.identify import Identifier
+    from skinlab.inference.result import Identification
+
+    Answer = tuple[int, Curve, Identification]
 
 _EVERY_S = 0.3  # between two estimates of a growing curve
 _END_S = 0.4  # of the program: no estimate is begun so late, the answer would wait for it
-
-Answer = tuple[int, Curve, Identification]
 
 
 class IdentifierApart:

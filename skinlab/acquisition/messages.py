@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 from drivers.events import Hello
 from skinlab.acquisition.measurement import Phase, Plan
-from skinlab.inference.result import Identification
 from skinlab.recording.stream import Message
 
 if TYPE_CHECKING:
     from skinlab.discrepancy.outcome import Outcome
+    from skinlab.inference.result import Identification
 
 
 @dataclass(frozen=True, slots=True)

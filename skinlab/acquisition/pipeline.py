@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 from skinlab.acquisition.monitor import Monitor
 from skinlab.curves.curve import Curve
 from skinlab.curves.growing import GrowingCurve
-from skinlab.inference.result import Identification
 from skinlab.recording.assembler import CurveAssembler
 from skinlab.recording.stream import (
     CurveCompleted,
@@ -22,6 +21,7 @@ from skinlab.recording.stream import (
 
 if TYPE_CHECKING:
     from skinlab.inference.identify import Identifier
+    from skinlab.inference.result import Identification
 
 Listener = Callable[[Message], None]
 HandOver = Callable[[int, Curve], None]

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from skinlab.acquisition.identification_worker import IdentificationWorker, IdentifierApart
 from skinlab.acquisition.pipeline import Listener, Pipeline
-from skinlab.inference.identify import Identifier
-from skinlab.inference.result import Identification
 from skinlab.recording.recorder import Recording
 from skinlab.recording.stream import Identified, Item, Message
+
+if TYPE_CHECKING:
+    from skinlab.inference.identify import Identifier
+    from skinlab.inference.result import Identification
 
 
 class Visit:

@@ -10,30 +10,24 @@ and by the prior (a defensive mixture: Hesterberg 1995, Technometrics 37:185).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache, cached_property, lru_cache
-from pathlib import Path
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.inference.covariance import Covariance, OrnsteinUhlenbeck
+from skinlab.inference.covariance import Covariance
+from skinlab.inference.error_combination import Combination
 from skinlab.inference.error_models import ERROR_MODELS
-from skinlab.inference.error_models.base import ErrorModel, Look, Part, Terms
+from skinlab.inference.error_models.base import ErrorModel, Look, Part
+from skinlab.inference.error_quadrature import find_mode, log_student, normal_points, student_points
 from skinlab.inference.likelihood import LinearModel
 
 Array = NDArray[np.float64]
 
-_STEP = 0.05  # of a logarithm, for derivatives
-_MOST_STEPS = 6
-_SHORTER = 0.3 ** np.arange(4)  # steps that are tried
 _HOPELESS = 7.0  # in log evidence: a combination so much worse is not integrated over
-_FAR = 1.5  # the longest step in a logarithm
-_LEAST_CURVATURE = 0.4  # of the log density: wider than 1.6 in a logarithm is left to the prior
-_SETTLED = 0.05  # of the log density
 _WIDER = 1.2
-_FREEDOM = 6.0  # of the Student distribution
 _NODES = {0: 1, 1: 10, 2: 24, 3: 40}  # by the number of parameters
 _MOST_NODES = 64
 _FEW = 2  # parameters: the nodes of the first round will do
@@ -44,139 +38,6 @@ _NO_GAIN = 0.0  # of the log evidence with odds: below, no more models are added
 _MOST_MODELS = 4  # beside those that are always there
 _NEGLIGIBLE = 1e-3  # of all weight: nodes that carry less are dropped
 _MIXTURE_ROUNDS = 6
-POINTS = Path(__file__).parents[1] / "data" / "sobol.npz"  # tests/unit/inference/test_sobol.py
-
-
-@dataclass(frozen=True, eq=False)
-class Combination:
-    """Error models together."""
-
-    parts: tuple[Part, ...]
-    samples_time_s: Array
-    ends: tuple[int, ...]
-    fixed_mm: Array  # (u, m) columns that are there whatever the parameters
-    fixed_mm2: Array  # (u,) variances, likewise
-    _last: list[tuple[Array, ...]] = field(default_factory=list, init=False, repr=False)
-
-    @property
-    def name(self) -> str:
-        """Names of the parts."""
-        return "+".join(part.name for part in self.parts)
-
-    @cached_property
-    def names(self) -> frozenset[str]:
-        """Names of the parts, in no order."""
-        return frozenset(part.name for part in self.parts)
-
-    @cached_property
-    def scales(self) -> Array:
-        """How far the parameters' logarithms (d,) go in one step of a search."""
-        return np.array([p.scale for part in self.parts for p in part.parameters])
-
-    @cached_property
-    def parameters(self) -> tuple[str, ...]:
-        """Names of the parameters."""
-        return tuple(p.name for part in self.parts for p in part.parameters)
-
-    @cached_property
-    def lasting(self) -> frozenset[str]:
-        """Names of the parts that are correlated in time."""
-        return frozenset(part.name for part in self.parts if part.lasting)
-
-    @property
-    def log_odds(self) -> float:
-        """Before the data, against the parts that are always there."""
-        return sum(part.log_odds for part in self.parts)
-
-    @property
-    def bound(self) -> float:
-        """What the parts that are scale mixtures add to the log evidence."""
-        return sum(part.bound for part in self.parts)
-
-    def log_priors(self, log_values: Array) -> Array:
-        """Return the log prior densities (n,) of the parameters' logarithms (n, d)."""
-        each = [p for part in self.parts for p in part.parameters]
-        found = np.zeros(len(log_values))
-        for parameter, values in zip(each, log_values.T, strict=True):
-            found += parameter.log_prior(values)
-        return found
-
-    def sizes_um(self, log_values: Array) -> dict[str, float]:
-        """Return the root mean square over samples of each part's errors, µm, by its name."""
-        values, found = np.exp(log_values).tolist(), dict(self._constant_um)
-        for part, own in zip(self.parts, self._own, strict=True):
-            if part.parameters:
-                found[part.name] = _size_um(part.terms(values[own]))
-        return found
-
-    @cached_property
-    def _constant_um(self) -> dict[str, float]:
-        return {p.name: _size_um(p.terms(())) for p in self.parts if not p.parameters}
-
-    def covariances(self, log_values: Array, *, spread: bool = True) -> list[Covariance]:
-        """Return the covariances (n,) at logarithms (n, d)."""
-        n, values = len(log_values), np.exp(log_values)
-        variance, stretch = self.fixed_mm2, np.ones(1)
-        processes: list[OrnsteinUhlenbeck | None] = [None] * n
-        columns = [[self.fixed_mm] * n]
-        for part, own in zip(self.parts, self._own, strict=True):
-            if part.variances is not None:
-                variance = variance + part.variances(values[:, own])
-                continue
-            settings = values[:, own].tolist() if part.parameters else [()]
-            each = [part.terms(setting) for setting in settings]
-            own_mm2 = np.array([terms.variance_mm2 for terms in each], dtype=float)
-            variance = variance + own_mm2.reshape(len(each), -1)
-            if len(each) < n:
-                each = each * n  # it has no parameters
-            processes = [terms.ou or ou for terms, ou in zip(each, processes, strict=True)]
-            some = [terms.columns_mm for terms in each if terms.columns_mm is not None]
-            if len(some) == n:
-                columns.append(some)
-            if each[0].stretch is not None:
-                stretched = [1.0 if terms.stretch is None else terms.stretch for terms in each]
-                stretch = stretch * np.array(stretched) * (part.spread if spread else 1.0)
-        variance = np.broadcast_to(variance * stretch, (n, len(self.fixed_mm2)))
-        whole = columns[0] if len(columns) == 1 else self._side_by_side(columns)
-        return [
-            Covariance(d, v, self.ends, ou, self.samples_time_s)
-            for d, v, ou in zip(variance, whole, processes, strict=True)
-        ]
-
-    def covariance(self, log_values: Array, *, spread: bool = True) -> Covariance:
-        """Return the covariance at these logarithms (d,)."""
-        return self.covariances(log_values[None], spread=spread)[0]
-
-    @cached_property
-    def _own(self) -> list[slice]:
-        """Where each part's parameters are among all."""
-        ends = np.cumsum([len(part.parameters) for part in self.parts]).tolist()
-        return [slice(e - len(p.parameters), e) for e, p in zip(ends, self.parts, strict=True)]
-
-    def _side_by_side(self, columns: list[list[Array]]) -> list[Array]:
-        """Return columns (u, m) side by side; the same array where they are the same arrays."""
-        found: list[Array] = []
-        for blocks in zip(*columns, strict=True):
-            if not self._last or not _same(self._last[0], blocks):
-                self._last[:] = [blocks, (np.hstack(blocks),)]
-            found.append(self._last[1][0])
-        return found
-
-
-def _size_um(terms: Terms) -> float:
-    """Return the root mean square over samples, µm."""
-    variance = np.asarray(terms.variance_mm2)
-    total = float(np.add.reduce(variance, axis=None)) / variance.size
-    if terms.ou is not None:
-        total += terms.ou.size_mm**2
-    if terms.columns_mm is not None and len(terms.columns_mm):
-        columns = terms.columns_mm.ravel()
-        total += float(columns @ columns) / len(terms.columns_mm)
-    return 1e3 * math.sqrt(total)
-
-
-def _same(some: Sequence[Array], others: Sequence[Array]) -> bool:
-    return len(some) == len(others) and all(a is b for a, b in zip(some, others, strict=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -343,7 +204,7 @@ def _again(one: _Explored, linear: LinearModel) -> _Explored:
     spread = (counts * spread + _AS_MODE * one.root @ one.root.T) / (counts + _AS_MODE)
     wide = _WIDER * np.linalg.cholesky(spread)
     points = mean + student_points(_MOST_NODES, len(mean)) @ wide.T
-    return _integrated(one, points, _log_student(points - mean, wide), linear)
+    return _integrated(one, points, log_student(points - mean, wide), linear)
 
 
 def _collect(tried: Sequence[_Explored], best: _Explored) -> ErrorChoice:
@@ -393,7 +254,7 @@ def _explore(
     """Return the combination explored; from its mode alone if that is hopeless beside a rival."""
     each = [p for part in combination.parts for p in part.parameters]
     at = np.array([starts.get(p.name, math.log(p.start or p.median)) for p in each])
-    mode, root, here = _mode(_density(combination, linear), at, combination.scales)
+    mode, root, here = find_mode(_density(combination, linear), at, combination.scales)
     roughly = here + 0.5 * len(mode) * math.log(2.0 * math.pi) + float(np.linalg.slogdet(root)[1])
     roughly += combination.log_odds
     if not combination.bound and roughly < rival - _HOPELESS:
@@ -435,93 +296,6 @@ def _density(
     return density
 
 
-def _mode(
-    density_of_logarithms: Callable[[Array], Array], start: Array, scales: Array
-) -> tuple[Array, Array, float]:
-    """Return the mode (d,) by Newton's method, a root (d, d) of the covariance, and the density.
-
-    Steps are in units of `scales` (d,).
-    """
-
-    def density(scaled: Array) -> Array:
-        return density_of_logarithms(scaled * scales)
-
-    at, d = start / scales, len(start)
-    values = np.eye(d)
-    here, slope, curvature = _derivatives(density, at)
-    for step_number in range(_MOST_STEPS if d else 0):
-        if step_number:
-            here, slope, curvature = _derivatives(density, at)
-        curve, vectors = np.linalg.eigh(-curvature)
-        curve = np.maximum(np.where(curve > 0, curve, -0.3 * curve), _LEAST_CURVATURE)
-        values = vectors / np.sqrt(curve)
-        step = values @ (values.T @ slope)
-        step *= min(1.0, _FAR / max(float(np.abs(step).max()), 1e-12))
-        if float(slope @ step) < _SETTLED:
-            break
-        trials = at + _SHORTER[:, None] * step
-        there = density(trials)
-        better = np.flatnonzero(there > here)
-        if not len(better):
-            break
-        at, here = trials[better[0]], float(there[better[0]])
-    return at * scales, values * scales[:, None], here
-
-
-def _derivatives(density: Callable[[Array], Array], at: Array) -> tuple[float, Array, Array]:
-    """Return the density at a point (d,), its slope (d,) and curvature (d, d)."""
-    d, h = len(at), _STEP
-    steps = h * np.eye(d)
-    i, j = np.tril_indices(d, -1)
-    found = density(at + np.vstack([np.zeros((1, d)), steps, -steps, steps[i] + steps[j]]))
-    here, up, down, both = np.split(found, [1, 1 + d, 1 + 2 * d])
-    slope = (up - down) / (2.0 * h)
-    curvature = np.diag((up - 2.0 * here + down) / h**2)
-    curvature[i, j] = curvature[j, i] = (both - up[i] - up[j] + here) / h**2
-    return float(here[0]), slope, curvature
-
-
-@lru_cache(maxsize=64)
-def normal_points(count: int, d: int) -> Array:
-    """Return normally distributed points (count, d), spread evenly: a fixed Sobol' sequence."""
-    stored = _stored_points().get(f"normal{d}")
-    if stored is not None and count <= len(stored):
-        return stored[:count]
-    from scipy.special import ndtri  # slow to import
-
-    return np.asarray(ndtri(_even(count, d)))
-
-
-@lru_cache(maxsize=64)
-def student_points(count: int, d: int) -> Array:
-    """Return Student distributed points (count, d), from one dimension more of the sequence."""
-    stored = _stored_points().get(f"student{d}")
-    if stored is not None and count <= len(stored):
-        return stored[:count]
-    from scipy.special import gammaincinv, ndtri  # slow to import
-
-    points = _even(count, d + 1)
-    chi_square = 2.0 * gammaincinv(0.5 * _FREEDOM, points[:, -1])
-    return np.asarray(ndtri(points[:, :-1]) * np.sqrt(_FREEDOM / chi_square)[:, None])
-
-
-def _even(count: int, d: int) -> Array:
-    """Return points (count, d) of the unit cube."""
-    from scipy.stats import qmc  # slow to import
-
-    sequence = qmc.Sobol(d, scramble=True, rng=np.random.default_rng(0))
-    return np.clip(sequence.random(1 << max(count - 1, 1).bit_length())[:count], 1e-3, 1 - 1e-3)
-
-
-@cache
-def _stored_points() -> Mapping[str, Array]:
-    """Return the first points of each dimension: scipy takes half a second to make them."""
-    if not POINTS.exists():
-        return {}
-    with np.load(POINTS) as file:
-        return dict(file)
-
-
 def _draws(combination: Combination, mode: Array, root: Array) -> tuple[Array, Array]:
     """Return logarithms (n, d) to integrate over, and the log density (n,) that they are from."""
     d = len(mode)
@@ -544,25 +318,12 @@ def _draws(combination: Combination, mode: Array, root: Array) -> tuple[Array, A
         other = middle + np.where(sure, 1.5 * own * normal_points(count - first, d), other)
         values = np.vstack([near, other])
         width = np.where(sure, 1.5 * own, width)
-    log_near = _log_student(values - mode, wide)
+    log_near = log_student(values - mode, wide)
     if first == count:
         return values, log_near
     off = (values - middle) / width
     log_far = -0.5 * np.square(off).sum(axis=1) - np.log(width * math.sqrt(2 * math.pi)).sum()
     return values, np.logaddexp(math.log(share) + log_near, math.log(1.0 - share) + log_far)
-
-
-def _log_student(off: Array, wide: Array) -> Array:
-    """Return the log densities (n,) of a Student distribution, (n, d) off its middle."""
-    d = off.shape[1]
-    z = np.linalg.solve(wide, off.T).T
-    return np.asarray(
-        math.lgamma(0.5 * (_FREEDOM + d))
-        - math.lgamma(0.5 * _FREEDOM)
-        - 0.5 * d * math.log(_FREEDOM * math.pi)
-        - float(np.linalg.slogdet(wide)[1])
-        - 0.5 * (_FREEDOM + d) * np.log1p(np.square(z).sum(axis=1) / _FREEDOM)
-    )
 
 
 def _scale_mixture(
@@ -584,7 +345,7 @@ def _scale_mixture(
         return None
     for _ in range(_MIXTURE_ROUNDS):
         combination = combine((*plain, part))
-        at, _, _ = _mode(_density(combination, linear), at, combination.scales)
+        at, _, _ = find_mode(_density(combination, linear), at, combination.scales)
         stretch = part.terms(()).stretch
         assert stretch is not None
         # White errors' squares by the variance that the weights are of: that without stretch.

@@ -37,7 +37,7 @@ def write_file(path: Path, content: bytes | memoryview | str, *, replace: bool =
 
 def file_hash(path: Path) -> str:
     """Return `sha256:…` of the file's bytes."""
-    with path.open("rb") as file:
+    with open(path, "rb") as file:
         return "sha256:" + hashlib.file_digest(file, "sha256").hexdigest()
 
 

@@ -362,6 +362,7 @@ def read_journal(path: Path) -> Read:
     try:
         with contextlib.closing(sqlite3.connect(path)) as db:
             db.text_factory = bytes
+            db.execute("PRAGMA writable_schema=ON")  # else a file that was cut off is not read
             tables = {name for (name,) in db.execute("SELECT name FROM sqlite_master")}
             if not tables:
                 raise InputError(
@@ -374,6 +375,7 @@ def read_journal(path: Path) -> Read:
             if schema != SCHEMA:
                 raise InputError(f"{path}: schema {schema!r}; expected {SCHEMA!r}")
             records = _records(db, path.stat().st_size, skipped)
+            skipped += [] if skipped else _damage(db)
     except InputError:
         raise
     except sqlite3.OperationalError as error:
@@ -409,10 +411,13 @@ def _text(value: object) -> str:
 
 
 def _records(db: sqlite3.Connection, size_bytes: int, skipped: list[str]) -> list[Record]:
+    most = size_bytes // _LEAST_RECORD_BYTES
     try:
         last = db.execute("SELECT max(number) FROM record").fetchone()[0] or 0
     except sqlite3.DatabaseError:
-        last = size_bytes // _LEAST_RECORD_BYTES
+        last = most
+    if not 0 < last <= most:  # of a page of which only a part is there
+        last = most
     query = "SELECT number, kind, host_time_s, utc_s, data FROM record WHERE number"
     rows, failed = _rows(db, query, 1, last)
     records: list[Record] = []
@@ -424,8 +429,22 @@ def _records(db: sqlite3.Connection, size_bytes: int, skipped: list[str]) -> lis
             records.append(record)
     for first, end, why in failed:
         which = f"record {first}" if first == end else f"records {first} to {end}"
+        if end == most:  # nobody knows how many there were
+            which = f"record {first} and what came behind it"
         skipped.append(f"{which} cannot be read ({why}): left out")
     return records
+
+
+def _damage(db: sqlite3.Connection) -> list[str]:
+    """Return what is wrong with a file of which all that was found could be read."""
+    try:
+        (said,) = db.execute("PRAGMA quick_check(1)").fetchone()
+    except sqlite3.DatabaseError as error:
+        said = str(error).encode()
+    if said == b"ok":
+        return []
+    first = said.decode("utf-8", "replace").strip().splitlines()[-1]
+    return [f"the file is damaged ({first}): records at its end may be missing"]
 
 
 def _record(row: list[Any], before: Record | None) -> tuple[Record | None, str]:

@@ -7,17 +7,13 @@ import time
 from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from drivers.dialect import Dialect
 from drivers.dialects import DEFAULT, get_dialect
 from drivers.dose import Dose, DoseMeter
 from drivers.events import Alarm, Event, HostVented, InstrumentFault, LinkLost
 from skinlab.errors import InputError
-from skinlab.inference.identify import Identifier
-from skinlab.inference.methods import get_method
-from skinlab.inference.population import PopulationIdentifier
-from skinlab.mechanics.model_file import BASE
 from skinlab.recording.audit import Chain, note, operator
 from skinlab.recording.dose import dose_before
 from skinlab.recording.journal import Journal, read_journal
@@ -36,9 +32,16 @@ from skinlab.recording.stream import (
 )
 from skinlab.versions import __version__, versions
 
+if TYPE_CHECKING:
+    from skinlab.inference.identify import Identifier
+
 
 def identification_settings(identifier: Identifier) -> dict[str, Any]:
     """Return what a replay must know to identify in the same way."""
+    from skinlab.inference.methods import get_method
+    from skinlab.inference.population import PopulationIdentifier
+    from skinlab.mechanics.model_file import BASE
+
     options, path = identifier.options, identifier.database.path
     probe = identifier.sensor.probe
     prior = identifier.population if isinstance(identifier, PopulationIdentifier) else None

@@ -153,7 +153,8 @@ def _image(session: Session) -> memoryview:
     image = io.BytesIO()
     with h5py.File(image, "w", track_order=True, userblock_size=SEAL_BYTES) as file:
         _write(file, session)
-    buffer = image.getbuffer()
+    # A copy: h5py keeps the stream, which cannot be closed while somebody looks into it
+    buffer = memoryview(bytearray(image.getbuffer()))
     put_seal(buffer)
     return buffer
 

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 
 from skinlab.curves.curve import Curve
 from skinlab.errors import InputError
-from skinlab.inference.result import Identification
 from skinlab.recording.audit import entries
 from skinlab.recording.session import Session
 
 if TYPE_CHECKING:
     from skinlab.inference.identify import Identifier
+    from skinlab.inference.result import Identification
 
 
 def comparable(curves: Sequence[Curve], excluded: Collection[str] = ()) -> list[Curve]:

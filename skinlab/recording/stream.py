@@ -7,14 +7,16 @@ bedside is what is replayed and tested.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from drivers.events import Event, Sample, TimedEvent
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.growing import GrowingCurve
 from skinlab.curves.program import parse_program
-from skinlab.inference.result import Identification
 from skinlab.quality.gates.base import Finding
+
+if TYPE_CHECKING:
+    from skinlab.inference.result import Identification
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from skinlab.inference.flags import CATALOGUE
-from skinlab.inference.result import Advice, Identification
 from skinlab.mechanics.materials.base import NU_CONSISTENT
 from skinlab.mechanics.names import is_poisson, plain
 from skinlab.text import inert
@@ -14,6 +13,7 @@ from skinlab.text import inert
 if TYPE_CHECKING:
     from drivers.dose import Dose
     from skinlab.inference.error_judgement import ErrorModelSummary
+    from skinlab.inference.result import Advice, Identification
 
 _SENTENCES = ("outliers", "correlated_noise", "stated_noise_contradicted", "unlike_cohort")
 

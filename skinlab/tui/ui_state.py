@@ -47,7 +47,6 @@ from skinlab.acquisition.protocol import OPERATOR
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.growing import GrowingCurve
 from skinlab.errors import InputError
-from skinlab.inference.result import Identification
 from skinlab.quality.gates.base import Finding
 from skinlab.recording.curve_selection import Ledger
 from skinlab.recording.stream import (
@@ -65,6 +64,7 @@ from skinlab.report.verdict import Verdict, judge
 if TYPE_CHECKING:
     from skinlab.acquisition.protocol import NamedProtocol
     from skinlab.discrepancy.outcome import Outcome
+    from skinlab.inference.result import Identification
     from skinlab.report.protocol import Done as DoneCurve
     from skinlab.report.protocol import Progress
     from skinlab.studies.reference import Range, Reference

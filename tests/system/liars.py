@@ -66,14 +66,12 @@ LIES = {
     "counts back": Lie(HELD, 0.78 + 0.3, "stale"),
     "frozen height": Lie("ramp:100@20", 0.5 + 0.5, "frozen deflection"),
     "frozen pressure": Lie("ramp:100@20", 1.5 + 0.5, "frozen pressure"),
-    "wrong sign": Lie(HELD, 0.02, "impossible pressure"),
+    "wrong sign": Lie(HELD, 0.0, "impossible pressure"),
     "reads nothing": Lie("ramp:60@100,hold:4", 0.2 + 1.0, "no skin"),
     "starts by itself": Lie(HELD, 0.0, "nobody has started it"),
     "arms late": Lie(HELD, None, "Arm"),
     "never starts": Lie(HELD, None, "Start"),
-    "stays high": Lie(
-        "ramp:60@100000,hold:1", 1.0, "suction of 60 mbar while venting", partial=False
-    ),
+    "stays high": Lie("ramp:60@100000,hold:1", 1.0, "overshoot: 60 mbar", partial=False),
     "vents in silence": Lie(SHORT, 1.0, "stale", partial=False),
     "fault in name": Lie(SHORT, 1.0, "vented by itself", partial=False),
     "hello again": Lie(HELD, 1.0, "hello in the middle"),

@@ -26,9 +26,9 @@ MEASURE = ["measure", "--aperture-mm", "6", "--thickness-mm", "1", "--program"]
 ENVIRONMENT = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
 
 
-def test_ten_kills_at_random_moments_damage_nothing(tmp_path):
+def test_five_kills_at_random_moments_damage_nothing(tmp_path):
     """The hundred, at longer measurements, and how much of the end is lost, are `make soak`."""
-    options = ["--kills=10", "--program=ramp:100@60", "--save=k.json", "--patient"]
+    options = ["--kills=5", "--program=ramp:100@60", "--save=k.json", "--patient"]
     done = subprocess.run(
         [sys.executable, HERE / "kills.py", *options],
         cwd=tmp_path,
@@ -40,13 +40,13 @@ def test_ten_kills_at_random_moments_damage_nothing(tmp_path):
     )
     assert done.stdout, done.stderr
     result = json.loads((tmp_path / "k.json").read_text())
-    assert sum(not entry["ended_before"] for entry in result["entries"]) == 10
+    assert sum(not entry["ended_before"] for entry in result["entries"]) == 5
     for entry in result["entries"]:
         assert entry["problems"] == [], entry
         assert entry["as_sent"], entry
         assert entry["bystanders_unchanged"], entry
     assert done.returncode == 0
-    assert result["samples_recovered"] > 100
+    assert result["samples_recovered"] > 50
 
 
 def can_mount() -> bool:

@@ -462,7 +462,7 @@ def test_pressure_after_the_end():
     assert "suction of 60 mbar while loaded" in reason
     assert 2.0 < at_s <= 2.5
     reason, at_s = caught("stays high")
-    assert "suction of 60 mbar while venting" in reason
+    assert "overshoot: 60 mbar" in reason
     assert 2.0 < at_s <= 2.5
     reason, at_s = caught("fault in name")
     assert "reports a fault" in reason

@@ -8,18 +8,20 @@ own file asks which effect it is.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.errors import InputError
-from skinlab.mechanics.fem.skin import SkinProblem
 from skinlab.parameters import Parameter
 
 __all__ = ["Array", "Effect", "Parameter", "Values"]
 from skinlab.plugins import needs
+
+if TYPE_CHECKING:
+    from skinlab.mechanics.fem.skin import SkinProblem
 
 Array = NDArray[np.float64]
 Values = Mapping[str, float]

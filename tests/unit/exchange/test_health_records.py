@@ -8,8 +8,6 @@ import jsonschema
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from fhir.resources.R4B.bundle import Bundle
-from rocrate.rocrate import ROCrate
 
 from skinlab.cli.main import cli
 from skinlab.curves.curve import Curve, Setup
@@ -52,6 +50,8 @@ def exported(path, kind, folder):
 
 def test_a_bundle_is_fhir_and_holds_the_curve_and_its_parameters(session_path, tmp_path):
     text = exported(session_path, "fhir", tmp_path / "f")
+    from fhir.resources.R4B.bundle import Bundle  # slow to import
+
     bundle = Bundle.model_validate(text)
     codes, *observations = [e.resource for e in bundle.entry]
     assert codes.get_resource_type() == "CodeSystem"
@@ -117,6 +117,8 @@ def test_a_crate_is_read_by_the_library_of_ro_crate(tmp_path):
         licence="none",
     )
     (tmp_path / "ro-crate-metadata.json").write_text(text, encoding="utf-8")
+    from rocrate.rocrate import ROCrate  # slow to import
+
     crate = ROCrate(tmp_path)
     assert crate.name == "a study"
     assert crate.license is not None

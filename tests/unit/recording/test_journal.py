@@ -8,6 +8,7 @@ import sqlite3
 import stat
 
 import pytest
+from crashes import journal_of_example
 
 from skinlab.errors import InputError
 from skinlab.recording import journal as module
@@ -137,6 +138,22 @@ def test_a_journal_that_was_killed_while_it_was_made_says_so(tmp_path):
     (tmp_path / "j").touch()
     with pytest.raises(InputError, match="before anything was recorded"):
         read_journal(tmp_path / "j")
+
+
+@pytest.mark.parametrize("part", [0.5, 0.7, 0.9, 0.925, 0.99])
+def test_a_journal_that_was_cut_off_gives_what_is_left(tmp_path, part):
+    path = tmp_path / "j"
+    journal_of_example(path).close()
+    whole = read_journal(path)
+    assert whole.skipped == []
+    raw = path.read_bytes()
+    path.write_bytes(raw[: int(part * len(raw))])
+    left = read_journal(path)
+    assert left.meta == whole.meta
+    kept = (int(part * len(raw)) // 4096 - 4) * 60  # whole pages, but for those of the tables
+    assert kept > 0
+    assert left.records[:kept] == whole.records[:kept]
+    assert left.skipped
 
 
 def test_another_database_is_no_journal(tmp_path):

@@ -6,10 +6,7 @@ import math
 import warnings
 
 import numpy as np
-import pandas as pd
-import pingouin
 import pytest
-import statsmodels.formula.api as smf
 from studies import stiffness_table as table
 
 from skinlab.studies.agreement import bland_altman, shrout_fleiss
@@ -44,6 +41,10 @@ def test_icc_of_shrout_and_fleiss():
 
 
 def test_icc_intervals_are_pingouins():
+    # Slow to import, and every process of the tests imports each file
+    import pandas as pd
+    import pingouin
+
     long = pd.DataFrame(
         [(t, j, v) for t, row in enumerate(JUDGES) for j, v in enumerate(row)],
         columns=["target", "judge", "value"],
@@ -121,6 +122,9 @@ def crossed(seed=0, lost=0.15):
 def test_crossed_and_unbalanced_components_are_those_of_statsmodels():
     y, effects = crossed()
     found = components(y, effects)
+    import pandas as pd
+    import statsmodels.formula.api as smf
+
     frame = pd.DataFrame({"y": y, "one": 1, **{f"e{k}": e.codes for k, e in enumerate(effects)}})
     formula = {e.name: f"0 + C(e{k})" for k, e in enumerate(effects)}
     with warnings.catch_warnings():

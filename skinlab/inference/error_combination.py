@@ -1,0 +1,148 @@
+"""Error models together: the covariances of all their settings at once."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinlab.inference.covariance import Covariance, OrnsteinUhlenbeck
+from skinlab.inference.error_models.base import Part, Terms
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Combination:
+    """Error models together."""
+
+    parts: tuple[Part, ...]
+    samples_time_s: Array
+    ends: tuple[int, ...]
+    fixed_mm: Array  # (u, m) columns that are there whatever the parameters
+    fixed_mm2: Array  # (u,) variances, likewise
+    _last: list[tuple[Array, ...]] = field(default_factory=list, init=False, repr=False)
+
+    @property
+    def name(self) -> str:
+        """Names of the parts."""
+        return "+".join(part.name for part in self.parts)
+
+    @cached_property
+    def names(self) -> frozenset[str]:
+        """Names of the parts, in no order."""
+        return frozenset(part.name for part in self.parts)
+
+    @cached_property
+    def scales(self) -> Array:
+        """How far the parameters' logarithms (d,) go in one step of a search."""
+        return np.array([p.scale for part in self.parts for p in part.parameters])
+
+    @cached_property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        return tuple(p.name for part in self.parts for p in part.parameters)
+
+    @cached_property
+    def lasting(self) -> frozenset[str]:
+        """Names of the parts that are correlated in time."""
+        return frozenset(part.name for part in self.parts if part.lasting)
+
+    @property
+    def log_odds(self) -> float:
+        """Before the data, against the parts that are always there."""
+        return sum(part.log_odds for part in self.parts)
+
+    @property
+    def bound(self) -> float:
+        """What the parts that are scale mixtures add to the log evidence."""
+        return sum(part.bound for part in self.parts)
+
+    def log_priors(self, log_values: Array) -> Array:
+        """Return the log prior densities (n,) of the parameters' logarithms (n, d)."""
+        each = [p for part in self.parts for p in part.parameters]
+        found = np.zeros(len(log_values))
+        for parameter, values in zip(each, log_values.T, strict=True):
+            found += parameter.log_prior(values)
+        return found
+
+    def sizes_um(self, log_values: Array) -> dict[str, float]:
+        """Return the root mean square over samples of each part's errors, µm, by its name."""
+        values, found = np.exp(log_values).tolist(), dict(self._constant_um)
+        for part, own in zip(self.parts, self._own, strict=True):
+            if part.parameters:
+                found[part.name] = _size_um(part.terms(values[own]))
+        return found
+
+    @cached_property
+    def _constant_um(self) -> dict[str, float]:
+        return {p.name: _size_um(p.terms(())) for p in self.parts if not p.parameters}
+
+    def covariances(self, log_values: Array, *, spread: bool = True) -> list[Covariance]:
+        """Return the covariances (n,) at logarithms (n, d)."""
+        n, values = len(log_values), np.exp(log_values)
+        variance, stretch = self.fixed_mm2, np.ones(1)
+        processes: list[OrnsteinUhlenbeck | None] = [None] * n
+        columns = [[self.fixed_mm] * n]
+        for part, own in zip(self.parts, self._own, strict=True):
+            if part.variances is not None:
+                variance = variance + part.variances(values[:, own])
+                continue
+            settings = values[:, own].tolist() if part.parameters else [()]
+            each = [part.terms(setting) for setting in settings]
+            own_mm2 = np.array([terms.variance_mm2 for terms in each], dtype=float)
+            variance = variance + own_mm2.reshape(len(each), -1)
+            if len(each) < n:
+                each = each * n  # it has no parameters
+            processes = [terms.ou or ou for terms, ou in zip(each, processes, strict=True)]
+            some = [terms.columns_mm for terms in each if terms.columns_mm is not None]
+            if len(some) == n:
+                columns.append(some)
+            if each[0].stretch is not None:
+                stretched = [1.0 if terms.stretch is None else terms.stretch for terms in each]
+                stretch = stretch * np.array(stretched) * (part.spread if spread else 1.0)
+        variance = np.broadcast_to(variance * stretch, (n, len(self.fixed_mm2)))
+        whole = columns[0] if len(columns) == 1 else self._side_by_side(columns)
+        return [
+            Covariance(d, v, self.ends, ou, self.samples_time_s)
+            for d, v, ou in zip(variance, whole, processes, strict=True)
+        ]
+
+    def covariance(self, log_values: Array, *, spread: bool = True) -> Covariance:
+        """Return the covariance at these logarithms (d,)."""
+        return self.covariances(log_values[None], spread=spread)[0]
+
+    @cached_property
+    def _own(self) -> list[slice]:
+        """Where each part's parameters are among all."""
+        ends = np.cumsum([len(part.parameters) for part in self.parts]).tolist()
+        return [slice(e - len(p.parameters), e) for e, p in zip(ends, self.parts, strict=True)]
+
+    def _side_by_side(self, columns: list[list[Array]]) -> list[Array]:
+        """Return columns (u, m) side by side; the same array where they are the same arrays."""
+        found: list[Array] = []
+        for blocks in zip(*columns, strict=True):
+            if not self._last or not _same(self._last[0], blocks):
+                self._last[:] = [blocks, (np.hstack(blocks),)]
+            found.append(self._last[1][0])
+        return found
+
+
+def _size_um(terms: Terms) -> float:
+    """Return the root mean square over samples, µm."""
+    variance = np.asarray(terms.variance_mm2)
+    total = float(np.add.reduce(variance, axis=None)) / variance.size
+    if terms.ou is not None:
+        total += terms.ou.size_mm**2
+    if terms.columns_mm is not None and len(terms.columns_mm):
+        columns = terms.columns_mm.ravel()
+        total += float(columns @ columns) / len(terms.columns_mm)
+    return 1e3 * math.sqrt(total)
+
+
+def _same(some: Sequence[Array], others: Sequence[Array]) -> bool:
+    return len(some) == len(others) and all(a is b for a, b in zip(some, others, strict=True))
