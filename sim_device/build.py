@@ -59,5 +59,6 @@ def build_device(
         speed=speed,
         faults=faults,
         probe=description.probe,
+        beside=True,
         trace=trace,
     )

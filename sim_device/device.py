@@ -6,6 +6,7 @@ host, and nothing else.
 
 from __future__ import annotations
 
+import threading
 from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import replace
@@ -82,6 +83,24 @@ class Skin(Protocol):
         """Height of the dome's apex at this suction, `time_s` after the last start."""
 
 
+class _Loading:
+    """A skin that gets ready for a program in a thread: no firmware is deaf while it loads."""
+
+    def __init__(self, prepare: Callable[[], str | None], load: Load, number: int | None) -> None:
+        self.load, self.number = load, number
+        self.problem: str | None = None
+        self._prepare = prepare
+        self._thread = threading.Thread(target=self._run, name="skin", daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        self.problem = self._prepare()
+
+    @property
+    def over(self) -> bool:
+        return not self._thread.is_alive()
+
+
 class Device:
     """A probe with its firmware, on a skin.
 
@@ -91,6 +110,7 @@ class Device:
     faults: what goes wrong, and when; see `sim_device.faults`.
     probe: what this one probe makes of the truth.
     stops_at_heights: whether it can end a segment where a height is reached.
+    beside: the skin gets ready in a thread, while the firmware goes on; else within `receive`.
     trace: is told the time (s), the true pressure (mbar) and the state, every 10 ms of movement.
     """
 
@@ -107,9 +127,13 @@ class Device:
         faults: Iterable[Fault] = (),
         probe: ProbeSection = TRUTHFUL,
         stops_at_heights: bool = True,
+        beside: bool = False,
         trace: Trace | None = None,
     ) -> None:
         self._skin = skin
+        self._beside = beside
+        self._loading: _Loading | None = None
+        self._one_skin = threading.Lock()  # a load that was given up may still be under way
         self._sensor = sensor
         self._probe = probe
         self._stops_at_heights = stops_at_heights
@@ -156,7 +180,9 @@ class Device:
         """Nothing moves: time alone changes nothing, and no bytes will come."""
         still = self._state not in _LIVE and self._vent_us is None and not self.plant.pressure_mbar
         ticking = self._first_start_us is not None
-        return still and not self._line.busy(self._fault_us, ticking=ticking)
+        return (
+            still and self._loading is None and not self._line.busy(self._fault_us, ticking=ticking)
+        )
 
     @property
     def plugged(self) -> bool:
@@ -184,6 +210,10 @@ class Device:
 
     def process(self, dt_s: float) -> None:
         """Let `dt_s` seconds of the device's own time pass."""
+        loading = self._loading
+        if loading is not None and loading.over:
+            self._loading = None
+            self._loaded(loading.load, loading.number, loading.problem)
         self._owed_ns += round(dt_s * 1e9)
         steps, self._owed_ns = divmod(self._owed_ns, STEP_US * 1000)
         for done in range(steps):
@@ -228,11 +258,22 @@ class Device:
 
     def _take_load(self, load: Load, number: int | None) -> None:
         problem = self._problem_with(load)
-        if problem is None:
+        if problem is not None or not self._beside:
+            self._loaded(load, number, problem or self._prepare(load))
+        elif self._loading is None or self._loading.number != number:  # else it comes
+            self._load, self._state = None, _S.IDLE
+            self._loading = _Loading(lambda: self._prepare(load), load, number)
+
+    def _prepare(self, load: Load) -> str | None:
+        """Return why the skin cannot be computed along this program; None: it can."""
+        with self._one_skin:
             try:
                 self._skin.prepare(self._aperture_mm, load)
             except Exception as error:  # noqa: BLE001 -- a skin that cannot be computed is refused
-                problem = str(error) or type(error).__name__
+                return str(error) or type(error).__name__
+        return None
+
+    def _loaded(self, load: Load, number: int | None, problem: str | None) -> None:
         if problem is not None:
             self._refuse("Load", number, problem)
             return
@@ -281,7 +322,7 @@ class Device:
             case Start():
                 self._start()
             case Reset():
-                self._load = None
+                self._load = self._loading = None
                 self._enter(_S.IDLE, "reset")
 
     def _refuse(self, name: str, number: int | None, reason: str) -> None:
@@ -414,6 +455,7 @@ class Device:
     # ---- valve, faults, states ----------------------------------------------------------------
 
     def _vent(self, reason: str) -> None:
+        self._loading = None
         if self._state is _S.FAULT:
             self._say(reason)  # the valve is open already, and the fault stays
         else:

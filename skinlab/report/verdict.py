@@ -80,7 +80,8 @@ def judge(
     if spoilt := [f for f in against if f.gate in _SPOILT]:
         return Verdict(Use.NOT, spoilt[0].sentence, Step.ADVICE, spoilt[0].advice)
     if partial or cut is not None:  # what else is wrong, such as too few points, follows from it
-        why = f"it was cut short{'' if not cut else f' ({cut})'}"
+        because = {"host": "vented from here"}.get(cut or "", cut)  # the instrument's word for us
+        why = f"it was cut short{'' if not because else f' ({because})'}"
         return Verdict(Use.REPEAT, why, Step.MEASURE_AGAIN)
     if against:
         return Verdict(Use.REPEAT, against[0].sentence, Step.ADVICE, against[0].advice)

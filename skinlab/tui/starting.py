@@ -15,7 +15,7 @@ from skinlab.acquisition.settings import remember
 from skinlab.errors import InputError
 from skinlab.tui.part import Part
 from skinlab.tui.protocol_check import against_protocol
-from skinlab.tui.ui_state import MEASURING, Level, Review
+from skinlab.tui.ui_state import MEASURING, WHOSE, Level, Review
 
 if TYPE_CHECKING:
     from skinlab.tui.app import SkinlabApp
@@ -121,9 +121,7 @@ class Starting(Part):
             return False
         self._unnamed = order.visit
         self.main.set_focus(self.fields.query_one("#subject", Input))
-        self.board.answer(
-            Level.WARNING, "whose skin is it? Type a pseudonym, or F8 goes on without one"
-        )
+        self.board.answer(Level.WARNING, WHOSE)
         return True
 
     def _show(self, order: Order) -> None:

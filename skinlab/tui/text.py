@@ -6,13 +6,14 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from textwrap import wrap
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from drivers.capabilities import READ_ONLY
 from drivers.dose import Dose
-from drivers.events import Hello, Sample
+from drivers.events import Sample
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.program import Hold, Program, Ramp, Release, Segment, Until
 from skinlab.errors import InputError
@@ -116,11 +117,13 @@ def suction_text(board: Board) -> str:
     return "suction off" if board.hello is not None else "no probe"
 
 
-def banner_text(hello: Hello | None) -> str:
+def banner_text(board: Board) -> str:
     """Return the warning above everything, or nothing."""
+    hello = board.hello
     if hello is not None and hello.read_only:
         return f"READ-ONLY: {READ_ONLY}"
-    if hello is None or not hello.simulated:
+    # Where the probe is gone, its curves are still there
+    if not (hello.simulated if hello is not None else board.simulated and board.entries):
         return ""
     return "SIMULATED: this is no patient; the numbers come from a model"
 
@@ -353,7 +356,12 @@ def _of_entry(board: Board, entry: Entry) -> VerdictText:
     verdict = entry.verdict
     if verdict is None:
         return VerdictText(f"Curve {entry.index}: identifying …", "wait")
-    following = _following(board, verdict) if board.playing is None else step_words(verdict)
+    if board.playing is not None:
+        following = step_words(verdict)
+    elif board.hello is None:
+        following = "no probe is connected: F8 tries this port, F2 chooses another"
+    else:
+        following = _following(board, verdict)
     return VerdictText(verdict.words, following, verdict.use)
 
 
@@ -474,7 +482,7 @@ def result_lines(
     lines = []
     for name, value in (result.parameters or {}).items():
         loose = f"not_identifiable:{name}" in result.flags
-        lines.append(f"{name_of(name)} {meaning(name)}")
+        lines += wrap(f"{name_of(name)} {meaning(name)}", columns)
         lines.append(f" {value_words(name, value, loose=loose, columns=columns - 1)}")
         bar = value_bar(name, value, columns - 1, (ranges or {}).get(name))
         if bar:

@@ -72,6 +72,7 @@ if TYPE_CHECKING:
 
 _S = InstrumentState
 SEARCHING = "searching"  # for a link that was lost
+WHOSE = "whose skin is it? Type a pseudonym, or F8 goes on without one"
 MEASURING = "measuring"  # asked for; the phases of the measurement tell what becomes of it
 _DOING = {
     Phase.ARMING: "arming",
@@ -487,6 +488,8 @@ class Board:
         """Take in the subject and the site that the fields name now."""
         if who != self.who:
             self.who = who
+            if who[0] and self.note == WHOSE:  # answered
+                self.note, self.level = "", Level.INFO
             self.version += 1
 
     def touch(self) -> None:

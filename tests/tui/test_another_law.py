@@ -27,6 +27,10 @@ def identifier(tmp_path_factory):
         yield Identifier(read(built(tmp_path_factory.mktemp("fung"), "fung", DIMENSIONLESS)))
 
 
+def titles(curves):
+    return [str(column.label) for column in curves.columns.values()]
+
+
 async def test_card_and_rows_speak_of_that_law(bedside, tmp_path):
     skin = tmp_path / "skin.toml"
     skin.write_text(SKIN)
@@ -43,10 +47,9 @@ async def test_card_and_rows_speak_of_that_law(bedside, tmp_path):
         assert "X1" not in card
         curves = bed.app.screen.query_one(Curves)
         await bed.until(lambda: curves.row_count == 1)
-        titles = [str(column.label) for column in curves.columns.values()]
-        assert {"C1 MPa", "C2", "nu"} <= set(titles)
+        await bed.until(lambda: {"C1 MPa", "C2", "nu"} <= set(titles(curves)))
         found = bed.board.entry.result.parameters
-        at = titles.index("C1 MPa")
+        at = titles(curves).index("C1 MPa")
         assert curves.get_row_at(0)[at].rstrip("?") == interval_words(found["C1_MPa"])
         assert found["C1_MPa"].low <= 0.066 <= found["C1_MPa"].high
         await bed.press("g")

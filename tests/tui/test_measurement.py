@@ -49,7 +49,7 @@ async def test_whole_measurement_from_arming_to_replay(bedside, session_files):
         assert bed.text("#verdict-next").startswith("Next: ")
         await bed.until(lambda: curves.row_count == 1)
         assert curves.get_row_at(0)[:2] == ["1", "P07"]
-        assert curves.get_row_at(0)[3:6] == ["good", "6", "1"]
+        await bed.until(lambda: curves.get_row_at(0)[3:6] == ["good", "6", "1"])
         assert curves.get_row_at(0)[9] == "ramp:100@20"
         # On disk before anybody quits
         await bed.until(lambda: bed.board.saved is not None)

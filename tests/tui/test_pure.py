@@ -99,9 +99,9 @@ def test_a_result_in_words():
     assert lines[:2] == ["X1 stiffness at small stretch", " 0.021–0.030 MPa  (0.025)"]
     assert lines[2].split()[0] == "0.01"  # the scale is labelled at both ends
     assert "├─●─┤" in lines[2]
-    assert lines[4] == " 2.90 MPa, no interval"
-    assert lines[6] == " 0.21–0.46, not fixed"  # no number stands over what no data fix
-    assert lines[8] == " true nu 0.32, linear elasticity"
+    assert lines[5] == " 2.90 MPa, no interval"
+    assert lines[8] == " 0.21–0.46, not fixed"  # no number stands over what no data fix
+    assert lines[10] == " true nu 0.32, linear elasticity"
     assert "rms 3.00 µm" in lines
     assert all(len(line) <= 34 for line in lines)  # the panel at 80 columns
     wide = result_lines(result(), 60)

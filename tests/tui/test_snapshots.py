@@ -129,6 +129,7 @@ def outcome():
     return SimpleNamespace(
         verdict=Verdict("named", [best]),
         learned=None,
+        learned_from_these=(),
         found=SimpleNamespace(
             base=base, candidates=[best, second], records=records, implausible=""
         ),

@@ -30,5 +30,6 @@ class AlarmScreen(AskingScreen):
                 line.update(text)
             self.on_screen_resume()
 
-    def action_answer_no(self) -> None:
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Stay: an alarm cannot be declined."""
+        return action != "answer_no" and super().check_action(action, parameters)

@@ -31,6 +31,7 @@ r         R0 to R9 of a step curve, and back
 up down   another curve; left right: more of its row
 PgUp PgDn more of the card
 Ctrl+P    everything, by searching
+Ctrl+T Ctrl+G  F8 and F9 for the left hand alone; Tab in lists
 w  t      messages again; other colours
 q Ctrl+Q  asks, then vents, saves, quits (Ctrl+C vents first)
 """

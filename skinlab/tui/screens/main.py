@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from textual import events, on
 from textual.app import ComposeResult
@@ -29,6 +29,9 @@ from skinlab.tui.widgets.note import Note
 from skinlab.tui.widgets.reading import Reading
 from skinlab.tui.widgets.strip import Strip
 from skinlab.tui.widgets.verdict import VerdictLine
+
+if TYPE_CHECKING:
+    from skinlab.inference.result import Identification
 
 _FRAMES_PER_S = 24
 _REPLAYS = frozenset({"play", "step", "faster", "slower", "event", "time"})
@@ -110,6 +113,7 @@ class MainScreen(Screen[None]):
         self._settings = settings
         self._drawn = -1  # version of the board
         self._keys: tuple[bool, ...] = ()
+        self._answer: Identification | None = None  # drawn last
         self._due_s: float | None = None  # until when the answer is waited for
 
     def compose(self) -> ComposeResult:
@@ -153,10 +157,15 @@ class MainScreen(Screen[None]):
         self.query_one(Strip).show(board)
         self.query_one(Reading).show(board)
         self.query_one(Note).draw()
-        self.call_after_refresh(self._draw_rest)
+        answer = None if board.entry is None else board.entry.result
+        if answer is None or answer is self._answer:
+            self._draw_rest()
+        else:  # which is waited for, and the rest takes as long as that
+            self.call_after_refresh(self._draw_rest)
+        self._answer = answer
 
     def _draw_rest(self) -> None:
-        """Draw what nobody waits for: it takes as long as the answer above, which comes first."""
+        """Draw what nobody waits for."""
         board = self._board
         if not self.display or not self.is_mounted:
             return

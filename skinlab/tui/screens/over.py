@@ -5,11 +5,12 @@ from __future__ import annotations
 from abc import abstractmethod
 from typing import ClassVar, TypeVar
 
+from textual import on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Vertical
 from textual.screen import ModalScreen
-from textual.widgets import Static
+from textual.widgets import OptionList, Static
 
 from skinlab.tui.typing_guard import CHECK_KEY, CONFIRM_KEY, TypingGuard
 from skinlab.tui.ui_state import Board
@@ -39,6 +40,29 @@ class OverScreen(ModalScreen[Answer]):
     @abstractmethod
     def compose_box(self) -> ComposeResult:
         """Yield the box."""
+
+
+class ChoosingScreen(OverScreen[str | None]):
+    """A list to choose from, by Enter, or with the left hand alone; gives the name of a choice."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding(CONFIRM_KEY, "choose", "Choose", key_display="Enter", priority=True, id="confirm"),
+        Binding("tab", "move(1)", show=False, priority=True),
+        Binding("shift+tab", "move(-1)", show=False, priority=True),
+    ]
+
+    def action_move(self, by: int) -> None:
+        """Go up or down in the list."""
+        found = self.query_one(OptionList)
+        (found.action_cursor_down if by > 0 else found.action_cursor_up)()
+
+    def action_choose(self) -> None:
+        """Choose what stands out."""
+        self.query_one(OptionList).action_select()
+
+    @on(OptionList.OptionSelected)
+    def _chosen(self, event: OptionList.OptionSelected) -> None:
+        self.dismiss(event.option.id)
 
 
 class AskingScreen(OverScreen[bool]):

@@ -13,7 +13,7 @@ from textual.containers import Vertical
 from textual.widgets import Input, OptionList, Static
 from textual.widgets.option_list import Option
 
-from skinlab.tui.screens.over import OverScreen
+from skinlab.tui.screens.over import ChoosingScreen
 from skinlab.tui.ui_state import Board
 from skinlab.tui.widgets.hints import Hints
 
@@ -27,14 +27,13 @@ class Command:
     key: str = ""
 
 
-class PaletteScreen(OverScreen[str | None]):
+class PaletteScreen(ChoosingScreen):
     """A line to search with, and the commands that fit; gives the chosen action, or None."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("ctrl+p,f8", "dismiss(None)", "Close", priority=True),
         Binding("up", "move(-1)", show=False, priority=True),
         Binding("down", "move(1)", show=False, priority=True),
-        Binding("tab,shift+tab", "move(1)", show=False, priority=True),
     ]
 
     def __init__(self, board: Board, commands: Sequence[Command]) -> None:
@@ -75,12 +74,3 @@ class PaletteScreen(OverScreen[str | None]):
         found = self.query_one(OptionList)
         if found.highlighted is not None:
             self.dismiss(found.get_option_at_index(found.highlighted).id)
-
-    @on(OptionList.OptionSelected)
-    def _chosen(self, event: OptionList.OptionSelected) -> None:
-        self.dismiss(event.option.id)
-
-    def action_move(self, by: int) -> None:
-        """Go up or down in the list."""
-        found = self.query_one(OptionList)
-        (found.action_cursor_down if by > 0 else found.action_cursor_up)()

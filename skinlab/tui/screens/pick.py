@@ -13,12 +13,12 @@ from textual.widgets import OptionList, Static
 from textual.widgets.option_list import Option
 
 from skinlab.tui.choices import body_map, nearest_site
-from skinlab.tui.screens.over import OverScreen
+from skinlab.tui.screens.over import ChoosingScreen
 from skinlab.tui.ui_state import Board
 from skinlab.tui.widgets.hints import Hints
 
 
-class PickScreen(OverScreen[str | None]):
+class PickScreen(ChoosingScreen):
     """A list; gives what was chosen, or None. With a map where `body` says so."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -51,10 +51,6 @@ class PickScreen(OverScreen[str | None]):
     def _mark(self, event: OptionList.OptionHighlighted) -> None:
         for body in self.query(BodyMap):
             body.update(body_map(event.option.id or ""))
-
-    @on(OptionList.OptionSelected)
-    def _chosen(self, event: OptionList.OptionSelected) -> None:
-        self.dismiss(event.option.id)
 
 
 class BodyMap(Static):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from textual import on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Vertical
@@ -13,7 +12,7 @@ from textual.widgets.option_list import Option
 
 from drivers.link import list_ports
 from skinlab.curves.curve import APERTURES_MM
-from skinlab.tui.screens.over import OverScreen
+from skinlab.tui.screens.over import ChoosingScreen
 from skinlab.tui.widgets.hints import Hints
 
 
@@ -27,7 +26,7 @@ def choices() -> list[tuple[str, str]]:
     return found + simulated
 
 
-class PortsScreen(OverScreen[str | None]):
+class PortsScreen(ChoosingScreen):
     """A list of ports; gives the chosen URL, or None."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -42,10 +41,6 @@ class PortsScreen(OverScreen[str | None]):
                 *(Option(_line(url, text), id=url) for url, text in choices()), markup=False
             )
             yield Hints(("Enter chooses", "enter"), ("F2 closes", "f2"))
-
-    @on(OptionList.OptionSelected)
-    def _chosen(self, event: OptionList.OptionSelected) -> None:
-        self.dismiss(event.option.id)
 
 
 def _line(url: str, text: str) -> str:

@@ -97,6 +97,8 @@ class SessionScreen(BoardScreen):
             self._names = names
         for index, entry in board.entries.items():
             reason = board.ledger.excluded.get(index)
+            if reason is None and entry.curve.partial:
+                reason = "cut short"  # in no mean and no joint fit
             used = Text("yes" if reason is None else f"no: {reason}")
             table.add_row(used, *row_texts(entry, names), key=str(index))
         if board.entries:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from textual import on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Vertical
@@ -12,7 +11,7 @@ from textual.widgets import OptionList, Static
 from textual.widgets.option_list import Option
 
 from drivers.link import PortInfo
-from skinlab.tui.screens.over import OverScreen
+from skinlab.tui.screens.over import ChoosingScreen
 from skinlab.tui.ui_state import Board
 from skinlab.tui.widgets.hints import Hints
 
@@ -28,7 +27,7 @@ F3     goes to the settings and back
 """
 
 
-class WelcomeScreen(OverScreen[str]):
+class WelcomeScreen(ChoosingScreen):
     """Gives the URL that was chosen, or `EXAMPLE`."""
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("q", "app.leave", "Quit", priority=True)]
@@ -51,7 +50,3 @@ class WelcomeScreen(OverScreen[str]):
                 yield Static("no serial port was found on this computer", classes="hint")
             yield Static(_TOUR, id="tour", markup=False)
             yield Hints(("up, down and Enter choose", "enter"), ("q quits", "q"))
-
-    @on(OptionList.OptionSelected)
-    def _chosen(self, event: OptionList.OptionSelected) -> None:
-        self.dismiss(event.option.id)

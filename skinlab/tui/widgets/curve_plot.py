@@ -21,10 +21,12 @@ class CurvePlot(Rows):
     def __init__(self) -> None:
         super().__init__("plot-panel")
         self._drawn: object = None
+        self._board: Board | None = None
         self.drawn_layers = Layers()  # as drawn last
 
     def show(self, board: Board) -> None:
         """Draw."""
+        self._board = board
         shown = board.live or board.entry
         setup = shown.setup if shown is not None else board.order.setup if board.order else None
         program = None if setup is None else setup.program
@@ -46,6 +48,11 @@ class CurvePlot(Rows):
         styles = {name: self.get_component_rich_style(f"plot--{name}") for name in _STYLES}
         rows = curve_rows(self.drawn_layers, box, self.size.width, self.size.height)
         self.set_rows([[(cells, styles[style]) for cells, style in row] for row in rows])
+
+    def on_resize(self) -> None:
+        """Draw again: what stands above or below has grown."""
+        if self._board is not None:
+            self.show(self._board)
 
     def notify_style_update(self) -> None:
         """Draw again in the colours of another theme, with what is drawn next."""

@@ -54,7 +54,7 @@ class Top(Vertical):
             return
         self._seen = (board.version, columns)
         where = where_text(board, columns or _USUAL_COLUMNS)
-        drawn = (board.phase, suction_text(board), where, banner_text(board.hello))
+        drawn = (board.phase, suction_text(board), where, banner_text(board))
         if drawn == self._drawn:
             return
         self._drawn = drawn

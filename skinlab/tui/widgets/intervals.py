@@ -32,8 +32,8 @@ class Intervals(VerticalScroll, can_focus=False):
         yield Static("", id="intervals-text", markup=False)
 
     def show(self, board: Board) -> None:
-        """Draw where something changed; a running curve changes nothing."""
-        if not self.size.width or board.live is not None:
+        """Draw where something changed; a curve that grows changes nothing."""
+        if not self.size.width:
             return
         entries = [] if board.elsewhere else list(board.entries.values())
         excluded = tuple(board.ledger.excluded)

@@ -22,9 +22,11 @@ class Strip(Rows):
     def __init__(self) -> None:
         super().__init__("strip")
         self._drawn: object = None
+        self._board: Board | None = None
 
     def show(self, board: Board) -> None:
         """Draw what the board shows, only where that changed."""
+        self._board = board
         shown = board.live or board.entry
         n = len(shown.curve) if isinstance(shown, Live) else 0
         done = isinstance(shown, Entry) and shown.result is not None
@@ -35,6 +37,11 @@ class Strip(Rows):
         columns, rows = self.size.width - _LEFT - 1, self.size.height - 1
         drawing = _drawing(shown, columns, rows)
         self.set_rows([] if drawing is None else self._styled(drawing))
+
+    def on_resize(self) -> None:
+        """Draw again: what stands above or below has grown."""
+        if self._board is not None:
+            self.show(self._board)
 
     def notify_style_update(self) -> None:
         """Draw again in the colours of another theme, with what is drawn next."""

@@ -39,6 +39,7 @@ def curve(identifier):
 @pytest.fixture
 def process(identifier):
     found = IdentifierApart(identifier)
+    found.warm()  # changes no answer
     yield found
     found.close()
 

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import dataclasses
 import random
+import threading
 from itertools import pairwise
 
 import pytest
@@ -127,6 +128,40 @@ def test_noise_and_resolution(make_bench):
     assert deviation == pytest.approx(5e-3, rel=0.1)
     assert all(round(1e6 * s.deflection_mm) % 2000 == 0 for s in got)
     assert all(round(1e3 * s.pressure_mbar) % 100 == 0 for s in got)
+
+
+class SlowSkin:
+    """Gets ready once it is told to."""
+
+    def __init__(self):
+        self.begun, self.go = threading.Event(), threading.Event()
+
+    def prepare(self, aperture_mm, load):
+        self.begun.set()
+        assert self.go.wait(60)
+
+    def start(self):
+        pass
+
+    def deflection_mm(self, time_s, pressure_mbar):
+        return 0.0
+
+
+def test_a_skin_that_takes_long_does_not_make_the_firmware_deaf(make_bench):
+    skin = SlowSkin()
+    bench = make_bench(skin=skin, beside=True)
+    assert not bench.tell(LOAD)
+    assert skin.begun.wait(60)
+    assert states(bench.wait(0.5)) == []
+    assert states(bench.tell(Vent()) + bench.wait(0.1)) == [(S.VENTING, "host"), (S.IDLE, "vented")]
+    skin.go.set()  # for a load that was given up with the vent
+    assert not bench.wait(0.5)
+    bench.tell(LOAD)
+    events = []
+    while not events:
+        events = bench.wait(0.1)
+    assert isinstance(events[0], Loaded)
+    assert states(events) == [(S.LOADED, "loaded")]
 
 
 def test_keep_alive(make_bench):
