@@ -129,19 +129,35 @@ def relaxed_pressure(
     # gᵀ H is a sum of modes, each of which forgets at a rate of its own.
     ones = np.ones((*g.shape, 1))
     modes = np.einsum("nq,nqr->nr", g, vectors) * np.linalg.solve(vectors, ones)[:, :, 0]
+    rates, modes = np.real(rates)[:, :, None], np.real(modes)[:, :, None]
     t, p = np.array(path.time_s), np.array(path.pressure_mbar)
-    since = np.maximum(time_s[:, :, None] - t, 0.0)  # (n, m, knots)
     length, rise = np.diff(t), np.diff(p)
     slope = np.divide(rise, length, out=np.zeros_like(rise), where=length > 0)
-    jump = np.concatenate([p[:1], np.where(length > 0, 0.0, rise)])  # the first from zero
-    begun = time_s[:, :, None] >= t
-    held = np.zeros((len(g), time_s.shape[1]))
-    for rate, mode in zip(np.real(rates).T, np.real(modes).T, strict=True):
-        left = np.exp(-rate[:, None, None] * since)
-        ramped = (left[:, :, 1:] - left[:, :, :-1]) @ slope
-        jumped = np.where(begun, left, 0.0) @ jump
-        held += mode[:, None] * (jumped + ramped / rate[:, None])
+    jump = np.where(length > 0, 0.0, rise)
+    first = np.broadcast_to(p[0], (*rates.shape[:2], 1))  # from zero
+    gained = jump - slope * np.expm1(-rates * length) / rates
+    at_knots = _remembered(np.exp(-rates * length), np.concatenate([first, gained], axis=2))
+    k = np.searchsorted(t, time_s, "right") - 1  # the knot before each sample
+    since = np.maximum(time_s - t[k], 0.0)[:, None]
+    left, grown = np.exp(-rates * since), -np.expm1(-rates * since) / rates
+    kept = np.take_along_axis(at_knots, np.maximum(k, 0)[:, None], axis=2)
+    each = left * kept + np.append(slope, 0.0)[k][:, None] * grown
+    held = np.where(k >= 0, (modes * each).sum(axis=1), 0.0)
     return np.asarray(start[:, None] + (path(time_s) - held) / rest[:, None]), start
+
+
+def _remembered(share: Array, gained: Array) -> Array:
+    """Return h (..., knots) of h_k = share_k h_{k-1} + gained_k, in as many steps as knots double.
+
+    `share` (..., knots - 1) is what is left of the knot before.
+    """
+    share = np.concatenate([np.zeros_like(gained[..., :1]), share], axis=-1)
+    h, step = gained.copy(), 1
+    while step < h.shape[-1]:
+        h[..., step:] = h[..., step:] + share[..., step:] * h[..., :-step]
+        share[..., step:] = share[..., step:] * share[..., :-step]
+        step *= 2
+    return h
 
 
 def plain_part(problem: SkinProblem) -> SkinProblem:

@@ -77,7 +77,8 @@ def is_logarithmic(prior: Array) -> bool:
 def correlation(parameters: Array, weight: Array) -> tuple[tuple[float, ...], ...]:
     """Return the correlation matrix of weighted parameters (n, p)."""
     centred = parameters - weight @ parameters
-    covariance = (centred * weight[:, None]).T @ centred
+    # Not as a product of matrices, whose last digit depends on how many threads share it.
+    covariance = np.einsum("n,ni,nj->ij", weight, centred, centred)
     deviation = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     matrix = np.clip(covariance / np.outer(deviation, deviation), -1.0, 1.0)
     np.fill_diagonal(matrix, 1.0)

@@ -22,7 +22,7 @@ from skinlab.inference.error_models.base import ErrorModel, Look
 from skinlab.inference.error_models.quantised import step_um
 from skinlab.inference.joint import GaussianPrior, JointMisfit
 from skinlab.inference.likelihood import LinearModel
-from skinlab.inference.marginal import IntegratedLikelihood, Locking
+from skinlab.inference.marginal import IntegratedLikelihood
 from skinlab.inference.noise import (
     MESH_REST,
     locking_shapes,
@@ -125,25 +125,21 @@ class Fitted:
             ]
         )
 
-    def locking(self, kept: NDArray[np.bool_]) -> Locking:
-        """Return how the mesh locks, of all groups alike, at the samples that are kept."""
-        parts = split_by_group(self.groups, self.best_mm)
-        shapes = [
-            locking_shapes(g.pressure_mbar, w) for g, w in zip(self.groups, parts, strict=True)
-        ]
-        size = self.models[0].locking
-        return Locking(np.vstack(shapes)[kept], size, float(size(self.parameters[None])[0]))
-
     def mesh_columns(self) -> Array:
-        """Return the shapes (u, m) in which mesh and database err, of each group for itself."""
-        blocks = []
+        """Return the shapes (u, m) in which mesh and database err.
+
+        Of each group for itself; but the mesh locks under all openings alike.
+        """
+        blocks, locks = [], []
+        at = self.parameters if self.creased is None else self.creased
         for g, model, w in zip(
             self.groups, self.models, split_by_group(self.groups, self.best_mm), strict=True
         ):
-            at = self.parameters if self.creased is None else self.creased
             own = model.error_shapes_mm(at)
             blocks.append(np.hstack([mesh_error_shapes(g.pressure_mbar, w), own]))
-        return block_diagonal(blocks)
+            size = model.locking(self.parameters[None])[0]
+            locks.append(size * locking_shapes(g.pressure_mbar, w))
+        return np.hstack([block_diagonal(blocks), np.vstack(locks)])
 
     def probe_columns(self) -> Array:
         """Return what the probe's calibration leaves open (u, m): all samples err together."""
@@ -203,9 +199,7 @@ class Fitted:
         columns = np.hstack([self.mesh_columns(), self.probe_columns()])[kept]
         least = _SMALL * max(roughness(residual), _LEAST_ROUGH_MM)
         seen = np.sqrt(np.square(columns).sum(axis=0)) > least
-        locking = self.locking(kept)
-        fixed = np.hstack([columns[:, seen], locking.assumed * locking.shapes_mm])
-        return choose_errors(look, linear, fixed, rest, error_models)
+        return choose_errors(look, linear, columns[:, seen], rest, error_models)
 
 
 def _relative_noise(residual: Array, samples: Samples) -> Array:
@@ -339,12 +333,7 @@ def assess(
     ]
     parts += priors
     likelihood = IntegratedLikelihood(
-        models,
-        fitted.linear.residual_mm[kept],
-        fitted.parameters,
-        kept,
-        errors,
-        fitted.locking(kept),
+        models, fitted.linear.residual_mm[kept], fitted.parameters, kept, errors
     )
 
     def log_density(parameters: Array) -> Array:

@@ -278,7 +278,7 @@ def _solve_elastic(
     return _Elastic(Instant(curve.spline, preload, zero), holds_to, curve.stopped)
 
 
-@lru_cache(maxsize=512)
+@lru_cache(maxsize=128)  # a long program's takes some MB
 def _solve_relaxing(
     problem: SkinProblem, discretisation: Discretisation, path: PressurePath
 ) -> RelaxingCurve:

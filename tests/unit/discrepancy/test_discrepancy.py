@@ -257,6 +257,23 @@ def test_a_ramp_creeps_to_its_closed_form():
     assert start[0] == pytest.approx(5.0 / (1 - g))
 
 
+def test_a_path_in_many_pieces_is_the_same_path():
+    """Knots on its own lines, at jumps too; each skin has terms, and samples, of its own."""
+    plain = PressurePath((0.0, 0.0, 2.0, 5.0, 5.0, 9.0), (0.0, 10.0, 60.0, 60.0, 20.0, 0.0))
+    more = np.linspace(0.013, 8.97, 331)
+    order = np.argsort(np.concatenate([plain.time_s, more]), kind="stable")
+    pieces = PressurePath(
+        tuple(np.concatenate([plain.time_s, more])[order].tolist()),
+        tuple(np.concatenate([plain.pressure_mbar, plain(more)])[order].tolist()),
+    )
+    terms = [tuple(Prony(0.1 + 0.02 * i, 10.0 ** (k - 2)) for k in range(4)) for i in range(3)]
+    times = np.linspace(-0.5, 11.0, 100) + 0.01 * np.arange(3)[:, None]
+    few, many = (relaxed_pressure(terms, p, times, np.arange(3.0)) for p in (plain, pieces))
+    np.testing.assert_allclose(many[0], few[0], atol=1e-9)
+    # A sample before all suction remembers nothing.
+    np.testing.assert_allclose(few[0][:, 0], few[1])
+
+
 @pytest.mark.parametrize(
     "effects",
     [

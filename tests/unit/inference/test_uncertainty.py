@@ -16,11 +16,10 @@ from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.program import parse_program
 from skinlab.inference.batch import identify_all, noise_from_repeats_um, with_stated_noise
 from skinlab.inference.identify import Identifier
-from skinlab.inference.marginal import IntegratedLikelihood
 from skinlab.inference.optimise import polish
 from skinlab.inference.problem import Problem
-from skinlab.inference.samples import Fitted, choose, group, samples_of
-from skinlab.inference.uncertainty import Sensor, about
+from skinlab.inference.samples import Fitted, group, samples_of
+from skinlab.inference.uncertainty import Sensor
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.report.text import describe
 
@@ -518,38 +517,6 @@ class TestCommand:
     def test_a_noise_that_cannot_be_is_refused(self, table, tmp_path, capsys, option):
         assert run(["identify", self.campaign(table, tmp_path), *option]) == 3
         assert "expected" in capsys.readouterr().err
-
-
-def test_locking_is_that_of_each_skin_not_of_the_best_fit(table):
-    """Where a curve hardly tells ν, that of the best fit was far too little near ν = 1/2."""
-    curve = curve_of(table, SKIN, noise_um=3.0)
-    groups = group([choose(curve, ("load",), table)])
-    models = [g.model(table, "paper") for g in groups]
-    unit = models[0].space.to_unit(SKIN)
-    fitted = about(groups, models, models[0].space, unit, Sensor(3.0, 0.0))
-    kept = np.ones(len(fitted.samples), dtype=bool)
-    errors, locking = fitted.choose_errors(kept), fitted.locking(kept)
-    other = np.array([0.028, 1.1, 0.498])
-    size = float(locking.size(other[None])[0])
-    assert size > 5.0 * locking.assumed
-
-    def larger(one):
-        columns = one.columns_mm.copy()
-        for shape in locking.shapes_mm.T:
-            own = (columns == locking.assumed * shape[:, None]).all(axis=0)
-            assert own.sum() == 1
-            columns[:, own] = size * shape[:, None]
-        return replace(one, columns_mm=columns)
-
-    there = replace(
-        errors,
-        nodes=tuple(replace(n, covariance=larger(n.covariance)) for n in errors.nodes),
-    )
-    asked = np.stack([other, SKIN])
-    args = models, fitted.linear.residual_mm, fitted.parameters, kept
-    found = IntegratedLikelihood(*args, errors, locking)(asked)
-    dense = IntegratedLikelihood(*args, there, replace(locking, assumed=size))(asked)
-    np.testing.assert_allclose(found, dense, atol=1e-6)
 
 
 def test_a_probe_that_slips_is_a_misfit_and_no_crease(table):
