@@ -76,9 +76,9 @@ def is_logarithmic(prior: Array) -> bool:
 
 def correlation(parameters: Array, weight: Array) -> tuple[tuple[float, ...], ...]:
     """Return the correlation matrix of weighted parameters (n, p)."""
-    centred = parameters - weight @ parameters
-    # Not as a product of matrices, whose last digit depends on how many threads share it.
-    covariance = np.einsum("n,ni,nj->ij", weight, centred, centred)
+    # Row after row: the last digit of a product of matrices depends on threads and on alignment.
+    centred = parameters - (weight[:, None] * parameters).sum(axis=0)
+    covariance = (centred[:, :, None] * (weight[:, None] * centred)[:, None, :]).sum(axis=0)
     deviation = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     matrix = np.clip(covariance / np.outer(deviation, deviation), -1.0, 1.0)
     np.fill_diagonal(matrix, 1.0)
