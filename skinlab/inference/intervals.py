@@ -76,13 +76,13 @@ def is_logarithmic(prior: Array) -> bool:
 
 def correlation(parameters: Array, weight: Array) -> tuple[tuple[float, ...], ...]:
     """Return the correlation matrix of weighted parameters (n, p)."""
-    # Row after row: the last digit of a product of matrices depends on threads and on alignment.
     centred = parameters - (weight[:, None] * parameters).sum(axis=0)
     covariance = (centred[:, :, None] * (weight[:, None] * centred)[:, None, :]).sum(axis=0)
     deviation = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     matrix = np.clip(covariance / np.outer(deviation, deviation), -1.0, 1.0)
     np.fill_diagonal(matrix, 1.0)
-    return tuple(tuple(float(v) for v in row) for row in matrix)
+    # The last digits of long sums depend on threads and alignment, and say nothing.
+    return tuple(tuple(round(float(v), 9) for v in row) for row in matrix)
 
 
 def most_of_the_range(width: tuple[float, float], prior: Array) -> bool:
