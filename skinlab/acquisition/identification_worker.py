@@ -66,8 +66,7 @@ class IdentifierApart:
 
 
 def _warm(identifier: Identifier) -> None:
-    from skinlab.acquisition.replayer import example_session
-    from skinlab.recording.session import read_session
+    from skinlab.recording.session import example_session, read_session
 
     identifier(read_session(example_session()).curves[0])
 

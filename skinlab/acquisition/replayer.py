@@ -37,11 +37,6 @@ def next_speed(speed: float | None, *, faster: bool) -> float | None:
     return next((s for s in reversed(_SPEEDS) if s < speed), _SPEEDS[0])
 
 
-def example_session() -> Path:
-    """Return the recorded example that is shipped."""
-    return Path(__file__).parents[1] / "data" / "example.h5"
-
-
 class Replayer:
     """Plays a session, in the place of a `ProbeSession`; nothing moves, and nothing is written."""
 

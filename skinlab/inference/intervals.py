@@ -76,8 +76,8 @@ def is_logarithmic(prior: Array) -> bool:
 
 def correlation(parameters: Array, weight: Array) -> tuple[tuple[float, ...], ...]:
     """Return the correlation matrix of weighted parameters (n, p)."""
-    centred = parameters - (weight[:, None] * parameters).sum(axis=0)
-    covariance = (centred[:, :, None] * (weight[:, None] * centred)[:, None, :]).sum(axis=0)
+    centred = parameters - weight @ parameters
+    covariance = (centred * weight[:, None]).T @ centred
     deviation = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     matrix = np.clip(covariance / np.outer(deviation, deviation), -1.0, 1.0)
     np.fill_diagonal(matrix, 1.0)

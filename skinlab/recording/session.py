@@ -248,6 +248,11 @@ class Stored:
         return content_hash(self.session) == self.content_hash
 
 
+def example_session() -> Path:
+    """Return the recorded example that is shipped."""
+    return Path(__file__).parents[1] / "data" / "example.h5"
+
+
 def read_session(path: Path) -> Session:
     """Return the session in this file.
 

@@ -28,6 +28,7 @@ from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
 from skinlab.exchange.importing.folder import SUFFIXES
 from skinlab.io.documents import read_toml
+from skinlab.io.files import file_hash
 from skinlab.mechanics.names import parameter_of
 from skinlab.recording.pseudonym import check_subject
 
@@ -84,8 +85,7 @@ def sha256_of(path: Path) -> str:
     Raises:
         OSError: it cannot be read.
     """
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    return file_hash(path).removeprefix("sha256:")
 
 
 def find_sources(plan: Plan) -> Iterator[Source | Table]:

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from textual import events, on
-from textual.app import App
 from textual.binding import Binding, BindingType
 from textual.filter import LineFilter
 from textual.geometry import Size
@@ -33,17 +32,19 @@ from skinlab.acquisition.messages import (
     Recording,
 )
 from skinlab.acquisition.probe_session import ProbeSession
-from skinlab.acquisition.replayer import Replayer, example_session
+from skinlab.acquisition.replayer import Replayer
 from skinlab.acquisition.settings import recall, recall_choice, remember_choice
 from skinlab.acquisition.shutdown import INTERRUPTED
 from skinlab.errors import SkinlabError
 from skinlab.io.log import log_exception
+from skinlab.recording.session import example_session
 from skinlab.recording.stream import Identified, Sampled
 from skinlab.tui.choices import choices_for
 from skinlab.tui.commands import COMMANDS
 from skinlab.tui.inert import InertText
 from skinlab.tui.missing_keys import MissingKeys
 from skinlab.tui.no_color import StyledFirst
+from skinlab.tui.part import PartedApp
 from skinlab.tui.protocol_steps import ProtocolSteps
 from skinlab.tui.replay_keys import ReplayKeys
 from skinlab.tui.screens.alarm import AlarmScreen
@@ -93,7 +94,7 @@ _LEFT_BY_VENT = (
 )
 
 
-class SkinlabApp(App[None]):
+class SkinlabApp(PartedApp):
     """The bedside terminal UI on the probe at `port`; sessions go to `folder`."""
 
     class Said(Message):
@@ -179,11 +180,11 @@ class SkinlabApp(App[None]):
         self.failure: Exception | None = None  # a bug that ended the app
         self._leaving = False
         self._clock = clock
-        self.starting = Starting(self, settings)
-        self.protocol_steps = ProtocolSteps(self)
+        self._protocol_steps = ProtocolSteps(self)
+        self._starting = Starting(self, settings, self._protocol_steps)
         self._session_keys = SessionKeys(self)
         self._missing_keys = MissingKeys(self)
-        self._replay_keys = ReplayKeys(self)
+        self._replay_keys = ReplayKeys(self, self._starting)
 
     # ---- life ---------------------------------------------------------------------------------
 
@@ -202,7 +203,7 @@ class SkinlabApp(App[None]):
         elif self._replay is not None:
             self._play(self._replay)
         else:
-            self.starting.connect(self.board.port)
+            self._starting.connect(self.board.port)
         self.perform("preparing", self.bench.analysis.prepare)
 
     def _see_again(self) -> None:
@@ -224,7 +225,7 @@ class SkinlabApp(App[None]):
             self._play(example_session())
         else:
             self.fields.put("port", choice)
-            self.starting.connect(choice)
+            self._starting.connect(choice)
 
     def vent(self, reason: str) -> None:
         """Vent what is connected; from any thread."""
@@ -241,7 +242,7 @@ class SkinlabApp(App[None]):
         replayer = self._make_replayer(folder, self.post, self._speed)
         self.bench = replayer
         self.board.playing = Playing(speed=self._speed)
-        self.starting.connect(str(path))
+        self._starting.connect(str(path))
 
     @on(Reading.Pointed)
     def _pointed(self, message: Reading.Pointed) -> None:
@@ -319,15 +320,15 @@ class SkinlabApp(App[None]):
             return  # the app ends: there is nothing left to draw on
         match news:
             case Connected():
-                self.starting.connected(news)
+                self._starting.connected(news)
             case Recording():
-                self.protocol_steps.record()
+                self._protocol_steps.record()
             case Adopted():
-                self.starting.anew = news.anew  # a session is identified with one model
+                self._starting.anew = news.anew  # a session is identified with one model
             case Disconnected():
-                self.starting.disconnected()
+                self._starting.disconnected()
             case Failed("connecting"):
-                self.starting.forget()
+                self._starting.forget()
             case Done("connecting"):
                 self._replay_keys.over()
             case Done("closing"):
@@ -423,7 +424,7 @@ class SkinlabApp(App[None]):
         self.bench.vent("operator")
         if self.board.moving:
             self.board.say(Level.WARNING, "vent ordered")
-        self.starting.forget()
+        self._starting.forget()
         self.board.withdraw()
         if isinstance(self.screen, SessionScreen):
             self.screen.leave_line()
@@ -507,7 +508,7 @@ class SkinlabApp(App[None]):
     def action_ports(self) -> None:
         """Choose a port."""
         self.board.withdraw()
-        self.push_screen(PortsScreen(self.board), self.starting.port_chosen)
+        self.push_screen(PortsScreen(self.board), self._starting.port_chosen)
 
     def action_theme(self) -> None:
         """Change the colours: dark, light, high contrast, colour-blind safe."""
@@ -549,9 +550,9 @@ class SkinlabApp(App[None]):
     def _wanted(self, message: MainScreen.Wanted) -> None:
         match message.what:
             case "check" if self.board.can_arm:
-                self.starting.check()
+                self._starting.check()
             case "start" | "early" if self.board.can_arm:
-                self.starting.confirm()
+                self._starting.confirm()
             case "play" | "step" | "faster" | "slower" | "event":
                 self._replay_keys.press(message.what)
             case "time":
@@ -568,10 +569,10 @@ class SkinlabApp(App[None]):
             case "goal":
                 self._session_keys.choose_goal()
             case "next" if self.board.can_arm:
-                if not self.protocol_steps.load_step():
+                if not self._protocol_steps.load_step():
                     self._session_keys.load_advice()
             case "rested" if self.board.can_arm:
-                self.starting.count_anew()
+                self._starting.count_anew()
             case "card":
                 self.board.second_card = not self.board.second_card
                 self.board.touch()
@@ -609,11 +610,11 @@ class SkinlabApp(App[None]):
 
     @on(ProtocolScreen.Wanted)
     def _step_wanted(self) -> None:
-        self.protocol_steps.go_to_step()
+        self._protocol_steps.go_to_step()
 
     @on(ProtocolScreen.Stated)
     def _conditions_stated(self) -> None:
-        self.protocol_steps.state_conditions()
+        self._protocol_steps.state_conditions()
 
     @on(SessionScreen.Decided)
     def _decided(self, message: SessionScreen.Decided) -> None:

@@ -2,23 +2,59 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from textual.app import App
 
 from skinlab.tui.ui_state import Level
 
 if TYPE_CHECKING:
+    from skinlab.acquisition.messages import News
     from skinlab.acquisition.probe_session import ProbeSession
     from skinlab.acquisition.replayer import Replayer
-    from skinlab.tui.app import SkinlabApp
     from skinlab.tui.screens.main import MainScreen
-    from skinlab.tui.ui_state import Board
+    from skinlab.tui.typing_guard import TypingGuard
+    from skinlab.tui.ui_state import Aimed, Board
     from skinlab.tui.widgets.fields import Fields
+
+
+class PartedApp(App[None]):
+    """What the parts may ask of the app that they belong to."""
+
+    board: Board
+    bench: ProbeSession | Replayer
+    guard: TypingGuard
+    folder: Path  # of the sessions
+
+    @property
+    def main(self) -> MainScreen:
+        """The main screen, whatever lies over it."""
+        raise NotImplementedError
+
+    @property
+    def fields(self) -> Fields:
+        """The settings on it."""
+        raise NotImplementedError
+
+    def post(self, news: News | Aimed) -> None:
+        """Hand news over to the thread that draws; from any thread."""
+        raise NotImplementedError
+
+    def perform(self, doing: str, call: Callable[[], None]) -> None:
+        """Do something slow in a thread; its end is news, whichever it is."""
+        raise NotImplementedError
+
+    def audit(self, what: str, **detail: Any) -> None:
+        """Record in the session what the operator did; say so where that cannot be."""
+        raise NotImplementedError
 
 
 class Part:
     """One thing that the app does, with the board, the probe and the screens of that app."""
 
-    def __init__(self, app: SkinlabApp) -> None:
+    def __init__(self, app: PartedApp) -> None:
         self.app = app
 
     @property

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
-from skinlab.tui.part import Part
+from skinlab.tui.part import Part, PartedApp
 from skinlab.tui.ui_state import Level
-
-if TYPE_CHECKING:
-    from skinlab.tui.app import SkinlabApp
 
 
 class ProtocolSteps(Part):
     """Walks through the protocol; without one it does nothing."""
 
-    def __init__(self, app: SkinlabApp) -> None:
+    def __init__(self, app: PartedApp) -> None:
         super().__init__(app)
         self._otherwise: list[str] = []  # than the protocol says, to be recorded
 

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from skinlab.acquisition.replayer import Replayer, next_speed
-from skinlab.tui.part import Part
+from skinlab.tui.part import Part, PartedApp
 from skinlab.tui.screens.line import LineScreen, seconds
+from skinlab.tui.starting import Starting
 from skinlab.tui.ui_state import Level, Playing
-
-if TYPE_CHECKING:
-    from skinlab.tui.app import SkinlabApp
 
 
 class ReplayKeys(Part):
     """Pace, pause, and jumps in both directions; with a probe nothing here means anything."""
 
-    def __init__(self, app: SkinlabApp) -> None:
+    def __init__(self, app: PartedApp, starting: Starting) -> None:
         super().__init__(app)
+        self._starting = starting
         self._back_to_s: float | None = None  # from the beginning, once the present replay is over
 
     @property
@@ -96,4 +93,4 @@ class ReplayKeys(Part):
         replayer.again(ahead_s)
         control = replayer.control
         self.board.playing = Playing(speed=control.speed, paused=control.paused)
-        self.app.starting.connect(self.board.port)
+        self._starting.connect(self.board.port)

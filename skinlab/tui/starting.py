@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from textual.widgets import Input
 
@@ -13,12 +12,10 @@ from skinlab.acquisition.measurement_request import Order, check_limits, read_or
 from skinlab.acquisition.messages import Connected
 from skinlab.acquisition.settings import remember
 from skinlab.errors import InputError
-from skinlab.tui.part import Part
+from skinlab.tui.part import Part, PartedApp
 from skinlab.tui.protocol_check import against_protocol
+from skinlab.tui.protocol_steps import ProtocolSteps
 from skinlab.tui.ui_state import MEASURING, WHOSE, Level, Review
-
-if TYPE_CHECKING:
-    from skinlab.tui.app import SkinlabApp
 
 
 class Starting(Part):
@@ -27,8 +24,9 @@ class Starting(Part):
     Settings are kept for the next time in `settings`; None: nowhere.
     """
 
-    def __init__(self, app: SkinlabApp, settings: Path | None) -> None:
+    def __init__(self, app: PartedApp, settings: Path | None, protocol: ProtocolSteps) -> None:
         super().__init__(app)
+        self._protocol = protocol
         self._settings = settings
         self._queued: Order | None = None  # to be shown once its port is connected
         self._unnamed: tuple[str, str] | None = None  # visit that may do without a subject
@@ -168,7 +166,7 @@ class Starting(Part):
         board.review = None
         self.fields.accept()
         begun = board.path is not None and not self.anew
-        self.app.protocol_steps.note(review.otherwise, begun=begun)
+        self._protocol.note(review.otherwise, begun=begun)
         self._run(review)
 
     def _run(self, review: Review) -> None:

@@ -8,12 +8,11 @@ from drivers.events import Hello, InstrumentState, Sample, State
 from drivers.probe import Probe
 from skinlab.acquisition.measurement import Phase, Plan
 from skinlab.acquisition.messages import Connected, Done, Heard, Over, Went
-from skinlab.acquisition.replayer import example_session
 from skinlab.curves.curve import Setup
 from skinlab.curves.growing import GrowingCurve
 from skinlab.curves.program import parse_program
 from skinlab.quality.gates.base import Finding
-from skinlab.recording.session import read_session
+from skinlab.recording.session import example_session, read_session
 from skinlab.recording.stream import CurveStarted, Happened, Sampled
 from skinlab.tui.summary import Repeats, left_out, repeats, repeats_lines
 from skinlab.tui.text import dose_text, verdict_text, where_text

@@ -11,12 +11,11 @@ import pytest
 from textual.widgets import DataTable, Input, OptionList
 
 from skinlab.acquisition.replay_control import ReplayControl
-from skinlab.acquisition.replayer import example_session
 from skinlab.curves.program import check_measurable, parse_program
 from skinlab.errors import InputError
 from skinlab.inference.result import Advice, Value
 from skinlab.recording.pseudonym import check_site
-from skinlab.recording.session import read_session, write_session
+from skinlab.recording.session import example_session, read_session, write_session
 from skinlab.recording.visit_index import NAME, visits
 from skinlab.report.rounding import half_width_percent
 from skinlab.studies.change import Changed

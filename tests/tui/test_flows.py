@@ -9,8 +9,8 @@ import pytest
 from textual.widgets import Input
 
 from drivers.link import PortInfo
-from skinlab.acquisition.replayer import Replayer, example_session
-from skinlab.recording.session import read_session
+from skinlab.acquisition.replayer import Replayer
+from skinlab.recording.session import example_session, read_session
 from skinlab.tui.screens.session import SessionScreen
 from skinlab.tui.screens.welcome import WelcomeScreen
 from skinlab.tui.widgets.curves import Curves

@@ -17,7 +17,6 @@ from textual.widgets import Input, OptionList
 
 from drivers.events import Hello, InstrumentState, Sample, State
 from skinlab.acquisition.messages import Connected, Heard
-from skinlab.acquisition.replayer import example_session
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.growing import GrowingCurve
 from skinlab.curves.program import parse_program
@@ -26,6 +25,7 @@ from skinlab.discrepancy.heldout import HeldOut
 from skinlab.discrepancy.verdict import Verdict
 from skinlab.inference.result import Identification, Value
 from skinlab.quality.gates.base import Finding
+from skinlab.recording.session import example_session
 from skinlab.recording.stream import CurveStarted, Happened, Sampled
 from skinlab.tui.app import SkinlabApp
 from skinlab.tui.screens.missing import MissingScreen

@@ -21,7 +21,7 @@ from textual.widgets import Input
 from drivers.events import Alarm
 from drivers.probe import Probe
 from skinlab.acquisition.messages import Heard
-from skinlab.acquisition.replayer import example_session
+from skinlab.recording.session import example_session
 from skinlab.recording.stream import Happened
 from skinlab.tui.screens.alarm import AlarmScreen
 from skinlab.tui.screens.help import HelpScreen
