@@ -20,6 +20,7 @@ from skinlab.acquisition.probe_session import ProbeSession
 from skinlab.inference.identify import Identifier
 from skinlab.tui.app import SkinlabApp
 from skinlab.tui.screens.over import ConfirmScreen
+from skinlab.tui.widgets.curves import Curves
 
 SIMULATED = "sim://?seed=1&speed=20"
 PATIENCE_S = 120.0
@@ -59,6 +60,13 @@ class Bedside:
             character = _CHARACTERS.get(key, key if len(key) == 1 else None)
             self.app.post_message(events.Key(key, character))
             await self.settle()
+
+    async def press_until(self, condition: Callable[[], object], key: str) -> None:
+        """Press a key until what it does has been laid out."""
+        end = time.monotonic() + PATIENCE_S
+        while not condition():
+            assert time.monotonic() < end, f"not in {PATIENCE_S} s; {self.board.note!r}"
+            await self.press(key)
 
     async def settle(self) -> None:
         """Let what is under way come through: down to what has the focus, and up again."""
@@ -131,6 +139,8 @@ class Bedside:
         await self.start()
         await self.until(lambda: len(self.board.entries) > entries)
         await self.until(lambda: self.board.entry.result is not None and self.board.can_arm)
+        curves = self.app.screen_stack[0].query_one(Curves)  # drawn last, a frame after the card
+        await self.until(lambda: curves.row_count == len(self.board.entries))
 
     def text(self, selector: str) -> str:
         return str(self.app.screen.query_one(selector).render())

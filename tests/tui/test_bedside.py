@@ -296,14 +296,10 @@ async def test_what_does_not_fit_can_be_scrolled_by_keys_and_says_so(bedside):
         await bed.run()
         card, curves = bed.app.screen.query_one(Card), bed.app.screen.query_one(Curves)
         await bed.until(lambda: "▼ PgDn" in bed.text("#card-title"))
-        for _ in range(20):
-            await bed.press("pagedown")
-        await bed.until(lambda: card.scroll_offset.y == card.max_scroll_y > 0)
+        await bed.press_until(lambda: card.scroll_offset.y == card.max_scroll_y > 0, "pagedown")
         await bed.until(lambda: "▼" not in bed.text("#card-title"))
-        await bed.press("pageup")
-        await bed.until(lambda: "▼ PgDn" in bed.text("#card-title"))
-        await bed.press("right", "right")
-        await bed.until(lambda: curves.scroll_offset.x > 0)
+        await bed.press_until(lambda: "▼ PgDn" in bed.text("#card-title"), "pageup")
+        await bed.press_until(lambda: curves.scroll_offset.x > 0, "right")
 
 
 def test_a_vent_before_the_first_reading_says_that_there_is_no_curve():
