@@ -372,7 +372,7 @@ async def test_the_next_step_can_be_clicked_and_never_starts_suction(bedside):
     async with bedside() as bed:
         await bed.connected()
         await bed.fill("subject", "P01")
-        assert "F8 shows what will happen" in bed.text("#verdict-next")
+        await bed.until(lambda: "F8 shows what will happen" in bed.text("#verdict-next"))
         await bed.pilot.click("#verdict-next")
         await bed.until(lambda: bed.board.review)
         bed.clock.now_s += 2.0

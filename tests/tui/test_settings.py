@@ -113,8 +113,9 @@ async def test_a_further_key_to_confirm_is_guarded_like_the_usual_one(bedside, t
         await bed.press("f11")  # too soon to have been read
         assert "not started" in bed.board.note
         assert not bed.board.moving
-        bed.clock.now_s += 2.0
         await bed.until(lambda: bed.app.screen_stack[0].summary_in_view)
+        await bed.pilot.pause()
+        bed.clock.now_s += 2.0
         await bed.press("f11")
         await bed.until(lambda: bed.board.series or bed.board.entries)
         await bed.until(lambda: bed.board.entry and bed.board.entry.result and bed.board.can_arm)
