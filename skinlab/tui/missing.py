@@ -216,13 +216,11 @@ def _value_rows(outcome: Outcome, columns: int) -> Rows:
         left, right = f"{low:g} ", f" {high:g} "
         width = min(columns - 10 - len(left) - len(right) - 26, 2 * _BAR[1])
         for when, value in values:
-            bar = ""
+            row = [(f"  {when:<7} ", "quiet")]
             if width >= 8 and value.low is not None:
                 drawn = scaled_bar(value, low, high, width, logarithmic=logarithmic)
-                bar = f"{left}{drawn}{right}"
-            rows.append(
-                [(f"  {when:<7} ", "quiet"), (bar, when), (size_words(name, value), "text")]
-            )
+                row += [(left, "quiet"), (drawn, when), (right, "quiet")]
+            rows.append([*row, (size_words(name, value), "text")])
     return rows
 
 

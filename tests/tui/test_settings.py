@@ -84,10 +84,10 @@ async def test_a_key_of_ones_own_works_beside_the_usual_one(bedside, tmp_path):
         await bed.connected()
         for key in ("x", "s"):
             await bed.press(key)
-            await bed.until(lambda: isinstance(bed.app.screen, SessionScreen))
+            await bed.on(SessionScreen)
             await bed.press("b")
         await bed.press("f1")
-        await bed.until(lambda: isinstance(bed.app.screen, HelpScreen))
+        await bed.on(HelpScreen)
         assert re.search(r"s  x +Session", bed.text("#help-here"))
         assert "F12" in bed.text("#help-here")
         await bed.press("f1")
@@ -126,12 +126,12 @@ async def test_help_tells_the_keys_of_a_list_too(bedside):
     async with bedside() as bed:
         await bed.connected()
         await bed.press("g")
-        await bed.until(lambda: isinstance(bed.app.screen, PickScreen))
+        await bed.on(PickScreen)
         await bed.press("f1")
-        await bed.until(lambda: isinstance(bed.app.screen, HelpScreen))
+        await bed.on(HelpScreen)
         assert "Close" in bed.text("#help-here")
         await bed.press("f1")
-        await bed.until(lambda: isinstance(bed.app.screen, PickScreen))
+        await bed.on(PickScreen)
         await bed.press("f8")
         await bed.quit()
 
