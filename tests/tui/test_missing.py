@@ -19,6 +19,7 @@ from skinlab.discrepancy.odds import odds_words
 from skinlab.discrepancy.verdict import Verdict
 from skinlab.errors import InputError, SkinlabError
 from skinlab.inference.result import Value
+from skinlab.mechanics.effects import all_effects
 from skinlab.mechanics.model_file import BASE, read_model
 from skinlab.recording.audit import entries
 from skinlab.recording.session import read_session
@@ -239,6 +240,9 @@ def test_an_outcome_in_words(named, ambiguous):
     assert "curve 1, load" in text  # where
     assert "Next: a adopts" in text
     assert "log10" not in text
+    for effect in all_effects():  # no name stands unexplained
+        if re.search(rf"\b{effect.name}\b", text):
+            assert effect.meaning in text
     assert "Next: F7 loads ramp:300@60,ramp:0@60" in plain_text(outcome_rows(ambiguous, 80))
 
 

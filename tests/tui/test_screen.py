@@ -220,6 +220,16 @@ async def test_tab_and_enter_go_round_in_the_fields(bedside):
         assert not bed.board.moving
 
 
+async def test_tab_begins_with_the_subject_and_leaves_the_port_alone(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        port = bed.app.screen.query_one("#port", Input).value
+        await bed.press("tab", *"A1", "tab", *"arm")
+        subject, site = (bed.app.screen.query_one(f, Input) for f in ("#subject", "#site"))
+        await bed.until(lambda: (subject.value, site.value) == ("A1", "arm"))
+        assert bed.app.screen.query_one("#port", Input).value == port
+
+
 async def test_what_is_typed_at_once_behind_a_tab_goes_to_the_next_field(bedside):
     async with bedside() as bed:
         await bed.connected()
