@@ -28,10 +28,10 @@ RESULTS = Path(__file__).parents[3] / "benchmarks" / "results" / "calibration.js
 HIDDEN = ProbeSection("P-9", 1.06, -35.0, 0.97, 0.6, 0.03)
 
 
-def measured(phantom, probe, seed, *, kit=None, rate_hz=100.0):
+def measured(phantom, probe, seed, *, kit=None, rate_hz=100.0, sensor=SensorSection()):
     """What a simulated probe with these errors reads on a phantom, without a host."""
     skin = make_phantom(phantom.name, seed if kit is None else kit, probe)
-    device = Device(skin, SensorSection(), seed=seed, probe=probe)
+    device = Device(skin, sensor, seed=seed, probe=probe)
     load = load_of(str(phantom.asked), rate_hz)
     for number, command in enumerate((load, Arm(), Start())):
         device.receive(WIRE.encode_command(command, number))
@@ -52,8 +52,8 @@ def measured(phantom, probe, seed, *, kit=None, rate_hz=100.0):
     )
 
 
-def calibrated(probe, seed, kit=None):
-    readings = [Reading(p, measured(p, probe, seed)) for p in kit or read_phantoms()]
+def calibrated(probe, seed, kit=None, sensor=SensorSection()):
+    readings = [Reading(p, measured(p, probe, seed, sensor=sensor)) for p in kit or read_phantoms()]
     return calibrate(readings, serial_number=probe.serial_number, model="m", now=NOW)
 
 
@@ -98,6 +98,16 @@ def test_hidden_errors_come_back_within_their_intervals():
     assert np.median(half["lag_s"]) < 0.002
     # Silicone whose stiffness is known to 2 % cannot tell a pressure better than that
     assert 0.015 < np.median(half["pressure_gain"]) < 0.04
+
+
+def test_a_pressure_in_whole_mbar_makes_its_zero_uncertain():
+    sensor = SensorSection(pressure_resolution_mbar=1.0)
+    for offset_mbar in (-0.85, 0.3):
+        found = calibrated(ProbeSection(pressure_offset_mbar=offset_mbar), 3, sensor=sensor)
+        assert found.misfit < 2
+        one = found.pressure_offset_mbar
+        assert one.low <= offset_mbar <= one.high
+        assert one.high - one.low > 0.2
 
 
 @pytest.mark.soak
