@@ -24,10 +24,10 @@ from scipy.stats import chi2, norm
 from skinlab.curves.curve import Curve
 from skinlab.curves.phantoms import Phantom
 from skinlab.curves.pressure_path import PressurePath
+from skinlab.curves.probe_file import PARAMETERS, CheckCurve, Interval, ProbeFile
 from skinlab.errors import InputError, NotTrustworthyError
 from skinlab.inference.error_models.quantised import step_of
 from skinlab.inference.noise import MESH_ERROR, legendre, pressure_noise_mbar, roughness
-from skinlab.inference.probe_file import PARAMETERS, CheckCurve, Interval, ProbeFile
 from skinlab.mechanics.effects.model import problem_of, solve_skin
 from skinlab.mechanics.fem.skin import Skin
 from skinlab.mechanics.fem.suction import Geometry
