@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.curves.curve import Curve
+from skinlab.curves.probe_file import ProbeErrors, columns_of
 from skinlab.inference.covariance import Covariance, OnKept, block_diagonal
 from skinlab.inference.error_choice import ErrorChoice, choose_errors
 from skinlab.inference.error_judgement import Judged, judge_errors
@@ -34,7 +35,6 @@ from skinlab.inference.noise import (
 )
 from skinlab.inference.outliers import outlier_probability
 from skinlab.inference.posterior import Draws, sample
-from skinlab.inference.probe_file import ProbeErrors
 from skinlab.inference.problem import SquaredMisfit
 from skinlab.inference.samples import Group, Samples, samples_of
 from skinlab.mechanics.materials.compressibility import KappaConvention
@@ -63,18 +63,13 @@ class Sensor:
     probe: ProbeErrors | None = None  # as it was calibrated; None: it reads the truth
 
     def corrected(self, curve: Curve) -> Curve:
-        """Return a curve as it truly was, as far as the probe's calibration knows.
+        """Return a curve as it truly was, as far as this probe's calibration knows, or its own.
 
         Raises:
             InputError: it is of another opening than the probe.
         """
-        return curve if self.probe is None else self.probe.corrected(curve)
-
-    def as_read(self, pressure_mbar: Array, deflection_mm: Array) -> tuple[Array, Array]:
-        """Return what the probe reads of true values: of pressures, and of deflections."""
-        if self.probe is None:
-            return pressure_mbar, deflection_mm
-        return self.probe.as_read_mbar(pressure_mbar), self.probe.as_read(deflection_mm)
+        probe = self.probe or curve.probe
+        return curve if probe is None or curve.corrected_by else probe.corrected(curve)
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,12 +138,10 @@ class Fitted:
 
     def probe_columns(self) -> Array:
         """Return what the probe's calibration leaves open (u, m): all samples err together."""
-        probe, samples = self.sensor.probe, self.samples
-        if probe is None:
-            return np.zeros((len(samples), 0))
-        each = (samples.time_s, samples.pressure_mbar, self.best_mm, self.slope_mm_per_mbar)
-        split = (np.split(values, samples.ends[:-1]) for values in each)
-        return np.vstack([probe.columns_mm(*parts) for parts in zip(*split, strict=True)])
+        curves = [member.samples for g in self.groups for member in g.members]
+        if not any(curve.corrected_by for curve in curves):
+            return np.zeros((len(self.samples), 0))
+        return columns_of(curves, self.best_mm, self.slope_mm_per_mbar)
 
     def outlier_probability(self) -> Array:
         """Return each sample's probability (u,) of not belonging to its curve."""
