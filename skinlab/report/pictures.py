@@ -38,7 +38,6 @@ _STYLE: dict[str, object] = {
     "legend.frameon": False,
     "svg.hashsalt": "skinlab",  # else the ids in an SVG differ from run to run
     "svg.fonttype": "path",  # looks the same wherever it is opened
-    "savefig.dpi": _DOTS_PER_INCH,
 }
 
 
@@ -86,13 +85,23 @@ def new_figure(width_in: float, height_in: float) -> Figure:
 
 
 def to_bytes(figure: Figure, kind: Kind) -> bytes:
-    """Return the figure as a file of this kind."""
+    """Return the figure as a file of this kind.
+
+    The bytes of `savefig`, which would draw twice to learn the size that `layout` has given.
+    """
     stream = io.BytesIO()
-    metadata = {"png": {"Software": "skinlab"}, "svg": {"Date": None, "Creator": "skinlab"}}[kind]
     with style(), warnings.catch_warnings():
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.backends.backend_svg import FigureCanvasSVG
+
         # A name in letters that the font lacks is drawn as boxes.
         warnings.filterwarnings("ignore", message="Glyph ", category=UserWarning)
-        figure.savefig(stream, format=kind, metadata=metadata)
+        figure.set_dpi(_DOTS_PER_INCH)
+        if kind == "png":
+            FigureCanvasAgg(figure).print_png(stream, metadata={"Software": "skinlab"})
+        else:
+            about = {"Date": None, "Creator": "skinlab"}
+            FigureCanvasSVG(figure).print_svg(stream, metadata=about)
     return stream.getvalue()
 
 
