@@ -372,4 +372,4 @@ def _of_group(covariance: Covariance, members: NDArray[np.bool_]) -> Covariance:
     part = covariance.only(members)
     mine = np.abs(part.columns_mm).max(axis=0, initial=0.0) > 0.0
     ends = tuple(dict.fromkeys(e for e in part.ends if e > 0))
-    return replace(part, columns_mm=part.columns_mm[:, mine], ends=ends)
+    return replace(part, shapes_mm=part.columns_mm[:, mine], sizes=None, ends=ends)

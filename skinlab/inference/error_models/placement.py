@@ -45,13 +45,14 @@ class Placement:
         if look.thickness_error_mm is not None:
             thickness = look.thickness_error_mm[:, None] * one
         stiffness = (samples.pressure_mbar * look.slope_mm_per_mbar)[:, None] * one
+        columns = np.hstack([stiffness, one, thickness])
+        counts = (len(numbers), len(numbers), thickness.shape[1])
 
         def terms(values: Sequence[float]) -> Terms:
             offset_um, *learned = values
             scatter = learned[0] if stated is None else stated
-            return Terms(
-                columns_mm=np.hstack([scatter * stiffness, 1e-3 * offset_um * one, thickness])
-            )
+            sizes = np.repeat([scatter, 1e-3 * offset_um, 1.0], counts)
+            return Terms(columns_mm=columns, sizes=sizes)
 
         parameters = (_OFFSET, _SCATTER) if stated is None else (_OFFSET,)
         known = {"placement_count": float(len(numbers))}
