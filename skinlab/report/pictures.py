@@ -12,7 +12,7 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from skinlab.errors import InputError
 
@@ -98,10 +98,11 @@ def to_bytes(figure: Figure, kind: Kind) -> bytes:
         warnings.filterwarnings("ignore", message="Glyph ", category=UserWarning)
         figure.set_dpi(_DOTS_PER_INCH)
         if kind == "png":
-            FigureCanvasAgg(figure).print_png(stream, metadata={"Software": "skinlab"})
+            raster: Any = FigureCanvasAgg(figure)  # some releases have types of this, some none
+            raster.print_png(stream, metadata={"Software": "skinlab"})
         else:
-            about = {"Date": None, "Creator": "skinlab"}
-            FigureCanvasSVG(figure).print_svg(stream, metadata=about)
+            vector: Any = FigureCanvasSVG(figure)
+            vector.print_svg(stream, metadata={"Date": None, "Creator": "skinlab"})
     return stream.getvalue()
 
 
