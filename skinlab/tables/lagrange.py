@@ -28,9 +28,8 @@ def stencil(nodes: ArrayLike, at: ArrayLike) -> tuple[Index, Array]:
     weights = np.empty_like(local)
     for k, (a, b, c) in enumerate(_OTHERS):
         apart = local[:, [k]] - local
-        weights[:, k] = (
-            distance[:, a] * distance[:, b] * distance[:, c] / (apart[:, a] * apart[:, b] * apart[:, c])
-        )
+        above = distance[:, a] * distance[:, b] * distance[:, c]
+        weights[:, k] = above / (apart[:, a] * apart[:, b] * apart[:, c])
     return first, weights
 
 
