@@ -35,6 +35,7 @@ _USUAL_LINE_BYTES = 120
 _MAX_PATTERN = 500
 _MOST_DOTS = 5_000  # of one line
 _MAX_FILE_BYTES = 100_000
+_ROUNDED = 1e-3  # to which an example may state its numbers: units are further apart
 _LARGEST = 1e12  # of any number in a line, in mbar, mm or s
 
 _UNITS: Mapping[str, Mapping[str, float]] = {
@@ -408,7 +409,7 @@ def _check_example(dialect: LineDialect, said: _Table, line_end: bytes) -> None:
     for name, value in expected.items():
         found = getattr(reading, name)
         if value is not None and not (
-            found is not None and math.isclose(found, value, rel_tol=1e-9, abs_tol=1e-9)
+            found is not None and math.isclose(found, value, rel_tol=_ROUNDED, abs_tol=1e-6)
         ):
             raise _BadFieldError(f"{said.where}: {name} is read as {found}; expected {value:g}")
 

@@ -12,6 +12,7 @@ import click
 
 from skinlab.cli.options import database_option, json_option
 from skinlab.cli.output import echo, echo_text, print_json, status_line
+from skinlab.text import counted
 
 _KEYS = "space pauses and goes on, . steps, 1 x m: pace as it was, tenfold, without waiting; q ends"
 _DRAW_S = 0.05
@@ -112,7 +113,8 @@ def command(
             )
     elif not as_json:
         stored = sum(result is not None for result in recorded.results)
-        echo(f"{len(completed)} curves and {stored} stored results agree bit for bit")
+        both = f"{counted(len(completed), 'curve')} and {counted(stored, 'stored result')}"
+        echo(f"{both} agree bit for bit")
     return 1 if found else 0
 
 

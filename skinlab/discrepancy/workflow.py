@@ -59,7 +59,10 @@ def explain(
     """
     check_law_of(database, model.model.law)
     if database.fixed_geometry is not None:
-        raise InputError("a missing effect is looked for with a dimensionless database")
+        raise InputError(
+            "this database is of one opening: a missing effect is looked for with one of every "
+            'opening (`form = "dimensionless"` under [table] in its SPEC.toml)'
+        )
     sources = {curve.source for curve in campaign.curves if curve.source}
     learned_from_these = model.learned_from({*data, *sources})
     if learned_from_these:

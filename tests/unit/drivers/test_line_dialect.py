@@ -167,6 +167,11 @@ def test_what_is_wrong_with_a_file_is_said_in_a_sentence(text, words):
     assert "\n" not in str(raised.value)
 
 
+def test_an_example_may_be_rounded():
+    more = '[[example]]\nline = "75.006 512.3"\npressure_mbar = 100\ndeflection_mm = 0.512\n'
+    line_dialect(plain('"mbar"', '"mmHg"', more=more).replace('"mm"', '"µm"'), "mine.toml")
+
+
 def test_lines_without_an_end_do_not_fill_the_memory():
     dialect = line_dialect(PLAIN, "mine.toml")
     buffer = bytearray(b"1" * 10_000)

@@ -171,6 +171,9 @@ def test_a_custom_table_of_it_with_an_effect(tmp_path, capsys):
     assert sum(inside) >= 3
     offset = values["deflection_offset.offset_um"]
     assert offset["low"] <= 20.0 <= offset["high"]
+    campaign = Campaign("", 3.0, 0.0, (measured(TRUTH, 4),))
+    with pytest.raises(InputError, match='form = "dimensionless"'):
+        explain(campaign, read(path), model=Model(Header("fung", "fung")))
 
 
 def test_a_model_of_it_with_an_effect_is_identified_and_bounded(dimensionless):
