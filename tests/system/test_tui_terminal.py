@@ -116,10 +116,10 @@ class Terminal:
 
     def start(self) -> None:
         """Check, look, and confirm."""
-        self.press("F8")
-        self.until(lambda screen: "whose skin" in screen)
-        self.press("F8")
-        self.until_all("THIS WILL HAPPEN", "up to 100 mbar", "repeats")
+        # While the probe still vents, F8 is answered "not now"
+        self.insist("F8", lambda screen: "whose skin" in screen or "THIS WILL" in screen)
+        self.insist("F8", lambda screen: "THIS WILL HAPPEN" in screen)
+        self.until_all("up to 100 mbar", "repeats")
         self.confirm()
 
     def start_slow_run(self) -> None:
@@ -130,8 +130,7 @@ class Terminal:
 
     def quit(self) -> None:
         """Quit, and say yes."""
-        self.press("q")
-        self.until_all("Quit?", "F9 yes")
+        self.insist("q", lambda screen: "Quit?" in screen and "F9 yes" in screen)
         self.confirm()
 
     def session(self) -> Session:
