@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,6 +19,10 @@ from patience import be_patient
 
 from skinlab.tables.store import shipped_grid, shipped_table
 from skinlab.tables.table import Table
+
+# A shell that starts the tests in the background lets them and all that they start ignore Ctrl-C
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # No test may depend on how fast the machine is
 be_patient()
