@@ -229,7 +229,7 @@ class ThicknessScatter:
         columns = self.slope_mm[:, None] * one
 
         def terms(values: Sequence[float]) -> Terms:
-            return Terms(columns_mm=values[0] * columns)
+            return Terms(columns_mm=columns, sizes=np.full(columns.shape[1], values[0]))
 
         size = Hyperparameter(self.name, *ERRORS.thickness_scatter)
         return Part(self.name, (size,), terms, always=True)

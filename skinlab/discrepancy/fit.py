@@ -228,8 +228,10 @@ class Fitter:
         if best is None:
             return None
         settled = again = False
+        idle = 0
         for k in range(FITS.anchors):
             before = best.cost
+            least = FITS.gain + FITS.close_share * max(0.0, best.chi2 - self.errors.count)
             u = self.minimise(
                 model,
                 best.u,
@@ -237,8 +239,12 @@ class Fitter:
                 np.minimum(high, best.u + radius),
             )
             expected = model.predict(u)
-            if k >= FITS.seen_anchors and min(best.cost, self._cost(unknowns, u, expected)) > limit:
+            hoped = self._cost(unknowns, u, expected)
+            if k >= FITS.seen_anchors and min(best.cost, hoped) > limit:
                 settled = False
+                break
+            if k and hoped > best.cost - least:  # as far as the slopes tell, this is the bottom
+                settled = True
                 break
             if not model.anchor(u):
                 radius = 0.4 * radius
@@ -261,6 +267,10 @@ class Fitter:
                 best = found
                 if well:
                     radius = np.minimum(2.5 * radius, widest)
+            # A flat valley: another anchor moves along it and gains nothing.
+            idle = idle + 1 if abs(found.cost - before) < least else 0
+            if idle >= FITS.idle_anchors:
+                settled = True
             stuck = k >= FITS.enough_anchors and best.cost > before - FITS.worth * (
                 best.chi2 - self.errors.count
             )

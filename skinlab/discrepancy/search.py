@@ -27,7 +27,7 @@ from skinlab.discrepancy.search_workers import (
     fit_one,
     signature_of,
 )
-from skinlab.discrepancy.settings import ERRORS, NAMES, SEARCH
+from skinlab.discrepancy.settings import ERRORS, FITS, NAMES, SEARCH
 from skinlab.discrepancy.unknowns import BasePrior, Known, Unknowns
 from skinlab.errors import NotTrustworthyError
 from skinlab.inference.covariance import Covariance, independent
@@ -112,7 +112,9 @@ def _starts(unknowns: Unknowns) -> tuple[list[Array], Array]:
     ]
     shares = [(_SCALES, _RATIOS, _VALUES)[kind] for kind in kinds]
     middle = unknowns.at_share(np.array([_MIDDLE[kind] for kind in kinds]))
-    return [unknowns.at_share(np.array(share)) for share in product(*shares)], middle
+    every = [unknowns.at_share(np.array(share)) for share in product(*shares)]
+    # Far from one another first: their number has no factor but two and three.
+    return [every[5 * i % len(every)] for i in range(len(every))], middle
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,7 +174,7 @@ class Search:
         unknowns = self._unknowns
         plain = unknowns.plain
         begin, middle = _starts(unknowns)
-        fits = [f for f in (self.fitter.fit(plain, start) for start in begin) if f is not None]
+        fits = self._plainly(plain, begin)
         if self._own:
             # Finite elements cost more: from the best of the plain fits, and from the middle.
             fits.sort(key=lambda f: f.cost)
@@ -182,6 +184,20 @@ class Search:
         if not fits:
             raise NotTrustworthyError("the model has no answer for these curves")
         return self._candidate(min(fits, key=lambda f: f.cost), None)
+
+    def _plainly(self, plain: Unknowns, starts: Sequence[Array]) -> list[Fit]:
+        """Return fits of the law alone, until so many starts have led to the best of them."""
+        found: list[Fit] = []
+        for start in starts:
+            fit = self.fitter.fit(plain, start)
+            if fit is None:
+                continue
+            found.append(fit)
+            least = min(f.cost for f in found)
+            close = FITS.gain + FITS.close_share * max(0.0, least - self.fitter.errors.count)
+            if sum(f.cost < least + close for f in found) >= SEARCH.agreeing:
+                break
+        return found
 
     def run(self) -> Found:
         """Return the base fit, the screen and the candidates."""

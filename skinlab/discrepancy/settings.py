@@ -47,6 +47,8 @@ class FitRules:
     """Solutions of the finite elements in one walk, at most."""
     seen_anchors: int = 2
     """After so many, a fit that expects to stay above its limit ends."""
+    idle_anchors: int = 2
+    """After so many in a row that gain less than `gain`, it ends: the valley is flat."""
     enough_anchors: int = 3
     """After so many, one that explains nothing goes on only while it gains `worth`."""
     worth: float = 0.1
@@ -74,6 +76,8 @@ class SearchRules:
     smaller ones `life_named_of_one_hidden` and `life_two_hidden_named_rightly` down.
     """
 
+    agreeing: int = 4
+    """Starts of the law alone that have to lead to the same fit."""
     pairs_odds: float = 0.2
     """Odds before the data of two effects together, against one of the library."""
     seen: float = 8.0

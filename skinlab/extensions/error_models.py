@@ -42,7 +42,7 @@ def a_part_is_a_covariance(model: ErrorModel) -> None:
         n = len(look.samples)
         for size in _SIZES:
             terms = part.terms([size * p.median for p in part.parameters])
-            columns = np.zeros((n, 0)) if terms.columns_mm is None else terms.columns_mm
+            columns = np.zeros((n, 0)) if terms.deviations_mm is None else terms.deviations_mm
             expect(columns.ndim == 2 and len(columns) == n, f"columns_mm is {columns.shape}")
             variance = np.broadcast_to(terms.variance_mm2, (n,))
             stretch = 1.0 if terms.stretch is None else terms.stretch
@@ -86,8 +86,8 @@ def _size(part: Part, values: list[float]) -> float:
     """Return the mean variance."""
     terms = part.terms(values)
     total = float(np.mean(terms.variance_mm2))
-    if terms.columns_mm is not None:
-        total += float(np.square(terms.columns_mm).sum(axis=1).mean())
+    if terms.deviations_mm is not None:
+        total += float(np.square(terms.deviations_mm).sum(axis=1).mean())
     return total + (0.0 if terms.ou is None else terms.ou.size_mm**2)
 
 

@@ -41,15 +41,22 @@ class OrnsteinUhlenbeck:
 class Covariance:
     """Σ over samples (u,) of one or several curves, end to end, times increasing in each.
 
-    `variance_mm2` (u,) is D, `columns_mm` (u, m) V. `ends` are the ends of the curves; `time_s`
-    (u,) is needed where there is an Ornstein-Uhlenbeck process.
+    `variance_mm2` (u,) is D; `shapes_mm` (u, m), each times its `sizes` (m,) if there are any, is
+    V. `ends` are the ends of the curves; `time_s` (u,) is needed where there is an
+    Ornstein-Uhlenbeck process.
     """
 
     variance_mm2: Array
-    columns_mm: Array
+    shapes_mm: Array
     ends: tuple[int, ...]
     ou: OrnsteinUhlenbeck | None = None
     time_s: Array | None = None
+    sizes: Array | None = None
+
+    @cached_property
+    def columns_mm(self) -> Array:
+        """V (u, m)."""
+        return self.shapes_mm if self.sizes is None else self.shapes_mm * self.sizes
 
     @property
     def count(self) -> int:
@@ -178,7 +185,7 @@ class Covariance:
         return replace(
             self,
             variance_mm2=self.variance_mm2[kept],
-            columns_mm=self.columns_mm[kept],
+            shapes_mm=self.shapes_mm[kept],
             ends=tuple(int(c) for c in counts),
             time_s=None if self.time_s is None else self.time_s[kept],
         )
@@ -199,16 +206,9 @@ def gram_matrices(covariances: Sequence[Covariance], values_mm: Array) -> tuple[
         numpy.linalg.LinAlgError: one is not positive definite.
     """
     first = covariances[0]
+    if first.shapes_mm.size > WORTH_SHARING and any(c.sizes is not None for c in covariances):
+        return _gram_of_shapes(covariances, values_mm)
     shared = all(one.columns_mm is first.columns_mm for one in covariances)
-    if not shared and first.columns_mm.size > WORTH_SHARING:
-        leaders, scales = _scaled_alike(covariances)
-        if len(leaders) < len(covariances):
-            gram, log_base = gram_matrices([covariances[i] for i in leaders], values_mm)
-            place = {leader: i for i, leader in enumerate(leaders)}
-            which = [place[leader] for leader, _ in scales]
-            whole = np.ones((len(covariances), gram.shape[1]))
-            whole[:, values_mm.shape[1] :] = [scale for _, scale in scales]
-            return gram[which] * whole[:, :, None] * whole[:, None, :], log_base[which]
     n, u = len(covariances), first.count
     if len(first.ends) > 1:
         return _gram_by_curve(covariances, values_mm)
@@ -252,7 +252,7 @@ def _gram_by_curve(covariances: Sequence[Covariance], values_mm: Array) -> tuple
         cut = {id(v): np.ascontiguousarray(v[here][:, of]) for v in several}
         parts = [
             replace(
-                c, variance_mm2=c.variance_mm2[here], columns_mm=cut[id(c.columns_mm)],
+                c, variance_mm2=c.variance_mm2[here], shapes_mm=cut[id(c.columns_mm)], sizes=None,
                 ends=(end - begin,), time_s=None if c.time_s is None else c.time_s[here],
             )
             for c in covariances
@@ -289,36 +289,26 @@ def _gram(
     return both.transpose(0, 2, 1) @ both, np.log(d).sum(axis=1)
 
 
-def _scaled_alike(covariances: Sequence[Covariance]) -> tuple[list[int], list[tuple[int, Array]]]:
-    """Return which covariances to compute, and of each its leader and its columns' scales (m,).
+def _gram_of_shapes(covariances: Sequence[Covariance], values_mm: Array) -> tuple[Array, Array]:
+    """Return `gram_matrices` from those of the shapes alone.
 
-    Where only the sizes of random effects differ, D + B is the same and the columns are the
-    leader's, each longer or shorter.
+    Where only the sizes of random effects differ, D + B and the shapes are the same.
     """
-    known: dict[tuple[bytes, OrnsteinUhlenbeck | None], int] = {}
-    leaders, found = [], []
-    for i, one in enumerate(covariances):
-        key = (one.variance_mm2.tobytes(), one.ou)
-        leader = known.setdefault(key, i)
-        scale = _scale_between(covariances[leader].columns_mm, one.columns_mm)
-        if scale is None:
-            known[key] = leader = i
-            scale = np.ones(one.columns_mm.shape[1])
-        if leader == i:
-            leaders.append(i)
-        found.append((leader, scale))
-    return leaders, found
-
-
-def _scale_between(before: Array, now: Array) -> Array | None:
-    """Return by what columns (u, m) are longer than those before (m,); None: they are others."""
-    if before is now or before.shape != now.shape or not len(now):
-        return np.ones(now.shape[1]) if before.shape == now.shape else None
-    rows, columns = np.abs(before).argmax(axis=0), np.arange(before.shape[1])
-    largest = before[rows, columns]
-    scale = now[rows, columns] / np.where(largest == 0.0, 1.0, largest)
-    same = np.abs(before * scale - now) <= 1e-12 * np.abs(now)
-    return scale if same.all() else None
+    place: dict[tuple[bytes, OrnsteinUhlenbeck | None, int], int] = {}
+    different: list[Covariance] = []
+    which = []
+    for one in covariances:
+        key = (one.variance_mm2.tobytes(), one.ou, id(one.shapes_mm))
+        if key not in place:
+            place[key] = len(different)
+            different.append(replace(one, sizes=None))
+        which.append(place[key])
+    gram, log_base = gram_matrices(different, values_mm)
+    scale = np.ones((len(covariances), gram.shape[1]))
+    for row, one in zip(scale, covariances, strict=True):
+        if one.sizes is not None:
+            row[values_mm.shape[1] :] = one.sizes
+    return gram[which] * scale[:, :, None] * scale[:, None, :], log_base[which]
 
 
 def products(covariances: Sequence[Covariance], values_mm: Array) -> tuple[Array, Array]:

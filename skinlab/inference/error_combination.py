@@ -15,6 +15,8 @@ from skinlab.inference.error_models.base import Part, Terms
 
 Array = NDArray[np.float64]
 
+_KEPT = 4  # columns side by side: of the frequencies that a search has just looked at
+
 
 @dataclass(frozen=True, eq=False)
 class Combination:
@@ -25,7 +27,9 @@ class Combination:
     ends: tuple[int, ...]
     fixed_mm: Array  # (u, m) columns that are there whatever the parameters
     fixed_mm2: Array  # (u,) variances, likewise
-    _last: list[tuple[Array, ...]] = field(default_factory=list, init=False, repr=False)
+    _known: list[tuple[tuple[Array, ...], Array]] = field(
+        default_factory=list, init=False, repr=False
+    )
 
     @property
     def name(self) -> str:
@@ -88,6 +92,7 @@ class Combination:
         variance, stretch = self.fixed_mm2, np.ones(1)
         processes: list[OrnsteinUhlenbeck | None] = [None] * n
         columns = [[self.fixed_mm] * n]
+        sizes = [np.ones((n, self.fixed_mm.shape[1]))]
         for part, own in zip(self.parts, self._own, strict=True):
             if part.variances is not None:
                 variance = variance + part.variances(values[:, own])
@@ -102,14 +107,17 @@ class Combination:
             some = [terms.columns_mm for terms in each if terms.columns_mm is not None]
             if len(some) == n:
                 columns.append(some)
+                ones = np.ones(some[0].shape[1])
+                sizes.append(np.array([ones if t.sizes is None else t.sizes for t in each]))
             if each[0].stretch is not None:
                 stretched = [1.0 if terms.stretch is None else terms.stretch for terms in each]
                 stretch = stretch * np.array(stretched) * (part.spread if spread else 1.0)
         variance = np.broadcast_to(variance * stretch, (n, len(self.fixed_mm2)))
         whole = columns[0] if len(columns) == 1 else self._side_by_side(columns)
+        scale = np.hstack(sizes)
         return [
-            Covariance(d, v, self.ends, ou, self.samples_time_s)
-            for d, v, ou in zip(variance, whole, processes, strict=True)
+            Covariance(d, v, self.ends, ou, self.samples_time_s, own)
+            for d, v, ou, own in zip(variance, whole, processes, scale, strict=True)
         ]
 
     def covariance(self, log_values: Array, *, spread: bool = True) -> Covariance:
@@ -126,9 +134,11 @@ class Combination:
         """Return columns (u, m) side by side; the same array where they are the same arrays."""
         found: list[Array] = []
         for blocks in zip(*columns, strict=True):
-            if not self._last or not _same(self._last[0], blocks):
-                self._last[:] = [blocks, (np.hstack(blocks),)]
-            found.append(self._last[1][0])
+            known = next((whole for some, whole in self._known if _same(some, blocks)), None)
+            if known is None:
+                known = np.hstack(blocks)
+                self._known[:] = [(blocks, known), *self._known[: _KEPT - 1]]
+            found.append(known)
         return found
 
 
@@ -138,9 +148,9 @@ def _size_um(terms: Terms) -> float:
     total = float(np.add.reduce(variance, axis=None)) / variance.size
     if terms.ou is not None:
         total += terms.ou.size_mm**2
-    if terms.columns_mm is not None and len(terms.columns_mm):
-        columns = terms.columns_mm.ravel()
-        total += float(columns @ columns) / len(terms.columns_mm)
+    columns = terms.deviations_mm
+    if columns is not None and len(columns):
+        total += float(columns.ravel() @ columns.ravel()) / len(columns)
     return 1e3 * math.sqrt(total)
 
 

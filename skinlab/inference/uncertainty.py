@@ -150,16 +150,7 @@ class Fitted:
 
     def pressure_sd_mbar(self) -> Array:
         """Return the pressure readings' standard deviations (u,): stated, or each curve's own."""
-        stated = self.sensor.pressure_noise_mbar
-        if stated is not None:
-            return np.full(len(self.samples), stated)
-        found = []
-        for g in self.groups:
-            for member in g.members:
-                curve, mask = member.curve, member.mask
-                sd = pressure_noise_mbar(curve.time_s[mask], curve.pressure_mbar[mask])
-                found.append(np.full(member.count, sd))
-        return np.concatenate(found)
+        return np.concatenate([_pressure_sd_mbar(g, self.sensor) for g in self.groups])
 
     def choose_errors(
         self,
@@ -193,6 +184,43 @@ class Fitted:
         least = _SMALL * max(roughness(residual), _LEAST_ROUGH_MM)
         seen = np.sqrt(np.square(columns).sum(axis=0)) > least
         return choose_errors(look, linear, columns[:, seen], rest, error_models)
+
+
+def _pressure_sd_mbar(g: Group, sensor: Sensor) -> Array:
+    stated = sensor.pressure_noise_mbar
+    found = []
+    for member in g.members:
+        curve, mask = member.curve, member.mask
+        sd = stated
+        if sd is None:
+            sd = pressure_noise_mbar(curve.time_s[mask], curve.pressure_mbar[mask])
+        found.append(np.full(member.count, sd))
+    return np.concatenate(found)
+
+
+def _on_smooth_pressures(
+    groups: Sequence[Group],
+    models: Sequence[CurveModel],
+    best: Array,
+    database: Database,
+    kappa: KappaConvention,
+    sensor: Sensor,
+) -> tuple[Sequence[Group], Sequence[CurveModel]]:
+    """Return groups and models at smooth pressures, where the readings are noisy.
+
+    Each sample goes along the best fit's curve (p,), so that what the noise did to it remains.
+    """
+    found = []
+    for g, model in zip(groups, models, strict=True):
+        sd = _pressure_sd_mbar(g, sensor)
+        if not sd.any():
+            found.append((g, model))
+            continue
+        smooth = g.smoothed(sd)
+        there = smooth.model(database, kappa)
+        along = (there.deflection_mm(best[None]) - model.deflection_mm(best[None]))[0]
+        found.append((smooth.moved(along), there))
+    return [g for g, _ in found], [model for _, model in found]
 
 
 def _relative_noise(residual: Array, samples: Samples) -> Array:
@@ -237,7 +265,7 @@ def about(
         slope = moved / (np.diag(up) - np.diag(down))
         precision += np.outer(slope, slope)
     samples = samples_of(groups)
-    residual = samples.deflection_mm - here
+    residual = np.concatenate([g.deflection_mm for g in groups]) - here
     columns = _within(unit, residual, slopes.T)
     linear = LinearModel(residual, columns, precision)
     return Fitted(groups, models, space, samples, points[0], here, linear, sensor)
@@ -294,6 +322,7 @@ def assess(
         # As much of the variance is the site's, and is common, as is each placement's.
         relative_sd *= _COMMON**0.5
     best = space.from_unit(minima[0])
+    groups, models = _on_smooth_pressures(groups, models, best, database, kappa, sensor)
     if relative_sd > 0.0:
         models = [g.model(database, kappa, relative_sd) for g in groups]
         low = max(float(m.space.bounds[0][-1]) for m in models)
@@ -343,4 +372,4 @@ def _of_group(covariance: Covariance, members: NDArray[np.bool_]) -> Covariance:
     part = covariance.only(members)
     mine = np.abs(part.columns_mm).max(axis=0, initial=0.0) > 0.0
     ends = tuple(dict.fromkeys(e for e in part.ends if e > 0))
-    return replace(part, columns_mm=part.columns_mm[:, mine], ends=ends)
+    return replace(part, shapes_mm=part.columns_mm[:, mine], sizes=None, ends=ends)

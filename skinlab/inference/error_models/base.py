@@ -76,8 +76,16 @@ class Terms:
 
     variance_mm2: Array | float = 0.0  # (u,) independent
     ou: OrnsteinUhlenbeck | None = None
-    columns_mm: Array | None = None  # (u, m), each as large as its standard deviation
+    columns_mm: Array | None = None  # (u, m), each as large as its standard deviation,
+    sizes: Array | None = None  # (m,), or by these factors larger, where only they change
     stretch: Array | None = None  # (u,) by which the independent parts' variance is multiplied
+
+    @property
+    def deviations_mm(self) -> Array | None:
+        """The columns (u, m), each as large as its standard deviation."""
+        if self.columns_mm is None or self.sizes is None:
+            return self.columns_mm
+        return self.columns_mm * self.sizes
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,7 @@ _FEWEST_PERIODS = 1.0
 _PER_PERIOD = 6.0  # samples, at least
 _FINEST = 0.15  # of a period over the whole record: the grid of frequencies
 _MOST = 60
+_KEPT = 16  # waves of frequencies
 _STANDS_OUT = 3.0  # times what white noise gives to one frequency
 
 
@@ -101,9 +103,12 @@ class Periodic:
         frequency = float(grid[best])
         size = Hyperparameter(f"{self.name}_um", self.median_um, _LOG_SD)
 
+        waves = lru_cache(maxsize=_KEPT)(partial(columns, samples))
+
         def terms(values: Sequence[float]) -> Terms:
             size_um, hz = values
-            return Terms(columns_mm=1e-3 * size_um * columns(samples, hz))
+            found = waves(hz)
+            return Terms(columns_mm=found, sizes=np.full(found.shape[1], 1e-3 * size_um))
 
         return Part(
             self.name,

@@ -55,7 +55,7 @@ def test_products_are_those_of_whitened_values(covariance):
     values = np.random.default_rng(0).normal(size=(covariance.count, 3))
     white = covariance.whiten(values)
     other = replace(covariance, variance_mm2=2.0 * covariance.variance_mm2)
-    longer = replace(covariance, columns_mm=1.5 * covariance.columns_mm)
+    longer = replace(covariance, shapes_mm=1.5 * covariance.shapes_mm)
     for library in (kernel.library, lambda: None):  # compiled where it is there, and numpy
         with patch.object(kernel, "library", library):
             for others in ([other, covariance], [other, covariance, longer]):
@@ -156,8 +156,8 @@ def test_what_the_columns_did_is_taken_off():
 def test_random_effects_of_other_sizes_share_one_decomposition_and_nothing_else(covariance):
     values = np.random.default_rng(0).normal(size=(covariance.count, 2))
     sizes = np.random.default_rng(1).uniform(0.1, 3.0, covariance.columns_mm.shape[1])
-    longer = replace(covariance, columns_mm=covariance.columns_mm * sizes)
-    turned = replace(covariance, columns_mm=covariance.columns_mm[::-1].copy())
+    longer = replace(covariance, sizes=sizes)
+    turned = replace(covariance, shapes_mm=covariance.shapes_mm[::-1].copy())
     several = [covariance, longer, turned, longer]
     with patch("skinlab.inference.covariance.WORTH_SHARING", 0):  # of curves this short, too
         found, log_determinant = products(several, values)

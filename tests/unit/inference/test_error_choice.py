@@ -295,13 +295,13 @@ def test_a_placement_has_a_stiffness_a_zero_and_where_stated_a_thickness():
         thickness_error_mm=0.01 * X,
     )  # fmt: skip
     part = PLACEMENT.part(look)
-    columns = part.terms([4.0, 0.05]).columns_mm
+    columns = part.terms([4.0, 0.05]).deviations_mm
     np.testing.assert_allclose(columns[:, 4:].sum(axis=1), 0.01 * X)
     assert not columns[:50, 5].any()
     assert not columns[50:, 4].any()
     assert part.stated["placement_count"] == 2
     without = PLACEMENT.part(replace(look, thickness_error_mm=None))
-    np.testing.assert_allclose(without.terms([4.0, 0.05]).columns_mm, columns[:, :4])
+    np.testing.assert_allclose(without.terms([4.0, 0.05]).deviations_mm, columns[:, :4])
 
 
 class Tape:
