@@ -17,6 +17,8 @@ same process, or (`--apart`) in a process of its own.
   that both processes have (Linux).
 - cut short: curves that a watchdog ended, on a machine that is busy with other things.
 - lost: counters of samples that are missing in the file.
+
+What the file has of other sizes, measured in the same way, stays in it.
 """
 
 from __future__ import annotations
@@ -160,6 +162,7 @@ def check_and_start(terminal: Terminal) -> float:
 
 def measure(port: str, columns: int, rows: int, curves: int, folder: Path) -> dict[str, Any]:
     """Return the figures of one size of terminal."""
+    load = os.getloadavg()[0]
     folder = folder / f"{columns}x{rows}"  # with settings of its own
     sessions = folder / "sessions"
     command = [sys.executable, "-m", "skinlab", "ui", "--port", port, "--sessions", str(sessions)]
@@ -198,11 +201,22 @@ def measure(port: str, columns: int, rows: int, curves: int, folder: Path) -> di
     session = read_session(next(sessions.glob("*.h5")))
     return {
         "size": f"{columns}x{rows}",
+        "load_average": load,
         "start_to_screen_s": round(screen - begin, 2),
         "start_to_ready_s": round(ready - begin, 2),
         **_of_session(session, terminal, runs),
         "input_to_screen": {name: spread(values) for name, values in keys.items()},
     }
+
+
+def sizes_saved(path: Path, results: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return what the file has of other sizes, measured in the same way."""
+    if not path.exists():
+        return []
+    saved = json.loads(path.read_text(encoding="utf-8"))
+    now = {one["size"] for one in results["sizes"]}
+    alike = all(saved[key] == results[key] for key in ("command", "rate_hz", "cores"))
+    return [one for one in saved["sizes"] if one["size"] not in now] if alike else []
 
 
 def against_aims(sizes: list[dict[str, Any]]) -> dict[str, Any]:
@@ -290,7 +304,6 @@ def main() -> None:
     results: dict[str, Any] = {
         "command": "python benchmarks/live_view.py" + (" --apart" if options.apart else ""),
         "rate_hz": options.rate_hz,
-        "load_average": os.getloadavg()[0],
         "cores": os.cpu_count(),
         "sizes": [],
     }
@@ -318,6 +331,7 @@ def main() -> None:
                 if probe is not None:
                     probe.terminate()
                     probe.wait()
+        results["sizes"] = [*sizes_saved(options.save, results), *results["sizes"]]
         results["aims"] = against_aims(results["sizes"])
         if shutil.which("tmux"):
             port = f"sim://?seed=1&skin={skin}"

@@ -251,7 +251,9 @@ class Watchdog:
     def _suction(self, unseen_s: float) -> list[SafetyEvent]:
         suction_s = self._suction_s + unseen_s * self._pace
         longest_s = self._max_suction_s + self._limits.suction_slack_s
-        if suction_s <= longest_s * (1 + self._limits.clock_fraction):
+        # At another pace a moment that a link may keep samples back is many seconds of suction
+        held_back_s = self._limits.clock_s * max(0.0, self._pace - 1.0)
+        if suction_s - held_back_s <= longest_s * (1 + self._limits.clock_fraction):
             return []
         return self._order(f"suction for more than {longest_s:g} s without a pause")
 

@@ -109,8 +109,8 @@ class Parameter:
 
 
 def stem(name: str, unit: str) -> str:
-    """Return a parameter's name without its unit: X1 of X1_MPa."""
-    return name.removesuffix(f"_{unit}") if unit else name
+    """Return a parameter's name without its unit: X1 of X1_MPa, drift of drift_um_per_s."""
+    return name.removesuffix("_" + unit.replace("µ", "u").replace("/", "_per_")) if unit else name
 
 
 class ParameterSpace(Protocol):

@@ -20,6 +20,8 @@ _BLANK = re.compile(
     "[\u034f\u115f\u1160\u17b4\u17b5\u180b-\u180f\u3164\ufe00-\ufe0f\uffa0\U000e0100-\U000e01ef]"
 )
 _FORMULA = ("=", "+", "-", "@", "＝", "＋", "－", "＠")
+# Where a comma is for decimals, spreadsheets begin another cell here
+_NEXT_CELL = re.compile(f"(;\\s*)(?=[{re.escape(''.join(_FORMULA))}])")
 
 
 class _Symbols(dict[int, str | int]):
@@ -105,6 +107,7 @@ def csv_cell(value: Any) -> Any:
         return value
     shown = inert(value)
     quoted = shown.lstrip().startswith(_FORMULA) or value[:1] in ("\t", "\r", "\n")
+    shown = _NEXT_CELL.sub(r"\1'", shown)
     return f"'{shown}" if quoted else shown
 
 

@@ -38,10 +38,10 @@ from skinlab.acquisition.protocol import read_protocol
 from skinlab.acquisition.settings import recall
 from skinlab.cli.main import run
 from skinlab.curves.phantoms import read_phantoms
+from skinlab.curves.probe_file import read_probe
 from skinlab.errors import InputError
 from skinlab.exchange.importing.remembered import Remembered
 from skinlab.inference.population import read_prior
-from skinlab.inference.probe_file import read_probe
 from skinlab.mechanics.model_file import read_model
 from skinlab.recording.records import Kind
 from skinlab.recording.seal import SEAL_BYTES, put_seal

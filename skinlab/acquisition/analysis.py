@@ -152,7 +152,8 @@ class Analysis:
 
         identifier = self.identifier
         sensor = identifier.sensor
-        campaign = Campaign("", sensor.noise_um, sensor.pressure_noise_mbar, tuple(curves))
+        true = tuple(identifier.corrected(curves))
+        campaign = Campaign("", sensor.noise_um, sensor.pressure_noise_mbar, true)
         outcome = self._explain(
             campaign,
             identifier.model,

@@ -28,15 +28,16 @@ def measure_phantom(
     aperture_mm: float | None,
     make_probe: Callable[..., Probe] = Probe,
     folder: Path | None = None,
+    check: Callable[[Hello], None] = lambda _: None,
 ) -> tuple[Hello, Curve]:
     """Return what the instrument is, and its curve on a phantom; a CSV of it goes to `folder`.
 
     aperture_mm: None: as the instrument says. The simulated probe is put on the phantom by its
-    port.
+    port. `check` may refuse the instrument before any suction.
 
     Raises:
         AcquisitionError, DriverError: the probe or its link failed, or the driver had to vent.
-        InputError: the phantom's program, or the opening, does not fit the probe.
+        InputError: `check` says so; the phantom's program, or the opening, does not fit.
         KeyboardInterrupt: a signal came; the probe was told to vent at once.
     """
     curves: list[Curve] = []
@@ -50,6 +51,7 @@ def measure_phantom(
     try:
         with make_probe(port) as probe:
             hello = probe.open()
+            check(hello)
             if probe.read_only:
                 raise AcquisitionError("a calibration needs a probe that runs programs")
             opening_mm = aperture_mm or hello.aperture_mm or 6.0

@@ -14,13 +14,13 @@ from drivers.events import Sample, TimedEvent
 from skinlab.acquisition.pipeline import Listener, Pipeline
 from skinlab.acquisition.replay_control import ReplayControl
 from skinlab.curves.curve import Curve
+from skinlab.curves.probe_file import ProbeErrors, decode_probe
 from skinlab.discrepancy.model_identifier import with_model
 from skinlab.errors import InputError
 from skinlab.inference.custom_table import with_custom_table
 from skinlab.inference.identify import Identifier
 from skinlab.inference.methods import get_method
 from skinlab.inference.population import decode_prior, with_prior
-from skinlab.inference.probe_file import ProbeErrors, decode_probe
 from skinlab.inference.problem import Options, check
 from skinlab.inference.result import Identification
 from skinlab.inference.uncertainty import Sensor

@@ -33,9 +33,8 @@ def base_model(model: PathLike | Model | None, table: Table) -> Model:
 
 
 def hashes_of(campaign: Campaign) -> dict[str, str]:
-    """Return `sha256:…` of what each curve says, of its file, and of what is stated, by name."""
-    stated = (campaign.noise_um, campaign.pressure_noise_mbar, campaign.placement_scatter)
-    found = {"stated noise and scatter": _hash(repr(stated))}
+    """Return `sha256:…` of what each curve says, and of its file, by name."""
+    found = {}
     for number, curve in enumerate(campaign.curves, start=1):
         columns = (curve.time_s, curve.pressure_mbar, curve.deflection_mm, curve.segment)
         arrays = [b"-" if a is None else np.ascontiguousarray(a).tobytes() for a in columns]
@@ -76,7 +75,9 @@ def outcome_of(
     if workers is not None and workers < 1:
         raise InputError(f"workers {workers}: expected 1 or more")
     parts = (f"{name} {content}" for name, content in data.items())
-    name = cache.key([base.hash, table.content_hash, *parts])
+    stated = repr((campaign.noise_um, campaign.pressure_noise_mbar, campaign.placement_scatter))
+    probes = ("" if c.probe is None else f"probe {c.probe.hash}" for c in campaign.curves)
+    name = cache.key([base.hash, table.content_hash, *parts, stated, *probes])
     known = cache.load(name, records_of(campaign)) if cached else None
     if known is not None:
         return known

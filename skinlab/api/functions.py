@@ -128,6 +128,7 @@ def identify(
         database=database,
         **options,
     )
+    identifier = identifier.of_probe([curve])
     return Identification(_usable(identifier(curve)), [curve], identifier)
 
 
@@ -183,7 +184,7 @@ def identify_joint(
         left = len(several) - len(chosen)
         warnings.warn(f"{left} curves of later cycles are left out", stacklevel=2)
     found = replace(knowing, sensor=sensor).joint(chosen)
-    return Identification(_usable(found), chosen, identifier)
+    return Identification(_usable(found), chosen, identifier.of_probe(chosen))
 
 
 def forward(

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from skinlab.api.paths import PathLike, as_path
+from skinlab.curves.probe_file import check_counted_once, read_probe
 from skinlab.curves.program import Phase
 from skinlab.errors import InputError
 from skinlab.inference.custom_table import with_custom_table
@@ -102,11 +103,7 @@ def compose_identifier(
         raise InputError(f"pressure_noise_mbar {pressure_noise_mbar:g}: expected zero or more")
     check_kappa(kappa)
     table = find_table(database)
-    calibrated = None
-    if probe is not None:
-        from skinlab.inference.probe_file import read_probe
-
-        calibrated = read_probe(as_path(probe))
+    calibrated = None if probe is None else read_probe(as_path(probe))
     identifier = Identifier(
         table,
         method=method,
@@ -132,11 +129,7 @@ def compose_identifier(
         from skinlab.discrepancy.model_identifier import with_model  # slow to import
 
         identifier = with_model(identifier, asked)
-    if probe is not None and identifier.model.effects and own_model is None:
-        raise InputError(
-            "a probe file is for models without effects; in a model, deflection_gain and the other "
-            "effects of the sensors take the calibration as their priors"
-        )
+    check_counted_once(calibrated, identifier.model.effects)
     if prior is None:
         return identifier
     from skinlab.inference.population import read_prior, with_prior

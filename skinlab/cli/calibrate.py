@@ -12,9 +12,10 @@ from skinlab.cli.options import dialect_option, json_option
 from skinlab.cli.output import echo, print_json
 
 if TYPE_CHECKING:
+    from drivers.events import Hello
     from drivers.probe import Probe
     from skinlab.curves.phantoms import Phantom
-    from skinlab.inference.probe_file import ProbeFile
+    from skinlab.curves.probe_file import ProbeFile
 
 _UNITS = {
     "deflection_gain": "",
@@ -117,9 +118,9 @@ def _calibrate(
 
     from skinlab.acquisition.calibrating import measure_phantom
     from skinlab.curves.phantoms import read_phantoms
+    from skinlab.curves.probe_file import probe_text
     from skinlab.errors import InputError
     from skinlab.inference.calibration import Reading, calibrate
-    from skinlab.inference.probe_file import probe_text
     from skinlab.io.files import write_file
 
     if not 0 < valid_days <= 3650:
@@ -186,17 +187,21 @@ def _check(
     import msgspec
 
     from skinlab.acquisition.calibrating import measure_phantom
+    from skinlab.curves.probe_file import read_probe
     from skinlab.errors import InputError
     from skinlab.inference.calibration import check_probe
-    from skinlab.inference.probe_file import read_probe
 
     known = read_probe(path)
     stored = known.file.check
     if stored is None:
         raise InputError(f"{path}: has no check curve; calibrate with a silicone phantom")
     ask(stored.phantom)
-    hello, curve = measure_phantom(port, stored.phantom, known.file.aperture_mm, make_probe)
-    known.check_instrument(hello.serial_number, hello.aperture_mm, datetime.now(UTC))
+
+    def check(hello: Hello) -> None:
+        known.check_instrument(hello.serial_number, hello.aperture_mm, datetime.now(UTC))
+
+    aperture_mm = known.file.aperture_mm
+    hello, curve = measure_phantom(port, stored.phantom, aperture_mm, make_probe, check=check)
     found = check_probe(known.file, curve)
     if as_json:
         values = msgspec.to_builtins({"offset_um": found.offset_um, "gain_ratio": found.gain_ratio})

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from skinlab.cli.options import database_option, json_option
+from skinlab.cli.options import database_option, json_option, probe_option, read_by
 from skinlab.cli.output import echo, echo_text, print_json
 
 if TYPE_CHECKING:
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     "--model", "model_path", type=click.Path(path_type=Path), help="Model to start from [base]."
 )
 @database_option()
+@probe_option(kept=True)
 @click.option("--adopt", type=click.Path(path_type=Path), help="Write the model with the effect.")
 @click.option("--report", type=click.Path(path_type=Path), help="Folder for an HTML report.")
 @click.option(
@@ -35,6 +36,7 @@ def command(
     campaign: Path,
     model_path: Path | None,
     database_path: Path | None,
+    probe_path: Path | None,
     adopt: Path | None,
     report: Path | None,
     workers: int | None,
@@ -70,6 +72,7 @@ def command(
     curves, files = read_campaign_or_session(campaign)
     table = find_table(database_path)
     base = base_model(model_path, table)
+    curves = replace(curves, curves=read_by(curves.curves, probe_path))
     data = hashes(files)
     partial = Partial()
     try:

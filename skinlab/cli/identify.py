@@ -16,6 +16,7 @@ from skinlab.cli.options import (
     make_identifier,
     prior_options,
     probe_option,
+    read_by,
     reference_options,
     with_prior_option,
 )
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
 @geometry_options(required=False)
 @identification_options()
 @database_option()
-@probe_option()
+@probe_option(kept=True)
 @prior_options(site=True)
 @reference_options()
 @click.option("--joint", is_flag=True, help="One answer for all curves, as of one skin.")
@@ -53,6 +54,7 @@ def command(
     aperture_mm: float | None,
     thickness_mm: float | None,
     thickness_sd_mm: float | None,
+    probe_path: Path | None,
     prior_path: Path | None,
     age_years: float | None,
     site: str | None,
@@ -74,6 +76,7 @@ def command(
     would narrow the intervals most (of all curves together, or of the first).
     With --database the answer comes from a database of your own; if its model has effects, their
     parameters are identified too, as far as they are axes of it.
+    A session that was measured with a probe file is read with it.
     With --prior what a study knows of such people narrows the intervals; a skin that is unlike them
     keeps its own, and gets the flag unlike_cohort.
 
@@ -81,6 +84,8 @@ def command(
     Example: skinlab identify curve.csv --aperture-mm 6 --thickness-mm 1.0 --json
              skinlab identify campaign.toml --joint --advise
     """
+    from dataclasses import replace
+
     from skinlab.errors import InputError
     from skinlab.inference.result import Identification, document, not_trustworthy
     from skinlab.recording.load_inputs import read_input
@@ -116,7 +121,8 @@ def command(
     results: list[Identification] = []
     for path in inputs:
         try:
-            read.append(read_input(path, geometry))
+            given = read_input(path, geometry)
+            read.append(replace(given, curves=read_by(given.curves, probe_path)))
         except InputError as error:
             results.append(Identification(str(path), geometry, str(error)))
             continue
@@ -126,7 +132,8 @@ def command(
     advice = None
     if advise and (source := together or next((r for r in results if r.uncertainty), None)):
         advice = identifier.advise(source, _thickness_mm(read))
-    whole = document(identifier.provenance(), results, joint=together, advice=advice)
+    known = identifier.of_probe([curve for given in read for curve in given.curves])
+    whole = document(known.provenance(), results, joint=together, advice=advice)
     refused = []
     placed: dict[int, list[str]] = {}
     if reference_path is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -12,6 +12,7 @@ from click.core import ParameterSource
 from skinlab.cli.method_options import parsed
 
 if TYPE_CHECKING:
+    from skinlab.curves.curve import Curve
     from skinlab.inference.identify import Identifier
     from skinlab.mechanics.materials.compressibility import KappaConvention
 
@@ -142,14 +143,31 @@ def json_option() -> Callable[[F], F]:
     return click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
 
 
-def probe_option() -> Callable[[F], F]:
-    """`--probe`."""
+def probe_option(kept: bool = False) -> Callable[[F], F]:
+    """`--probe`; `kept`: what is read may have come with one."""
+    own = "  [default: the session's own; none leaves it out]" if kept else "."
     return click.option(
         "--probe",
         "probe_path",
         type=click.Path(path_type=Path),
-        help="PROBE.toml of `skinlab calibrate`: the errors of this probe.",
+        help=f"PROBE.toml of `skinlab calibrate`: the errors of this probe{own}",
     )
+
+
+def read_by(curves: Iterable[Curve], probe_path: Path | None) -> tuple[Curve, ...]:
+    """Return curves with the probe file of `--probe`, or without one; None: with their own.
+
+    Raises:
+        InputError: the file is wrong.
+    """
+    from dataclasses import replace
+
+    if probe_path is None:
+        return tuple(curves)
+    from skinlab.curves.probe_file import read_probe
+
+    probe = None if str(probe_path) == "none" else read_probe(probe_path)
+    return tuple(replace(curve, probe=probe) for curve in curves)
 
 
 def prior_options(site: bool) -> Callable[[F], F]:

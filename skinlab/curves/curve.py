@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.curves.program import Phase, Program
 from skinlab.errors import InputError
+
+if TYPE_CHECKING:
+    from skinlab.curves.probe_file import ProbeErrors
 
 Array = NDArray[np.float64]
 
@@ -70,7 +74,9 @@ class Setup:
 class Curve:
     """A measured or simulated curve. Arrays (n,) in time order; read-only.
 
-    `segment` (n,) is the index of the program's segment where it is known.
+    `segment` (n,) is the index of the program's segment where it is known. `probe` is the
+    calibration whose errors are in the readings; `corrected_by` the one whose errors were taken
+    off them, and who leaves open what it does not know.
 
     Raises:
         InputError: lengths differ, a value is not finite, or time does not increase.
@@ -84,6 +90,8 @@ class Curve:
     segment: NDArray[np.intp] | None = None
     partial: bool = False  # cut short: by a vent, a fault, a lost link
     source: str | None = None  # `sha256:…` of the file that it was read from
+    probe: ProbeErrors | None = None
+    corrected_by: ProbeErrors | None = None
     _phase: NDArray[np.str_] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:

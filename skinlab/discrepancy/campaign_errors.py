@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from skinlab.discrepancy.fit import Fit
-from skinlab.discrepancy.misfit import mesh_columns, pressure_errors_mm
+from skinlab.discrepancy.misfit import columns_of, pressure_errors_mm, slopes_mm_per_mbar
 from skinlab.discrepancy.records import Record, by_condition
 from skinlab.discrepancy.settings import ERRORS
 from skinlab.discrepancy.table_domes import TableDomes
@@ -32,7 +32,6 @@ from skinlab.inference.noise import (
     MESH_REST,
     legendre,
     roughness,
-    slope_mm_per_mbar,
 )
 from skinlab.inference.outliers import outlier_probability
 from skinlab.inference.samples import Samples, alike
@@ -372,15 +371,8 @@ def _choose(
         pressure_errors_mm(records),
         placement_scatter,
     )
-    columns = mesh_columns(records)
+    columns = columns_of(records)
     least = _SEEN * max(roughness(linear.residual_mm), _LEAST_ROUGH_MM)
     seen = np.sqrt(np.square(columns).sum(axis=0)) > least
     rest = (MESH_REST * samples.deflection_mm) ** 2
     return choose_errors(look, linear, columns[:, seen], rest, models)
-
-
-def slopes_mm_per_mbar(records: Sequence[Record]) -> Array:
-    """Return dw/dp (u,) of the measured curves."""
-    return np.concatenate(
-        [slope_mm_per_mbar(r.pressure_mbar, r.curve.deflection_mm) for r in records]
-    )

@@ -7,9 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from skinlab.curves import probe_file
 from skinlab.discrepancy.records import Record, by_geometry
 from skinlab.inference.covariance import Covariance
-from skinlab.inference.noise import MESH_REST, legendre, pressure_error_mm
+from skinlab.inference.noise import MESH_REST, legendre, pressure_error_mm, slope_mm_per_mbar
 
 Array = NDArray[np.float64]
 
@@ -30,7 +31,21 @@ def errors_of(records: Sequence[Record]) -> Covariance:
     w = np.concatenate([r.curve.deflection_mm for r in records])
     variance = noise_mm**2 + pressure_errors_mm(records) ** 2 + (MESH_REST * w) ** 2
     ends = tuple(int(v) for v in np.cumsum([len(r.curve) for r in records]))
-    return Covariance(variance, mesh_columns(records), ends)
+    return Covariance(variance, columns_of(records), ends)
+
+
+def columns_of(records: Sequence[Record]) -> Array:
+    """Return the shapes (u, m), mm, in which all samples err: the mesh's, and the probe's."""
+    w = np.concatenate([r.curve.deflection_mm for r in records])
+    left_open = probe_file.columns_of([r.curve for r in records], w, slopes_mm_per_mbar(records))
+    return np.hstack([mesh_columns(records), left_open])
+
+
+def slopes_mm_per_mbar(records: Sequence[Record]) -> Array:
+    """Return dw/dp (u,) of the measured curves."""
+    return np.concatenate(
+        [slope_mm_per_mbar(r.pressure_mbar, r.curve.deflection_mm) for r in records]
+    )
 
 
 def pressure_errors_mm(records: Sequence[Record]) -> Array:

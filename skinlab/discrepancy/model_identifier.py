@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from skinlab.curves.campaign import Campaign
 from skinlab.curves.curve import Curve
+from skinlab.curves.probe_file import as_read
 from skinlab.discrepancy.adequacy import ADEQUATE
 from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.misfit import errors_of
@@ -109,7 +110,8 @@ class ModelIdentifier(Identifier):
             raise InputError(
                 "a model with effects needs a dimensionless database, or one of its own"
             )
-        chosen = tuple(choose(curve, phases, self.database).samples for curve in curves)
+        true = self.corrected(curves)
+        chosen = tuple(choose(curve, phases, self.database).samples for curve in true)
         campaign = Campaign("", self.sensor.noise_um, self.sensor.pressure_noise_mbar, chosen)
         records = records_of(campaign)
         fitter = Fitter(records, errors_of(records), TableDomes(self.database))
@@ -135,9 +137,11 @@ class ModelIdentifier(Identifier):
         noise = float(np.sqrt(np.average(noises, weights=[len(r.curve) for r in fitter.records])))
         mask, model_mm = None, None
         if len(curves) == 1:
-            mask = choose(curves[0], blank.phases, self.database).mask
+            (true,) = self.corrected(curves)
+            mask = choose(true, blank.phases, self.database).mask
             model_mm = np.full(len(curves[0]), np.nan)
-            model_mm[mask] = fit.deflections_mm[0]
+            (record,) = fitter.records
+            _, model_mm[mask] = as_read(record.curve, record.pressure_mbar, fit.deflections_mm[0])
         return replace(
             blank,
             parameters=values,

@@ -61,8 +61,9 @@ class Record:
 def records_of(campaign: Campaign) -> list[Record]:
     """Return the curves with their noise: stated, else from repeats, else from each curve.
 
-    Where the pressure channel follows the program to within its noise, the skin felt the program;
-    else what the channel says, with its noise.
+    Errors that the calibration of a curve's probe knows are taken off. Where the pressure channel
+    follows the program to within its noise, the skin felt the program; else what the channel says,
+    with its noise.
 
     Raises:
         InputError: a curve is too short; names it.
@@ -71,7 +72,8 @@ def records_of(campaign: Campaign) -> list[Record]:
     for curve, placement in zip(campaign.curves, placements_of(campaign.curves), strict=True):
         if len(curve) < _FEWEST:
             raise InputError(f"{curve.name}: {len(curve)} samples; expected {_FEWEST} or more")
-        one = _record(curve, campaign.noise_um, campaign.pressure_noise_mbar)
+        true = curve if curve.probe is None else curve.probe.corrected(curve)
+        one = _record(true, campaign.noise_um, campaign.pressure_noise_mbar)
         found.append(replace(one, placement=placement))
     if campaign.noise_um is None:
         # A lone curve's roughness is known to a tenth only: one instrument, one noise.
@@ -159,6 +161,7 @@ def coarsened(record: Record, rate_hz: float) -> Record:
     coarse = Curve(
         curve.name, curve.setup, mean(curve.time_s), mean(curve.pressure_mbar), mean(w),
         None if segment is None else segment[first], curve.partial,
+        corrected_by=curve.corrected_by,
     )  # fmt: skip
     if len(coarse) < _FEWEST:
         return record

@@ -13,8 +13,7 @@ from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.search import Candidate, Partial
 from skinlab.discrepancy.settings import NAMES, PLANS
 from skinlab.inference.flags import CATALOGUE
-from skinlab.mechanics.effects import get_effect
-from skinlab.mechanics.names import is_effects, parameter_of, plain
+from skinlab.mechanics.names import effect_words, is_effects, parameter_of, plain
 from skinlab.text import inert
 
 _SHOWN = 5
@@ -25,7 +24,7 @@ _ROWS = 6  # of a learned function
 def verdict_words(outcome: Outcome) -> str:
     """Return the verdict in one sentence or two."""
     own = set(outcome.found.base.effects)
-    names = [_name(c, own) for c in outcome.verdict.explanations]
+    names = [explanation_words(c, own) for c in outcome.verdict.explanations]
     match outcome.verdict.name:
         case "none":
             return (
@@ -33,18 +32,13 @@ def verdict_words(outcome: Outcome) -> str:
                 "the noise."
             )
         case "named":
-            meanings = "; ".join(
-                get_effect(e).meaning
-                for e in outcome.verdict.explanations[0].effects
-                if e not in own
-            )
-            return f"Missing: {names[0]} ({meanings})."
+            return f"Missing: {names[0]}."
         case "learned":
             assert outcome.learned is not None
             return f"Learned: {outcome.learned.sentence}."
         case "ambiguous":
             return (
-                "Something is missing, and these explanations are tied: " + ", ".join(names) + "."
+                "Something is missing, and these explanations are tied: " + "; ".join(names) + "."
             )
         case "unknown":
             return (
@@ -62,7 +56,9 @@ def learned_words(outcome: Outcome) -> list[str]:
         f"{100 * learned.share_of_gap:.0f} % of it away."
     ]
     if learned.nearest:
-        lines.append(f"Of the effects with a name, the nearest is {learned.nearest[0]}.")
+        lines.append(
+            f"Of the effects with a name, the nearest is {effect_words(learned.nearest[0])}."
+        )
     return lines
 
 
@@ -125,7 +121,7 @@ def doubt_words(outcome: Outcome) -> list[str]:
         if candidate.at_bound:
             lines.append(
                 f"The fit of {_name(candidate, own) or 'the model as it is'} ended at a bound of "
-                + ", ".join(candidate.at_bound)
+                + ", ".join(plain(name)[0] for name in candidate.at_bound)
                 + ": stronger values were not allowed."
             )
     return lines
@@ -139,7 +135,8 @@ def lead_words(outcome: Outcome) -> list[str]:
     other = [c for c in outcome.found.candidates if c is not best and c.log10_evidence > 0]
     second = max(other, key=lambda c: c.log10_evidence, default=None)
     odds = odds_words(best.log10_evidence - (second.log10_evidence if second else 0.0))
-    rival = _name(second, set(outcome.found.base.effects)) if second else "none at all"
+    own = set(outcome.found.base.effects)
+    rival = explanation_words(second, own) if second else "none at all"
     return [
         f"It is {odds} likelier than {'the next, ' if second else ''}{rival}, "
         "if the truth is in the library."
@@ -233,24 +230,37 @@ def _prospect(plan: Plan) -> str:
 
 
 def _size_words(name: str, size: float) -> str:
-    """Return a size with its unit: pressure_lag.lag_s 0.004 s."""
+    """Return a size with its unit: 0.004 s."""
     declared = parameter_of(name)
     unit = "" if declared is None else declared.unit
-    return f"{name} {size:.3g}{unit and ' '}{unit}"
+    return f"{size:.3g}{unit and ' '}{unit}"
 
 
 def limits_words(
     outcome: Outcome, size_words: Callable[[str, float], str] = _size_words
 ) -> list[str]:
-    """Return which effects these data could have shown, and which not: the whole library."""
+    """Return which effects these data could have shown, and which not: the whole library.
+
+    `size_words` says the size of a parameter, by its name.
+    """
+
+    def shown(name: str, size: float) -> str:
+        effect, said = name.partition(".")[0], plain(name)[0]
+        return f"{effect_words(effect)}: {said.removeprefix(effect + ' ')} {size_words(name, size)}"
+
     lines = []
+    beyond = outcome.cannot_show, outcome.not_screened
+    unseen, unsought = ([f"{effect_words(n)}: {why}" for n, why in said.items()] for said in beyond)
     for heading, entries in (
         (
             "Smallest sizes that these data could have shown:",
-            [size_words(name, size) for name, size in outcome.detectable.items()],
+            [shown(name, size) for name, size in outcome.detectable.items()],
         ),
-        ("These data cannot show:", [f"{n}: {w}" for n, w in outcome.cannot_show.items()]),
-        ("Not looked for:", [f"{n}: {w}" for n, w in outcome.not_screened.items()]),
+        (
+            "These data cannot show:",
+            unseen,
+        ),
+        ("Not looked for:", unsought),
     ):
         if entries:
             lines += [heading, *(f"  {entry}" for entry in entries)]
@@ -281,7 +291,8 @@ def describe(outcome: Outcome) -> str:
         best = outcome.found.candidates[0].log10_evidence
         for c in outcome.found.candidates[:_SHOWN]:
             fits = "explains the data" if c.adequate else "does not explain the data"
-            lines.append(f"  {_name(c, own):<40} {behind_words(best - c.log10_evidence)}; {fits}")
+            lines.append(f"  {explanation_words(c, own)}")
+            lines.append(f"      {behind_words(best - c.log10_evidence)}; {fits}")
     lines.append(f"{'':12}{'before':>30}{'after':>34}")
     lines += [f"  {n:<28}{b:<32}{a}" for n, b, a in parameter_rows(outcome)]
     lines += limits_words(outcome)
@@ -309,6 +320,11 @@ def partial_words(partial: Partial) -> str:
             "than none at all"
         )
     return "\n".join(lines)
+
+
+def explanation_words(candidate: Candidate, own: set[str]) -> str:
+    """Return the effects beyond the model's own, each with what it means."""
+    return " and ".join(effect_words(e) for e in candidate.effects if e not in own)
 
 
 def _name(candidate: Candidate, own: set[str]) -> str:

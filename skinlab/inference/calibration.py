@@ -24,9 +24,10 @@ from scipy.stats import chi2, norm
 from skinlab.curves.curve import Curve
 from skinlab.curves.phantoms import Phantom
 from skinlab.curves.pressure_path import PressurePath
+from skinlab.curves.probe_file import PARAMETERS, CheckCurve, Interval, ProbeFile
 from skinlab.errors import InputError, NotTrustworthyError
+from skinlab.inference.error_models.quantised import step_of
 from skinlab.inference.noise import MESH_ERROR, legendre, pressure_noise_mbar, roughness
-from skinlab.inference.probe_file import PARAMETERS, CheckCurve, Interval, ProbeFile
 from skinlab.mechanics.effects.model import problem_of, solve_skin
 from skinlab.mechanics.fem.skin import Skin
 from skinlab.mechanics.fem.suction import Geometry
@@ -48,6 +49,7 @@ _FAR = 3.0  # standard deviations of a sheet: a phantom further off is another o
 _ROUNDS = 3  # for the samples' weights
 _SPARE = 1.3  # solved beyond the highest reading: a gain may be wrong
 _LEAST_UM, _LEAST_MBAR = 0.3, 0.02  # less noise than this is rounding
+_ROUNDED = 1 / math.sqrt(12.0)  # of a step: what rounding to it adds
 _STEP_MBAR = 0.05
 _SMOOTH = 5  # readings of the pressure, which moves straight between corners of the program
 _CORNER_S = 0.15  # behind one: pumps follow late, and a lag shows it later
@@ -115,7 +117,9 @@ class _Readings:
     def __init__(self, reading: Reading, at: slice, sheet: _Sheet | None) -> None:
         curve, program = reading.curve, reading.curve.setup.program
         self.phantom, self.curve, self.at, self._sheet = reading.phantom, curve, at, sheet
-        self.noise_mbar = max(pressure_noise_mbar(curve.time_s, curve.pressure_mbar), _LEAST_MBAR)
+        noise_mbar = pressure_noise_mbar(curve.time_s, curve.pressure_mbar)
+        self.step_mbar = step_of(curve.pressure_mbar, _LEAST_MBAR)
+        self.noise_mbar = max(math.hypot(noise_mbar, self.step_mbar * _ROUNDED), _LEAST_MBAR)
         self.zero = np.zeros(len(curve), dtype=bool)
         self.steady = np.ones(len(curve), dtype=bool)
         # A reading of the pressure by itself would let its noise pass for movement, and so for lag
@@ -195,6 +199,9 @@ def calibrate(
     covariance = covariance * max(1.0, misfit, (max(strain.values()) / _FAR) ** 2)
     floor = _FLOOR.copy()
     floor[4] = _FLOOR_LAG * float(np.median([np.median(np.diff(r.curve.time_s)) for r in readings]))
+    step_mm = max(step_of(r.curve.deflection_mm, 1e-3 * _LEAST_UM) for r in readings)
+    floor[1] = math.hypot(floor[1], _rounded_off(step_mm, noise_mm))
+    floor[3] = math.hypot(floor[3], *(_rounded_off(p.step_mbar, p.noise_mbar) for p in parts))
     own = covariance[: len(PARAMETERS), : len(PARAMETERS)] + np.diag(floor**2)
     sd = np.sqrt(np.diag(own))
     half = float(norm.ppf(0.95)) * sd
@@ -222,6 +229,17 @@ def calibrate(
         phantoms=list(dict.fromkeys(r.phantom for r in readings)),
         check=_check_curve(parts, x),
     )
+
+
+def _rounded_off(step: float, noise: float) -> float:
+    """Return the standard deviation of a mean of readings from the truth: noise hides the step.
+
+    `noise` is that of the rounded readings. First wave of Widrow and Kollár 2008, chapter 15.
+    """
+    if not step:
+        return 0.0
+    before = max(noise**2 - (step * _ROUNDED) ** 2, 0.0) / step**2
+    return step / (math.sqrt(2.0) * math.pi) * math.exp(-2.0 * math.pi**2 * before)
 
 
 def _parts(readings: Sequence[Reading], aperture_mm: float) -> tuple[list[_Readings], Array]:

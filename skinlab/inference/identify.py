@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from skinlab.curves.curve import Curve
 from skinlab.curves.heights import heights_of
+from skinlab.curves.probe_file import as_read, check_counted_once
 from skinlab.errors import InputError, NotTrustworthyError
 from skinlab.inference import flags
 from skinlab.inference.advice import advise
@@ -170,6 +171,28 @@ class Identifier:
             rng=np.random.default_rng(self.seed),
         )
 
+    def corrected(self, curves: Sequence[Curve]) -> list[Curve]:
+        """Return the curves without the errors of their probes, as far as calibrations know them.
+
+        Raises:
+            InputError: one is of another opening than its probe, or the model knows such an error
+                too.
+        """
+        true = [self.sensor.corrected(curve) for curve in curves]
+        for curve in true:
+            check_counted_once(curve.corrected_by, self.model.effects)
+        return true
+
+    def of_probe(self, curves: Sequence[Curve]) -> Identifier:
+        """Return the identifier with the probe file that all these curves came with, if they did.
+
+        It would be used anyway; so the result can say which.
+        """
+        probes = {None if c.probe is None else c.probe.hash: c.probe for c in curves}
+        if self.sensor.probe is not None or len(probes) != 1:
+            return self
+        return replace(self, sensor=replace(self.sensor, probe=next(iter(probes.values()))))
+
     def _identify(
         self,
         curves: Sequence[Curve],
@@ -227,7 +250,7 @@ class Identifier:
         """
         method = get_method(self.method)
         try:
-            true = [self.sensor.corrected(c) for c in curves]
+            true = self.corrected(curves)
             groups = group(
                 [choose(c, self.phases, self.database, most_mbar, method.most_fitted) for c in true]
             )
@@ -393,7 +416,7 @@ class Identifier:
             mask = members[0].mask
             model_mm = np.full(len(mask), np.nan)
             at_best = models[0].deflection_mm(x[None])[0]
-            _, model_mm[mask] = self.sensor.as_read(groups[0].pressure_mbar, at_best)
+            _, model_mm[mask] = as_read(members[0].curve, groups[0].pressure_mbar, at_best)
             fitted, outliers = mask.copy(), np.zeros(len(mask), dtype=bool)
             fitted[mask], outliers[mask] = kept, ~kept
         points = int(kept.sum())

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from skinlab.curves.curve import FEWEST_POINTS, Curve
 from skinlab.errors import InputError
+from skinlab.inference.pressure_course import smooth_course
 from skinlab.inference.problem import MOST_FITTED
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.mechanics.materials.compressibility import KappaConvention
@@ -188,6 +189,21 @@ class Group:
         """
         sd = relative_sd * self.geometry.thickness_mm
         return database.model(self.geometry, self.pressure_mbar, kappa, sd, self.time_s)
+
+    def smoothed(self, sd_mbar: Array) -> Group:
+        """Return the group at its curves' smooth pressures, given their noises (u,).
+
+        None is beyond what was read: a skin that creases there would have no answer.
+        """
+        parts = zip(*map(self.split, (self.time_s, self.pressure_mbar, sd_mbar)), strict=True)
+        smooth = [
+            np.clip(smooth_course(t, p, float(sd.max())), p.min(), p.max()) for t, p, sd in parts
+        ]
+        return replace(self, pressure_mbar=np.concatenate(smooth))
+
+    def moved(self, by_mm: Array) -> Group:
+        """Return the group with so much (u,) added to the deflections that are fitted."""
+        return replace(self, deflection_mm=self.deflection_mm + by_mm)
 
 
 def alike(keys: Sequence[Hashable]) -> list[list[int]]:

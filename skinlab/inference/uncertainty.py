@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.curves.curve import Curve
+from skinlab.curves.probe_file import ProbeErrors, columns_of
 from skinlab.inference.covariance import Covariance, OnKept, block_diagonal
 from skinlab.inference.error_choice import ErrorChoice, choose_errors
 from skinlab.inference.error_judgement import Judged, judge_errors
@@ -34,7 +35,6 @@ from skinlab.inference.noise import (
 )
 from skinlab.inference.outliers import outlier_probability
 from skinlab.inference.posterior import Draws, sample
-from skinlab.inference.probe_file import ProbeErrors
 from skinlab.inference.problem import SquaredMisfit
 from skinlab.inference.samples import Group, Samples, samples_of
 from skinlab.mechanics.materials.compressibility import KappaConvention
@@ -63,18 +63,13 @@ class Sensor:
     probe: ProbeErrors | None = None  # as it was calibrated; None: it reads the truth
 
     def corrected(self, curve: Curve) -> Curve:
-        """Return a curve as it truly was, as far as the probe's calibration knows.
+        """Return a curve as it truly was, as far as this probe's calibration knows, or its own.
 
         Raises:
             InputError: it is of another opening than the probe.
         """
-        return curve if self.probe is None else self.probe.corrected(curve)
-
-    def as_read(self, pressure_mbar: Array, deflection_mm: Array) -> tuple[Array, Array]:
-        """Return what the probe reads of true values: of pressures, and of deflections."""
-        if self.probe is None:
-            return pressure_mbar, deflection_mm
-        return self.probe.as_read_mbar(pressure_mbar), self.probe.as_read(deflection_mm)
+        probe = self.probe or curve.probe
+        return curve if probe is None or curve.corrected_by else probe.corrected(curve)
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,12 +138,10 @@ class Fitted:
 
     def probe_columns(self) -> Array:
         """Return what the probe's calibration leaves open (u, m): all samples err together."""
-        probe, samples = self.sensor.probe, self.samples
-        if probe is None:
-            return np.zeros((len(samples), 0))
-        each = (samples.time_s, samples.pressure_mbar, self.best_mm, self.slope_mm_per_mbar)
-        split = (np.split(values, samples.ends[:-1]) for values in each)
-        return np.vstack([probe.columns_mm(*parts) for parts in zip(*split, strict=True)])
+        curves = [member.samples for g in self.groups for member in g.members]
+        if not any(curve.corrected_by for curve in curves):
+            return np.zeros((len(self.samples), 0))
+        return columns_of(curves, self.best_mm, self.slope_mm_per_mbar)
 
     def outlier_probability(self) -> Array:
         """Return each sample's probability (u,) of not belonging to its curve."""
@@ -157,16 +150,7 @@ class Fitted:
 
     def pressure_sd_mbar(self) -> Array:
         """Return the pressure readings' standard deviations (u,): stated, or each curve's own."""
-        stated = self.sensor.pressure_noise_mbar
-        if stated is not None:
-            return np.full(len(self.samples), stated)
-        found = []
-        for g in self.groups:
-            for member in g.members:
-                curve, mask = member.curve, member.mask
-                sd = pressure_noise_mbar(curve.time_s[mask], curve.pressure_mbar[mask])
-                found.append(np.full(member.count, sd))
-        return np.concatenate(found)
+        return np.concatenate([_pressure_sd_mbar(g, self.sensor) for g in self.groups])
 
     def choose_errors(
         self,
@@ -200,6 +184,43 @@ class Fitted:
         least = _SMALL * max(roughness(residual), _LEAST_ROUGH_MM)
         seen = np.sqrt(np.square(columns).sum(axis=0)) > least
         return choose_errors(look, linear, columns[:, seen], rest, error_models)
+
+
+def _pressure_sd_mbar(g: Group, sensor: Sensor) -> Array:
+    stated = sensor.pressure_noise_mbar
+    found = []
+    for member in g.members:
+        curve, mask = member.curve, member.mask
+        sd = stated
+        if sd is None:
+            sd = pressure_noise_mbar(curve.time_s[mask], curve.pressure_mbar[mask])
+        found.append(np.full(member.count, sd))
+    return np.concatenate(found)
+
+
+def _on_smooth_pressures(
+    groups: Sequence[Group],
+    models: Sequence[CurveModel],
+    best: Array,
+    database: Database,
+    kappa: KappaConvention,
+    sensor: Sensor,
+) -> tuple[Sequence[Group], Sequence[CurveModel]]:
+    """Return groups and models at smooth pressures, where the readings are noisy.
+
+    Each sample goes along the best fit's curve (p,), so that what the noise did to it remains.
+    """
+    found = []
+    for g, model in zip(groups, models, strict=True):
+        sd = _pressure_sd_mbar(g, sensor)
+        if not sd.any():
+            found.append((g, model))
+            continue
+        smooth = g.smoothed(sd)
+        there = smooth.model(database, kappa)
+        along = (there.deflection_mm(best[None]) - model.deflection_mm(best[None]))[0]
+        found.append((smooth.moved(along), there))
+    return [g for g, _ in found], [model for _, model in found]
 
 
 def _relative_noise(residual: Array, samples: Samples) -> Array:
@@ -244,7 +265,7 @@ def about(
         slope = moved / (np.diag(up) - np.diag(down))
         precision += np.outer(slope, slope)
     samples = samples_of(groups)
-    residual = samples.deflection_mm - here
+    residual = np.concatenate([g.deflection_mm for g in groups]) - here
     columns = _within(unit, residual, slopes.T)
     linear = LinearModel(residual, columns, precision)
     return Fitted(groups, models, space, samples, points[0], here, linear, sensor)
@@ -301,6 +322,7 @@ def assess(
         # As much of the variance is the site's, and is common, as is each placement's.
         relative_sd *= _COMMON**0.5
     best = space.from_unit(minima[0])
+    groups, models = _on_smooth_pressures(groups, models, best, database, kappa, sensor)
     if relative_sd > 0.0:
         models = [g.model(database, kappa, relative_sd) for g in groups]
         low = max(float(m.space.bounds[0][-1]) for m in models)

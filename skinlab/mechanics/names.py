@@ -33,6 +33,12 @@ def parameter_of(name: str) -> Parameter | None:
     return None
 
 
+def effect_words(effect: str) -> str:
+    """Return an effect's name with what it means: pressure_lag (the channels are not …)."""
+    found = next((one.meaning for one in all_effects() if one.name == effect), "")
+    return f"{effect} ({found})" if found else effect
+
+
 def is_effects(name: str) -> bool:
     """Return whether it is an effect's parameter."""
     return "." in name
@@ -51,9 +57,12 @@ def heading(name: str) -> str:
 
 
 def plain(name: str) -> tuple[str, str]:
-    """Return name and unit for a terminal: (X1, MPa), (nu, ""); the whole name of an effect's."""
-    found = None if is_effects(name) else parameter_of(name)
-    return (name, "") if found is None else (stem(name, found.unit), found.unit)
+    """Return name and unit for a terminal: (X1, MPa), (nu, ""), (pressure_lag lag, s)."""
+    found = parameter_of(name)
+    if found is None:
+        return name, ""
+    effect = name.rpartition(".")[0]
+    return f"{effect} {stem(found.name, found.unit)}".lstrip(), found.unit
 
 
 def unit_of(name: str) -> str:

@@ -4,9 +4,10 @@ Subjects go by pseudonym. The rule: at most 24 ASCII letters and digits in parts
 `_`, and at least one digit. Letters stand alone or in twos (`P7`, `AB-12`), in threes as capitals
 (`VOL12`), or are a word for a role (`subject-12`). No date, no number of more than eight digits.
 
-Sites and notes are sentences, so that only what looks like a person is refused: a title or a given
-name with what follows it, two capitalised words that are of no body (`Anna Schmidt`, not `Left
-Forearm`), an address, a date, a number of a register.
+Sites and notes are sentences, so that only what looks like a person is refused: a title, a common
+name, an initial with a name, two capitalised words that are of no body (`Anna Schmidt`, not `Left
+Forearm`), an address, a date in words or numbers, a number of a register or a telephone. A rare
+name by itself, and most names in Chinese or Japanese, nobody can tell from a word.
 
 Six digits in a row are a number: one in twelve could be read as a date.
 """
@@ -25,23 +26,50 @@ _ROLES = frozenset({
     "patient", "person", "phantom", "pilot", "prob", "proband", "ref", "sample", "sim", "site",
     "skin", "study", "sub", "subj", "subject", "test", "visit", "vol", "volunteer",
 })  # fmt: skip
+# English, German, French, Spanish, Italian, Portuguese, Dutch, Russian
 _MONTHS = (
-    r"(?:jan(?:uary?)?|feb(?:ruary?)?|m[aä]r(?:ch|z)?|apr(?:il)?|ma[yi]|june?|juni|july?|juli|"
-    r"aug(?:ust)?|sept?(?:ember)?|o[ck]t(?:ober)?|nov(?:ember)?|de[cz](?:ember)?)(?![^\W\d_])"
+    r"(?:jan(?:uary?|uar[iy]|vier|eiro)?|feb(?:ruary?|ruari|rero|braio)?|f[eé]v(?:rier|ereiro)?|"
+    r"m[aä]r(?:ch|z|s|zo|ço)?|maart|a[pbv]r(?:ile?)?|mayo?|mai|maio|maggio|mei|june?|jun[ih]?o?|"
+    r"juin|giugno|july?|jul[ih]?o?|juillet|luglio|aug(?:ust|ustus)?|ao[uû]t|agosto|"
+    r"sept?(?:emb(?:er|re))?|septiembre|settembre|setembro|o[ckt]t(?:ob(?:er|re))?|octubre|"
+    r"outubro|nov(?:emb(?:er|re)|iembre|embro)?|d[eéi]c(?:emb(?:er|re)|iembre)?|dez(?:ember|embro)?|"
+    r"gennaio|enero|январ[яь]|феврал[яь]|марта?|апрел[яь]|ма[яй]|июн[яь]|июл[яь]|августа?|"
+    r"сентябр[яь]|октябр[яь]|ноябр[яь]|декабр[яь])(?![^\W\d_])"
 )
+_OF = r"[-_., ]*(?:(?:of|de|di|den)\b ?)?"
 _MONTH = re.compile(
-    rf"\d(?:st|nd|rd|th)?[-_., ]*{_MONTHS}[-_., ]*\d|\b{_MONTHS}[-_. ]*\d{{1,2}}\D{{1,4}}\d{{4}}",
+    rf"\d(?:st|nd|rd|th|er)?{_OF}{_MONTHS}{_OF}\d|\b{_MONTHS}[-_. ]*\d{{1,2}}\D{{1,4}}\d{{4}}|"
+    r"\d\s*[年년]\s*\d{1,2}\s*[月월]",
     re.I,
 )
-_BORN = re.compile(r"\b(?:born|birth|birthday|dob|geb|geboren|née)\b\W{0,3}\d{2,}", re.I)
+_BORN = re.compile(
+    r"\b(?:born|birth|birthday|dob|geb|geboren|Geburtsdatum|n[ée]e?|nat[oa]|nacid[oa]|født|född)\b"
+    r"\W{0,3}(?:(?:in|on|am|le|el|il|en|den)\b\W?)?\d{2,}|\bb\. ?(?:19|20)\d\d",
+    re.I,
+)
+_SPACED = re.compile(r"(?<!\d)(\d\d) (\d\d) ((?:19|20)\d\d)(?!\d)")
 _MAIL = re.compile(r"\S+@\S+\.\w+")
+# Telephones, and numbers of registers in their usual groups
+_REGISTER = re.compile(
+    r"\+\d[\d ()/-]{7,}\d|(?<![\d.])0\d{2,4}[ /-]\d{5,}|(?<!\d)\d{3}([ -])\d{3}\1\d{4}(?!\d)|"
+    r"(?<!\d)\d{3}-\d\d-\d{4}(?!\d)|(?<!\d)\d{3}\.\d{4}\.\d{4}\.\d\d"
+)
 _TITLE = re.compile(
-    r"\b(mr|mrs|ms|miss|dr|prof|herrn?|frau|fr|hr|mme|mlle|monsieur|madame|sr|sra|señora?|sig)"
-    r"\b\.?\s+([^\W\d_]+)", re.I
+    r"\b(mr|mrs|ms|miss|dr|prof|herrn?|frau|fr|hr|mme|mlle|monsieur|madame|sr|sra|señora?|"
+    r"sig(?:\.ra|\.na|nora?)?)\b\.?\s+([^\W\d_]+)", re.I
 )  # fmt: skip
+# Titles that are nothing else, so that a name after them needs no capital
+_TITLES = frozenset({
+    "mr", "mrs", "herr", "herrn", "frau", "mme", "mlle", "monsieur", "señor", "señora",
+})  # fmt: skip
+_INITIAL = re.compile(r"\b([^\W\d_])\. ?([^\W\d_]{2,})|([^\W\d_]{2,}), ?([^\W\d_])\.")
+_POLITE = re.compile(
+    r"[\u3040-\u30ff\u4e00-\u9fff]{2,}(?:さん|様|さま|氏)|[\uac00-\ud7a3]{2,}\s?(?:씨|님)"
+)
 _WORD = re.compile(r"[^\W\d_]+(?:['’-][^\W\d_]+)*")
-# The commonest given names that are no other words, as they stand in visits' notes.
-_GIVEN_WORDS = """
+_PARTS = re.compile(r"['’-]s?(?![a-z])|['’-]|(?<=[^\W\d_A-Z])(?=[A-ZÄÖÜ])")
+# The commonest names that are no other words, as they stand in visits' notes.
+_NAME_WORDS = """
     adam ahmed alexander alexandra alice amelia ana andrea andreas andrew angela anja anna anne
     anthony antonio ayşe barbara benjamin bernd birgit brigitte carlos carmen caroline catherine
     charlotte christian christina christine christopher clara claudia claus daniel david deborah
@@ -59,7 +87,18 @@ _GIVEN_WORDS = """
     silvia simon simone sofia sophia sophie stefan stefanie stephanie stephen steven susan
     susanne svetlana tanja teresa theresa thomas timothy tobias ulrich ulrike ursula uwe vanessa
     victoria vladimir walter werner wilhelm william wolfgang xavier yusuf yvonne zoe
+    mary ann özlem george john weber müller mueller schmidt schmitz schneider fischer meyer meier
+    schulz schulze hoffmann schäfer bauer neumann zimmermann krüger hartmann schwarz smith jones
+    williams johnson davis wilson anderson thompson robinson garcía garcia martínez martinez lópez
+    lopez gonzález gonzalez hernández hernandez rodríguez rodriguez sánchez pérez fernández rossi
+    russo ferrari esposito bianchi dupont dubois durand lefebvre moreau nguyen patel singh hussain
+    khan yılmaz kaya demir kowalski nowak novák ivanov petrov hansen jensen nielsen johansson
+    larsson
 """
+# Of these, the ones that are words as well where they have no capital
+_ALSO_WORDS = frozenset({
+    "ana", "bauer", "christian", "eva", "frank", "jan", "jean", "kaya", "schwarz", "victoria",
+})  # fmt: skip
 # Words that are capitalised beside another one, and are of bodies, probes and sentences.
 _PLAIN_WORDS = """
     abdomen above achilles after ankle anterior aperture arm arms arterial back bauch before
@@ -75,12 +114,15 @@ _PLAIN_WORDS = """
     trunk untreated unterarm unterschenkel upper ventral visit volar wade wange week wrist zone
     avant bras droit droite gauche joue cuisse brazo antebrazo izquierdo derecho braccio
     avambraccio sinistro destro skinlab simulator dermalab cutometer
+    area atopic canthus cream crease crow's deltoid dermatitis dry eczema exposed film fold fossa
+    gluteal healthy lotion marks mole nasolabial ointment oily patch plaque psoriasis region removed
+    sensitive stretch sun temporal tegaderm vaseline wound zygomatic
 """
 _FORM = re.compile(r"[A-Za-z0-9]+(?:[-_][A-Za-z0-9]+)*")
 _LONGEST_NUMBER = 8  # longer ones are of insurances and registers
 _YEARS = (1900, 2050)
 
-_GIVEN, _PLAIN = frozenset(_GIVEN_WORDS.split()), frozenset(_PLAIN_WORDS.split())
+_NAMES, _PLAIN = frozenset(_NAME_WORDS.split()), frozenset(_PLAIN_WORDS.split())
 
 
 def check_subject(subject: str) -> str:
@@ -143,6 +185,11 @@ def _check_words(field: str, text: str, expected: str) -> str:
     name = _name(text)
     if name is not None:
         raise InputError(f"{field} {text!r}: {name!r} looks like a name; {expected}")
+    register = _REGISTER.search(text)
+    if register is not None:
+        raise InputError(
+            f"{field} {text!r}: {register[0]!r} looks like one of a register; {expected}"
+        )
     for number in re.findall(r"\d+", text):
         if len(number) > _LONGEST_NUMBER:
             raise InputError(
@@ -154,18 +201,33 @@ def _check_words(field: str, text: str, expected: str) -> str:
 
 def _name(text: str) -> str | None:
     """Return what looks like a person's name in a sentence."""
-    titled = next((m for m in _TITLE.finditer(text) if m[2][0].isupper()), None)
-    if titled is not None:
-        return titled[0]
+    for titled in _TITLE.finditer(text):
+        if titled[2][0].isupper() or titled[1].lower() in _TITLES:
+            return titled[0]
+    polite = _POLITE.search(text)
+    if polite is not None:
+        return polite[0]
+    for initial in _INITIAL.finditer(text):
+        letter, name = initial[1] or initial[4], initial[2] or initial[3]
+        if letter.isupper() and _capital(name):
+            return initial[0]
     words = list(_WORD.finditer(text))
     for word in words:
-        if word[0].lower() in _GIVEN and not word[0].islower():
+        if any(map(_is_name, (word[0], *_PARTS.split(word[0])))):
             return word[0]
     for one, two in pairwise(words):
         between = text[one.end() : two.start()]
         if between.strip(" .,") == "" and _capital(one[0]) and _capital(two[0]):
             return text[one.start() : two.end()]
     return None
+
+
+def _is_name(word: str) -> bool:
+    """Return whether a word is a common name, or one of it in German."""
+    name = word.lower()
+    if word.islower():
+        return name in _NAMES and name not in _ALSO_WORDS
+    return name in _NAMES or (not word.isupper() and name.removesuffix("s") in _NAMES)
 
 
 def _capital(word: str) -> bool:
@@ -180,6 +242,8 @@ def _dates(text: str) -> bool:
     """
     if _MONTH.search(text) or _BORN.search(text):
         return True
+    if any(_exists(c, b, a) or _exists(c, a, b) for a, b, c in _SPACED.findall(text)):
+        return True
     for n in re.findall(r"\d+", text):
         if len(n) > 8 and _is_date(n[0:2], n[2:4], n[4:6]):
             return True  # those of registers often begin with the date
@@ -193,7 +257,9 @@ def _is_date(a: str, b: str, c: str) -> bool:
     """Return whether these are day, month and year in one of the three usual orders."""
     return any(
         len(day) <= 2 and len(month) <= 2 and len(year) in (2, 4) and _exists(year, month, day)
+        # A year of two digits comes first only where day and month have two as well
         for year, month, day in ((a, b, c), (c, b, a), (c, a, b))
+        if year is not a or len(a) == 4 or len(b) == len(c) == 2
     )
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from dataclasses import replace as dc_replace
 from pathlib import Path
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from drivers.events import Hello, Sample, TimedEvent
 from skinlab.curves.curve import Curve
+from skinlab.curves.probe_file import ProbeErrors, decode_probe
 from skinlab.errors import InputError
 from skinlab.inference.stored import stored_result
 from skinlab.io.documents import read_json_object
@@ -271,9 +272,15 @@ def read_session(path: Path) -> Session:
             f"{path}: it was changed, or not written by skinlab: "
             + ("its seal is missing" if stored.unchanged else "its content differs from its hash")
         )
-    source = file_hash(path)
-    curves = tuple(dc_replace(curve, source=source) for curve in stored.session.curves)
+    source, probe = file_hash(path), _probe(stored.session.meta)
+    curves = tuple(dc_replace(c, source=source, probe=probe) for c in stored.session.curves)
     return dc_replace(stored.session, curves=curves)
+
+
+def _probe(meta: Mapping[str, Any]) -> ProbeErrors | None:
+    """Return the calibration that a session was measured with."""
+    text = (meta.get("identification") or {}).get("probe")
+    return None if text is None else decode_probe(text, "the session's field identification.probe")
 
 
 def read_stored(path: Path) -> Stored:

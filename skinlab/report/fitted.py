@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from skinlab.curves.campaign import Campaign
 from skinlab.curves.curve import Curve
+from skinlab.curves.probe_file import as_read
 from skinlab.discrepancy.misfit import errors_of
 from skinlab.discrepancy.records import records_of
 from skinlab.errors import InputError, NotTrustworthyError
@@ -57,7 +58,7 @@ def fit_again(curve: Curve, result: StoredResult, identifier: Identifier) -> Fit
         InputError: this installation cannot compute it; says why in a sentence.
     """
     try:
-        curve = identifier.sensor.corrected(curve)
+        (curve,) = identifier.corrected([curve])
         chosen = choose(
             curve,
             result.phases or identifier.phases,
@@ -72,8 +73,8 @@ def fit_again(curve: Curve, result: StoredResult, identifier: Identifier) -> Fit
     if not np.isfinite(at.model_mm).all():
         raise InputError("the model does not hold at the stored parameters")
     residual_mm = curve.deflection_mm[chosen.mask] - at.model_mm
-    _, model_mm = identifier.sensor.as_read(curve.pressure_mbar[chosen.mask], at.model_mm)
-    line_mbar, line_mm = identifier.sensor.as_read(at.line_mbar, at.line_mm)
+    _, model_mm = as_read(curve, curve.pressure_mbar[chosen.mask], at.model_mm)
+    line_mbar, line_mm = as_read(curve, at.line_mbar, at.line_mm)
     return Fit(
         mask=chosen.mask,
         model_mm=model_mm,

@@ -12,6 +12,7 @@ from skinlab.discrepancy.odds import behind_words, chance_words
 from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.text import (
     doubt_words,
+    explanation_words,
     function_rows,
     gap_words,
     lead_words,
@@ -27,6 +28,7 @@ from skinlab.discrepancy.text import (
 from skinlab.errors import InputError
 from skinlab.io.files import cannot_write, write_file
 from skinlab.mechanics.effects import get_effect
+from skinlab.mechanics.names import effect_words, plain, unit_of
 from skinlab.report.page import Illustration, Section, Table, page
 from skinlab.report.pictures import new_figure, style, to_data_uri
 from skinlab.text import inert
@@ -138,7 +140,7 @@ def _which(outcome: Outcome) -> Section:
     best = candidates[0].log10_evidence if candidates else 0.0
     rows = [
         [
-            " and ".join(e for e in c.effects if e not in own),
+            explanation_words(c, own),
             behind_words(best - c.log10_evidence),
             "yes" if c.adequate else "no",
             chance_words(c.left.p_value),
@@ -146,12 +148,12 @@ def _which(outcome: Outcome) -> Section:
         for c in candidates
     ]
     screen = [
-        [s.effect, f"{s.gain:.0f}", f"{100 * s.absorbed:.0f} %"]
+        [effect_words(s.effect), f"{s.gain:.0f}", f"{100 * s.absorbed:.0f} %"]
         for s in sorted(outcome.found.signatures.values(), key=lambda s: -s.gain)
     ]
     tables = [
         Table(
-            ["effect", "χ² it could explain", "of it hidden in the law's parameters"],
+            ["effect", "misfit (χ²) it could explain", "of it hidden in the law's parameters"],
             screen,
             "Screen: every effect's signature against what is left",
         )
@@ -174,9 +176,11 @@ def _which(outcome: Outcome) -> Section:
 
 
 def _methods(outcome: Outcome) -> Section:
-    lowest = [[n, f"{v:.3g}"] for n, v in outcome.detectable.items()]
+    lowest = [
+        [plain(n)[0], f"{v:.3g} {unit_of(n)}".rstrip()] for n, v in outcome.detectable.items()
+    ]
     unseen = [
-        [name, f"{what}: {why}"]
+        [effect_words(name), f"{what}: {why}"]
         for what, found in (
             ("cannot be seen", outcome.cannot_show),
             ("not looked for", outcome.not_screened),

@@ -12,7 +12,7 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from skinlab.errors import InputError
 
@@ -38,7 +38,6 @@ _STYLE: dict[str, object] = {
     "legend.frameon": False,
     "svg.hashsalt": "skinlab",  # else the ids in an SVG differ from run to run
     "svg.fonttype": "path",  # looks the same wherever it is opened
-    "savefig.dpi": _DOTS_PER_INCH,
 }
 
 
@@ -86,13 +85,24 @@ def new_figure(width_in: float, height_in: float) -> Figure:
 
 
 def to_bytes(figure: Figure, kind: Kind) -> bytes:
-    """Return the figure as a file of this kind."""
+    """Return the figure as a file of this kind.
+
+    The bytes of `savefig`, which would draw twice to learn the size that `layout` has given.
+    """
     stream = io.BytesIO()
-    metadata = {"png": {"Software": "skinlab"}, "svg": {"Date": None, "Creator": "skinlab"}}[kind]
     with style(), warnings.catch_warnings():
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.backends.backend_svg import FigureCanvasSVG
+
         # A name in letters that the font lacks is drawn as boxes.
         warnings.filterwarnings("ignore", message="Glyph ", category=UserWarning)
-        figure.savefig(stream, format=kind, metadata=metadata)
+        figure.set_dpi(_DOTS_PER_INCH)
+        if kind == "png":
+            raster: Any = FigureCanvasAgg(figure)  # some releases have types of this, some none
+            raster.print_png(stream, metadata={"Software": "skinlab"})
+        else:
+            vector: Any = FigureCanvasSVG(figure)
+            vector.print_svg(stream, metadata={"Date": None, "Creator": "skinlab"})
     return stream.getvalue()
 
 

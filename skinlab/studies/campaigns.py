@@ -12,6 +12,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,6 +31,7 @@ from skinlab.io.log import log_exception
 from skinlab.mechanics.effects import get_effect
 from skinlab.mechanics.fem.suction import SOLVER_VERSION
 from skinlab.mechanics.model_file import BASE, Model
+from skinlab.mechanics.names import effect_words
 from skinlab.report.page import Illustration, Section, Table
 from skinlab.report.pictures import style, to_data_uri
 from skinlab.studies.compute import curves_of
@@ -425,4 +427,7 @@ def section(found: Evidence) -> Section:
         caption = "Filled: holds. The size 1 is a typical one, 0 is none. 90 % intervals."
         alt = "Sizes of pooled effects with their intervals, those that hold first."
         figures.append(Illustration(picture, alt, caption))
-    return Section("Missing effects", words, figures=figures, tables=tables)
+    names = re.findall(r"\w+", " ".join(str(r["effects"]) for r in named))
+    mentioned = dict.fromkeys([*(str(r["effect"]) for r in shown), *names])
+    meanings = [said for name in mentioned if (said := effect_words(name)) != name]
+    return Section("Missing effects", words, points=meanings, figures=figures, tables=tables)

@@ -62,17 +62,21 @@ def curve_rows(layers: Layers, box: Box, columns: int, rows: int) -> list[list[R
 
 
 def _legend(layers: Layers, columns: int) -> list[Run]:
-    title = " deflection, mm"
-    if layers.fitted is None:
-        return [(title, "label")]
-    parts: list[Run] = [(title, "label"), ("  ● measured", "measured"), ("  ── fitted", "fitted")]
-    if layers.band:
-        parts.append((" ± 2 noise", "band"))
-    if layers.earlier:
-        parts.append(("  ·· earlier", "earlier"))
-    while len(parts) > 1 and sum(len(text) for text, _ in parts) > columns:
+    parts: list[list[Run]] = [[(" deflection, mm", "label")]]
+    if layers.fitted is not None:
+        parts += [_key("●", "measured"), _key("──", "fitted")]
+        if layers.band:
+            parts.append([(" ±", "band"), (" 2 noise", "label")])
+        if layers.earlier:
+            parts.append(_key("··", "earlier"))
+    while len(parts) > 1 and sum(len(text) for part in parts for text, _ in part) > columns:
         parts.pop()
-    return parts
+    return [run for part in parts for run in part]
+
+
+def _key(mark: str, style: str) -> list[Run]:
+    """Return a mark in its colour, and its name in one that can be read on every theme."""
+    return [(f"  {mark}", style), (f" {style}", "label")]
 
 
 def _y_axis(box: Box, height: int) -> tuple[list[str], list[str]]:

@@ -14,8 +14,7 @@ import numpy as np
 
 from skinlab.discrepancy.odds import behind_words, odds_words
 from skinlab.inference.result import Value
-from skinlab.mechanics.names import is_effects, parameter_of
-from skinlab.parameters import stem
+from skinlab.mechanics.names import is_effects, parameter_of, plain
 from skinlab.report.rounding import best_words, interval_words
 from skinlab.tui.canvas import Bits, dots, runs, share
 from skinlab.tui.curve_drawing import Run
@@ -24,7 +23,6 @@ from skinlab.tui.text import digits, meaning, name_of, scaled_bar, shortened, va
 
 if TYPE_CHECKING:
     from skinlab.discrepancy.outcome import Outcome
-    from skinlab.discrepancy.search import Candidate
     from skinlab.tui.ui_state import Missing
 
 _MOST = 5  # places, and candidates, that are told
@@ -32,7 +30,6 @@ _NOISE = 2.0  # standard deviations of the band
 _DECADES = 4.0  # of evidence, over which the bars of explanations shrink to nothing
 _PANEL_COLUMNS = 30  # of a small picture, at least
 _PANEL_ROWS = (3, 8)  # of residuals in it, as the screen has room
-_NAME = 22
 _BAR = (10, 30)
 _BAR_SAYS = 48  # columns of the words behind a bar
 
@@ -73,7 +70,7 @@ def verdict_lines(outcome: Outcome) -> list[str]:
     if outcome.verdict.explanations and outcome.learned is None:
         after = outcome.parameters(outcome.best)
         sizes = [
-            f"{name_of_effect(name)} {size_words(name, Value(**value))}"
+            f"{plain(name)[0]} {size_words(name, Value(**value))}, {meaning(name)}"
             for name, value in after.items()
             if is_effects(name)
         ]
@@ -102,12 +99,6 @@ def next_lines(outcome: Outcome) -> list[str]:
     return ["Next: measure through another opening, or with a hold, then d looks again."]
 
 
-def _least_words(name: str, size: float) -> str:
-    """Return a size that could have been shown: pressure_lag: lag 4.00 ms."""
-    words = size_words(name, Value(size, None, None))
-    return f"{name.partition('.')[0]}: {name_of_effect(name)} {words}"
-
-
 _SMALL = {"s": ("ms", 1e3, 0.5), "mm": ("µm", 1e3, 0.2)}  # below this, in the smaller unit
 
 
@@ -124,17 +115,9 @@ def size_words(name: str, value: Value) -> str:
     return words if value.low is None else f"{words} ({interval_words(value)})"
 
 
-def name_of_effect(name: str) -> str:
-    """Return how an effect's parameter is called in a sentence: lag."""
-    declared = parameter_of(name)
-    if declared is None:
-        return name
-    return stem(declared.name, declared.unit.replace("µ", "u").replace("/", "_per_"))
-
-
-def _effects(candidate: Candidate, outcome: Outcome) -> str:
-    own = set(outcome.found.base.effects)
-    return " and ".join(e for e in candidate.effects if e not in own)
+def _least_words(name: str, size: float) -> str:
+    """Return a size that could have been shown: 4.00 ms."""
+    return size_words(name, Value(size, None, None))
 
 
 def _function_rows(outcome: Outcome, columns: int) -> Rows:
@@ -169,19 +152,20 @@ def _candidate_rows(outcome: Outcome, columns: int) -> Rows:
     candidates = outcome.found.candidates
     if outcome.verdict.name == "none" or not candidates:
         return []
-    best = candidates[0].log10_evidence
+    from skinlab.discrepancy.text import explanation_words
+
+    best, own = candidates[0].log10_evidence, set(outcome.found.base.effects)
     rows: Rows = [[], [("Explanations, by how likely they are:", "quiet")]]
-    names = [shortened(_effects(c, outcome), _NAME) for c in candidates[:_MOST]]
-    widest = max(map(len, names))
-    whole = min(max(columns - widest - 2 - _BAR_SAYS, _BAR[0]), _BAR[1])
-    for c, name in zip(candidates, names, strict=False):
+    whole = min(max(columns - 4 - _BAR_SAYS, _BAR[0]), _BAR[1])
+    for c in candidates[:_MOST]:
         behind = best - c.log10_evidence
         length = round(whole * max(1.0 - behind / _DECADES, 0.0))
         odds = behind_words(behind)
         fits = "" if c.adequate else ", leaves more than noise"
+        rows.append([(f" {explanation_words(c, own)}", "text")])
         rows.append(
             [
-                (f" {name:<{widest}} ", "text"),
+                ("   ", "text"),
                 ("█" * length or "▏", "after" if c.adequate else "before"),
                 (f" {odds}{fits}", "quiet"),
             ]
@@ -232,13 +216,11 @@ def _value_rows(outcome: Outcome, columns: int) -> Rows:
         left, right = f"{low:g} ", f" {high:g} "
         width = min(columns - 10 - len(left) - len(right) - 26, 2 * _BAR[1])
         for when, value in values:
-            bar = ""
+            row = [(f"  {when:<7} ", "quiet")]
             if width >= 8 and value.low is not None:
                 drawn = scaled_bar(value, low, high, width, logarithmic=logarithmic)
-                bar = f"{left}{drawn}{right}"
-            rows.append(
-                [(f"  {when:<7} ", "quiet"), (bar, when), (size_words(name, value), "text")]
-            )
+                row += [(left, "quiet"), (drawn, when), (right, "quiet")]
+            rows.append([*row, (size_words(name, value), "text")])
     return rows
 
 

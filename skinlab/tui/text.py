@@ -21,6 +21,7 @@ from skinlab.inference.flags import CATALOGUE
 from skinlab.inference.result import Identification, Value
 from skinlab.mechanics.materials.base import NU_CONSISTENT
 from skinlab.mechanics.names import (
+    effect_words,
     is_logarithmic,
     is_poisson,
     of_law,
@@ -674,7 +675,8 @@ def adoption_lines(outcome: Outcome, file_stem: str) -> list[str]:
     before, after = outcome.parameters(outcome.found.base), outcome.parameters(best)
     names = [e for e in best.effects if e not in outcome.found.base.effects]
     lines = [
-        f"Curves from the next one on are identified with {' and '.join(names)} as well.",
+        f"Curves from the next one on are identified with {' and '.join(map(effect_words, names))} "
+        "as well.",
         "What the curves looked at say, before and after:",
     ]
     for name, value in after.items():

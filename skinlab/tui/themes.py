@@ -18,6 +18,7 @@ HIGH_CONTRAST = Theme(
     panel="#202020",
     dark=True,
     text_alpha=1.0,
+    variables={"input-selection-background": "#0040a0"},  # else white stands on light grey
 )
 # Okabe and Ito's colours: told apart with every kind of colour blindness
 COLOUR_BLIND_SAFE = Theme(

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from textual import events
 from textual.pilot import Pilot
+from textual.screen import Screen
 from textual.widgets import Input
 
 from drivers.probe import Probe
@@ -47,6 +48,19 @@ class Bedside:
         while not condition():
             assert time.monotonic() < end, f"not in {PATIENCE_S} s; {self.board.note!r}"
             await asyncio.sleep(0.01)
+
+    async def on(self, kind: type[Screen[object]]) -> None:
+        """Wait until such a screen is there with all its parts, and has the focus that it takes."""
+
+        def there() -> bool:
+            screen = self.app.screen
+            if not isinstance(screen, kind) or not screen.is_mounted:
+                return False
+            takes = self.app.AUTO_FOCUS if screen.AUTO_FOCUS is None else screen.AUTO_FOCUS
+            return not takes or screen.focused is not None or not screen.focus_chain
+
+        await self.until(there)
+        await self.settle()
 
     async def connected(self) -> None:
         await self.until(lambda: self.board.hello is not None and self.board.can_arm)
@@ -129,7 +143,7 @@ class Bedside:
     async def quit(self) -> None:
         """Quit, and say yes."""
         await self.press("q")
-        await self.until(lambda: isinstance(self.app.screen, ConfirmScreen))
+        await self.on(ConfirmScreen)
         await self.confirm()
         await self.until(lambda: self.app.return_code is not None)
 
@@ -139,8 +153,10 @@ class Bedside:
         await self.start()
         await self.until(lambda: len(self.board.entries) > entries)
         await self.until(lambda: self.board.entry.result is not None and self.board.can_arm)
-        curves = self.app.screen_stack[0].query_one(Curves)  # drawn last, a frame after the card
-        await self.until(lambda: curves.row_count == len(self.board.entries))
+        main = self.app.screen_stack[0]
+        card, curves = main.query_one("#card"), main.query_one(Curves)
+        await self.until(lambda: not card.has_class("-forming"))
+        await self.until(lambda: curves.row_count == len(self.board.entries))  # drawn last
 
     def text(self, selector: str) -> str:
         return str(self.app.screen.query_one(selector).render())

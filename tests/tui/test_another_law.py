@@ -53,7 +53,7 @@ async def test_card_and_rows_speak_of_that_law(bedside, tmp_path):
         assert curves.get_row_at(0)[at].rstrip("?") == interval_words(found["C1_MPa"])
         assert found["C1_MPa"].low <= 0.066 <= found["C1_MPa"].high
         await bed.press("g")
-        await bed.until(lambda: isinstance(bed.app.screen, PickScreen))
+        await bed.on(PickScreen)
         await bed.press("down", "enter")  # and not of the paper's law
         await bed.until(lambda: bed.board.goal == Goal("C1_MPa", 3.0))
         await bed.until(lambda: "goal C1 to ± 3 %" in bed.text("#verdict-next"))

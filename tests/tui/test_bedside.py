@@ -178,7 +178,8 @@ async def test_changed_says_what_could_have_been_shown(bedside):
 async def test_the_verdict_says_what_is_wrong_and_the_next_step(bedside):
     async with bedside(size=(60, 20)) as bed:
         await bed.connected()
-        assert bed.text("#verdict-next") == "Next: F8 shows what will happen, F9 then starts it"
+        first = "Next: F8 shows what will happen, F9 then starts it"
+        await bed.until(lambda: bed.text("#verdict-next") == first)
         await bed.run()
         await bed.until(lambda: bed.text("#verdict-words").startswith("✔ Good curve"))
         bed.board.entry.findings.append(Finding("leak", "the pressure falls", "press evenly"))

@@ -21,7 +21,7 @@ LONG = "ramp:100@2"
 
 async def session_screen(bed):
     await bed.press("s")
-    await bed.until(lambda: isinstance(bed.app.screen, SessionScreen))
+    await bed.on(SessionScreen)
     await bed.until(lambda: bed.app.screen.query("#session-text"))
 
 
@@ -159,7 +159,7 @@ async def test_without_a_subject_it_asks_once(bedside):
         assert bed.board.entry.visit == ("", "")
         await bed.press("f8")
         await bed.until(lambda: bed.board.review)  # not asked again
-        assert "NONE GIVEN" in bed.text("#card-text")
+        await bed.until(lambda: "NONE GIVEN" in bed.text("#card-text"))
 
 
 async def test_card_rows_and_header_say_whose_and_when(bedside):
@@ -341,7 +341,7 @@ async def test_without_a_port_it_offers_what_there_is(bedside):
         return (PortInfo("/dev/ttyX9", "a bench probe"),)
 
     async with bedside(None, ports=ports, size=(60, 20)) as bed:
-        await bed.until(lambda: isinstance(bed.app.screen, WelcomeScreen))
+        await bed.on(WelcomeScreen)
         for word in ("Simulated probe", "Recorded example", "/dev/ttyX9", "vents", "F9"):
             await bed.until(lambda w=word: w in bed.screenshot().replace("&#160;", " "))
         await bed.press("down", "enter")
@@ -352,7 +352,7 @@ async def test_without_a_port_it_offers_what_there_is(bedside):
 
 async def test_the_simulated_probe_is_one_key_away(bedside):
     async with bedside(None, ports=tuple) as bed:
-        await bed.until(lambda: isinstance(bed.app.screen, WelcomeScreen))
+        await bed.on(WelcomeScreen)
         await bed.press("enter")
         await bed.connected()
         assert bed.board.hello.simulated

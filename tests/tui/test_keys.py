@@ -19,7 +19,7 @@ async def test_keys_stand_whole_and_can_be_clicked_in_a_small_window(bedside):
         assert len(text.rstrip()) <= 60
         assert text.rstrip().endswith("? Help")  # the way to all others
         await bed.pilot.click(Keys, offset=(text.index("? Help") + 2, 0))
-        await bed.until(lambda: isinstance(bed.app.screen, HelpScreen))
+        await bed.on(HelpScreen)
         keys = bed.app.screen.query_one(Keys)
         await bed.until(lambda: "Close" in str(keys.render()))  # and not those of the screen below
         assert "Check" not in str(keys.render())
@@ -30,10 +30,11 @@ async def test_a_site_is_chosen_with_the_left_hand_alone(bedside):
         await bed.connected()
         bed.app.screen.set_focus(bed.app.screen.query_one("#site", Input))
         await bed.press("f4")
-        await bed.until(lambda: isinstance(bed.app.screen, PickScreen))
+        await bed.on(PickScreen)
         await bed.press("tab", "ctrl+g")
-        await bed.until(lambda: isinstance(bed.app.screen, MainScreen))
-        assert bed.app.screen.query_one("#site", Input).value == "cheek, right"
+        await bed.on(MainScreen)
+        site = bed.app.screen.query_one("#site", Input)
+        await bed.until(lambda: site.value == "cheek, right")
 
 
 async def test_lines_keep_what_a_filter_has_made_of_them(bedside):

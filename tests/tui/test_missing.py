@@ -19,6 +19,7 @@ from skinlab.discrepancy.odds import odds_words
 from skinlab.discrepancy.verdict import Verdict
 from skinlab.errors import InputError, SkinlabError
 from skinlab.inference.result import Value
+from skinlab.mechanics.effects import all_effects
 from skinlab.mechanics.model_file import BASE, read_model
 from skinlab.recording.audit import entries
 from skinlab.recording.session import read_session
@@ -79,7 +80,7 @@ async def looking(bed):
     await bed.connected()
     await bed.run()
     await bed.press("d")
-    await bed.until(lambda: isinstance(bed.app.screen, MissingScreen))
+    await bed.on(MissingScreen)
     await bed.until(lambda: "now:  screening" in bed.text("#missing-text"))
 
 
@@ -95,21 +96,23 @@ async def test_the_search_blocks_nothing_and_the_next_measurement_is_one_key_awa
         vents = bed.app.bench.vents
         await bed.press("v")  # vents, and goes back
         await bed.until(lambda: bed.app.bench.vents > vents)
-        await bed.until(lambda: isinstance(bed.app.screen, MainScreen))
+        await bed.on(MainScreen)
         await bed.run()  # the search goes on meanwhile
         search.go.set()
         await bed.until(lambda: bed.board.missing.outcome is ambiguous)
         await bed.press("s")
         await bed.until(lambda: bed.app.screen.query("#session-text"))
         await bed.press("d")
-        await bed.until(lambda: isinstance(bed.app.screen, MissingScreen))
+        await bed.on(MissingScreen)
         await bed.until(lambda: "tied" in bed.text("#missing-text"))
         assert len(search.asked) == 1  # shown, not looked for again
         await bed.press("f7")
-        await bed.until(lambda: isinstance(bed.app.screen, MainScreen))
-        values = {str(f.id): f.value for f in bed.app.screen.query(Input)}
-        assert values["aperture_mm"] == "8"
-        assert values["program"] == ambiguous.next_measurement.program
+        await bed.on(MainScreen)
+        program, opening = (
+            bed.app.screen.query_one(f, Input) for f in ("#program", "#aperture_mm")
+        )
+        await bed.until(lambda: program.value == ambiguous.next_measurement.program)
+        await bed.until(lambda: opening.value == "8")
         assert len(bed.board.entries) == 2
         await bed.check()  # the other head, in the same session
         assert bed.board.hello.aperture_mm == 8
@@ -126,7 +129,7 @@ async def test_giving_up_and_looking_again(bedside, named):
         await bed.press("d")
         await bed.until(lambda: "deflection_offset" in bed.text("#missing-text"))
         await bed.press("b")
-        await bed.until(lambda: isinstance(bed.app.screen, MainScreen))
+        await bed.on(MainScreen)
 
 
 async def test_adopting_writes_a_model_and_goes_on_with_it(bedside, named, tmp_path):
@@ -141,7 +144,7 @@ async def test_adopting_writes_a_model_and_goes_on_with_it(bedside, named, tmp_p
         await adopt(bed)
         await bed.until(lambda: "Adopted:" in bed.text("#missing-text"))
         await bed.press("b")
-        await bed.until(lambda: isinstance(bed.app.screen, MainScreen))
+        await bed.on(MainScreen)
         await bed.check()
         assert bed.board.entries == {}  # of another session: one session, one model
         await bed.until(lambda: "base with deflection_offset" in bed.text("#card-text"))
@@ -156,7 +159,7 @@ async def test_adopting_writes_a_model_and_goes_on_with_it(bedside, named, tmp_p
 
 async def adopt(bed):
     await bed.press("a")
-    await bed.until(lambda: isinstance(bed.app.screen, ConfirmScreen))
+    await bed.on(ConfirmScreen)
     for words in ("deflection_offset", "X1", "→", "new session", "Ctrl+Z"):
         assert words in bed.text("#question-text")
     await bed.press(*"yes", "enter", "space")  # typing answers nothing
@@ -175,17 +178,17 @@ async def test_what_was_adopted_can_be_undone(bedside, named, tmp_path):
         await bed.press("d")
         await bed.until(lambda: bed.board.missing and bed.board.missing.outcome)
         await bed.press("a")
-        await bed.until(lambda: isinstance(bed.app.screen, ConfirmScreen))
+        await bed.on(ConfirmScreen)
         await bed.press("f8")
-        await bed.until(lambda: isinstance(bed.app.screen, MissingScreen))
+        await bed.on(MissingScreen)
         assert bed.board.model is None
         await adopt(bed)
-        await bed.until(lambda: isinstance(bed.app.screen, MissingScreen))
+        await bed.on(MissingScreen)
         await bed.press("ctrl+z")
         await bed.until(lambda: bed.board.model is None)
         await bed.until(lambda: "Adopted" not in bed.text("#missing-text"))
         await bed.press("b")
-        await bed.until(lambda: isinstance(bed.app.screen, MainScreen))
+        await bed.on(MainScreen)
         await bed.run()
         assert len(bed.board.entries) == 2  # the session goes on, with the model of before
         assert "deflection_offset" not in str(bed.board.entry.result.parameters)
@@ -237,6 +240,9 @@ def test_an_outcome_in_words(named, ambiguous):
     assert "curve 1, load" in text  # where
     assert "Next: a adopts" in text
     assert "log10" not in text
+    for effect in all_effects():  # no name stands unexplained
+        if re.search(rf"\b{effect.name}\b", text):
+            assert effect.meaning in text
     assert "Next: F7 loads ramp:300@60,ramp:0@60" in plain_text(outcome_rows(ambiguous, 80))
 
 

@@ -48,7 +48,7 @@ def protocol(tmp_path):
 async def state(bed, *answers):
     """State the conditions, one after the other."""
     await bed.press("p")
-    await bed.until(lambda: isinstance(bed.app.screen, ProtocolScreen))
+    await bed.on(ProtocolScreen)
     await bed.press("e")
     for answer in answers:
         line = bed.app.screen.query_one(Input)
@@ -64,23 +64,26 @@ async def test_a_protocol_is_walked_through_marked_and_recorded(
     async with bedside(protocol=protocol, size=(100, 40)) as bed:
         await bed.connected()
         await bed.fill("subject", "P01")
-        assert "protocol step 1 of 2: first; F7 loads it" in bed.text("#verdict-next")
+        await bed.until(
+            lambda: "protocol step 1 of 2: first; F7 loads it" in bed.text("#verdict-next")
+        )
         await bed.press("f7")
         await bed.until(lambda: bed.app.screen.query_one("#program").value == "ramp:50@20")
-        assert bed.app.screen.query_one("#site").value == "forearm, volar, left"
+        site = bed.app.screen.query_one("#site")
+        await bed.until(lambda: site.value == "forearm, volar, left")
         await bed.check()
-        assert "protocol step 1 of 2: first" in bed.text("#card-text")
+        await bed.until(lambda: "protocol step 1 of 2: first" in bed.text("#card-text"))
         assert "not stated: room temperature, operator" in bed.text("#card-text")
         await bed.press("v")
+        await bed.until(lambda: bed.board.can_arm and bed.board.review is None)
 
         await state(bed, "warm")
-        assert "expected -20 to 60 °C" in bed.text("#protocol-question")
+        await bed.until(lambda: "expected -20 to 60 °C" in bed.text("#protocol-question"))
         bed.app.screen.query_one(Input).value = "26"
         await bed.press("enter")
         bed.app.screen.query_one(Input).value = "OP-1"
         await bed.press("enter")
-        bed.app.screen.draw()
-        assert "operator OP-1" in bed.text("#protocol-text")
+        await bed.until(lambda: "operator OP-1" in bed.text("#protocol-text"))
         assert "! room temperature 26 °C, not 20 to 24" in bed.text("#protocol-text")
         await bed.press("p")
         await bed.run()  # it is marked, and not refused
@@ -89,19 +92,19 @@ async def test_a_protocol_is_walked_through_marked_and_recorded(
         await bed.press("f7")
         await bed.until(lambda: bed.app.screen.query_one("#program").value == "ramp:100@20")
         await bed.check()
-        assert "the site is to rest" in bed.text("#card-text")
+        await bed.until(lambda: "the site is to rest" in bed.text("#card-text"))
         await bed.press("f9")
         await bed.until(lambda: len(bed.board.entries) == 2)
         await bed.until(lambda: bed.board.entry.result is not None and bed.board.can_arm)
         await bed.until(lambda: "F7 goes on to forearm, volar, right" in bed.text("#verdict-next"))
         await bed.fill("program", "ramp:80@20")
         await bed.check()
-        assert "no step asks for this" in bed.text("#card-text")
+        await bed.until(lambda: "no step asks for this" in bed.text("#card-text"))
         await bed.press("v")
+        await bed.until(lambda: bed.board.can_arm and bed.board.review is None)
         await bed.press("f7")
-        site = bed.app.screen.query_one("#site")
         await bed.until(lambda: site.value == "forearm, volar, right")
-        assert bed.app.screen.query_one("#program").value == "ramp:50@20"
+        await bed.until(lambda: bed.app.screen.query_one("#program").value == "ramp:50@20")
         await bed.quit()
 
     (path,) = tmp_path.glob("*.h5")
@@ -121,7 +124,7 @@ async def test_without_a_protocol_p_says_that_it_means_nothing(bedside):
     async with bedside() as bed:
         await bed.connected()
         await bed.press("p")
-        assert "p: no meaning here" in bed.board.aside
+        await bed.until(lambda: "p: no meaning here" in bed.board.aside)
         await bed.quit()
 
 

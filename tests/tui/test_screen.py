@@ -112,9 +112,9 @@ async def test_help_opens_and_closes(bedside, key):
     async with bedside() as bed:
         await bed.connected()
         await bed.press(key)
-        await bed.until(lambda: isinstance(bed.app.screen, HelpScreen))
+        await bed.on(HelpScreen)
         await bed.press("enter")
-        await bed.until(lambda: isinstance(bed.app.screen, MainScreen))
+        await bed.on(MainScreen)
         assert not bed.board.moving  # that Enter did not arm
 
 
@@ -123,9 +123,9 @@ async def test_v_vents_through_the_help(bedside):
         await bed.connected()
         await bed.check()
         await bed.press("f1")
-        await bed.until(lambda: isinstance(bed.app.screen, HelpScreen))
+        await bed.on(HelpScreen)
         await bed.press("v")
-        await bed.until(lambda: isinstance(bed.app.screen, MainScreen))
+        await bed.on(MainScreen)
         await bed.until(lambda: bed.board.can_arm)
 
 
@@ -134,14 +134,14 @@ async def test_the_alarm_stays_until_it_is_acknowledged(bedside):
         await bed.connected()
         alarm = Heard((Happened(Alarm("the pressure did not fall: lift the probe")),))
         bed.app.post_message(bed.app.Said(alarm))
-        await bed.until(lambda: isinstance(bed.app.screen, AlarmScreen))
+        await bed.on(AlarmScreen)
         bed.app.post_message(bed.app.Said(alarm))
         await bed.press("enter", "space", "escape", "v", "f1", "q", "a", "f8", "f9")
         await bed.until(lambda: bed.app.bench.vents >= 2)
         assert isinstance(bed.app.screen, AlarmScreen)
         assert not bed.board.can_arm
         await bed.confirm()
-        await bed.until(lambda: isinstance(bed.app.screen, MainScreen))
+        await bed.on(MainScreen)
         await bed.until(lambda: bed.board.alarm is None)
         await bed.connected()
 
@@ -150,7 +150,7 @@ async def test_ports_offers_the_simulated_probes(bedside):
     async with bedside() as bed:
         await bed.connected()
         await bed.press("f2")
-        await bed.until(lambda: isinstance(bed.app.screen, PortsScreen))
+        await bed.on(PortsScreen)
         await bed.until(lambda: isinstance(bed.app.focused, OptionList))
         await bed.press("end", "enter")
         await bed.until(lambda: bed.board.hello and bed.board.hello.aperture_mm == 8)
@@ -218,6 +218,16 @@ async def test_tab_and_enter_go_round_in_the_fields(bedside):
             assert seen[-1] == "program"
             await bed.press("f3")
         assert not bed.board.moving
+
+
+async def test_tab_begins_with_the_subject_and_leaves_the_port_alone(bedside):
+    async with bedside() as bed:
+        await bed.connected()
+        port = bed.app.screen.query_one("#port", Input).value
+        await bed.press("tab", *"A1", "tab", *"arm")
+        subject, site = (bed.app.screen.query_one(f, Input) for f in ("#subject", "#site"))
+        await bed.until(lambda: (subject.value, site.value) == ("A1", "arm"))
+        assert bed.app.screen.query_one("#port", Input).value == port
 
 
 async def test_what_is_typed_at_once_behind_a_tab_goes_to_the_next_field(bedside):

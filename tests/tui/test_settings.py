@@ -84,10 +84,10 @@ async def test_a_key_of_ones_own_works_beside_the_usual_one(bedside, tmp_path):
         await bed.connected()
         for key in ("x", "s"):
             await bed.press(key)
-            await bed.until(lambda: isinstance(bed.app.screen, SessionScreen))
+            await bed.on(SessionScreen)
             await bed.press("b")
         await bed.press("f1")
-        await bed.until(lambda: isinstance(bed.app.screen, HelpScreen))
+        await bed.on(HelpScreen)
         assert re.search(r"s  x +Session", bed.text("#help-here"))
         assert "F12" in bed.text("#help-here")
         await bed.press("f1")
@@ -113,8 +113,9 @@ async def test_a_further_key_to_confirm_is_guarded_like_the_usual_one(bedside, t
         await bed.press("f11")  # too soon to have been read
         assert "not started" in bed.board.note
         assert not bed.board.moving
-        bed.clock.now_s += 2.0
         await bed.until(lambda: bed.app.screen_stack[0].summary_in_view)
+        await bed.pilot.pause()
+        bed.clock.now_s += 2.0
         await bed.press("f11")
         await bed.until(lambda: bed.board.series or bed.board.entries)
         await bed.until(lambda: bed.board.entry and bed.board.entry.result and bed.board.can_arm)
@@ -125,12 +126,12 @@ async def test_help_tells_the_keys_of_a_list_too(bedside):
     async with bedside() as bed:
         await bed.connected()
         await bed.press("g")
-        await bed.until(lambda: isinstance(bed.app.screen, PickScreen))
+        await bed.on(PickScreen)
         await bed.press("f1")
-        await bed.until(lambda: isinstance(bed.app.screen, HelpScreen))
+        await bed.on(HelpScreen)
         assert "Close" in bed.text("#help-here")
         await bed.press("f1")
-        await bed.until(lambda: isinstance(bed.app.screen, PickScreen))
+        await bed.on(PickScreen)
         await bed.press("f8")
         await bed.quit()
 

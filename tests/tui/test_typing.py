@@ -170,7 +170,7 @@ def opened(name, key, screen, *, measured=False):
         if measured:
             await bed.run()
         await bed.press(key)
-        await bed.until(lambda: isinstance(bed.app.screen, screen))
+        await bed.on(screen)
 
     state.__name__ = name
     return state
@@ -208,11 +208,11 @@ async def alarm(bed):
     await bed.connected()
     news = Heard((Happened(Alarm("lift the probe")),))
     bed.app.post_message(bed.app.Said(news))
-    await bed.until(lambda: isinstance(bed.app.screen, AlarmScreen))
+    await bed.on(AlarmScreen)
 
 
 async def welcome(bed):
-    await bed.until(lambda: isinstance(bed.app.screen, WelcomeScreen))
+    await bed.on(WelcomeScreen)
 
 
 STATES = [
@@ -481,7 +481,7 @@ async def test_esc_closes_what_is_open(bedside, state):
     async with bedside("sim://?seed=1&speed=20", explain=Searching()) as bed:
         await state(bed)
         await bed.press("escape")
-        await bed.until(lambda: isinstance(bed.app.screen, MainScreen))
+        await bed.on(MainScreen)
 
 
 @pytest.mark.parametrize("keys", ["s", "s n", "f1", "q", "f5", "f5 slash", "w", "ctrl+p"])

@@ -46,5 +46,9 @@ def test_a_cell_that_begins_like_a_formula_is_quoted(cell):
     assert csv_cell(cell).startswith("'")
 
 
+def test_a_semicolon_begins_no_formula_either():
+    assert csv_cell("arm; =1+1;@A1;b") == "arm; '=1+1;'@A1;b"
+
+
 def test_numbers_in_cells_stay_numbers():
     assert [csv_cell(v) for v in (-1.5, 3, None, "plain", "1.5")] == [-1.5, 3, None, "plain", "1.5"]

@@ -190,6 +190,18 @@ def test_cells_of_an_export_are_no_formulas(folder):
     assert "␛" in title
 
 
+def test_a_pdf_shows_text_and_nothing_in_it_acts(folder):
+    pytest.importorskip("weasyprint")
+    import pypdf
+
+    assert run(["export", "s.h5", "--to", "pdf", "pdf"]) == 0
+    (path,) = Path("pdf").iterdir()
+    for way in (b"/JavaScript", b"/URI", b"/Launch", b"/OpenAction", b"/EmbeddedFile"):
+        assert way not in path.read_bytes()
+    text = "".join(page.extract_text() for page in pypdf.PdfReader(path).pages)
+    assert "\\u202e" in text.replace("\0", "")  # pypdf reads UTF-16 by bytes
+
+
 def test_commands_print_through_one_place():
     folder = Path(str(files("skinlab"))) / "cli"
     for path in folder.glob("*.py"):

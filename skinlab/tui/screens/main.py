@@ -142,7 +142,10 @@ class MainScreen(Screen[None]):
     def draw(self) -> None:
         """Draw the board where it changed; nothing once the screen is being taken down."""
         board = self._board
-        if not self.display or board.version == self._drawn or self._answer_is_near():
+        if not self.display or self._answer_is_near():
+            return
+        if board.version == self._drawn:
+            self._look()  # the layout may have followed by now
             return
         self._drawn = board.version
         if self._fields_closed:
@@ -195,8 +198,9 @@ class MainScreen(Screen[None]):
             self.call_after_refresh(self._look)
 
     def _look(self) -> None:
-        if self._asked is None and self.summary_in_view:
-            self._asked = self._board.review
+        review = self._board.review
+        if review is not None and self._asked is None and self.summary_in_view:
+            self._asked = review
             self._guard.asked()
 
     def on_screen_resume(self) -> None:

@@ -24,6 +24,12 @@ class MissingAnswer(Static):
     """Words, bars and small pictures, one under the other."""
 
     COMPONENT_CLASSES: ClassVar[set[str]] = {f"missing--{name}" for name in _STYLES}
+    styled = 0  # how often the colours became others
+
+    def notify_style_update(self) -> None:
+        """Be drawn again in the colours of another theme."""
+        super().notify_style_update()
+        self.styled += 1
 
     def draw(self, missing: Missing | None) -> None:
         """Draw."""
@@ -69,8 +75,8 @@ class MissingScreen(BoardScreen):
 
     def drawn_from(self) -> object:
         """Return what decides whether something else is to be drawn."""
-        width = self.query_one(MissingAnswer).size.width
-        return (self._board.version, width, self.size.height, self.app.theme)
+        answer = self.query_one(MissingAnswer)
+        return (self._board.version, answer.size.width, self.size.height, answer.styled)
 
     def show(self) -> None:
         """Draw the answer, or how far the search is."""

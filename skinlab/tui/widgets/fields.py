@@ -133,11 +133,14 @@ class Fields(Vertical):
         self.post_message(self.Named(who))
 
     def go_round(self, by: int) -> None:
-        """Go to the next field; after the last one comes the first."""
+        """Go to the next field; after the last one comes the first.
+
+        From elsewhere to the subject, behind the port, which is there already.
+        """
         fields = list(self.query(Input))
         # Not `has_focus`, which comes behind keys that wait already, too
         focused = self.screen.focused
-        at = fields.index(focused) if focused in fields else -1 if by > 0 else 0
+        at = fields.index(focused) if focused in fields else 0
         # Not `focus()`, which comes behind keys that wait already: they would go to the old field
         self.screen.set_focus(fields[(at + by) % len(fields)])
 

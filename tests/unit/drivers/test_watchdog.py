@@ -564,6 +564,24 @@ def test_only_a_simulated_instrument_has_a_pace(simulated):
         assert "ahead of the host's" in said[0].reason
 
 
+def test_samples_that_come_a_little_late_at_another_pace_are_no_longer_suction():
+    dog = Watchdog(Limits())
+    dog.commanded(Load((Segment(K.RAMP, 100, 1e5), Segment(K.HOLD, duration_s=3)), 20, 100, 3.1), 0)
+    dog.commanded(Arm(), 0)
+    dog.commanded(Start(), 0)
+    dog.on_event(Hello("reference", 1, "", "", "", 6.0, 500, 60, 1, 1000, True), 0)
+    dog.on_event(Pace(20), 0)
+    dog.on_event(State(S.RUNNING, "", 0.0), 0)
+    # 3 s of the instrument are 0.15 s here, and the last samples come 0.1 s late
+    late = [
+        (k / 400 + 0.1 * (k > 40), sample(k / 20, 90 * (k > 0), int(k > 0), k / 400))
+        for k in range(60)
+    ]
+    assert feed(dog, late) == []
+    on = ((0.25 + k / 400, sample(2.95 + 1e-4 * k, 90, 1, 0.2 + k / 1e4)) for k in range(200))
+    assert feed(dog, list(on))
+
+
 def test_a_pace_that_changes_in_a_run_is_not_believed():
     dog = told(Arm(), Start())
     dog.on_event(Hello("reference", 1, "", "", "", 6.0, 500, 60, 1, 1000, True), 0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -18,9 +19,12 @@ from sim_device.skin import load_of, make_phantom
 from skinlab.cli.main import run
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.phantoms import read_phantoms
+from skinlab.curves.probe_file import PARAMETERS, decode_probe, probe_text
+from skinlab.discrepancy.misfit import errors_of
+from skinlab.discrepancy.records import records_of
 from skinlab.errors import InputError
 from skinlab.inference.calibration import Reading, calibrate, check_probe
-from skinlab.inference.probe_file import PARAMETERS, decode_probe, probe_text
+from skinlab.recording.load_inputs import read_campaign_or_session
 
 NOW = datetime(2026, 1, 1, tzinfo=UTC)
 WIRE = get_dialect("reference")
@@ -28,10 +32,10 @@ RESULTS = Path(__file__).parents[3] / "benchmarks" / "results" / "calibration.js
 HIDDEN = ProbeSection("P-9", 1.06, -35.0, 0.97, 0.6, 0.03)
 
 
-def measured(phantom, probe, seed, *, kit=None, rate_hz=100.0):
+def measured(phantom, probe, seed, *, kit=None, rate_hz=100.0, sensor=None):
     """What a simulated probe with these errors reads on a phantom, without a host."""
     skin = make_phantom(phantom.name, seed if kit is None else kit, probe)
-    device = Device(skin, SensorSection(), seed=seed, probe=probe)
+    device = Device(skin, sensor or SensorSection(), seed=seed, probe=probe)
     load = load_of(str(phantom.asked), rate_hz)
     for number, command in enumerate((load, Arm(), Start())):
         device.receive(WIRE.encode_command(command, number))
@@ -52,8 +56,8 @@ def measured(phantom, probe, seed, *, kit=None, rate_hz=100.0):
     )
 
 
-def calibrated(probe, seed, kit=None):
-    readings = [Reading(p, measured(p, probe, seed)) for p in kit or read_phantoms()]
+def calibrated(probe, seed, kit=None, sensor=None):
+    readings = [Reading(p, measured(p, probe, seed, sensor=sensor)) for p in kit or read_phantoms()]
     return calibrate(readings, serial_number=probe.serial_number, model="m", now=NOW)
 
 
@@ -98,6 +102,16 @@ def test_hidden_errors_come_back_within_their_intervals():
     assert np.median(half["lag_s"]) < 0.002
     # Silicone whose stiffness is known to 2 % cannot tell a pressure better than that
     assert 0.015 < np.median(half["pressure_gain"]) < 0.04
+
+
+def test_a_pressure_in_whole_mbar_makes_its_zero_uncertain():
+    sensor = SensorSection(pressure_resolution_mbar=1.0)
+    for offset_mbar in (-0.85, 0.3):
+        found = calibrated(ProbeSection(pressure_offset_mbar=offset_mbar), 3, sensor=sensor)
+        assert found.misfit < 2
+        one = found.pressure_offset_mbar
+        assert one.low <= offset_mbar <= one.high
+        assert one.high - one.low > 0.2
 
 
 @pytest.mark.soak
@@ -205,8 +219,12 @@ def test_the_session_keeps_the_probe_and_replays_with_it(folder, capsys):
     assert run(["replay", str(folder / "s.h5"), "--speed", "max", "--verify", "--json"]) == 0
     again = json.loads(capsys.readouterr().out)
     assert again["probe"]["serial_number"] == "P-9"
-    # without it the same curve is not explained by any skin
+    # the session's own is used; without it the same curve is not explained by any skin
     assert run(["identify", str(folder / "s.h5"), "--json"]) == 0
+    own = json.loads(capsys.readouterr().out)
+    assert own["probe"] == again["probe"]
+    assert own["curves"][0]["parameters"] == again["curves"][0]["parameters"]
+    assert run(["identify", str(folder / "s.h5"), "--probe", "none", "--json"]) == 0
     blind = json.loads(capsys.readouterr().out)
     assert "probe" not in blind
     with_probe, without = again["curves"][0], blind["curves"][0]
@@ -230,6 +248,64 @@ def test_what_the_calibration_leaves_open_makes_intervals_wider(folder, tmp_path
     assert widths[0] > widths[1]
 
 
+MODEL = """[model]
+name = "with an effect"
+law = "extended_neo_hookean"
+kappa = "paper"
+[effects.{effect}.{parameter}]
+value = {mean}
+low = {low}
+high = {high}
+prior = {{ mean = {mean}, sd = 0.01 }}
+"""
+
+
+def test_a_model_with_effects_takes_the_calibration(folder, tmp_path, capsys):
+    path = tmp_path / "m.toml"
+    path.write_text(
+        MODEL.format(effect="viscoelasticity", parameter="g", low=0, high=0.5, mean=0.02)
+        + "[effects.viscoelasticity.tau_s]\nvalue = 1.0\n"
+    )
+    found = {}
+    for probe in (["--probe", "none"], []):
+        identify = ["identify", str(folder / "s.h5"), "--model", str(path), *probe]
+        assert run([*identify, "--json"]) == 0
+        found[not probe] = json.loads(capsys.readouterr().out)["curves"][0]
+    assert found[True]["rms_um"] < 0.8 * found[False]["rms_um"]
+    one = found[True]["parameters"]["X1_MPa"]
+    assert one["low"] <= 0.025 <= one["high"]
+
+
+def test_what_the_model_and_the_probe_file_both_know_counts_once(folder, tmp_path, capsys):
+    path = tmp_path / "m.toml"
+    path.write_text(
+        MODEL.format(effect="deflection_gain", parameter="gain", low=0.8, high=1.2, mean=1.06)
+    )
+    identify = ["identify", str(folder / "s.h5"), "--model", str(path)]
+    assert run([*identify, "--probe", str(folder / "probe.toml")]) == 3
+    assert run(identify) == 3
+    assert "would count twice" in capsys.readouterr().err
+    assert run([*identify, "--probe", "none"]) == 0
+
+
+def test_a_campaign_is_explained_by_true_readings(folder):
+    """What the calibration takes off is no missing effect, and what it leaves open no certainty."""
+    session, _ = read_campaign_or_session(folder / "s.h5")
+    (raw,) = session.curves
+    (record,) = records_of(session)
+    gain, offset_mm = raw.probe.file.deflection_gain.value, -0.035
+    assert record.curve.deflection_mm * gain + offset_mm == pytest.approx(
+        raw.deflection_mm, abs=1e-3
+    )
+    (blind,) = records_of(replace(session, curves=(replace(raw, probe=None),)))
+    assert (blind.curve.deflection_mm == raw.deflection_mm).all()
+    errors, before = errors_of([record]).columns_mm, errors_of([blind]).columns_mm
+    assert errors.shape[1] == before.shape[1] + len(PARAMETERS)
+    # half an interval of the pressure's gain, through dw/dp at the top
+    left_open = np.sqrt(np.square(errors[:, before.shape[1] :]).sum(axis=1))
+    assert 1e-3 < left_open.max() < 0.05
+
+
 def test_another_probe_is_refused_before_any_suction(folder, tmp_path, capsys):
     status = run(
         ["measure", "--port", "sim://?seed=3&speed=20", "--aperture-mm", "6", "--thickness-mm", "1",
@@ -250,6 +326,9 @@ def test_the_commands_answers(folder, capsys):
     check[2] = port.replace("skin.toml", "drifted.toml")
     assert run(check) == 1
     assert json.loads(capsys.readouterr().out)["agrees"] is False
+    check[2] = "sim://?seed=3&speed=20"
+    assert run(check) == 3
+    assert "'P-9'; connected is 'SIM-1'" in capsys.readouterr().err
     out = str(folder / "probe.toml")
     assert run(["calibrate", "--port", port, "--out", out]) == 3
     assert "never overwritten" in capsys.readouterr().err

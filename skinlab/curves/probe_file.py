@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import cached_property
@@ -32,6 +33,10 @@ SCHEMA = "skinlab.probe/1"
 PARAMETERS = (
     "deflection_gain", "deflection_offset_um", "pressure_gain", "pressure_offset_mbar", "lag_s",
 )  # fmt: skip
+# What a calibration knows too: beside one, such an effect of a model would count the same twice
+SENSOR_EFFECTS = frozenset(
+    {"deflection_gain", "deflection_offset", "pressure_gain", "pressure_lag"}
+)
 _SMOOTH = 5  # samples over which dp/dt is read
 
 
@@ -181,17 +186,12 @@ class ProbeErrors:
         pressure = (felt - file.pressure_offset_mbar.value) / file.pressure_gain.value
         deflection = curve.deflection_mm - 1e-3 * file.deflection_offset_um.value
         return replace(
-            curve, pressure_mbar=pressure, deflection_mm=deflection / file.deflection_gain.value
+            curve,
+            pressure_mbar=pressure,
+            deflection_mm=deflection / file.deflection_gain.value,
+            probe=None,
+            corrected_by=self,
         )
-
-    def as_read(self, deflection_mm: Array) -> Array:
-        """Return what the probe reads of true deflections (n,)."""
-        offset_mm = 1e-3 * self.file.deflection_offset_um.value
-        return self.file.deflection_gain.value * deflection_mm + offset_mm
-
-    def as_read_mbar(self, pressure_mbar: Array) -> Array:
-        """Return what the probe reads of true pressures (n,)."""
-        return self.file.pressure_gain.value * pressure_mbar + self.file.pressure_offset_mbar.value
 
     def columns_mm(
         self, time_s: Array, pressure_mbar: Array, deflection_mm: Array, slope: Array
@@ -211,6 +211,51 @@ class ProbeErrors:
             ]
         )
         return np.asarray(each @ self._root)
+
+
+def as_read(curve: Curve, pressure_mbar: Array, deflection_mm: Array) -> tuple[Array, Array]:
+    """Return what the probe of a corrected curve reads of true pressures and deflections (n,)."""
+    if curve.corrected_by is None:
+        return pressure_mbar, deflection_mm
+    file = curve.corrected_by.file
+    return (
+        file.pressure_gain.value * pressure_mbar + file.pressure_offset_mbar.value,
+        file.deflection_gain.value * deflection_mm + 1e-3 * file.deflection_offset_um.value,
+    )
+
+
+def columns_of(curves: Sequence[Curve], deflection_mm: Array, slope_mm_per_mbar: Array) -> Array:
+    """Return what the calibrations of curves leave open, as columns (u, m) of errors in mm.
+
+    For true deflections and dw/dp (u,) of all samples, end to end; curves of one probe err alike.
+    """
+    probes = {c.corrected_by.hash: c.corrected_by for c in curves if c.corrected_by is not None}
+    ends = np.cumsum([len(c) for c in curves])[:-1]
+    parts = list(zip(np.split(deflection_mm, ends), np.split(slope_mm_per_mbar, ends), strict=True))
+    blocks = [np.zeros((len(deflection_mm), 0))]
+    for hashed, probe in probes.items():
+        rows = [
+            probe.columns_mm(c.time_s, c.pressure_mbar, w, slope)
+            if c.corrected_by is not None and c.corrected_by.hash == hashed
+            else np.zeros((len(c), len(PARAMETERS)))
+            for c, (w, slope) in zip(curves, parts, strict=True)
+        ]
+        blocks.append(np.vstack(rows))
+    return np.hstack(blocks)
+
+
+def check_counted_once(probe: ProbeErrors | None, effects: Iterable[str]) -> None:
+    """Refuse a model's effects that are errors of the probe, beside its calibration.
+
+    Raises:
+        InputError: there is one.
+    """
+    twice = sorted(SENSOR_EFFECTS.intersection(effects))
+    if probe is not None and twice:
+        raise InputError(
+            f"the model's {', '.join(twice)} is what the probe file says too, and would count "
+            "twice; leave one of them out (--probe none)"
+        )
 
 
 def _rate(time_s: Array, pressure_mbar: Array) -> Array:
