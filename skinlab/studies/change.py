@@ -27,8 +27,8 @@ from skinlab.mechanics.names import plain
 from skinlab.recording.audit import entries
 from skinlab.recording.session import Session
 from skinlab.recording.session_fit import comparable, excluded_of
+from skinlab.studies.analysis import main_scale
 from skinlab.studies.components import WITHIN
-from skinlab.studies.reliability import main_scale
 
 Array = NDArray[np.float64]
 Verdict = Literal["changed", "not_shown", "cannot_say"]

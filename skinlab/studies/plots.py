@@ -12,8 +12,9 @@ import numpy as np
 
 from skinlab.mechanics.names import heading
 from skinlab.report.pictures import BLUE, GREY, SERIES, VERMILION, new_figure
+from skinlab.studies.analysis import Analysis
 from skinlab.studies.components import WITHIN
-from skinlab.studies.reliability import REPEATS, Analysis
+from skinlab.studies.reliability import REPEATS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -23,7 +23,7 @@ from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
 from skinlab.io.documents import decode, read_toml, toml_text
 from skinlab.report.page import Section, Table
-from skinlab.studies.reliability import main_scale, usable
+from skinlab.studies.analysis import main_scale, usable
 from skinlab.studies.table import Columns
 
 SCHEMA = "skinlab.reference/1"

@@ -1,107 +1,38 @@
-"""How far a study's values can be relied on: variance shares, ICC, SEM, MDC, repeats, agreement.
-
-One opening and one program at a time. Stiffnesses scatter by a factor, so that they are taken in
-logarithms (`scale` is `log`), and once more as they are (`linear`); all else is taken as it is.
-"""
+"""How far a study's values can be relied on: variance shares, ICC, SEM, MDC, repeats, agreement."""
 
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import combinations, islice
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import linregress
 from scipy.stats import t as t_distribution
 
-from skinlab.mechanics.names import is_logarithmic
 from skinlab.studies.agreement import LEVEL as PUBLISHED_LEVEL
 from skinlab.studies.agreement import BlandAltman, bland_altman, shrout_fleiss
-from skinlab.studies.components import (
-    LEVEL,
-    WITHIN,
-    Components,
-    Effect,
-    components,
-    effect,
-    interval,
+from skinlab.studies.analysis import (
+    NOT_STATED,
+    PLACED,
+    Analysis,
+    Array,
+    Facet,
+    Row,
+    analysis_of,
+    conditions,
+    main_scale,
+    numbered,
+    usable,
 )
-from skinlab.studies.sources import LABELS
-from skinlab.studies.table import Cell, Columns
+from skinlab.studies.components import LEVEL, WITHIN, interval
+from skinlab.studies.table import Columns
 
-Array = NDArray[np.float64]
-Row = dict[str, Cell]
-
-PEOPLE = ("subject", "subject:site")
 REPEATS = (1, 2, 3, 5, 10)
 _FEWEST = 6  # curves of one condition
 _MOST_PAIRS = 45  # of operators, probes, visits or placements that are held against each other
 _MOST_REPEATS = 1000
-_NOT_STATED = "program not stated"
-_DAY = re.compile(r"\d{4}-\d\d-\d\d")
-_90 = 1.6448536269514722
-
-
-@dataclass(frozen=True)
-class Facet:
-    """What is done anew when a skin is measured again."""
-
-    name: str
-    error: tuple[str, ...]
-    words: str
-    form: str  # the number that Shrout and Fleiss give such an intraclass correlation
-
-    @property
-    def same(self) -> tuple[str, ...]:
-        """What stays part of the thing measured: the people, and the visit where it is one."""
-        return PEOPLE if "visit" in self.error else (*PEOPLE, "visit")
-
-
-_PLACED = ("placement", WITHIN)
-FACETS = (
-    Facet("placement", _PLACED, "placed anew: same visit, operator and probe", "1"),
-    Facet("operator", ("operator", *_PLACED), "another operator: same visit and probe", "2"),
-    Facet("probe", ("probe", *_PLACED), "another probe: same visit and operator", "2"),
-    Facet("visit", ("visit", *_PLACED), "another visit: same operator and probe", "2"),
-    Facet(
-        "anew",
-        ("visit", "operator", "probe", *_PLACED),
-        "another visit, operator and probe",
-        "2",
-    ),
-)
-
-
-@dataclass(frozen=True, eq=False)
-class Analysis:
-    """One quantity under one opening and program, on one scale."""
-
-    condition: str
-    quantity: str
-    scale: str
-    people: int
-    found: Components | None
-    why: str | None  # why there are no components
-    identification: float | None  # mean variance of single curves' own intervals
-
-    @property
-    def key(self) -> Row:
-        """The columns that name it."""
-        return {"condition": self.condition, "quantity": self.quantity, "scale": self.scale}
-
-    def facets(self) -> Iterator[Facet]:
-        """Yield the facets of which the study can say something."""
-        if self.found is None:
-            return
-        for facet in FACETS:
-            own = [n for n in facet.error if n not in _PLACED]
-            if all(self.found.has(n) for n in own) or (
-                facet.name == "anew" and sum(self.found.has(n) for n in own) >= 2
-            ):
-                yield facet
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,47 +59,9 @@ class Reliability:
         return max(fitting, key=lambda a: a.found.count if a.found else 0, default=None)
 
 
-def main_scale(quantity: str) -> str:
-    """Return the scale on which a quantity scatters most evenly."""
-    return "log" if is_logarithmic(quantity) else "linear"
-
-
-def usable(table: Columns) -> Columns:
-    """Return the rows that count: whole curves, each file once, that tell some parameter."""
-    once = table.text["same_as"] == ""
-    whole = table.text["partial"] != "true"
-    return table.where(once & whole & ~tells_nothing(table))
-
-
-def tells_nothing(table: Columns) -> NDArray[np.bool_]:
-    """Return of which rows (n,) no parameter is identified, as where the pump did not pull."""
-    nothing = {f"not_identifiable:{name}" for name in table.parameters} or {""}
-    flags = table.text["flags"].tolist()
-    return np.array([nothing <= set(said.split()) for said in flags], dtype=bool)
-
-
-def _numbered(table: Columns) -> Columns:
-    """Return the table with each person's days numbered, where visits are days, as sessions say.
-
-    Else hardly two people have a visit in common, and no two visits could be held together.
-    """
-    subject, visit = table.text["subject"], table.text["visit"]
-    days: dict[str, set[str]] = {}
-    for who, day in zip(subject.tolist(), visit.tolist(), strict=True):
-        if not _DAY.fullmatch(day):
-            return table
-        days.setdefault(who, set()).add(day)
-    number = {
-        (who, day): str(k) for who, own in days.items() for k, day in enumerate(sorted(own), 1)
-    }
-    pairs = zip(subject.tolist(), visit.tolist(), strict=True)
-    numbers = np.array([number[pair] for pair in pairs], dtype=str)
-    return Columns({**table.text, "visit": numbers}, table.names)
-
-
 def reliability(table: Columns, seed: int = 0) -> Reliability:
     """Return what the table says of the reliability of its quantities."""
-    kept = _numbered(usable(table))
+    kept = numbered(usable(table))
     analyses: list[Analysis] = []
     blands: list[Row] = []
     pairs: list[Row] = []
@@ -187,7 +80,7 @@ def reliability(table: Columns, seed: int = 0) -> Reliability:
                 if scale == "log" and not (values > 0).all():
                     continue
                 y = np.log(values) if scale == "log" else values
-                one = _analysis(condition, quantity, scale, part, y, seed)
+                one = analysis_of(condition, quantity, scale, part, y, seed)
                 analyses.append(one)
                 notes |= dict.fromkeys(_notes(one))
                 tables += _from_tables(one, part, y)
@@ -208,77 +101,9 @@ def reliability(table: Columns, seed: int = 0) -> Reliability:
     )
 
 
-def conditions(table: Columns) -> Iterator[tuple[str, Columns]]:
-    """Yield the openings and programs of a table with their rows, the most frequent first."""
-    names = np.array(
-        [
-            f"{float(a):g} mm, {p or _NOT_STATED}"
-            for a, p in zip(
-                table.text["aperture_mm"].tolist(), table.text["program"].tolist(), strict=True
-            )
-        ],
-        dtype=str,
-    )
-    found, counts = np.unique(names, return_counts=True)
-    for name in found[np.argsort(-counts, kind="stable")].tolist():
-        yield name, table.where(names == name)
-
-
-def effects_of(table: Columns) -> list[Effect]:
-    """Return the random effects that the labels of a table describe."""
-    subject, visit, site, operator, probe, placement = (table.text[n] for n in LABELS)
-    several_sites = len(np.unique(site)) > 1
-    effects = [effect("subject", subject)]
-    if several_sites:
-        effects += [effect("site", site), effect("subject:site", subject, site)]
-    effects += [
-        effect("visit", subject, visit),
-        effect("operator", operator),
-        effect("probe", probe),
-        effect("placement", subject, visit, site, operator, probe, placement),
-    ]
-    return effects
-
-
-def cycles_of(table: Columns) -> Array | None:
-    """Return columns (n, k) of fixed effects: later cycles of a site differ from its first."""
-    cycle = table.text["cycle"]
-    later = np.unique(cycle)[1:]
-    if not later.size:
-        return None
-    return np.asarray(cycle[:, None] == later[None], dtype=float)
-
-
-def _analysis(
-    condition: str, quantity: str, scale: str, table: Columns, y: Array, seed: int
-) -> Analysis:
-    found, why = None, None
-    people = len(np.unique(table.text["subject"]))
-    try:
-        found = components(y, effects_of(table), cycles_of(table), seed=seed)
-    except ValueError as error:
-        why = f"{quantity}, {condition}: no components of variance ({error})"
-    return Analysis(
-        condition, quantity, scale, people, found, why, _identification(table, quantity, scale)
-    )
-
-
-def _identification(table: Columns, quantity: str, scale: str) -> float | None:
-    """Return the mean variance that single curves' own intervals state."""
-    if quantity not in table.parameters:
-        return None
-    low, high = table.number(f"{quantity}_low"), table.number(f"{quantity}_high")
-    if scale == "log":
-        with np.errstate(divide="ignore", invalid="ignore"):
-            low, high = np.log(low), np.log(high)
-    variance = np.square((high - low) / (2 * _90))
-    variance = variance[np.isfinite(variance)]
-    return float(variance.mean()) if variance.size else None
-
-
 def _limits(condition: str, table: Columns) -> Iterator[str]:
     """Yield what a reader of the figures of one condition should know."""
-    if condition.endswith(_NOT_STATED):
+    if condition.endswith(NOT_STATED):
         yield f"{condition}: curves of different programs, if there are any, are taken as one"
     for facet in _AGAIN:
         count = math.comb(len(np.unique(table.text[facet])), 2)
@@ -333,7 +158,7 @@ def _agreement(one: Analysis) -> Iterator[Row]:
         return
     for facet in one.facets():
         error, drawn = found.variance(facet.error), found.drawn(facet.error)
-        repeated = found.variance(_PLACED)
+        repeated = found.variance(PLACED)
         true, drawn_true = found.variance(facet.same), found.drawn(facet.same)
         key: Row = {**one.key, "facet": facet.name, "by": "components", "level": LEVEL}
         for k in (1, 2, 3):
@@ -355,7 +180,7 @@ def _agreement(one: Analysis) -> Iterator[Row]:
         for k in REPEATS:
             # Repeats are new placements: what a visit, operator or probe adds stays.
             left = error - repeated + repeated / k
-            ends = found.sum_interval({n: 1 / k if n in _PLACED else 1.0 for n in facet.error})
+            ends = found.sum_interval({n: 1 / k if n in PLACED else 1.0 for n in facet.error})
             for measure, factor in (("SEM", 1.0), ("MDC95", 1.96 * math.sqrt(2.0))):
                 value = factor * math.sqrt(left)
                 low = min(factor * math.sqrt(ends[0]), value)
@@ -405,7 +230,7 @@ def repeats_for(one: Analysis, percent: float, facet: Facet) -> int | None:
     found = one.found
     if found is None:
         return None
-    repeated = found.variance(_PLACED)
+    repeated = found.variance(PLACED)
     rest = found.variance(facet.error) - repeated
     if one.scale == "log":
         wanted = math.log1p(percent / 100.0)

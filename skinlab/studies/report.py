@@ -12,15 +12,9 @@ import numpy as np
 from skinlab.report.page import Illustration, Section, Table, page
 from skinlab.report.pictures import style, to_data_uri
 from skinlab.studies import plots
+from skinlab.studies.analysis import FACETS, Analysis, conditions, tells_nothing, usable
 from skinlab.studies.components import WITHIN
-from skinlab.studies.reliability import (
-    FACETS,
-    Analysis,
-    Reliability,
-    conditions,
-    tells_nothing,
-    usable,
-)
+from skinlab.studies.reliability import Reliability
 from skinlab.studies.table import Cell, Columns
 
 if TYPE_CHECKING:

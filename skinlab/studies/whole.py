@@ -21,10 +21,11 @@ from skinlab.inference.identify import Identifier
 from skinlab.inference.population import PriorFile
 from skinlab.io.files import write_file
 from skinlab.report.pictures import NO_PICTURES, have_pictures
+from skinlab.studies.analysis import FACETS
 from skinlab.studies.campaigns import Evidence, Shared, evidence, explain_all, section
 from skinlab.studies.population import Posterior, learn, to_toml
 from skinlab.studies.reference import reference_of, write_reference
-from skinlab.studies.reliability import FACETS, Reliability, reliability, repeats_for
+from skinlab.studies.reliability import Reliability, reliability, repeats_for
 from skinlab.studies.report import flags_of, html, main_analyses, people_of
 from skinlab.studies.run import How, settings_of, update
 from skinlab.studies.sources import LEFT_ALONE, Plan, sha256_of

@@ -10,8 +10,9 @@ import pytest
 from studies import stiffness_table as table
 
 from skinlab.studies.agreement import bland_altman, shrout_fleiss
+from skinlab.studies.analysis import FACETS
 from skinlab.studies.components import WITHIN, components, effect
-from skinlab.studies.reliability import FACETS, reliability, repeats_for
+from skinlab.studies.reliability import reliability, repeats_for
 from skinlab.studies.table import Columns
 
 # Shrout and Fleiss 1979, table 2: six targets, four judges.
