@@ -15,8 +15,17 @@ def cohort(tmp_path_factory):
     return folder
 
 
-@pytest.fixture(scope="session")
-def made(cohort, tmp_path_factory):
+@pytest.fixture(scope="module", autouse=True)
+def no_pictures():
+    """Pictures are drawn, and not written: half of a study's time. A page is, in tests/unit/api."""
+    with pytest.MonkeyPatch.context() as patch:
+        svg = b'<svg xmlns="http://www.w3.org/2000/svg"/>'
+        patch.setattr("skinlab.report.pictures.to_bytes", lambda figure, kind: svg)
+        yield
+
+
+@pytest.fixture(scope="module")
+def made(cohort, no_pictures, tmp_path_factory):
     """A study of the cohort: its folder, and what the command said."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     out = tmp_path_factory.mktemp("study") / "study"
