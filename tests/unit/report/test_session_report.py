@@ -358,6 +358,7 @@ def test_a_curve_without_samples(identifier):
     assert "0 samples" in text_of(section(page, "Curve 1"))
 
 
+@pytest.mark.usefixtures("no_pictures")
 def test_the_command_writes_what_it_says_and_nothing_over_anything(few, tmp_path, capsys):
     path = tmp_path / "s.h5"
     write_session(path, few)
