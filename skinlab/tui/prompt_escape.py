@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import selectors
+import threading
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -18,7 +20,7 @@ class PromptSelector(selectors.SelectSelector):
 
 
 def look_sooner() -> None:
-    """Let the terminal driver notice within 10 ms that nothing followed an Esc."""
+    """Let the terminal driver notice within 10 ms that nothing followed an Esc, and end with us."""
     try:
         from textual.drivers import linux_driver
     except ImportError:
@@ -27,3 +29,5 @@ def look_sooner() -> None:
     module.selectors = SimpleNamespace(
         SelectSelector=PromptSelector, EVENT_READ=selectors.EVENT_READ
     )
+    # Hung up twice, the app never tells what reads the keys to end: it would keep the process
+    module.Thread = partial(threading.Thread, daemon=True)

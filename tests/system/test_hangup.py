@@ -6,7 +6,10 @@ import os
 import pty
 import signal
 import subprocess
+import sys
+import threading
 import time
+from contextlib import suppress
 
 import pytest
 from patience import module_command
@@ -96,3 +99,45 @@ def test_a_measurement_in_the_background(simulate, tmp_path, ignored, sent):
     assert process.returncode == 130, said
     assert "Traceback" not in said
     assert read_session(out).curves[0].partial
+
+
+# A second hang-up while the screen is taken down: what reads the terminal is never told to end
+CUT_SHORT = """
+from textual.app import App
+from textual.drivers.linux_driver import LinuxDriver
+
+from skinlab.tui.prompt_escape import look_sooner
+
+
+class Cut(LinuxDriver):
+    def disable_input(self):
+        raise KeyboardInterrupt
+
+
+class Quits(App):
+    def on_ready(self):
+        self.exit()
+
+
+look_sooner()
+Quits(driver_class=Cut).run()
+"""
+
+
+def test_whoever_reads_keys_does_not_keep_the_process():
+    leader, follower = pty.openpty()
+    process = subprocess.Popen(
+        [sys.executable, "-c", CUT_SHORT], stdin=follower, stdout=follower, stderr=follower
+    )
+    os.close(follower)
+
+    def read_on():
+        with suppress(OSError):  # the terminal is gone with its last user
+            while os.read(leader, 4096):
+                pass
+
+    threading.Thread(target=read_on, daemon=True).start()
+    try:
+        process.wait(PATIENCE_S / 4)
+    finally:
+        process.kill()
