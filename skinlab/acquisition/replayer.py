@@ -60,6 +60,7 @@ class Replayer:
         self._closing = threading.Event()
         self._vents = 0
         self._begin_s = self._length_s = 0.0
+        self._told: Played | None = None
         self._created: datetime | None = None  # in local time
         self._created_s = 0.0  # the same by the clock of the record
 
@@ -142,6 +143,7 @@ class Replayer:
         self._free.clear()
         self._closing.clear()
         worker: IdentificationWorker | None = None
+        self._told = None
         try:
             session = read_session(Path(port))
             meta = session.meta
@@ -182,6 +184,7 @@ class Replayer:
 
     def _nap(self, seconds: float) -> None:
         self._outbox.flush()
+        self._tell(ended=False)  # also where nothing was recorded for a while
         self._closing.wait(seconds)
 
     def _heard(self, news: News) -> None:
@@ -191,7 +194,10 @@ class Replayer:
     def _tell(self, *, ended: bool) -> None:
         at_s = self.control.at_s
         done_s = 0.0 if at_s is None else at_s - self._begin_s
-        self._post(Played(min(max(done_s, 0.0), self._length_s), self._length_s, ended))
+        now = Played(min(max(done_s, 0.0), self._length_s), self._length_s, ended)
+        if now != self._told:
+            self._told = now
+            self._post(now)
 
 
 def _local(text: object) -> datetime | None:

@@ -359,6 +359,8 @@ def read_journal(path: Path) -> Read:
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     skipped: list[str] = []
+    behind = path.with_name(f"{path.name}-wal")  # where all is until sqlite moves it over
+    size_bytes = sum(part.stat().st_size for part in (path, behind) if part.is_file())
     try:
         with contextlib.closing(sqlite3.connect(path)) as db:
             db.text_factory = bytes
@@ -374,7 +376,7 @@ def read_journal(path: Path) -> Read:
             schema = meta.pop("schema", SCHEMA)
             if schema != SCHEMA:
                 raise InputError(f"{path}: schema {schema!r}; expected {SCHEMA!r}")
-            records = _records(db, path.stat().st_size, skipped)
+            records = _records(db, size_bytes, skipped)
             skipped += [] if skipped else _damage(db)
     except InputError:
         raise

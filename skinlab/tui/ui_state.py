@@ -668,7 +668,8 @@ class Board:
         self.series = self.left = None
         if failed is None:
             return
-        none = "" if self._read_any else f"{failed}, before the first reading: nothing to keep"
+        why = "vented" if failed.startswith("operator;") else failed  # by a key, or a click
+        none = "" if self._read_any else f"{why}, before the first reading: nothing to keep"
         rest = "vented: the repeats that were left are given up" if given_up > 1 else ""
         if none or rest:
             self.say(Level.WARNING, "; ".join(filter(None, (none, rest))))

@@ -307,12 +307,12 @@ def test_a_vent_before_the_first_reading_says_that_there_is_no_curve():
     board = connected_board()
     for phase in (Phase.ARMING, Phase.STARTING):
         board.see(Went(phase, Plan(SETUP)))
-    board.see(Over("vented (operator)", 1))
-    assert board.note == "vented (operator), before the first reading: nothing to keep"
+    board.see(Over("operator; the probe was told to vent", 1))
+    assert board.note == "vented, before the first reading: nothing to keep"
     board.see(Went(Phase.ARMING, Plan(SETUP)))
     load(board, ("P01", "arm"))
     board.answer(Level.INFO, "")
-    board.see(Over("vented (operator)", 1))
+    board.see(Over("operator; the probe was told to vent", 1))
     assert board.note == ""
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import threading
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -12,9 +13,11 @@ from drivers.events import Sample, TimedEvent
 from drivers.probe import Probe
 from skinlab.acquisition.measure import measure
 from skinlab.acquisition.measurement import Plan
+from skinlab.acquisition.messages import Played
 from skinlab.acquisition.pipeline import Pipeline
 from skinlab.acquisition.replay import identifier_of, reasons, replay
 from skinlab.acquisition.replay_control import ReplayControl
+from skinlab.acquisition.replayer import Replayer
 from skinlab.cli.main import run
 from skinlab.curves.curve import Setup
 from skinlab.curves.program import parse_program
@@ -23,7 +26,7 @@ from skinlab.inference.identify import Identifier
 from skinlab.inference.problem import Options
 from skinlab.recording.recorded import dialect_of, recorded_items
 from skinlab.recording.recorder import Recording
-from skinlab.recording.session import Session, read_session, write_session
+from skinlab.recording.session import Session, example_session, read_session, write_session
 from skinlab.recording.stream import CurveCompleted, Identified, Sampled
 from skinlab.versions import code_hash, versions
 
@@ -260,3 +263,27 @@ def test_the_command_explains_a_difference(session, tmp_path, capsys):
 
 def test_a_pause_needs_a_terminal(path):
     assert run(["replay", str(path), "--paused"]) == 3
+
+
+def test_the_time_goes_on_where_nothing_was_recorded(tmp_path):
+    """The example is silent between its two runs."""
+    posted, seen = [], threading.Event()
+    session = read_session(example_session())
+    items = recorded_items(session.records, dialect_of(session.meta))
+    times = [item.host_time_s for item in items if isinstance(item, TimedEvent)]
+    begin, end = max(pairwise(times), key=lambda pair: pair[1] - pair[0])
+    middle = (begin + end) / 2
+
+    def post(news):
+        posted.append(news)
+        if isinstance(news, Played) and middle < news.at_s + times[0] < end:
+            seen.set()
+
+    replayer = Replayer(tmp_path, post)
+    replayer.again(ahead_s=begin - times[0])
+    playing = threading.Thread(target=replayer.serve, args=(str(example_session()),))
+    playing.start()
+    assert seen.wait(60.0)
+    replayer.close()
+    playing.join(60.0)
+    assert not playing.is_alive()

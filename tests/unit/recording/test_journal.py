@@ -39,6 +39,22 @@ def test_records_keep_their_order_times_and_kind(tmp_path):
     assert records[0].data == b"ab"
 
 
+def test_a_journal_that_nobody_closed_is_read_to_its_last_record(tmp_path):
+    """As long as it is written, and after a crash, all but its first page is in a file beside."""
+    journal = Journal(tmp_path / "j", {"subject": "P-7"})
+    for number in range(3000):
+        journal.raw("rx", float(number), b"$S,%d" % number)
+    journal.flush()
+    for name in ("j", "j-wal"):  # what a crash leaves
+        (tmp_path / "crashed").mkdir(exist_ok=True)
+        (tmp_path / "crashed" / name).write_bytes((tmp_path / name).read_bytes())
+    for path in (tmp_path / "j", tmp_path / "crashed" / "j"):
+        read = read_journal(path)
+        assert [r.host_time_s for r in read.records] == [float(n) for n in range(3000)]
+        assert read.skipped == []
+    journal.close()
+
+
 def test_it_and_its_side_files_are_for_their_owner_only(tmp_path):
     before = os.umask(0)
     try:
