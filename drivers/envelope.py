@@ -105,8 +105,8 @@ class Envelope:
     def highest_mbar(self, time_s: float) -> float:
         """Highest pressure that the program can show at `time_s`, in mbar.
 
-        A pump may follow a command that goes down `pump_lag_s` late, or with that time constant, but
-        not both; so may a valve that opens, and nothing is left after `vent_time_s`.
+        A pump may follow a command that goes down `pump_lag_s` late, or with that time constant,
+        but not both; so may a valve that opens, and nothing is left after `vent_time_s`.
         """
         index, lag_s = self.segment, self._limits.pump_lag_s
         now = self._present(index, time_s)
