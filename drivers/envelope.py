@@ -18,6 +18,7 @@ from drivers.limits import Limits, longest_way_mbar
 _OPEN_ENDED = frozenset({SegmentKind.RELEASE, SegmentKind.UNTIL})  # by what is measured
 _OPEN_VALVE = frozenset({SegmentKind.RELEASE, SegmentKind.REST})
 _FORGOTTEN = 12.0  # time constants after which nothing is left of 500 mbar
+_QUICK = 1 / 6  # of the lag: the time constant of a pump that is late by all of it
 
 
 def targets(
@@ -104,8 +105,8 @@ class Envelope:
     def highest_mbar(self, time_s: float) -> float:
         """Highest pressure that the program can show at `time_s`, in mbar.
 
-        A pump may follow a command that goes down `pump_lag_s` late, or with that time constant; a
-        valve that opens has `vent_time_s` besides, and nothing is left then.
+        A pump may follow a command that goes down `pump_lag_s` late, or with that time constant,
+        but not both; so may a valve that opens, and nothing is left after `vent_time_s`.
         """
         index, lag_s = self.segment, self._limits.pump_lag_s
         now = self._present(index, time_s)
@@ -120,7 +121,9 @@ class Envelope:
             late_s = time_s - self._since[before + 1] - lag_s
             if late_s > _FORGOTTEN * lag_s:
                 break
-            fallen = math.exp(-max(0.0, late_s) / lag_s)
+            # Late, or slow: one that does nothing for so long and is slow then has a stuck valve
+            late = math.exp(-max(0.0, late_s) / (lag_s * _QUICK))
+            fallen = max(late, math.exp(-(late_s + lag_s) / lag_s))
             highest = max(highest, now + (self._top(before) - now) * fallen)
         return highest
 

@@ -62,6 +62,7 @@ ENDLESS: dict[str, Lie] = {  # it never says that the program is over
     "creeps up": lambda t, p, s: (t, p + 20.0 * max(0.0, t - 1.0), s),
     "reads nothing": lambda t, p, s: (t, 0.0, s),
     "wrong sign": lambda t, p, s: (t, -p, s),
+    "half open": lambda t, p, s: (t, max(p, 40.0), s),
     "wobbles": lambda t, p, s: (t + (0.9 if t > 1.0 and int(50 * t) % 2 else 0.0), p, s),
 }
 OTHERS: dict[str, Lie] = {
@@ -70,6 +71,7 @@ OTHERS: dict[str, Lie] = {
     "no pause": lambda t, p, s: (t, 3.0 if t % 0.5 < INTERVAL_S else 60.0, s),
     "starts by itself": lambda t, p, s: (t, p, s),
     "starts again": lambda t, p, s: (t, p, s),
+    "pulls between runs": lambda t, p, s: (t, p, s),
     "done": lambda t, p, s: (t, 60.0, s),
     "frozen height": lambda t, p, s: (t, p, s),
     "says all twice": lambda t, p, s: (t, p, s),
@@ -158,6 +160,12 @@ class Liar:
         """Say the samples that are due."""
         while self.late and time.monotonic() > self.late[0][0]:
             self.say(self.late.pop(0)[1])
+        if self.lie == "pulls between runs" and self.run is None and self.count:
+            at_s = time.monotonic() - self.started
+            if at_s > 1.5 and at_s > self.count * INTERVAL_S:
+                self.count = round(at_s / INTERVAL_S) + 1
+                self.said_mbar = 30.0
+                self.say(Sample(self.count, at_s, self.said_mbar, 0.1, 0))
         while self.run is not None and time.monotonic() - self.started >= self.count * INTERVAL_S:
             at_s = self.count * INTERVAL_S
             self.run.advance(round(1e6 * at_s), 0.0)

@@ -86,7 +86,7 @@ class Monitor:
 
     def _complete(self, index: int, curve: Curve, lost: int) -> list[Flagged]:
         view = CurveSoFar(
-            as_run(curve.setup, curve.segment, curve.pressure_mbar),
+            as_run(curve.setup, curve.segment, curve.pressure_mbar, whole=not curve.partial),
             curve.time_s,
             curve.pressure_mbar,
             curve.deflection_mm,

@@ -131,7 +131,9 @@ class Curve:
         program = self.setup.program
         if program is None or not program.stops_at_heights:
             return program
-        return None if self.segment is None else program.as_run(self.segment, self.pressure_mbar)
+        if self.segment is None:
+            return None
+        return program.as_run(self.segment, self.pressure_mbar, whole=not self.partial)
 
     def _phases(self) -> list[Phase] | NDArray[np.str_]:
         program = self.program_as_run

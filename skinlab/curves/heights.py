@@ -42,7 +42,8 @@ def heights_of(curve: Curve) -> tuple[Height, ...]:
         return ()
     found = []
     for k, one in enumerate(program.segments):
-        if not isinstance(one, Until) or not (curve.segment > k).any():
+        last_of_all = k + 1 == len(program.segments) and not curve.partial  # the vent is no curve
+        if not isinstance(one, Until) or not (last_of_all or (curve.segment > k).any()):
             continue
         last = np.flatnonzero(curve.segment == k)[-_NEAR:]
         reached, pressure, sd = True, None, None

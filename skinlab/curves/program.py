@@ -182,18 +182,21 @@ class Program:
         """Whether a height ends one of its segments."""
         return any(isinstance(s, Until) for s in self.segments)
 
-    def as_run(self, segment: NDArray[np.intp], pressure_mbar: ArrayLike) -> Program:
+    def as_run(
+        self, segment: NDArray[np.intp], pressure_mbar: ArrayLike, *, whole: bool = False
+    ) -> Program:
         """Return what was done: a rise that is over as the ramp to where it ended.
 
-        segment, pressure_mbar: (n,) of the samples.
+        segment, pressure_mbar: (n,) of the samples; whole: they go on to the program's end.
         """
         pressure = np.asarray(pressure_mbar, dtype=float)
         done = list(self.segments)
         for k, one in enumerate(self.segments):
             after = np.flatnonzero(segment > k)
-            if not isinstance(one, Until) or not after.size:
-                continue
             inside = np.flatnonzero(segment == k)
+            over = after.size or (whole and inside.size and k + 1 == len(done))
+            if not isinstance(one, Until) or not over:
+                continue
             near = [float(pressure[i]) for i in (*inside[-1:], *after[:1])]
             held = isinstance(self.segments[min(k + 1, len(done) - 1)], Hold)
             # It ended between its last reading and the next one, which a hold keeps

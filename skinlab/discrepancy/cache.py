@@ -30,7 +30,7 @@ from skinlab.discrepancy.verdict import Name, Verdict
 from skinlab.errors import InputError
 from skinlab.inference.covariance import Covariance
 from skinlab.inference.error_judgement import ErrorModelSummary, PlacementSummary
-from skinlab.io.files import write_file
+from skinlab.io.files import make_folder, write_file
 from skinlab.mechanics.effects import EFFECTS
 from skinlab.mechanics.materials import LAWS
 from skinlab.versions import versions
@@ -143,7 +143,7 @@ def save(name: str, outcome: Outcome, folder: Path | None = None) -> None:
     raw = hashlib.sha256(content).digest() + content
     with contextlib.suppress(OSError, InputError):
         to = _folder(folder)
-        to.mkdir(mode=0o700, parents=True, exist_ok=True)
+        make_folder(to)
         write_file(to / f"{name}{_SUFFIX}", raw, replace=True)
 
 

@@ -16,6 +16,7 @@ from skinlab.text import did_you_mean, escaped
 Kind = TypeVar("Kind")
 
 _DEEP = "nested too deeply"
+_MOST_BYTES = 16 << 20  # of a TOML: the parser takes a quarter of a second a MB
 _MOST_DOTS = 5_000  # of one line: a list of so many numbers is no campaign or model
 
 
@@ -47,8 +48,10 @@ def read_toml(raw: bytes | str) -> dict[str, Any]:
     """Return the tables of a TOML text.
 
     Raises:
-        ValueError: it is none, is no UTF-8, or is nested too deeply.
+        ValueError: it is none, is no UTF-8, is nested too deeply, or is very large.
     """
+    if len(raw) > _MOST_BYTES:
+        raise ValueError(f"{len(raw) >> 20} MB of text; expected at most {_MOST_BYTES >> 20} MB")
     # A key of thousands of parts takes the parser a time that grows with their square.
     dots, line_end = (b".", b"\n") if isinstance(raw, bytes) else (".", "\n")
     if any(line.count(dots) > _MOST_DOTS for line in raw.split(line_end)):  # type: ignore[arg-type]

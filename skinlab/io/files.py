@@ -66,12 +66,23 @@ def whole_text(path: Path) -> Iterator[TextIO]:
         yield stream
 
 
+def make_folder(folder: Path) -> None:
+    """Make a folder where there is none, and those that it is in, for their owner only.
+
+    Raises:
+        OSError: it cannot be made.
+    """
+    if not folder.parent.exists():
+        make_folder(folder.parent)
+    folder.mkdir(mode=0o700, exist_ok=True)
+
+
 @contextmanager
 def _whole(path: Path, replace: bool) -> Iterator[Path]:
     path = Path(os.path.realpath(path)) if replace else path  # not the link: what it leads to
     if not replace and os.path.lexists(path):
         raise FileExistsError
-    path.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(path.parent)
     number, name = tempfile.mkstemp(".partial", ".skinlab-", path.parent)  # 0600
     os.close(number)
     partial = Path(name)
@@ -121,7 +132,7 @@ def append_text(path: Path, text: str) -> None:
         InputError: it cannot be written.
     """
     with cannot_write(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(path.parent)
         with open(path, "a", encoding="utf-8", opener=private) as file:
             with contextlib.suppress(OSError, AttributeError):
                 os.fchmod(file.fileno(), _PRIVATE)  # one of an older version

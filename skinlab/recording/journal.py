@@ -22,7 +22,7 @@ from typing import Any
 
 from skinlab.errors import InputError
 from skinlab.io.documents import read_json
-from skinlab.io.files import private
+from skinlab.io.files import make_folder, private
 from skinlab.recording import audit
 from skinlab.recording.records import Kind, Record
 
@@ -76,7 +76,7 @@ class Journal:
         if path.exists():
             raise _exists(path)
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
+            make_folder(path.parent)
             # SQLite makes its side files for the owner only too.
             os.close(private(str(path), os.O_CREAT | os.O_EXCL | os.O_RDWR))
         except FileExistsError:

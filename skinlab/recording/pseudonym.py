@@ -21,6 +21,7 @@ from itertools import pairwise
 from skinlab.errors import InputError
 
 LONGEST = 24
+LONGEST_TEXT = 2000  # of a site or a note; looking for names takes the square of it
 _ROLES = frozenset({
     "anon", "case", "code", "control", "ctrl", "dummy", "group", "part", "participant", "pat",
     "patient", "person", "phantom", "pilot", "prob", "proband", "ref", "sample", "sim", "site",
@@ -48,7 +49,7 @@ _BORN = re.compile(
     re.I,
 )
 _SPACED = re.compile(r"(?<!\d)(\d\d) (\d\d) ((?:19|20)\d\d)(?!\d)")
-_MAIL = re.compile(r"\S+@\S+\.\w+")
+_MAIL = re.compile(r"[^\s@]@[^\s@]+\.\w")
 # Telephones, and numbers of registers in their usual groups
 _REGISTER = re.compile(
     r"\+\d[\d ()/-]{7,}\d|(?<![\d.])0\d{2,4}[ /-]\d{5,}|(?<!\d)\d{3}([ -])\d{3}\1\d{4}(?!\d)|"
@@ -178,6 +179,8 @@ def check_note(note: str) -> str:
 
 
 def _check_words(field: str, text: str, expected: str) -> str:
+    if len(text) > LONGEST_TEXT:
+        raise InputError(f"{field}: {len(text)} characters; expected at most {LONGEST_TEXT}")
     if _dates(text):
         raise InputError(f"{field} {text!r}: holds what looks like a date; {expected}")
     if _MAIL.search(text):

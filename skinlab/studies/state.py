@@ -20,6 +20,7 @@ import msgspec
 
 from skinlab.errors import InputError
 from skinlab.io.documents import read_json
+from skinlab.io.files import make_folder
 from skinlab.studies.compute import Computed, Task
 from skinlab.studies.sources import LABELS, pseudonym
 from skinlab.text import inert
@@ -103,7 +104,7 @@ class State:
         if folder.is_dir() and not self.path.exists() and any(folder.iterdir()):
             raise InputError(f"{folder}: not empty, and no study; expected a new folder")
         try:
-            folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+            make_folder(folder)
             # About people: for its owner only, as SQLite makes its side files too.
             os.close(os.open(self.path, os.O_CREAT | os.O_RDWR, 0o600))
             self._db = sqlite3.connect(self.path, timeout=0.2, isolation_level=None)

@@ -49,6 +49,7 @@ class Lie:
     seen_s: float | None  # since Start; None: nothing is pulled, or nothing is vented
     words: str
     status: int = 4
+    repeats: int = 1
     partial: bool = True  # what was measured; not where it lies behind the program's end
 
 
@@ -66,6 +67,8 @@ LIES = {
     "counts back": Lie(HELD, 0.78 + 0.3, "stale"),
     "frozen height": Lie("ramp:100@20", 0.5 + 0.5, "frozen deflection"),
     "frozen pressure": Lie("ramp:100@20", 1.5 + 0.5, "frozen pressure"),
+    "half open": Lie("ramp:60@100000,hold:1,rest:2", 1.0, "overshoot: 40 mbar"),
+    "pulls between runs": Lie(SHORT, 1.5, "suction of 30 mbar while", repeats=2, partial=False),
     "wrong sign": Lie(HELD, 0.0, "impossible pressure"),
     "reads nothing": Lie("ramp:60@100,hold:4", 0.2 + 1.0, "no skin"),
     "starts by itself": Lie(HELD, 0.0, "nobody has started it"),
@@ -131,7 +134,8 @@ def round_of_lies(
             stream = liars[name].stdout
             assert stream is not None
             url = stream.readline().strip()
-            hosts[name] = measure(url, LIES[name].program, folder / f"{number}.h5")
+            again = ["--repeats", str(LIES[name].repeats), "--rest-s", "3"]
+            hosts[name] = measure(url, LIES[name].program, folder / f"{number}.h5", again)
         ends = {name: os.waitstatus_to_exitcode(os.waitpid(h, 0)[1]) for name, h in hosts.items()}
     finally:
         for process in liars.values():

@@ -15,6 +15,7 @@ from skinlab.cli.main import run
 
 GEOMETRY = ["--aperture-mm", "6", "--thickness-mm", "1"]
 SKIN = ["--x1-mpa", "0.03", "--x2-mpa", "1.5", "--nu", "0.3"]
+FOLDERS = {"visits", "out", "csv", "html", "study", "gap"}  # that commands make
 SPEC = Path(__file__).parents[1] / "data" / "inputs" / "spec.toml"
 
 
@@ -73,3 +74,6 @@ def test_every_file_that_a_command_writes(folder):
         "ro-crate-metadata.json",
     }  # fmt: skip
     assert readable_by_others(folder) == []
+    made = [path for path in folder.rglob("*") if path.is_dir() and path.name in FOLDERS]
+    assert {path.name for path in made} == FOLDERS
+    assert {stat.S_IMODE(path.stat().st_mode) for path in made} == {0o700}

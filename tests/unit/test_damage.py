@@ -139,6 +139,12 @@ def test_deep_brackets_in_toml_are_a_sentence(tmp_path, capfd):
         refused(capfd, "capture", "--port", "x", "--dialect", deep, "--out", tmp_path / "c.jsonl")
 
 
+def test_a_very_large_toml_is_a_sentence(tmp_path, capfd):
+    (tmp_path / "m.toml").write_text("# x\n" * (5 << 20))
+    assert run(["identify", str(tmp_path / "m.toml")]) == 3
+    assert "20 MB of text; expected at most 16 MB" in capfd.readouterr().err
+
+
 def test_a_zero_character_in_a_campaigns_path(tmp_path, capfd):
     path = tmp_path / "c.toml"
     path.write_text(

@@ -71,7 +71,6 @@ class Remembered:
             self._file.layout.append(found)
         found.answers[option] = answer
         try:
-            self.path.parent.mkdir(parents=True, exist_ok=True)
             write_file(self.path, toml_text(msgspec.to_builtins(self._file)), replace=True)
         except (OSError, InputError):
             return False

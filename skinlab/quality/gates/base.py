@@ -113,7 +113,7 @@ def check_gate(one: object) -> None:
 def whole(curve: Curve, earlier: tuple[Curve, ...] = ()) -> CurveSoFar:
     """Return a completed curve as gates see it, where nothing but the curve is known."""
     return CurveSoFar(
-        as_run(curve.setup, curve.segment, curve.pressure_mbar),
+        as_run(curve.setup, curve.segment, curve.pressure_mbar, whole=not curve.partial),
         curve.time_s,
         curve.pressure_mbar,
         curve.deflection_mm,
@@ -124,12 +124,14 @@ def whole(curve: Curve, earlier: tuple[Curve, ...] = ()) -> CurveSoFar:
     )
 
 
-def as_run(setup: Setup, segment: NDArray[np.intp] | None, pressure_mbar: Array) -> Setup:
+def as_run(
+    setup: Setup, segment: NDArray[np.intp] | None, pressure_mbar: Array, *, whole: bool = False
+) -> Setup:
     """Return the setup with what was reached so far in the place of heights."""
     program = setup.program
     if program is None or segment is None or not program.stops_at_heights:
         return setup
-    return replace(setup, program=program.as_run(segment, pressure_mbar))
+    return replace(setup, program=program.as_run(segment, pressure_mbar, whole=whole))
 
 
 def beginnings(curve: Curve) -> tuple[tuple[int, float], ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -67,6 +68,22 @@ def test_the_pressure_that_a_height_needed(seed_sd):
     assert found.reached
     assert found.pressure_mbar == pytest.approx(40.0, abs=max(0.01, 4 * found.pressure_sd_mbar))
     assert found.pressure_sd_mbar < 0.5
+
+
+def test_a_height_with_which_the_program_ends():
+    """The vent behind it is no part of the curve."""
+    with_hold = curve("until:0.4mm@20,hold:2", 40.5)
+    rise = with_hold.segment == 0
+    columns = (with_hold.time_s, with_hold.pressure_mbar, with_hold.deflection_mm)
+    setup = Setup(6.0, 1.0, parse_program("until:0.4mm@20"))
+    alone = Curve("c", setup, *(c[rise] for c in columns), with_hold.segment[rise])
+    (found,) = heights_of(alone)
+    assert found.reached
+    assert found.pressure_mbar == pytest.approx(40.0, abs=0.01)
+    assert alone.program_as_run.segments == (Ramp(pytest.approx(40.0, abs=1.0), 20.0),)
+    cut = replace(alone, partial=True)
+    assert heights_of(cut) == ()
+    assert cut.program_as_run.segments == setup.program.segments
 
 
 def test_a_height_that_was_not_reached():

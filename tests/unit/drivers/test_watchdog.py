@@ -83,10 +83,10 @@ def test_nothing_is_stale_at_rest():
         (1, 5, 6, 110, 110.1),
         (2, 10, 10.2, 110, 110.1),  # the pump may be late on its way down
         (3, 10.1, 10.3, 110, 110.1),  # the ramp down still shows
-        (3, 10.1, 10.7, 59.4, 59.5),  # and fades away
+        (3, 10.1, 10.7, 40.8, 40.9),  # and fades away
         (3, 10.1, 13.1, 30, 30.1),
         (5, 15.1, 15.3, 110, 110.1),  # a vent fades too
-        (5, 15.1, 16.0, 23.5, 23.6),
+        (5, 15.1, 16.0, 14.9, 15.0),
         (5, 15.1, 16.2, 10, 10.1),  # and has one second
     ],
 )

@@ -123,6 +123,18 @@ def test_sites_and_notes_name_nobody(check, text, why):
         check(text)
 
 
+@pytest.mark.parametrize("check", [check_site, check_note])
+@pytest.mark.parametrize("text", ["A" * 100_000, "a@" * 50_000], ids=["letters", "signs"])
+def test_a_text_that_is_too_long_is_refused_at_once(check, text):
+    with pytest.raises(InputError, match="100000 characters; expected at most 2000"):
+        check(text)
+
+
+@pytest.mark.parametrize("part", ["A", "1.", "A. ", "Aa-", "x@", "x@x.", "1 ", "a'"])
+def test_any_shorter_one_is_judged(part):
+    taken(check_note, part * (2000 // len(part)))
+
+
 def test_a_number_of_a_register_is_refused():
     with pytest.raises(InputError, match="register"):
         check_subject("P999999999")
