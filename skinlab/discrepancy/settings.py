@@ -105,6 +105,11 @@ class SearchRules:
     """Effects that explain nothing, but most: fitted from elsewhere too."""
     members: int = 4
     """Of pairs that explain: tried alone."""
+    look_alike: float = 0.7
+    """Cosine of what two effects do to the curves, above which one may have been taken for the
+    other in the best pair,"""
+    look_alikes: int = 4
+    """and so many of these are fitted in its place."""
 
 
 @dataclass(frozen=True)
@@ -127,6 +132,8 @@ class NameRules:
     or it explains everything (Brynjarsdottir and O'Hagan 2014). Two meshes: 0.3 to 2 µm."""
     smooth_degree: int = 4
     """Of the smooth error, a polynomial in p/p_max, loading and unloading apart."""
+    steps: float = 4.0
+    """Standard deviations of chance by which an explanation may leave steps."""
     near: float = 0.5
     """Cosine between what a learned function and a named effect do to the curves, above which the
     name is told as the nearest."""
