@@ -222,10 +222,10 @@ class Search:
                 candidates = singles + self._pairs(pool, base, explaining, 1, SEARCH.behind)
             elif not base.adequate:
                 pairs = self._pairs(pool, base, singles, SEARCH.leaders, SEARCH.seen, signatures)
-                pairs += self._look_alikes(pool, base, pairs, signatures)
                 candidates = self._members(pool, base, pairs) + pairs
                 named = {c.effects for c in candidates}
                 candidates += [c for c in singles if c.effects not in named]
+            candidates = candidates + self._look_alikes(pool, base, candidates, signatures)
         base, candidates = self._weighed(base, candidates)
         candidates.sort(key=lambda c: -c.log10_evidence)
         for name in self._own:
@@ -416,20 +416,22 @@ class Search:
         self,
         pool: Pool,
         base: Candidate,
-        pairs: Sequence[Candidate],
+        found: Sequence[Candidate],
         signatures: Mapping[str, Signature],
     ) -> list[Candidate]:
-        """Return the best pair that explains with a member replaced by what does nearly the same.
+        """Return a pair that leads with a member replaced by what does nearly the same.
 
         A gain is nearly a curved sensor: which of them is beside a layer only fits of both tell.
         """
-        serving = [c for c in pairs if c.adequate]
+        serving = [c for c in found if c.adequate]
         if not serving:
             return []
         best = max(serving, key=lambda c: c.log10_evidence).fit
         added = best.effects[len(self._own) :]
+        if len(added) < 2:
+            return []
         tasks: list[tuple[float, tuple[Unknowns, Array]]] = []
-        known = {frozenset(c.effects) for c in pairs}
+        known = {frozenset(c.effects) for c in found}
         for mine, other in product(added, signatures.values()):
             names = frozenset(best.effects) - {mine} | {other.effect}
             seen = signatures.get(mine)
