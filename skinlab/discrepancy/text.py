@@ -111,7 +111,9 @@ def doubt_words(outcome: Outcome) -> list[str]:
     lines = []
     if outcome.trials:
         good = all(t.passed for t in outcome.trials)
-        lines.append("What stands behind it:" if good else "No name is given, because:")
+        found_none = outcome.verdict.name == "none"
+        why = "What seemed to be there is not" if found_none else "No name is given"
+        lines.append("What stands behind it:" if good else f"{why}, because:")
         lines += [f"  {t.sentence}" for t in outcome.trials if good or not t.passed]
     if outcome.found.implausible:
         lines.append(f"Too large for errors of a measurement: {outcome.found.implausible}.")

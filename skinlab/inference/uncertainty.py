@@ -59,7 +59,7 @@ class Sensor:
 
     noise_um: float | None = None
     pressure_noise_mbar: float | None = None
-    placement_scatter: float | None = 0.0  # of log stiffness, of curves together; 0: there is none
+    placement_scatter: float | None = None  # of log stiffness, of curves together; 0: there is none
     probe: ProbeErrors | None = None  # as it was calibrated; None: it reads the truth
 
     def corrected(self, curve: Curve) -> Curve:

@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
+_OTHERS = ((1, 2, 3), (0, 2, 3), (0, 1, 3), (0, 1, 2))  # of four nodes, without the k-th
+
 
 def stencil(nodes: ArrayLike, at: ArrayLike) -> tuple[Index, Array]:
     """Return the first of the four nodes (n,) and their weights (n, 4) at points (n,).
@@ -20,15 +22,14 @@ def stencil(nodes: ArrayLike, at: ArrayLike) -> tuple[Index, Array]:
     """
     x = np.asarray(nodes, dtype=float)
     points = np.asarray(at, dtype=float)
-    first = np.clip(np.searchsorted(x, points, side="right") - 2, 0, len(x) - 4)
+    first = np.minimum(np.maximum(np.searchsorted(x, points, side="right") - 2, 0), len(x) - 4)
     local = x[first[:, None] + np.arange(4)]
     distance = points[:, None] - local
     weights = np.empty_like(local)
-    for k in range(4):
-        others = [m for m in range(4) if m != k]
-        weights[:, k] = np.prod(distance[:, others], axis=1) / np.prod(
-            local[:, [k]] - local[:, others], axis=1
-        )
+    for k, (a, b, c) in enumerate(_OTHERS):
+        apart = local[:, [k]] - local
+        above = distance[:, a] * distance[:, b] * distance[:, c]
+        weights[:, k] = above / (apart[:, a] * apart[:, b] * apart[:, c])
     return first, weights
 
 

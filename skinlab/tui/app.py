@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import re
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -642,7 +641,12 @@ class SkinlabApp(PartedApp):
 def _shown(key: str) -> str:
     """Return a key as it stands on the keyboard."""
     named = {"delete": "Del", "pageup": "PgUp", "pagedown": "PgDn", "escape": "Esc"}
-    return named.get(key, key.upper() if re.fullmatch(r"f\d+", key) else key)
+    *held, last = key.split("+") if len(key) > 1 else [key]
+    if last in named:
+        last = named[last]
+    elif len(last) > 1 or held:
+        last = last[0].upper() + last[1:].replace("_", " ")
+    return "+".join([*map(str.capitalize, held), last])
 
 
 def _only_samples(news: News | Aimed) -> bool:

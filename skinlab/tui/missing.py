@@ -216,7 +216,7 @@ def _value_rows(outcome: Outcome, columns: int) -> Rows:
         left, right = f"{low:g} ", f" {high:g} "
         width = min(columns - 10 - len(left) - len(right) - 26, 2 * _BAR[1])
         for when, value in values:
-            row = [(f"  {when:<7} ", "quiet")]
+            row = [(f"  {when:<7} " if len(values) > 1 else "  ", "quiet")]
             if width >= 8 and value.low is not None:
                 drawn = scaled_bar(value, low, high, width, logarithmic=logarithmic)
                 row += [(left, "quiet"), (drawn, when), (right, "quiet")]
@@ -280,7 +280,8 @@ def _panel(
     rows: Rows = [[(shortened(title, width).ljust(width), "text")]]
     for name, left_um in residuals:
         rms = float(np.sqrt(np.mean(np.square(left_um)))) if len(left_um) else math.nan
-        caption = f"{name}: {digits(rms, 2)} µm rms"
+        when = f"{name}: " if len(residuals) > 1 else ""  # else nothing was before or after
+        caption = f"{when}{digits(rms, 2)} µm rms"
         rows.append([(shortened(caption, width).ljust(width), "quiet")])
         at = (np.arange(len(left_um)) + 0.5) / max(len(left_um), 1)
         main = dots(at, share(left_um, -most_um, most_um), width, height)

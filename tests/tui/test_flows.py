@@ -236,6 +236,7 @@ async def test_excluding_noting_fitting_and_undoing(bedside, session_files):
         await session_screen(bed)
         await bed.press("delete")
         await bed.until(lambda: isinstance(bed.app.focused, Input))
+        assert bed.board.note == "why is curve 1 left out? Enter answers, F8 cancels"
         await bed.press("enter")  # no answer: the question stays
         await bed.until(lambda: "type an answer" in bed.board.note)
         await bed.press(*"bad", "tab", "enter")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import unicodedata
 from dataclasses import dataclass
+from functools import lru_cache
 
 from skinlab.exchange.importing.units import ROLES, Role, Unit, find_unit
 
@@ -30,6 +31,7 @@ class Heading:
     unit: Unit | None = None
 
 
+@lru_cache(maxsize=1024)
 def read_heading(text: str, unit_text: str = "") -> Heading:
     """Return what a heading says; `unit_text` is the cell of a line of units below it.
 

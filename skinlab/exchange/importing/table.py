@@ -7,6 +7,7 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain, islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -92,16 +93,16 @@ def survey(lines: Sequence[Line], decimal: str) -> Draft | None:
     fits = [len(v) > core[-1] and all(v[k] for k in core) for v in values]
     edges = np.flatnonzero(np.diff([0, *fits, 0]))
     runs = tuple((int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True))
-    heads = [
-        _header(lines[0 if k == 0 else runs[k - 1][1] : begin], width)
-        for k, (begin, _) in enumerate(runs)
-    ]
-    named = [k for k, head in enumerate(heads) if head[3] >= _FEWEST_COLUMNS]
-    chosen = named[0] if named else 0
-    header, units, used, roles = heads[chosen]
+    above = (lines[0 if k == 0 else runs[k - 1][1] : begin] for k, (begin, _) in enumerate(runs))
+    heads = (_header(part, width) for part in above)
+    first = next(heads)
+    # The first table, and whether there is a second: a long file may have many runs
+    all_named = ((k, h) for k, h in enumerate(chain([first], heads)) if h[3] >= _FEWEST_COLUMNS)
+    named = list(islice(all_named, 2))
+    chosen, (header, units, used, roles) = named[0] if named else (0, first)
     return Draft(
         decimal, width, core, runs, chosen, header, units, used, roles,
-        second=lines[runs[named[1]][0]].number if len(named) > 1 else None,
+        second=lines[runs[named[1][0]][0]].number if len(named) > 1 else None,
     )  # fmt: skip
 
 

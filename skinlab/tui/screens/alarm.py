@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
+from textual.binding import Binding, BindingType
 from textual.widgets import Static
 
 from skinlab.tui.screens.over import AskingScreen
-from skinlab.tui.typing_guard import TypingGuard
+from skinlab.tui.typing_guard import CONFIRM_KEY, TypingGuard
 from skinlab.tui.ui_state import Board
 
 
 class AlarmScreen(AskingScreen):
     """Lift the probe. Only F9 takes it away; v and Esc vent again."""
 
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding(CONFIRM_KEY, "answer_yes", "Acknowledge", priority=True, id="confirm"),
+    ]
     _keys = (("v vents again", "v"), ("F9 acknowledges", "f9"))
     _box = "alarm"
 

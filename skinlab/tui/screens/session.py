@@ -61,7 +61,7 @@ class SessionScreen(BoardScreen):
         Binding("n", "note", "Note", id="note"),
         Binding("d,D", "missing", "Missing", key_display="d", id="missing"),
         Binding("ctrl+z", "undo", "Undo", key_display="^z", priority=True, id="undo"),
-        Binding(CHECK_KEY, "cancel", "No", key_display="F8", priority=True, id="check"),
+        Binding(CHECK_KEY, "cancel", "Cancel", key_display="F8", priority=True, id="check"),
         Binding("tab,shift+tab", "stay", show=False, priority=True),
     ]
 
@@ -70,6 +70,7 @@ class SessionScreen(BoardScreen):
         self._names: tuple[str, ...] = ()  # of the parameters that have a column
         self._then: Callable[[str], None] | None = None  # what the line that is typed is for
         self._needed = True  # an answer to it
+        self._said = ""  # while it is asked
 
     def parts(self) -> Iterator[Widget]:
         """Yield title, curves, what they say together, and the line for an answer."""
@@ -152,14 +153,17 @@ class SessionScreen(BoardScreen):
 
     def action_note(self) -> None:
         """Write something down."""
-        self._ask("note", lambda text: self._decided(self._board.ledger.note(check_note(text))))
+        self._ask(
+            "what is to be noted?",
+            lambda text: self._decided(self._board.ledger.note(check_note(text))),
+        )
 
     def action_compare(self) -> None:
         """Compare with another session."""
         self._ask(
-            "compare with which session? Its file; Enter: the visit before of this site",
+            "compare with which session?",
             lambda text: self._want(self.Wanted("compare", text)),
-            needed=False,
+            without="takes the visit before of this site",
         )
 
     def action_joint(self) -> None:
@@ -188,8 +192,12 @@ class SessionScreen(BoardScreen):
 
     # ---- a line of text -----------------------------------------------------------------------
 
-    def _ask(self, what: str, then: Callable[[str], None], *, needed: bool = True) -> None:
-        self._then, self._needed = then, needed
+    def _ask(self, what: str, then: Callable[[str], None], *, without: str = "") -> None:
+        """Ask, and do `then` with the answer; `without` says what Enter alone does."""
+        self._then, self._needed = then, not without
+        enter = f"type its file, Enter alone {without}" if without else "Enter answers"
+        self._said = f"{what} {enter}, F8 cancels"  # below: what is typed hides what was asked
+        self._board.answer(Level.INFO, self._said)
         line = self.query_one(Input)
         line.value, line.placeholder, line.display = "", what, True
         self.query_one(DataTable).disabled = True  # a click there would make letters keys again
@@ -199,6 +207,8 @@ class SessionScreen(BoardScreen):
     def leave_line(self) -> None:
         """Ask no more."""
         self._then = None
+        if self._board.note == self._said:
+            self._board.answer(Level.INFO, "")
         self.query_one(Input).display = False
         table = self.query_one(DataTable)
         table.disabled = False

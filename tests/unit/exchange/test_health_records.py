@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 
-import jsonschema
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -84,6 +83,8 @@ def test_a_bundle_is_fhir_and_holds_the_curve_and_its_parameters(session_path, t
 
 
 def test_parameters_keep_their_schema_and_say_what_they_are_of(session_path, tmp_path):
+    import jsonschema  # takes seconds, which every process of the tests would pay
+
     jsonschema.Draft202012Validator.check_schema(SCHEMA)
     document = exported(session_path, "parameters", tmp_path / "p")
     jsonschema.validate(document, SCHEMA)

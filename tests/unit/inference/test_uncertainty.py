@@ -390,7 +390,7 @@ class TestPlacement:
 
 class TestAdvice:
     def test_the_expected_narrowing_comes_true(self, table):
-        identifier = Identifier(table, sensor=Sensor(3.0, 0.0))
+        identifier = Identifier(table, sensor=Sensor(3.0, 0.0, placement_scatter=0.0))
         first = curve_of(table, SKIN, noise_um=3.0, seed=3)
         known = identifier(first)
         advice = {(a.aperture_mm, a.program): a for a in identifier.advise(known, 1.0)}

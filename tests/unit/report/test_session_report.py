@@ -293,15 +293,15 @@ def test_the_pictures_of_a_session_are_those_of_its_page(report):
     assert [name[: len("curve_0001_")] for name in found[3:]] == names
 
 
-try:
-    to_pdf("<p></p>")
-    _PANGO = True
-except InputError:
-    _PANGO = False
-needs_pango = pytest.mark.skipif(not _PANGO, reason="the library Pango is not installed")
+@pytest.fixture
+def pango():
+    try:
+        to_pdf("<p></p>")
+    except InputError:
+        pytest.skip("the library Pango is not installed")
 
 
-@needs_pango
+@pytest.mark.usefixtures("pango")
 def test_the_pdf_is_on_a4_and_begins_with_page_one(few, identifier):
     (written,) = SessionReport(few, identifier).files("pdf").values()
     pages = PdfReader(io.BytesIO(written)).pages
@@ -313,7 +313,7 @@ def test_the_pdf_is_on_a4_and_begins_with_page_one(few, identifier):
     assert len(pages) > 1
 
 
-@needs_pango
+@pytest.mark.usefixtures("pango")
 def test_a_comparison_is_on_page_one_too(few, identifier):
     head = ("quantity", "answer", "change", "between", "smallest that could be shown")
     rows = [(name, "too uncertain to say", "+5 %", "−46 to +104 %", "94 %") for name in "abcd"]
@@ -326,7 +326,7 @@ def test_a_comparison_is_on_page_one_too(few, identifier):
     assert "Curve by curve" in pages[1]
 
 
-@needs_pango
+@pytest.mark.usefixtures("pango")
 def test_a_pdf_fetches_nothing():
     with socket.create_server(("127.0.0.1", 0)) as server:
         server.setblocking(False)
@@ -335,10 +335,10 @@ def test_a_pdf_fetches_nothing():
             server.accept()
 
 
-@pytest.mark.parametrize(
-    "kind", [pytest.param(k, marks=needs_pango) if k == "pdf" else k for k in FORMATS]
-)
-def test_an_empty_session(kind, tmp_path, capsys):
+@pytest.mark.parametrize("kind", FORMATS)
+def test_an_empty_session(kind, tmp_path, capsys, request):
+    if kind == "pdf":
+        request.getfixturevalue("pango")
     path = tmp_path / "empty.h5"
     write_session(path, Session({}, (), (), ()))
     assert run(["export", str(path), str(tmp_path / "out"), "--to", kind]) == 0
