@@ -225,7 +225,6 @@ class Search:
                 candidates = self._members(pool, base, pairs) + pairs
                 named = {c.effects for c in candidates}
                 candidates += [c for c in singles if c.effects not in named]
-            candidates = candidates + self._look_alikes(pool, base, candidates, signatures)
         base, candidates = self._weighed(base, candidates)
         candidates.sort(key=lambda c: -c.log10_evidence)
         for name in self._own:
@@ -411,56 +410,6 @@ class Search:
         fitted = self._race(pool, base, ranked) if ranked else []
         fits = pool.map(fit_from, linear) if linear else []
         return fitted + [self._candidate(fit, base) for fit in fits if fit is not None]
-
-    def _look_alikes(
-        self,
-        pool: Pool,
-        base: Candidate,
-        found: Sequence[Candidate],
-        signatures: Mapping[str, Signature],
-    ) -> list[Candidate]:
-        """Return a pair that leads with a member replaced by what does nearly the same.
-
-        A gain is nearly a curved sensor: which of them is beside a layer only fits of both tell.
-        """
-        serving = [c for c in found if c.adequate]
-        if not serving:
-            return []
-        best = max(serving, key=lambda c: c.log10_evidence).fit
-        added = best.effects[len(self._own) :]
-        if len(added) < 2:
-            return []
-        tasks: list[tuple[float, tuple[Unknowns, Array]]] = []
-        known = {frozenset(c.effects) for c in found}
-        for mine, other in product(added, signatures.values()):
-            names = frozenset(best.effects) - {mine} | {other.effect}
-            seen = signatures.get(mine)
-            if seen is None or other.effect in best.effects or names in known:
-                continue
-            together = float(seen.direction @ other.direction)
-            cosine = together / max(seen.size * other.size, 1e-12)
-            if abs(cosine) < SEARCH.look_alike:
-                continue
-            stays = self._unknowns
-            for name in added:
-                stays = stays if name == mine else stays.with_effect(name)
-            at = best.unknowns.names.index(seen.axes[seen.which].name)
-            amount = float(best.u[at]) * together / other.size**2
-            own = [amount if i == other.which else v for i, v in enumerate(other.beside)]
-            unknowns = stays.with_effect(other.effect)
-            start = np.clip(
-                np.concatenate([stays.among(best.unknowns, best.u), own]), *unknowns.bounds
-            )
-            tasks.append((-abs(cosine), (unknowns, start)))
-            known.add(names)
-        tasks.sort(key=lambda task: task[0])
-        chosen = [task for _, task in tasks[: SEARCH.look_alikes]]
-        if not best.settled:
-            chosen.append((best.unknowns, best.u))
-        if chosen:
-            self._progress("fitting what does nearly the same as a member of the best pair")
-        fits = [fit for fit in pool.map(fit_from, chosen) if fit is not None]
-        return [self._candidate(fit, base) for fit in fits]
 
     def _members(self, pool: Pool, base: Candidate, pairs: Sequence[Candidate]) -> list[Candidate]:
         """Return fits of the single effects of pairs that explain, begun where the pair ended.

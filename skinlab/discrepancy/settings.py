@@ -105,11 +105,6 @@ class SearchRules:
     """Effects that explain nothing, but most: fitted from elsewhere too."""
     members: int = 4
     """Of pairs that explain: tried alone."""
-    look_alike: float = 0.7
-    """Cosine of what two effects do to the curves, above which one may have been taken for the
-    other in the best pair,"""
-    look_alikes: int = 4
-    """and so many of these are fitted in its place."""
 
 
 @dataclass(frozen=True)
