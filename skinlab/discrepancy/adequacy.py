@@ -12,12 +12,14 @@ from scipy.special import chdtrc, ndtr
 
 from skinlab.discrepancy.records import Record
 from skinlab.inference.covariance import Covariance
+from skinlab.inference.error_models.quantised import step_um
 
 Array = NDArray[np.float64]
 
 _BINS = 6  # of a phase of a curve
 _FEWEST = 6  # samples of a bin
 _NEIGHBOURS = 3  # samples apart: beyond what chance does to one distance, within a heartbeat
+_DRAWN, _STEP_SIDE = 200, 4  # residuals by chance; samples on either side of a step
 _NO_DOUBT = 0.05  # of a p value: what is likelier is not looked at with other errors
 ADEQUATE = 1e-3  # a fit whose residual is less likely than this leaves more than noise
 
@@ -114,6 +116,32 @@ def judge(
     for errors, weight in judged[1:]:
         p += weight * look(records, errors, deflections_mm, unknowns).p_value
     return replace(first, p_value=p)
+
+
+def steps(records: Sequence[Record], errors: Covariance, residual_mm: Array) -> float:
+    """Return by how much a residual (u,) has steps that stay, in standard deviations of chance.
+
+    Of each curve the one step that takes most off χ², all curves added up, against the same of
+    errors that are drawn, and rounded as the readings are. Tape that lets go does this; what is
+    smooth, and what wanders as the errors do, does not.
+    """
+    drawn = errors.colour(np.random.default_rng(0).standard_normal((errors.count, _DRAWN)))
+    model = np.concatenate([r.curve.deflection_mm for r in records]) - residual_mm
+    for record, part, own in zip(records, errors.split(drawn), errors.split(model), strict=True):
+        lattice = 1e-3 * step_um(record.curve.deflection_mm)
+        if lattice > 0.0:
+            part[:] = lattice * np.round((own[:, None] + part) / lattice) - own[:, None]
+    every = np.column_stack([residual_mm, drawn])
+    score = errors.transposed_without_columns(errors.without_columns(every))
+    total = np.zeros(_DRAWN + 1)
+    for part in errors.split(score):
+        if len(part) <= 2 * _STEP_SIDE:
+            continue
+        since = np.cumsum(part[::-1], axis=0)[::-1][_STEP_SIDE:-_STEP_SIDE]  # of steps there
+        usual = np.square(since[:, 1:]).mean(axis=1, keepdims=True)
+        total += (np.square(since) / usual).max(axis=0)
+    chance = total[1:]
+    return float((total[0] - chance.mean()) / max(float(chance.std()), 1e-9))
 
 
 def _stretches(record: Record) -> list[tuple[int, int]]:

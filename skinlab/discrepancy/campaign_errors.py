@@ -124,6 +124,15 @@ class Linearised:
             -0.5 * (n * _LOG_2PI + log_det + chi2 - k * _LOG_2PI) - self.log_prior_volume
         )
 
+    def explained_mm(self, errors: Covariance) -> Array:
+        """Return by how much the curves (u,) move where the unknowns go to their optimum."""
+        slopes = self.slopes_mm[:, self.free]
+        white, left = errors.whiten(slopes), errors.whiten(self.residual_mm)
+        prior = self.prior_slopes[:, self.free]
+        whole = white.T @ white + prior.T @ prior + _sub(self.flat, self.free)
+        moved = np.linalg.solve(whole, white.T @ left - prior.T @ self.prior)
+        return np.asarray(slopes @ moved)
+
     def shares(self, errors: Covariance) -> Array:
         """Return what each of the errors' columns probably did (u, m), mm."""
         columns = np.column_stack([self.residual_mm, self.slopes_mm[:, self.free]])

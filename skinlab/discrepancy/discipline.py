@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
+from skinlab.discrepancy.adequacy import steps
 from skinlab.discrepancy.campaign_errors import CampaignErrors, Linearised, log_evidences
 from skinlab.discrepancy.heldout import HeldOut
 from skinlab.discrepancy.odds import odds_words
@@ -78,7 +79,7 @@ class Discipline:
         everything = np.ones(sum(len(r.curve) for r in self._records), dtype=bool)
         whole = self.ahead(best, base, everything)
         odds = best.log10_evidence - whole  # of the prior, and what fewer settings change
-        found = [self._size(best, base), self._smooth(best, base)]
+        found = [self._size(best, base), self._smooth(best, base), self._steps(best)]
         found.append(self._again(best, base, rivals, odds, everything))
         if parts:
             found.append(self._chosen_again(best, base, rivals, parts, everything))
@@ -118,6 +119,18 @@ class Discipline:
             lead >= NAMES.tie,
             f"it is {odds_words(lead)} likelier than a smooth error of the model of about "
             f"{size:g} µm",
+        )
+
+    def _steps(self, best: Candidate) -> Trial:
+        errors = self._errors.looks[-1].mode
+        more = steps(self._records, errors, self._linear[id(best)].residual_mm)
+        passed = more < NAMES.steps
+        return Trial(
+            "steps",
+            passed,
+            "it leaves no sudden steps"
+            if passed
+            else "what it leaves has sudden steps in it, as of tape that lets go",
         )
 
     def _again(

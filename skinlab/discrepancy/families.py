@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from skinlab.discrepancy.adequacy import judge
-from skinlab.discrepancy.campaign_errors import CampaignErrors
+from skinlab.discrepancy.campaign_errors import CampaignErrors, Linearised
 from skinlab.discrepancy.discipline import Trial
 from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.odds import odds_words
@@ -27,6 +27,7 @@ from skinlab.discrepancy.search import LOG10, Candidate, Found, Search
 from skinlab.discrepancy.settings import ERRORS, NAMES
 from skinlab.discrepancy.table_domes import has_features
 from skinlab.discrepancy.unknowns import Known, Unknowns
+from skinlab.inference.covariance import Covariance
 from skinlab.mechanics.effects import all_effects
 from skinlab.mechanics.effects.learned import PRIOR_SIZES, LearnedEffect, Seen
 from skinlab.mechanics.effects.model import problem_of
@@ -111,7 +112,8 @@ def against_families(search: Search, base: Candidate, best: Candidate) -> Trial:
     """Return whether no smooth function is 20 times likelier, or needed beside an explanation.
 
     Of the families that cost no finite elements, linearised about the explanation and about the
-    model as it is; their odds are alike.
+    model as it is; their odds are alike. What changes the curves by less than matters in practice
+    is not needed: a path that is known to a tenth of a millibar leaves as much.
     """
     errors, fits = search.errors, (base.fit, best.fit)
     assert errors is not None
@@ -141,7 +143,11 @@ def against_families(search: Search, base: Candidate, best: Candidate) -> Trial:
             break
         gains = mean[:, which] + odds - against
         i = int(np.argmax(gains))
-        if gains[i] >= NAMES.tie:
+        small = False
+        if which == 1 and gains[i] >= NAMES.tie:
+            scaled = ones[2 + (2 * i + 1) * len(_SCALES) + int(np.argmax(by_scale[i, 1]))]
+            small = _change_um(errors.looks[-1].mode, ones[1], scaled) < NAMES.practical_um
+        if gains[i] >= NAMES.tie and not small:
             kind = named[i].family.replace("_", " ")
             return Trial(
                 "families", False,
@@ -151,6 +157,16 @@ def against_families(search: Search, base: Candidate, best: Candidate) -> Trial:
         "families", True,
         "no smooth unknown function is 20 times likelier in its place, or needed beside it",
     )  # fmt: skip
+
+
+def _change_um(errors: Covariance, one: Linearised, more: Linearised) -> float:
+    """Return by how much the fitted curves of two explanations differ, root mean square.
+
+    Weighed by the errors, as gaps are: what a placement may have done as well is no difference.
+    """
+    before, after = (each.explained_mm(errors) for each in (one, more))
+    z = errors.whiten(after - before)
+    return errors.noise_um * float(np.sqrt(np.mean(z**2)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -84,8 +84,7 @@ def predict_held_out(fitter: Fitter, fit: Fit, parts: Sequence[Part]) -> HeldOut
     nothing to hold out the gap is that of the fit.
     """
     errors, measured = fitter.errors, fitter.measured
-    process = 0.0 if errors.ou is None else errors.ou.size_mm
-    noise = 1e3 * float(np.sqrt(np.mean(errors.variance_mm2) + process**2))
+    noise = errors.noise_um
     if not parts:
         off = np.concatenate(fit.deflections_mm) - measured
         z = errors.whiten(off)

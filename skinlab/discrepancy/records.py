@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -45,6 +46,7 @@ class Record:
     placement: int = 0  # which putting-on of the probe
     coarse: int = 1  # samples that each one is the mean of
     thickness_sd_mm: float = 0.0  # as stated
+    creases_mbar: float = math.inf  # from where on the model's skin has no dome of its own
 
     @property
     def name(self) -> str:

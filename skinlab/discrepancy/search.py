@@ -28,10 +28,12 @@ from skinlab.discrepancy.search_workers import (
     signature_of,
 )
 from skinlab.discrepancy.settings import ERRORS, FITS, NAMES, SEARCH
+from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.discrepancy.unknowns import BasePrior, Known, Unknowns
 from skinlab.errors import NotTrustworthyError
 from skinlab.inference.covariance import Covariance, independent
 from skinlab.mechanics.effects import get_effect, library_names
+from skinlab.mechanics.fem.skin import SkinProblem
 from skinlab.mechanics.model_file import BASE, Model, Normal
 from skinlab.workers import Pool
 
@@ -249,7 +251,7 @@ class Search:
         bad = outliers(before.records, linear)
         self._kept = tuple(before.errors.split(~bad))
         self._progress("learning how large the errors are")
-        records = without(before.records, self._kept)
+        records = creased(without(before.records, self._kept), first.fit, before.domes)
         self._thickness_mm = thickness_slopes(before.records, first.fit, before.domes)[~bad]
         self.errors = self._learn(records, linear.only(~bad), None)
         self.fitter = before.with_errors(records, self.errors.working)
@@ -469,6 +471,13 @@ class Search:
         if self._partial is not None:
             self._partial.add(found, base=base is None)
         return found
+
+
+def creased(records: Sequence[Record], fit: Fit, domes: TableDomes) -> list[Record]:
+    """Return the records with the suctions at which the skin of a fit creases."""
+    skin = fit.unknowns.skin(fit.u)
+    known = {r.geometry: domes.creases_mbar(SkinProblem(r.geometry, skin)) for r in records}
+    return [replace(r, creases_mbar=known[r.geometry]) for r in records]
 
 
 def with_thickness(unknowns: Unknowns, records: Sequence[Record]) -> Unknowns:

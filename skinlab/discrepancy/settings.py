@@ -127,6 +127,8 @@ class NameRules:
     or it explains everything (Brynjarsdottir and O'Hagan 2014). Two meshes: 0.3 to 2 µm."""
     smooth_degree: int = 4
     """Of the smooth error, a polynomial in p/p_max, loading and unloading apart."""
+    steps: float = 4.0
+    """Standard deviations of chance by which an explanation may leave steps."""
     near: float = 0.5
     """Cosine between what a learned function and a named effect do to the curves, above which the
     name is told as the nearest."""

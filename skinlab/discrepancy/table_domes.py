@@ -110,6 +110,18 @@ class TableDomes:
         coefficients = radius[:, None] * found @ _spline().T
         return Domes(coefficients.reshape(len(problems), -1, 4), scale, begin, step)
 
+    def creases_mbar(self, problem: SkinProblem) -> float:
+        """Return the suction beyond which the plain skin creases, infinity where it is not known.
+
+        From there on the table goes on as it was filled: no mesh says where the dome goes.
+        """
+        radius, values = problem.geometry.radius_mm, np.array([problem.skin.values])
+        thickness = np.array([problem.geometry.thickness_mm / radius])
+        curves = self._database.any_geometry(problem.skin.kappa)
+        top = np.array([[_HIGHEST_MBAR]]) * MBAR / values[:, :1]
+        _, holds_to = curves(values, thickness, top)
+        return float(holds_to[0] * values[0, 0] / MBAR)
+
 
 def relaxed_pressure(
     prony: Sequence[tuple[Prony, ...]], path: PressurePath, time_s: Array, preload_mbar: Array

@@ -68,6 +68,12 @@ class Covariance:
         """Standard deviations (u,) of D."""
         return np.asarray(np.sqrt(self.variance_mm2))
 
+    @property
+    def noise_um(self) -> float:
+        """Root mean square of the errors, what samples have in common apart, µm."""
+        process = 0.0 if self.ou is None else self.ou.size_mm
+        return 1e3 * float(np.sqrt(np.mean(self.variance_mm2) + process**2))
+
     @cached_property
     def _decay(self) -> Array:
         """Return φ (u,), 0 where a curve begins."""
@@ -162,10 +168,11 @@ class Covariance:
         return self.colour(rng.standard_normal(self.count))
 
     def without_columns(self, residuals_mm: Array) -> Array:
-        """Return residuals (u,) in standard deviations, less what V's columns probably did."""
-        z = self.whiten_without_columns(residuals_mm)
+        """Return residuals (u, …) in standard deviations, less what V's columns probably did."""
+        z = self.whiten_without_columns(residuals_mm).reshape(self.count, -1)
         q, s = self._columns
-        return np.asarray(z - q @ (s**2 / (1.0 + s**2) * (q.T @ z)))
+        left = z - q @ ((s**2 / (1.0 + s**2))[:, None] * (q.T @ z))
+        return np.asarray(left.reshape(residuals_mm.shape))
 
     def expected_product(self, apart: int) -> float:
         """Return what Σ itself lets the products of `without_columns` sum up to.

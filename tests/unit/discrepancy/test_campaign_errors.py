@@ -10,6 +10,7 @@ from skinlab.curves.campaign import Campaign
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
+from skinlab.discrepancy.adequacy import steps
 from skinlab.discrepancy.campaign_errors import (
     CampaignErrors,
     Linearised,
@@ -19,13 +20,14 @@ from skinlab.discrepancy.campaign_errors import (
 )
 from skinlab.discrepancy.discipline import repeats_um, smooth_shapes
 from skinlab.discrepancy.fit import Fitter
-from skinlab.discrepancy.misfit import errors_of
+from skinlab.discrepancy.misfit import errors_of, mesh_columns
 from skinlab.discrepancy.records import by_condition, coarsened, records_of, without
 from skinlab.discrepancy.search import Search, unknowns_of, with_thickness
+from skinlab.discrepancy.settings import NAMES
 from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.inference.covariance import Covariance, OrnsteinUhlenbeck
-from skinlab.mechanics.effects.model import Skin, response
+from skinlab.mechanics.effects.model import Skin, response, solve_skin
 from skinlab.mechanics.fem.skin import SkinProblem
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.mechanics.model_file import BASE
@@ -184,6 +186,44 @@ def test_smooth_errors_have_the_size_that_is_asked_for(table):
     records = records_of(campaign(table, lambda t, per_log, rng: 0.0, PLAN[:2]))
     shapes = smooth_shapes(records, 4)
     assert np.mean(np.square(shapes).sum(axis=1)) == pytest.approx(1.0, rel=0.1)
+
+
+@pytest.mark.parametrize(("jump_um", "seen"), [(0.0, False), (12.0, True)])
+def test_steps_that_stay_are_told_from_noise_that_wanders(table, jump_um, seen):
+    def errors(t, per_log, rng):
+        jumps = 1e-3 * jump_um * (t > rng.uniform(0.2, 0.8) * t[-1])
+        return rng.normal(0, 2e-3, len(t)) + wandering(t, 2e-3, 1.0, rng) + jumps
+
+    records = records_of(campaign(table, errors))
+    plain = errors_of(records)
+    time_s = np.concatenate([r.curve.time_s for r in records])
+    own = OrnsteinUhlenbeck(2e-3, 1.0)
+    covariance = replace(plain, variance_mm2=plain.variance_mm2 + 4e-6, ou=own, time_s=time_s)
+    clean = records_of(campaign(table, lambda t, per_log, rng: 0.0))
+    off = [
+        r.curve.deflection_mm - c.curve.deflection_mm for r, c in zip(records, clean, strict=True)
+    ]
+    assert (steps(records, covariance, np.concatenate(off)) > NAMES.steps) == seen
+
+
+def test_where_a_skin_creases_two_meshes_may_differ(table):
+    creases = Skin((0.0272, 0.543, 0.336))  # under 2 mm, below the 300 mbar of the program
+    domes = TableDomes(table)
+    geometry = Geometry(2.0, 1.1)
+    at_mbar = domes.creases_mbar(SkinProblem(geometry, creases))
+    path = PressurePath((0.0, 1.0), (0.0, 300.0))
+    solved = solve_skin(SkinProblem(geometry, creases), path)
+    assert at_mbar == pytest.approx(solved.holds_to_mbar, rel=0.02)
+    records = records_of(campaign(table, lambda t, per_log, rng: 0.0, PLAN[:2]))
+    before = mesh_columns(records)
+    at_geometry = [
+        r if r.geometry.aperture_mm > 2 else replace(r, creases_mbar=at_mbar) for r in records
+    ]
+    more = mesh_columns(at_geometry)
+    assert more.shape[1] == before.shape[1] + 1
+    p = np.concatenate([r.pressure_mbar * (r.geometry.aperture_mm < 3) for r in records])
+    assert not more[p < 0.9 * at_mbar, -1].any()
+    assert 1e-3 < more[:, -1].max() < 5e-3
 
 
 def test_a_dome_of_another_opening_is_that_of_the_table(table):

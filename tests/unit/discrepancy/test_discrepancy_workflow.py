@@ -31,6 +31,7 @@ from skinlab.mechanics.effects import library_names
 from skinlab.mechanics.effects.model import Skin, response
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.mechanics.model_file import BASE, EffectRange, Header, Model
+from skinlab.mechanics.names import effect_words
 from skinlab.report.missing_effect import render
 
 SKIN = Skin((0.041, 1.7, 0.31))
@@ -219,7 +220,7 @@ def test_an_effect_whose_model_does_not_hold_is_told_of(table):
     assert not_screened["deflection_gain"] == "the model has it already"
     said = describe(outcome)
     assert "Not looked for:" in said
-    assert f"surface_layer: {not_screened['surface_layer']}" in said
+    assert f"{effect_words('surface_layer')}: {not_screened['surface_layer']}" in said
 
 
 def test_what_is_kept_comes_back_whole(off_zero, explained, tmp_path):

@@ -252,6 +252,18 @@ def test_a_true_name_needs_no_function_beside_it(table):
     assert against_families(search, base, Candidate(fit, base.left, 0.0)).passed
 
 
+@pytest.mark.parametrize(("share", "passed"), [(0.005, True), (0.05, False)])
+def test_a_function_is_needed_beside_a_name_where_it_matters(table, share, passed):
+    # A creep beside a gain: of 0.3 µm, though 10,000 times likelier than none, and of 3.
+    hidden = campaign(3 * HOLDS, sensor=lambda w: 1.06 * w, prony=(Prony(share, 2.0),))
+    search = search_of(hidden, table, finite_elements=False)
+    base = search.learned_base()
+    unknowns = base.fit.unknowns.with_effect("deflection_gain")
+    fit = search.fitter.fit(unknowns, unknowns.start(base.fit.u))
+    trial = against_families(search, base, Candidate(fit, base.left, 100.0))
+    assert trial.passed == passed
+
+
 def test_the_library_is_all_that_has_a_name():
     assert set(library_names()) | {one.name for one in families()} == {
         one.name for one in all_effects()
