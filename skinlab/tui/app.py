@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from textual import events, on
 from textual.binding import Binding, BindingType
-from textual.driver import Driver
 from textual.filter import LineFilter
 from textual.geometry import Size
 from textual.message import Message
@@ -185,15 +184,6 @@ class SkinlabApp(PartedApp):
         self._session_keys = SessionKeys(self)
         self._missing_keys = MissingKeys(self)
         self._replay_keys = ReplayKeys(self, self._starting)
-
-    def get_driver_class(self) -> type[Driver]:
-        """Return Textual's driver of this computer, with patience on Linux and macOS."""
-        found = super().get_driver_class()
-        if found.__module__ != "textual.drivers.linux_driver":
-            return found
-        from skinlab.tui.terminal import TolerantDriver  # not to be imported on Windows
-
-        return TolerantDriver
 
     # ---- life ---------------------------------------------------------------------------------
 
