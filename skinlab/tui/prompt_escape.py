@@ -1,7 +1,8 @@
-"""A lone Esc that vents soon: Textual 8's terminal driver looks for it only every 100 ms."""
+"""Textual 8's terminal driver, mended: a lone Esc vents soon, and no byte ends the screen."""
 
 from __future__ import annotations
 
+import codecs
 import selectors
 import threading
 from functools import partial
@@ -20,7 +21,11 @@ class PromptSelector(selectors.SelectSelector):
 
 
 def look_sooner() -> None:
-    """Let the terminal driver notice within 10 ms that nothing followed an Esc, and end with us."""
+    """Let the terminal driver notice within 10 ms that nothing followed an Esc, and end with us.
+
+    Bytes that are no UTF-8, of a terminal that is set otherwise or of a disturbed line, are left
+    out: the driver's own decoder would end the program.
+    """
     try:
         from textual.drivers import linux_driver
     except ImportError:
@@ -28,6 +33,9 @@ def look_sooner() -> None:
     module: Any = linux_driver
     module.selectors = SimpleNamespace(
         SelectSelector=PromptSelector, EVENT_READ=selectors.EVENT_READ
+    )
+    module.getincrementaldecoder = lambda encoding: partial(
+        codecs.getincrementaldecoder(encoding), errors="ignore"
     )
     # Hung up twice, the app never tells what reads the keys to end: it would keep the process
     module.Thread = partial(threading.Thread, daemon=True)

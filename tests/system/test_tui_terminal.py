@@ -72,6 +72,10 @@ class Terminal:
     def press(self, *keys: str) -> None:
         self._tmux("send-keys", *keys)
 
+    def send(self, data: bytes) -> None:
+        """Let the terminal send these bytes."""
+        self._tmux("send-keys", "-H", *(f"{byte:02x}" for byte in data))
+
     def screen(self) -> str:
         return self._tmux("capture-pane", "-p")
 
@@ -188,6 +192,13 @@ def test_a_measurement_by_keys(open_terminal, size):
     last = terminal.until_all("exit status 0", "session:")
     assert "Traceback" not in last
     assert terminal.session().results[0]["parameters"] is not None
+
+
+def test_bytes_that_are_no_text_end_nothing(open_terminal):
+    terminal = open_terminal((60, 20))
+    terminal.until_all("READY", "SIMULATED", "Next: F8")
+    terminal.send(b"\xff\xfe\xfcber\x00\xc3")
+    terminal.insist("F8", lambda screen: "whose skin" in screen)
 
 
 def test_what_another_program_writes_over_the_screen_does_not_stay(open_terminal):
