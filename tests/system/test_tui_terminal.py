@@ -192,7 +192,7 @@ def test_a_measurement_by_keys(open_terminal, size):
     terminal.await_glimpse(
         "Enter closes"
     )  # what the word has opened, and its Enter may have closed
-    assert "suction off" in terminal.screen()
+    terminal.until_all("suction off")
     terminal.insist("v", lambda screen: "Enter closes" not in screen)
     terminal.start()
     terminal.until_all("Good curve", "X1", "X2", "nu", "MPa", "measured", "fitted")
