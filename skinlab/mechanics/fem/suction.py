@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skinlab.errors import InputError
-from skinlab.mechanics.fem.assembly import Assembly
 from skinlab.mechanics.fem.element import (
     QUAD8_FULL,
     QUAD9_FULL,
@@ -25,11 +24,13 @@ from skinlab.mechanics.fem.element import (
     Element,
 )
 from skinlab.mechanics.fem.mesh import Grading, Mesh, suction_mesh
-from skinlab.mechanics.fem.newton import EquilibriumPath, Point, StepSettings, follow
 from skinlab.mechanics.materials import DEFAULT_LAW, get_law
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicHermiteSpline
+
+    from skinlab.mechanics.fem.assembly import Assembly
+    from skinlab.mechanics.fem.newton import EquilibriumPath, Point, StepSettings
 
 Array = NDArray[np.float64]
 
@@ -199,6 +200,8 @@ def assembly_for(
     geometry: Geometry, discretisation: Discretisation, law_name: str
 ) -> tuple[Assembly, int]:
     """Return the prepared problem and the unknown that is the apex deflection."""
+    from skinlab.mechanics.fem.assembly import Assembly  # tables are asked without
+
     mesh = discretisation.mesh(geometry)
     fixed = np.unique(
         np.concatenate([2 * mesh.axis, 2 * mesh.tape, 2 * mesh.tape + 1, 2 * mesh.outer])
@@ -254,6 +257,8 @@ def trace(
 
     `look`: see `newton.follow`.
     """
+    from skinlab.mechanics.fem.newton import follow
+
     path = follow(assembly, goal_mbar * MBAR, parameters, scale_mm, settings, apex, look)
     pressures = [p / MBAR for p in path.pressure_mpa]
     displacements, slopes = list(path.displacements), list(path.slopes)
