@@ -125,7 +125,9 @@ class GridSpec:
             unchecked = StepSettings(limits=NO_LIMITS)
             curve = solve(self.geometry, parameters, top, law=self.law, settings=unchecked)
         else:
-            held = solve(self.geometry, parameters, _FOLLOWED * top, law=self.law)
+            held = solve(self.geometry, parameters, _FOLLOWED * top, law=self.law, after=curve)
+            if held.stopped:  # where exactly depends a little on the steps: on those from zero
+                held = solve(self.geometry, parameters, _FOLLOWED * top, law=self.law)
         deflection = curve(np.array(self.pressure_mbar))
         return np.append(deflection, [held.holds_to_mbar, curve.iterations])
 
