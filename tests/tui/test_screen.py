@@ -168,7 +168,7 @@ async def test_every_size_shows_a_measurement(bedside, size):
         await bed.until(lambda: "READY" in bed.text("#phase"))
         await bed.pilot.pause()
         keys = ("Check", "Vent", "Help" if size[0] < 80 else "Quit")  # Help names all keys
-        for word in ("SIMULATED", "READY", "X1", "X2", "nu", "mbar", *keys):
+        for word in ("SIMULATED", "READY", "X1", "X2", "ν", "mbar", *keys):
             await bed.until(lambda w=word: w in bed.screenshot().replace("&#160;", " "))
         main = bed.app.screen
         parts = ("#settings-line", "#card", "#plot-panel", "#strip", "#reading", "#curves", "#note")
