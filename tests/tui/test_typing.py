@@ -331,6 +331,7 @@ async def walk_one(bedside, keys, seed):
     return starts.count, allowed
 
 
+@pytest.mark.long
 async def test_any_keys_start_only_what_was_shown_and_confirmed(bedside):
     found: list[tuple[int, int]] = []
     for seed in range(40):  # until something was started, else nothing was tried
@@ -430,6 +431,7 @@ async def fumble_one(bedside, steps, seed):
     return starts.count, allowed
 
 
+@pytest.mark.long
 async def test_a_fumbling_hand_starts_only_what_was_shown_and_confirmed(bedside):
     started, allowed = await fumble_one(bedside, STEPS_OF_A_HAND, seed=3)
     assert started <= allowed
