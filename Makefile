@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 
 # More processes than two cores have: half of the tests' time is spent waiting for a probe or a terminal.
-# The files that wait longest come first, by the order of their folders.
+# Their files come in turn with those that compute: tests/conftest.py.
 TESTS := -n 3 --dist loadfile --no-loadscope-reorder --durations=20
 
 .PHONY: run setup test test-long check unit docs notebooks wheel lowest locked lock soak clean

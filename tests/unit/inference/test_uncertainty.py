@@ -343,6 +343,7 @@ class TestPlacement:
         assert set(entry) == {"scatter", "offset_um", "count"}
         assert entry["scatter"]["low"] < entry["scatter"]["value"] < entry["scatter"]["high"]
 
+    @pytest.mark.long
     def test_intervals_count_with_it(self, table):
         """Without it placements that differ by 12 % leave a narrow interval, and a wrong one."""
         held = {0.0: 0, None: 0}
