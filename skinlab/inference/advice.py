@@ -60,8 +60,9 @@ def advise(
     """Return the menu's measurements, the one that narrows most first.
 
     `thickness_mm` is that of the skin; `placement_scatter` what is stated of placements (0: they do
-    not differ), used where they were not learned. A measurement in which the model holds for less than half of
-    the draws (the skin would crease), or that the database does not speak of, is left out.
+    not differ), used where they were not learned. A measurement in which the model holds for less
+    than half of the draws (the skin would crease), or that the database does not speak of, is left
+    out.
     """
     menu = Menu() if menu is None else menu
     space, draws = known.space, known.draws
