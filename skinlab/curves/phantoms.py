@@ -13,6 +13,7 @@ from typing import Literal
 
 import msgspec
 
+from drivers.reading import read_whole
 from skinlab.curves.program import Program, check_measurable, parse_program
 from skinlab.errors import InputError
 from skinlab.io.documents import decode, read_toml
@@ -85,8 +86,8 @@ def read_phantoms(path: Path | None = None) -> list[Phantom]:
     """
     where = "the shipped sheet" if path is None else str(path)
     try:
-        source = files("skinlab").joinpath(SHIPPED) if path is None else path
-        found = decode(read_toml(source.read_bytes()), _Sheet).phantom
+        raw = files("skinlab").joinpath(SHIPPED).read_bytes() if path is None else read_whole(path)
+        found = decode(read_toml(raw), _Sheet).phantom
     except OSError as error:
         raise InputError(f"{where}: cannot be read ({error.strerror or error})") from None
     except ValueError as error:  # InputError is one
