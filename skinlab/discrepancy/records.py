@@ -15,16 +15,16 @@ from skinlab.curves.pressure_path import PressurePath
 from skinlab.errors import InputError
 from skinlab.inference.batch import noise_from_repeats_um
 from skinlab.inference.error_models.quantised import step_of
-from skinlab.inference.noise import pressure_noise_mbar, roughness
+from skinlab.inference.noise import pressure_noise_mbar, roughness, slope_mm_per_mbar
+from skinlab.inference.pressure_course import smooth_course
 from skinlab.inference.samples import alike, placements_of
 from skinlab.mechanics.fem.suction import Geometry
 
 Array = NDArray[np.float64]
 
 _FEWEST = 20  # samples of a curve that can be looked at
-_WINDOW = 7  # samples over which the path of a measured pressure is smoothed, by parabolas
-_SMOOTHED = 0.58  # of the noise is left by that: sqrt(1/3)
-_CORNER = 3.0  # times its noise: what the parabolas are off by more is a corner
+_APART = 2.0  # of `smooth_course`: corners of fast programs at 10 Hz stay
+_KNOTS = 0.5, 0.1  # how far the path may cut corners of that: of the noise, mbar at least
 _AS_ASKED = 1.25  # a channel within so many times its noise of the program followed it
 _ROUNDING_UM = 0.3
 _LEAST_STEP_MBAR = 0.01
@@ -47,6 +47,10 @@ class Record:
     coarse: int = 1  # samples that each one is the mean of
     thickness_sd_mm: float = 0.0  # as stated
     creases_mbar: float = math.inf  # from where on the model's skin has no dome of its own
+    # What the readings' distance from the path is worth (n,), mm: the same for every explanation.
+    # A skin that is stiff for an instant and relaxes in a hundredth of a second follows no noise,
+    # and would be likelier than the truth by that.
+    read_mm: Array | float = 0.0
 
     @property
     def name(self) -> str:
@@ -96,7 +100,8 @@ def _record(curve: Curve, noise_um: float | None, pressure_noise: float | None) 
     # A channel that reads in whole mbar looks silent, and is off by up to half of one.
     noise = float(np.hypot(noise, step_of(measured, _LEAST_STEP_MBAR) / np.sqrt(12.0)))
     program = curve.program_as_run
-    path = None
+    path: PressurePath | None = None
+    read_mm: Array | float = 0.0
     if program is not None:
         t, p = program.knots()
         asked = PressurePath(tuple(np.asarray(t) + time[0]), tuple(np.asarray(p)))
@@ -107,12 +112,11 @@ def _record(curve: Curve, noise_um: float | None, pressure_noise: float | None) 
         # Each sample keeps its own reading: what smoothing leaves of the noise goes up and down
         # together, and through dw/dp it would look like a missing effect.
         pressure, sd = measured, noise
-        from scipy.signal import savgol_filter  # slow to import
-
-        smooth = savgol_filter(measured, _WINDOW, 2, mode="interp")
-        corner = np.abs(measured - smooth) > _CORNER * noise
-        smooth = np.where(corner, measured, smooth)
-        path = PressurePath.of_samples(time, smooth, max(2.5 * _SMOOTHED * noise, 0.2))
+        smooth = smooth_course(time, measured, noise, apart=_APART)
+        share, least = _KNOTS
+        path = PressurePath.of_samples(time, smooth, max(share * noise, least))
+        slope = slope_mm_per_mbar(measured, curve.deflection_mm)
+        read_mm = slope * (measured - path(time))
     own = noise_um
     if own is None:
         own = max(1e3 * roughness(curve.deflection_mm), _ROUNDING_UM)
@@ -125,6 +129,7 @@ def _record(curve: Curve, noise_um: float | None, pressure_noise: float | None) 
         float(own),
         noise_um is not None,
         thickness_sd_mm=curve.setup.thickness_sd_mm or 0.0,
+        read_mm=read_mm,
     )
 
 
@@ -171,6 +176,7 @@ def coarsened(record: Record, rate_hz: float) -> Record:
     return replace(
         record, curve=coarse, pressure_mbar=mean(record.pressure_mbar), coarse=size,
         pressure_sd_mbar=record.pressure_sd_mbar * by, noise_um=record.noise_um * by,
+        read_mm=mean(record.read_mm * np.ones(len(w))),
     )  # fmt: skip
 
 
@@ -189,7 +195,9 @@ def without(records: Sequence[Record], kept: Sequence[NDArray[np.bool_]]) -> lis
             c, time_s=c.time_s[mask], pressure_mbar=c.pressure_mbar[mask],
             deflection_mm=c.deflection_mm[mask], segment=None if segment is None else segment[mask],
         )  # fmt: skip
-        found.append(replace(record, curve=curve, pressure_mbar=record.pressure_mbar[mask]))
+        pressure = record.pressure_mbar[mask]
+        read_mm = np.broadcast_to(record.read_mm, mask.shape)[mask]
+        found.append(replace(record, curve=curve, pressure_mbar=pressure, read_mm=read_mm))
     return found
 
 

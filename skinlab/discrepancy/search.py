@@ -225,6 +225,7 @@ class Search:
                 candidates = self._members(pool, base, pairs) + pairs
                 named = {c.effects for c in candidates}
                 candidates += [c for c in singles if c.effects not in named]
+            candidates = self._rivals(pool, base, candidates)
         base, candidates = self._weighed(base, candidates)
         candidates.sort(key=lambda c: -c.log10_evidence)
         for name in self._own:
@@ -245,17 +246,21 @@ class Search:
         Raises:
             NotTrustworthyError: it has no answer at all for these curves.
         """
-        first = self.base()
-        before = self.fitter
-        linear = Linearised.of(first.fit, before.errors, before.measured)
+        first = self.base().fit
+        domes = self.fitter.domes
+        before = self.fitter.with_errors(
+            about(self.fitter.records, first, domes), self.fitter.errors
+        )
+        first = before.fit(first.unknowns, first.u) or first
+        linear = Linearised.of(first, before.errors, before.measured)
         bad = outliers(before.records, linear)
         self._kept = tuple(before.errors.split(~bad))
         self._progress("learning how large the errors are")
-        records = creased(without(before.records, self._kept), first.fit, before.domes)
-        self._thickness_mm = thickness_slopes(before.records, first.fit, before.domes)[~bad]
+        records = without(before.records, self._kept)
+        self._thickness_mm = thickness_slopes(before.records, first, domes)[~bad]
         self.errors = self._learn(records, linear.only(~bad), None)
         self.fitter = before.with_errors(records, self.errors.working)
-        fit = self.fitter.fit(first.fit.unknowns, first.fit.u)
+        fit = self.fitter.fit(first.unknowns, first.u)
         if fit is None:
             raise NotTrustworthyError("the model has no answer for these curves")
         return self._candidate(fit, None)
@@ -430,6 +435,43 @@ class Search:
         fits = [fit for fit in pool.map(fit_from, found) if fit is not None]
         return [c for c in (self._candidate(fit, base) for fit in fits) if c.adequate]
 
+    def _rivals(self, pool: Pool, base: Candidate, candidates: list[Candidate]) -> list[Candidate]:
+        """Return the candidates; where a pair leads, with pairs that its members make elsewhere.
+
+        Beside one member's fit the right partner may seem to gain nothing: what both change of the
+        skin lies around a bend. So each member is added to the fits of other single effects.
+        """
+        best = max(
+            (c for c in candidates if c.adequate), key=lambda c: c.log10_evidence, default=None
+        )
+        if best is None or len(best.effects) - len(self._own) < 2:
+            return candidates
+        members = best.effects[len(self._own) :]
+        alone = [
+            c for c in candidates
+            if len(c.effects) - len(self._own) == 1 and c.effects[-1] not in members
+        ]  # fmt: skip
+        tasks = []
+        for other in sorted(alone, key=lambda c: -c.log10_evidence)[: SEARCH.rivals]:
+            seen, _ = self._screen(pool, other.fit, members)
+            tasks += [(other.fit, s) for s in seen.values()]
+        tasks.sort(key=lambda t: t[0].cost - t[1].gain)
+        if not tasks:
+            return candidates
+        told = ", ".join(f"{f.effects[-1]} and {s.effect}" for f, s in tasks[: SEARCH.rival_pairs])
+        self._progress(f"fitting its rivals: {told}")
+        limit = best.fit.cost + SEARCH.far
+        found = {
+            frozenset(c.effects): c
+            for c in self._fits(pool, base, tasks[: SEARCH.rival_pairs], limit)
+        }
+        kept = [
+            c for c in candidates
+            if (one := found.get(frozenset(c.effects))) is None or c.fit.cost <= one.fit.cost
+        ]  # fmt: skip
+        better = {frozenset(c.effects) for c in kept}
+        return kept + [c for names, c in found.items() if names not in better]
+
     def _screen(
         self, pool: Pool, fit: Fit, names: Sequence[str]
     ) -> tuple[dict[str, Signature], dict[str, str]]:
@@ -473,11 +515,23 @@ class Search:
         return found
 
 
-def creased(records: Sequence[Record], fit: Fit, domes: TableDomes) -> list[Record]:
-    """Return the records with the suctions at which the skin of a fit creases."""
+def about(records: Sequence[Record], fit: Fit, domes: TableDomes) -> list[Record]:
+    """Return the records as the skin of a fit has them: where it creases, what readings are worth.
+
+    What a reading's distance from the path moves the dome by is known to a per cent from any fit.
+    """
     skin = fit.unknowns.skin(fit.u)
-    known = {r.geometry: domes.creases_mbar(SkinProblem(r.geometry, skin)) for r in records}
-    return [replace(r, creases_mbar=known[r.geometry]) for r in records]
+    problems = {r.geometry: SkinProblem(r.geometry, skin) for r in records}
+    creases = {at: domes.creases_mbar(problem) for at, problem in problems.items()}
+    found = []
+    for r in records:
+        on_path = r.path(r.curve.time_s)
+        both = np.concatenate([r.pressure_mbar, on_path])
+        here = domes([problems[r.geometry]], [float(both.max())])
+        read, smooth = np.split(here(both[None])[0], 2)
+        read_mm = read - smooth if here.hold[0] else r.read_mm
+        found.append(replace(r, creases_mbar=creases[r.geometry], read_mm=read_mm))
+    return found
 
 
 def with_thickness(unknowns: Unknowns, records: Sequence[Record]) -> Unknowns:

@@ -142,7 +142,8 @@ class MappedModel:
             if any(c.sensors.chain for c in candidates):
                 rows = zip(candidates, w, strict=True)
                 w = np.array([c.sensors.read(time, row, float(time[0])) for c, row in rows])
-            found[i][some] = w
+            # A reading's own noise stays with its sample, whatever lags, relaxes or is curved.
+            found[i][some] = w + record.read_mm
         return [found[i] for i in self._twins]
 
     def _candidate(self, u: Array) -> _Candidate | None:
@@ -207,10 +208,6 @@ class MappedModel:
         else:
             whens = np.broadcast_to(when, (len(candidates), len(time)))
             on_path = np.array([c.felt[i](t) for c, t in zip(candidates, whens, strict=True)])
-        pressure = on_path
-        # A reading's own noise stays with its sample whatever lags: read between two samples it
-        # would be less, and half a sample of lag look better than none.
-        pressure = pressure + (record.pressure_mbar - record.path(time))
         zero = np.array([p.preload_mbar for p in problems])
         if any(p.prony for p in problems):
             terms = _as_many([p.prony for p in problems])
@@ -223,9 +220,9 @@ class MappedModel:
                 ]
                 relaxed = np.concatenate([r for r, _ in each])
                 zero = np.concatenate([z for _, z in each])
-            pressure = relaxed + (pressure - on_path)
+            pressure = relaxed
         else:
-            pressure = pressure + zero[:, None]
+            pressure = on_path + zero[:, None]
         stiffness = np.array([[p.stiffness] for p in problems])
         w = self._height(pressure, stiffness, domes, key, off)
         if zero.any():
@@ -384,7 +381,7 @@ class MappedModel:
         held = np.isfinite(exact)
         if held.mean() < 0.9:
             return None
-        plain = replace(record, path=path, pressure_mbar=path(time))
+        plain = replace(record, path=path)
         unread = replace(here, sensors=Sensors(()), felt=[path] * len(here.felt))
         at_anchor = self._height_in_time(i, plain, [unread], domes, np.zeros((1, count)))[0]
         return np.asarray(np.interp(time, time[held], (exact - at_anchor)[held]))
