@@ -21,7 +21,8 @@ from skinlab.curves.campaign import Campaign
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
-from skinlab.mechanics.effects.model import Effects, Skin, felt_path, response
+from skinlab.mechanics.effects.base import Effects
+from skinlab.mechanics.effects.model import Skin, felt_path, response
 from skinlab.mechanics.fem.suction import Geometry
 
 Array = NDArray[np.float64]

@@ -20,8 +20,8 @@ from skinlab.discrepancy.table_domes import (
 )
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.errors import InputError
+from skinlab.mechanics.effects.base import Effects
 from skinlab.mechanics.effects.model import (
-    Effects,
     Instant,
     Sensors,
     felt_path,

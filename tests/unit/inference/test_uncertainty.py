@@ -416,6 +416,30 @@ class TestAdvice:
         assert all(0 < r <= 1 + 1e-9 for a in advice for r in a.narrows.values())
         assert len(advice) > 10
 
+    def test_a_further_measurement_is_a_placement_of_its_own(self, table):
+        """What stiffness it shows is its own too: the more placements differ, the less it tells."""
+        narrows = []
+        for scatter in (0.0, 0.03, 0.3):
+            stated = Identifier(table, sensor=Sensor(3.0, 0.0, placement_scatter=scatter))
+            advice = stated.advise(stated(curve_of(table, SKIN, noise_um=3.0, seed=3)), 1.0)
+            best = {(a.aperture_mm, a.program): a for a in advice}[8.0, "ramp:100@20"]
+            narrows.append(best.narrows["X1_MPa"])
+        assert narrows[0] < narrows[1] < narrows[2] <= 1.0
+        assert narrows[2] > 1.5 * narrows[0]
+
+    def test_learns_from_placements_how_much_a_further_one_tells(self, table):
+        identifier = Identifier(table, sensor=Sensor(3.0, 0.0))
+        alike, apart = (
+            identifier.joint(TestPlacement().curves(table, scatter, 8)) for scatter in (0.0, 0.12)
+        )
+        found = []
+        for known in (alike, apart):
+            learned = known.placement.scatter["value"]
+            stated = replace(identifier, sensor=Sensor(3.0, 0.0, placement_scatter=learned))
+            found.append(identifier.advise(known, 1.0))
+            assert found[-1] == stated.advise(known, 1.0)  # nothing else is assumed
+        assert found[0] != found[1]
+
     def test_none_without_intervals(self, table):
         identifier = Identifier(table, method="sto")
         assert identifier.advise(identifier(curve_of(table, SKIN)), 1.0) == []
