@@ -15,7 +15,7 @@ from skinlab.curves.pressure_path import PressurePath
 from skinlab.errors import InputError
 from skinlab.inference.batch import noise_from_repeats_um
 from skinlab.inference.error_models.quantised import step_of
-from skinlab.inference.noise import pressure_noise_mbar, roughness, slope_mm_per_mbar
+from skinlab.inference.noise import pressure_noise_mbar, roughness
 from skinlab.inference.pressure_course import smooth_course
 from skinlab.inference.samples import alike, placements_of
 from skinlab.mechanics.fem.suction import Geometry
@@ -47,10 +47,6 @@ class Record:
     coarse: int = 1  # samples that each one is the mean of
     thickness_sd_mm: float = 0.0  # as stated
     creases_mbar: float = math.inf  # from where on the model's skin has no dome of its own
-    # What the readings' distance from the path is worth (n,), mm: the same for every explanation.
-    # A skin that is stiff for an instant and relaxes in a hundredth of a second follows no noise,
-    # and would be likelier than the truth by that.
-    read_mm: Array | float = 0.0
 
     @property
     def name(self) -> str:
@@ -100,8 +96,7 @@ def _record(curve: Curve, noise_um: float | None, pressure_noise: float | None) 
     # A channel that reads in whole mbar looks silent, and is off by up to half of one.
     noise = float(np.hypot(noise, step_of(measured, _LEAST_STEP_MBAR) / np.sqrt(12.0)))
     program = curve.program_as_run
-    path: PressurePath | None = None
-    read_mm: Array | float = 0.0
+    path = None
     if program is not None:
         t, p = program.knots()
         asked = PressurePath(tuple(np.asarray(t) + time[0]), tuple(np.asarray(p)))
@@ -115,8 +110,6 @@ def _record(curve: Curve, noise_um: float | None, pressure_noise: float | None) 
         smooth = smooth_course(time, measured, noise, apart=_APART)
         share, least = _KNOTS
         path = PressurePath.of_samples(time, smooth, max(share * noise, least))
-        slope = slope_mm_per_mbar(measured, curve.deflection_mm)
-        read_mm = slope * (measured - path(time))
     own = noise_um
     if own is None:
         own = max(1e3 * roughness(curve.deflection_mm), _ROUNDING_UM)
@@ -129,7 +122,6 @@ def _record(curve: Curve, noise_um: float | None, pressure_noise: float | None) 
         float(own),
         noise_um is not None,
         thickness_sd_mm=curve.setup.thickness_sd_mm or 0.0,
-        read_mm=read_mm,
     )
 
 
@@ -176,7 +168,6 @@ def coarsened(record: Record, rate_hz: float) -> Record:
     return replace(
         record, curve=coarse, pressure_mbar=mean(record.pressure_mbar), coarse=size,
         pressure_sd_mbar=record.pressure_sd_mbar * by, noise_um=record.noise_um * by,
-        read_mm=mean(record.read_mm * np.ones(len(w))),
     )  # fmt: skip
 
 
@@ -195,9 +186,7 @@ def without(records: Sequence[Record], kept: Sequence[NDArray[np.bool_]]) -> lis
             c, time_s=c.time_s[mask], pressure_mbar=c.pressure_mbar[mask],
             deflection_mm=c.deflection_mm[mask], segment=None if segment is None else segment[mask],
         )  # fmt: skip
-        pressure = record.pressure_mbar[mask]
-        read_mm = np.broadcast_to(record.read_mm, mask.shape)[mask]
-        found.append(replace(record, curve=curve, pressure_mbar=pressure, read_mm=read_mm))
+        found.append(replace(record, curve=curve, pressure_mbar=record.pressure_mbar[mask]))
     return found
 
 

@@ -247,16 +247,12 @@ class Search:
             NotTrustworthyError: it has no answer at all for these curves.
         """
         first = self.base().fit
-        domes = self.fitter.domes
-        before = self.fitter.with_errors(
-            about(self.fitter.records, first, domes), self.fitter.errors
-        )
-        first = before.fit(first.unknowns, first.u) or first
+        before, domes = self.fitter, self.fitter.domes
         linear = Linearised.of(first, before.errors, before.measured)
         bad = outliers(before.records, linear)
         self._kept = tuple(before.errors.split(~bad))
         self._progress("learning how large the errors are")
-        records = without(before.records, self._kept)
+        records = creased(without(before.records, self._kept), first, domes)
         self._thickness_mm = thickness_slopes(before.records, first, domes)[~bad]
         self.errors = self._learn(records, linear.only(~bad), None)
         self.fitter = before.with_errors(records, self.errors.working)
@@ -515,23 +511,11 @@ class Search:
         return found
 
 
-def about(records: Sequence[Record], fit: Fit, domes: TableDomes) -> list[Record]:
-    """Return the records as the skin of a fit has them: where it creases, what readings are worth.
-
-    What a reading's distance from the path moves the dome by is known to a per cent from any fit.
-    """
+def creased(records: Sequence[Record], fit: Fit, domes: TableDomes) -> list[Record]:
+    """Return the records with the suctions at which the skin of a fit creases."""
     skin = fit.unknowns.skin(fit.u)
-    problems = {r.geometry: SkinProblem(r.geometry, skin) for r in records}
-    creases = {at: domes.creases_mbar(problem) for at, problem in problems.items()}
-    found = []
-    for r in records:
-        on_path = r.path(r.curve.time_s)
-        both = np.concatenate([r.pressure_mbar, on_path])
-        here = domes([problems[r.geometry]], [float(both.max())])
-        read, smooth = np.split(here(both[None])[0], 2)
-        read_mm = read - smooth if here.hold[0] else r.read_mm
-        found.append(replace(r, creases_mbar=creases[r.geometry], read_mm=read_mm))
-    return found
+    known = {r.geometry: domes.creases_mbar(SkinProblem(r.geometry, skin)) for r in records}
+    return [replace(r, creases_mbar=known[r.geometry]) for r in records]
 
 
 def with_thickness(unknowns: Unknowns, records: Sequence[Record]) -> Unknowns:

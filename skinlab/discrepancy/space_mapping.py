@@ -142,8 +142,7 @@ class MappedModel:
             if any(c.sensors.chain for c in candidates):
                 rows = zip(candidates, w, strict=True)
                 w = np.array([c.sensors.read(time, row, float(time[0])) for c, row in rows])
-            # A reading's own noise stays with its sample, whatever lags, relaxes or is curved.
-            found[i][some] = w + record.read_mm
+            found[i][some] = w
         return [found[i] for i in self._twins]
 
     def _candidate(self, u: Array) -> _Candidate | None:
@@ -208,6 +207,9 @@ class MappedModel:
         else:
             whens = np.broadcast_to(when, (len(candidates), len(time)))
             on_path = np.array([c.felt[i](t) for c, t in zip(candidates, whens, strict=True)])
+        # A reading's own noise stays with its sample whatever lags: read between two samples it
+        # would be less, and half a sample of lag look better than none.
+        off_path = record.pressure_mbar - record.path(time)
         zero = np.array([p.preload_mbar for p in problems])
         if any(p.prony for p in problems):
             terms = _as_many([p.prony for p in problems])
@@ -220,9 +222,12 @@ class MappedModel:
                 ]
                 relaxed = np.concatenate([r for r, _ in each])
                 zero = np.concatenate([z for _, z in each])
-            pressure = relaxed
+            # It is worth what it is to the relaxed skin: one that is stiff for an instant would
+            # follow no noise, and be likelier than any other by that.
+            rest = [1.0 - sum(term.g for term in p.prony) for p in problems]
+            pressure = relaxed + off_path / np.array(rest)[:, None]
         else:
-            pressure = on_path + zero[:, None]
+            pressure = on_path + off_path + zero[:, None]
         stiffness = np.array([[p.stiffness] for p in problems])
         w = self._height(pressure, stiffness, domes, key, off)
         if zero.any():
@@ -381,7 +386,7 @@ class MappedModel:
         held = np.isfinite(exact)
         if held.mean() < 0.9:
             return None
-        plain = replace(record, path=path)
+        plain = replace(record, path=path, pressure_mbar=path(time))
         unread = replace(here, sensors=Sensors(()), felt=[path] * len(here.felt))
         at_anchor = self._height_in_time(i, plain, [unread], domes, np.zeros((1, count)))[0]
         return np.asarray(np.interp(time, time[held], (exact - at_anchor)[held]))
