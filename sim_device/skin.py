@@ -25,8 +25,8 @@ from sim_device.program import Run
 from skinlab.curves.phantoms import read_phantoms
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import Hold, Ramp, Release, Rest, Until, parse_program
+from skinlab.mechanics.effects.base import Effects
 from skinlab.mechanics.effects.model import (
-    Effects,
     Sensors,
     SkinCurve,
     felt_path,

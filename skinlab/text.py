@@ -6,8 +6,6 @@ text as text passes it through `inert`; what must read back as it was (JSON, TOM
 
 from __future__ import annotations
 
-import difflib
-import json
 import re
 import unicodedata
 from collections.abc import Iterable
@@ -98,6 +96,8 @@ def json_text(document: Any) -> str:
     Raises:
         ValueError: a number in it is not finite.
     """
+    import json  # slow to import, as difflib
+
     return json.dumps(document, indent=1, allow_nan=False).replace("\x7f", "\\u007f")
 
 
@@ -113,5 +113,7 @@ def csv_cell(value: Any) -> Any:
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """Return "; did you mean export?" for a word that is nearly a known one; else nothing."""
+    import difflib
+
     near = difflib.get_close_matches(word.casefold(), list(known), n=1)
     return f"; did you mean {near[0]}?" if near else ""

@@ -7,7 +7,6 @@ the maker or the laboratory states has a standard deviation, and that is carried
 from __future__ import annotations
 
 import math
-from importlib.resources import files
 from pathlib import Path
 from typing import Literal
 
@@ -19,7 +18,7 @@ from skinlab.errors import InputError
 from skinlab.io.documents import decode, read_toml
 
 SCHEMA = "skinlab.phantoms/1"
-SHIPPED = "data/phantoms.toml"  # of the simulated probe
+SHIPPED = Path(__file__).parents[1] / "data" / "phantoms.toml"  # of the simulated probe
 
 RIGID_PROGRAM = "ramp:4@4,hold:2"  # so little that a quiet sensor does not look frozen
 SILICONE_PROGRAM = "rest:1,ramp:100@25,hold:1,ramp:0@50,rest:1,ramp:100@100,ramp:0@100"
@@ -86,8 +85,7 @@ def read_phantoms(path: Path | None = None) -> list[Phantom]:
     """
     where = "the shipped sheet" if path is None else str(path)
     try:
-        raw = files("skinlab").joinpath(SHIPPED).read_bytes() if path is None else read_whole(path)
-        found = decode(read_toml(raw), _Sheet).phantom
+        found = decode(read_toml(read_whole(SHIPPED if path is None else path)), _Sheet).phantom
     except OSError as error:
         raise InputError(f"{where}: cannot be read ({error.strerror or error})") from None
     except ValueError as error:  # InputError is one

@@ -2,7 +2,9 @@
 
 Linearised at draws from the posterior of what is known so far: with H the information (JᵀJ of
 whitened residuals) of the data at hand, of the prior and of a further curve, the width of an
-interval changes by sqrt(diag (H + H')⁻¹ / diag H⁻¹); the median over the draws is reported.
+interval changes by sqrt(diag (H + H')⁻¹ / diag H⁻¹); the median over the draws is reported. A
+further measurement is a placement of its own: its stiffness and its zero differ, as learned or as
+expected before data.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ from numpy.typing import NDArray
 from skinlab.curves.program import parse_program
 from skinlab.errors import NotTrustworthyError
 from skinlab.inference.covariance import independent
+from skinlab.inference.error_models.placement import expected_sizes
 from skinlab.inference.noise import MESH_REST, mesh_error_shapes, slope_mm_per_mbar
 from skinlab.inference.problem import LeastSquares
 from skinlab.inference.result import Advice
@@ -51,12 +54,15 @@ def advise(
     *,
     menu: Menu | None = None,
     pressure_noise_mbar: float = 0.0,
+    placement_scatter: float | None = None,
     rng: np.random.Generator,
 ) -> list[Advice]:
     """Return the menu's measurements, the one that narrows most first.
 
-    `thickness_mm` is that of the skin. A measurement in which the model holds for less than half of
-    the draws (the skin would crease), or that the database does not speak of, is left out.
+    `thickness_mm` is that of the skin; `placement_scatter` what is stated of placements (0: they do
+    not differ), used where they were not learned. A measurement in which the model holds for less
+    than half of the draws (the skin would crease), or that the database does not speak of, is left
+    out.
     """
     menu = Menu() if menu is None else menu
     space, draws = known.space, known.draws
@@ -66,6 +72,7 @@ def advise(
     now = _information(known.parts, parameters, turn) + _FLAT_PRECISION * np.eye(turn.shape[2])
     found: list[tuple[float, Advice]] = []
     noise = max(known.errors.noise_um, _LEAST_NOISE_UM)
+    scatter, zero_mm = _placement_sizes(known, placement_scatter)
     for aperture, top in product(menu.apertures_mm, menu.pressures_mbar):
         pressure = np.linspace(0.0, top, _POINTS)
         sd = known.relative_thickness_sd * thickness_mm
@@ -80,8 +87,10 @@ def advise(
             continue
         middle = curves[held[len(held) // 2]]
         sigma = np.hypot(1e-3 * noise, MESH_REST * middle)
-        sigma = np.hypot(sigma, pressure_noise_mbar * slope_mm_per_mbar(pressure, middle))
-        shapes = mesh_error_shapes(pressure, middle)
+        dw_dp = slope_mm_per_mbar(pressure, middle)
+        sigma = np.hypot(sigma, pressure_noise_mbar * dw_dp)
+        placed = np.column_stack([scatter * pressure * dw_dp, np.full(_POINTS, zero_mm)])
+        shapes = np.hstack([mesh_error_shapes(pressure, middle), placed])
         for rate in menu.rates_mbar_per_s:
             program = parse_program(f"ramp:{top:g}@{rate:g}")
             # A slow ramp has more samples: the few that stand for them are as much surer.
@@ -94,6 +103,14 @@ def advise(
             found.append((score, Advice(aperture, str(program), narrows)))
     found.sort(key=lambda item: item[0])
     return [advice for _, advice in found]
+
+
+def _placement_sizes(known: Uncertainty, stated: float | None) -> tuple[float, float]:
+    """Return by how much placements differ: log stiffness, and zero in mm."""
+    learned = known.errors.placement
+    if learned is None:
+        return expected_sizes(stated)
+    return learned.scatter["value"], 1e-3 * learned.offset_um["value"]
 
 
 def _information(parts: Sequence[LeastSquares], parameters: Array, turn: Array) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -49,8 +50,14 @@ class Judged:
     placement: PlacementSummary | None = None
 
 
-def judge_errors(errors: ErrorChoice, stated_um: float | None) -> Judged:
-    """Return what these errors say, next to a noise that was stated."""
+def judge_errors(
+    errors: ErrorChoice, stated_um: float | None, residual_um: float = math.inf
+) -> Judged:
+    """Return what these errors say, next to a noise that was stated.
+
+    `residual_um` is the root mean square of what the best fit leaves. Slow errors may be larger
+    than what a short curve shows of them: that alone contradicts no statement.
+    """
     flags: list[str] = []
     sizes = _Sizes.of(errors)
     misses = errors.quantile_of(sizes.lasting_um, 0.5) > _MOST_UM
@@ -65,8 +72,9 @@ def judge_errors(errors: ErrorChoice, stated_um: float | None) -> Judged:
             _beside(errors, sizes.noise_um(rounding=rounding), stated_um)
             for rounding in (True, False)
         ]
-        if all(contradicted for _, contradicted in found):
-            all_um = found[0][0]
+        all_um = found[0][0]
+        seen = all_um < stated_um or residual_um > _CONTRADICTED * stated_um
+        if seen and all(contradicted for _, contradicted in found):
             flags.append("stated_noise_contradicted")
             why.append(f"stated {stated_um:.3g} µm, found {all_um:.3g} µm")
             misses = misses or all_um > stated_um

@@ -168,6 +168,7 @@ class Identifier:
             self.kappa,
             thickness_mm,
             pressure_noise_mbar=self.sensor.pressure_noise_mbar or 0.0,
+            placement_scatter=self.sensor.placement_scatter,
             rng=np.random.default_rng(self.seed),
         )
 

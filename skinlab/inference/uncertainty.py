@@ -362,7 +362,9 @@ def assess(
         return likelihood(parameters) - 0.5 * sum(prior(parameters) for prior in priors)
 
     draws = sample(space, JointMisfit(parts), modes, rng, log_density=log_density)
-    judged = judge_errors(errors, sensor.noise_um)
+    left_mm = fitted.linear.residual_mm[kept]
+    residual_um = 1e3 * float(np.sqrt(np.mean(left_mm**2))) if len(left_mm) else 0.0
+    judged = judge_errors(errors, sensor.noise_um, residual_um)
     return Uncertainty(names, space, draws, judged, tuple(parts), relative_sd)
 
 

@@ -6,7 +6,6 @@ import contextlib
 import hashlib
 import os
 import stat
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -83,6 +82,8 @@ def _whole(path: Path, replace: bool) -> Iterator[Path]:
     if not replace and os.path.lexists(path):
         raise FileExistsError
     make_folder(path.parent)
+    import tempfile  # slow to import
+
     number, name = tempfile.mkstemp(".partial", ".skinlab-", path.parent)  # 0600
     os.close(number)
     partial = Path(name)

@@ -18,7 +18,8 @@ from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import MOST_PRESSURE_MBAR, Program, parse_program
 from skinlab.errors import InputError, NotTrustworthyError
 from skinlab.mechanics.effects import get_effect
-from skinlab.mechanics.effects.model import Effects, problem_of, response
+from skinlab.mechanics.effects.base import Effects
+from skinlab.mechanics.effects.model import problem_of, response
 from skinlab.mechanics.fem.skin import Skin
 from skinlab.mechanics.fem.suction import MESH_OF_RECORD, Discretisation, Geometry
 from skinlab.mechanics.materials.compressibility import KappaConvention

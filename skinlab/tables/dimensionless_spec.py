@@ -28,8 +28,7 @@ from numpy.typing import NDArray
 
 from skinlab.curves.curve import Curve
 from skinlab.errors import InputError, NotTrustworthyError
-from skinlab.mechanics.effects.model import Effects
-from skinlab.mechanics.fem.newton import StepSettings
+from skinlab.mechanics.effects.base import Effects
 from skinlab.mechanics.fem.suction import (
     EXTENSION_ABOVE,
     EXTENSION_BELOW_MBAR,
@@ -46,11 +45,10 @@ from skinlab.tables.any_geometry import AnyGeometry
 from skinlab.tables.axes import Coordinate, TableAxis
 from skinlab.tables.evaluator import Evaluator, tensor_spline
 from skinlab.tables.extrapolate import fill_ratios
-from skinlab.tables.grid_spec import plain_point
 from skinlab.tables.meshes import MESHES
-from skinlab.tables.splines import TensorBSpline, basis, coefficients, knots
+from skinlab.tables.splines import TensorBSpline, basis, coefficients, inverse, knots
 from skinlab.tables.svd_basis import chosen, components
-from skinlab.tables.table import Dataset, Table
+from skinlab.tables.table import Dataset, Table, plain_point
 
 Array = NDArray[np.float64]
 
@@ -60,9 +58,6 @@ _MOST_SAMPLES = 110
 _PRESSURE_NODES = 72
 _THICKNESS_STEP = 0.07  # along log h/R; 7 nodes or more
 _THICKNESS_REACH = 3.5  # standard deviations, or as far as the table goes
-
-# Steps in the table's own units: R = 1 mm, scale = 1 MPa, so that 1 mbar is q = 1e-4.
-_SETTINGS = StepSettings(extrapolation_error=3e-5, smallest_step_mbar=0.5, limit_mbar=20.0)
 
 THICKNESS = "thickness_over_radius"
 # κ/(μ/2) for ν of 0 to 0.499 in both conventions. Below 2.66 only `consistent` has skins. Close
@@ -240,13 +235,17 @@ class DimensionlessSpec:
                 ratio = value
             else:
                 values[parameter.name] = value
+        from skinlab.mechanics.fem.newton import StepSettings
+
+        # Steps in the table's own units: R = 1 mm, scale = 1 MPa, so that 1 mbar is q = 1e-4.
+        steps = StepSettings(extrapolation_error=3e-5, smallest_step_mbar=0.5, limit_mbar=20.0)
         curve = solve(
             Geometry(2.0, thickness),
             values if ratio is None else law.with_ratio(values, ratio),
             self.most_load / MBAR,
             law=self.law,
             discretisation=MESHES[self.mesh_name],
-            settings=_SETTINGS,
+            settings=steps,
             below_mbar=-self.least_load / MBAR,
         )
         nodes = self.load_coordinates()
@@ -404,8 +403,8 @@ class DimensionlessSpec:
         radius_mm: float,
     ) -> Array:
         """Return w, mm, on the grid (scale, u, ratios)."""
-        stored = _load_coefficients(table)
         weights = basis(self.thickness.coordinates(), np.array([log_thickness]))[0]
+        stored = _load_coefficients(table, int(np.flatnonzero(weights)[0]))
         at_thickness = np.tensordot(weights, stored, axes=1)  # (ratios…, load)
         load = np.outer(np.exp(-log_scales), pressure_mbar * MBAR)  # (scale, u)
         axis = self.load_coordinates()
@@ -553,11 +552,19 @@ def _compliance(thickness_over_radius: float | Array) -> float | Array:
     return 0.0246 / t**3 + 0.0803 / t**2 - 0.0072 / t + 0.182
 
 
-@lru_cache(maxsize=4)
-def _load_coefficients(table: Table) -> Array:
-    """Return the B-spline coefficients of the table along h/R and the load."""
+@lru_cache(maxsize=8)
+def _load_coefficients(table: Table, first: int) -> Array:
+    """Return the B-spline coefficients of the table along h/R and the load.
+
+    Of h/R's only those of the four splines from `first` on, which are all that one thickness needs;
+    the others, zeros, take no memory.
+    """
     values = table.values.astype(np.float64)
-    return np.ascontiguousarray(coefficients(coefficients(values, 0), values.ndim - 1))
+    n, here = len(values), slice(first, first + 4)
+    found = np.zeros_like(values)
+    rows = (inverse(n)[here] @ values.reshape(n, -1)).reshape(-1, *values.shape[1:])
+    found[here] = coefficients(rows, values.ndim - 1)
+    return found
 
 
 @lru_cache(maxsize=4)

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from skinlab.curves.curve import FEWEST_POINTS, Curve, Setup
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.errors import InputError, NotTrustworthyError
-from skinlab.mechanics.effects.model import Effects, Sensors, is_physical, response
+from skinlab.mechanics.effects.base import Effects
+from skinlab.mechanics.effects.model import Sensors, is_physical, response
 from skinlab.mechanics.fem.skin import Skin
 from skinlab.mechanics.fem.suction import BLUNT_MESHES, Geometry
 from skinlab.tables.base import Database

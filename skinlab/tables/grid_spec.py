@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from skinlab.curves.curve import Curve
 from skinlab.errors import InputError, NotTrustworthyError
-from skinlab.mechanics.effects.model import Effects
+from skinlab.mechanics.effects.base import Effects
 from skinlab.mechanics.fem.admissibility import NO_LIMITS
 from skinlab.mechanics.fem.newton import StepSettings
 from skinlab.mechanics.fem.suction import (
@@ -31,7 +31,7 @@ from skinlab.tables.any_geometry import AnyGeometry
 from skinlab.tables.axes import Coordinate, TableAxis
 from skinlab.tables.evaluator import Evaluator
 from skinlab.tables.lagrange import TensorLagrange, matrix
-from skinlab.tables.table import Dataset, Table
+from skinlab.tables.table import Dataset, Table, plain_point
 
 Array = NDArray[np.float64]
 Axes = tuple[tuple[str, tuple[float, ...]], ...]
@@ -125,7 +125,9 @@ class GridSpec:
             unchecked = StepSettings(limits=NO_LIMITS)
             curve = solve(self.geometry, parameters, top, law=self.law, settings=unchecked)
         else:
-            held = solve(self.geometry, parameters, _FOLLOWED * top, law=self.law)
+            held = solve(self.geometry, parameters, _FOLLOWED * top, law=self.law, after=curve)
+            if held.stopped:  # where exactly depends a little on the steps: on those from zero
+                held = solve(self.geometry, parameters, _FOLLOWED * top, law=self.law)
         deflection = curve(np.array(self.pressure_mbar))
         return np.append(deflection, [held.holds_to_mbar, curve.iterations])
 
@@ -323,17 +325,6 @@ class GridSpec:
             {_ITERATIONS: file[_ITERATIONS][:]},
             {"degrees_of_freedom": int(file.attrs["degrees_of_freedom"])},
         )
-
-
-def plain_point(law: str, base: Mapping[str, float], effects: Effects) -> Array:
-    """Return the parameters (p,) of a table without effects.
-
-    Raises:
-        InputError: there are effects, or a value that the law does not have.
-    """
-    if effects:
-        raise InputError("this database knows no effects; build one of the model")
-    return np.array(get_law(law).ordered(base))
 
 
 def _check_sd(thickness_sd_mm: float) -> None:

@@ -19,8 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.curves.curve import Curve
-from skinlab.mechanics.effects.model import Effects
+from skinlab.errors import InputError
+from skinlab.mechanics.effects.base import Effects
 from skinlab.mechanics.fem.suction import Geometry
+from skinlab.mechanics.materials import get_law
 from skinlab.mechanics.materials.compressibility import KappaConvention
 from skinlab.mechanics.model_file import Model
 from skinlab.parameters import Space
@@ -227,3 +229,14 @@ class Table:
             NotTrustworthyError: it is of one geometry only.
         """
         return self.spec.any_geometry(self, kappa)
+
+
+def plain_point(law: str, base: Mapping[str, float], effects: Effects) -> Array:
+    """Return the parameters (p,) of a table without effects.
+
+    Raises:
+        InputError: there are effects, or a value that the law does not have.
+    """
+    if effects:
+        raise InputError("this database knows no effects; build one of the model")
+    return np.array(get_law(law).ordered(base))

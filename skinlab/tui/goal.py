@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 _NO_HELP = 0.97  # expected ratio of widths from which on another measurement is no use
 _FIRST, _OTHERS = (3.0, 5.0, 10.0, 20.0), (10.0, 20.0, 40.0)  # per cent: the first is fixed best
-_SEED = 0  # of the draws that advice looks at: the same question has the same answer
 
 
 @dataclass(frozen=True)
@@ -200,23 +199,13 @@ def distance(goal: Goal, curves: Sequence[Curve], identifier: Identifier) -> Dis
     Raises:
         InputError: they cannot be fitted together.
     """
-    import numpy as np
-
-    from skinlab.inference.advice import advise
-
     answer: Identification = identifier(curves[0]) if len(curves) == 1 else identifier.joint(curves)
     value = (answer.parameters or {}).get(goal.parameter)
     percent = None if value is None else half_width_percent(value)
     found = Distance(goal, percent, None)
-    if percent is None or found.reached or answer.uncertainty is None:
+    if percent is None or found.reached:
         return found
-    advice = advise(
-        answer.uncertainty,
-        identifier.database,
-        identifier.kappa,
-        curves[0].setup.thickness_mm,
-        rng=np.random.default_rng(_SEED),
-    )
+    advice = identifier.advise(answer, curves[0].setup.thickness_mm)
     helpful = [a for a in advice if a.narrows.get(goal.parameter, 1.0) < _NO_HELP]
     best = min(helpful, key=lambda a: a.narrows[goal.parameter], default=None)
     return Distance(goal, percent, best)

@@ -8,7 +8,16 @@ import pytest
 
 from skinlab.mechanics.fem import kernel
 
-SLOW = ("matplotlib", "openpyxl", "pandas", "textual", "serial", "scipy", "pyarrow")
+SLOW = (
+    "matplotlib",
+    "openpyxl",
+    "pandas",
+    "textual",
+    "serial",
+    "scipy",
+    "pyarrow",
+    "email",
+)  # email: by importlib.metadata
 LOADED = """
 import json, sys
 from skinlab.cli.main import run

@@ -23,6 +23,16 @@ _SCATTER = Hyperparameter("placement_scatter", 0.095, 0.7)  # of published 6.4, 
 _OFFSET = Hyperparameter("placement_offset_um", 4.0, 0.7, log_sd_above=0.45)
 
 
+def expected_sizes(stated_scatter: float | None) -> tuple[float, float]:
+    """Return the scatter of log stiffness and the zero's, in mm, that are expected before data.
+
+    `stated_scatter` is that which a user states; 0: placements do not differ.
+    """
+    if stated_scatter == 0.0:
+        return 0.0, 0.0
+    return stated_scatter or _SCATTER.median, 1e-3 * _OFFSET.median
+
+
 @dataclass(frozen=True)
 class Placement:
     """Random effects of stiffness and zero, common to all samples of a placement."""

@@ -17,7 +17,7 @@ from skinlab.curves.pressure_path import PressurePath
 from skinlab.errors import InputError
 from skinlab.parameters import Parameter
 
-__all__ = ["Array", "Effect", "Parameter", "Values"]
+__all__ = ["Array", "Effect", "Effects", "Parameter", "Values"]
 from skinlab.plugins import needs
 
 if TYPE_CHECKING:
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Values = Mapping[str, float]
+Effects = Mapping[str, Values]  # by the names of effects, then of parameters
 
 
 class Effect:

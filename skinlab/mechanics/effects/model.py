@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.mechanics.effects import checked, get_effect
-from skinlab.mechanics.effects.base import Effect
+from skinlab.mechanics.effects.base import Effect, Effects
 from skinlab.mechanics.fem.relaxation import RelaxingCurve, relax
 from skinlab.mechanics.fem.skin import Skin, SkinProblem, prepare
 from skinlab.mechanics.fem.suction import (
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from scipy.interpolate import CubicHermiteSpline
 
 Array = NDArray[np.float64]
-Effects = Mapping[str, Mapping[str, float]]  # name of the effect -> parameter -> value
 
 
 @dataclass(frozen=True)

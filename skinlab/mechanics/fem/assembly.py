@@ -297,9 +297,8 @@ class Assembly:
         if stress_2pk is not None:
             work = 0.5 * (first_stress(f, stress_2pk) * f).sum(axis=0)
             stored += float(np.vdot(self.volumes, work))
-        band, internal, external, volume = compiled.assemble(
-            u, f, potential, stress_2pk, pressure_mpa
-        )
+        energy = kernel.Energy(potential, det.shape)
+        band, internal, external, volume = compiled.assemble(u, f, energy, stress_2pk, pressure_mpa)
         return State(
             skew=self._rim_terms(u),
             energy=stored,
@@ -310,7 +309,7 @@ class Assembly:
             j_min=j_min,
             j_max=j_max,
             deformation=f,
-            least_acoustic=lambda: compiled.ellipticity(f, potential, stress_2pk),
+            least_acoustic=lambda: compiled.ellipticity(f, energy, stress_2pk),
         )
 
     def internal_forces(

@@ -9,7 +9,8 @@ the interpolation's: for equal steps the remainders h²(2h)² f⁗/4! and (h/2)�
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from copy import copy
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -152,26 +153,32 @@ def follow(
     settings: StepSettings | None = None,
     watch: int | None = None,
     look: Callable[[float, Point], None] | None = None,
+    after: EquilibriumPath | None = None,
 ) -> EquilibriumPath:
     """Return the path from zero to `goal_mpa` (either sign), or as far as it goes.
 
     `watch` is the unknown whose extrapolation error steers the steps (the apex deflection);
     `scale_mm` is what that error is measured against. `look` is shown the pressure (MPa) and each
-    point of the path, while its factor is there.
+    point of the path, while its factor is there. `after` is a path that reached a smaller goal:
+    this one goes on from its end.
     """
     settings = settings or StepSettings()
-    path = EquilibriumPath()
-    start, spent = solve_point(assembly, np.zeros(assembly.n), 0.0, parameters, settings)
-    path.iterations += spent
-    if start is None:
-        path.stopped = "the tangent of the unloaded skin is not positive definite"
-        return path
-    _append(path, 0.0, start)
-    if look is not None:
-        look(0.0, start)
     sign = 1.0 if goal_mpa >= 0 else -1.0
-    compliance = float(abs(start.slope[watch]) if watch is not None else abs(start.slope).max())
-    step = min(settings.first_step * scale_mm / max(compliance, 1e-300), abs(goal_mpa))
+    if after is not None:
+        path = EquilibriumPath(**{f.name: copy(getattr(after, f.name)) for f in fields(after)})
+        step = abs(path.pressure_mpa[-1] - path.pressure_mpa[-2])
+    else:
+        path = EquilibriumPath()
+        start, spent = solve_point(assembly, np.zeros(assembly.n), 0.0, parameters, settings)
+        path.iterations += spent
+        if start is None:
+            path.stopped = "the tangent of the unloaded skin is not positive definite"
+            return path
+        _append(path, 0.0, start)
+        if look is not None:
+            look(0.0, start)
+        compliance = float(abs(start.slope[watch]) if watch is not None else abs(start.slope).max())
+        step = min(settings.first_step * scale_mm / max(compliance, 1e-300), abs(goal_mpa))
     smallest = settings.smallest_step_mbar * 1e-4
     ceiling, reason_above = np.inf, ""  # a pressure known to be inadmissible, and why
     tries = 0

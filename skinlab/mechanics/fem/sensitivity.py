@@ -1,9 +1,11 @@
 """How a curve changes with its parameters, by direct differentiation.
 
 At equilibrium the residual vanishes, R(u, θ) = 0, so that K du/dθ = −∂R/∂θ, with K the tangent
-whose factor Newton's method has left. ∂R/∂θ at the same u is a central difference of residuals,
-which is exact to round-off where the energy is linear in θ, and costs no solution. A parameter may
-move the mesh: the unknowns are displacements of its nodes, of which there are as many.
+whose factor Newton's method has left. Of u the apex alone is asked for, eᵀu: its derivatives by all
+parameters are −λᵀ ∂R/∂θ with one λ, of Kᵀ λ = e (the adjoint). ∂R/∂θ at the same u is a central
+difference of residuals, which is exact to round-off where the energy is linear in θ, and costs no
+solution. A parameter may move the mesh: the unknowns are displacements of its nodes, of which there
+are as many.
 
 Source: Kleiber, Antúnez, Hien and Kowalczyk, Parameter Sensitivity in Nonlinear Mechanics (1997).
 """
@@ -83,6 +85,8 @@ def solve_with_slopes(
             raise InputError("a change of the mesh's topology has no derivative")
     in_law = [i for i, pair in enumerate(moved) if all(each.assembly is assembly for each in pair)]
     rises = [prepared.body.rise(moved[i][0].parameters(), moved[i][1].parameters()) for i in in_law]
+    by_apex = np.zeros(assembly.n)
+    by_apex[apex] = 1.0
     columns: list[Array] = []
     at: list[float] = []
 
@@ -99,12 +103,9 @@ def solve_with_slopes(
                 ]
                 if ends[0] is not None and ends[1] is not None:
                     rise[i] = ends[0] - ends[1]
-        known = np.isfinite(rise).all(axis=1)
-        column = np.full(len(changes), np.nan)
-        if known.any():
-            solved = solve_linear(point.factor, point.state, pressure_mpa, rise[known])
-            column[known] = -solved[:, apex] / steps[known]
-        columns.append(column)
+        # The tangent's skew part is proportional to the pressure: with −p it is transposed.
+        adjoint = solve_linear(point.factor, point.state, -pressure_mpa, by_apex)
+        columns.append(-(rise @ adjoint) / steps)
         at.append(pressure_mpa / MBAR)
 
     curve = trace(

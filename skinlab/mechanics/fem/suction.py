@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skinlab.errors import InputError
-from skinlab.mechanics.fem.assembly import Assembly
 from skinlab.mechanics.fem.element import (
     QUAD8_FULL,
     QUAD9_FULL,
@@ -25,11 +24,13 @@ from skinlab.mechanics.fem.element import (
     Element,
 )
 from skinlab.mechanics.fem.mesh import Grading, Mesh, suction_mesh
-from skinlab.mechanics.fem.newton import EquilibriumPath, Point, StepSettings, follow
 from skinlab.mechanics.materials import DEFAULT_LAW, get_law
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicHermiteSpline
+
+    from skinlab.mechanics.fem.assembly import Assembly
+    from skinlab.mechanics.fem.newton import EquilibriumPath, Point, StepSettings
 
 Array = NDArray[np.float64]
 
@@ -199,6 +200,8 @@ def assembly_for(
     geometry: Geometry, discretisation: Discretisation, law_name: str
 ) -> tuple[Assembly, int]:
     """Return the prepared problem and the unknown that is the apex deflection."""
+    from skinlab.mechanics.fem.assembly import Assembly  # tables are asked without
+
     mesh = discretisation.mesh(geometry)
     fixed = np.unique(
         np.concatenate([2 * mesh.axis, 2 * mesh.tape, 2 * mesh.tape + 1, 2 * mesh.outer])
@@ -216,10 +219,12 @@ def solve(
     discretisation: Discretisation = MESH_OF_RECORD,
     settings: StepSettings | None = None,
     below_mbar: float = 0.0,
+    after: SuctionCurve | None = None,
 ) -> SuctionCurve:
     """Return the curve from 0 to `goal_mbar`, or as far as the model holds.
 
-    With `below_mbar` it starts that far below zero, where the probe would blow.
+    With `below_mbar` it starts that far below zero, where the probe would blow. `after` is a curve
+    of the same skin that reached a smaller goal: this one goes on from its end.
     `parameters` are what the law's potential asks for: its `parameter_names`.
 
     Raises:
@@ -235,8 +240,9 @@ def solve(
         if not math.isfinite(value) or (low >= 0 > value) or (low > 0 and value == 0):
             raise InputError(f"{name} must be a positive number, got {value}")
     return trace(
-        assembly, apex, parameters, goal_mbar, geometry.radius_mm, settings, below_mbar=below_mbar
-    )
+        assembly, apex, parameters, goal_mbar, geometry.radius_mm, settings,
+        below_mbar=below_mbar, after=after,
+    )  # fmt: skip
 
 
 def trace(
@@ -249,12 +255,16 @@ def trace(
     *,
     below_mbar: float = 0.0,
     look: Callable[[float, Point], None] | None = None,
+    after: SuctionCurve | None = None,
 ) -> SuctionCurve:
     """Return the curve of this unknown, the apex, from `-below_mbar` to `goal_mbar`.
 
-    `look`: see `newton.follow`.
+    `look`, and the path of `after`: see `newton.follow`.
     """
-    path = follow(assembly, goal_mbar * MBAR, parameters, scale_mm, settings, apex, look)
+    from skinlab.mechanics.fem.newton import follow
+
+    before = None if after is None else after.path
+    path = follow(assembly, goal_mbar * MBAR, parameters, scale_mm, settings, apex, look, before)
     pressures = [p / MBAR for p in path.pressure_mpa]
     displacements, slopes = list(path.displacements), list(path.slopes)
     holds_to = goal_mbar if not path.stopped else pressures[-1] if pressures else 0.0

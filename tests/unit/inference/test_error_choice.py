@@ -92,6 +92,19 @@ def test_a_statement_that_is_wrong_is_contradicted_with_both_numbers():
     assert "stated_noise_contradicted" not in right.flags
 
 
+def test_slow_errors_contradict_no_statement_that_the_residuals_agree_with():
+    """A short curve hardly tells short errors of 3 µm from longer and larger ones."""
+    beyond, seen = 0, 0
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        noise = white(rng, 1.0) + process(rng, 3.0, 0.1)
+        found = chosen(noise, noise_um=np.sqrt(10))
+        residual_um = 1e3 * np.sqrt(np.mean(noise**2))
+        beyond += "stated_noise_contradicted" in judge_errors(found, np.sqrt(10)).flags
+        seen += "stated_noise_contradicted" in judge_errors(found, np.sqrt(10), residual_um).flags
+    assert seen == 0 < beyond
+
+
 @pytest.mark.parametrize("stated_um", [1.0, 3.0])
 def test_rounding_may_be_part_of_a_statement_or_not(stated_um):
     w = COURSE + white(np.random.default_rng(2), 1.0)
@@ -258,6 +271,7 @@ def test_sizes_and_durations_that_trade_for_each_other_are_integrated_as_on_a_gr
     assert np.sqrt(np.mean(np.square(off))) < 0.09
 
 
+@pytest.mark.long
 def test_ranks_are_uniform_where_the_errors_are_drawn_from_their_priors():
     """Simulation-based calibration (Talts et al. 2018) of an unknown, its errors being in doubt."""
     rng = np.random.default_rng(8)

@@ -63,6 +63,7 @@ def test_auto_finds_the_optimum_of_every_curve(table):
         assert found.error_um <= best_um + 1e-2
 
 
+@pytest.mark.long
 def test_intervals_hold_the_truth_as_often_as_they_say(table):
     """A subset of the benchmark, within binomial bounds of 99.8 %; skins drawn from the prior."""
     n = 24
@@ -201,7 +202,7 @@ class TestErrorsAsTheyAre:
         assert "crease" in result.flags
 
 
-@pytest.mark.parametrize("kappa", ["paper", "consistent"])
+@pytest.mark.parametrize("kappa", ["paper", pytest.param("consistent", marks=pytest.mark.long)])
 def test_a_curve_that_goes_on_far_beyond_its_crease_is_fitted_below_it(table, kappa):
     """Another program's coarse mesh goes to 100 mbar where ours creases at 23.
 
@@ -299,6 +300,7 @@ class TestJoint:
             v = without.parameters[name]
             assert with_bad.parameters[name].value == pytest.approx(v.value, abs=v.high - v.low)
 
+    @pytest.mark.long
     def test_intervals_hold_the_truth(self, table):
         held = np.zeros(3)
         n = 12
@@ -341,6 +343,7 @@ class TestPlacement:
         assert set(entry) == {"scatter", "offset_um", "count"}
         assert entry["scatter"]["low"] < entry["scatter"]["value"] < entry["scatter"]["high"]
 
+    @pytest.mark.long
     def test_intervals_count_with_it(self, table):
         """Without it placements that differ by 12 % leave a narrow interval, and a wrong one."""
         held = {0.0: 0, None: 0}
@@ -415,6 +418,30 @@ class TestAdvice:
         assert mean == sorted(mean)
         assert all(0 < r <= 1 + 1e-9 for a in advice for r in a.narrows.values())
         assert len(advice) > 10
+
+    def test_a_further_measurement_is_a_placement_of_its_own(self, table):
+        """What stiffness it shows is its own too: the more placements differ, the less it tells."""
+        narrows = []
+        for scatter in (0.0, 0.03, 0.3):
+            stated = Identifier(table, sensor=Sensor(3.0, 0.0, placement_scatter=scatter))
+            advice = stated.advise(stated(curve_of(table, SKIN, noise_um=3.0, seed=3)), 1.0)
+            best = {(a.aperture_mm, a.program): a for a in advice}[8.0, "ramp:100@20"]
+            narrows.append(best.narrows["X1_MPa"])
+        assert narrows[0] < narrows[1] < narrows[2] <= 1.0
+        assert narrows[2] > 1.5 * narrows[0]
+
+    def test_learns_from_placements_how_much_a_further_one_tells(self, table):
+        identifier = Identifier(table, sensor=Sensor(3.0, 0.0))
+        alike, apart = (
+            identifier.joint(TestPlacement().curves(table, scatter, 8)) for scatter in (0.0, 0.12)
+        )
+        found = []
+        for known in (alike, apart):
+            learned = known.placement.scatter["value"]
+            stated = replace(identifier, sensor=Sensor(3.0, 0.0, placement_scatter=learned))
+            found.append(identifier.advise(known, 1.0))
+            assert found[-1] == stated.advise(known, 1.0)  # nothing else is assumed
+        assert found[0] != found[1]
 
     def test_none_without_intervals(self, table):
         identifier = Identifier(table, method="sto")

@@ -91,6 +91,18 @@ def test_the_curve_does_not_depend_on_the_steps():
     np.testing.assert_allclose(usual, many, atol=5e-5)  # mm: 0.05 µm
 
 
+def test_a_curve_goes_on_from_the_end_of_a_shorter_one():
+    short, whole = solve(GEOMETRY, SKIN, 100.0), solve(GEOMETRY, SKIN, 150.0)
+    points, spent = len(short.path.pressure_mpa), short.iterations
+    further = solve(GEOMETRY, SKIN, 150.0, after=short)
+    assert (further.holds_to_mbar, further.stopped) == (150.0, "")
+    p = np.linspace(0.0, 150.0, 151)
+    np.testing.assert_allclose(further(p), whole(p), atol=1e-4)
+    assert (further(p[:101]) == short(p[:101])).all()
+    assert further.iterations < 1.5 * spent
+    assert (len(short.path.pressure_mpa), short.iterations) == (points, spent)
+
+
 def test_extrapolation_is_exact_for_cubics():
     assembly, _ = assembly_for(GEOMETRY, MESH_OF_RECORD, LAW)
     path = follow(assembly, 1e-4, SKIN, 3.0)
