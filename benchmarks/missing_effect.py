@@ -114,15 +114,14 @@ def _strength(truth: Truth, made: Made, outcome: Outcome) -> dict[str, Any]:
     """Return the strength of what was hidden, how separable it is, and what the best fit leaves."""
     found = outcome.found
     errors = found.errors
-    # As the workflow saw them: averaged to its rate, without the outliers.
-    clean = np.concatenate(
-        [
-            np.interp(r.curve.time_s, curve.time_s, clean)
-            for r, curve, clean in zip(
-                found.records, made.campaign.curves, made.clean_mm, strict=True
-            )
-        ]
-    )
+    # As the workflow saw them: averaged to its rate, without the outliers, at its pressures.
+    each = []
+    for r, curve, clean_mm, true_mbar in zip(
+        found.records, made.campaign.curves, made.clean_mm, made.true_mbar, strict=True
+    ):
+        own, p = (np.interp(r.curve.time_s, curve.time_s, v) for v in (clean_mm, true_mbar))
+        each.append(own + slope_mm_per_mbar(p, own) * (r.pressure_mbar - p))
+    clean = np.concatenate(each)
     base, best = outcome.found.base.fit, outcome.best.fit
 
     def left(fit: Any, *more: Array) -> float:

@@ -166,10 +166,15 @@ class Life:
 
 @dataclass(frozen=True, eq=False)
 class Made:
-    """A campaign, and its curves before noise."""
+    """A campaign; what its skin and effects alone do, and the true pressures there.
+
+    Without the noise, and without what each placement's own stiffness, thickness and zero did:
+    those are errors, also for a perfect knower.
+    """
 
     campaign: Campaign
     clean_mm: list[Array]
+    true_mbar: list[Array]
 
 
 # ---- what the library does not have: (time, pressure, deflection, rng) -> deflection, at size 1
@@ -308,8 +313,8 @@ def _size(rng: np.random.Generator, zero: float, low: float, high: float, sign: 
 
 def curve_of(
     truth: Truth, entry: tuple[float, str, int, int], rng: np.random.Generator
-) -> tuple[Curve, Array] | None:
-    """Return the measured curve and the same without noise; None where the skin does not hold."""
+) -> tuple[Curve, Array, Array] | None:
+    """Return the measured curve, and `clean_mm` and `true_mbar` of it; None where no skin holds."""
     aperture, text, cycle, repeat = entry
     program = parse_program(text)
     life = truth.life or Life()
@@ -327,14 +332,22 @@ def curve_of(
     x1, x2, nu = skin.values
     skin = Skin((x1 * stiffer, x2 * stiffer, nu))
     offset_mm = 1e-3 * life.offset_um * rng.normal()
-    geometry = Geometry(aperture, thickness)
-    found = response(skin, truth.effects, geometry, path, t, cycle=cycle, discretisation=MESH)
-    w = found.deflection_mm
+
+    def dome(one: Skin, thickness_mm: float) -> Array:
+        geometry = Geometry(aperture, thickness_mm)
+        return response(
+            one, truth.effects, geometry, path, t, cycle=cycle, discretisation=MESH
+        ).deflection_mm
+
+    w = dome(skin, thickness)
     if not np.isfinite(w).all():
         return None
+    common = dome(truth.skin, truth.thickness_mm) if life.stiffness or life.thickness else w
+    common = np.where(np.isfinite(common), common, w)
     if truth.distortion:
         changed = OUTSIDE[truth.distortion](t, path(t), w, rng)
-        w = w + truth.distortion_size * (changed - w)
+        outside = truth.distortion_size * (changed - w)
+        w, common = w + outside, common + outside
     read_w = w + offset_mm + 1e-3 * life.errors_um(t, truth.noise_um, rng)
     read_w = read_w + life.proportional * w * rng.normal(size=len(t))
     step_mm, step_mbar = 1e-3 * life.step_um, life.pressure_step_mbar
@@ -343,7 +356,7 @@ def curve_of(
     read_p = step_mbar * np.round(read_p / step_mbar)
     name = f"d{aperture:g}_{text.replace(':', '').replace(',', '_')}_c{cycle}_{repeat}.csv"
     setup = Setup(aperture, truth.thickness_mm, program, cycle, repeat)
-    return Curve(name, setup, t, read_p, read_w), w
+    return Curve(name, setup, t, read_p, read_w), common, path(t)
 
 
 def make(part: str, seed: int, number: int) -> tuple[Truth, Made]:
@@ -362,11 +375,11 @@ def make(part: str, seed: int, number: int) -> tuple[Truth, Made]:
     raise RuntimeError("no skin holds")
 
 
-def _made(truth: Truth, found: Sequence[tuple[Curve, Array]]) -> Made:
+def _made(truth: Truth, found: Sequence[tuple[Curve, Array, Array]]) -> Made:
     campaign = Campaign(
         "hidden",
         truth.noise_um if truth.stated else None,
         truth.pressure_noise_mbar if truth.stated else None,
-        tuple(curve for curve, _ in found),
+        tuple(curve for curve, _, _ in found),
     )
-    return Made(campaign, [clean for _, clean in found])
+    return Made(campaign, [clean for _, clean, _ in found], [true for _, _, true in found])

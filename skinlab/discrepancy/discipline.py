@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,7 @@ from skinlab.inference.noise import legendre
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+_SECOND = "every second sample"
 _PER_LOOK = 4  # settings of the errors from each look: evidence of parts of the data
 _RIVALS = 3
 
@@ -63,8 +65,31 @@ class Discipline:
         return self._known[key][id(one)]
 
     def ahead(self, one: Candidate, base: Candidate, kept: Mask) -> float:
-        """Return log10 evidence in some samples over the model as it is, the odds not counted."""
+        """Return log10 evidence in some samples over another explanation, the odds not counted."""
         return self.log10_evidence(one, kept) - self.log10_evidence(base, kept)
+
+    @cached_property
+    def _drops(self) -> dict[str, Mask]:
+        """Parts of the data in which an explanation has to be there again."""
+        counts = [len(r.curve) for r in self._records]
+        number = np.repeat(np.arange(len(counts)), counts)
+        drops = {_SECOND: np.concatenate([np.arange(n) % 2 == 0 for n in counts])}
+        if len(counts) > 1:
+            drops |= {r.name: number != i for i, r in enumerate(self._records)}
+        return drops
+
+    def needs_both(self, pair: Candidate, alone: Candidate) -> bool:
+        """Return whether a pair is there again beside one of its members, as a name has to be.
+
+        By what one curve says, or half of the samples, no second effect is told.
+        """
+        lead = pair.log10_evidence - alone.log10_evidence
+        everything = np.ones(sum(len(r.curve) for r in self._records), dtype=bool)
+        odds = lead - self.ahead(pair, alone, everything)
+        return all(
+            self.ahead(pair, alone, kept) + odds >= (NAMES.tie if what == _SECOND else 0.0)
+            for what, kept in self._drops.items()
+        )
 
     def trials(
         self,
@@ -80,7 +105,7 @@ class Discipline:
         whole = self.ahead(best, base, everything)
         odds = best.log10_evidence - whole  # of the prior, and what fewer settings change
         found = [self._size(best, base), self._smooth(best, base), self._steps(best)]
-        found.append(self._again(best, base, rivals, odds, everything))
+        found.append(self._again(best, base, rivals, odds))
         if parts:
             found.append(self._chosen_again(best, base, rivals, parts, everything))
             ratio = held.rms_um / max(held.expected_um, 1e-9)
@@ -139,22 +164,15 @@ class Discipline:
         base: Candidate,
         rivals: Sequence[Candidate],
         odds: float,
-        everything: Mask,
     ) -> Trial:
         """Return whether it is there with every second sample dropped, and with any one curve."""
-        counts = [len(r.curve) for r in self._records]
-        second = np.concatenate([np.arange(n) % 2 == 0 for n in counts])
-        number = np.repeat(np.arange(len(counts)), counts)
-        drops = {"every second sample": second}
-        if len(counts) > 1:
-            drops |= {r.name: number != i for i, r in enumerate(self._records)}
         failed = []
-        for what, kept in drops.items():
+        for what, kept in self._drops.items():
             lead = self.ahead(best, base, kept)
             behind = [
                 self.log10_evidence(r, kept) - self.log10_evidence(best, kept) for r in rivals
             ]
-            needed = NAMES.tie - odds if what == "every second sample" else 0.0
+            needed = NAMES.tie - odds if what == _SECOND else 0.0
             if lead < needed or max(behind, default=0.0) > NAMES.tie:
                 failed.append(what)
         return Trial(

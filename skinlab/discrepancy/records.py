@@ -16,15 +16,15 @@ from skinlab.errors import InputError
 from skinlab.inference.batch import noise_from_repeats_um
 from skinlab.inference.error_models.quantised import step_of
 from skinlab.inference.noise import pressure_noise_mbar, roughness
+from skinlab.inference.pressure_course import smooth_course
 from skinlab.inference.samples import alike, placements_of
 from skinlab.mechanics.fem.suction import Geometry
 
 Array = NDArray[np.float64]
 
 _FEWEST = 20  # samples of a curve that can be looked at
-_WINDOW = 7  # samples over which the path of a measured pressure is smoothed, by parabolas
-_SMOOTHED = 0.58  # of the noise is left by that: sqrt(1/3)
-_CORNER = 3.0  # times its noise: what the parabolas are off by more is a corner
+_APART = 2.0  # of `smooth_course`: corners of fast programs at 10 Hz stay
+_KNOTS = 0.5, 0.1  # how far the path may cut corners of that: of the noise, mbar at least
 _AS_ASKED = 1.25  # a channel within so many times its noise of the program followed it
 _ROUNDING_UM = 0.3
 _LEAST_STEP_MBAR = 0.01
@@ -107,12 +107,9 @@ def _record(curve: Curve, noise_um: float | None, pressure_noise: float | None) 
         # Each sample keeps its own reading: what smoothing leaves of the noise goes up and down
         # together, and through dw/dp it would look like a missing effect.
         pressure, sd = measured, noise
-        from scipy.signal import savgol_filter  # slow to import
-
-        smooth = savgol_filter(measured, _WINDOW, 2, mode="interp")
-        corner = np.abs(measured - smooth) > _CORNER * noise
-        smooth = np.where(corner, measured, smooth)
-        path = PressurePath.of_samples(time, smooth, max(2.5 * _SMOOTHED * noise, 0.2))
+        smooth = smooth_course(time, measured, noise, apart=_APART)
+        share, least = _KNOTS
+        path = PressurePath.of_samples(time, smooth, max(share * noise, least))
     own = noise_um
     if own is None:
         own = max(1e3 * roughness(curve.deflection_mm), _ROUNDING_UM)

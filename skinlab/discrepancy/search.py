@@ -225,6 +225,7 @@ class Search:
                 candidates = self._members(pool, base, pairs) + pairs
                 named = {c.effects for c in candidates}
                 candidates += [c for c in singles if c.effects not in named]
+            candidates = self._rivals(pool, base, candidates)
         base, candidates = self._weighed(base, candidates)
         candidates.sort(key=lambda c: -c.log10_evidence)
         for name in self._own:
@@ -245,17 +246,17 @@ class Search:
         Raises:
             NotTrustworthyError: it has no answer at all for these curves.
         """
-        first = self.base()
-        before = self.fitter
-        linear = Linearised.of(first.fit, before.errors, before.measured)
+        first = self.base().fit
+        before, domes = self.fitter, self.fitter.domes
+        linear = Linearised.of(first, before.errors, before.measured)
         bad = outliers(before.records, linear)
         self._kept = tuple(before.errors.split(~bad))
         self._progress("learning how large the errors are")
-        records = creased(without(before.records, self._kept), first.fit, before.domes)
-        self._thickness_mm = thickness_slopes(before.records, first.fit, before.domes)[~bad]
+        records = creased(without(before.records, self._kept), first, domes)
+        self._thickness_mm = thickness_slopes(before.records, first, domes)[~bad]
         self.errors = self._learn(records, linear.only(~bad), None)
         self.fitter = before.with_errors(records, self.errors.working)
-        fit = self.fitter.fit(first.fit.unknowns, first.fit.u)
+        fit = self.fitter.fit(first.unknowns, first.u)
         if fit is None:
             raise NotTrustworthyError("the model has no answer for these curves")
         return self._candidate(fit, None)
@@ -429,6 +430,43 @@ class Search:
             self._progress("fitting the members of pairs alone")
         fits = [fit for fit in pool.map(fit_from, found) if fit is not None]
         return [c for c in (self._candidate(fit, base) for fit in fits) if c.adequate]
+
+    def _rivals(self, pool: Pool, base: Candidate, candidates: list[Candidate]) -> list[Candidate]:
+        """Return the candidates; where a pair leads, with pairs that its members make elsewhere.
+
+        Beside one member's fit the right partner may seem to gain nothing: what both change of the
+        skin lies around a bend. So each member is added to the fits of other single effects.
+        """
+        best = max(
+            (c for c in candidates if c.adequate), key=lambda c: c.log10_evidence, default=None
+        )
+        if best is None or len(best.effects) - len(self._own) < 2:
+            return candidates
+        members = best.effects[len(self._own) :]
+        alone = [
+            c for c in candidates
+            if len(c.effects) - len(self._own) == 1 and c.effects[-1] not in members
+        ]  # fmt: skip
+        tasks = []
+        for other in sorted(alone, key=lambda c: -c.log10_evidence)[: SEARCH.rivals]:
+            seen, _ = self._screen(pool, other.fit, members)
+            tasks += [(other.fit, s) for s in seen.values()]
+        tasks.sort(key=lambda t: t[0].cost - t[1].gain)
+        if not tasks:
+            return candidates
+        told = ", ".join(f"{f.effects[-1]} and {s.effect}" for f, s in tasks[: SEARCH.rival_pairs])
+        self._progress(f"fitting its rivals: {told}")
+        limit = best.fit.cost + SEARCH.far
+        found = {
+            frozenset(c.effects): c
+            for c in self._fits(pool, base, tasks[: SEARCH.rival_pairs], limit)
+        }
+        kept = [
+            c for c in candidates
+            if (one := found.get(frozenset(c.effects))) is None or c.fit.cost <= one.fit.cost
+        ]  # fmt: skip
+        better = {frozenset(c.effects) for c in kept}
+        return kept + [c for names, c in found.items() if names not in better]
 
     def _screen(
         self, pool: Pool, fit: Fit, names: Sequence[str]

@@ -105,6 +105,10 @@ class SearchRules:
     """Effects that explain nothing, but most: fitted from elsewhere too."""
     members: int = 4
     """Of pairs that explain: tried alone."""
+    rivals: int = 3
+    """Other single effects, at whose fits the members of a pair that leads are tried,"""
+    rival_pairs: int = 4
+    """and so many of these are fitted."""
 
 
 @dataclass(frozen=True)

@@ -207,10 +207,9 @@ class MappedModel:
         else:
             whens = np.broadcast_to(when, (len(candidates), len(time)))
             on_path = np.array([c.felt[i](t) for c, t in zip(candidates, whens, strict=True)])
-        pressure = on_path
         # A reading's own noise stays with its sample whatever lags: read between two samples it
         # would be less, and half a sample of lag look better than none.
-        pressure = pressure + (record.pressure_mbar - record.path(time))
+        off_path = record.pressure_mbar - record.path(time)
         zero = np.array([p.preload_mbar for p in problems])
         if any(p.prony for p in problems):
             terms = _as_many([p.prony for p in problems])
@@ -223,9 +222,12 @@ class MappedModel:
                 ]
                 relaxed = np.concatenate([r for r, _ in each])
                 zero = np.concatenate([z for _, z in each])
-            pressure = relaxed + (pressure - on_path)
+            # It is worth what it is to the relaxed skin: one that is stiff for an instant would
+            # follow no noise, and be likelier than any other by that.
+            rest = [1.0 - sum(term.g for term in p.prony) for p in problems]
+            pressure = relaxed + off_path / np.array(rest)[:, None]
         else:
-            pressure = pressure + zero[:, None]
+            pressure = on_path + off_path + zero[:, None]
         stiffness = np.array([[p.stiffness] for p in problems])
         w = self._height(pressure, stiffness, domes, key, off)
         if zero.any():

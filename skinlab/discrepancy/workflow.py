@@ -81,7 +81,7 @@ def explain(
         partial=partial,
     )
     found = search.run()
-    tried = _tried(search, found, decide(found), progress)
+    tried = _tried(search, found, _each_needed(search, found, decide(found)), progress)
     if tried.verdict.name == "unknown":
         progress("finding out what kind of thing is missing")
         before = search.errors
@@ -155,6 +155,24 @@ class _Tried:
     def again(self, fit: Fit) -> Fit:
         """Return a fit with the errors as the best explanation sees them."""
         return fit.with_errors(self.searched.errors, self.final.errors)
+
+
+def _each_needed(search: Search, found: Found, verdict: Verdict) -> Verdict:
+    """Return the verdict, a tie where a pair leads and one of its members would do.
+
+    That is so where the evidence for the second effect is not there again in parts of the data.
+    """
+    if verdict.name != "named":
+        return verdict
+    assert search.errors is not None
+    (best,) = verdict.explanations
+    alone = [c for c in found.candidates if c.adequate and set(c.effects) < set(best.effects)]
+    if not alone:
+        return verdict
+    linear = {id(c): search.linear(c.fit) for c in (best, *alone)}
+    discipline = Discipline(search.fitter.records, search.errors, linear)
+    enough = [c for c in alone if not discipline.needs_both(best, c)]
+    return Verdict("ambiguous", [best, *enough]) if enough else verdict
 
 
 def _tried(search: Search, found: Found, first: Verdict, progress: Callable[[str], None]) -> _Tried:

@@ -18,19 +18,22 @@ _HALF_WIDTHS = (1, 2, 4, 8, 16, 32)  # samples on either side
 _APART = 2.5  # standard deviations: a wider line so far from a narrower one passes by a corner
 
 
-def smooth_course(time_s: Array, pressure_mbar: Array, sd_mbar: float) -> Array:
+def smooth_course(
+    time_s: Array, pressure_mbar: Array, sd_mbar: float, *, apart: float = _APART
+) -> Array:
     """Return the pressure (n,) without its noise, by the widest straight line that noise allows.
 
     At each sample lines are fitted to more and more neighbours, as long as each agrees with all
     narrower ones within the noise (Lepski's rule; Goldenshluger and Nemirovski 1997, Math. Methods
-    Stat. 6:135): corners and steps of a program stay.
+    Stat. 6:135): corners and steps of a program stay. A smaller `apart` (standard deviations)
+    keeps more of them, and more noise.
     """
     n = len(time_s)
     found = pressure_mbar.copy()
     if sd_mbar <= 0.0 or n < 2 * _HALF_WIDTHS[0] + 1:
         return found
     # What all lines so far allow, and whether any line still does
-    low, high = found - _APART * sd_mbar, found + _APART * sd_mbar
+    low, high = found - apart * sd_mbar, found + apart * sd_mbar
     open_ = np.ones(n, dtype=bool)
     for half in _HALF_WIDTHS:
         width = 2 * half + 1
@@ -46,7 +49,7 @@ def smooth_course(time_s: Array, pressure_mbar: Array, sd_mbar: float) -> Array:
         at = time_s - middle[begin]
         line = mean[begin] + slope[begin] * at
         sd = sd_mbar * np.sqrt(1.0 / width + at**2 / square[begin])
-        low, high = np.maximum(low, line - _APART * sd), np.minimum(high, line + _APART * sd)
+        low, high = np.maximum(low, line - apart * sd), np.minimum(high, line + apart * sd)
         open_ &= low <= high
         found = np.where(open_, line, found)
     return found

@@ -10,7 +10,7 @@ from skinlab.curves.campaign import Campaign
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
-from skinlab.discrepancy.adequacy import steps
+from skinlab.discrepancy.adequacy import Residual, steps
 from skinlab.discrepancy.campaign_errors import (
     CampaignErrors,
     Linearised,
@@ -18,11 +18,11 @@ from skinlab.discrepancy.campaign_errors import (
     log_evidences,
     outliers,
 )
-from skinlab.discrepancy.discipline import repeats_um, smooth_shapes
+from skinlab.discrepancy.discipline import Discipline, repeats_um, smooth_shapes
 from skinlab.discrepancy.fit import Fitter
 from skinlab.discrepancy.misfit import errors_of, mesh_columns
 from skinlab.discrepancy.records import by_condition, coarsened, records_of, without
-from skinlab.discrepancy.search import Search, unknowns_of, with_thickness
+from skinlab.discrepancy.search import Candidate, Search, unknowns_of, with_thickness
 from skinlab.discrepancy.settings import NAMES
 from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.discrepancy.unknowns import Unknowns
@@ -167,6 +167,33 @@ def test_the_stated_uncertainty_of_the_thickness_belongs_to_every_explanation(ta
     assert axis.to_value(mean) == pytest.approx(1.0)
     assert sd * axis.slope(mean) == pytest.approx(0.1)
     assert with_thickness(unknowns, records_of(made)) == unknowns
+
+
+@pytest.mark.parametrize(("curves", "needed"), [(range(6), True), ([2], False)])
+def test_a_second_effect_has_to_be_there_again(table, curves, needed):
+    """What one curve alone says is no effect beside the first, however likely it makes the pair."""
+    made = campaign(table, lambda t, per_log, rng: rng.normal(0, 2e-3, len(t)))
+    fitter, fit = fitted(table, made)
+    plain = Linearised.of(fit, fitter.errors, fitter.measured)
+    ends = np.cumsum([0, *(len(r.curve) for r in fitter.records)])
+    wave = np.zeros((ends[-1], 1))
+    for i in curves:
+        t = np.linspace(0.0, 1.0, ends[i + 1] - ends[i])
+        wave[ends[i] : ends[i + 1], 0] = 4e-3 * np.sin(6 * np.pi * t)
+    off = replace(plain, residual_mm=plain.residual_mm + wave[:, 0])
+    none = np.zeros(len(fitter.measured))
+    errors = learn(fitter.records, [plain], none, noise_um=2.0, placement_scatter=0.0)
+    left = Residual(1.0, ())
+    alone, pair = Candidate(fit, left, 10.0), Candidate(replace(fit), left, 10.0)
+    linear = {id(alone): off, id(pair): off.beside(wave)}
+    discipline = Discipline(fitter.records, errors, linear)
+    lead = discipline.ahead(pair, alone, np.ones(len(none), dtype=bool))
+    assert lead > 3.0
+    odds = -1.7
+    leading = replace(pair, log10_evidence=10.0 + lead + odds)
+    linear[id(leading)] = linear[id(pair)]
+    again = Discipline(fitter.records, errors, linear)
+    assert again.needs_both(leading, alone) is needed
 
 
 def test_repeats_that_disagree_are_measured(table):

@@ -45,6 +45,20 @@ def test_a_campaign_can_be_read_and_does_not_tell_its_truth(tmp_path):
     assert "life" not in written
 
 
+def test_what_a_placement_does_is_no_part_of_what_is_hidden():
+    """Else a perfect knower of the errors would see something where nothing is hidden."""
+    truth, made = make("life_none", 5, 5)
+    assert truth.life.stiffness > 0.0
+    first, *others = (i for i, c in enumerate(made.campaign.curves) if c.setup.aperture_mm == 6.0)
+    assert others
+    for i in others:
+        p, order = made.true_mbar[i], np.argsort(made.true_mbar[first])
+        same = np.interp(p, made.true_mbar[first][order], made.clean_mm[first][order])
+        np.testing.assert_allclose(made.clean_mm[i], same, atol=2e-3)
+        measured = made.campaign.curves[i].deflection_mm - made.clean_mm[i]
+        assert abs(np.median(measured[p > 90.0])) > 5e-3
+
+
 def _truth(part, effects=(), families=()):
     return {"part": part, "effects": sorted(effects), "families": list(families)}
 
