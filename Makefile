@@ -3,10 +3,10 @@ PYTHON ?= python3
 BIN := .venv/bin
 
 # More processes than two cores have: half of the tests' time is spent waiting for a probe or a terminal.
-# The files that wait longest come first, by the order of their folders.
+# Their files come in turn with those that compute: tests/conftest.py.
 TESTS := -n 3 --dist loadfile --no-loadscope-reorder --durations=20
 
-.PHONY: run setup test check unit docs notebooks wheel lowest locked lock soak clean
+.PHONY: run setup test test-long check unit docs notebooks wheel lowest locked lock soak clean
 
 run: setup
 	@$(BIN)/skinlab
@@ -37,11 +37,15 @@ check: setup
 unit: setup
 	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest $(TESTS)
 
+# Whole campaigns, visits and killed studies, each some seconds: CI runs them after `make test`.
+test-long: setup
+	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest $(TESTS) -m long
+
 # The pages of docs/ as a site in site/, command line and Python API from the code; runs every command
 # in them.
 docs: .venv/.docs
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
-	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -n 2 -m docs tests/docs
+	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -n 2 -m docs tests/docs tests/unit/api
 
 notebooks: .venv/.notebook
 	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -m notebook tests/docs

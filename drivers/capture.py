@@ -18,6 +18,7 @@ from typing import Any, Self
 from drivers.dialect import Dialect
 from drivers.errors import RemoteProtocolError
 from drivers.events import Command, Damaged, InstrumentEvent
+from drivers.reading import read_whole
 
 SCHEMA = "skinlab.capture/1"
 
@@ -86,7 +87,7 @@ def read_capture(path: Path) -> tuple[dict[str, Any], list[Chunk]]:
 
     Raises OSError, and ValueError (one sentence that names file and line) for what is no capture.
     """
-    lines = path.read_bytes().split(b"\n")[:-1]  # whole lines end with a newline
+    lines = read_whole(path).split(b"\n")[:-1]  # whole lines end with a newline
     facts: dict[str, Any] = {}
     chunks = []
     for number, line in enumerate(lines, start=1):

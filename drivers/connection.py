@@ -156,7 +156,8 @@ class Connection(Incoming):
                 self._abilities = event
             case Loaded():
                 self._judge_loaded(event, number, frame)
-            case Refused() if number != self._number and self._number >= 0:
+            case Refused() if 0 <= self._number != number and not event.of_vent:
+                # A vent has no number, and no instrument may refuse one
                 self._ready.append(Damaged("answer to an older command", frame))
             case _:
                 self._ready.append(event)

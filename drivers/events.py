@@ -174,6 +174,11 @@ class Refused:
     command: str
     reason: str
 
+    @property
+    def of_vent(self) -> bool:
+        """Whether it was the vent, which no instrument may refuse."""
+        return self.command.casefold() == "vent"
+
 
 @dataclass(frozen=True, slots=True)
 class Pace:

@@ -28,6 +28,7 @@ from drivers.events import (
     Start,
     Vent,
 )
+from drivers.reading import read_whole
 
 IGNORED = "a line to be ignored"
 MAX_LINE_BYTES = 250  # the most that a file may ask for: what bounds the time of its pattern
@@ -195,12 +196,9 @@ def read_line_dialect(path: Path) -> Dialect:
     Raises DialectFileError: one sentence that names file and field.
     """
     try:
-        with path.open("rb") as file:
-            data = file.read(_MAX_FILE_BYTES + 1)
+        data = read_whole(path, _MAX_FILE_BYTES)
     except OSError as error:
         raise DialectFileError(f"{path}: cannot be read ({error.strerror or error})") from None
-    if len(data) > _MAX_FILE_BYTES:
-        raise DialectFileError(f"{path}: more than {_MAX_FILE_BYTES} bytes; expected a dialect")
     try:
         text = data.decode("utf-8")
     except UnicodeDecodeError as error:

@@ -168,6 +168,11 @@ class Probe:
         engine = self._seen
         return engine is not None and engine.ended is None
 
+    @property
+    def waiting(self) -> int:
+        """How many events `next_event` has by now; an instrument may send faster than one reads."""
+        return self._events.qsize()
+
     def next_event(self, timeout_s: float | None = None) -> TimedEvent | None:
         """Give the next event in order, or None if none came in `timeout_s` (None: wait for ever).
 

@@ -24,6 +24,7 @@ from drivers.events import (
     Load,
     Loaded,
     Pace,
+    Refused,
     Sample,
     Segment,
     SegmentKind,
@@ -37,6 +38,8 @@ SafetyEvent = HostVented | VentConfirmed | Alarm
 
 _PULLING = frozenset({InstrumentState.ARMED, InstrumentState.RUNNING})
 _RISES = frozenset({SegmentKind.RAMP, SegmentKind.UNTIL})
+_OPENS_S = 0.1  # beyond what a link may keep back, before a vent has to show
+_BEGUN = 0.75  # part of the pressure that a vent under way is below by then
 _UNSEEN_S = 0.1  # what is shorter is a dip, and what comes between two samples is not seen
 _ASKED_BY: dict[InstrumentState, type[Command]] = {
     InstrumentState.ARMED: Arm,
@@ -60,6 +63,8 @@ class Watchdog:
         self._confirmed: tuple[float, float] | None = None  # last vent: since when, and when seen
         self._back = False  # suction was seen again since then, with no run begun
         self._risen_since: float | None = None  # since when suction is back, more or less
+        self._seen_mbar = self._vent_mbar = 0.0  # last reading, and the last before the vent
+        self._seen_at = 0.0
         self._dose = DoseMeter()
         self._forget()
 
@@ -152,8 +157,12 @@ class Watchdog:
         self._host_vented = True
         self._ended = False
         self._asked.clear()
+        self._expect_fall(now)
+
+    def _expect_fall(self, now: float) -> None:
         if self._vent_since is None:
             self._vent_since = self._unbroken_since(now)
+            self._vent_mbar = self._seen_mbar
 
     def _unbroken_since(self, now: float) -> float:
         """Since when the pressure should have fallen: a vent in words only is no new beginning.
@@ -167,6 +176,7 @@ class Watchdog:
 
     def _see(self, pressure_mbar: float, now: float) -> None:
         """Note whether there is suction, and since when, outside a run."""
+        self._seen_mbar, self._seen_at = pressure_mbar, now
         if pressure_mbar < self._limits.vent_pressure_mbar:
             if pressure_mbar < self._limits.vent_pressure_mbar / 2:  # else it may swing
                 self._risen_since = None
@@ -202,6 +212,8 @@ class Watchdog:
                 self._pace = event.speed
             case Loaded() if not self._told:
                 self._program(event)
+            case Refused() if self.venting and event.of_vent:
+                return self._raise_alarm(f"the instrument refuses to vent ({event.reason})")
             case InstrumentFault():
                 return self._order(f"instrument fault {event.code}: {event.text}")
             case State():
@@ -221,6 +233,10 @@ class Watchdog:
                     f"the pressure did not fall below {self._limits.vent_pressure_mbar:g} mbar "
                     f"within {self._limits.vent_time_s:g} s of a vent"
                 )
+            if self.ordered and self._alarm is None and self._stays(now):
+                return self._raise_alarm(
+                    f"the pressure does not fall after a vent: still {self._seen_mbar:g} mbar"
+                )
             if not self._in_final_vent():
                 return []
         elif self._state is not InstrumentState.RUNNING:
@@ -238,6 +254,16 @@ class Watchdog:
         if late_s > self._limits.clock_s + drift_s:
             return self._order(f"stale data: the samples come {1000 * late_s:.0f} ms late")
         return self._over(now) or self._suction(now - self._last_sample if self._pulls else 0.0)
+
+    def _stays(self, now: float) -> bool:
+        """Whether an ordered vent does nothing at all, as far as the newest reading can tell.
+
+        A valve may open late, a link may keep readings back: only then it has to have begun.
+        """
+        assert self._vent_since is not None
+        heard_s = min(self._seen_at, now) - self._vent_since
+        still = self._seen_mbar > max(_BEGUN * self._vent_mbar, self._limits.overshoot_mbar)
+        return still and heard_s > self._limits.clock_s + _OPENS_S
 
     def _over(self, now: float) -> list[SafetyEvent]:
         """Judge by the host's clock alone whether the program is over."""
@@ -324,8 +350,7 @@ class Watchdog:
             if fell or event.state in {InstrumentState.VENTING, InstrumentState.FAULT}:
                 own = not orders and not self._host_vented
                 self._ended = own and before is InstrumentState.RUNNING
-                if self._vent_since is None:
-                    self._vent_since = self._unbroken_since(now)
+                self._expect_fall(now)
         if event.pressure_mbar is None:
             return orders
         self._see(event.pressure_mbar, now)

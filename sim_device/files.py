@@ -10,6 +10,8 @@ from typing import Annotated, Any, Literal, TypeVar
 import msgspec
 from msgspec import Meta, field
 
+from drivers.reading import read_whole
+
 _MOST_DOTS = 5_000  # of one line
 
 Form = TypeVar("Form", bound=msgspec.Struct)
@@ -96,11 +98,9 @@ def load_toml(path: str | Path, form: type[Form]) -> Form:
     Raises ValueError, one sentence that names the file and the field or line.
     """
     try:
-        raw = Path(path).read_bytes()
+        raw = read_whole(path)
     except OSError as error:
         raise ValueError(f"{path}: cannot be read ({error.strerror or error})") from error
-    except ValueError:  # a zero byte, which a URL can hold
-        raise ValueError(f"{path}: is no name of a file") from None
     # A key of thousands of parts takes the parser a time that grows with their square.
     if any(line.count(b".") > _MOST_DOTS for line in raw.split(b"\n")):
         raise ValueError(f"{path}: nested too deeply")

@@ -6,6 +6,7 @@ import os
 import signal
 import sys
 from collections.abc import Iterator
+from itertools import groupby, zip_longest
 from pathlib import Path
 
 # Tests start hundreds of interpreters: without bytecode each would compile all that it imports,
@@ -45,8 +46,25 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         config.hook.pytest_deselected(items=[item for item in items if item.nodeid in done])
         items[:] = [item for item in items if item.nodeid not in done]
     for item in items:
-        if {"tui", "system"} & set(item.path.parts) and not item.get_closest_marker("flaky"):
+        if _waits(item) and not item.get_closest_marker("flaky"):
             item.add_marker(pytest.mark.flaky(reruns=1))
+    items[:] = _mixed(items)
+
+
+def _waits(item: pytest.Item) -> bool:
+    return bool({"tui", "system"} & set(item.path.parts))
+
+
+def _mixed(items: list[pytest.Item]) -> list[pytest.Item]:
+    """Return the items with files that wait for others and files that compute in turn.
+
+    One kind after the other would leave the processors idle first, and fight for them then.
+    """
+    files = [list(group) for _, group in groupby(items, key=lambda item: item.path)]
+    waiting = [file for file in files if _waits(file[0])]
+    computing = [file for file in files if not _waits(file[0])]
+    turns = zip_longest(waiting, computing, fillvalue=[])
+    return [item for turn in turns for file in turn for item in file]
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:

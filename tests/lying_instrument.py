@@ -30,6 +30,7 @@ from drivers.events import (
     InstrumentFault,
     Load,
     Loaded,
+    Refused,
     Sample,
     Start,
     State,
@@ -63,6 +64,9 @@ ENDLESS: dict[str, Lie] = {  # it never says that the program is over
     "reads nothing": lambda t, p, s: (t, 0.0, s),
     "wrong sign": lambda t, p, s: (t, -p, s),
     "half open": lambda t, p, s: (t, max(p, 40.0), s),
+    "refuses to vent": lambda t, p, s: (t, p + 20.0 * max(0.0, t - 1.0), s),
+    "old program": lambda t, p, s: (t, 60.0, s),
+    "old times": lambda t, p, s: (t + 100.0, p, s),
     "wobbles": lambda t, p, s: (t + (0.9 if t > 1.0 and int(50 * t) % 2 else 0.0), p, s),
 }
 OTHERS: dict[str, Lie] = {
@@ -83,9 +87,22 @@ OTHERS: dict[str, Lie] = {
     "vents in silence": lambda t, p, s: (t, p, s),
     "fault in name": lambda t, p, s: (t, 60.0, s),
     "states only": lambda t, p, s: (t, p, s),
+    "floods": lambda t, p, s: (t, p, s),
+    "floods with lines": lambda t, p, s: (t, p, s),
+    "babbles": lambda t, p, s: (t, p, s),
+    "floods for a name": lambda t, p, s: (t, p, s),
+    "answers another": lambda t, p, s: (t, 60.0, s),
+    "streams early": lambda t, p, s: (t, 30.0, s),
+    "leaks shut": lambda t, p, s: (t, max(p, 7.0), s),
     "vents in name": lambda t, p, s: (t, p + 20.0 * max(0.0, t - 1.0), s),
 }
 EVIL = "e\x1b]0;evil\x07\x9b2J\u202e\r\n[red]x[/]"  # what acts on a terminal
+FLOOD = {  # bytes in one turn
+    "floods": b"A" * 65_536,
+    "floods with lines": b"\r\n" * 32_768,
+    "babbles": DIALECT.encode_event(Refused("Load", "no"), 1) * 2_000,
+    "floods for a name": b"$HELLO,1," + b"A" * 65_536,
+}
 LATE_S = 3.0  # longer than a host waits for an answer
 
 
@@ -103,6 +120,7 @@ class Liar:
         self.started = 0.0
         self.count = 0
         self.said_mbar = 0.0
+        self.floods = False
         self.out = bytearray()
 
     def say(self, event: InstrumentEvent, number: int | None = None) -> None:
@@ -121,6 +139,8 @@ class Liar:
             self.log.write(f"{since_s:.3f} {type(command).__name__} {self.said_mbar:g}\n")
             self.log.flush()
         match command:
+            case Identify() if self.lie == "floods for a name":
+                self.floods = True
             case Identify():
                 hostile = {"model": EVIL, "firmware": EVIL, "serial_number": EVIL}
                 self.say(replace(HELLO, **hostile) if self.lie == "hostile names" else HELLO)
@@ -131,8 +151,12 @@ class Liar:
                 self.load = command
                 self.say(Loaded(segments, rate_hz, pressure, suction), number)
                 self.enter(S.LOADED, "loaded")
+                if self.lie == "streams early":
+                    self.run, self.started = Run(command), time.monotonic()
                 if self.lie == "another program":  # said again, and longer
                     self.say(Loaded((*segments, *segments[-1:] * 5), rate_hz, 500.0, 60.0), number)
+            case Start() if self.lie == "answers another":
+                self.start()
             case Arm() if self.lie == "arms late":
                 self.late.append((time.monotonic() + LATE_S, State(S.ARMED, "armed", 0.0)))
             case Arm():
@@ -143,6 +167,8 @@ class Liar:
                 pass
             case Start() if self.state is S.ARMED:
                 self.start()
+            case Vent() if self.lie == "refuses to vent":
+                self.say(Refused("VENT", "not now"), 0)
             case Vent():
                 if self.lie != "vents in name":
                     self.run = None
@@ -154,7 +180,7 @@ class Liar:
     def start(self) -> None:
         assert self.load is not None
         self.run, self.started, self.count = Run(self.load), time.monotonic(), 0
-        self.enter(S.RUNNING, "started")
+        self.enter(S.ARMED if self.lie == "answers another" else S.RUNNING, "started")
 
     def live(self) -> None:
         """Say the samples that are due."""
@@ -184,12 +210,20 @@ class Liar:
                 self.say(State(S.RUNNING, "running", pressure))
                 self.count += 1
                 continue
+            if self.lie in FLOOD and self.count == 50:
+                self.floods = True
+            if self.floods and self.lie != "babbles":
+                self.count += 1
+                continue
             self.say(Sample(number, time_s, pressure, height_mm, segment))
             if self.lie == "hostile names" and self.count == 50:
                 self.say(InstrumentFault(EVIL, EVIL))
                 self.enter(S.FAULT, EVIL)
             self.said_mbar = pressure
             self.count += 1
+
+        if self.floods:
+            self.out += FLOOD[self.lie]
 
     def end(self) -> None:
         if self.lie == "vents in silence":
@@ -199,12 +233,13 @@ class Liar:
         self.enter(S.FAULT if self.lie == "fault in name" else S.VENTING, PROGRAM_END)
         if self.lie == "fault in name":
             return
-        if self.lie != "stays high":
+        stays = self.lie in {"stays high", "leaks shut"}
+        if not stays:
             self.enter(S.LOADED, PROGRAM_DONE)
         if self.lie == "starts again":
             self.enter(S.ARMED, "armed")
             self.start()
-        elif self.lie not in {"stays high", "done"}:
+        elif not stays and self.lie != "done":
             self.run = None
 
 

@@ -59,8 +59,7 @@ def measure(
     runner = Runner(source, pipeline.handle, report, policy, clock)
     with HeldInterrupt(runner.vent) as held:
         try:
-            while runner.step(0.0):  # what came before is not about this plan
-                pass
+            runner.catch_up()  # what came before is not about this plan
             runner.ask(Arm(plan), Start())
             while not ends:
                 runner.step()

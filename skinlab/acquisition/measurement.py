@@ -492,7 +492,7 @@ class Measurement:
             case Phase.VENTING | Phase.CLOSING:
                 end = Phase.READY if self.phase is Phase.VENTING else Phase.CLOSED
                 if self._instrument in _SETTLED or self._instrument is None:
-                    self._when_quiet(now, self._why, end)
+                    self._when_quiet(now, self._why, end, self._patient_till_s)
                 elif now >= self._patient_till_s:
                     self._end_series(self._why, end)
                 else:
@@ -521,10 +521,11 @@ class Measurement:
         elif self._left:
             self._rest(now)
         else:
-            self._when_quiet(now, "", Phase.READY)
+            self._when_quiet(now, "", Phase.READY, patient_till)
 
-    def _when_quiet(self, now: float, why: str, phase: Phase) -> None:
-        quiet_at = self._last_event_s + self.policy.quiet_s
+    def _when_quiet(self, now: float, why: str, phase: Phase, patient_till_s: float) -> None:
+        # One that never falls silent is not waited for
+        quiet_at = min(self._last_event_s + self.policy.quiet_s, patient_till_s)
         if now >= quiet_at or not self.controls:
             self._end_series(why, phase)
         else:

@@ -402,7 +402,7 @@ class ProbeSession:
     def _finish(self, source: LiveSource) -> None:
         visit = self._visit
         try:
-            while (item := source.next_item(0.0)) is not None:
+            for item in source.come_by_now():
                 self._deliver(item)
             if visit is not None:
                 visit.end_connection()

@@ -12,6 +12,7 @@ from typing import Literal
 
 import msgspec
 
+from drivers.reading import read_whole
 from skinlab.acquisition.measurement_request import MOST_REPEATS, MOST_REST_S
 from skinlab.curves.curve import check_aperture
 from skinlab.curves.program import Program, check_measurable, parse_program
@@ -110,7 +111,7 @@ def read_protocol(path: Path) -> NamedProtocol:
             the file and the field.
     """
     try:
-        text = path.read_bytes().decode("utf-8")
+        text = read_whole(path).decode("utf-8")
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from None
     except UnicodeDecodeError:

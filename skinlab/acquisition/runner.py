@@ -126,8 +126,7 @@ class Runner:
         if self._outcomes:
             # All events that came before the outcome are there by now
             outcome = self._outcomes.popleft()
-            while (item := self.source.next_item(0.0)) is not None:
-                self._take(item)
+            self.catch_up()
             self._under_way -= 1
             self._handle(outcome)
         item = self.source.next_item(max(0.0, self._patience(timeout_s)))
@@ -138,6 +137,15 @@ class Runner:
         else:
             self._handle(None)
         return item is not None
+
+    def catch_up(self) -> None:
+        """Take what has come by now.
+
+        Raises:
+            Exception: of `deliver` or `report`.
+        """
+        for item in self.source.come_by_now():
+            self._take(item)
 
     def close(self) -> None:
         """Vent where something is under way, and wait for the vent; then take what is left.
@@ -151,7 +159,7 @@ class Runner:
             while self.phase is not Phase.CLOSED:
                 self.step()
         self.stop()
-        while (item := self.source.next_item(0.0)) is not None:
+        for item in self.source.come_by_now():
             self._deliver(item)
 
     def stop(self) -> None:

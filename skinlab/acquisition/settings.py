@@ -8,6 +8,7 @@ from pathlib import Path
 
 from platformdirs import user_config_path
 
+from drivers.reading import read_whole
 from skinlab.acquisition.measurement_request import DEFAULTS, complaint
 from skinlab.errors import InputError
 from skinlab.io.documents import read_json
@@ -28,7 +29,7 @@ def _said(path: Path | None) -> dict[str, object]:
     if path is None:
         return {}
     try:
-        said = read_json(path.read_text(encoding="utf-8"))
+        said = read_json(read_whole(path))
     except (OSError, ValueError):
         return {}
     return said if isinstance(said, dict) else {}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 from drivers.events import Segment, SegmentKind
 from drivers.limits import CANNOT_UNTIL
@@ -121,3 +121,10 @@ class LiveSource:
         if self._planned:
             return self._planned.popleft()
         return self.probe.next_event(timeout_s)
+
+    def come_by_now(self) -> Iterator[Item]:
+        """Give the items that are there, and none that comes meanwhile: a flood has no end."""
+        for _ in range(len(self._planned) + self.probe.waiting):
+            item = self.next_item(0.0)
+            if item is not None:
+                yield item

@@ -8,6 +8,7 @@ from typing import Literal
 
 import msgspec
 
+from drivers.reading import read_whole
 from skinlab.curves.csv import read_curve
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.program import parse_program
@@ -57,7 +58,7 @@ def read_campaign(path: Path) -> Campaign:
             outside the campaign's folder is refused.
     """
     try:
-        data = decode(read_toml(path.read_bytes()), _File)
+        data = decode(read_toml(read_whole(path)), _File)
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from None
     except (ValueError, UnicodeDecodeError) as error:

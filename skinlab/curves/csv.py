@@ -11,6 +11,7 @@ from typing import TextIO
 
 import numpy as np
 
+from drivers.reading import read_whole
 from skinlab.curves.curve import FEWEST_POINTS, Curve, Setup
 from skinlab.errors import InputError
 
@@ -26,7 +27,7 @@ def read_curve(path: Path, setup: Setup) -> Curve:
             time that does not increase, or fewer than 5 samples; names the line.
     """
     try:
-        content = path.read_bytes()
+        content = read_whole(path)
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError:
         raise InputError(f"{path}: not UTF-8 text; expected a curve CSV") from None

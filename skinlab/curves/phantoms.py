@@ -12,6 +12,7 @@ from typing import Literal
 
 import msgspec
 
+from drivers.reading import read_whole
 from skinlab.curves.program import Program, check_measurable, parse_program
 from skinlab.errors import InputError
 from skinlab.io.documents import decode, read_toml
@@ -84,8 +85,7 @@ def read_phantoms(path: Path | None = None) -> list[Phantom]:
     """
     where = "the shipped sheet" if path is None else str(path)
     try:
-        source = SHIPPED if path is None else path
-        found = decode(read_toml(source.read_bytes()), _Sheet).phantom
+        found = decode(read_toml(read_whole(SHIPPED if path is None else path)), _Sheet).phantom
     except OSError as error:
         raise InputError(f"{where}: cannot be read ({error.strerror or error})") from None
     except ValueError as error:  # InputError is one

@@ -21,6 +21,7 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
 
+from drivers.reading import read_whole
 from skinlab.curves.curve import APERTURES_MM, Curve
 from skinlab.curves.phantoms import Phantom
 from skinlab.errors import InputError
@@ -273,7 +274,7 @@ def read_probe(path: Path) -> ProbeErrors:
         InputError: it cannot be read, or a field is wrong.
     """
     try:
-        return decode_probe(path.read_text(encoding="utf-8"), str(path))
+        return decode_probe(read_whole(path).decode(), str(path))
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: {getattr(error, 'strerror', None) or error}") from None
 

@@ -20,6 +20,7 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
 
+from drivers.reading import read_whole
 from skinlab.curves.curve import Curve
 from skinlab.errors import InputError
 from skinlab.inference.identify import Identifier, from_draws
@@ -175,7 +176,7 @@ def read_prior(path: Path, site: str | None = None, age_years: float | None = No
         InputError: it cannot be read, a field is wrong, or it has no such site.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_whole(path).decode()
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: {getattr(error, 'strerror', None) or error}") from None
     return decode_prior(text, str(path), site, age_years)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from drivers.reading import require_file
 from skinlab.errors import InputError
 from skinlab.io.files import whole_file
 
@@ -29,6 +30,10 @@ def open_hdf5(path: Path) -> Iterator[Any]:
     import h5py
 
     path = Path(path)
+    try:
+        require_file(path)
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}") from None
     try:
         with h5py.File(path, "r") as file:
             _check_content(path, file)

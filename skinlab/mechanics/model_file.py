@@ -36,6 +36,7 @@ from typing import Any, Literal, TypeVar
 import msgspec
 from msgspec import field
 
+from drivers.reading import read_whole
 from skinlab.errors import InputError
 from skinlab.io.documents import decode, plain, read_toml, toml_text
 from skinlab.mechanics.effects import checked, get_effect
@@ -199,7 +200,7 @@ def read_model(path: str | Path) -> Model:
             message names the file and the field.
     """
     try:
-        raw = Path(path).read_bytes()
+        raw = read_whole(path)
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from None
     return decode_model(raw, str(path))

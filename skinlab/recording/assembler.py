@@ -16,6 +16,7 @@ from drivers.events import (
     Hello,
     InstrumentState,
     LinkLost,
+    Refused,
     Sample,
     State,
 )
@@ -70,6 +71,8 @@ class CurveAssembler:
                     self._curve.append(event)
             case Gap() if self._running and self._curve is not None:
                 self._curve.lost += event.received - event.expected
+            case Refused(_, reason) if self._running and event.of_vent:
+                self._cut = self._cut or f"the instrument refused to vent ({reason})"
             case LinkLost(reason) if self._running:
                 self._cut = self._cut or reason
                 messages += self._finish()

@@ -46,6 +46,7 @@ _SAMPLE_BYTES = 400
 # Of a journal that may be damaged.
 _MOST_FACTS = 100
 _LEAST_RECORD_BYTES = 20
+_MOST_RECORD_BYTES = 16 << 20
 _LATEST_S = 1e11  # the year 5138; nothing later is a time
 
 
@@ -396,19 +397,34 @@ def read_journal(path: Path) -> Read:
 
 def _meta(db: sqlite3.Connection, skipped: list[str]) -> dict[str, Any]:
     meta = {}
-    rows, failed = _rows(db, "SELECT rowid, key, value FROM meta WHERE rowid", 1, _MOST_FACTS)
-    for _, key, value in rows:
+    query = f"SELECT rowid, {_unless_huge('key')}, {_unless_huge('value')} FROM meta WHERE rowid"
+    rows, failed = _rows(db, query, 1, _MOST_FACTS)
+    for number, key, value in rows:
         try:
             meta[_text(key)] = read_json(_text(value))
         except (ValueError, TypeError) as error:
-            skipped.append(f"fact {key!r} cannot be read ({error})")
+            which = repr(key) if isinstance(key, bytes) else number
+            skipped.append(f"fact {which} cannot be read ({error})")
     skipped += [f"fact {number} cannot be read ({why})" for number, _, why in failed]
     return meta
 
 
+def _unless_huge(column: str) -> str:
+    """Return the SQL for what is of a possible size, else minus its size: no memory is taken."""
+    size = f"length({column})"
+    return f"CASE WHEN {size} > {_MOST_RECORD_BYTES} THEN -{size} ELSE {column} END"
+
+
+def _in_place(value: object) -> str:
+    """Say what is there where bytes are expected."""
+    if isinstance(value, int) and -value > _MOST_RECORD_BYTES:
+        return f"{-value >> 20} MB in one"
+    return f"{type(value).__name__} in the place of bytes"
+
+
 def _text(value: object) -> str:
     if not isinstance(value, bytes):
-        raise TypeError(f"{type(value).__name__} in the place of text")
+        raise TypeError(_in_place(value))
     return value.decode()
 
 
@@ -420,7 +436,8 @@ def _records(db: sqlite3.Connection, size_bytes: int, skipped: list[str]) -> lis
         last = most
     if not 0 < last <= most:  # of a page of which only a part is there
         last = most
-    query = "SELECT number, kind, host_time_s, utc_s, data FROM record WHERE number"
+    columns = f"number, kind, host_time_s, utc_s, {_unless_huge('data')}"
+    query = f"SELECT {columns} FROM record WHERE number"
     rows, failed = _rows(db, query, 1, last)
     records: list[Record] = []
     for number, *row in rows:
@@ -455,7 +472,7 @@ def _record(row: list[Any], before: Record | None) -> tuple[Record | None, str]:
     if kind not in tuple(Kind) or not isinstance(kind, int):
         return None, f"its kind is {kind!r}: left out"
     if not isinstance(data, bytes):
-        return None, f"{type(data).__name__} in the place of bytes: left out"
+        return None, f"{_in_place(data)}: left out"
     wrong = ""
     times = [host_time_s, utc_s]
     for k, name in enumerate(("host_time_s", "utc_s")):

@@ -5,9 +5,11 @@ Subjects go by pseudonym. The rule: at most 24 ASCII letters and digits in parts
 (`VOL12`), or are a word for a role (`subject-12`). No date, no number of more than eight digits.
 
 Sites and notes are sentences, so that only what looks like a person is refused: a title, a common
-name, an initial with a name, two capitalised words that are of no body (`Anna Schmidt`, not `Left
-Forearm`), an address, a date in words or numbers, a number of a register or a telephone. A rare
-name by itself, and most names in Chinese or Japanese, nobody can tell from a word.
+name, two words beside each other that are names as well (`grace lee`), an initial with a name, two
+capitalised words that are of no body (`Anna Schmidt`, not `Left Forearm`), a Chinese, Japanese or
+Korean name that begins with a common surname, an address, a date in words or numbers, a number of a
+register or a telephone. A rare name by itself nobody can tell from a word. How often it errs is in
+docs/safety.md.
 
 Six digits in a row are a number: one in twelve could be read as a date.
 """
@@ -16,6 +18,8 @@ from __future__ import annotations
 
 import re
 from datetime import date
+from functools import cache
+from importlib.resources import files
 from itertools import pairwise
 
 from skinlab.errors import InputError
@@ -49,6 +53,11 @@ _BORN = re.compile(
     re.I,
 )
 _SPACED = re.compile(r"(?<!\d)(\d\d) (\d\d) ((?:19|20)\d\d)(?!\d)")
+# Three alone, day or year first: not of a longer row, and of no unit
+_SHORT = re.compile(
+    r"(?<![\d.,])(?<!\d )(\d\d) (\d\d) (\d\d)(?![\d.,])"
+    r"(?! ?(?:\d|%|°|[muµ]?[mslg]\b|min\b|m?bar\b|k?Pa\b|[ck]m\b|Hz\b))"
+)
 _MAIL = re.compile(r"[^\s@]@[^\s@]+\.\w")
 # Telephones, and numbers of registers in their usual groups
 _REGISTER = re.compile(
@@ -69,34 +78,21 @@ _POLITE = re.compile(
 )
 _WORD = re.compile(r"[^\W\d_]+(?:['’-][^\W\d_]+)*")
 _PARTS = re.compile(r"['’-]s?(?![a-z])|['’-]|(?<=[^\W\d_A-Z])(?=[A-ZÄÖÜ])")
-# The commonest names that are no other words, as they stand in visits' notes.
-_NAME_WORDS = """
-    adam ahmed alexander alexandra alice amelia ana andrea andreas andrew angela anja anna anne
-    anthony antonio ayşe barbara benjamin bernd birgit brigitte carlos carmen caroline catherine
-    charlotte christian christina christine christopher clara claudia claus daniel david deborah
-    dennis dieter dimitri dorothy edward elena elisabeth elizabeth elke emily emma eric erika
-    eva fatma felix florian francesca francesco francisco françois frank franz fritz gabriele
-    george georg gerhard giovanni giulia giuseppe günter hannah hans heike heinz helga helmut
-    henry horst ibrahim ines ingrid isabel isabella ivan jacob jakob james jan jane janet jean
-    jennifer jens jessica joachim johann johannes john jonas jörg josé josef joseph joshua juan
-    julia jürgen karen karin karl katharina katherine kathrin kevin klaus laura lena leon linda
-    lisa louise luca lucas luis lukas manfred manuel marco margaret margarete maria marie mario
-    markus martha martin martina mary matteo matthew matthias maximilian mehmet melanie michael
-    michaela michel miguel mohamed mohammed monika mustafa nancy natalia nicholas nicole nina
-    olga oliver olivia pablo patricia patrick paul paula pedro peter petra philipp pierre rainer
-    ralf rebecca renate richard robert roberto rolf ruth sabine samuel sandra sarah sebastian
-    silvia simon simone sofia sophia sophie stefan stefanie stephanie stephen steven susan
-    susanne svetlana tanja teresa theresa thomas timothy tobias ulrich ulrike ursula uwe vanessa
-    victoria vladimir walter werner wilhelm william wolfgang xavier yusuf yvonne zoe
-    mary ann özlem george john weber müller mueller schmidt schmitz schneider fischer meyer meier
-    schulz schulze hoffmann schäfer bauer neumann zimmermann krüger hartmann schwarz smith jones
-    williams johnson davis wilson anderson thompson robinson garcía garcia martínez martinez lópez
-    lopez gonzález gonzalez hernández hernandez rodríguez rodriguez sánchez pérez fernández rossi
-    russo ferrari esposito bianchi dupont dubois durand lefebvre moreau nguyen patel singh hussain
-    khan yılmaz kaya demir kowalski nowak novák ivanov petrov hansen jensen nielsen johansson
-    larsson
-"""
-# Of these, the ones that are words as well where they have no capital
+# Surnames with which most Chinese names begin, of which few words do; then Korean ones, and the
+# commonest Japanese. What holds a sign of the body, of a place on it or of the skin is no name.
+_HAN_NAME = re.compile(
+    r"(?<![\u4e00-\u9fff])[王李张張刘劉陈陳杨楊赵趙吴吳徐孙孫朱郭林罗羅郑鄭梁宋唐韩韓冯馮邓鄧曹彭肖董袁潘蒋蔣蔡杜叶葉苏蘇魏吕呂丁"
+    r"沈姚卢盧姜崔谭譚陆陸汪欧歐]\s?"
+    r"[^\W臂腕手指掌背腹胸颈頸脸臉颊頰额額头頭腿膝足脚腳踝肩肘臀腰皮肤膚鼻眼耳唇上下左右前后後内內外侧側部位处處点點斑疤疹痣]{1,2}"
+    r"(?![\u4e00-\u9fff])|"
+    r"佐藤|鈴木|高橋|田中|渡[辺邊]|伊藤|山本|中村|小林|加藤|吉田|山田|佐々木|山口|松本|井上|木村|斎藤|清水|山崎|池田|橋本|阿部|"
+    r"石川|前田|藤田|小川|後藤|岡田|長谷川|村上|近藤|石井"
+)
+_HANGUL_NAME = re.compile(
+    r"(?<![\uac00-\ud7a3])[김박최윤임권황송류홍]\s?"
+    r"(?:(?![팔손발목등배볼눈입귀코턱])[\uac00-\ud7a3]){2}(?![\uac00-\ud7a3])"
+)
+# Names that are words as well where they have no capital
 _ALSO_WORDS = frozenset({
     "ana", "bauer", "christian", "eva", "frank", "jan", "jean", "kaya", "schwarz", "victoria",
 })  # fmt: skip
@@ -123,7 +119,21 @@ _FORM = re.compile(r"[A-Za-z0-9]+(?:[-_][A-Za-z0-9]+)*")
 _LONGEST_NUMBER = 8  # longer ones are of insurances and registers
 _YEARS = (1900, 2050)
 
-_NAMES, _PLAIN = frozenset(_NAME_WORDS.split()), frozenset(_PLAIN_WORDS.split())
+_PLAIN = frozenset(_PLAIN_WORDS.split())
+
+
+@cache
+def _known() -> tuple[frozenset[str], frozenset[str]]:
+    """Return the commonest names that are no words, and those that are words as well."""
+    text = files("skinlab").joinpath("data/names.txt").read_text("utf-8")
+    lists: list[set[str]] = []
+    for line in text.splitlines():
+        if line.startswith("#"):
+            lists.append(set())
+        else:
+            lists[-1].update(line.split())
+    names, words = lists
+    return frozenset(names), frozenset(words)
 
 
 def check_subject(subject: str) -> str:
@@ -207,9 +217,10 @@ def _name(text: str) -> str | None:
     for titled in _TITLE.finditer(text):
         if titled[2][0].isupper() or titled[1].lower() in _TITLES:
             return titled[0]
-    polite = _POLITE.search(text)
-    if polite is not None:
-        return polite[0]
+    for form in (_POLITE, _HAN_NAME, _HANGUL_NAME):
+        found = form.search(text)
+        if found is not None:
+            return found[0]
     for initial in _INITIAL.finditer(text):
         letter, name = initial[1] or initial[4], initial[2] or initial[3]
         if letter.isupper() and _capital(name):
@@ -219,18 +230,25 @@ def _name(text: str) -> str | None:
         if any(map(_is_name, (word[0], *_PARTS.split(word[0])))):
             return word[0]
     for one, two in pairwise(words):
-        between = text[one.end() : two.start()]
-        if between.strip(" .,") == "" and _capital(one[0]) and _capital(two[0]):
+        beside = text[one.end() : two.start()].strip(" .,_-") == ""
+        if beside and ((_capital(one[0]) and _capital(two[0])) or _pair(one[0], two[0])):
             return text[one.start() : two.end()]
     return None
 
 
 def _is_name(word: str) -> bool:
     """Return whether a word is a common name, or one of it in German."""
-    name = word.lower()
-    if word.islower():
-        return name in _NAMES and name not in _ALSO_WORDS
-    return name in _NAMES or (not word.isupper() and name.removesuffix("s") in _NAMES)
+    names, name = _known()[0], word.lower()
+    if word == name:
+        return name in names
+    one_of_it = not word.isupper() and name.removesuffix("s") in names
+    return name in names or name in _ALSO_WORDS or one_of_it
+
+
+def _pair(one: str, two: str) -> bool:
+    """Return whether two words that may be names are one: `grace lee`."""
+    words = _known()[1]
+    return one.lower() in words and two.lower() in words and one.lower() != two.lower()
 
 
 def _capital(word: str) -> bool:
@@ -247,6 +265,10 @@ def _dates(text: str) -> bool:
         return True
     if any(_exists(c, b, a) or _exists(c, a, b) for a, b, c in _SPACED.findall(text)):
         return True
+    for a, b, c in _SHORT.findall(text):
+        even = int(b) - int(a) == int(c) - int(b)  # a scale, as 10 20 30
+        if not even and (_exists(c, b, a) or _exists(a, b, c)):
+            return True
     for n in re.findall(r"\d+", text):
         if len(n) > 8 and _is_date(n[0:2], n[2:4], n[4:6]):
             return True  # those of registers often begin with the date

@@ -10,6 +10,7 @@ import hashlib
 from enum import Enum
 from pathlib import Path
 
+from drivers.reading import require_file
 from skinlab.errors import InputError
 
 SEAL_BYTES = 512  # the smallest user block
@@ -36,16 +37,17 @@ def read_seal(path: Path) -> Seal:
         InputError: the file cannot be read.
     """
     try:
+        require_file(path)
         with Path(path).open("rb") as file:
             block = file.read(SEAL_BYTES)
+            if not block.startswith(_MAGIC):
+                return Seal.NONE  # and what is behind it may be of any size
             digest = hashlib.file_digest(file, "sha256")
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
-    if block == _block(digest.hexdigest()):
-        return Seal.HOLDS
-    return Seal.BROKEN if block.startswith(_MAGIC) else Seal.NONE
+    return Seal.HOLDS if block == _block(digest.hexdigest()) else Seal.BROKEN
 
 
 def _block(hexdigest: str) -> bytes:

@@ -10,6 +10,7 @@ and probe have in common.
 from __future__ import annotations
 
 import csv
+import io
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -20,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as t_distribution
 
+from drivers.reading import read_whole
 from skinlab.curves.curve import Curve
 from skinlab.errors import InputError
 from skinlab.inference.result import Identification
@@ -342,8 +344,8 @@ def components_of(study: Path) -> tuple[Path, list[dict[str, str]]]:
     """
     path = study / "components.csv" if study.is_dir() else study
     try:
-        with path.open(encoding="utf-8", newline="") as stream:
-            rows = list(csv.DictReader(stream))
+        text = read_whole(path).decode()
+        rows = list(csv.DictReader(io.StringIO(text, newline="")))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{path}: cannot be read ({error}); expected that of a study") from None
     if rows and not {"condition", "quantity", "component", "variance", "freedom"} <= rows[0].keys():

@@ -18,6 +18,7 @@ import numpy as np
 from msgspec import Meta
 from scipy.stats import norm
 
+from drivers.reading import read_whole
 from skinlab.curves.curve import check_aperture
 from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
@@ -136,7 +137,7 @@ def read_reference(path: Path) -> Reference:
         InputError: it cannot be read, or a field is unknown, missing or wrong.
     """
     try:
-        return decode(read_toml(path.read_bytes()), Reference)
+        return decode(read_toml(read_whole(path)), Reference)
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from None
     except (ValueError, UnicodeDecodeError) as error:

@@ -23,6 +23,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from drivers.reading import read_whole
 from skinlab.curves.curve import Setup
 from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
@@ -288,7 +289,7 @@ def read_table(path: Path) -> Table | None:
     if "time_s" in columns:
         return None
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_whole(path).decode("utf-8-sig")
     except (OSError, UnicodeDecodeError):
         raise InputError(f"{path}: not UTF-8 text; expected a table") from None
     reader = csv.reader(text.splitlines(), delimiter=sign)
@@ -345,7 +346,7 @@ def _campaign(path: Path) -> dict[Path, Facts]:
         InputError: it is a campaign, and damaged.
     """
     try:
-        data = read_toml(path.read_bytes())
+        data = read_toml(read_whole(path))
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: {error}") from None
     header, entries = data.get("campaign"), data.get("curve")

@@ -18,6 +18,7 @@ from typing import Any, Self, TypeVar
 
 import msgspec
 
+from drivers.reading import require_file
 from skinlab.errors import InputError
 from skinlab.io.documents import read_json
 from skinlab.io.files import make_folder
@@ -105,6 +106,7 @@ class State:
             raise InputError(f"{folder}: not empty, and no study; expected a new folder")
         try:
             make_folder(folder)
+            require_file(self.path)
             # About people: for its owner only, as SQLite makes its side files too.
             os.close(os.open(self.path, os.O_CREAT | os.O_RDWR, 0o600))
             self._db = sqlite3.connect(self.path, timeout=0.2, isolation_level=None)

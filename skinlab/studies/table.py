@@ -6,6 +6,7 @@ Rows are written as they come from the state: memory does not grow with their nu
 from __future__ import annotations
 
 import csv
+import io
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.reading import read_whole
 from skinlab.curves.cutometer import FORMULAS
 from skinlab.errors import InputError
 from skinlab.inference.identify import Identifier
@@ -295,10 +297,9 @@ def read_columns(path: Path) -> Columns:
         InputError: it cannot be read, or is no such table.
     """
     try:
-        with path.open(encoding="utf-8-sig", newline="") as stream:
-            reader = csv.reader(stream)
-            names = tuple(next(reader, []))
-            body = list(reader)
+        reader = csv.reader(io.StringIO(read_whole(path).decode("utf-8-sig"), newline=""))
+        names = tuple(next(reader, []))
+        body = list(reader)
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{path}: {error}") from None
     if "file" not in names or "subject" not in names:

@@ -55,6 +55,7 @@ from typing import Any, Literal
 
 import msgspec
 
+from drivers.reading import read_whole
 from skinlab.curves.program import MOST_PRESSURE_MBAR
 from skinlab.errors import InputError
 from skinlab.io.documents import plain, read_toml
@@ -105,7 +106,7 @@ def read_spec(path: str | Path) -> CustomSpec | DimensionlessSpec:
     """
     path = Path(path)
     try:
-        raw = path.read_bytes()
+        raw = read_whole(path)
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from None
     try:

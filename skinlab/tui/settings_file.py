@@ -16,6 +16,7 @@ from textual.binding import Binding
 from textual.keys import Keys, key_to_character
 from textual.widgets import Input
 
+from drivers.reading import read_whole
 from skinlab.errors import InputError
 from skinlab.io.documents import decode, read_toml
 from skinlab.text import did_you_mean
@@ -66,7 +67,7 @@ def read_settings(path: Path, owners: Owners) -> UserSettings:
             names the file and the field.
     """
     try:
-        raw = path.read_bytes()
+        raw = read_whole(path)
     except FileNotFoundError:
         return UserSettings()
     except OSError as error:

@@ -80,6 +80,16 @@ LIES = {
     "hello again": Lie(HELD, 1.0, "hello in the middle"),
     "states only": Lie(HELD, 1.0 + 0.3, "stale"),
     "hostile names": Lie(HELD, 1.0, "fault"),
+    "refuses to vent": Lie(HELD, 1.5, "refuses to vent"),
+    "old program": Lie("ramp:100@20", 0.0, "overshoot: 60 mbar"),
+    "old times": Lie(HELD, 0.0, "ahead of the host's"),
+    "floods": Lie(HELD, 1.0 + 0.3, "stale"),
+    "floods with lines": Lie(HELD, 1.0 + 0.3, "stale"),
+    "babbles": Lie(HELD, 1.0 + 0.3, "vent"),
+    "floods for a name": Lie(HELD, None, "no answer to Identify"),
+    "answers another": Lie(HELD, 0.0, "while armed"),
+    "streams early": Lie(HELD, 0.0, "suction of 30 mbar while"),
+    "leaks shut": Lie(SHORT, 1.0 + 1.0, "around 5 mbar or more for 1 s", partial=False),
     "says all twice": Lie(SHORT, None, "", 0),
 }
 

@@ -13,6 +13,7 @@ import pytest
 DAY = Path(__file__).parents[2] / "benchmarks" / "day.py"
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not DAY.exists(), reason="benchmarks/ is not in the sdist")
 def test_minutes_of_a_day_at_100_hz_in_flat_memory():
     done = subprocess.run(

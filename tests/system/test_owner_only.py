@@ -39,6 +39,7 @@ def folder(tmp_path, tmp_path_factory, monkeypatch):
     os.umask(before)
 
 
+@pytest.mark.long
 def test_every_file_that_a_command_writes(folder):
     write_cohort(small(people=3), folder / "given", seed=5, broken=2)
     (folder / "given.truth.csv").unlink()

@@ -26,6 +26,7 @@ MEASURE = ["measure", "--aperture-mm", "6", "--thickness-mm", "1", "--program"]
 ENVIRONMENT = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
 
 
+@pytest.mark.long
 def test_five_kills_at_random_moments_damage_nothing(tmp_path):
     """The hundred, at longer measurements, and how much of the end is lost, are `make soak`."""
     options = ["--kills=5", "--program=ramp:100@60", "--save=k.json", "--patient"]

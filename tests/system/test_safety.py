@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from patience import FORGIVING_S, module_command, reopen
 
-from drivers.errors import LocalProtocolError, RemoteProtocolError
+from drivers.errors import DriverError, LocalProtocolError, RemoteProtocolError
 from drivers.events import (
     Alarm,
     Gap,
@@ -464,6 +464,9 @@ def test_pressure_after_the_end():
     reason, at_s = caught("stays high")
     assert "overshoot: 60 mbar" in reason
     assert 2.0 < at_s <= 2.5
+    reason, at_s = caught("leaks shut")
+    assert "suction around 5 mbar or more for 1 s" in reason
+    assert 3.0 < at_s <= 3.5
     reason, at_s = caught("fault in name")
     assert "reports a fault" in reason
     assert 2.0 <= at_s + 0.02 <= 2.5
@@ -495,6 +498,41 @@ def test_a_vent_in_words_only():
         assert "lift the probe" in until(probe, Alarm, seen).text
         assert probe.alarm is not None
     assert "overshoot" in next(e for e in seen if isinstance(e, HostVented)).reason
+
+
+@pytest.mark.parametrize(
+    ("lie", "said"), [("refuses to vent", "refuses to vent"), ("vents in name", "does not fall")]
+)
+def test_a_vent_that_is_refused(lie, said):
+    """It says no, or yes, and its pressure rises on."""
+    seen = []
+    with lying(lie, limits=Limits(stale_s=FORGIVING_S, vent_time_s=FORGIVING_S)) as probe:
+        alarm = until(probe, Alarm, seen).text
+        assert said in alarm
+        assert alarm.endswith("lift the probe")
+
+
+@pytest.mark.parametrize(
+    ("lie", "said"), [("old program", "overshoot: 60 mbar"), ("old times", "ahead of the host's")]
+)
+def test_samples_of_an_earlier_run(lie, said):
+    reason, _ = caught(lie, segments=(ramp(100, 20),))
+    assert said in reason
+
+
+def test_suction_before_the_start():
+    """It pulls when it is loaded; or when it is armed, and was told to start."""
+    reason, _ = caught("streams early", start=False)
+    assert "suction of 30 mbar while" in reason
+    with pytest.raises(DriverError, match="suction of 60 mbar while armed"):
+        caught("answers another")
+
+
+@pytest.mark.parametrize("lie", ["floods", "floods with lines", "babbles"])
+def test_a_flood(lie):
+    """No sample among what comes, or one now and then."""
+    reason, _ = caught(lie, limits=Limits(vent_time_s=FORGIVING_S))
+    assert "stale" in reason or "at once" in reason
 
 
 def test_pressure_beyond_the_moment():
@@ -609,7 +647,8 @@ HAZARDS = (
     "segment that cannot be", "the instrument's clock", "started by itself", "another program",
     "suction without a pause", "height that is passed", "height that is never reached",
     "height for an instrument", "too much in one visit", "a last vent that nobody", "another instr",
-    "pressure with the wrong sign",
+    "pressure with the wrong sign", "a vent that is refused", "samples of an earlier run",
+    "suction before the start", "a flood",
 )  # fmt: skip
 
 

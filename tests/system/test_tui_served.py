@@ -138,6 +138,7 @@ def only_session(folder: Path) -> Session:
     return read_session(path)
 
 
+@pytest.mark.long
 def test_a_visit_on_a_tablet(served, browser):
     url, sessions = served
     tablet = Tablet(browser.new_page(viewport={"width": 1024, "height": 768}))

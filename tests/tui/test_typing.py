@@ -167,7 +167,7 @@ def opened(name, key, screen, *, measured=False):
 
     async def state(bed):
         await bed.connected()
-        if measured:
+        if measured and not bed.board.entries:
             await bed.run()
         await bed.press(key)
         await bed.on(screen)
@@ -331,6 +331,7 @@ async def walk_one(bedside, keys, seed):
     return starts.count, allowed
 
 
+@pytest.mark.long
 async def test_any_keys_start_only_what_was_shown_and_confirmed(bedside):
     found: list[tuple[int, int]] = []
     for seed in range(40):  # until something was started, else nothing was tried
@@ -430,6 +431,7 @@ async def fumble_one(bedside, steps, seed):
     return starts.count, allowed
 
 
+@pytest.mark.long
 async def test_a_fumbling_hand_starts_only_what_was_shown_and_confirmed(bedside):
     started, allowed = await fumble_one(bedside, STEPS_OF_A_HAND, seed=3)
     assert started <= allowed
@@ -444,44 +446,42 @@ async def test_many_fumbling_hands_start_only_what_was_shown_and_confirmed(bedsi
 # ---- what stands on every screen ------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    "state",
-    [
-        main_screen,
-        summary,
-        session,
-        missing,
-        help_,
-        ports,
-        visits,
-        palette,
-        pick,
-        messages,
-        quit_question,
-        alarm,
-        welcome,
-    ],
-    ids=lambda state: state.__name__,
-)
-async def test_state_suction_and_simulated_stand_on_every_screen(bedside, state):
-    port, options = (None, {"ports": tuple}) if state is welcome else ("sim://?seed=1&speed=20", {})
-    async with bedside(port, explain=Searching(), **options) as bed:
-        await state(bed)
+async def stands(bed):
+    """The state, suction and that it is simulated stand on the screen that is open."""
+    await bed.until(lambda: bed.app.screen.query("#phase"))
+    await bed.until(lambda: bed.text("#phase") == bed.board.phase)
+    assert "SIMULATED" in bed.text("#banner")
+    await bed.until(lambda: "suction" in bed.text("#suction").lower())
+
+
+async def test_every_screen_says_how_the_probe_is_and_is_closed_by_a_key(bedside):
+    async with bedside("sim://?seed=1&speed=20", explain=Searching()) as bed:
+        await main_screen(bed)
+        await stands(bed)
+        await summary(bed)
+        await stands(bed)
+        await bed.press("v")
+        await bed.until(lambda: bed.board.can_arm and bed.board.review is None)
+        for state in (help_, ports, palette, pick, messages, visits, missing):
+            await state(bed)
+            await stands(bed)
+            await bed.press("escape")
+            await bed.on(MainScreen)
+        for state, back in ((session, "s"), (quit_question, "f8")):
+            await state(bed)
+            await stands(bed)
+            await bed.press(back)
+            await bed.on(MainScreen)
+        await alarm(bed)
+        await stands(bed)
+
+
+async def test_without_a_probe_the_welcome_says_so(bedside):
+    async with bedside(None, ports=tuple) as bed:
+        await welcome(bed)
         await bed.until(lambda: bed.app.screen.query("#phase"))
         await bed.until(lambda: bed.text("#phase") == bed.board.phase)
-        if state is welcome:
-            assert "no probe" in bed.text("#suction")
-            return
-        assert "SIMULATED" in bed.text("#banner")
-        await bed.until(lambda: "suction" in bed.text("#suction").lower())
-
-
-@pytest.mark.parametrize("state", [messages, palette, pick, help_, ports, visits, missing])
-async def test_esc_closes_what_is_open(bedside, state):
-    async with bedside("sim://?seed=1&speed=20", explain=Searching()) as bed:
-        await state(bed)
-        await bed.press("escape")
-        await bed.on(MainScreen)
+        assert "no probe" in bed.text("#suction")
 
 
 @pytest.mark.parametrize("keys", ["s", "s n", "f1", "q", "f5", "f5 slash", "w", "ctrl+p"])

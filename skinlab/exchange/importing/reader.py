@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.reading import read_whole
 from skinlab.curves.curve import FEWEST_POINTS, Curve, Setup
 from skinlab.errors import InputError
 from skinlab.exchange.importing.columns import Channel, find_channels
@@ -45,13 +46,9 @@ def import_file(path: Path, setup: Setup, answers: Answers) -> Imported:
             was expected.
     """
     try:
-        if path.is_file() and path.stat().st_size > MOST_BYTES:
-            raise InputError(f"larger than {MOST_BYTES >> 20} MB; expected one curve")
-        data = path.read_bytes()
+        data = read_whole(path, MOST_BYTES)
     except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from None
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+        raise InputError(f"{path}: {error.strerror or error}; expected one curve") from None
     return import_bytes(path, data, setup, answers)
 
 

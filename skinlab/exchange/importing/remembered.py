@@ -12,6 +12,7 @@ from pathlib import Path
 import msgspec
 from platformdirs import user_config_path
 
+from drivers.reading import read_whole
 from skinlab.errors import InputError
 from skinlab.io.documents import decode, read_toml, toml_text
 from skinlab.io.files import write_file
@@ -46,7 +47,7 @@ class Remembered:
         self.path = path
         self._ask_again = ask_again
         try:
-            self._file = decode(read_toml(path.read_bytes()), _File)
+            self._file = decode(read_toml(read_whole(path)), _File)
         except FileNotFoundError:
             self._file = _File()
         except OSError as error:

@@ -12,6 +12,7 @@ from skinlab.exchange.importing.table import Cell, Draft, Line, Table, finish, s
 
 _MOST_ROWS = 1_000_000
 _MOST_COLUMNS = 200
+_MOST_EMPTY = 10_000  # in a row: what stands behind them, at the end of the sheet perhaps, is none
 
 
 def table_from_workbook(data: bytes, answers: Answers) -> tuple[Table, str]:
@@ -73,6 +74,8 @@ def _lines(sheet: object) -> list[Line]:
             cells.pop()
         if cells:
             lines.append(Line(number, tuple(cells)))
+        elif number - (lines[-1].number if lines else 0) > _MOST_EMPTY:
+            break
     return lines
 
 

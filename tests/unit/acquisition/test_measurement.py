@@ -14,6 +14,7 @@ from drivers.events import (
     PROGRAM_DONE,
     PROGRAM_END,
     Alarm,
+    Damaged,
     HostVented,
     InstrumentFault,
     InstrumentState,
@@ -215,6 +216,19 @@ def test_a_vent_of_the_driver_ends_the_series(bed):
     (over,) = bed.of(Over)
     assert "overshoot; the probe was told to vent" in over.failed
     assert "lift the probe" in over.failed
+
+
+def test_one_that_never_falls_silent_is_not_waited_for(bed):
+    """Bytes that mean nothing go on and on; the end came when they did."""
+    bed.started()
+    bed.give(HostVented("stale link"), State(InstrumentState.VENTING, "host", 60.0))
+    bed.give(State(InstrumentState.LOADED, "vented", 0.0))
+    for _ in range(100):
+        bed.give(Damaged("not a frame", b"A"))
+        bed.wait(0.05)
+        if bed.of(Over):
+            break
+    assert "stale link" in bed.of(Over)[0].failed
 
 
 def test_a_refusal_ends_the_series_with_its_error(bed):

@@ -58,6 +58,7 @@ def write_campaign(folder, effects, curves=((6.0, "ramp:100@20,ramp:0@20"), (2.0
     return folder
 
 
+@pytest.mark.long
 def test_the_effect_is_named_adopted_used_and_kept(campaign, tmp_path, capsys, monkeypatch):
     model, report = tmp_path / "model.toml", tmp_path / "report"
     arguments = ["discrepancy", str(campaign), "--workers", "1", "--json"]

@@ -79,9 +79,11 @@ def document(outcome):
     ("effects", "plan", "stated"),
     [
         ({"deflection_offset": {"offset_um": 20.0}}, PLAN, False),
-        ({"pressure_lag": {"lag_s": 0.06}}, PLAN, True),
-        ({"contact_preload": {"p0_mbar": 7.0}}, PLAN, True),
-        ({"strain_stiffening": {"X3_MPa": 150.0}}, RAMPS, False),
+        pytest.param({"pressure_lag": {"lag_s": 0.06}}, PLAN, True, marks=pytest.mark.long),
+        pytest.param({"contact_preload": {"p0_mbar": 7.0}}, PLAN, True, marks=pytest.mark.long),
+        pytest.param(
+            {"strain_stiffening": {"X3_MPa": 150.0}}, RAMPS, False, marks=pytest.mark.long
+        ),
     ],
     ids=["offset", "lag", "preload", "stiffening"],
 )
@@ -136,6 +138,7 @@ def test_a_zero_that_no_placement_has_is_named_with_two_curves(explained):
     assert (found["verdict"], found["effects"]) == ("named", [["deflection_offset"]])
 
 
+@pytest.mark.long
 def test_curves_that_a_model_was_learned_from_count_once(table, off_zero, explained):
     first = explained
     data = {"0.csv": "sha256:0"}
@@ -272,6 +275,7 @@ def test_one_ramp_names_nothing_by_the_finite_elements_either(table):
     names_nothing(explain(campaign({"natural_tension": {"stretch": 1.04}}, RAMP), table, workers=1))
 
 
+@pytest.mark.long
 def test_what_the_library_does_not_have_is_unknown(table):
     def heartbeat(t, rng):
         return 0.012 * np.sin(2 * np.pi * 1.1 * t + rng.uniform(0, 2 * np.pi))

@@ -115,11 +115,18 @@ def learn(hidden, table, *, finite_elements=False):
     [
         ("sensor_curve", RAMPS, {"sensor": bump}),
         ("pressure_curve", RAMPS, {"felt": felt}),
-        ("time", HOLDS, {"prony": (Prony(0.12, 0.25), Prony(0.1, 2.0), Prony(0.12, 18.0))}),
+        pytest.param(
+            "time",
+            HOLDS,
+            {"prony": (Prony(0.12, 0.25), Prony(0.1, 2.0), Prony(0.12, 18.0))},
+            marks=pytest.mark.long,
+        ),
         ("opening", OPENINGS, {"stiffer": STIFFER}),
         ("history", RAMPS[:2], {"cycles": CYCLES}),
-        ("law", RAMPS, {"terms": (Term(CUBIC, (("X3_MPa", 250.0),)),)}),
-        ("loop", RAMPS, {"felt": rubs}),
+        pytest.param(
+            "law", RAMPS, {"terms": (Term(CUBIC, (("X3_MPa", 250.0),)),)}, marks=pytest.mark.long
+        ),
+        pytest.param("loop", RAMPS, {"felt": rubs}, marks=pytest.mark.long),
         ("periodic", RAMPS, {"moves": strokes}),
     ],
     ids=["sensor", "pressure", "time", "opening", "history", "law", "loop", "periodic"],
@@ -152,6 +159,7 @@ def outcome_of(found):
     return Outcome(best, found, before, after, {}, None, posteriors=posteriors)
 
 
+@pytest.mark.long
 def test_what_is_learned_is_told_adopted_and_used(table, tmp_path):
     hidden = campaign(RAMPS, sensor=bump)
     search, found = learn(hidden, table)

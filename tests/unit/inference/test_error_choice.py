@@ -271,6 +271,7 @@ def test_sizes_and_durations_that_trade_for_each_other_are_integrated_as_on_a_gr
     assert np.sqrt(np.mean(np.square(off))) < 0.09
 
 
+@pytest.mark.long
 def test_ranks_are_uniform_where_the_errors_are_drawn_from_their_priors():
     """Simulation-based calibration (Talts et al. 2018) of an unknown, its errors being in doubt."""
     rng = np.random.default_rng(8)

@@ -63,6 +63,7 @@ def test_auto_finds_the_optimum_of_every_curve(table):
         assert found.error_um <= best_um + 1e-2
 
 
+@pytest.mark.long
 def test_intervals_hold_the_truth_as_often_as_they_say(table):
     """A subset of the benchmark, within binomial bounds of 99.8 %; skins drawn from the prior."""
     n = 24
@@ -201,7 +202,7 @@ class TestErrorsAsTheyAre:
         assert "crease" in result.flags
 
 
-@pytest.mark.parametrize("kappa", ["paper", "consistent"])
+@pytest.mark.parametrize("kappa", ["paper", pytest.param("consistent", marks=pytest.mark.long)])
 def test_a_curve_that_goes_on_far_beyond_its_crease_is_fitted_below_it(table, kappa):
     """Another program's coarse mesh goes to 100 mbar where ours creases at 23.
 
@@ -299,6 +300,7 @@ class TestJoint:
             v = without.parameters[name]
             assert with_bad.parameters[name].value == pytest.approx(v.value, abs=v.high - v.low)
 
+    @pytest.mark.long
     def test_intervals_hold_the_truth(self, table):
         held = np.zeros(3)
         n = 12
@@ -341,6 +343,7 @@ class TestPlacement:
         assert set(entry) == {"scatter", "offset_um", "count"}
         assert entry["scatter"]["low"] < entry["scatter"]["value"] < entry["scatter"]["high"]
 
+    @pytest.mark.long
     def test_intervals_count_with_it(self, table):
         """Without it placements that differ by 12 % leave a narrow interval, and a wrong one."""
         held = {0.0: 0, None: 0}

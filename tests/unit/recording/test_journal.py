@@ -172,6 +172,21 @@ def test_a_journal_that_was_cut_off_gives_what_is_left(tmp_path, part):
     assert left.skipped
 
 
+def test_a_record_of_an_impossible_size_is_left_out_before_it_is_read(tmp_path):
+    path = tmp_path / "j"
+    journal_of_example(path).close()
+    whole = read_journal(path)
+    with sqlite3.connect(path) as db:
+        db.execute("UPDATE record SET data = zeroblob(20000000) WHERE number = 5")
+        db.execute("UPDATE meta SET value = zeroblob(20000000) WHERE rowid = 2")
+    db.close()
+    left = read_journal(path)
+    assert left.records == [*whole.records[:4], *whole.records[5:]]
+    fact, record = left.skipped
+    assert "19 MB in one" in fact
+    assert record == "record 5: 19 MB in one: left out"
+
+
 def test_another_database_is_no_journal(tmp_path):
     with sqlite3.connect(tmp_path / "j") as db:
         db.execute("CREATE TABLE t (x)")

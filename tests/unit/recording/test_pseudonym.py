@@ -87,6 +87,8 @@ def taken(check, text):
         "Vitamin C. then dry", "Nasolabial Fold", "Vaseline Lotion", "Eczema Plaque", "12.5.2",
         "100 200 300 400 mbar", "12.5 13.2 14.1 15.0", "2 hr later", "miss the spot",
         "dr said stop", "E. coli", "100 20 1000", "3M Micropore", "a frank lesion", "Sun Exposed",
+        "左前臂内侧", "额头", "黄色斑", "이마", "오른팔", "dorso della mano",
+        "12 30 45", "24 12 61 mm",
         "may be wet", "mark at 3 cm", "the 2nd of 3", "<b>x</b>", "\x1b[31mred",
     ],
 )  # fmt: skip
@@ -108,6 +110,9 @@ def test_sites_and_notes_are_taken(check, text):
         ("A. Okonkwo", "name"), ("Okonkwo, A.", "name"), ("M. Okonkwo", "name"),
         ("mr okonkwo", "name"), ("frau okonkwo", "name"), ("Sig.ra Okonkwo", "name"),
         ("pt: jones", "name"), ("田中太郎さん", "name"), ("Müller left", "name"),
+        ("王小明", "name"), ("张 伟", "name"), ("김민준", "name"), ("田中太郎", "name"),
+        ("sara lee", "name"), ("grace lee", "name"), ("arm of rose miller", "name"),
+        ("24 12 61", "date"), ("61 12 24", "date"),
         ("3 de mayo de 1961", "date"), ("3 maggio 1961", "date"), ("1er mai 1961", "date"),
         ("3rd of May 1961", "date"), ("1961年5月3日", "date"), ("3 мая 1961", "date"),
         ("03 05 1961", "date"), ("born in 1961", "date"), ("né le 03 05 61", "date"),

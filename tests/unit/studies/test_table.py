@@ -117,6 +117,7 @@ def _stamps(out):
         return dict(state.execute("SELECT name, done FROM source WHERE error IS NULL"))
 
 
+@pytest.mark.long
 def test_a_killed_study_goes_on_and_ends_in_the_same_bytes(cohort, made, tmp_path):
     out = tmp_path / "study"
     command = [sys.executable, "-m", "skinlab", "study", str(cohort), "--out", str(out)]

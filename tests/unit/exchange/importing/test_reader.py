@@ -256,6 +256,15 @@ CELLS = [[0.05 * i, 1.0 * i, 3.0 * i] for i in range(101)]
 TABLE = [["Subject", "P-1"], [], ["Time [s]", "Pressure [mbar]", "Deflection [µm]"], *CELLS]
 
 
+def test_a_cell_at_the_end_of_a_sheet_is_none_of_the_table():
+    """A million empty rows lay between, and each took its time."""
+    book = openpyxl.load_workbook(io.BytesIO(workbook(("Curve 1", TABLE))))
+    book["Curve 1"].cell(1_048_576, 16_384, 1.0)
+    data = io.BytesIO()
+    book.save(data)
+    check_ramp(read(data.getvalue()))
+
+
 @pytest.mark.parametrize("shift", [0, 2])
 def test_a_workbook(shift):
     imported = read(workbook(("notes", [["hello"]]), ("Curve 1", TABLE), shift=shift))

@@ -1,0 +1,70 @@
+from __future__ import annotations
+
+import os
+import threading
+
+import pytest
+
+from drivers.reading import read_whole, require_file
+from skinlab.cli.main import run
+
+ODD = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes with names")
+
+
+def test_a_file_is_read_whole(tmp_path):
+    (tmp_path / "f").write_bytes(b"abc\r\n")
+    assert read_whole(tmp_path / "f", 5) == b"abc\r\n"
+    with pytest.raises(OSError, match="larger than 0 MB"):
+        read_whole(tmp_path / "f", 4)
+
+
+@ODD
+def test_a_pipe_is_read_to_its_end_and_one_that_nobody_fills_is_not_waited_for(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with pytest.raises(OSError, match="nobody writes"):
+        read_whole(pipe)
+    writer = threading.Thread(target=pipe.write_bytes, args=(b"x" * 300_000,))
+    writer.start()
+    assert read_whole(pipe) == b"x" * 300_000
+    writer.join()
+
+
+@ODD
+@pytest.mark.parametrize("name", ["/dev/zero", "/dev/null", "/"])
+def test_devices_and_folders_are_no_files(name):
+    with pytest.raises(OSError, match=r"device|directory"):
+        read_whole(name)
+    with pytest.raises(OSError, match="no file"):
+        require_file(name)
+
+
+@ODD
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["identify", "ODD"], ["cutometer", "ODD"],
+        ["import", "ODD", "--aperture-mm", "6", "--thickness-mm", "1", "--out", "s.h5"],
+        ["session", "info", "ODD"], ["session", "verify", "ODD"], ["replay", "ODD"],
+        ["export", "ODD", "--to", "html", "out"], ["recover", "ODD"], ["database", "info", "ODD"],
+        ["calibrate", "--port", "sim://", "--check", "ODD"],
+        ["measure", "--port", "sim://?skin=ODD", "--aperture-mm", "6", "--thickness-mm", "1",
+         "--program", "ramp:60@60", "--out", "s.h5"],
+        ["measure", "--port", "sim://", "--protocol", "ODD", "--thickness-mm", "1",
+         "--out", "s.h5"],
+        ["capture", "--port", "sim://", "--dialect", "ODD", "--seconds", "0", "--out", "c"],
+        ["compare", "ODD", "ODD"], ["discrepancy", "ODD"],
+    ],
+    ids=lambda words: "-".join(w for w in words if w.isalpha()),
+)  # fmt: skip
+@pytest.mark.parametrize("odd", ["pipe.toml", "endless.toml"])
+def test_no_command_waits_for_a_pipe_or_reads_a_device(command, odd, tmp_path, monkeypatch, capsys):
+    """Several waited for ever, and /dev/zero took the computer's memory."""
+    monkeypatch.chdir(tmp_path)
+    os.mkfifo(tmp_path / "pipe.toml")
+    (tmp_path / "endless.toml").symlink_to("/dev/zero")
+    monkeypatch.setattr("drivers.reading.PIPE_PATIENCE_MS", 10)
+    status = run([word.replace("ODD", odd) for word in command])
+    said = capsys.readouterr().err
+    assert status in {2, 3, 4}, said
+    assert any(word in said for word in ("pipe", "device", "no such file")), said
