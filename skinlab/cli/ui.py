@@ -187,7 +187,8 @@ def _on_terminal(
     bench = partial(ProbeSession, apart=True, make_probe=make_probe)
     model = None
     if identifier is not None:
-        bench = partial(bench, make_identifier=lambda: identifier)
+        calibration = identifier.sensor.probe
+        bench = partial(bench, make_identifier=lambda: identifier, calibration=calibration)
         model = identifier.model_name
     app = SkinlabApp(
         port,

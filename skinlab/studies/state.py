@@ -23,6 +23,7 @@ from drivers.reading import require_file
 from skinlab.errors import InputError
 from skinlab.io.documents import read_json
 from skinlab.io.files import make_folder
+from skinlab.io.sqlite import check_only_tables
 from skinlab.studies.compute import Computed, Task
 from skinlab.studies.sources import LABELS, pseudonym
 from skinlab.text import inert
@@ -116,6 +117,7 @@ class State:
                 self._db.execute("PRAGMA locking_mode=EXCLUSIVE")
                 self._db.execute("PRAGMA journal_mode=WAL")
                 self._db.execute("PRAGMA synchronous=NORMAL")
+                check_only_tables(self._db)
                 self._db.executescript(_TABLES)
             except sqlite3.OperationalError as error:
                 if "locked" in str(error):
