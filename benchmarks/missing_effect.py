@@ -40,6 +40,7 @@ from numpy.typing import NDArray
 from peers import ask
 
 import skinlab
+from skinlab.discrepancy.misfit import mesh_columns
 from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.records import records_of
 from skinlab.discrepancy.workflow import explain
@@ -173,7 +174,7 @@ def _true_errors(truth: Truth, outcome: Outcome) -> Covariance:
     n = len(variance)
     ends = np.cumsum([len(x) for x in w])
     time_s = np.concatenate([r.curve.time_s for r in records])
-    columns = [outcome.found.errors.columns_mm[:, :0]]
+    columns = [mesh_columns(records)]  # the curves are another mesh's
     for i, r in enumerate(records):
         own = [
             life.stiffness * p[i] * slope[i],

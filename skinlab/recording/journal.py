@@ -23,6 +23,7 @@ from typing import Any
 from skinlab.errors import InputError
 from skinlab.io.documents import read_json
 from skinlab.io.files import make_folder, private
+from skinlab.io.sqlite import check_only_tables
 from skinlab.recording import audit
 from skinlab.recording.records import Kind, Record
 
@@ -366,6 +367,7 @@ def read_journal(path: Path) -> Read:
         with contextlib.closing(sqlite3.connect(path)) as db:
             db.text_factory = bytes
             db.execute("PRAGMA writable_schema=ON")  # else a file that was cut off is not read
+            check_only_tables(db)
             tables = {name for (name,) in db.execute("SELECT name FROM sqlite_master")}
             if not tables:
                 raise InputError(

@@ -187,6 +187,21 @@ def test_a_record_of_an_impossible_size_is_left_out_before_it_is_read(tmp_path):
     assert record == "record 5: 19 MB in one: left out"
 
 
+def test_a_journal_with_a_view_in_the_place_of_its_table_is_none(tmp_path):
+    """Reading it went on for ever."""
+    path = tmp_path / "j"
+    journal_of_example(path).close()
+    with sqlite3.connect(path) as db:
+        db.execute("ALTER TABLE record RENAME TO other")
+        db.execute(
+            "CREATE VIEW record AS WITH RECURSIVE q(n) AS (SELECT 1 UNION ALL SELECT n + 1 FROM q) "
+            "SELECT n AS number, n AS kind, n AS host_time_s, n AS utc_s, n AS data FROM q"
+        )
+    db.close()
+    with pytest.raises(InputError, match="statements of its own"):
+        read_journal(path)
+
+
 def test_another_database_is_no_journal(tmp_path):
     with sqlite3.connect(tmp_path / "j") as db:
         db.execute("CREATE TABLE t (x)")
