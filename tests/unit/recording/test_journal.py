@@ -178,11 +178,13 @@ def test_a_record_of_an_impossible_size_is_left_out_before_it_is_read(tmp_path):
     whole = read_journal(path)
     with sqlite3.connect(path) as db:
         db.execute("UPDATE record SET data = zeroblob(20000000) WHERE number = 5")
+        db.execute("UPDATE record SET kind = zeroblob(20000000) WHERE number = 7")
         db.execute("UPDATE meta SET value = zeroblob(20000000) WHERE rowid = 2")
     db.close()
     left = read_journal(path)
-    assert left.records == [*whole.records[:4], *whole.records[5:]]
-    fact, record = left.skipped
+    assert left.records == [*whole.records[:4], whole.records[5], *whole.records[7:]]
+    fact, record, kind = left.skipped
+    assert kind == "record 7: its kind is -20000000: left out"
     assert "19 MB in one" in fact
     assert record == "record 5: 19 MB in one: left out"
 
