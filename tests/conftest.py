@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import sys
@@ -65,6 +66,13 @@ def _mixed(items: list[pytest.Item]) -> list[pytest.Item]:
     computing = [file for file in files if not _waits(file[0])]
     turns = zip_longest(waiting, computing, fillvalue=[])
     return [item for turn in turns for file in turn for item in file]
+
+
+def pytest_collection_finish() -> None:
+    """What was imported by now stays: no search for garbage need go through it."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(20_000, 20, 20)
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:

@@ -24,6 +24,7 @@ class Connected:
     hello: Hello
     goes_on: bool = False  # the session that was open before
     visit: tuple[str, str] | None = None  # subject and site, where a record says so
+    probe: tuple[bool, str] | None = None  # whether it agrees, and a sentence
 
 
 @dataclass(frozen=True, slots=True)

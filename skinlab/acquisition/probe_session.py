@@ -55,6 +55,7 @@ if TYPE_CHECKING:
     from drivers.events import Hello
     from skinlab.acquisition.measurement_request import Order
     from skinlab.acquisition.visit import Visit
+    from skinlab.curves.probe_file import ProbeErrors
     from skinlab.inference.identify import Identifier
 
 _LOOK_S = 0.01  # while an identification is under way: how late its answer may be seen
@@ -70,7 +71,7 @@ class ProbeSession:
 
     A session outlives its probe: another head, with another opening, goes on with it. What is
     simulated and what is not never come into one session. `analysis` is for what is computed
-    beside.
+    beside; `calibration` is the probe file that it takes, so that whether it holds is said at once.
     """
 
     def __init__(
@@ -83,6 +84,7 @@ class ProbeSession:
         now: Callable[[], datetime] = datetime.now,
         policy: Policy | None = None,
         explain: Explain | None = None,
+        calibration: ProbeErrors | None = None,
         apart: bool = False,
     ) -> None:
         self.analysis = Analysis(
@@ -99,6 +101,7 @@ class ProbeSession:
         self._make_probe = make_probe
         self._now = now
         self._policy = policy
+        self._calibration = calibration
         self._outbox = Outbox(post, now)  # of the serving thread
         self._probe: Probe | None = None
         self._runner: Runner | None = None
@@ -241,7 +244,9 @@ class ProbeSession:
             if closes == self._closes:  # else it was closed before it was open
                 self._keep = False
                 goes_on = self._take_up(port, probe, source, hello)
-                self._post(Connected(port, hello, goes_on=goes_on))
+                known = self._calibration
+                standing = None if known is None else known.standing(self._now())
+                self._post(Connected(port, hello, goes_on=goes_on, probe=standing))
                 self._run(runner)
         finally:
             self._runner = None

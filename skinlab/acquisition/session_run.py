@@ -93,7 +93,11 @@ def run_session(
             opened(hello)
             known = identifier.sensor.probe
             if known is not None:
-                known.check_instrument(hello.serial_number, hello.aperture_mm, datetime.now(UTC))
+                now = datetime.now(UTC)
+                known.check_instrument(hello.serial_number, hello.aperture_mm, now)
+                agrees, words = known.standing(now)
+                recording.audit("probe file", agrees=agrees, words=words)
+                say(words)
             before = recording.carry_dose(simulated=hello.simulated)
             if before.time_s:
                 say(

@@ -61,7 +61,8 @@ def command(
     plate and a rigid step give zero and gain of the deflection, silicone sheets those of the
     pressure, and the lag. The curves are kept as CSV in PROBE.curves beside --out.
 
-    With --check nothing is written: status 0 where the probe agrees, 1 where it differs.
+    With --check: status 0 where the probe agrees, 1 where it differs. When it was checked is kept
+    in PROBE.checks, and said by measure and ui, which otherwise ask for a check.
 
     \b
     Example: skinlab calibrate --port sim:// --out probe.toml
@@ -203,6 +204,7 @@ def _check(
     aperture_mm = known.file.aperture_mm
     hello, curve = measure_phantom(port, stored.phantom, aperture_mm, make_probe, check=check)
     found = check_probe(known.file, curve)
+    known.keep_check(datetime.now(UTC), agrees=found.agrees)
     if as_json:
         values = msgspec.to_builtins({"offset_um": found.offset_um, "gain_ratio": found.gain_ratio})
         print_json(

@@ -49,6 +49,7 @@ def build(spec: str, out: Path | None, workers: int | None, dask: str | None, re
     Example: skinlab database build --spec adopted.toml --out adopted.h5 --workers 2
     """
     from skinlab.errors import InputError
+    from skinlab.io.files import real_path
     from skinlab.tables.build import build as build_table
     from skinlab.tables.parallel_build import How
     from skinlab.tables.store import write
@@ -60,7 +61,7 @@ def build(spec: str, out: Path | None, workers: int | None, dask: str | None, re
     out = out or Path(f"{Path(spec).stem}.h5")
     if not out.parent.is_dir():
         raise InputError(f"{out}: its folder does not exist")
-    if out.is_dir() or out.resolve() == Path(spec).resolve():
+    if out.is_dir() or real_path(out) == real_path(Path(spec)):
         raise InputError(f"{out}: expected the name of a file to write")
     what = _spec(spec)
     entries = what.entries

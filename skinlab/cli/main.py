@@ -52,6 +52,7 @@ class _LazyGroup(SuggestingGroup):
             return None
         module = importlib.import_module(f"skinlab.cli.{_COMMANDS[cmd_name][0]}")
         command: click.Command = module.command
+        command.name = cmd_name  # the pages of the command line call it so
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -84,6 +85,8 @@ def run(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the status of contracts: 0, 1, 2, 3, 4, 5 or 130."""
     # Many small systems: threads inside the linear algebra only get in each other's way.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    if not os.environ.get("SOURCE_DATE_EPOCH", "0").isdecimal():
+        del os.environ["SOURCE_DATE_EPOCH"]  # numpy and matplotlib fail where it is no number
     try:
         result = cli.main(args=arguments, prog_name="skinlab", standalone_mode=False)
         sys.stdout.flush()

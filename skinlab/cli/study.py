@@ -69,6 +69,7 @@ def command(
                  --thickness-mm 1.2 --program ramp:100@20 --out study
     """
     from skinlab.errors import InputError
+    from skinlab.io.files import real_path
     from skinlab.studies.run import How
     from skinlab.studies.sources import Plan
     from skinlab.studies.whole import make_study
@@ -85,7 +86,7 @@ def command(
         "thickness_sd_mm": thickness_sd_mm,
         "program": program,
     }
-    plan = Plan(folders, {k: v for k, v in stated.items() if v is not None}, layout, out.resolve())
+    plan = Plan(folders, {k: v for k, v in stated.items() if v is not None}, layout, real_path(out))
     identifier = make_identifier(**options)
     with _Bars() as bars:
         how = How(workers or os.cpu_count() or 1, dask, bars.of("files"), bars.of("campaigns"))

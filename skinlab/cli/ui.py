@@ -187,7 +187,8 @@ def _on_terminal(
     bench = partial(ProbeSession, apart=True, make_probe=make_probe)
     model = None
     if identifier is not None:
-        bench = partial(bench, make_identifier=lambda: identifier)
+        calibration = identifier.sensor.probe
+        bench = partial(bench, make_identifier=lambda: identifier, calibration=calibration)
         model = identifier.model_name
     app = SkinlabApp(
         port,
@@ -223,9 +224,13 @@ def _serve(given: Mapping[str, object], host: str, port: int) -> int:
 
     if host != LOOPBACK:
         echo(f"skinlab: whoever reaches {host} and has the token can start suction", err=True)
-    echo("open this address in a browser; Ctrl+C ends it", err=True)
+
+    def tell(url: str) -> None:
+        echo("open this address in a browser; Ctrl+C ends it", err=True)
+        echo(url)
+
     arguments = [str(part) for pair in given.items() if pair[1] is not None for part in pair]
-    serve(arguments, host=host, port=port, token=secrets.token_urlsafe(24), tell=echo)
+    serve(arguments, host=host, port=port, token=secrets.token_urlsafe(24), tell=tell)
     return 0
 
 

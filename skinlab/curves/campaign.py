@@ -14,6 +14,7 @@ from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
 from skinlab.io.documents import decode, read_toml
+from skinlab.io.files import real_path
 
 
 class _Header(msgspec.Struct, forbid_unknown_fields=True):
@@ -78,12 +79,12 @@ def read_campaign(path: Path) -> Campaign:
         raise InputError(
             f"{path}: campaign.placement_scatter is {scatter}, expected auto or 0 to below 1"
         )
-    folder = path.parent.resolve()
+    folder = real_path(path.parent)
     curves = []
     for number, entry in enumerate(data.curve, start=1):
         if "\0" in entry.file:
             raise InputError(f"{path}: curve {number}: file {entry.file!r} is no name of a file")
-        file = (folder / entry.file).resolve()
+        file = real_path(folder / entry.file)
         if not file.is_relative_to(folder):
             raise InputError(f"{path}: curve {number}: file {entry.file!r} is outside the folder")
         try:

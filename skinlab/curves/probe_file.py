@@ -8,10 +8,11 @@ that all samples have in common (columns of the covariance). The readings stay a
 from __future__ import annotations
 
 import hashlib
+import json
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
-from datetime import UTC, datetime
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime, timedelta
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Literal
@@ -25,7 +26,8 @@ from drivers.reading import read_whole
 from skinlab.curves.curve import APERTURES_MM, Curve
 from skinlab.curves.phantoms import Phantom
 from skinlab.errors import InputError
-from skinlab.io.documents import decode, read_toml, toml_text
+from skinlab.io.documents import decode, read_json, read_toml, toml_text
+from skinlab.io.files import append_text
 
 Array = NDArray[np.float64]
 
@@ -38,6 +40,8 @@ PARAMETERS = (
 SENSOR_EFFECTS = frozenset(
     {"deflection_gain", "deflection_offset", "pressure_gain", "pressure_lag"}
 )
+_A_VISIT = timedelta(hours=12)  # so long a check counts, as the dose of a visit does
+_SOON = timedelta(days=14)
 _SMOOTH = 5  # samples over which dp/dt is read
 
 
@@ -119,10 +123,11 @@ class ProbeFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 @dataclass(frozen=True)
 class ProbeErrors:
-    """A probe file as identification uses it; `text` is the file."""
+    """A probe file as identification uses it; `text` is the file, `path` where it lies."""
 
     file: ProbeFile
     text: str
+    path: Path | None = field(default=None, compare=False)
 
     @property
     def hash(self) -> str:
@@ -136,6 +141,50 @@ class ProbeErrors:
         matrix = np.array(self.file.covariance) * np.outer(scale, scale)
         values, vectors = np.linalg.eigh(matrix)
         return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+
+    def keep_check(self, when: datetime, *, agrees: bool) -> None:
+        """Note beside the file that the probe was checked.
+
+        Raises:
+            InputError: it cannot be written.
+        """
+        assert self.path is not None
+        said = {"utc": when.astimezone(UTC).isoformat(), "probe": self.hash, "agrees": agrees}
+        append_text(self._checks(self.path), json.dumps(said) + "\n")
+
+    def standing(self, when: datetime) -> tuple[bool, str]:
+        """Return whether the probe can be relied on as it was calibrated, and what to say of it.
+
+        A check counts for the visit: 12 hours.
+        """
+        file, last = self.file, self._last_check()
+        who, again = f"probe {file.serial_number}", f"skinlab calibrate --check {self.path}"
+        left = file.valid_until.astimezone(UTC) - when.astimezone(UTC)
+        soon = f"; its calibration ends in {left.days} days" if left < _SOON else ""
+        if last is not None and not last[1]:
+            return False, f"{who} DIFFERED from its calibration at its last check: calibrate again"
+        if last is None or not timedelta(0) <= when.astimezone(UTC) - last[0] <= _A_VISIT:
+            since = "yet" if last is None else f"since {last[0]:%Y-%m-%d}"
+            return False, f"{who} was not checked {since}: before the visit, {again}{soon}"
+        return not soon, f"{who} agreed with its calibration when it was checked{soon}"
+
+    def _checks(self, path: Path) -> Path:
+        return path.with_suffix(".checks")
+
+    def _last_check(self) -> tuple[datetime, bool] | None:
+        """Return when this file was checked last, and whether the probe agreed."""
+        try:
+            lines = [] if self.path is None else read_whole(self._checks(self.path)).splitlines()
+        except OSError:
+            return None
+        for line in reversed(lines):
+            try:
+                said = read_json(line)
+                if said["probe"] == self.hash:
+                    return datetime.fromisoformat(said["utc"]).astimezone(UTC), bool(said["agrees"])
+            except (ValueError, KeyError, TypeError, OverflowError):
+                continue  # a damaged line costs itself
+        return None
 
     def check_curve(self, curve: Curve) -> None:
         """Refuse a curve of another opening.
@@ -274,7 +323,7 @@ def read_probe(path: Path) -> ProbeErrors:
         InputError: it cannot be read, or a field is wrong.
     """
     try:
-        return decode_probe(read_whole(path).decode(), str(path))
+        return replace(decode_probe(read_whole(path).decode(), str(path)), path=path)
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: {getattr(error, 'strerror', None) or error}") from None
 

@@ -34,6 +34,11 @@ def write_file(path: Path, content: bytes | memoryview | str, *, replace: bool =
             file.write(raw)
 
 
+def real_path(path: Path) -> Path:
+    """Return the path without links; of links in a circle as far as they go."""
+    return Path(os.path.realpath(path))
+
+
 def file_hash(path: Path) -> str:
     """Return `sha256:…` of the file's bytes."""
     with open(path, "rb") as file:
@@ -78,7 +83,7 @@ def make_folder(folder: Path) -> None:
 
 @contextmanager
 def _whole(path: Path, replace: bool) -> Iterator[Path]:
-    path = Path(os.path.realpath(path)) if replace else path  # not the link: what it leads to
+    path = real_path(path) if replace else path  # not the link: what it leads to
     if not replace and os.path.lexists(path):
         raise FileExistsError
     make_folder(path.parent)

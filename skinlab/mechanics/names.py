@@ -9,7 +9,7 @@ from collections.abc import Iterable
 
 from skinlab.mechanics.effects import all_effects
 from skinlab.mechanics.materials import DEFAULT_LAW, get_law, law_names
-from skinlab.parameters import Parameter, stem
+from skinlab.parameters import Parameter
 
 
 def parameter_names() -> list[str]:
@@ -57,12 +57,12 @@ def heading(name: str) -> str:
 
 
 def plain(name: str) -> tuple[str, str]:
-    """Return name and unit for a terminal: (X1, MPa), (nu, ""), (pressure_lag lag, s)."""
+    """Return name and unit for a terminal: (X1, MPa), (ν, ""), (pressure_lag lag, s)."""
     found = parameter_of(name)
     if found is None:
         return name, ""
     effect = name.rpartition(".")[0]
-    return f"{effect} {stem(found.name, found.unit)}".lstrip(), found.unit
+    return f"{effect} {found.label}".lstrip(), found.unit
 
 
 def unit_of(name: str) -> str:

@@ -23,6 +23,7 @@ from typing import Any
 from skinlab.errors import InputError
 from skinlab.io.documents import read_json
 from skinlab.io.files import make_folder, private
+from skinlab.io.sqlite import check_only_tables
 from skinlab.recording import audit
 from skinlab.recording.records import Kind, Record
 
@@ -299,7 +300,7 @@ def _no_folder(path: Path) -> InputError:
 
 def is_live(path: Path) -> bool:
     """Return whether somebody records into this journal at this moment."""
-    if sys.platform == "win32":
+    if sys.platform == "win32" or not path.name:
         return False
     try:
         number = os.open(_side_file(path, "-wal"), os.O_RDWR)
@@ -366,6 +367,7 @@ def read_journal(path: Path) -> Read:
         with contextlib.closing(sqlite3.connect(path)) as db:
             db.text_factory = bytes
             db.execute("PRAGMA writable_schema=ON")  # else a file that was cut off is not read
+            check_only_tables(db)
             tables = {name for (name,) in db.execute("SELECT name FROM sqlite_master")}
             if not tables:
                 raise InputError(
@@ -436,7 +438,7 @@ def _records(db: sqlite3.Connection, size_bytes: int, skipped: list[str]) -> lis
         last = most
     if not 0 < last <= most:  # of a page of which only a part is there
         last = most
-    columns = f"number, kind, host_time_s, utc_s, {_unless_huge('data')}"
+    columns = ", ".join(map(_unless_huge, ("number", "kind", "host_time_s", "utc_s", "data")))
     query = f"SELECT {columns} FROM record WHERE number"
     rows, failed = _rows(db, query, 1, last)
     records: list[Record] = []
@@ -470,14 +472,14 @@ def _record(row: list[Any], before: Record | None) -> tuple[Record | None, str]:
     """Return the record of a row, and what is wrong with it; bytes that are there are kept."""
     kind, host_time_s, utc_s, data = row
     if kind not in tuple(Kind) or not isinstance(kind, int):
-        return None, f"its kind is {kind!r}: left out"
+        return None, f"its kind is {kind!r:.40}: left out"
     if not isinstance(data, bytes):
         return None, f"{_in_place(data)}: left out"
     wrong = ""
     times = [host_time_s, utc_s]
     for k, name in enumerate(("host_time_s", "utc_s")):
         if not isinstance(times[k], float | int) or not 0 <= times[k] < _LATEST_S:
-            wrong = f"its {name} is {times[k]!r}: that of the record before it is taken"
+            wrong = f"its {name} is {times[k]!r:.40}: that of the record before it is taken"
             times[k] = 0.0 if before is None else getattr(before, name)
     return Record(Kind(kind), float(times[0]), float(times[1]), data), wrong
 

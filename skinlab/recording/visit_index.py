@@ -18,6 +18,7 @@ import msgspec
 import numpy as np
 
 from skinlab.errors import SkinlabError
+from skinlab.io.sqlite import check_only_tables
 from skinlab.recording.session import read_session
 
 NAME = ".visits.sqlite"  # in the folder of the sessions
@@ -134,6 +135,7 @@ def _open(path: Path) -> sqlite3.Connection:
 
 
 def _prepared(connection: sqlite3.Connection) -> sqlite3.Connection:
+    check_only_tables(connection)
     (version,) = connection.execute("PRAGMA user_version").fetchone()
     if version != _SCHEMA:
         connection.execute("DROP TABLE IF EXISTS visits")

@@ -82,8 +82,9 @@ class SessionReport:
         if kind == "html":
             return {PAGE: self.html(drawn).encode("utf-8")}
         if kind == "pdf":
-            from skinlab.report.pdf import to_pdf
+            from skinlab.report.pdf import check_pdf, to_pdf
 
+            check_pdf()
             return {PAGES["pdf"]: to_pdf(self.html(drawn))}
         found = {}
         with style():

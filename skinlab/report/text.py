@@ -28,8 +28,10 @@ def describe(result: Identification) -> str:
             f"{', '.join(result.phases)})"
         )
     elif result.files is not None:
+        count = len(result.files)
+        how = f"{count} curves together" if count > 1 else "One curve alone"
         lines = [
-            f"{len(result.files)} curves together  ({result.fitted_points} of {result.points} "
+            f"{how}  ({result.fitted_points} of {result.points} "
             f"samples fitted: {', '.join(result.phases)})"
         ]
     if result.error is not None:
@@ -41,7 +43,7 @@ def describe(result: Identification) -> str:
             text += f"90 % interval {value.low:.4g} to {value.high:.4g}  "
         true_nu = result.derived.get(NU_CONSISTENT)
         if is_poisson(name) and true_nu is not None:
-            text += f"(linear elasticity's nu: {true_nu:.3f})"
+            text += f"(ν of linear elasticity: {true_nu:.3f})"
         lines.append(text.rstrip())
     for height in result.heights:
         if height.pressure_mbar is None:

@@ -15,6 +15,7 @@ A CSV with a column `subject` and none of `file` says what is known of the peopl
 from __future__ import annotations
 
 import csv
+import errno
 import hashlib
 import os
 import re
@@ -29,7 +30,7 @@ from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
 from skinlab.exchange.importing.folder import SUFFIXES
 from skinlab.io.documents import read_toml
-from skinlab.io.files import file_hash
+from skinlab.io.files import file_hash, real_path
 from skinlab.mechanics.names import parameter_of
 from skinlab.recording.pseudonym import check_subject
 
@@ -43,6 +44,7 @@ _NUMBERS = frozenset({"aperture_mm", "thickness_mm", "thickness_sd_mm", *NOISE})
 _WHOLE = frozenset({"cycle", "repeat"})
 _ENDINGS = SUFFIXES | SESSIONS
 _HEAD_BYTES = 4096
+_MOST_BYTES = 2 << 30  # of any file: to look at more takes longer than anybody waits
 _LONGEST = 200  # characters of a label
 _OURS = re.compile(  # columns of exported tables that a study computes itself
     r".*(_MPa|_low|_high|_um)|name|samples|points|partial|flags|not_identified|error|sha256"
@@ -86,6 +88,8 @@ def sha256_of(path: Path) -> str:
     Raises:
         OSError: it cannot be read.
     """
+    if path.stat().st_size > _MOST_BYTES:
+        raise OSError(errno.EFBIG, f"larger than {_MOST_BYTES >> 30} GB")
     return file_hash(path).removeprefix("sha256:")
 
 
@@ -127,7 +131,7 @@ def _walk(
             continue
         kind, why = _kind(entry)
         if kind == "folder":
-            if plan.without is None or path.resolve() != plan.without:
+            if plan.without is None or real_path(path) != plan.without:
                 folders.append(path)
         elif kind == "file":
             files.append(path)
@@ -218,7 +222,7 @@ def _folder_names(folders: Sequence[Path]) -> list[str]:
     """Return what each folder is called in the names of its files; nothing where there is one."""
     if len(folders) == 1:
         return [""]
-    names = [folder.resolve().name for folder in folders]
+    names = [real_path(folder).name for folder in folders]
     return [
         name if names.count(name) == 1 else f"{name}-{k}" for k, name in enumerate(names, start=1)
     ]

@@ -11,6 +11,7 @@ import json
 import os
 import sqlite3
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -22,6 +23,7 @@ from drivers.reading import require_file
 from skinlab.errors import InputError
 from skinlab.io.documents import read_json
 from skinlab.io.files import make_folder
+from skinlab.io.sqlite import check_only_tables
 from skinlab.studies.compute import Computed, Task
 from skinlab.studies.sources import LABELS, pseudonym
 from skinlab.text import inert
@@ -104,33 +106,39 @@ class State:
             raise InputError(f"{folder}: expected a folder for the study")
         if folder.is_dir() and not self.path.exists() and any(folder.iterdir()):
             raise InputError(f"{folder}: not empty, and no study; expected a new folder")
-        try:
-            make_folder(folder)
-            require_file(self.path)
-            # About people: for its owner only, as SQLite makes its side files too.
-            os.close(os.open(self.path, os.O_CREAT | os.O_RDWR, 0o600))
-            self._db = sqlite3.connect(self.path, timeout=0.2, isolation_level=None)
-            self._db.execute("PRAGMA locking_mode=EXCLUSIVE")
-            self._db.execute("PRAGMA journal_mode=WAL")
-            self._db.execute("PRAGMA synchronous=NORMAL")
-            self._db.executescript(_TABLES)
-        except sqlite3.OperationalError as error:
-            if "locked" in str(error):
+        with ExitStack() as undo:
+            try:
+                make_folder(folder)
+                require_file(self.path)
+                # About people: for its owner only, as SQLite makes its side files too.
+                os.close(os.open(self.path, os.O_CREAT | os.O_RDWR, 0o600))
+                self._db = sqlite3.connect(self.path, timeout=0.2, isolation_level=None)
+                undo.callback(self._db.close)
+                self._db.execute("PRAGMA locking_mode=EXCLUSIVE")
+                self._db.execute("PRAGMA journal_mode=WAL")
+                self._db.execute("PRAGMA synchronous=NORMAL")
+                check_only_tables(self._db)
+                self._db.executescript(_TABLES)
+            except sqlite3.OperationalError as error:
+                if "locked" in str(error):
+                    raise InputError(
+                        f"{folder}: another process has its study.sqlite open; one at a time"
+                    ) from None
+                raise InputError(f"{self.path}: cannot be written ({error})") from None
+            except sqlite3.DatabaseError as error:
+                raise self._damaged(error) from None
+            except OSError as error:
                 raise InputError(
-                    f"{folder}: another process has its study.sqlite open; one at a time"
+                    f"{folder}: cannot be written ({error.strerror or error})"
                 ) from None
-            raise InputError(f"{self.path}: cannot be written ({error})") from None
-        except sqlite3.DatabaseError as error:
-            raise self._damaged(error) from None
-        except OSError as error:
-            raise InputError(f"{folder}: cannot be written ({error.strerror or error})") from None
-        try:
-            schema = self._meta("schema")
-            if schema not in (None, SCHEMA):
-                raise InputError(f"{self.path}: {schema}; expected {SCHEMA}")
-            self._set("schema", SCHEMA)
-        except sqlite3.DatabaseError as error:
-            raise self._damaged(error) from None
+            try:
+                schema = self._meta("schema")
+                if schema not in (None, SCHEMA):
+                    raise InputError(f"{self.path}: {schema}; expected {SCHEMA}")
+                self._set("schema", SCHEMA)
+            except sqlite3.DatabaseError as error:
+                raise self._damaged(error) from None
+            undo.pop_all()
 
     def __enter__(self) -> Self:
         return self
@@ -222,7 +230,7 @@ class State:
         self._db.execute(
             "CREATE TEMP TABLE moved AS SELECT n.number AS new, MIN(o.number) AS old, "
             "o.sha256, o.error FROM source n JOIN source o ON o.done = n.wanted "
-            "WHERE n.scan = ?1 AND n.done != n.wanted AND n.wanted != '' AND o.number != n.number "
+            "WHERE n.scan = ? AND n.done != n.wanted AND n.wanted != '' AND o.number != n.number "
             "AND o.error IS NULL "
             "GROUP BY n.number",
             (scan,),

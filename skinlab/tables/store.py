@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from skinlab.errors import InputError
+from skinlab.io.files import real_path
 from skinlab.io.hdf5 import open_hdf5, written_whole
 from skinlab.tables.header import SCHEMA, check_hash
 from skinlab.tables.table import Table
@@ -68,7 +69,7 @@ def read(path: Path) -> Table:
             raise InputError(f"{path}: its spec is damaged ({error})") from None
         stated = str(file.attrs["content_hash"])
     check_hash(path, found, stated)
-    return replace(table, path=path.resolve())
+    return replace(table, path=real_path(path))
 
 
 def _spec(kind: str) -> Any:

@@ -563,6 +563,8 @@ class SkinlabApp(PartedApp):
             case "visits":
                 analysis = self.bench.analysis
                 self.push_screen(VisitsScreen(self.board, self.folder, lambda: analysis.identifier))
+            case "protocol" if self.board.protocol is None:
+                self.board.tell("no protocol is followed here; skinlab ui --protocol FILE does")
             case "protocol":
                 self.push_screen(ProtocolScreen(self.board))
             case "goal":

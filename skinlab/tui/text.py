@@ -490,7 +490,7 @@ def result_lines(
             lines.append(f" {bar}")
         true_nu = result.derived.get(NU_CONSISTENT)
         if is_poisson(name) and true_nu is not None:
-            lines.append(f" true nu {_like(true_nu, value)}, linear elasticity")
+            lines.append(f" ν of linear elasticity {_like(true_nu, value)}")
     if result.rms_um is not None:
         lines.append(f"rms {digits(result.rms_um, 3)} µm")
     fitted = result.fitted_points

@@ -572,6 +572,9 @@ class Board:
                     self.told.append((found.words, Level.INFO))  # whole, where a line has no room
             case Connected(port, hello, goes_on):
                 self._connected(port, hello, goes_on=goes_on)
+                if news.probe is not None:
+                    agrees, words = news.probe
+                    self.say(Level.INFO if agrees else Level.WARNING, f"{words}; F8 goes on")
                 if self.playing is not None:
                     self.visit = news.visit
             case Heard(messages, at):

@@ -15,7 +15,7 @@ from skinlab.cli.main import run
 
 GEOMETRY = ["--aperture-mm", "6", "--thickness-mm", "1"]
 SKIN = ["--x1-mpa", "0.03", "--x2-mpa", "1.5", "--nu", "0.3"]
-FOLDERS = {"visits", "out", "csv", "html", "study", "gap"}  # that commands make
+FOLDERS = {"probe.curves", "visits", "out", "csv", "html", "study", "gap"}  # that commands make
 SPEC = Path(__file__).parents[1] / "data" / "inputs" / "spec.toml"
 
 
@@ -29,12 +29,12 @@ def readable_by_others(folder: Path) -> list[str]:
 
 @pytest.fixture
 def folder(tmp_path, tmp_path_factory, monkeypatch):
-    """An empty folder to work in, with the system's own folders inside, at umask 022."""
+    """An empty folder to work in, with the system's own folders inside, at umask 000."""
     monkeypatch.setenv("MPLCONFIGDIR", str(tmp_path_factory.mktemp("matplotlib")))  # not ours
     for name in ("XDG_CACHE_HOME", "XDG_STATE_HOME", "XDG_DATA_HOME", "XDG_CONFIG_HOME", "HOME"):
         monkeypatch.setenv(name, str(tmp_path / "home" / name.lower()))
     monkeypatch.chdir(tmp_path)
-    before = os.umask(0o022)
+    before = os.umask(0)
     yield tmp_path
     os.umask(before)
 
@@ -47,7 +47,7 @@ def test_every_file_that_a_command_writes(folder):
     given = {path for path in folder.rglob("*") if path.is_file()}
     open_journal = journal_of_example(folder / "crashed.h5.journal")
     assert readable_by_others(folder) == [
-        f"{path.relative_to(folder)} 644" for path in folder.rglob("*") if path in given
+        f"{path.relative_to(folder)} 666" for path in folder.rglob("*") if path in given
     ]
     open_journal.close()
     curve = ["forward", *SKIN, *GEOMETRY, "--program", "ramp:60@20", "--csv", "curve.csv"]
@@ -60,6 +60,8 @@ def test_every_file_that_a_command_writes(folder):
         *(["export", "visits/s.h5", "--to", way, f"out/{way}"]
           for way in ("csv", "json", "html", "svg", "fhir", "parameters")),
         ["import", "curve.csv", *GEOMETRY, "--program", "ramp:60@20", "--out", "imported.h5"],
+        ["calibrate", "--port", "sim://?speed=20", "--out", "probe.toml"],
+        ["calibrate", "--port", "sim://?speed=20", "--check", "probe.toml"],
         ["capture", "--port", "sim://", "--seconds", "0", "--out", "traffic.jsonl"],
         ["database", "build", "--spec", "spec.toml", "--out", "table.h5", "--workers", "1"],
         ["discrepancy", "out/csv", "--report", "gap", "--adopt", "model.toml", "--workers", "1"],
@@ -71,7 +73,8 @@ def test_every_file_that_a_command_writes(folder):
     written = {path.name for path in folder.rglob("*") if path.is_file()}
     assert written >= {
         "crashed.h5", "curve.csv", "s.h5", "session.json", "report.html", "imported.h5",
-        "traffic.jsonl", "table.h5", "study.sqlite", "curves.csv", "curves.parquet", "study.json",
+        "traffic.jsonl", "table.h5", "probe.toml", "probe.checks", "soft.csv",
+        "study.sqlite", "curves.csv", "curves.parquet", "study.json",
         "ro-crate-metadata.json",
     }  # fmt: skip
     assert readable_by_others(folder) == []

@@ -195,8 +195,8 @@ def test_a_measurement_by_keys(open_terminal, size):
     terminal.until_all("suction off")
     terminal.insist("v", lambda screen: "Enter closes" not in screen)
     terminal.start()
-    terminal.until_all("Good curve", "X1", "X2", "nu", "MPa", "measured", "fitted")
-    terminal.insist("NPage", lambda screen: "true nu" in screen)  # below the fold at 80x24
+    terminal.until_all("Good curve", "X1", "X2", "ν", "MPa", "measured", "fitted")
+    terminal.insist("NPage", lambda screen: "ν of linear" in screen)  # below the fold at 80x24
     terminal.until_all("deflection, mm", "mbar", "ramp:100@20")
     terminal.quit()
     last = terminal.until_all("exit status 0", "session:")

@@ -18,6 +18,7 @@ from drivers.reconnect import Backoff
 from skinlab.acquisition.analysis import Explain, default_identifier
 from skinlab.acquisition.measurement import Policy
 from skinlab.acquisition.probe_session import ProbeSession
+from skinlab.curves.probe_file import ProbeErrors
 from skinlab.inference.identify import Identifier
 from skinlab.tui.app import SkinlabApp
 from skinlab.tui.screens.over import ConfirmScreen
@@ -189,6 +190,7 @@ def bedside(tmp_path: Path, identifier: Identifier):
         size: tuple[int, int] = (80, 24),
         explain: Explain | None = None,
         make_probe: Callable[..., Probe] = Probe,
+        calibration: ProbeErrors | None = None,
         **options,
     ) -> AsyncIterator[Bedside]:
         # Often, because the time of a simulated probe passes only where somebody looks
@@ -199,6 +201,7 @@ def bedside(tmp_path: Path, identifier: Identifier):
             make_probe=make_probe,
             policy=Policy(backoff),
             explain=explain,
+            calibration=calibration,
         )
         clock = Clock()
         app = SkinlabApp(port, tmp_path, make_bench, clock=clock, **options)

@@ -42,12 +42,12 @@ async def test_card_and_rows_speak_of_that_law(bedside, tmp_path):
         await bed.until(lambda: bed.board.entry and bed.board.entry.result)
         await bed.until(lambda: "C1" in bed.text("#card-text"))
         card = bed.text("#card-text")
-        for word in ("C1", "C2", "nu", "true nu"):
+        for word in ("C1", "C2", "ν", "ν of linear"):
             assert word in card
         assert "X1" not in card
         curves = bed.app.screen.query_one(Curves)
         await bed.until(lambda: curves.row_count == 1)
-        await bed.until(lambda: {"C1 MPa", "C2", "nu"} <= set(titles(curves)))
+        await bed.until(lambda: {"C1 MPa", "C2", "ν"} <= set(titles(curves)))
         found = bed.board.entry.result.parameters
         at = titles(curves).index("C1 MPa")
         assert curves.get_row_at(0)[at].rstrip("?") == interval_words(found["C1_MPa"])

@@ -146,7 +146,7 @@ async def test_only_what_is_alike_is_averaged(bedside):
         text = "\n".join(repeats_lines([group], out))
         assert "first loadings" in text
         assert "Curve 2 is left out: cut short" in text
-        assert "nu: no mean" in text
+        assert "ν: no mean" in text
 
 
 def test_a_mean_without_scatter_keeps_its_digits():

@@ -39,7 +39,7 @@ async def test_whole_measurement_from_arming_to_replay(bedside, session_files):
         await bed.until(lambda: bed.board.entry and bed.board.entry.result)
         await bed.until(lambda: "100 of 100 points fitted" in bed.text("#card-text"))
         card = bed.text("#card-text")
-        for word in ("X1", "X2", "nu", "true nu", "MPa", "rms"):
+        for word in ("X1", "X2", "ν", "ν of linear", "MPa", "rms"):
             assert word in card
         plot, curves = bed.app.screen.query_one(CurvePlot), bed.app.screen.query_one(Curves)
         await bed.until(lambda: plot.drawn_layers.fitted is not None)

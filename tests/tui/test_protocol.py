@@ -120,11 +120,11 @@ async def test_a_protocol_is_walked_through_marked_and_recorded(
     assert "1 × 6 mm, ramp:50@20" in page
 
 
-async def test_without_a_protocol_p_says_that_it_means_nothing(bedside):
+async def test_without_a_protocol_p_says_how_to_follow_one(bedside):
     async with bedside() as bed:
         await bed.connected()
         await bed.press("p")
-        await bed.until(lambda: "p: no meaning here" in bed.board.aside)
+        await bed.until(lambda: "skinlab ui --protocol FILE" in bed.board.aside)
         await bed.quit()
 
 

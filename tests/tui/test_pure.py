@@ -100,8 +100,8 @@ def test_a_result_in_words():
     assert lines[2].split()[0] == "0.01"  # the scale is labelled at both ends
     assert "├─●─┤" in lines[2]
     assert lines[5] == " 2.90 MPa, no interval"
-    assert lines[8] == " 0.21–0.46, not fixed"  # no number stands over what no data fix
-    assert lines[10] == " true nu 0.32, linear elasticity"
+    assert lines[7] == " 0.21–0.46, not fixed"  # no number stands over what no data fix
+    assert lines[9] == " ν of linear elasticity 0.32"
     assert "rms 3.00 µm" in lines
     assert all(len(line) <= 34 for line in lines)  # the panel at 80 columns
     wide = result_lines(result(), 60)

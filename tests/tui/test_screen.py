@@ -1,16 +1,23 @@
 from __future__ import annotations
 
+from datetime import UTC, datetime
+from pathlib import Path
+
 import pytest
 from textual import events
 from textual.widgets import Input, OptionList
 
 from drivers.events import Alarm
 from skinlab.acquisition.messages import Heard
+from skinlab.curves.probe_file import read_probe
 from skinlab.recording.stream import Happened
 from skinlab.tui.screens.alarm import AlarmScreen
 from skinlab.tui.screens.help import HelpScreen
 from skinlab.tui.screens.main import MainScreen
 from skinlab.tui.screens.ports import PortsScreen
+from skinlab.tui.ui_state import Level
+
+PROBE = Path(__file__).parents[1] / "data" / "inputs" / "probe.toml"
 
 SMALL_AND_LARGE = [(80, 24), (60, 20), (160, 50)]
 
@@ -168,7 +175,7 @@ async def test_every_size_shows_a_measurement(bedside, size):
         await bed.until(lambda: "READY" in bed.text("#phase"))
         await bed.pilot.pause()
         keys = ("Check", "Vent", "Help" if size[0] < 80 else "Quit")  # Help names all keys
-        for word in ("SIMULATED", "READY", "X1", "X2", "nu", "mbar", *keys):
+        for word in ("SIMULATED", "READY", "X1", "X2", "ν", "mbar", *keys):
             await bed.until(lambda w=word: w in bed.screenshot().replace("&#160;", " "))
         main = bed.app.screen
         parts = ("#settings-line", "#card", "#plot-panel", "#strip", "#reading", "#curves", "#note")
@@ -288,3 +295,18 @@ async def test_a_bug_in_a_handler_vents_and_shows_no_traceback(bedside, capsys):
     assert isinstance(bed.app.failure, ZeroDivisionError)
     output = capsys.readouterr()
     assert "Traceback" not in output.out + output.err
+
+
+async def test_whether_the_probe_was_checked_is_said_when_it_is_there(bedside, tmp_path):
+    path = tmp_path / "files" / "probe.toml"
+    path.parent.mkdir()
+    path.write_bytes(PROBE.read_bytes().replace(b"2027", b"9999"))
+    known = read_probe(path)
+    async with bedside(calibration=known) as bed:
+        await bed.connected()
+        await bed.until(lambda: "P-9 was not checked yet" in bed.board.note)
+        assert bed.board.level is Level.WARNING
+    known.keep_check(datetime.now(UTC), agrees=True)
+    async with bedside(calibration=known) as bed:
+        await bed.connected()
+        await bed.until(lambda: "P-9 agreed with its calibration" in bed.board.note)

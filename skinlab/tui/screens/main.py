@@ -305,9 +305,7 @@ class MainScreen(Screen[None]):
                 return self._board.playing is not None
             if what == "start":
                 return self._board.review is not None
-            if what == "protocol":
-                return self._board.protocol is not None and not self.typing
-            if what in {"session", "goal"}:
+            if what in {"session", "goal", "protocol"}:
                 return not self.typing
             if what == "visits":
                 return True

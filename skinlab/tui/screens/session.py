@@ -111,11 +111,11 @@ class SessionScreen(BoardScreen):
         entries, excluded = board.entries.values(), board.ledger.excluded
         lines = repeats_lines(repeats(entries, excluded), left_out(entries, excluded))
         if board.joint is not None:
-            curves = ", ".join(board.joint.files or (board.joint.file,))
-            names = [entry.curve.name for entry in board.entries.values()]
-            aside = [n for n in names if n not in (board.joint.files or (board.joint.file,))]
+            used = board.joint.files or (board.joint.file,)
+            how = "Together" if len(used) > 1 else "One curve alone"
+            aside = [e.curve.name for e in board.entries.values() if e.curve.name not in used]
             later = f"; without {', '.join(aside)}: cut, left out, or later loadings"
-            lines += [f"Together ({curves}{later if aside else ''}):"]
+            lines += [f"{how} ({', '.join(used)}{later if aside else ''}):"]
             lines += [f"  {line}" for line in result_lines(board.joint, 50)]
         lines += board.compared
         lines += [f"Note: {note}" for note in board.ledger.notes]

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+import stat
 from dataclasses import replace
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import msgspec
@@ -19,12 +20,14 @@ from sim_device.skin import load_of, make_phantom
 from skinlab.cli.main import run
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.phantoms import read_phantoms
-from skinlab.curves.probe_file import PARAMETERS, decode_probe, probe_text
+from skinlab.curves.probe_file import PARAMETERS, decode_probe, probe_text, read_probe
 from skinlab.discrepancy.misfit import errors_of
 from skinlab.discrepancy.records import records_of
 from skinlab.errors import InputError
 from skinlab.inference.calibration import Reading, calibrate, check_probe
+from skinlab.recording.audit import entries
 from skinlab.recording.load_inputs import read_campaign_or_session
+from skinlab.recording.session import read_session
 
 NOW = datetime(2026, 1, 1, tzinfo=UTC)
 WIRE = get_dialect("reference")
@@ -338,3 +341,32 @@ def test_the_commands_answers(folder, capsys):
     kit = ["--phantoms", str(folder / "kit.toml"), "--out", str(folder / "x.toml")]
     assert run(["calibrate", "--port", port, *kit]) == 3
     assert "kit.toml" in capsys.readouterr().err
+
+
+def test_whether_the_probe_was_checked_is_said_and_kept(folder, tmp_path, capsys):
+    path = tmp_path / "probe.toml"
+    path.write_text((folder / "probe.toml").read_text())
+    port = f"sim://?seed=3&speed=20&skin={folder / 'skin.toml'}"
+    measure = ["measure", "--port", port, "--aperture-mm", "6", "--thickness-mm", "1",
+               "--program", "ramp:60@60", "--method", "lm", "--probe", str(path),
+               "--out"]  # fmt: skip
+    check = ["calibrate", "--port", port, "--check", str(path)]
+    assert run([*measure, str(tmp_path / "a.h5")]) == 0
+    assert "probe P-9 was not checked yet: before the visit" in capsys.readouterr().err
+    assert run(check) == 0
+    assert stat.S_IMODE((tmp_path / "probe.checks").stat().st_mode) == 0o600
+    assert run([*measure, str(tmp_path / "b.h5")]) == 0
+    assert "probe P-9 agreed with its calibration" in capsys.readouterr().err
+    trail = {e.what: e.detail for e in entries(read_session(tmp_path / "b.h5").records)}
+    assert trail["probe file"]["agrees"] is True
+    known, now = read_probe(path), datetime.now(UTC)
+    assert known.standing(now + timedelta(hours=13))[0] is False
+    assert "since" in known.standing(now + timedelta(hours=13))[1]
+    (tmp_path / "probe.checks").write_bytes((tmp_path / "probe.checks").read_bytes() + b"\xff{\n")
+    assert known.standing(now)[0] is True
+    known.keep_check(now + timedelta(days=360), agrees=True)
+    agrees, words = known.standing(now + timedelta(days=360))
+    assert not agrees
+    assert "ends in 4 days" in words
+    known.keep_check(now + timedelta(days=361), agrees=False)
+    assert "DIFFERED" in known.standing(now + timedelta(days=361))[1]

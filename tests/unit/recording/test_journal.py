@@ -178,13 +178,30 @@ def test_a_record_of_an_impossible_size_is_left_out_before_it_is_read(tmp_path):
     whole = read_journal(path)
     with sqlite3.connect(path) as db:
         db.execute("UPDATE record SET data = zeroblob(20000000) WHERE number = 5")
+        db.execute("UPDATE record SET kind = zeroblob(20000000) WHERE number = 7")
         db.execute("UPDATE meta SET value = zeroblob(20000000) WHERE rowid = 2")
     db.close()
     left = read_journal(path)
-    assert left.records == [*whole.records[:4], *whole.records[5:]]
-    fact, record = left.skipped
+    assert left.records == [*whole.records[:4], whole.records[5], *whole.records[7:]]
+    fact, record, kind = left.skipped
+    assert kind == "record 7: its kind is -20000000: left out"
     assert "19 MB in one" in fact
     assert record == "record 5: 19 MB in one: left out"
+
+
+def test_a_journal_with_a_view_in_the_place_of_its_table_is_none(tmp_path):
+    """Reading it went on for ever."""
+    path = tmp_path / "j"
+    journal_of_example(path).close()
+    with sqlite3.connect(path) as db:
+        db.execute("ALTER TABLE record RENAME TO other")
+        db.execute(
+            "CREATE VIEW record AS WITH RECURSIVE q(n) AS (SELECT 1 UNION ALL SELECT n + 1 FROM q) "
+            "SELECT n AS number, n AS kind, n AS host_time_s, n AS utc_s, n AS data FROM q"
+        )
+    db.close()
+    with pytest.raises(InputError, match="statements of its own"):
+        read_journal(path)
 
 
 def test_another_database_is_no_journal(tmp_path):

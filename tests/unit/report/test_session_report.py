@@ -28,7 +28,7 @@ from skinlab.report.curve_section import curve_section
 from skinlab.report.flags import explanations
 from skinlab.report.measured import measured_curves
 from skinlab.report.page import Section, Table
-from skinlab.report.pdf import to_pdf
+from skinlab.report.pdf import check_pdf, to_pdf
 from skinlab.report.session_report import FORMATS, SessionReport
 from skinlab.versions import versions
 
@@ -296,7 +296,7 @@ def test_the_pictures_of_a_session_are_those_of_its_page(report):
 @pytest.fixture
 def pango():
     try:
-        to_pdf("<p></p>")
+        check_pdf()
     except InputError:
         pytest.skip("the library Pango is not installed")
 

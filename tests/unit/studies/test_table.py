@@ -12,6 +12,7 @@ import subprocess
 import sys
 import time
 from contextlib import closing
+from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -24,6 +25,7 @@ from skinlab.errors import InputError
 from skinlab.recording.session import read_session
 from skinlab.studies.compute import draws_of
 from skinlab.studies.sources import layout_pattern, pseudonym
+from skinlab.studies.state import State
 from skinlab.studies.table import Placements
 
 
@@ -243,11 +245,21 @@ def test_other_settings_are_refused_with_resume_and_computed_again_without(cohor
 
 
 def test_two_studies_do_not_write_to_one_folder(cohort, made, tmp_path):
-    from skinlab.studies.state import State
-
     out = tmp_path / "study"
     with State(out), pytest.raises(InputError, match="one at a time"):
         study(cohort, "--out", out, "--workers", 1)
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="asks Linux for open files")
+def test_a_study_that_is_refused_is_not_kept_open(tmp_path):
+    with State(tmp_path):
+        pass
+    with closing(sqlite3.connect(tmp_path / "study.sqlite")) as db, db:
+        db.execute("UPDATE meta SET value = 'another' WHERE name = 'schema'")
+    with pytest.raises(InputError, match="another; expected") as refused:
+        State(tmp_path)
+    held = [os.readlink(x) for x in Path("/proc/self/fd").iterdir() if x.exists()]
+    assert not any(name.startswith(str(tmp_path)) for name in held), refused
 
 
 def test_a_folder_of_something_else_is_left_alone(cohort, tmp_path):
