@@ -20,6 +20,7 @@ from skinlab.discrepancy.table_domes import (
 )
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.errors import InputError
+from skinlab.mechanics.effects import get_effect
 from skinlab.mechanics.effects.base import Effects
 from skinlab.mechanics.effects.model import (
     Instant,
@@ -70,6 +71,7 @@ class _Candidate:
     problems: Mapping[Key, SkinProblem]
     sensors: Sensors
     felt: Sequence[PressurePath]
+    felt_more: Sequence[PressurePath] = ()  # of 1 mbar more, where readings are bent
 
 
 @dataclass(eq=False)
@@ -155,15 +157,21 @@ class MappedModel:
                 if key not in problems:
                     cycle = record.curve.setup.cycle
                     problems[key] = problem_of(skin, effects, record.geometry, cycle)
-            return _Candidate(problems, Sensors.of(effects), self._felt(effects))
+            bends = any(get_effect(name).bends for name in effects)
+            more = self._felt(effects, 1.0) if bends else ()
+            return _Candidate(problems, Sensors.of(effects), self._felt(effects), more)
         except InputError:  # a combination of values that cannot be
             return None
 
-    def _felt(self, effects: Effects) -> list[PressurePath]:
+    def _felt(self, effects: Effects, more_mbar: float = 0.0) -> list[PressurePath]:
         known: dict[PressurePath, PressurePath] = {}
         for record in self.records:
-            if record.path not in known:
-                known[record.path] = felt_path(effects, record.path)
+            path = record.path
+            if path not in known:
+                if more_mbar:
+                    higher = tuple(p + more_mbar for p in path.pressure_mbar)
+                    path = replace(path, pressure_mbar=higher)
+                known[record.path] = felt_path(effects, path)
         return [known[r.path] for r in self.records]
 
     def _domes(self, candidates: Sequence[_Candidate], key: Key) -> Domes:
@@ -210,6 +218,11 @@ class MappedModel:
         # A reading's own noise stays with its sample whatever lags: read between two samples it
         # would be less, and half a sample of lag look better than none.
         off_path = record.pressure_mbar - record.path(time)
+        if off_path.any() and any(c.felt_more for c in candidates):
+            more = [
+                c.felt_more[i](time) - c.felt[i](time) if c.felt_more else 1.0 for c in candidates
+            ]
+            off_path = off_path * np.array([np.broadcast_to(m, time.shape) for m in more])
         zero = np.array([p.preload_mbar for p in problems])
         if any(p.prony for p in problems):
             terms = _as_many([p.prony for p in problems])
@@ -222,9 +235,9 @@ class MappedModel:
                 ]
                 relaxed = np.concatenate([r for r, _ in each])
                 zero = np.concatenate([z for _, z in each])
-            # It is worth what it is to the relaxed skin: one that is stiff for an instant would
+            # It is worth what a smooth rise is: a skin that is stiff for an instant alone would
             # follow no noise, and be likelier than any other by that.
-            rest = [1.0 - sum(term.g for term in p.prony) for p in problems]
+            rest = [1.0 - _relaxed_share(p.prony, record.path) for p in problems]
             pressure = relaxed + off_path / np.array(rest)[:, None]
         else:
             pressure = on_path + off_path + zero[:, None]
@@ -387,9 +400,16 @@ class MappedModel:
         if held.mean() < 0.9:
             return None
         plain = replace(record, path=path, pressure_mbar=path(time))
-        unread = replace(here, sensors=Sensors(()), felt=[path] * len(here.felt))
+        unread = replace(here, sensors=Sensors(()), felt=[path] * len(here.felt), felt_more=())
         at_anchor = self._height_in_time(i, plain, [unread], domes, np.zeros((1, count)))[0]
         return np.asarray(np.interp(time, time[held], (exact - at_anchor)[held]))
+
+
+def _relaxed_share(terms: Sequence[Prony], path: PressurePath) -> float:
+    """Return the share of the stress that relaxes, on average, while the suction rises."""
+    top = int(np.argmax(path.pressure_mbar))
+    rise_s = max(path.time_s[top] - path.time_s[0], 1e-3)
+    return float(sum(t.g * (1.0 + np.expm1(-rise_s / t.tau_s) * t.tau_s / rise_s) for t in terms))
 
 
 def _simpler(path: PressurePath) -> PressurePath:

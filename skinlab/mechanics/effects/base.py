@@ -42,6 +42,7 @@ class Effect:
     source: ClassVar[str]
     physical: ClassVar[bool]
     needs_history: ClassVar[bool] = False
+    bends: ClassVar[bool] = False  # `felt` bends each reading, and so its noise
 
     def change(self, problem: SkinProblem, values: Values, cycle: int) -> SkinProblem:
         """Return the mechanical problem with this effect, in this cycle (1 = first loading)."""

@@ -27,6 +27,7 @@ class LearnedLoop(LearnedEffect):
     )
     source = "rate-independent hysteresis: Visintin 1994; Gaussian process"
     physical = True
+    bends = True
     order = 2
     needs_history = True
     parameters = (
