@@ -1,11 +1,14 @@
-"""How fast one curve is, against FElupe, without the kernel, and against LAPACK's floor.
+"""How fast one curve is, against FElupe, scikit-fem, without the kernel, and LAPACK's floor.
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/fem.py [--quick] [--out benchmarks/results/fem.json]
 
 FElupe (GPL, the extra "bench") is used here and nowhere else. Both programs run side by side in one
 process, in turns, on the reference cases. FElupe is given the law in closed form (not by automatic
 differentiation), its best predictor, solver ordering, steps and mesh out of those tried, and is
-asked for 20, 50 and 100 mbar only, while skinlab gives the whole curve.
+asked for 20, 50 and 100 mbar only, while skinlab gives the whole curve. scikit-fem (also "bench")
+assembles the same tangent and forces of the same mesh, with stress and moduli from skinlab's numpy.
+For batches there is no peer: torch-fem 0.14 and JAX-FEM 0.0.12 know plane and solid elements, and
+neither axisymmetry nor a pressure that follows the surface.
 """
 
 from __future__ import annotations
@@ -257,6 +260,75 @@ def kernel_and_floor(cases: Sequence[ReferenceCurve], rounds: int = 7) -> dict[s
     }
 
 
+def assembly_peer(case: ReferenceCurve, rounds: int = 15) -> dict[str, float]:
+    """Return CPU times (ms, medians, in turns) of one assembly, and how far apart results are.
+
+    On straight-sided elements, at 60 mbar; scikit-fem's assembly has no follower pressure in it.
+    """
+    import skfem
+
+    assembly, _ = assembly_for(case.geometry, UNIFORM, "extended_neo_hookean")
+    law, parameters, mesh = assembly.law, case.parameters, assembly.mesh
+    curve = solve(case.geometry, parameters, 60.0, discretisation=UNIFORM)
+    unknowns = curve.path.displacements[-1]
+    used, corners = np.unique(mesh.elements[:, :4], return_inverse=True)
+    quads = skfem.MeshQuad(
+        np.ascontiguousarray(mesh.nodes[used].T), corners.reshape(-1, 4).T.copy()
+    )
+    basis = skfem.Basis(quads, skfem.ElementVector(skfem.ElementQuadS2()), intorder=5)
+    node = {tuple(np.round(x, 9)): i for i, x in enumerate(mesh.nodes)}
+    axial = np.zeros(basis.N, dtype=int)
+    axial[basis.nodal_dofs[1]] = axial[basis.facet_dofs[1]] = 1
+    at = [2 * node[tuple(np.round(x, 9))] for x in basis.doflocs.T] + axial
+    displacements, equation = assembly.full(unknowns)[at], assembly.equation[at]
+    radius = basis.global_coordinates()[0]
+
+    def gradients(u: Any, r: Any) -> Any:
+        return np.stack([u.grad[0, 0], u.grad[0, 1], u.grad[1, 0], u.grad[1, 1], u[0] / r])
+
+    @skfem.BilinearForm
+    def tangent(u: Any, v: Any, w: Any) -> Any:
+        r = w.x[0]
+        product = np.einsum("i...,ij...,j...", gradients(v, r), w["moduli"], gradients(u, r))
+        return 2 * np.pi * r * product
+
+    @skfem.LinearForm
+    def force(v: Any, w: Any) -> Any:
+        r = w.x[0]
+        return 2 * np.pi * r * np.einsum("i...,i...", gradients(v, r), w["stress"])
+
+    def theirs() -> tuple[Any, Any]:
+        f = gradients(basis.interpolate(displacements), radius)
+        f[[0, 3, 4]] += 1.0
+        _, stress, moduli, _ = stress_and_tangent(f, law, parameters)
+        return tangent.assemble(basis, moduli=moduli), force.assemble(basis, stress=stress)
+
+    def ours() -> Any:
+        return assembly.evaluate(unknowns, 0.0, parameters)
+
+    times: dict[str, list[float]] = {"skinlab": [], "scikit_fem": []}
+    for _ in range(rounds):
+        for name, run in (("skinlab", ours), ("scikit_fem", theirs)):
+            start = time.process_time()
+            run()
+            times[name].append((time.process_time() - start) * 1e3)
+    state, (matrix, forces) = ours(), theirs()
+    free = equation < assembly.n
+    band, n = state.tangent, assembly.n
+    whole = sum(np.diag(band[: n - k, k], -k) for k in range(band.shape[1]))
+    whole = whole + np.tril(whole, -1).T
+    order = equation[free]
+    other = matrix.tocsr()[free][:, free].toarray()
+    apart = np.abs(whole[np.ix_(order, order)] - other).max() / np.abs(other).max()
+    off = np.abs(state.residual[order] - forces[free]).max() / np.abs(forces).max()
+    found = {f"{name}_ms": float(np.median(each)) for name, each in times.items()}
+    return {
+        **found,
+        "ratio": found["scikit_fem_ms"] / found["skinlab_ms"],
+        "largest_relative_difference": float(max(apart, off)),
+    }
+
+
 def slopes(case: ReferenceCurve, rounds: int = 15) -> dict[str, float]:
     """Return what slopes by three parameters and by one of the mesh cost, in curves."""
     values = (0.03, 1.0, 0.32)
@@ -392,6 +464,7 @@ def main() -> None:
         "felupe_best": {**vars(best), "mesh": best.mesh.name},
         **side_by_side(cases, ranked),
         "kernel": kernel_and_floor(cases),
+        "scikit_fem": assembly_peer(cases[0]),
         "slopes_in_curves": slopes(cases[0]),
     }
     if not (options.quick or options.no_grid):

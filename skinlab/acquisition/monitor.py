@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from drivers.events import Loaded
 from skinlab.curves.curve import Curve
 from skinlab.curves.growing import GrowingCurve
 from skinlab.quality.gates import all_gates, judge
-from skinlab.quality.gates.base import CurveSoFar, Finding, Gate, as_run, beginnings
+from skinlab.quality.gates.base import CurveSoFar, Finding, Gate, as_run, whole
 from skinlab.recording.stream import (
     CurveCompleted,
     CurveStarted,
@@ -85,18 +86,11 @@ class Monitor:
         )
 
     def _complete(self, index: int, curve: Curve, lost: int) -> list[Flagged]:
-        view = CurveSoFar(
-            as_run(curve.setup, curve.segment, curve.pressure_mbar, whole=not curve.partial),
-            curve.time_s,
-            curve.pressure_mbar,
-            curve.deflection_mm,
-            curve.segment,
-            beginnings(curve),
-            cut=curve.partial,
+        view = replace(
+            whole(curve, self._earlier),
             rate_hz=self._rate_hz,
             lost_samples=lost,
             steps_back=0 if self._growing is None else self._growing.steps_back,
-            earlier=self._earlier,
         )
         self._growing = None
         self._earlier = (*self._earlier, curve)[-_MOST_EARLIER:]

@@ -8,6 +8,7 @@ families that promise most are fitted with the whole model, and judged as names 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -24,7 +25,7 @@ from skinlab.discrepancy.posterior import Posterior
 from skinlab.discrepancy.records import Record
 from skinlab.discrepancy.screen import Signature
 from skinlab.discrepancy.search import LOG10, Candidate, Found, Search
-from skinlab.discrepancy.settings import ERRORS, NAMES
+from skinlab.discrepancy.settings import ERRORS, NAMES, SEARCH
 from skinlab.discrepancy.table_domes import has_features
 from skinlab.discrepancy.unknowns import Known, Unknowns
 from skinlab.inference.covariance import Covariance
@@ -112,8 +113,10 @@ def against_families(search: Search, base: Candidate, best: Candidate) -> Trial:
     """Return whether no smooth function is 20 times likelier, or needed beside an explanation.
 
     Of the families that cost no finite elements, linearised about the explanation and about the
-    model as it is; their odds are alike. What changes the curves by less than matters in practice
-    is not needed: a path that is known to a tenth of a millibar leaves as much.
+    model as it is; their odds are alike. One that promises so much is fitted: shares that relax
+    are not linear where they are large, and may promise 10¹⁸ times what they keep. What changes the
+    curves by less than matters in practice is not needed: a path that is known to a tenth of a
+    millibar leaves as much.
     """
     errors, fits = search.errors, (base.fit, best.fit)
     assert errors is not None
@@ -139,24 +142,42 @@ def against_families(search: Search, base: Candidate, best: Candidate) -> Trial:
         (0, float(plain) + ahead, "in its place is"),
         (1, float(name), "beside it makes the curves"),
     ):
-        if not named:
-            break
         gains = mean[:, which] + odds - against
-        i = int(np.argmax(gains))
-        small = False
-        if which == 1 and gains[i] >= NAMES.tie:
-            scaled = ones[2 + (2 * i + 1) * len(_SCALES) + int(np.argmax(by_scale[i, 1]))]
-            small = _change_um(errors.looks[-1].mode, ones[1], scaled) < NAMES.practical_um
-        if gains[i] >= NAMES.tie and not small:
-            kind = named[i].family.replace("_", " ")
-            return Trial(
-                "families", False,
-                f"a smooth unknown function ({kind}) {what} {odds_words(gains[i])} likelier",
-            )  # fmt: skip
+        for i in np.argsort(-gains)[: int((gains >= NAMES.tie).sum())]:
+            if which == 1:
+                scaled = ones[2 + (2 * i + 1) * len(_SCALES) + int(np.argmax(by_scale[i, 1]))]
+                if _change_um(errors.looks[-1].mode, ones[1], scaled) < NAMES.practical_um:
+                    continue
+            promise = _Promise.of(search, fits[which], named[i], seen)
+            assert promise is not None
+            ahead_of_it = _fitted_log10(search, fits, which, promise, seen)
+            gain = ahead_of_it + odds - (against - float(plain))
+            if gain >= NAMES.tie:
+                kind = named[i].family.replace("_", " ")
+                return Trial(
+                    "families", False,
+                    f"a smooth unknown function ({kind}) {what} {odds_words(gain)} likelier",
+                )  # fmt: skip
     return Trial(
         "families", True,
         "no smooth unknown function is 20 times likelier in its place, or needed beside it",
     )  # fmt: skip
+
+
+def _fitted_log10(
+    search: Search, fits: tuple[Fit, Fit], which: int, promise: _Promise, seen: Seen
+) -> float:
+    """Return log10 evidence, over the model as it is, of a family fitted beside one of two fits.
+
+    They are those of the model as it is and of an explanation. A function that comes not near the
+    explanation's cost is no rival: its fit ends early.
+    """
+    assert search.errors is not None
+    found = _fit(search, fits[which], promise, seen, fits[1].cost + SEARCH.far)
+    if found is None:
+        return -np.inf
+    plain = float(search.errors.log_evidences([search.linear(fits[0])])[0])
+    return (_scaled(search, search.errors, found, promise.family, seen)[1] - plain) / LOG10
 
 
 def _change_um(errors: Covariance, one: Linearised, more: Linearised) -> float:
@@ -251,13 +272,18 @@ def _solved(fitter: Fitter, unknowns: Unknowns, u: Array) -> bool:
     return has_features(problem_of(unknowns.skin(u), unknowns.values(u), at))
 
 
-def _fit(search: Search, base: Fit, promise: _Promise, seen: Seen) -> Fit | None:
-    """Return the fit from where the linear picture leads, or from near the model as it is."""
+def _fit(
+    search: Search, base: Fit, promise: _Promise, seen: Seen, limit: float = math.inf
+) -> Fit | None:
+    """Return the fit from where the linear picture leads, or from near the model as it is.
+
+    One that stays above a cost of `limit` ends early.
+    """
     unknowns = with_family(base.unknowns, promise.family, seen, promise.scale)
     near = np.concatenate([base.u, promise.start[len(base.u) :]])
     best: Fit | None = None
     for start in (promise.start, near):
-        fit = search.fitter.fit(unknowns, start)
+        fit = search.fitter.fit(unknowns, start, limit)
         if fit is not None and (best is None or fit.cost < best.cost):
             best = fit
         if best is not None and best.settled and best.cost < base.cost:

@@ -69,7 +69,6 @@ class Judged(Protocol):
 _SPOILT = frozenset({"no_contact", "saturated", "frozen"})
 # They change what a curve is compared with, and not whether it is one
 _REMARKS = frozenset({"not_first_cycle", "lost_frames"})
-_UNUSABLE = ("outside_database", "not_converged", "at_bound")
 
 
 def judge(

@@ -230,7 +230,7 @@ class State:
         self._db.execute(
             "CREATE TEMP TABLE moved AS SELECT n.number AS new, MIN(o.number) AS old, "
             "o.sha256, o.error FROM source n JOIN source o ON o.done = n.wanted "
-            "WHERE n.scan = ?1 AND n.done != n.wanted AND n.wanted != '' AND o.number != n.number "
+            "WHERE n.scan = ? AND n.done != n.wanted AND n.wanted != '' AND o.number != n.number "
             "AND o.error IS NULL "
             "GROUP BY n.number",
             (scan,),

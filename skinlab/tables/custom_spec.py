@@ -26,14 +26,13 @@ from skinlab.mechanics.materials.compressibility import KappaConvention
 from skinlab.mechanics.model_file import Model
 from skinlab.parameters import Parameter, Space, Transform
 from skinlab.tables.abscissa import Abscissa, PressureAbscissa, ProgramAbscissa
-from skinlab.tables.any_geometry import AnyGeometry
 from skinlab.tables.axes import AxisRange, Spacing, TableAxis, axis_of
 from skinlab.tables.evaluator import Evaluator, tensor_spline
 from skinlab.tables.extrapolate import fill_curves
 from skinlab.tables.grid_spec import TOLERANCE_MM
 from skinlab.tables.meshes import MESHES
 from skinlab.tables.svd_basis import chosen, components
-from skinlab.tables.table import Dataset, Table
+from skinlab.tables.table import Asked, Dataset, Table
 
 Array = NDArray[np.float64]
 
@@ -306,27 +305,20 @@ class CustomSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             )
         return self.abscissa.covered(curve)
 
-    def evaluator(
-        self,
-        table: Table,
-        geometry: Geometry,
-        pressure_mbar: Array,
-        kappa: KappaConvention,
-        thickness_sd_mm: float,
-        time_s: Array | None,
-    ) -> Evaluator:
+    def evaluator(self, table: Table, asked: Asked) -> Evaluator:
         """Return it at these pressures (u,) and times since the program's start (u,).
 
         Raises:
             NotTrustworthyError: it does not speak of this geometry, uncertainty or convention, or
                 needs times, and there are none.
         """
-        self._check(geometry, thickness_sd_mm)
-        stated = self.model.model.kappa
+        self._check(asked.geometry, asked.thickness_sd_mm)
+        kappa, stated = asked.kappa, self.model.model.kappa
         if kappa != stated:
             raise NotTrustworthyError(f"kappa {kappa!r}, and this database holds for {stated!r}")
         abscissa, axes = self.abscissa, self.axes
-        operator = abscissa.operator(pressure_mbar, time_s)
+        operator = abscissa.operator(asked.pressure_mbar, asked.time_s)
+        along = abscissa.along(asked.pressure_mbar, asked.time_s)
         errors = table.extra[_ERRORS]
         wide, turn = np.linalg.qr(operator)
         curves = table.values.reshape(-1, table.values.shape[-1]) @ turn.T
@@ -338,10 +330,8 @@ class CustomSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             tensor_spline(axes, (curves @ q).reshape(*self.shape, -1)),
             wide @ q,
             table.holds_to,
-            np.minimum(abscissa.along(pressure_mbar, time_s), end),
-            errors_mm=_error_shapes(
-                operator @ errors.T, abscissa.along(pressure_mbar, time_s) / end
-            ),
+            np.minimum(along, end),
+            errors_mm=_error_shapes(operator @ errors.T, along / end),
         )
 
     def _check(self, geometry: Geometry, thickness_sd_mm: float) -> None:
@@ -357,14 +347,6 @@ class CustomSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
                 "this database holds one thickness: give no thickness_sd_mm, or build one with the "
                 "axis thickness_error.ratio"
             )
-
-    def any_geometry(self, table: Table, kappa: KappaConvention) -> AnyGeometry:
-        """Refuse: it is of one geometry.
-
-        Raises:
-            NotTrustworthyError: always.
-        """
-        raise NotTrustworthyError(f"a table of kind {self.kind!r} is of one geometry only")
 
     def describe(self, table: Table) -> list[str]:
         """Return what is in it."""

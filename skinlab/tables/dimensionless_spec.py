@@ -48,7 +48,7 @@ from skinlab.tables.extrapolate import fill_ratios
 from skinlab.tables.meshes import MESHES
 from skinlab.tables.splines import TensorBSpline, basis, coefficients, inverse, knots
 from skinlab.tables.svd_basis import chosen, components
-from skinlab.tables.table import Dataset, Table, plain_point
+from skinlab.tables.table import Asked, Dataset, Table, plain_point
 
 Array = NDArray[np.float64]
 
@@ -315,39 +315,31 @@ class DimensionlessSpec:
         """
         return plain_point(self.law, base, effects)
 
-    def evaluator(
-        self,
-        table: Table,
-        geometry: Geometry,
-        pressure_mbar: Array,
-        kappa: KappaConvention,
-        thickness_sd_mm: float,
-        time_s: Array | None,
-    ) -> Evaluator:
+    def evaluator(self, table: Table, asked: Asked) -> Evaluator:
         """Return the table at this geometry and these pressures.
 
         Raises:
             NotTrustworthyError: the thickness is outside the table.
         """
-        del time_s
-        asked = geometry.thickness_mm / geometry.radius_mm
+        geometry, kappa, sd_mm = asked.geometry, asked.kappa, asked.thickness_sd_mm
+        ratio_asked = geometry.thickness_mm / geometry.radius_mm
         ends = self.thickness
-        if not ends.low * (1 - 1e-12) <= asked <= ends.high * (1 + 1e-12):
+        if not ends.low * (1 - 1e-12) <= ratio_asked <= ends.high * (1 + 1e-12):
             raise NotTrustworthyError(
-                f"thickness/radius {asked:.4g} is outside the database "
+                f"thickness/radius {ratio_asked:.4g} is outside the database "
                 f"({ends.low:g}–{ends.high:g}): {geometry.thickness_mm:g} mm of skin under a "
                 f"{geometry.aperture_mm:g} mm opening"
             )
-        log_thickness = math.log(asked)
+        log_thickness = math.log(ratio_asked)
         axes, space = self._axes(kappa), self.space(table, kappa)
         thicknesses = np.array([log_thickness])
-        if thickness_sd_mm > 0.0:
-            thicknesses = self._around(log_thickness, thickness_sd_mm / geometry.thickness_mm)
+        if sd_mm > 0.0:
+            thicknesses = self._around(log_thickness, sd_mm / geometry.thickness_mm)
             log_ratio = thicknesses - log_thickness
             axes.append(TableAxis(Coordinate("log"), log_ratio))
             low, high = math.exp(log_ratio[0]), math.exp(log_ratio[-1])
             space = space.extended("thickness_ratio", low, high)
-        at_mbar, spread = self._nodes_for(log_thickness, pressure_mbar)
+        at_mbar, spread = self._nodes_for(log_thickness, asked.pressure_mbar)
         radius = geometry.radius_mm
         curves = [self._tabulate(table, t, at_mbar, axes[0].nodes, radius) for t in thicknesses]
         wide, turn = (None, None) if spread is None else np.linalg.qr(spread)
@@ -369,7 +361,7 @@ class DimensionlessSpec:
             tensor_spline(axes, grid.reshape(*(len(axis.nodes) for axis in axes), -1)),
             q if wide is None else wide @ q,
             self._hold_to(table, thicknesses),
-            pressure_mbar,
+            asked.pressure_mbar,
             load_mbar=1.0 / MBAR,
         )
 

@@ -27,11 +27,10 @@ from skinlab.mechanics.materials import DEFAULT_LAW, get_law
 from skinlab.mechanics.materials.compressibility import KappaConvention, kappa_ratio, nu_from_ratio
 from skinlab.mechanics.model_file import Model
 from skinlab.parameters import Space
-from skinlab.tables.any_geometry import AnyGeometry
 from skinlab.tables.axes import Coordinate, TableAxis
 from skinlab.tables.evaluator import Evaluator
 from skinlab.tables.lagrange import TensorLagrange, matrix
-from skinlab.tables.table import Dataset, Table, plain_point
+from skinlab.tables.table import Asked, Dataset, Table, plain_point
 
 Array = NDArray[np.float64]
 Axes = tuple[tuple[str, tuple[float, ...]], ...]
@@ -195,33 +194,24 @@ class GridSpec:
         """
         return plain_point(self.law, base, effects)
 
-    def evaluator(
-        self,
-        table: Table,
-        geometry: Geometry,
-        pressure_mbar: Array,
-        kappa: KappaConvention,
-        thickness_sd_mm: float,
-        time_s: Array | None,
-    ) -> Evaluator:
+    def evaluator(self, table: Table, asked: Asked) -> Evaluator:
         """Return the grid at these pressures.
 
         Raises:
             NotTrustworthyError: it does not speak of this geometry or uncertainty.
         """
-        del time_s
-        _check_sd(thickness_sd_mm)
-        own = self.geometry
-        stored, asked = own.thickness_mm / own.radius_mm, geometry.thickness_mm / geometry.radius_mm
-        if abs(asked / stored - 1) > 1e-9:
+        _check_sd(asked.thickness_sd_mm)
+        own, geometry, kappa = self.geometry, asked.geometry, asked.kappa
+        stored, other = own.thickness_mm / own.radius_mm, geometry.thickness_mm / geometry.radius_mm
+        if abs(other / stored - 1) > 1e-9:
             raise NotTrustworthyError(
-                f"thickness/radius is {asked:.4g}, and this database holds for {stored:.4g} only "
+                f"thickness/radius is {other:.4g}, and this database holds for {stored:.4g} only "
                 f"(a {own.aperture_mm:g} mm opening on {own.thickness_mm:g} mm of skin)"
             )
         # By dimensional analysis a similar geometry only scales the deflection.
         scale = geometry.radius_mm / own.radius_mm
         coordinates, shared = _components(table)
-        at_points = scale * shared @ matrix(self.pressure_mbar, pressure_mbar).T
+        at_points = scale * shared @ matrix(self.pressure_mbar, asked.pressure_mbar).T
         q, r = np.linalg.qr(at_points.T)
         poisson = get_law(self.law).poisson
         axes = [
@@ -239,16 +229,8 @@ class GridSpec:
             TensorLagrange(self.nodes, (coordinates @ r.T).reshape(*self.shape, -1)),
             q,
             table.holds_to,
-            np.minimum(pressure_mbar, max(self.pressure_mbar)),
+            np.minimum(asked.pressure_mbar, max(self.pressure_mbar)),
         )
-
-    def any_geometry(self, table: Table, kappa: KappaConvention) -> AnyGeometry:
-        """Refuse: it is of one geometry.
-
-        Raises:
-            NotTrustworthyError: always.
-        """
-        raise NotTrustworthyError(f"a table of kind {self.kind!r} is of one geometry only")
 
     def describe(self, table: Table) -> list[str]:
         """Return what is in it."""

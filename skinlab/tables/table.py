@@ -13,13 +13,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.curves.curve import Curve
-from skinlab.errors import InputError
+from skinlab.errors import InputError, NotTrustworthyError
 from skinlab.mechanics.effects.base import Effects
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.mechanics.materials import get_law
@@ -41,6 +41,17 @@ class Dataset:
     unit: str = ""
     axes: str = ""
     compression: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """What a table is asked for: see `Table.model`."""
+
+    geometry: Geometry
+    pressure_mbar: Array  # (u,)
+    kappa: KappaConvention
+    thickness_sd_mm: float
+    time_s: Array | None  # (u,)
 
 
 class Spec(Protocol):
@@ -124,20 +135,8 @@ class Spec(Protocol):
         """
         ...
 
-    def evaluator(
-        self,
-        table: Table,
-        geometry: Geometry,
-        pressure_mbar: Array,
-        kappa: KappaConvention,
-        thickness_sd_mm: float,
-        time_s: Array | None,
-    ) -> Evaluator:
+    def evaluator(self, table: Table, asked: Asked) -> Evaluator:
         """See `Table.model`."""
-        ...
-
-    def any_geometry(self, table: Table, kappa: KappaConvention) -> AnyGeometry:
-        """See `Table.any_geometry`."""
         ...
 
     def describe(self, table: Table) -> list[str]:
@@ -156,6 +155,15 @@ class Spec(Protocol):
 
     def datasets(self, table: Table) -> list[Dataset]:
         """Return the arrays of a file; those under `axes/` are for readers."""
+        ...
+
+
+@runtime_checkable
+class OfAnyGeometry(Protocol):
+    """A spec whose tables speak of a range of openings and thicknesses."""
+
+    def any_geometry(self, table: Table, kappa: KappaConvention) -> AnyGeometry:
+        """See `Table.any_geometry`."""
         ...
 
 
@@ -220,7 +228,8 @@ class Table:
         Raises:
             NotTrustworthyError: it does not speak of this geometry, uncertainty or convention.
         """
-        return self.spec.evaluator(self, geometry, pressure_mbar, kappa, thickness_sd_mm, time_s)
+        asked = Asked(geometry, pressure_mbar, kappa, thickness_sd_mm, time_s)
+        return self.spec.evaluator(self, asked)
 
     def any_geometry(self, kappa: KappaConvention = "paper") -> AnyGeometry:
         """Return the table as a function of thickness and opening too, without any set-up.
@@ -228,6 +237,8 @@ class Table:
         Raises:
             NotTrustworthyError: it is of one geometry only.
         """
+        if not isinstance(self.spec, OfAnyGeometry):
+            raise NotTrustworthyError(f"a table of kind {self.spec.kind!r} is of one geometry only")
         return self.spec.any_geometry(self, kappa)
 
 

@@ -12,7 +12,7 @@ from skinlab.mechanics.effects.base import Array, Parameter, Values
 from skinlab.mechanics.effects.learned import LearnedEffect, Seen
 from skinlab.mechanics.fem.skin import SkinProblem, Term
 from skinlab.mechanics.materials import get_law
-from skinlab.mechanics.materials.base import Energy, Potential
+from skinlab.mechanics.materials.base import Energy, Potential, potential_of_j1
 
 _BENDS = (0.003, 0.01, 0.03, 0.1)  # of J1 − 3, about which each shape bends
 _LARGEST = 0.06  # J1 − 3 that a function is drawn to
@@ -29,32 +29,19 @@ class Increment(Energy):
 
     def isochoric(self, i1: Array, i2: Array, j: Array, parameters: Mapping[str, Any]) -> Potential:
         """Return energy and derivatives; the coefficients in MPa."""
-        a = j ** (-2.0 / 3.0)  # J1 = a I1
-        a_j = -2.0 / 3.0 * a / j
-        e = a * i1 - 3.0
-        nothing = 0.0 * i1
-        energy, first, second = nothing, nothing, nothing  # and by J1
-        for name, bend in zip(self.parameter_names, _BENDS, strict=True):
-            c, x = parameters[name], e / bend
-            root = np.sqrt(1.0 + x * x)
-            # The slope is x²/√(1 + x²) of the sign of x: none at rest, straight beyond the bend
-            energy = energy + c * bend * (0.5 * x * root - 0.5 * np.arcsinh(x))
-            first = first + c * x * x / root
-            second = second + c / bend * (2.0 * x + x**3) / root**3
-        j1_j = a_j * i1
-        j1_jj = -5.0 / 3.0 * j1_j / j
-        return Potential(
-            energy=energy,
-            d_i1=first * a,
-            d_i2=nothing,
-            d_j=first * j1_j,
-            d_i1_i1=second * a * a,
-            d_i1_i2=nothing,
-            d_i2_i2=nothing,
-            d_i1_j=second * a * j1_j + first * a_j,
-            d_i2_j=nothing,
-            d_j_j=second * j1_j * j1_j + first * j1_jj,
-        )
+
+        def energy(e: Array) -> tuple[Array, Array, Array]:
+            value = first = second = 0.0 * e
+            for name, bend in zip(self.parameter_names, _BENDS, strict=True):
+                c, x = parameters[name], e / bend
+                root = np.sqrt(1.0 + x * x)
+                # The slope is x²/√(1 + x²) of the sign of x: none at rest, straight beyond the bend
+                value = value + c * bend * (0.5 * x * root - 0.5 * np.arcsinh(x))
+                first = first + c * x * x / root
+                second = second + c / bend * (2.0 * x + x**3) / root**3
+            return value, first, second
+
+        return potential_of_j1(i1, j, energy)
 
 
 INCREMENT = Increment()

@@ -87,6 +87,11 @@ class Assembly:
         library = kernel.library() if compiled and not element.dilatation_modes else None
         self._kernel = None if library is None else self._prepared_kernel(library)
 
+    @property
+    def compiled(self) -> bool:
+        """Whether the compiled inner loops are used."""
+        return self._kernel is not None
+
     # ---- preparation ----
 
     def _prepared_kernel(self, library: ctypes.CDLL) -> kernel.Kernel:
@@ -315,24 +320,27 @@ class Assembly:
     def internal_forces(
         self, unknowns: Array, sums: Sequence[Sequence[tuple[float, Mapping[str, Any]]]]
     ) -> Array | None:
-        """Return k sums (k, dofs) of internal forces, N: of each a factor, and its parameters.
+        """Return sums (k, dofs) of internal forces, N: of each a factor, and its parameters.
 
-        None where an element is turned inside out.
+        With the compiled loops parameters may be arrays (k, 1, 1): then a sum is k of them. None
+        where an element is turned inside out.
         """
         u = self.full(unknowns)
-        found = np.zeros((len(sums), self.n))
         if self._kernel is not None:
+            rows: list[Array] = []
             f, i1, i2, det = self._kernel.strain(u)
             if not det.min() > 0.0:
                 return None
-            for row, terms in zip(found, sums, strict=True):
-                first: list[Any] = [0.0, 0.0, 0.0]
+            for terms in sums:
+                first: list[Any] = []
                 for factor, parameters in terms:
                     p = self.law.potential(i1, i2, det, parameters)
-                    for k, part in enumerate((p.d_i1, p.d_i2, p.d_j)):
-                        first[k] = first[k] + factor * part
-                row[:] = self._kernel.forces(u, f, (first[0], first[1], first[2]))[0]
-            return found
+                    own = [x if factor == 1.0 else factor * x for x in (p.d_i1, p.d_i2, p.d_j)]
+                    first = [x + y for x, y in zip(first, own, strict=True)] if first else own
+                parts = [x.reshape(-1, *det.shape) for x in np.broadcast_arrays(*first)]
+                rows += [self._kernel.forces(u, f, one)[0] for one in zip(*parts, strict=True)]
+            return np.array(rows).reshape(-1, self.n)
+        found = np.zeros((len(sums), self.n))
         for k, terms in enumerate(sums):
             for factor, parameters in terms:
                 state = self.evaluate(unknowns, 0.0, parameters)

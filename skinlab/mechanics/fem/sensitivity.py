@@ -84,7 +84,8 @@ def solve_with_slopes(
         if (up.assembly.n, down.assembly.n) != (assembly.n, assembly.n):
             raise InputError("a change of the mesh's topology has no derivative")
     in_law = [i for i, pair in enumerate(moved) if all(each.assembly is assembly for each in pair)]
-    rises = [prepared.body.rise(moved[i][0].parameters(), moved[i][1].parameters()) for i in in_law]
+    pairs = [(moved[i][0].parameters(), moved[i][1].parameters()) for i in in_law]
+    rises = prepared.body.rises(pairs, at_once=assembly.compiled)
     by_apex = np.zeros(assembly.n)
     by_apex[apex] = 1.0
     columns: list[Array] = []
@@ -110,6 +111,6 @@ def solve_with_slopes(
 
     curve = trace(
         assembly, apex, prepared.parameters(), goal_mbar, problem.geometry.radius_mm, settings,
-        look=look,
+        look=look if changes else None,
     )  # fmt: skip
     return curve, Slopes(np.array(at), np.array(columns).T.reshape(len(changes), len(columns)))

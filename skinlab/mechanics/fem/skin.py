@@ -165,10 +165,28 @@ class Body:
             together.append(values)
         return Potential(*together)
 
-    def rise(
+    def rises(
+        self, ends: Sequence[tuple[Mapping[str, Any], Mapping[str, Any]]], *, at_once: bool
+    ) -> list[list[tuple[float, Mapping[str, Any]]]]:
+        """Return sums of a factor times an energy of parameters: W(up) − W(down) of each pair.
+
+        With `at_once` those of a linear energy are one sum, its parameters arrays (k, 1, 1).
+        """
+        each = [self._rise(up, down) for up, down in ends]
+        factors = {r[0][1]["isochoric"] for r in each}
+        linear = all(len(r) == 1 for r in each)
+        if not (at_once and linear and len(factors) == 1 and self.own is None):
+            return each
+        rows = [r[0][1]["own"] for r in each]
+        own = tuple(
+            {name: np.array([one[name] for one in energy])[:, None, None] for name in energy[0]}
+            for energy in zip(*rows, strict=True)
+        )
+        return [[(1.0, {"own": own, "isochoric": factors.pop(), "layers": {}})]]
+
+    def _rise(
         self, up: Mapping[str, Any], down: Mapping[str, Any]
     ) -> list[tuple[float, Mapping[str, Any]]]:
-        """Return factors and parameters whose energies' sum is W(up) − W(down)."""
         linear = self.law.linear and all(term.linear for term in self.terms)
         if not linear or up["isochoric"] != down["isochoric"]:
             return [(1.0, up), (-1.0, down)]

@@ -7,26 +7,24 @@ from typing import ClassVar
 from skinlab.tui.curve_drawing import Layers, curve_rows
 from skinlab.tui.plot_data import box_around, fit_band, fitted, measured, thin
 from skinlab.tui.ui_state import Board, Entry, Live
-from skinlab.tui.widgets.rows import Rows
+from skinlab.tui.widgets.rows import BoardRows
 
 _EARLIER_POINTS = 150
 _STYLES = ("measured", "fitted", "earlier", "band", "axis", "tick", "label")
 
 
-class CurvePlot(Rows):
+class CurvePlot(BoardRows):
     """Draws what the board shows, and only when that changed."""
 
     COMPONENT_CLASSES: ClassVar[set[str]] = {f"plot--{name}" for name in _STYLES}
 
     def __init__(self) -> None:
         super().__init__("plot-panel")
-        self._drawn: object = None
-        self._board: Board | None = None
         self.drawn_layers = Layers()  # as drawn last
 
     def show(self, board: Board) -> None:
         """Draw."""
-        self._board = board
+        super().show(board)
         shown = board.live or board.entry
         setup = shown.setup if shown is not None else board.order.setup if board.order else None
         program = None if setup is None else setup.program
@@ -48,16 +46,6 @@ class CurvePlot(Rows):
         styles = {name: self.get_component_rich_style(f"plot--{name}") for name in _STYLES}
         rows = curve_rows(self.drawn_layers, box, self.size.width, self.size.height)
         self.set_rows([[(cells, styles[style]) for cells, style in row] for row in rows])
-
-    def on_resize(self) -> None:
-        """Draw again: what stands above or below has grown."""
-        if self._board is not None:
-            self.show(self._board)
-
-    def notify_style_update(self) -> None:
-        """Draw again in the colours of another theme, with what is drawn next."""
-        super().notify_style_update()
-        self._drawn = None
 
 
 def _identity(shown: Live | Entry | None) -> tuple[object, ...]:

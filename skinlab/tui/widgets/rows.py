@@ -12,6 +12,8 @@ from textual.geometry import Region
 from textual.strip import Strip
 from textual.widget import Widget
 
+from skinlab.tui.ui_state import Board
+
 Row = tuple[tuple[str, Style], ...]
 
 
@@ -42,3 +44,26 @@ class Rows(Widget):
             return Strip.blank(columns, base)
         segments = [Segment(cells, base + style) for cells, style in self._rows[y]]
         return Strip(segments).adjust_cell_length(columns, base)
+
+
+class BoardRows(Rows):
+    """Rows that show what is on the board; `_drawn` is what they were drawn of."""
+
+    def __init__(self, identity: str) -> None:
+        super().__init__(identity)
+        self._drawn: object = None
+        self._board: Board | None = None
+
+    def show(self, board: Board) -> None:
+        """Draw what the board shows, only where that changed."""
+        self._board = board
+
+    def on_resize(self) -> None:
+        """Draw again: what stands above or below has grown."""
+        if self._board is not None:
+            self.show(self._board)
+
+    def notify_style_update(self) -> None:
+        """Draw again in the colours of another theme, with what is drawn next."""
+        super().notify_style_update()
+        self._drawn = None

@@ -9,24 +9,22 @@ from rich.style import Style
 from skinlab.tui.canvas import runs
 from skinlab.tui.plot_data import Drawing, against_time, residual
 from skinlab.tui.ui_state import Board, Entry, Live
-from skinlab.tui.widgets.rows import Rows
+from skinlab.tui.widgets.rows import BoardRows
 
 _LEFT = 7  # as the plot above
 
 
-class Strip(Rows):
+class Strip(BoardRows):
     """A caption and a few rows of dots."""
 
     COMPONENT_CLASSES: ClassVar[set[str]] = {"strip--main", "strip--second", "strip--band"}
 
     def __init__(self) -> None:
         super().__init__("strip")
-        self._drawn: object = None
-        self._board: Board | None = None
 
     def show(self, board: Board) -> None:
         """Draw what the board shows, only where that changed."""
-        self._board = board
+        super().show(board)
         shown = board.live or board.entry
         n = len(shown.curve) if isinstance(shown, Live) else 0
         done = isinstance(shown, Entry) and shown.result is not None
@@ -37,16 +35,6 @@ class Strip(Rows):
         columns, rows = self.size.width - _LEFT - 1, self.size.height - 1
         drawing = _drawing(shown, columns, rows)
         self.set_rows([] if drawing is None else self._styled(drawing))
-
-    def on_resize(self) -> None:
-        """Draw again: what stands above or below has grown."""
-        if self._board is not None:
-            self.show(self._board)
-
-    def notify_style_update(self) -> None:
-        """Draw again in the colours of another theme, with what is drawn next."""
-        super().notify_style_update()
-        self._drawn = None
 
     def _styled(self, drawing: Drawing) -> list[list[tuple[str, Style]]]:
         plain = Style.null()

@@ -14,7 +14,7 @@ from skinlab.curves.campaign import read_campaign
 sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
 
 from challenge import generate, score
-from challenge.campaigns import FAMILIES, OUTSIDE, make
+from challenge.campaigns import FAMILIES, OUTSIDE, draw, make
 
 
 def test_the_challenge_has_two_hundred_campaigns_of_every_part():
@@ -43,6 +43,16 @@ def test_a_campaign_can_be_read_and_does_not_tell_its_truth(tmp_path):
     written = "".join(f.name + f.read_text() for f in (tmp_path / "c000").glob("*.toml"))
     assert document["life"]["kind"] not in written
     assert "life" not in written
+
+
+def test_effects_that_cannot_be_together_are_drawn_again():
+    """Two creeps whose shares add up to more than all of the stress ended the generator."""
+    part, seed, number = "life_double", 4242, 6
+    first, _ = draw(part, seed, number, 0)
+    assert set(first.effects) == {"power_law_creep", "viscoelasticity"}
+    truth, made = make(part, seed, number)
+    assert truth.effects != first.effects
+    assert len(made.campaign.curves) == 9
 
 
 def test_what_a_placement_does_is_no_part_of_what_is_hidden():

@@ -408,6 +408,7 @@ def clean_run(number: int) -> Run:
     )
 
 
+@pytest.mark.long
 def test_two_hundred_clean_curves_pass():
     alarms = []
     for number in range(200):

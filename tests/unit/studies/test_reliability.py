@@ -145,6 +145,7 @@ def test_no_value_depends_on_unit_or_order():
         assert b.share_high == pytest.approx(a.share_high, rel=1e-3)
 
 
+@pytest.mark.long
 def test_small_cohorts_intervals_hold_the_truth():
     """Of 60 cohorts here; of 200, with more effects, in benchmarks/study.py."""
     true = {"subject": 0.25, "operator": 0.16, WITHIN: 0.04}
