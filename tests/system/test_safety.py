@@ -522,7 +522,11 @@ def test_samples_of_an_earlier_run(lie, said):
 
 def test_suction_before_the_start():
     """It pulls when it is loaded; or when it is armed, and was told to start."""
-    reason, _ = caught("streams early", start=False)
+    # Loaded or armed already: the vent may come before either is confirmed.
+    try:
+        reason, _ = caught("streams early", start=False)
+    except DriverError as error:
+        reason = str(error)
     assert "suction of 30 mbar while" in reason
     with pytest.raises(DriverError, match="suction of 60 mbar while armed"):
         caught("answers another")

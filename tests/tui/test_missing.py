@@ -232,7 +232,7 @@ def words(missing):
 
 def test_an_outcome_in_words(named, ambiguous):
     text = plain_text(outcome_rows(named, 80))
-    for part in ("Missing: deflection_offset", "Gap", "before", "after", "× noise", "X1", "nu"):
+    for part in ("Missing: deflection_offset", "Gap", "before", "after", "× noise", "X1", "ν"):
         assert part in text
     assert "times likelier than " in text  # the doubt
     assert "offset 30" in text or "offset 29" in text or "offset 31" in text
