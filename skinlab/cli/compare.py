@@ -20,7 +20,7 @@ from skinlab.cli.output import echo, print_json
     "--placement-scatter",
     default="auto",
     show_default=True,
-    help="Standard deviation of log stiffness between placements, or auto.",
+    help="How much stiffness scatters between placements, 0.05 for 5 %; or auto.",
 )
 @click.option(
     "--relevant-percent",

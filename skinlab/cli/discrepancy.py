@@ -23,7 +23,9 @@ if TYPE_CHECKING:
 )
 @database_option()
 @probe_option(kept=True)
-@click.option("--adopt", type=click.Path(path_type=Path), help="Write the model with the effect.")
+@click.option(
+    "--adopt", type=click.Path(path_type=Path), help="Write the model with the effect to this file."
+)
 @click.option("--report", type=click.Path(path_type=Path), help="Folder for an HTML report.")
 @click.option(
     "--workers",

@@ -40,10 +40,10 @@ if TYPE_CHECKING:
     "--placement-scatter",
     default="auto",
     show_default=True,
-    help="With --joint: deviation of log stiffness between placements of the probe; auto learns "
-    "it, 0 is none.",
+    help="With --joint: how much stiffness scatters between placements of the probe, 0.05 for 5 %; "
+    "auto learns it, 0 is none.",
 )
-@click.option("--advise", is_flag=True, help="Say which measurement would narrow it most.")
+@click.option("--advise", is_flag=True, help="Say which measurement would narrow the intervals.")
 @click.option(
     "--workers", default=1, show_default=True, help="Processes; the answers stay the same."
 )

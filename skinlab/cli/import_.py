@@ -27,9 +27,19 @@ def _show_answers(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
 
 @click.command()
 @click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--aperture-mm", type=float, multiple=True, required=True, help="Opening's diameter.")
-@click.option("--thickness-mm", type=float, multiple=True, required=True, help="Of the skin.")
-@click.option("--thickness-sd-mm", type=float, multiple=True, help="Its standard deviation.")
+@click.option(
+    "--aperture-mm",
+    type=float,
+    multiple=True,
+    required=True,
+    help="Diameter of the probe's opening: 2, 4, 6 or 8.",
+)
+@click.option(
+    "--thickness-mm", type=float, multiple=True, required=True, help="Thickness of the skin."
+)
+@click.option(
+    "--thickness-sd-mm", type=float, multiple=True, help="Standard deviation of the thickness."
+)
 @click.option("--program", multiple=True, help="What the pump did, e.g. ramp:100@20.")
 @click.option("--cycle", type=int, multiple=True, help="1: first loading of the site [default: 1].")
 @click.option("--repeat", type=int, multiple=True, help="Counts from 1 [default: 1].")

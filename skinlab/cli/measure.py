@@ -58,7 +58,8 @@ _NOT_UNDERSTOOD = 10  # lines, after which it is said
 @click.option(
     "--dose-limit-mbar-s",
     type=float,
-    help=f"Most suction times time for the site in this visit [default: {DEFAULT_DOSE_MBAR_S:g}].",
+    help="Largest dose (suction × time) for the site in this visit "
+    f"[default: {DEFAULT_DOSE_MBAR_S:g}].",
 )
 @click.option("--out", required=True, type=click.Path(path_type=Path), help="The session to write.")
 @identification_options()

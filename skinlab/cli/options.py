@@ -62,7 +62,9 @@ def geometry_options(required: bool) -> Callable[[F], F]:
             "--thickness-mm", type=float, required=required, help="Thickness of the skin."
         ),
         click.option(
-            "--thickness-sd-mm", type=float, help="Its standard deviation, where measured."
+            "--thickness-sd-mm",
+            type=float,
+            help="Standard deviation of the thickness, where it was measured.",
         ),
     )
 
@@ -83,14 +85,19 @@ def identification_options() -> Callable[[F], F]:
             help="Inverse method; sto is the paper's.",
         ),
         click.option("--samples", type=int, help="Candidates in a draw, N.  [default: 1000]"),
-        click.option("--best", default=20, show_default=True, help="How many span the next box."),
+        click.option(
+            "--best",
+            default=20,
+            show_default=True,
+            help="How many of the best span the next box.",
+        ),
         click.option(
             "--tolerance-um",
             default=1e-5,
             show_default=True,
-            help="Ends when the error changes less.",
+            help="Stop when the error changes by less.",
         ),
-        click.option("--seed", default=0, show_default=True, help="Of the random draws."),
+        click.option("--seed", default=0, show_default=True, help="Seed of the random draws."),
         kappa_option(),
         click.option(
             "--phases",
@@ -124,7 +131,7 @@ def kappa_option() -> Callable[[F], F]:
         type=click.Choice(["paper", "consistent"]),
         default="paper",
         show_default=True,
-        help="What nu means: the paper's eq. (3), or linear elasticity.",
+        help="What ν means: the paper's eq. (3), or linear elasticity.",
     )
 
 

@@ -25,7 +25,7 @@ def protocol_options() -> Callable[[F], F]:
                 "conditions",
                 multiple=True,
                 metavar="NAME=VALUE",
-                help="As it was, e.g. room_temperature_c=22.5; for --protocol.",
+                help="With --protocol: a condition as it was, e.g. room_temperature_c=22.5.",
             ),
             click.option(
                 "--step", default=1, show_default=True, help="Which step of the protocol."

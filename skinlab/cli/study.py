@@ -29,7 +29,7 @@ from skinlab.cli.output import echo, echo_text, print_json
 @click.option("--out", required=True, type=click.Path(path_type=Path), help="The study's folder.")
 @click.option("--explain", is_flag=True, help="Look for missing effects over all campaigns.")
 @click.option(
-    "--mdc-percent", type=float, help="Say how many repeats show a change of so many per cent."
+    "--mdc-percent", type=float, help="Say how many repeats show a change of this many per cent."
 )
 @click.option("--resume", is_flag=True, help="Go on, and refuse to if the settings differ.")
 @click.option("--workers", type=int, help="Processes  [default: one a core].")

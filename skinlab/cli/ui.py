@@ -46,7 +46,7 @@ ESCAPE_MS = "40"
 @click.option(
     "--dose-limit-mbar-s",
     type=float,
-    help=f"Most suction times time for a site in a visit [default: {DEFAULT_DOSE_MBAR_S:g}].",
+    help=f"Largest dose (suction × time) for a site in a visit [default: {DEFAULT_DOSE_MBAR_S:g}].",
 )
 @click.option(
     "--reference",

@@ -51,7 +51,10 @@ _SPARE = 1.3  # solved beyond the highest reading: a gain may be wrong
 _LEAST_UM, _LEAST_MBAR = 0.3, 0.02  # less noise than this is rounding
 _ROUNDED = 1 / math.sqrt(12.0)  # of a step: what rounding to it adds
 _STEP_MBAR = 0.05
-_SMOOTH = 5  # readings of the pressure, which moves straight between corners of the program
+# Readings of the pressure over which it is smoothed: it moves straight between corners of the
+# program. More where it is noisy, for a dome is bent, and the mean dome of noisy pressures is not
+# that of the mean: it looked like lag and gain. At most so many s
+_SMOOTH, _SMOOTH_MBAR, _SMOOTH_S = 5, 0.2, 0.25
 _CORNER_S = 0.15  # behind one: pumps follow late, and a lag shows it later
 _CHECK_POINTS = 15
 _ROUND_MBAR = 10.0  # so that one solution serves curves whose noise differs
@@ -123,20 +126,22 @@ class _Readings:
         self.zero = np.zeros(len(curve), dtype=bool)
         self.steady = np.ones(len(curve), dtype=bool)
         # A reading of the pressure by itself would let its noise pass for movement, and so for lag
-        ends = _SMOOTH // 2
+        step_s = float(np.median(np.diff(curve.time_s)))
+        wanted = min(_SMOOTH * (self.noise_mbar / _SMOOTH_MBAR) ** 2, _SMOOTH_S / step_s)
+        ends = max(_SMOOTH // 2, (int(wanted) - 1) // 2)
         padded = np.pad(curve.pressure_mbar, ends, mode="reflect", reflect_type="odd")
-        self._smooth_mbar = np.convolve(padded, np.ones(_SMOOTH) / _SMOOTH, "valid")
+        self._smooth_mbar = np.convolve(padded, np.ones(2 * ends + 1) / (2 * ends + 1), "valid")
+        blurred_s = max(_SMOOTH, ends + 1) * step_s
         if sheet is None or program is None:
             return
         # Where the valve is open and nothing is left, the truth is zero
         segment = curve.segment
         index = program.segment_at(curve.time_s - curve.time_s[0]) if segment is None else segment
-        step_s = float(np.median(np.diff(curve.time_s)))
         for k, phase in enumerate(program.phases):
             here = np.flatnonzero(index == k)
             if k and here.size:  # around a corner of the program the smooth pressure is not true
                 since = curve.time_s - curve.time_s[here[0]]
-                self.steady &= (since < -_SMOOTH * step_s) | (since > _SMOOTH * step_s + _CORNER_S)
+                self.steady &= (since < -blurred_s) | (since > blurred_s + _CORNER_S)
             if phase == "rest" and here.size:
                 since = curve.time_s[here] - curve.time_s[here[0]]
                 self.zero[here[since >= (0.0 if k == 0 else _SETTLED_S)]] = True
