@@ -7,7 +7,7 @@ process, in turns, on the reference cases. FElupe is given the law in closed for
 differentiation), its best predictor, solver ordering, steps and mesh out of those tried, and is
 asked for 20, 50 and 100 mbar only, while skinlab gives the whole curve. scikit-fem (also "bench")
 assembles the same tangent and forces of the same mesh, with stress and moduli from skinlab's numpy.
-For batches there is no peer: torch-fem 0.14 and JAX-FEM 0.0.12 know plane and solid elements, and
+For batches there is no peer: torch-fem 0.14 and JAX-FEM 0.0.12 list plane and solid elements, and
 neither axisymmetry nor a pressure that follows the surface.
 """
 
