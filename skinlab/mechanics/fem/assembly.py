@@ -334,8 +334,8 @@ class Assembly:
             for terms in sums:
                 first: list[Any] = []
                 for factor, parameters in terms:
-                    p = self.law.potential(i1, i2, det, parameters)
-                    own = [x if factor == 1.0 else factor * x for x in (p.d_i1, p.d_i2, p.d_j)]
+                    by_invariants = self.law.first_derivatives(i1, i2, det, parameters)
+                    own = [x if factor == 1.0 else factor * x for x in by_invariants]
                     first = [x + y for x, y in zip(first, own, strict=True)] if first else own
                 parts = [x.reshape(-1, *det.shape) for x in np.broadcast_arrays(*first)]
                 rows += [self._kernel.forces(u, f, one)[0] for one in zip(*parts, strict=True)]
@@ -360,8 +360,8 @@ class Assembly:
         f, i1, i2, det = self._kernel.strain(u)
         if not det.min() > 0.0:
             return None
-        potential = self.law.potential(i1, i2, det, parameters)
-        internal, load = self._kernel.forces(u, f, (potential.d_i1, potential.d_i2, potential.d_j))
+        by_invariants = self.law.first_derivatives(i1, i2, det, parameters)
+        internal, load = self._kernel.forces(u, f, by_invariants)
         return internal - pressure_mpa * load
 
     def forces(self, f: Array, stress_2pk: Array) -> Array:

@@ -22,7 +22,7 @@ from skinlab.errors import InputError
 from skinlab.mechanics.fem.assembly import Assembly, stress_and_tangent
 from skinlab.mechanics.fem.suction import MESH_OF_RECORD, RIM_MM, Discretisation, Geometry
 from skinlab.mechanics.materials import DEFAULT_LAW, Energy, Law, Potential, get_law
-from skinlab.mechanics.materials.base import HasPotential
+from skinlab.mechanics.materials.base import First, HasPotential
 from skinlab.mechanics.materials.compressibility import KappaConvention
 from skinlab.mechanics.materials.extended_neo_hookean import LAW as LAYERS_LAW
 from skinlab.mechanics.materials.extended_neo_hookean import neo_hookean
@@ -164,6 +164,20 @@ class Body:
             values[own], values[~own] = getattr(skin, field.name), getattr(other, field.name)
             together.append(values)
         return Potential(*together)
+
+    def first_derivatives(
+        self, i1: Array, i2: Array, j: Array, parameters: Mapping[str, Any]
+    ) -> First:
+        """Return first derivatives at invariants (m, q)."""
+        if self.own is not None:
+            found = self.potential(i1, i2, j, parameters)
+            return found.d_i1, found.d_i2, found.d_j
+        own, factor = parameters["own"], parameters["isochoric"]
+        total = self.law.first_derivatives(i1, i2, j, own[0], factor)
+        for term, each in zip(self.terms, own[1:], strict=True):
+            x, y, z = term.first_derivatives(i1, i2, j, each, factor)
+            total = total[0] + x, total[1] + y, total[2] + z
+        return total
 
     def rises(
         self, ends: Sequence[tuple[Mapping[str, Any], Mapping[str, Any]]], *, at_once: bool

@@ -87,11 +87,18 @@ def potential_of_j1(
     )
 
 
+First = tuple[Array, Array, Array]  # derivatives of an energy by I1, I2 and J
+
+
 class HasPotential(Protocol):
     """What the finite elements ask of an energy."""
 
     def potential(self, i1: Array, i2: Array, j: Array, parameters: Any) -> Potential:
         """Return energy and derivatives; the parameters are what this energy understands."""
+        ...
+
+    def first_derivatives(self, i1: Array, i2: Array, j: Array, parameters: Any) -> First:
+        """Return ∂W/∂I1, ∂W/∂I2 and ∂W/∂J: all that forces need."""
         ...
 
 
@@ -109,6 +116,28 @@ class Energy(ABC):
     @abstractmethod
     def isochoric(self, i1: Array, i2: Array, j: Array, parameters: Mapping[str, Any]) -> Potential:
         """Return W_iso and its derivatives. It may depend on its parameters in any way."""
+
+    def isochoric_first(
+        self, i1: Array, i2: Array, j: Array, parameters: Mapping[str, Any]
+    ) -> First:
+        """Return the first derivatives of W_iso. A law may have a shorter way to them."""
+        found = self.isochoric(i1, i2, j, parameters)
+        return found.d_i1, found.d_i2, found.d_j
+
+    def first_derivatives(
+        self,
+        i1: Array,
+        i2: Array,
+        j: Array,
+        parameters: Mapping[str, Any],
+        isochoric: Any = 1.0,
+    ) -> First:
+        """Return ∂W/∂I1, ∂W/∂I2 and ∂W/∂J, W_iso times a factor."""
+        d_i1, d_i2, d_j = self.isochoric_first(i1, i2, j, parameters)
+        if not (isinstance(isochoric, float) and isochoric == 1.0):
+            d_i1, d_i2, d_j = isochoric * d_i1, isochoric * d_i2, isochoric * d_j
+        kappa = parameters.get(KAPPA)
+        return d_i1, d_i2, d_j if kappa is None else d_j + kappa * (j - 1.0)
 
     def potential(
         self,

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from skinlab.mechanics.materials.base import KAPPA, Array, Law, Potential
+from skinlab.mechanics.materials.base import KAPPA, Array, First, Law, Potential
 from skinlab.parameters import Nodes, Parameter, Search
 
 X1, X2, NU = "X1_MPa", "X2_MPa", "nu"
@@ -81,6 +81,18 @@ class ExtendedNeoHookean(Law):
             d_i2_j=w2 * b_j + x2 * b * j1_j,
             d_j_j=w1 * j1_jj + w2 * j2_jj + 2.0 * x2 * j1_j * j2_j,
         )
+
+    def isochoric_first(
+        self, i1: Array, i2: Array, j: Array, parameters: Mapping[str, Any]
+    ) -> First:
+        """Return the first derivatives of the energy without κ."""
+        x1, x2 = parameters[X1], parameters[X2]
+        a = j ** (-2.0 / 3.0)
+        b = a * a
+        w1 = x1 + x2 * (b * i2 - 3.0)
+        w2 = x2 * (a * i1 - 3.0)
+        share = -2.0 / 3.0 / j
+        return w1 * a, w2 * b, w1 * (share * a * i1) + w2 * (2.0 * share * b * i2)
 
 
 LAW = ExtendedNeoHookean()

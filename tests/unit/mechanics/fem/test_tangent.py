@@ -66,6 +66,18 @@ def random_f(n=50):
 
 
 @pytest.mark.parametrize("name", law_names())
+@pytest.mark.parametrize("factor", [1.0, 0.7])
+def test_the_short_way_to_first_derivatives_is_the_same(name, factor):
+    law = get_law(name)
+    rng = np.random.default_rng(1)
+    i1, i2, j = (least + rng.random((8, 4)) for least in (3.0, 3.0, 1.0))
+    whole = law.potential(i1, i2, j, ANY, factor)
+    first = law.first_derivatives(i1, i2, j, ANY, factor)
+    for found, exact in zip(first, (whole.d_i1, whole.d_i2, whole.d_j), strict=True):
+        np.testing.assert_allclose(found, exact, rtol=1e-13, atol=1e-15)
+
+
+@pytest.mark.parametrize("name", law_names())
 def test_stress_and_moduli_are_the_derivatives_of_the_energy(name):
     law = get_law(name)
     f, v = random_f()
