@@ -2,9 +2,9 @@
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/identification.py optimum [--curves 1000] [--seed 1]
     OPENBLAS_NUM_THREADS=1 python benchmarks/identification.py coverage [--curves 1000]
-        [--seed 20270401] [--rows white_3,ou_0.3s]
+        [--seed 20270715] [--rows white_3,ou_0.3s]
     OPENBLAS_NUM_THREADS=1 python benchmarks/identification.py sampler [--curves 50]
-        [--seed 20270401]
+        [--seed 20270715]
     OPENBLAS_NUM_THREADS=1 python benchmarks/identification.py ranks
     OPENBLAS_NUM_THREADS=1 python benchmarks/identification.py rivals [--curves 40] [--seed 3]
 
