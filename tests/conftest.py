@@ -52,6 +52,13 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     items[:] = _mixed(items)
 
 
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Show how a test failed that was tried again."""
+    for report in terminalreporter.getreports("rerun"):
+        terminalreporter.write_sep("-", report.nodeid)
+        terminalreporter.write_line("\n".join(report.longreprtext.splitlines()[-12:]))
+
+
 def _waits(item: pytest.Item) -> bool:
     return bool({"tui", "system"} & set(item.path.parts))
 
