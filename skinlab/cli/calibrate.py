@@ -204,7 +204,6 @@ def _check(
     aperture_mm = known.file.aperture_mm
     hello, curve = measure_phantom(port, stored.phantom, aperture_mm, make_probe, check=check)
     found = check_probe(known.file, curve)
-    known.keep_check(datetime.now(UTC), agrees=found.agrees)
     if as_json:
         values = msgspec.to_builtins({"offset_um": found.offset_um, "gain_ratio": found.gain_ratio})
         print_json(
@@ -226,4 +225,5 @@ def _check(
         echo(f"  zero has moved by {offset.value:.1f} µm ({offset.low:.1f} to {offset.high:.1f})")
         if not found.agrees:
             echo("  calibrate again, or look at the phantom; one phantom cannot show which it is")
+    known.keep_check(datetime.now(UTC), agrees=found.agrees)  # last: its file may not be writable
     return 0 if found.agrees else 1

@@ -8,17 +8,17 @@ import pytest
 from drivers.reading import read_whole, require_file
 from skinlab.cli.main import run
 
-ODD = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes with names")
+NEEDS_PIPES = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes with names")
 
 
 def test_a_file_is_read_whole(tmp_path):
     (tmp_path / "f").write_bytes(b"abc\r\n")
     assert read_whole(tmp_path / "f", 5) == b"abc\r\n"
-    with pytest.raises(OSError, match="larger than 0 MB"):
+    with pytest.raises(OSError, match="larger than 4 bytes"):
         read_whole(tmp_path / "f", 4)
 
 
-@ODD
+@NEEDS_PIPES
 def test_a_pipe_is_read_to_its_end_and_one_that_nobody_fills_is_not_waited_for(tmp_path):
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
@@ -30,7 +30,25 @@ def test_a_pipe_is_read_to_its_end_and_one_that_nobody_fills_is_not_waited_for(t
     writer.join()
 
 
-@ODD
+@NEEDS_PIPES
+def test_a_command_that_computes_what_it_writes_is_waited_for(tmp_path, monkeypatch):
+    """It has the pipe open, and is silent for longer than one would wait for a writer."""
+    monkeypatch.setattr("drivers.reading.PIPE_PATIENCE_MS", 40)
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    found: list[bytes] = []
+    reader = threading.Thread(target=lambda: found.append(read_whole(pipe)))
+    held = os.open(pipe, os.O_RDWR)  # the writer is there before the reader looks
+    reader.start()
+    reader.join(0.5)
+    assert reader.is_alive()
+    os.write(held, b"late")
+    os.close(held)
+    reader.join()
+    assert found == [b"late"]
+
+
+@NEEDS_PIPES
 @pytest.mark.parametrize("name", ["/dev/zero", "/dev/null", "/"])
 def test_devices_and_folders_are_no_files(name):
     with pytest.raises(OSError, match=r"device|directory"):
@@ -39,7 +57,7 @@ def test_devices_and_folders_are_no_files(name):
         require_file(name)
 
 
-@ODD
+@NEEDS_PIPES
 @pytest.mark.parametrize(
     "command",
     [
