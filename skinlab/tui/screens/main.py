@@ -36,6 +36,9 @@ if TYPE_CHECKING:
 _FRAMES_PER_S = 24
 _REPLAYS = frozenset({"play", "step", "faster", "slower", "event", "time"})
 _ANSWER_S = 0.3  # longer than an identification takes
+# What app.tcss styles by -review and -folded: to style all of the screen takes as long as a frame
+_FOLDING = "#left, #right, #intervals, #curves, #verdict-next, #settings-line, #reading, #fields"
+_FOLDING += ", #card-title"
 
 
 class MainScreen(Screen[None]):
@@ -150,11 +153,10 @@ class MainScreen(Screen[None]):
         self._drawn = board.version
         if self._fields_closed:
             self.close_fields(closed=True)
-        self.set_class(board.review is not None, "-review")
+        self.fold()
         self.query_one(Top).draw()
         self.query_one(VerdictLine).show(board)
         self.query_one(Card).show(board)
-        self.fold()
         self._ask()
         self.query_one(CurvePlot).show(board)
         self.query_one(Strip).show(board)
@@ -230,7 +232,12 @@ class MainScreen(Screen[None]):
         board = self._board
         busy = board.moving or any((board.live, board.entry, board.review))
         folded = busy and not isinstance(self.focused, Input)
-        self.set_class(folded, "-folded")
+        before = self.classes
+        self.update_classes(
+            {"-review": board.review is not None, "-folded": folded}, update=False
+        )
+        if self.classes != before:
+            self.app.stylesheet.update_nodes(self.query(_FOLDING))
         if folded:
             line = settings_line(board, self.query_one(Fields).texts())
             self.query_one("#settings-line", Static).update(line, layout=False)
