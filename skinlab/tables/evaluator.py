@@ -84,10 +84,10 @@ class Evaluator:
     def _points(self, parameters: Array) -> tuple[Array, Array]:
         """Return coordinates (n, d) of parameters, and how far they hold (n,); -inf outside."""
         # Fits ask for the values and then for the slopes at the same candidates
-        asked = parameters.tobytes()
-        if asked != self._placed[0]:
-            self._placed = (asked, self._place(parameters))
-        return self._placed[1]
+        asked, placed = parameters.tobytes(), self._placed
+        if asked != placed[0]:
+            placed = self._placed = (asked, self._place(parameters))
+        return placed[1]  # of this call: other threads may ask, too
 
     def _place(self, parameters: Array) -> tuple[Array, Array]:
         at = np.empty(parameters.shape)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
@@ -228,8 +228,8 @@ class Table:
         Raises:
             NotTrustworthyError: it does not speak of this geometry, uncertainty or convention.
         """
-        asked = Asked(geometry, pressure_mbar, kappa, thickness_sd_mm, time_s)
-        return self.spec.evaluator(self, asked)
+        times = None if time_s is None else _bytes(time_s)
+        return _evaluator(self, geometry, _bytes(pressure_mbar), kappa, thickness_sd_mm, times)
 
     def any_geometry(self, kappa: KappaConvention = "paper") -> AnyGeometry:
         """Return the table as a function of thickness and opening too, without any set-up.
@@ -240,6 +240,26 @@ class Table:
         if not isinstance(self.spec, OfAnyGeometry):
             raise NotTrustworthyError(f"a table of kind {self.spec.kind!r} is of one geometry only")
         return self.spec.any_geometry(self, kappa)
+
+
+def _bytes(values: Array) -> bytes:
+    return np.asarray(values, dtype=np.float64).tobytes()
+
+
+# The same curve is asked for again: with other errors, another method, in a report
+@lru_cache(maxsize=8)
+def _evaluator(
+    table: Table,
+    geometry: Geometry,
+    pressure: bytes,
+    kappa: KappaConvention,
+    thickness_sd_mm: float,
+    times: bytes | None,
+) -> Evaluator:
+    pressure_mbar = np.frombuffer(pressure)
+    time_s = None if times is None else np.frombuffer(times)
+    asked = Asked(geometry, pressure_mbar, kappa, thickness_sd_mm, time_s)
+    return table.spec.evaluator(table, asked)
 
 
 def plain_point(law: str, base: Mapping[str, float], effects: Effects) -> Array:
