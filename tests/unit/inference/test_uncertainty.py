@@ -52,7 +52,7 @@ def test_auto_finds_the_optimum_of_every_curve(table):
     """Against 100 polished starts; benchmarks/identification.py does it for 1,000 from the FE."""
     model = table.model(Geometry(6.0, 1.0), PRESSURE)
     rng = np.random.default_rng(0)
-    for truth in drawn(table, 8, 11):
+    for truth in drawn(table, 4, 11):
         curve = curve_of(table, truth, noise_um=3.0, seed=1)
         found = Identifier(table).growing(curve)  # the quick one: few starts
         full = replace(Identifier(table), sensor=Sensor(3.0, 0.0))(curve)
@@ -108,7 +108,7 @@ def test_an_uncertain_thickness_widens(table):
 
 def test_the_noise_is_estimated_where_it_is_not_stated(table):
     found = [
-        Identifier(table)(curve_of(table, SKIN, noise_um=3.0, seed=s)).noise_um for s in range(12)
+        Identifier(table)(curve_of(table, SKIN, noise_um=3.0, seed=s)).noise_um for s in range(6)
     ]
     assert np.mean(found) == pytest.approx(3.0, rel=0.1)
 
@@ -116,7 +116,7 @@ def test_the_noise_is_estimated_where_it_is_not_stated(table):
 def test_pressure_noise_is_told_from_deflection_noise(table):
     rng = np.random.default_rng(5)
     found = []
-    for _ in range(10):
+    for _ in range(5):
         true_mbar = PRESSURE
         curve = curve_of(table, SKIN, noise_um=3.0, seed=int(rng.integers(1e6)))
         noisy = true_mbar + rng.normal(0, 0.3, 51)
@@ -202,8 +202,11 @@ class TestErrorsAsTheyAre:
         assert "crease" in result.flags
 
 
-@pytest.mark.parametrize("kappa", ["paper", pytest.param("consistent", marks=pytest.mark.long)])
-def test_a_curve_that_goes_on_far_beyond_its_crease_is_fitted_below_it(table, kappa):
+@pytest.mark.parametrize(
+    ("kappa", "curves"),
+    [("paper", 1), *(pytest.param(k, 4, marks=pytest.mark.long) for k in ("paper", "consistent"))],
+)
+def test_a_curve_that_goes_on_far_beyond_its_crease_is_fitted_below_it(table, kappa, curves):
     """Another program's coarse mesh goes to 100 mbar where ours creases at 23.
 
     Only skins that are too stiff go on so far: no interval of the whole curve held the truth.
@@ -212,7 +215,7 @@ def test_a_curve_that_goes_on_far_beyond_its_crease_is_fitted_below_it(table, ka
     name = f"fe_X1-0.0100_X2-0.100_nu-0.2000_{kappa}_h1.00_R3.00.csv"
     pressure, deflection = np.loadtxt(FE_REFERENCE / name, delimiter=",", skiprows=1).T
     held = np.zeros(3)
-    for seed in range(4):
+    for seed in range(curves):
         noise = np.random.default_rng(seed).normal(0.0, 3e-3, len(pressure))
         curve = Curve("creased", STANDARD, pressure / 20, pressure, deflection + noise)
         result = Identifier(table, kappa=kappa, seed=seed)(curve)
@@ -223,7 +226,7 @@ def test_a_curve_that_goes_on_far_beyond_its_crease_is_fitted_below_it(table, ka
         values = result.parameters.values()
         assert all(v.low <= v.value <= v.high for v in values)
         held += [v.low <= t <= v.high for v, t in zip(values, truth, strict=True)]
-    assert (held >= 3).all()
+    assert (held >= 0.75 * curves).all()
 
 
 def test_the_value_is_inside_its_interval_and_the_optimum_is_kept(table):
@@ -237,12 +240,12 @@ def test_the_value_is_inside_its_interval_and_the_optimum_is_kept(table):
 
 def test_an_end_of_the_range_is_not_left_out(table):
     held = 0
-    for seed in range(12):
+    for seed in range(6):
         truth = [0.03, 1.0, (0.2, 0.49)[seed % 2]]
         result = Identifier(table, seed=seed)(curve_of(table, truth, noise_um=3.0, seed=seed))
         value = result.parameters["nu"]
         held += value.low <= truth[2] <= value.high
-    assert held >= 9
+    assert held >= 5
 
 
 def test_what_the_data_do_not_fix_is_flagged(table):
@@ -403,7 +406,7 @@ class TestAdvice:
             top = setup.program.max_pressure_mbar
             pressure = np.arange(0, top + 0.5, 1.0)
             ratios = []
-            for seed in range(4):
+            for seed in range(2):
                 more = curve_of(table, SKIN, setup, 3.0, 20 + seed, pressure)
                 both = identifier.joint([first, more])
                 ratios.append([width(both, n) / width(known, n) for n in expected])
@@ -549,7 +552,7 @@ def test_a_probe_that_slips_is_a_misfit_and_no_crease(table):
     """What fits a slip may crease, and was fitted below that crease as if the skin had one."""
     slip = 0.06 * (np.arange(len(PRESSURE)) > len(PRESSURE) // 2)
     soft = np.array([0.012, 0.6, 0.4])
-    for seed in range(4):
+    for seed in range(2):
         curve = curve_of(table, soft, noise_um=2.0, seed=seed, extra_mm=slip)
         flags = {f.split(":")[0] for f in Identifier(table)(curve).flags}
         assert "misfit_above_noise" in flags
