@@ -48,13 +48,18 @@ def test_it_is_recovered_from_another_mesh(effect):
 EVERYTHING = {effect.name: effect.typical for effect in EFFECTS}
 
 
-SOME = [NAMES.index(n) for n in ("viscoelasticity", "hypodermis", "tape_slip", "sensor_curve")]
+SOME = [EFFECTS[NAMES.index(n)] for n in ("viscoelasticity", "sensor_curve")]
+OTHER = [EFFECTS[NAMES.index(n)] for n in ("hypodermis", "tape_slip")]
 
 
 @pytest.mark.parametrize(
     "effects",
-    [[EFFECTS[k] for k in SOME], pytest.param(EFFECTS, marks=pytest.mark.soak)],
-    ids=["some", "each"],
+    [
+        SOME,
+        pytest.param(OTHER, marks=pytest.mark.long),
+        pytest.param(EFFECTS, marks=pytest.mark.soak),
+    ],
+    ids=["some", "other", "each"],
 )
 def test_all_of_them_together(effects):
     together = curve(EVERYTHING)

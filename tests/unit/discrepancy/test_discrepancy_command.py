@@ -31,10 +31,16 @@ def by_the_table_alone(monkeypatch):
     monkeypatch.setattr("skinlab.discrepancy.workflow.Fitter", alone)
 
 
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("written") / "campaign"
+    return write_campaign(folder, {"deflection_offset": {"offset_um": 25.0}})
+
+
 @pytest.fixture
-def campaign(tmp_path, monkeypatch):
+def campaign(tmp_path, monkeypatch, written):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    return write_campaign(tmp_path / "campaign", {"deflection_offset": {"offset_um": 25.0}})
+    return shutil.copytree(written, tmp_path / "campaign")
 
 
 def write_campaign(folder, effects, curves=((6.0, "ramp:100@20,ramp:0@20"), (2.0, "ramp:200@40"))):

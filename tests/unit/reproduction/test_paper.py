@@ -184,6 +184,7 @@ class TestWhole:
             if part.name != "valley":
                 assert part.comparisons, part.name
 
+    @pytest.mark.long
     def test_workers_do_not_change_a_bit(self):
         wanted = [
             *tables.stochastic(SMALL, StandIn(), 50, 2),

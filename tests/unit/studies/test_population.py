@@ -77,7 +77,7 @@ def curve_of(identifier, parameters, seed=1):
 def test_it_narrows_curves_of_the_population(identifier, knowing):
     true = dict(zip(NAMES, (0.032, 1.6, 0.31), strict=True))
     ratios = []
-    for seed in range(5):
+    for seed in range(3):
         curve = curve_of(identifier, tuple(true.values()), seed)
         found = knowing(curve)
         alone, known = identifier(curve).parameters, found.parameters

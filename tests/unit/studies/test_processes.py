@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import time
 
 from studies import tenfold
 
@@ -45,6 +46,7 @@ def test_a_study_killed_as_it_begins_leaves_no_traceback(cohort, tmp_path):
     ) as process:
         while not (out / "study.sqlite").exists():  # the workers start next
             assert process.poll() is None
+            time.sleep(0.005)
         process.kill()
         assert process.stderr is not None
         assert process.stderr.read() == ""  # to its end: the workers are gone, too

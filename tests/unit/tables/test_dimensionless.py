@@ -209,10 +209,14 @@ def small_spec() -> DimensionlessSpec:
     )
 
 
-def test_building_gives_the_same_bits_for_any_number_of_workers(tmp_path):
-    one = build(small_spec())
-    two = build(small_spec(), How(workers=2))
+@pytest.mark.long  # of another spec: test_database_own.py
+def test_building_gives_the_same_bits_for_any_number_of_workers():
+    one, two = build(small_spec()), build(small_spec(), How(workers=2))
     assert one.content_hash == two.content_hash
+
+
+def test_what_was_built_is_what_is_read(tmp_path):
+    one = build(small_spec())
     path = tmp_path / "table.h5"
     write(path, one)
     again = read(path)
