@@ -189,7 +189,12 @@ class SkinlabApp(PartedApp):
 
     def get_default_screen(self) -> MainScreen:
         """Begin with the main screen."""
-        return MainScreen(self.board, recall(self._settings), self.guard)
+        main = MainScreen(self.board, recall(self._settings), self.guard)
+        breakpoints = (self.HORIZONTAL_BREAKPOINTS, self.VERTICAL_BREAKPOINTS)
+        for cells, classes in zip(self.size, breakpoints, strict=True):
+            # Now: once it is told its size, all of it would be styled once more
+            main.add_class(max(c for c in classes if c[0] <= cells)[1], update=False)
+        return main
 
     def on_ready(self) -> None:
         """Connect, and load what identification needs meanwhile."""

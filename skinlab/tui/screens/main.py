@@ -233,9 +233,7 @@ class MainScreen(Screen[None]):
         busy = board.moving or any((board.live, board.entry, board.review))
         folded = busy and not isinstance(self.focused, Input)
         before = self.classes
-        self.update_classes(
-            {"-review": board.review is not None, "-folded": folded}, update=False
-        )
+        self.update_classes({"-review": board.review is not None, "-folded": folded}, update=False)
         if self.classes != before:
             self.app.stylesheet.update_nodes(self.query(_FOLDING))
         if folded:

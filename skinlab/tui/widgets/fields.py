@@ -67,6 +67,7 @@ class Fields(Vertical):
                         compact=True,
                         max_length=most,
                         placeholder=_HINTS.get(name, ""),
+                        validate_on=(),  # `complaint` judges; each judgement styles the field anew
                     )
                 if row[-1][0] == "thickness_sd_mm":
                     yield Label("mm", classes="label -unit")
