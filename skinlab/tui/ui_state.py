@@ -252,6 +252,7 @@ class Board:
         self.damaged = 0  # frames of this connection that made no sense
         self.alarm: str | None = None
         self.note = ""
+        self._asked = ""  # a note that waits for an answer
         self.level = Level.INFO
         self.told: deque[tuple[str, Level]] = deque(
             maxlen=_MOST_TOLD
@@ -476,12 +477,13 @@ class Board:
         self.review = review
         what = "waits for you to start the instrument" if self.read_only else "starts suction"
         self.note, self.level = f"read it; F9 {what}, v or Esc leaves it", Level.INFO
+        self._asked = self.note
         self.version += 1
 
     def withdraw(self) -> None:
         """Do not do what was shown."""
         if self.review is not None:
-            self.review = None
+            self.review, self._asked = None, ""
             self.version += 1
 
     def name(self, who: tuple[str, str]) -> None:
@@ -521,11 +523,17 @@ class Board:
             self._busy[what] = None
 
     def say(self, level: Level, note: str) -> None:
-        """Say something, unless something worse is being said."""
-        if _RANK[level] >= _RANK[self.level]:
+        """Say something, unless something worse is being said, or as much is being asked."""
+        asked = self._asked != "" and self.note == self._asked
+        if _RANK[level] > _RANK[self.level] or (level == self.level and not asked):
             self.answer(level, note)
         else:
             self.told.append((note, level))
+
+    def ask(self, text: str) -> None:
+        """Say what is to be answered."""
+        self.answer(Level.INFO, text)
+        self._asked = text
 
     def tell(self, text: str) -> None:
         """Answer a key that does nothing, for a moment; what was said before comes back."""

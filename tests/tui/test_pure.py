@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from datetime import datetime
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from hypothesis import strategies as st
 
 from drivers.events import Hello, HostVented, InstrumentState, Sample, State
 from skinlab.acquisition.measurement_request import DEFAULTS, complaint, read_order, with_opening
-from skinlab.acquisition.messages import Connected, Disconnected, Failed, Heard
+from skinlab.acquisition.messages import Connected, Disconnected, Failed, Heard, Saved
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.growing import GrowingCurve
 from skinlab.curves.program import parse_program
@@ -255,3 +256,13 @@ def test_session_names_are_new(tmp_path):
     second = new_session_path(tmp_path, now)
     second.with_name(second.name + ".journal").touch()
     assert len({first, second, new_session_path(tmp_path, now)}) == 3
+
+
+def test_a_question_is_not_covered_by_what_is_no_worse():
+    board = Board("sim://")
+    board.ask("why is curve 1 left out?")
+    board.see(Saved(Path("visit.h5")))
+    assert board.note == "why is curve 1 left out?"
+    assert "saved: visit.h5" in [text for text, _ in board.told]  # w shows it
+    board.see(Heard((Happened(HostVented("operator")),)))
+    assert board.note == "vented"

@@ -197,7 +197,7 @@ class SessionScreen(BoardScreen):
         self._then, self._needed = then, not without
         enter = f"type its file, Enter alone {without}" if without else "Enter answers"
         self._said = f"{what} {enter}, F8 cancels"  # below: what is typed hides what was asked
-        self._board.answer(Level.INFO, self._said)
+        self._board.ask(self._said)
         line = self.query_one(Input)
         line.value, line.placeholder, line.display = "", what, True
         self.query_one(DataTable).disabled = True  # a click there would make letters keys again
