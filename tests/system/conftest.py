@@ -13,6 +13,8 @@ from pathlib import Path
 import pytest
 from patience import module_command, patient_command
 
+from skinlab.cli.main import run
+
 PATIENCE_S = 300.0  # how long to wait for what must come; only a failure takes it
 
 
@@ -92,3 +94,16 @@ def simulate(tmp_path):
     yield start
     for simulated in running:
         simulated.end()
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch, capsys) -> Callable[..., subprocess.CompletedProcess[str]]:
+    """Run a command on what a process has left in the test's folder; it needs none of its own."""
+
+    def command(*arguments: str) -> subprocess.CompletedProcess[str]:
+        monkeypatch.chdir(tmp_path)
+        capsys.readouterr()
+        status = run(list(arguments))
+        return subprocess.CompletedProcess(arguments, status, *capsys.readouterr())
+
+    return command

@@ -65,7 +65,7 @@ def values(document: dict[str, Any]) -> list[dict[str, float]]:
 
 
 @pytest.mark.parametrize("link", [["--pty"], ["--tcp", "0"]])
-def test_two_curves_over_a_real_link_and_their_replay(tmp_path, link):
+def test_two_curves_over_a_real_link_and_their_replay(tmp_path, here, link):
     with simulator(*link, "--seed", "1", "--speed", "5") as url:
         done = skinlab(
             "measure", "--port", url, *SKIN, "--program", "ramp:100@20", "--repeats", "2",
@@ -81,16 +81,16 @@ def test_two_curves_over_a_real_link_and_their_replay(tmp_path, link):
         # The default skin, through 3 µm of noise on a valley that is nearly flat.
         assert entry["parameters"]["X1_MPa"]["value"] == pytest.approx(0.025, rel=0.5)
         assert 2.0 < entry["rms_um"] < 5.0
-    replayed = skinlab("replay", "s.h5", "--speed", "max", "--verify", "--json", cwd=tmp_path)
+    replayed = here("replay", "s.h5", "--speed", "max", "--verify", "--json")
     assert replayed.returncode == 0, replayed.stderr
     again = json.loads(replayed.stdout)
     for before, now in zip(document["curves"], again["curves"], strict=True):
         assert before | {"seconds": 0} == now | {"seconds": 0}
-    identified = skinlab("identify", "s.h5", "--json", cwd=tmp_path)
+    identified = here("identify", "s.h5", "--json")
     assert identified.returncode == 0
     # The intervals may differ: here the noise is estimated from all repeats at once
     assert values(json.loads(identified.stdout)) == values(document)
-    assert skinlab("session", "verify", "s.h5", cwd=tmp_path).returncode == 0
+    assert here("session", "verify", "s.h5").returncode == 0
 
 
 def test_without_a_terminal_it_measures_headless(tmp_path):
@@ -165,18 +165,18 @@ def test_an_interrupted_measurement_vents_and_saves(tmp_path, number):
     assert list(tmp_path.glob("*.journal*")) == []
 
 
-def test_what_a_killed_measurement_leaves_is_recovered(tmp_path):
+def test_what_a_killed_measurement_leaves_is_recovered(tmp_path, here):
     process = start_measuring(tmp_path)
     wait_for_samples(tmp_path / "s.h5.journal", process)
     process.kill()
     process.communicate(timeout=PATIENCE_S)
     assert not (tmp_path / "s.h5").exists()
-    done = skinlab("recover", "s.h5.journal", cwd=tmp_path)
+    done = here("recover", "s.h5.journal")
     assert done.returncode == 0, done.stderr
     (curve,) = read_session(tmp_path / "s.h5").curves
     assert curve.partial
     assert len(curve) > 20
     np.testing.assert_array_equal(np.diff(curve.time_s) > 0, True)
-    identified = skinlab("identify", "s.h5", "--json", cwd=tmp_path)
+    identified = here("identify", "s.h5", "--json")
     assert identified.returncode == 0
     assert "partial_curve" in json.loads(identified.stdout)["curves"][0]["flags"]

@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -110,15 +111,8 @@ class Command:
             stream.close()
 
 
-def skinlab(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        module_command("skinlab", *arguments), cwd=cwd, env=ENVIRONMENT, capture_output=True,
-        stdin=subprocess.DEVNULL, text=True, timeout=PATIENCE_S, check=False,
-    )  # fmt: skip
-
-
 @pytest.mark.parametrize("link", ["--pty", "--tcp"])
-def test_two_curves_that_a_person_starts_and_their_replay(tmp_path, dialect, link):
+def test_two_curves_that_a_person_starts_and_their_replay(tmp_path, here, dialect, link):
     with (
         instrument(link) as (url, person),
         Command(
@@ -151,17 +145,17 @@ def test_two_curves_that_a_person_starts_and_their_replay(tmp_path, dialect, lin
     assert not [r for r in session.records if r.kind is Kind.SENT]  # not a byte
 
     (tmp_path / dialect).unlink()  # the session needs no other file
-    again = skinlab("replay", "s.h5", "--verify", cwd=tmp_path)
+    again = here("replay", "s.h5", "--verify")
     assert again.returncode == 0, again.stderr + again.stdout
     assert "2 curves and 2 stored results agree" in again.stdout
     for command in (["session", "verify", "s.h5"], ["session", "info", "s.h5"]):
-        told = skinlab(*command, cwd=tmp_path)
+        told = here(*command)
         assert told.returncode == 0, told.stderr
     assert "read-only" in told.stdout
     assert "plain_line" in told.stdout
 
 
-def test_with_its_program_a_curve_ends_with_it(tmp_path, dialect):
+def test_with_its_program_a_curve_ends_with_it(tmp_path, here, dialect):
     with (
         instrument("--tcp") as (url, person),
         Command(
@@ -177,10 +171,10 @@ def test_with_its_program_a_curve_ends_with_it(tmp_path, dialect):
     assert not curve.partial
     assert curve.time_s[-1] == pytest.approx(5.0)
     assert set(curve.phase) == {"load"}
-    assert skinlab("replay", "s.h5", "--verify", cwd=tmp_path).returncode == 0
+    assert here("replay", "s.h5", "--verify").returncode == 0
 
 
-def test_ctrl_c_saves_a_cut_curve_that_replays_the_same(tmp_path, dialect):
+def test_ctrl_c_saves_a_cut_curve_that_replays_the_same(tmp_path, here, dialect):
     with (
         instrument("--tcp") as (url, person),
         Command(
@@ -198,11 +192,11 @@ def test_ctrl_c_saves_a_cut_curve_that_replays_the_same(tmp_path, dialect):
     assert status == 130, measuring.said
     session = read_session(tmp_path / "s.h5")
     assert [curve.partial for curve in session.curves] == [False, True]
-    again = skinlab("replay", "s.h5", "--verify", cwd=tmp_path)
+    again = here("replay", "s.h5", "--verify")
     assert again.returncode == 0, again.stderr
 
 
-def test_a_killed_measurement_is_recovered_with_its_dialect(tmp_path, dialect):
+def test_a_killed_measurement_is_recovered_with_its_dialect(tmp_path, here, dialect):
     with (
         instrument("--tcp") as (url, person),
         Command(
@@ -216,14 +210,14 @@ def test_a_killed_measurement_is_recovered_with_its_dialect(tmp_path, dialect):
         measuring.process.kill()
         measuring.end()
     (tmp_path / dialect).unlink()
-    done = skinlab("recover", "s.h5.journal", cwd=tmp_path)
+    done = here("recover", "s.h5.journal")
     assert done.returncode == 0, done.stderr
     assert "1 curves recovered" in done.stdout
     (curve,) = read_session(tmp_path / "s.h5").curves
     assert curve.pressure_mbar.max() == pytest.approx(50.0)
 
 
-def test_a_limit_that_is_passed_is_said_and_the_curve_is_kept(tmp_path, dialect):
+def test_a_limit_that_is_passed_is_said_and_the_curve_is_kept(tmp_path, here, dialect):
     with (
         instrument("--tcp") as (url, person),
         Command(
@@ -241,7 +235,7 @@ def test_a_limit_that_is_passed_is_said_and_the_curve_is_kept(tmp_path, dialect)
     (curve,) = read_session(tmp_path / "s.h5").curves
     assert curve.partial
     assert curve.pressure_mbar.max() > 500.0
-    assert skinlab("replay", "s.h5", "--verify", cwd=tmp_path).returncode == 0
+    assert here("replay", "s.h5", "--verify").returncode == 0
 
 
 def test_lines_that_nobody_understands_are_said(tmp_path, dialect):
@@ -272,7 +266,7 @@ def test_a_capture_keeps_its_dialect_and_says_what_it_understands(tmp_path, dial
         person.does("zero 5")
         person.does("say nonsense")
         while (tmp_path / "c.jsonl").read_text().count("nonsense") == 0:
-            pass
+            time.sleep(0.01)
         capturing.process.send_signal(signal.SIGINT)
         capturing.end()
     assert "understands 5 frames, and not 1, the last one b'nonsense" in "".join(capturing.said)
