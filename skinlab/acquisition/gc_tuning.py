@@ -15,10 +15,12 @@ def shorten_pauses() -> None:
 
     A full garbage collection goes through everything that was ever imported and stops all threads
     meanwhile: up to a second on a busy machine, where the instrument vents after half of one
-    without keep-alive. What is here now is here to stay, and is set apart from collections.
+    without keep-alive. What is here now is here to stay, and is set apart from collections; what a
+    process loads after it has done so once is little.
     """
-    gc.collect()
-    gc.freeze()
+    if not gc.get_freeze_count():
+        gc.collect()
+        gc.freeze()
     sys.setswitchinterval(_TURN_S)
 
 

@@ -25,7 +25,7 @@ from skinlab.tui.screens.over import ConfirmScreen
 from skinlab.tui.widgets.curves import Curves
 
 SIMULATED = "sim://?seed=1&speed=20"
-PATIENCE_S = 120.0
+PATIENCE_S = 60.0
 
 
 class Clock:

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from textual import events
 from textual.widgets import DataTable, Input, OptionList
 
 from skinlab.acquisition.replay_control import ReplayControl
@@ -493,3 +494,16 @@ async def test_no_key_is_silent_on_any_screen(bedside):
             await bed.press_until(lambda: bed.text("#note").startswith(said), "f10")
             await bed.press("escape")
             await bed.on(MainScreen)
+
+
+async def test_what_closes_a_screen_closes_no_other(bedside):
+    """A second Enter that came at once ended the program."""
+    async with bedside() as bed:
+        await bed.connected()
+        await bed.press("f4")
+        await bed.on(PickScreen)
+        for _ in range(3):
+            bed.app.post_message(events.Key("enter", "\r"))
+        await bed.until(lambda: isinstance(bed.app.screen, MainScreen))
+        await bed.settle()
+        assert bed.app.is_running

@@ -8,9 +8,9 @@ from typing import ClassVar
 
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
-from textual.screen import Screen
 from textual.widget import Widget
 
+from skinlab.tui.screens.closing import ClosingScreen
 from skinlab.tui.ui_state import Board
 from skinlab.tui.widgets.header import Top
 from skinlab.tui.widgets.keys import Keys
@@ -19,7 +19,7 @@ from skinlab.tui.widgets.note import Note
 _FRAMES_PER_S = 8
 
 
-class BoardScreen(Screen[None]):
+class BoardScreen(ClosingScreen[None]):
     """Shows the board between the top and the keys; page keys scroll its text.
 
     `SAYS` selects what they scroll.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import ClassVar, TypeVar
+from typing import ClassVar
 
 from textual import on
 from textual.app import ComposeResult
@@ -12,6 +12,7 @@ from textual.containers import Vertical
 from textual.screen import ModalScreen
 from textual.widgets import OptionList, Static
 
+from skinlab.tui.screens.closing import Answer, ClosingScreen
 from skinlab.tui.typing_guard import CHECK_KEY, CONFIRM_KEY, TypingGuard
 from skinlab.tui.ui_state import Board
 from skinlab.tui.widgets.header import Top
@@ -19,10 +20,8 @@ from skinlab.tui.widgets.hints import Hints
 from skinlab.tui.widgets.keys import Keys
 from skinlab.tui.widgets.note import Note
 
-Answer = TypeVar("Answer")
 
-
-class OverScreen(ModalScreen[Answer]):
+class OverScreen(ClosingScreen[Answer], ModalScreen[Answer]):
     """Shows state, suction and SIMULATED above what it yields in `compose_box`."""
 
     def __init__(self, board: Board) -> None:

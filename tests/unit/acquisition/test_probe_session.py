@@ -354,12 +354,13 @@ def test_a_bug_in_the_pipeline_vents_and_saves(tmp_path, identifier):
 
 def test_what_was_loaded_is_set_apart_from_garbage_collections(room):
     """A collection stops all threads, and so keep-alive; it must have little to go through."""
+    gc.unfreeze()
     try:
         everything = len(gc.get_objects())
         room.session.analysis.prepare()
         assert len(gc.get_objects()) < everything / 10
     finally:
-        gc.unfreeze()
+        gc.freeze()  # as conftest.py has left it
 
 
 def test_no_probe_at_the_port(room, tmp_path):
