@@ -94,7 +94,7 @@ def attack(kind, numbers, folder, originals, capfd, monkeypatch):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_commands_end_in_an_answer_or_a_sentence(kind, tmp_path, originals, capfd, monkeypatch):
-    attack(kind, range(5 if kind == "study" else 20), tmp_path, originals, capfd, monkeypatch)
+    attack(kind, range(4 if kind == "study" else 8), tmp_path, originals, capfd, monkeypatch)
 
 
 @pytest.mark.soak

@@ -64,9 +64,8 @@ def values(document: dict[str, Any]) -> list[dict[str, float]]:
     ]
 
 
-@pytest.mark.parametrize("link", [["--pty"], ["--tcp", "0"]])
-def test_two_curves_over_a_real_link_and_their_replay(tmp_path, here, link):
-    with simulator(*link, "--seed", "1", "--speed", "5") as url:
+def test_two_curves_over_a_real_link_and_their_replay(tmp_path, here):
+    with simulator("--pty", "--seed", "1", "--speed", "5") as url:
         done = skinlab(
             "measure", "--port", url, *SKIN, "--program", "ramp:100@20", "--repeats", "2",
             "--rest-s", "0.2", "--out", "s.h5", "--json", cwd=tmp_path,

@@ -474,6 +474,7 @@ def test_a_gate_that_breaks_down_ends_no_measurement(tmp_path):
     assert json.loads(done.stdout)["curves"][0]["parameters"]
 
 
+@pytest.mark.long
 def test_a_search_names_an_installed_effect_and_tells_of_one_that_breaks_down(example, tmp_path):
     """The installed one and the broken one, in one search."""
     effect = EFFECT.format(name="breaks") + (

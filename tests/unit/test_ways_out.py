@@ -130,7 +130,6 @@ CSV = f"{EVIL_FILE}.csv"
         ["recover", CSV],
         ["export", "s.h5", "--to", "csv", "csv"],
         ["export", "s.h5", "--to", "json", "json"],
-        ["export", "s.h5", "--to", "html", "html"],
         ["export", "s.h5", "--to", "svg", EVIL_FILE],
         ["export", "s.h5", "--to", "fhir", "fhir"],
         ["export", "s.h5", "--to", "parameters", "parameters"],

@@ -267,6 +267,7 @@ def names_nothing(outcome):
     assert nu["high"] - nu["low"] > 1.5 * (rough["high"] - rough["low"])
 
 
+@pytest.mark.long
 def test_one_ramp_names_nothing(table):
     hidden = campaign({"natural_tension": {"stretch": 1.04}}, RAMP)
     names_nothing(explain(hidden, table, finite_elements=False))

@@ -41,6 +41,7 @@ def test_icc_of_shrout_and_fleiss():
     assert {n: round(found[n].value, 2) for n in published} == published
 
 
+@pytest.mark.long
 def test_icc_intervals_are_pingouins():
     # Slow to import, and every process of the tests imports each file
     import pandas as pd
@@ -120,6 +121,7 @@ def crossed(seed=0, lost=0.15):
     return y, effects
 
 
+@pytest.mark.long
 def test_crossed_and_unbalanced_components_are_those_of_statsmodels():
     y, effects = crossed()
     found = components(y, effects)

@@ -191,6 +191,7 @@ def test_a_model_of_it_with_an_effect_is_identified_and_bounded(dimensionless):
     assert bounded.parameters["C2"].value >= 13.0 - 1e-9
 
 
+@pytest.mark.long
 def test_discrepancy_names_what_is_missing_beside_it(dimensionless):
     curves = tuple(measured(TRUTH, k, a, offset_um=25.0) for k, a in enumerate((6.0, 8.0, 6.0)))
     model = Model(Header("fung", "fung"))
