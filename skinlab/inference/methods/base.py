@@ -61,8 +61,8 @@ class Option(Generic[V]):
         """
         expected = self.expected or " or ".join(map(str, self.choices))
         if not _is_a(type(self.default), value):
-            kind = _KINDS[type(self.default)].lower()
-            raise InputError(f"{self.name} {value!r}: expected a value of the kind {kind}")
+            kind = {int: "an integer", float: "a number", str: "a text"}[type(self.default)]
+            raise InputError(f"{self.name} {value!r}: expected {kind}")
         if self.choices and value not in self.choices:
             raise InputError(f"{self.name} {value!r}: expected {expected}")
         if not self.accepts(value):

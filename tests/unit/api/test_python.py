@@ -181,7 +181,7 @@ def test_what_cannot_be_is_refused_in_a_sentence(curve, settings, sentence):
 def test_identify_wants_a_curve(path):
     with pytest.raises(skinlab.InputError, match="read_curve"):
         skinlab.identify(str(path))
-    with pytest.raises(skinlab.InputError, match="several curves"):
+    with pytest.raises(skinlab.InputError, match="one curve or more"):
         skinlab.identify_joint([])
 
 
@@ -200,7 +200,7 @@ def test_parameters_are_those_of_the_law(curve, capsys):
 def test_several_curves_answer_together(curve):
     later = replace(curve, setup=replace(curve.setup, cycle=2))
     campaign = skinlab.Campaign("arm", 3.0, 0.0, (curve, curve, later))
-    with pytest.warns(UserWarning, match="1 curves of later cycles"):
+    with pytest.warns(UserWarning, match="1 curve of later cycles"):
         found = skinlab.identify_joint(campaign)
     assert found.to_dict()["curves"] == []
     assert found.files == ["simulated", "simulated"]

@@ -212,7 +212,7 @@ def test_without_a_column_of_the_pressure_the_program_gives_it():
 def test_samples_behind_the_program_are_left_out_and_a_short_curve_is_partial():
     imported = read("time (s);deflection (mm)\n" + rows(n=150, pick=(0, 2)), RAMP)
     check_ramp(imported)
-    assert "49 samples behind the program's end were left out" in imported.understood
+    assert "49 samples after the program's end left out" in imported.understood
     imported = read("time (s);deflection (mm)\n" + rows(n=50, pick=(0, 2)), RAMP)
     assert imported.curve.partial
     assert len(imported.curve) == 50
