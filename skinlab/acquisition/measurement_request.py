@@ -9,7 +9,8 @@ from urllib.parse import parse_qsl, urlencode
 
 from drivers.events import Hello
 from skinlab.acquisition.measurement import Plan
-from skinlab.curves.curve import Setup, check_aperture, check_thickness
+from skinlab.curves.apertures import check_aperture
+from skinlab.curves.curve import Setup, check_thickness
 from skinlab.curves.program import Program, check_measurable, parse_program
 from skinlab.errors import InputError
 from skinlab.recording.pseudonym import check_site, check_subject

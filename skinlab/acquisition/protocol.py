@@ -14,7 +14,7 @@ import msgspec
 
 from drivers.reading import read_whole
 from skinlab.acquisition.measurement_request import MOST_REPEATS, MOST_REST_S
-from skinlab.curves.curve import check_aperture
+from skinlab.curves.apertures import check_aperture
 from skinlab.curves.program import Program, check_measurable, parse_program
 from skinlab.errors import InputError
 from skinlab.io.documents import decode, read_toml

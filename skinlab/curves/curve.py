@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from skinlab.curves.apertures import check_aperture
 from skinlab.curves.program import Phase, Program
 from skinlab.errors import InputError
 
@@ -16,23 +17,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-APERTURES_MM = (2.0, 4.0, 6.0, 8.0)  # the probes that there are
 FEWEST_POINTS = 5
-
-
-def check_aperture(aperture_mm: float) -> float:
-    """Return the aperture where a probe has it.
-
-    Raises:
-        InputError: no probe has it.
-    """
-    if aperture_mm not in APERTURES_MM:
-        known = ", ".join(f"{a:g}" for a in APERTURES_MM)
-        raise InputError(
-            f"aperture_mm {aperture_mm:g}: no probe has this opening; expected one of {known} "
-            "(the diameter)"
-        )
-    return float(aperture_mm)
 
 
 def check_thickness(thickness_mm: float) -> float:

@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from skinlab.curves import corrected
 from skinlab.curves.curve import Curve
-from skinlab.curves.probe_file import ProbeErrors, columns_of
+from skinlab.curves.probe_file import ProbeErrors
 from skinlab.inference.covariance import Covariance, OnKept, block_diagonal
 from skinlab.inference.error_choice import ErrorChoice, choose_errors
 from skinlab.inference.error_judgement import Judged, judge_errors
@@ -69,7 +70,7 @@ class Sensor:
             InputError: it is of another opening than the probe.
         """
         probe = self.probe or curve.probe
-        return curve if probe is None or curve.corrected_by else probe.corrected(curve)
+        return curve if probe is None or curve.corrected_by else corrected.corrected(curve, probe)
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +142,7 @@ class Fitted:
         curves = [member.samples for g in self.groups for member in g.members]
         if not any(curve.corrected_by for curve in curves):
             return np.zeros((len(self.samples), 0))
-        return columns_of(curves, self.best_mm, self.slope_mm_per_mbar)
+        return corrected.columns_of(curves, self.best_mm, self.slope_mm_per_mbar)
 
     def outlier_probability(self) -> Array:
         """Return each sample's probability (u,) of not belonging to its curve."""

@@ -19,7 +19,7 @@ from msgspec import Meta
 from scipy.stats import norm
 
 from drivers.reading import read_whole
-from skinlab.curves.curve import check_aperture
+from skinlab.curves.apertures import check_aperture
 from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
 from skinlab.io.documents import decode, read_toml, toml_text

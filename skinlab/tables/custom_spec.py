@@ -13,7 +13,8 @@ import numpy as np
 from msgspec import field
 from numpy.typing import NDArray
 
-from skinlab.curves.curve import Curve, check_aperture, check_thickness
+from skinlab.curves.apertures import check_aperture
+from skinlab.curves.curve import Curve, check_thickness
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import MOST_PRESSURE_MBAR, Program, parse_program
 from skinlab.errors import InputError, NotTrustworthyError
