@@ -52,7 +52,7 @@ def law_values(law_name: str, given: Mapping[str, Any]) -> tuple[float, ...]:
             if given.get(_field(one.name)) is not None and one.name not in law.names:
                 own = ", ".join(map(option_name, law.names))
                 raise click.UsageError(
-                    f"{option_name(one.name)} is no parameter of the law {law.name}, "
+                    f"{option_name(one.name)} is not a parameter of the law {law.name}, "
                     f"which takes {own}"
                 )
     for name in law.names:

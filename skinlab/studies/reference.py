@@ -275,7 +275,7 @@ def section(found: Sequence[tuple[str, Sequence[Placed] | str]]) -> Section:
     return Section(
         "Beside a reference",
         [
-            "A percentile among others is no diagnosis; the interval of the value may span many.",
+            "A percentile among others is not a diagnosis; the value's interval may span many.",
             *(f"{name}: not compared, {why}." for name, why in found if isinstance(why, str)),
         ],
         tables=[Table(head, rows)] if rows else [],

@@ -276,7 +276,7 @@ class CustomSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             for parameter, value in values.items():
                 name = f"{effect}.{parameter}"
                 if name not in self.axis and own.get(effect, {}).get(parameter) != value:
-                    raise InputError(f"{name} {value:g} is none of this database's")
+                    raise InputError(f"{name} {value:g} is not one of this database's")
         for name, axis in self.axis.items():
             effect, _, parameter = name.rpartition(".")
             if effect:

@@ -58,7 +58,7 @@ import msgspec
 from drivers.reading import read_whole
 from skinlab.curves.program import MOST_PRESSURE_MBAR
 from skinlab.errors import InputError
-from skinlab.io.documents import plain, read_toml
+from skinlab.io.documents import read_toml
 from skinlab.mechanics.effects import get_effect
 from skinlab.mechanics.fem.suction import EXTENSION_BELOW_MBAR, MBAR
 from skinlab.mechanics.model_file import (
@@ -112,12 +112,12 @@ def read_spec(path: str | Path) -> CustomSpec | DimensionlessSpec:
     try:
         said = read_toml(raw)
     except (ValueError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: {plain(str(error))}") from None
+        raise InputError(f"{path}: {error}") from None
     named = _named_model(said, path)
     try:
         return _spec_of(said, named)
     except (ValueError, UnicodeDecodeError) as error:  # InputError is one
-        raise InputError(f"{path}: {plain(str(error))}") from None
+        raise InputError(f"{path}: {error}") from None
 
 
 def _named_model(said: dict[str, Any], path: Path) -> Model | None:

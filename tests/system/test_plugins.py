@@ -162,7 +162,7 @@ def test_a_method_brings_its_options(example, tmp_path):
     identify = ["identify", csv, *SKIN, "--json", "--method"]
     wrong = [
         (["pattern_search", "--shrink", "1"], 3, "shrink 1.0: expected more than 0, less than 1"),
-        (["pattern_search", "--shrink", "much"], 2, "'much' is no number"),
+        (["pattern_search", "--shrink", "much"], 2, "'much' is not a number"),
         (["auto", "--shrink", "0.4"], 2, "--shrink belongs to --method pattern_search"),
         (["pattern_search", "--passes", "3"], 2, "--passes belongs to --method rls"),
     ]
