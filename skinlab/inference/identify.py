@@ -400,6 +400,8 @@ class Identifier:
             if (belong == kept).all():
                 break
             kept, weighted = belong, True
+        else:  # a sample at the border went out and came back: the optimum of those that are kept
+            estimate = self._weighted(groups, models, problem, estimate, kept)
         return estimate, kept
 
     def _answer(

@@ -509,7 +509,7 @@ def checked_spec(spec: CustomSpec) -> CustomSpec:
         except InputError:
             of_model = [f"{e}.{p}" for e, ranges in spec.model.effects.items() for p in ranges]
             known = ", ".join([*spec.model.law.names, *of_model])
-            raise InputError(f"axis.{name} is not known; expected of: {known}") from None
+            raise InputError(f"axis.{name} is not known; expected one of: {known}") from None
         axis.check(f"axis.{name}", *bounds)
     if spec.entries > MOST_ENTRIES:
         raise InputError(f"axis: {spec.entries} curves; expected at most {MOST_ENTRIES}")
@@ -524,7 +524,7 @@ def checked_spec(spec: CustomSpec) -> CustomSpec:
         raise InputError("pressures.spacing is log: expected linear or chebyshev, they begin at 0")
     if spec.mesh.name not in MESHES:
         raise InputError(
-            f"mesh.name {spec.mesh.name!r} is not known; expected of: {', '.join(MESHES)}"
+            f"mesh.name {spec.mesh.name!r} is not known; expected one of: {', '.join(MESHES)}"
         )
     at = spec.measurement
     for key, check, value in (

@@ -142,7 +142,7 @@ def _spec_of(said: dict[str, Any], named: Model | None) -> CustomSpec | Dimensio
     known = own | {"model", "parameters", "effects", "provenance"}
     for key in said:
         if key not in known:
-            raise InputError(f"{key} is not known; expected of: {', '.join(sorted(known))}")
+            raise InputError(f"{key} is not known; expected one of: {', '.join(sorted(known))}")
     model = named or model_of({k: v for k, v in said.items() if k not in own})
     tables = said.get("axis", {})
     if not isinstance(tables, dict):
@@ -192,7 +192,9 @@ def _dimensionless(
         raise InputError("measurement: a dimensionless table is for every measurement")
     mesh = check_entry("mesh", said.get("mesh", {}), MeshChoice)
     if mesh.name not in MESHES:
-        raise InputError(f"mesh.name {mesh.name!r} is not known; expected of: {', '.join(MESHES)}")
+        raise InputError(
+            f"mesh.name {mesh.name!r} is not known; expected one of: {', '.join(MESHES)}"
+        )
     axes = []
     for name, at in given.items():
         at.check(f"axis.{name}", 0.0, math.inf)
