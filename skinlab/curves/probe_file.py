@@ -28,6 +28,7 @@ from skinlab.curves.phantoms import Phantom
 from skinlab.errors import InputError
 from skinlab.io.documents import decode, read_json, read_toml, toml_text
 from skinlab.io.files import append_text
+from skinlab.text import counted
 
 Array = NDArray[np.float64]
 
@@ -160,7 +161,7 @@ class ProbeErrors:
         file, last = self.file, self._last_check()
         who, again = f"probe {file.serial_number}", f"skinlab calibrate --check {self.path}"
         left = file.valid_until.astimezone(UTC) - when.astimezone(UTC)
-        soon = f"; its calibration ends in {left.days} days" if left < _SOON else ""
+        soon = f"; its calibration ends in {counted(left.days, 'day')}" if left < _SOON else ""
         if last is not None and not last[1]:
             return False, f"{who} DIFFERED from its calibration at its last check: calibrate again"
         if last is None or not timedelta(0) <= when.astimezone(UTC) - last[0] <= _A_VISIT:
