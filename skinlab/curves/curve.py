@@ -20,6 +20,16 @@ Array = NDArray[np.float64]
 FEWEST_POINTS = 5
 
 
+def white_noise(values: Array) -> float:
+    """Return the standard deviation of one reading of a smooth course (n,), in its unit.
+
+    By the median of second differences, so that corners do not count; 0 below three readings.
+    """
+    if len(values) < 3:
+        return 0.0
+    return float(np.median(np.abs(np.diff(values, n=2))) / (0.6745 * np.sqrt(6.0)))
+
+
 def check_thickness(thickness_mm: float) -> float:
     """Return the thickness where it can be a skin's (epidermis and dermis together).
 
@@ -168,7 +178,7 @@ def phases_from_pressure(pressure_mbar: Array) -> NDArray[np.str_]:
     top = float(p.max(initial=0.0))
     if n < FEWEST_POINTS or top <= 0:
         return phase
-    noise = float(np.median(np.abs(np.diff(p, n=2)))) / (0.6745 * np.sqrt(6.0))
+    noise = white_noise(p)
     band = min(max(0.03 * top, 4.0 * noise), 0.25 * top)
     level = np.where(p >= top - band, 2, np.where(p <= band, 0, 1))
     edges = np.flatnonzero(np.diff(level)) + 1
