@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from typing import Protocol
 
 import numpy as np
@@ -79,10 +80,17 @@ class Evaluator:
             [1] * len(self._limit_axes),
             np.log(np.maximum(limits, _NOTHING)),
         )
+        self._ends = 1  # of the limits: where a candidate has no answer any more
         self._along, self._load_mbar = along, load_mbar
         self._top = max(float(along.max(initial=0.0)), 1e-8)
         self._errors = np.zeros((len(basis), 0)) if errors_mm is None else errors_mm
         self._placed: tuple[bytes, tuple[Array, Array]] = (b"", (np.empty(0), np.empty(0)))
+
+    def ended(self) -> Evaluator:
+        """Return the same without what goes on beyond a crease, but for a little."""
+        other = copy(self)
+        other._ends = 0
+        return other
 
     def _points(self, parameters: Array) -> tuple[Array, Array]:
         """Return coordinates (n, d) of parameters; how far they hold and go on (2, n).
@@ -119,7 +127,7 @@ class Evaluator:
     def coordinates(self, parameters: Array) -> Array:
         """Return the components (n, k) of candidates (n, p); NaN where the table does not hold."""
         points, reach = self._points(parameters)
-        inside = reach[1] * CONTINUED >= self._top
+        inside = reach[self._ends] * CONTINUED >= self._top
         if inside.all():
             return self._tensor(points)
         found = np.full((len(points), self.basis.shape[1]), np.nan)
@@ -129,7 +137,7 @@ class Evaluator:
     def coordinate_slopes(self, parameters: Array) -> Array:
         """Return derivatives (n, k, p) of the components by the parameters."""
         points, reach = self._points(parameters)
-        inside = reach[1] * CONTINUED >= self._top
+        inside = reach[self._ends] * CONTINUED >= self._top
         some, values = (
             (points, parameters) if inside.all() else (points[inside], parameters[inside])
         )
