@@ -159,7 +159,7 @@ def _sd(text: str) -> float | None:
         return None
     number = _number("thickness_sd_mm", text)
     if not 0 < number <= 1:
-        raise InputError(f"thickness_sd_mm {text!r}: expected over 0 to 1 mm, or nothing")
+        raise InputError(f"thickness_sd_mm {text!r}: expected up to 1 mm, above 0, or nothing")
     return number
 
 

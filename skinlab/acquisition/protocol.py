@@ -156,7 +156,7 @@ def _check(protocol: Protocol) -> None:
                 near = did_you_mean(name, parameter_names())
                 raise InputError(f"acceptance.{field}.{name}: no such parameter{near}")
             if not 0 < percent < 1000:
-                raise InputError(f"acceptance.{field}.{name} is {percent:g}; expected over 0 %")
+                raise InputError(f"acceptance.{field}.{name} is {percent:g}; expected 0 to 1000 %")
 
 
 def _check_step(step: ProtocolStep) -> None:

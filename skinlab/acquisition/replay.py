@@ -145,9 +145,9 @@ def _database(stated: str | None, was: str | None, is_: Path | None) -> Table:
     try:
         found = read(Path(was))
     except InputError as error:
-        raise InputError(f"{asked} ({error}); say by --database where it is") from None
+        raise InputError(f"{asked} ({error}); name it with --database") from None
     if found.content_hash != stated:
-        raise InputError(f"{asked}, where now is another one; say by --database where it is")
+        raise InputError(f"{asked}, where now is another one; name it with --database")
     return found
 
 

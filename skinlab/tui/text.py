@@ -126,7 +126,7 @@ def banner_text(board: Board) -> str:
     # Where the probe is gone, its curves are still there
     if not (hello.simulated if hello is not None else board.simulated and board.entries):
         return ""
-    return "SIMULATED: this is not a patient; the numbers come from a model"
+    return "SIMULATED: this is no patient; the numbers come from a model"
 
 
 def pressure_text(sample: Sample | None) -> str:
