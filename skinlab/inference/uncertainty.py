@@ -132,7 +132,8 @@ class Fitted:
             blocks.append(np.hstack([mesh_error_shapes(g.pressure_mbar, w), own]))
             size = model.locking(self.parameters[None])[0]
             locks.append(size * locking_shapes(g.pressure_mbar, w))
-        return np.hstack([block_diagonal(blocks), np.vstack(locks)])
+        columns = np.hstack([block_diagonal(blocks), np.vstack(locks)])
+        return columns[:, columns.any(axis=0)]  # most skins do not crease
 
     def probe_columns(self) -> Array:
         """Return what the probe's calibration leaves open (u, m): all samples err together."""

@@ -455,6 +455,19 @@ class TestAdvice:
             assert found[-1] == stated.advise(known, 1.0)  # nothing else is assumed
         assert found[0] != found[1]
 
+    def test_a_suction_at_which_the_skin_would_crease_is_not_advised(self, table):
+        """Its curve goes on beyond the crease, and is not as sure there."""
+        soft, low = np.array([0.02, 0.3, 0.3]), np.linspace(0.0, 40.0, 41)
+        identifier = Identifier(table)
+        known = identifier(curve_of(table, soft, noise_um=2.0, pressure=low))
+        advised = {(a.aperture_mm, parse_program(a.program)) for a in identifier.advise(known, 1.0)}
+        assert advised
+        draws = known.uncertainty.draws
+        for aperture, program in advised:
+            top = np.array([0.0, program.max_pressure_mbar])
+            creased = table.model(Geometry(aperture, 1.0), top).creases(draws.parameters)
+            assert draws.weight[creased].sum() < 0.65  # half of some draws
+
     def test_none_without_intervals(self, table):
         identifier = Identifier(table, method="sto")
         assert identifier.advise(identifier(curve_of(table, SKIN)), 1.0) == []
