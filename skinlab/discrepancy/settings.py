@@ -18,6 +18,9 @@ class ErrorRules:
     thickness_scatter: tuple[float, float] = (0.02, 0.8)
     """Median and logarithmic standard deviation before the data of the scatter of log thickness
     between placements: 1 to 5 % (ultrasound, site)."""
+    placements_alike: float = 0.1
+    """Share of the priors of stiffness, zero and thickness of placements with which these hardly
+    differ, where a condition was measured at several placements: their repeats then tell."""
     coarse_hz: float = 25.0
     """Samples are averaged to about this rate: the shortest correlation time is 0.1 s."""
     weight_kept: float = 0.99

@@ -120,6 +120,20 @@ def test_a_channel_that_is_off_its_program_is_believed():
     assert np.abs(record.path(curve.time_s) - true)[away].max() < 1.0
 
 
+def test_a_program_began_when_the_clock_says_where_its_first_samples_are_lost():
+    """Taken to begin with the first sample that is there, each curve lagged by its own loss."""
+    campaign = measured({}, RAMPS[:1])
+    (c,) = campaign.curves
+    lost = Curve(
+        c.name, c.setup, c.time_s[1:], c.pressure_mbar[1:], c.deflection_mm[1:]
+    )  # 50 ms at 20 mbar/s
+    later = replace(lost, time_s=c.time_s[1:] + 7.0, pressure_mbar=c.pressure_mbar[:-1])
+    for curve, since in ((lost, 0.0), (later, later.time_s[0])):
+        (record,) = records_of(replace(campaign, curves=(curve,)))
+        asked = c.setup.program.pressure_mbar(curve.time_s - since)
+        np.testing.assert_allclose(record.pressure_mbar, asked, atol=1e-9)
+
+
 def test_a_channel_in_whole_mbar_is_not_silent():
     """Most neighbouring readings are the same, and each is off by up to half a step."""
     campaign = measured({}, RAMPS[:1], pressure_noise_mbar=0.02)
@@ -152,8 +166,10 @@ def test_a_lag_does_not_take_the_noise_off_the_pressure_readings(table):
         ("viscoelasticity", {"g": 0.6, "tau_s": 60.0}),
         ("regulator_lag", {"tau_s": 0.1}),
         ("deflection_gain", {"gain": 1.1}),
+        ("pressure_gain", {"gain": 1.3}),
+        ("learned_pressure_curve", {"c1": 40.0, "span_mbar": 150.0}),
     ],
-    ids=["quick", "slow", "late", "gain"],
+    ids=["quick", "slow", "late", "gain", "of the channel", "curve of the channel"],
 )
 def test_every_explanation_follows_the_noise_of_the_pressure_by_its_own_slope(table, name, values):
     """One that followed it less than the pressure's course was likelier by that alone."""
