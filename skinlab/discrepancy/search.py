@@ -220,8 +220,8 @@ class Search:
             if explaining:
                 # Something weaker may hide behind what explains nearly all.
                 candidates = singles + self._pairs(pool, base, explaining, 1, SEARCH.behind)
-            if not base.adequate and (not explaining or self._leading_pair(candidates)):
-                # Where one is not enough, what comes nearest alone need not be one of the two.
+            if not base.adequate and not self._one_is_enough(candidates):
+                # What comes nearest alone need not be one of the two.
                 pairs = self._pairs(
                     pool, base, singles, SEARCH.leaders, SEARCH.seen, signatures, candidates
                 )
@@ -467,6 +467,16 @@ class Search:
         limit = best.fit.cost + SEARCH.far
         found = self._fits(pool, base, tasks[: SEARCH.rival_pairs], limit)
         return _best_of_each([*candidates, *found])
+
+    def _one_is_enough(self, candidates: Sequence[Candidate]) -> bool:
+        """Return whether a single effect explains the curves, and no pair does far better."""
+        pair = self._leading_pair(candidates)
+        single = [
+            c.log10_evidence for c in candidates
+            if c.adequate and len(c.effects) - len(self._own) == 1
+        ]  # fmt: skip
+        lead = 0.0 if pair is None else pair.log10_evidence - max(single, default=0.0)
+        return bool(single) and lead < SEARCH.not_enough
 
     def _leading_pair(self, candidates: Sequence[Candidate]) -> Candidate | None:
         """Return the candidate that explains best, if it is a pair."""

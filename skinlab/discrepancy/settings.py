@@ -90,6 +90,9 @@ class SearchRules:
     costs."""
     seen_share: float = 0.04
     """Or such a share of the largest gain, where the misfit is large."""
+    not_enough: float = 4.0
+    """log10 evidence by which a pair leads a single effect that explains, from which on all pairs
+    are looked for: a flexible effect may hide two others."""
     rival: float = 0.5
     """Share of the largest gain below which an effect is fitted only if the likelier fail."""
     far: float = 20.0
