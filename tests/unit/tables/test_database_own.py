@@ -336,7 +336,7 @@ def test_a_damaged_row_and_all_after_it_are_computed_again(tmp_path):
     assert not (tmp_path / "none").exists()  # nothing was computed: nothing is left behind
 
 
-def test_where_a_skin_creases_there_is_no_answer(tmp_path):
+def test_where_a_skin_creases_it_goes_on_and_says_so(tmp_path):
     text = (
         TENSION
         + axis("X1_MPa", 0.01, 0.05, 2, "log")
@@ -351,7 +351,14 @@ def test_where_a_skin_creases_there_is_no_answer(tmp_path):
     assert np.isfinite(database.values).all()
     at = np.array([[0.012, 0.12, 0.25]])
     to_the_top = database.model(GEOMETRY, np.linspace(0, 100, 11))
-    assert np.isnan(to_the_top.deflection_mm(at)).all()
+    assert to_the_top.creases(at)[0]
+    assert np.isfinite(to_the_top.deflection_mm(at)).all()
+    assert (np.diff(to_the_top.deflection_mm(at)[0]) > 0).all()
+    write(tmp_path / "own.h5", database)
+    kept = read(tmp_path / "own.h5")
+    assert kept.content_hash == database.content_hash
+    again = kept.model(GEOMETRY, np.linspace(0, 100, 11)).deflection_mm(at)
+    np.testing.assert_array_equal(again, to_the_top.deflection_mm(at))
     low = database.model(GEOMETRY, np.linspace(0, 0.9 * database.holds_to.min(), 11))
     assert np.isfinite(low.deflection_mm(at)).all()
     # Forward ends where the skin does, as far as can be told between nodes, and says so.
