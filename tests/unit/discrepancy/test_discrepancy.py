@@ -10,6 +10,7 @@ from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
 from skinlab.discrepancy.adequacy import ADEQUATE, Residual, look
+from skinlab.discrepancy.discipline import Trial
 from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.heldout import conditions_of, predict_held_out
 from skinlab.discrepancy.misfit import (
@@ -27,7 +28,7 @@ from skinlab.discrepancy.search_workers import fit_elsewhere, fit_from, fit_one
 from skinlab.discrepancy.space_mapping import MappedModel
 from skinlab.discrepancy.table_domes import TableDomes, relaxed_pressure
 from skinlab.discrepancy.unknowns import Unknowns
-from skinlab.discrepancy.verdict import decide
+from skinlab.discrepancy.verdict import Verdict, decide, disciplined
 from skinlab.errors import InputError
 from skinlab.inference.noise import MESH_REST, legendre, pressure_error_mm, roughness
 from skinlab.mechanics.effects import all_effects
@@ -499,6 +500,46 @@ def test_wherever_a_fit_begins_it_comes_to_the_same_optimum(table, effect):
 # ---- adequacy ------------------------------------------------------------------------------------
 
 
+class Walled:
+    """A fitter whose fits stay at the bound of ν where they begin near it."""
+
+    def __init__(self, fitter, found):
+        self.errors, self._found = fitter.errors, found
+
+    def fit(self, unknowns, start, limit=np.inf):
+        near = start[2] > 0.45
+        u = start.copy()
+        u[2] = unknowns.bounds[1][2] if near else 0.31
+        cost = 1e4 if near else 600.0
+        return replace(self._found, unknowns=unknowns, u=u, cost=cost, chi2=cost)
+
+
+def test_a_fit_that_ends_at_a_bound_of_the_law_is_begun_again_off_it(plain):
+    """A skin without slip was best at ν = 0.499; with the slip its fit stayed there, far off."""
+    fitter, base = plain
+    seen = replace(signature(fitter, base, "deflection_gain"), gain=5e3)
+    walled = replace(base, u=np.array([*base.u[:2], 0.498]), cost=2e4)
+    found = fit_one(Walled(fitter, base), (walled, seen, np.inf))
+    assert (found.cost, found.u[2]) == (600.0, 0.31)
+
+
+def test_what_relaxes_is_followed_as_far_as_a_skin_goes_that_creases(table):
+    """It ends 0.5 mbar below the top of the ramp, for good: there was no fit of any creep."""
+    program = parse_program("ramp:100@80,hold:4,ramp:0@80")
+    t = np.arange(int(program.duration_s * 20 + 1e-9) + 1) / 20
+    path = PressurePath.of_program(program)
+    curve = Curve("c", Setup(6.0, 1.07, program), t, path(t), 0.012 * path(t))
+    fitter = fitter_of(Campaign("soft", 2.0, 0.1, (curve,)), table)
+    unknowns = Unknowns(("viscoelasticity",))
+    creep = {"g": 0.03, "tau_s": 1.0}
+    own = [axis.to_u(creep[axis.parameter.name]) for axis in unknowns.axes]
+    u = np.array([np.log(0.016), np.log(0.532 / 0.016), 0.395, *own])
+    model = fitter.model(unknowns)
+    assert model.anchor(u)
+    (w,) = model.predict(u)
+    assert np.isfinite(w).all()
+
+
 @pytest.fixture(scope="module")
 def looks(table):
     """Return p-values of white noise on known deflections, and the fitter."""
@@ -573,6 +614,15 @@ def test_one_explanation_that_is_ahead_is_named():
     assert verdict(BAD, candidate(LAG, 20.0), candidate(GAIN, 18.0)) == ("named", [{*LAG}])
     # Even where the gap alone would not have been remarkable.
     assert verdict(GOOD, candidate(LAG, 3.0), candidate(GAIN, 0.5)) == ("named", [{*LAG}])
+
+
+@pytest.mark.parametrize(
+    ("failed", "left"), [((), "named"), (("size",), "none"), (("size", "again"), "unknown")]
+)
+def test_what_is_there_and_too_small_to_matter_is_nothing(failed, left):
+    found = Found(candidate((), 0.0, BAD), {}, [candidate(LAG, 9.0)])
+    stood = [Trial(name, name not in failed, "") for name in ("size", "again")]
+    assert disciplined(Verdict("named", found.candidates), found, stood).name == left
 
 
 def test_a_tie_names_everything_that_is_tied():
