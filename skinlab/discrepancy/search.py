@@ -320,8 +320,8 @@ class Search:
     def _singles(self, pool: Pool, base: Candidate, chosen: list[Signature]) -> list[Candidate]:
         """Return fits of single effects: of the lesser ones only where the likely explain nothing.
 
-        An effect of which the screen expects less than half of what another one, that explains the
-        curves, takes away is no rival.
+        Where the misfit is large the screen's linear picture ranks them badly: a layer of which it
+        expected four tenths of what another opening takes away was right.
         """
         likely = [s for s in chosen if s.gain >= SEARCH.rival * chosen[0].gain]
         found = self._race(pool, base, [(base.fit, s) for s in likely])
