@@ -93,15 +93,25 @@ def simulate_from(
         return table.model(geometry, pressure[:samples], skin.kappa, time_s=time_s[:samples])
 
     deflection = np.full(len(time_s), np.nan)
-    holds, fails = 0, 1 + (len(covered) if covered.all() else int(covered.argmin()))
+    there, holds = None, 0
+    fails = 1 + (len(covered) if covered.all() else int(covered.argmin()))
     while fails - holds > 1:  # the whole first, then halves: a part holds where more of it does
         samples = fails - 1 if holds == 0 and fails > len(time_s) else (holds + fails) // 2
-        there = model(samples)
-        if not there.creases(parameters[None])[0]:
-            deflection[:samples], holds = there.deflection_mm(parameters[None])[0], samples
+        tried = model(samples)
+        found = tried.deflection_mm(parameters[None])[0]
+        if np.isfinite(found).all():
+            deflection[:samples], there, holds = found, tried, samples
         else:
             fails = samples
-    return _as_far_as_it_holds(setup, time_s, pressure, deflection)
+    curve, ends = _as_far_as_it_holds(setup, time_s, pressure, deflection)
+    if there is None or not there.creases(parameters[None])[0]:
+        return curve, ends
+    error_mm = np.linalg.norm(there.error_shapes_mm(parameters), axis=1).max()
+    crease = (
+        "crease: the surface creases at the tape's edge before the end; beyond that the curve is "
+        f"one with a blunter edge, good to about {1e3 * error_mm:.2g} µm"
+    )
+    return curve, crease if ends is None else f"{crease}; {ends}"
 
 
 def check_law_of(table: Database, law: str, what: str = "this database") -> None:
