@@ -8,7 +8,7 @@ as it is by more than chance, and about as well as may be expected.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -46,10 +46,14 @@ class Discipline:
     """The tests of one campaign's explanations."""
 
     def __init__(
-        self, records: Sequence[Record], errors: CampaignErrors, linear: dict[int, Linearised]
+        self,
+        records: Sequence[Record],
+        errors: CampaignErrors,
+        linear: Mapping[int, Linearised],
+        odds: Mapping[int, float],
     ) -> None:
-        """`linear` are the explanations about their fits, by `id` of the candidate."""
-        self._records, self._errors, self._linear = records, errors, linear
+        """Both by `id` of the candidate: the explanations about their fits, their log10 odds."""
+        self._records, self._errors, self._linear, self._odds = records, errors, linear, odds
         nodes = [n for look in errors.looks for n in look.nodes[:_PER_LOOK]]
         self._nodes = [(n.covariance, n.log_prior) for n in nodes]
         self._known: dict[bytes, dict[int, float]] = {}
@@ -63,6 +67,9 @@ class Discipline:
             total = logsumexp(each + np.array([[p] for _, p in self._nodes]), axis=0) / LOG10
             self._known[key] = dict(zip(self._linear, total.tolist(), strict=True))
         return self._known[key][id(one)]
+
+    def _weighed(self, one: Candidate, kept: Mask) -> float:
+        return self.log10_evidence(one, kept) + self._odds[id(one)]
 
     def ahead(self, one: Candidate, base: Candidate, kept: Mask) -> float:
         """Return log10 evidence in some samples over another explanation, the odds not counted."""
@@ -169,9 +176,7 @@ class Discipline:
         failed = []
         for what, kept in self._drops.items():
             lead = self.ahead(best, base, kept)
-            behind = [
-                self.log10_evidence(r, kept) - self.log10_evidence(best, kept) for r in rivals
-            ]
+            behind = [self._weighed(r, kept) - self._weighed(best, kept) for r in rivals]
             needed = NAMES.tie - odds if what == _SECOND else 0.0
             if lead < needed or max(behind, default=0.0) > NAMES.tie:
                 failed.append(what)
@@ -191,13 +196,19 @@ class Discipline:
         parts: Sequence[Mask],
         everything: Mask,
     ) -> Trial:
-        """Return whether what is chosen without a part predicts it better than the base."""
-        gain = 0.0
-        whole = {id(c): self.log10_evidence(c, everything) for c in (base, best, *rivals)}
+        """Return whether what is chosen without a part predicts it better than the base.
+
+        Where several are as likely without it, each predicts with its probability there.
+        """
+        gain, chosen = 0.0, (best, *rivals)
+
+        def together(kept: Mask) -> float:
+            each = np.array([self._weighed(c, kept) for c in chosen])
+            return float(logsumexp(each * LOG10)) / LOG10
+
         for out in parts:
-            kept = {id(c): self.log10_evidence(c, ~out) for c in (base, best, *rivals)}
-            chosen = max((best, *rivals), key=lambda c: kept[id(c)])
-            gain += (whole[id(chosen)] - kept[id(chosen)]) - (whole[id(base)] - kept[id(base)])
+            gain += together(everything) - together(~out)
+            gain -= self.log10_evidence(base, everything) - self.log10_evidence(base, ~out)
         return Trial(
             "chosen again",
             gain >= NAMES.held_out_chance,

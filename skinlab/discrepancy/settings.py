@@ -18,6 +18,9 @@ class ErrorRules:
     thickness_scatter: tuple[float, float] = (0.02, 0.8)
     """Median and logarithmic standard deviation before the data of the scatter of log thickness
     between placements: 1 to 5 % (ultrasound, site)."""
+    placements_alike: float = 0.1
+    """Share of the priors of stiffness, zero and thickness of placements with which these hardly
+    differ, where a condition was measured at several placements: their repeats then tell."""
     coarse_hz: float = 25.0
     """Samples are averaged to about this rate: the shortest correlation time is 0.1 s."""
     weight_kept: float = 0.99
@@ -87,7 +90,10 @@ class SearchRules:
     costs."""
     seen_share: float = 0.04
     """Or such a share of the largest gain, where the misfit is large."""
-    rival: float = 0.5
+    not_enough: float = 4.0
+    """log10 evidence by which a pair leads a single effect that explains, from which on all pairs
+    are looked for: a flexible effect may hide two others."""
+    rival: float = 0.2
     """Share of the largest gain below which an effect is fitted only if the likelier fail."""
     far: float = 20.0
     """Of the cost: an explanation so much worse than one that serves is out of the race, with

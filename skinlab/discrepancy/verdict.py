@@ -84,8 +84,10 @@ def disciplined(verdict: Verdict, found: Found, trials: Sequence[Trial]) -> Verd
     """Return the verdict after the trials of its first explanation.
 
     An explanation that failed one is none: what is left then is `none` where the model's residual
-    may be noise, else `unknown`.
+    may be noise, or where the explanation stood all but for its size: it is too small to matter.
+    Else `unknown`.
     """
-    if all(trial.passed for trial in trials):
+    failed = {trial.name for trial in trials if not trial.passed}
+    if not failed:
         return verdict
-    return Verdict("none" if found.base.adequate else "unknown", [])
+    return Verdict("none" if found.base.adequate or failed == {"size"} else "unknown", [])

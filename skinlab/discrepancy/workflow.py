@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,7 +18,7 @@ from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.posterior import gaussian, sample
 from skinlab.discrepancy.records import by_condition, coarsened, records_of
 from skinlab.discrepancy.screen import alike
-from skinlab.discrepancy.search import Found, Partial, Search
+from skinlab.discrepancy.search import Candidate, Found, Partial, Search
 from skinlab.discrepancy.settings import ERRORS
 from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.discrepancy.verdict import Verdict, decide, decide_learned, disciplined
@@ -169,10 +169,16 @@ def _each_needed(search: Search, found: Found, verdict: Verdict) -> Verdict:
     alone = [c for c in found.candidates if c.adequate and set(c.effects) < set(best.effects)]
     if not alone:
         return verdict
-    linear = {id(c): search.linear(c.fit) for c in (best, *alone)}
-    discipline = Discipline(search.fitter.records, search.errors, linear)
+    discipline = _discipline(search, (best, *alone))
     enough = [c for c in alone if not discipline.needs_both(best, c)]
     return Verdict("ambiguous", [best, *enough]) if enough else verdict
+
+
+def _discipline(search: Search, candidates: Sequence[Candidate]) -> Discipline:
+    assert search.errors is not None
+    linear = {id(c): search.linear(c.fit) for c in candidates}
+    odds = {id(c): search.log10_odds(c.fit) for c in candidates}
+    return Discipline(search.fitter.records, search.errors, linear, odds)
 
 
 def _tried(search: Search, found: Found, first: Verdict, progress: Callable[[str], None]) -> _Tried:
@@ -196,8 +202,7 @@ def _tried(search: Search, found: Found, first: Verdict, progress: Callable[[str
     progress("trying whether the explanation is there again in parts of the data")
     best = first.explanations[0]
     serving = [c for c in found.candidates if c.adequate]
-    linear = {id(c): search.linear(c.fit) for c in (found.base, best, *serving[:_MOST_TIED])}
-    discipline = Discipline(fitter.records, search.errors, linear)
+    discipline = _discipline(search, (found.base, best, *serving[:_MOST_TIED]))
     stood = discipline.trials(best, found.base, serving, parts, held[best.effects])
     if first.name != "learned" and all(trial.passed for trial in stood):
         stood.append(against_families(search, found.base, best))

@@ -205,6 +205,28 @@ def test_where_nothing_is_hidden_nothing_is_found(table):
     assert "stiffer" in found["cannot_show"]["pressure_gain"]
 
 
+@pytest.mark.long
+def test_a_pair_that_leads_is_tried_against_its_rivals(table):
+    """Beside its partner an effect may seem to gain nothing: it is added to other fits as well."""
+    brief = ((6.0, "ramp:100@80,hold:1,ramp:0@80"), (2.0, "ramp:300@200,ramp:0@200"))
+    hidden = campaign(
+        {"deflection_offset": {"offset_um": 40.0}, "pressure_lag": {"lag_s": 0.1}}, brief
+    )
+    records = records_of(hidden)
+    fitter = Fitter(records, errors_of(records), TableDomes(table), finite_elements=False)
+    said = []
+    found = Search(fitter, noise_um=3.0, placement_scatter=0.0, progress=said.append).run()
+    best = max((c for c in found.candidates if c.adequate), key=lambda c: c.log10_evidence)
+    assert set(best.effects) == {"deflection_offset", "pressure_lag"}
+    (told,) = (line for line in said if line.startswith("fitting its rivals: "))
+    rivals = [set(pair.split(" and ")) for pair in told.split(": ")[1].split(", ")]
+    assert rivals
+    fitted = [set(c.effects) for c in found.candidates]
+    for pair in rivals:
+        assert len(pair & set(best.effects)) == 1
+        assert fitted.count(pair) == 1
+
+
 class NoSurfaceLayer(Fitter):
     """Finite elements that find no equilibrium of a skin with a surface layer."""
 
