@@ -1,0 +1,118 @@
+"""What moves in each curve in its own way, and is too large to be an error: a heartbeat, a drift.
+
+Repeats do not have it in common, so that no function of suction, height or time since the start
+takes it up: it is found where the errors are learned, and what is learned is its size and how fast
+it goes. Its course in a new curve is not known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinlab.discrepancy.adequacy import steps
+from skinlab.discrepancy.campaign_errors import Linearised, size_um
+from skinlab.discrepancy.discipline import Trial, by_part
+from skinlab.discrepancy.search import Candidate, Found, Search
+from skinlab.discrepancy.settings import ERRORS, NAMES
+from skinlab.discrepancy.unknowns import Known
+from skinlab.inference.error_choice import Node
+from skinlab.mechanics.effects import get_effect
+from skinlab.mechanics.effects.learned_motion import LearnedMotion
+
+Array = NDArray[np.float64]
+
+_REST = 0.5  # of the mean square, that is there whichever curve is left out
+_WAVES = ("breathing", "pulse")  # of the errors; what else is too large wanders
+
+
+def find_motion(search: Search, found: Found) -> tuple[Candidate, tuple[Trial, ...]] | None:
+    """Return what the errors show that is too large to be one, with its trials.
+
+    None where nothing is, or where the model as it is leaves more than that: pure error and the
+    best explanation have to agree, for what a wrong model leaves may look like a motion.
+    """
+    errors, base = search.errors, found.base
+    assert errors is not None
+    noise = found.errors.count
+    if base.fit.chi2 - noise > NAMES.learned_left * noise:
+        return None
+    both = (errors.pure, errors.looks[-1])
+    ratios = {
+        name: min(look.median(partial(size_um, name=name)) for look in both) / most
+        for name, most in ERRORS.largest_um.items()
+    }
+    # What wanders smoothly is no error of any size: those of skins and sensors are rough.
+    enough = 1.0 if base.adequate else NAMES.smooth_motion
+    if np.linalg.norm(list(ratios.values())) <= enough:
+        return None
+    name = max(ratios, key=lambda n: ratios[n])
+    node = next(n for n in both[1].nodes if name in n.sizes_um)
+    candidate = _candidate(base, found, node, name)
+    return candidate, tuple(_trials(search, search.linear(base.fit), node, name))
+
+
+def _candidate(base: Candidate, found: Found, node: Node, name: str) -> Candidate:
+    """Return the model as it is with a motion of which no curve tells the next one's course."""
+    one = get_effect("learned_motion" if name in _WAVES else "learned_wander")
+    assert isinstance(one, LearnedMotion)
+    values = dict(zip(node.combination.parameters, np.exp(node.log_values).tolist(), strict=True))
+    longest_s = max(float(np.ptp(r.curve.time_s)) for r in found.records)
+    wave = name in _WAVES
+    hz = values[f"{name}_hz"] if wave else 0.5 / longest_s
+    k = np.arange(1, one.harmonics + 1)
+    power = 1.0 / (1.0 + np.square(2.0 * np.pi * k * hz * (0.0 if wave else values["ou_s"])))
+    sizes_um = node.sizes_um[name] * np.sqrt(power / power.sum())
+    known = [
+        Known(one.name, f"{letter}{i}_um", 0.0, float(size))
+        for letter in "sc"
+        for i, size in zip(k, sizes_um, strict=True)
+    ]
+    known.append(Known(one.name, one.range_name, float(hz), 0.0))
+    before, m = base.fit.unknowns, len(one.names)
+    unknowns = replace(before, effects=(*before.effects, one.name), known=(*before.known, *known))
+    fit = replace(
+        base.fit,
+        unknowns=unknowns,
+        u=np.concatenate([base.fit.u, np.zeros(m)]),
+        jacobian=np.hstack([base.fit.jacobian, np.zeros((len(base.fit.jacobian), m))]),
+    )
+    return replace(base, fit=fit)
+
+
+def _trials(search: Search, linear: Linearised, node: Node, name: str) -> Iterator[Trial]:
+    """Tell whether it is there whichever curve is left out, and leaves no steps."""
+    squares = _squares_um2(linear, node, name)
+    rest = (squares.sum() - squares) / max(len(squares) - 1, 1)
+    yield Trial(
+        "size", True,
+        f"it moves the readings by {node.sizes_um[name]:.1f} µm, more than errors do or more "
+        "smoothly",
+    )  # fmt: skip
+    again = len(squares) > 1 and bool((rest > _REST * squares.mean()).all())
+    yield Trial(
+        "again", again,
+        "it is there again with any one curve left out"
+        if again else "it is not there whichever curve is left out",
+    )  # fmt: skip
+    passed = steps(search.fitter.records, node.covariance, linear.residual_mm) < NAMES.steps
+    yield Trial(
+        "steps", passed,
+        "it leaves no sudden steps"
+        if passed else "there are sudden steps in it, as of tape that lets go",
+    )  # fmt: skip
+
+
+def _squares_um2(linear: Linearised, node: Node, name: str) -> Array:
+    """Return the mean squares of the motion in each curve, µm²."""
+    did = by_part(node, linear.shares(node.covariance))
+    if name in did:
+        parts = node.covariance.split(did[name])
+        return np.array([1e6 * float(np.mean(part**2)) for part in parts])
+    left = linear.residual_mm - sum(did.values())
+    # Of neighbours: noise of single samples has no part in it.
+    return np.array([1e6 * float(np.mean(x[1:] * x[:-1])) for x in node.covariance.split(left)])
