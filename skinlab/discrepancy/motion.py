@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from skinlab.discrepancy.adequacy import steps
 from skinlab.discrepancy.campaign_errors import Linearised, size_um
 from skinlab.discrepancy.discipline import Trial, by_part
+from skinlab.discrepancy.records import by_condition
 from skinlab.discrepancy.search import Candidate, Found, Search
 from skinlab.discrepancy.settings import ERRORS, NAMES
 from skinlab.discrepancy.unknowns import Known
@@ -27,6 +28,7 @@ from skinlab.mechanics.effects.learned_motion import LearnedMotion
 Array = NDArray[np.float64]
 
 _REST = 0.5  # of the mean square, that is there whichever curve is left out
+_AGREE = 1.5  # times a size, so much it may be in the other look
 _WAVES = ("breathing", "pulse")  # of the errors; what else is too large wanders
 
 
@@ -39,24 +41,31 @@ def find_motion(search: Search, found: Found) -> tuple[Candidate, tuple[Trial, .
     errors, base = search.errors, found.base
     assert errors is not None
     noise = found.errors.count
-    if base.fit.chi2 - noise > NAMES.learned_left * noise:
+    repeated = any(len(members) > 1 for members in by_condition(found.records))
+    if not repeated or base.fit.chi2 - noise > NAMES.learned_left * noise:
         return None
-    both = (errors.pure, errors.looks[-1])
-    ratios = {
-        name: min(look.median(partial(size_um, name=name)) for look in both) / most
-        for name, most in ERRORS.largest_um.items()
-    }
+    ratios = {}
+    for name, most in ERRORS.largest_um.items():
+        pure, last = (
+            look.median(partial(size_um, name=name)) for look in (errors.pure, errors.looks[-1])
+        )
+        ratios[name] = min(pure, last) / most
+        if last > max(_AGREE * pure, most):
+            return None  # it is in what the explanation leaves, not in what repeats differ by
     # What wanders smoothly is no error of any size: those of skins and sensors are rough.
     enough = 1.0 if base.adequate else NAMES.smooth_motion
     if np.linalg.norm(list(ratios.values())) <= enough:
         return None
     name = max(ratios, key=lambda n: ratios[n])
-    node = next(n for n in both[1].nodes if name in n.sizes_um)
-    candidate = _candidate(base, found, node, name)
-    return candidate, tuple(_trials(search, search.linear(base.fit), node, name))
+    node = next(n for n in errors.looks[-1].nodes if name in n.sizes_um)
+    linear = search.linear(base.fit)
+    squares = _squares_um2(linear, node, name)
+    size = float(np.sqrt(max(squares.mean(), 0.0)))
+    candidate = _candidate(base, found, node, name, size)
+    return candidate, tuple(_trials(search, linear, node, squares))
 
 
-def _candidate(base: Candidate, found: Found, node: Node, name: str) -> Candidate:
+def _candidate(base: Candidate, found: Found, node: Node, name: str, moved_um: float) -> Candidate:
     """Return the model as it is with a motion of which no curve tells the next one's course."""
     one = get_effect("learned_motion" if name in _WAVES else "learned_wander")
     assert isinstance(one, LearnedMotion)
@@ -66,7 +75,7 @@ def _candidate(base: Candidate, found: Found, node: Node, name: str) -> Candidat
     hz = values[f"{name}_hz"] if wave else 0.5 / longest_s
     k = np.arange(1, one.harmonics + 1)
     power = 1.0 / (1.0 + np.square(2.0 * np.pi * k * hz * (0.0 if wave else values["ou_s"])))
-    sizes_um = node.sizes_um[name] * np.sqrt(power / power.sum())
+    sizes_um = moved_um * np.sqrt(power / power.sum())
     known = [
         Known(one.name, f"{letter}{i}_um", 0.0, float(size))
         for letter in "sc"
@@ -84,16 +93,15 @@ def _candidate(base: Candidate, found: Found, node: Node, name: str) -> Candidat
     return replace(base, fit=fit)
 
 
-def _trials(search: Search, linear: Linearised, node: Node, name: str) -> Iterator[Trial]:
+def _trials(search: Search, linear: Linearised, node: Node, squares: Array) -> Iterator[Trial]:
     """Tell whether it is there whichever curve is left out, and leaves no steps."""
-    squares = _squares_um2(linear, node, name)
     rest = (squares.sum() - squares) / max(len(squares) - 1, 1)
     yield Trial(
         "size", True,
-        f"it moves the readings by {node.sizes_um[name]:.1f} µm, more than errors do or more "
+        f"it moves the readings by {np.sqrt(squares.mean()):.1f} µm, more than errors do or more "
         "smoothly",
     )  # fmt: skip
-    again = len(squares) > 1 and bool((rest > _REST * squares.mean()).all())
+    again = bool((rest > _REST * squares.mean()).all())
     yield Trial(
         "again", again,
         "it is there again with any one curve left out"
