@@ -7,7 +7,7 @@ it goes. Its course in a new curve is not known.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -21,7 +21,7 @@ from skinlab.discrepancy.records import by_condition
 from skinlab.discrepancy.search import Candidate, Found, Search
 from skinlab.discrepancy.settings import ERRORS, NAMES
 from skinlab.discrepancy.unknowns import Known
-from skinlab.inference.error_choice import Node
+from skinlab.inference.error_choice import ErrorChoice, Node
 from skinlab.mechanics.effects import get_effect
 from skinlab.mechanics.effects.learned_motion import LearnedMotion
 
@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 
 _REST = 0.5  # of the mean square, that is there whichever curve is left out
 _AGREE = 1.5  # times a size, so much it may be in the other look
-_WAVES = ("breathing", "pulse")  # of the errors; what else is too large wanders
+_SURE = 0.95  # probability of a wave, from which on it is looked at
 
 
 def find_motion(search: Search, found: Found) -> tuple[Candidate, tuple[Trial, ...]] | None:
@@ -44,34 +44,52 @@ def find_motion(search: Search, found: Found) -> tuple[Candidate, tuple[Trial, .
     repeated = any(len(members) > 1 for members in by_condition(found.records))
     if not repeated or base.fit.chi2 - noise > NAMES.learned_left * noise:
         return None
-    ratios = {}
-    for name, most in ERRORS.largest_um.items():
-        pure, last = (
-            look.median(partial(size_um, name=name)) for look in (errors.pure, errors.looks[-1])
-        )
-        ratios[name] = min(pure, last) / most
-        if last > max(_AGREE * pure, most):
-            return None  # it is in what the explanation leaves, not in what repeats differ by
-    # What wanders smoothly is no error of any size: those of skins and sensors are rough.
-    enough = 1.0 if base.adequate else NAMES.smooth_motion
-    if np.linalg.norm(list(ratios.values())) <= enough:
-        return None
+    looks = (errors.pure, errors.looks[-1])
+    sizes = {
+        n: [look.median(partial(size_um, name=n)) for look in looks] for n in ERRORS.largest_um
+    }
+    if any(last > max(_AGREE * pure, ERRORS.largest_um[n]) for n, (pure, last) in sizes.items()):
+        return None  # it is in what the explanation leaves, not in what repeats differ by
+    ratios = {name: min(size) / ERRORS.largest_um[name] for name, size in sizes.items()}
     name = max(ratios, key=lambda n: ratios[n])
-    node = next(n for n in errors.looks[-1].nodes if name in n.sizes_um)
     linear = search.linear(base.fit)
+    # What wanders smoothly is no error of any size: those of skins and sensors are rough.
+    smooth = not base.adequate and np.linalg.norm(list(ratios.values())) > NAMES.smooth_motion
+    if not smooth and ratios[name] <= 1.0:
+        name = next((n for n in NAMES.wave_um if _stands_out(looks, linear, n)), "")
+    if not name:
+        return None
+    node = _node(looks[1], name)
     squares = _squares_um2(linear, node, name)
-    size = float(np.sqrt(max(squares.mean(), 0.0)))
-    candidate = _candidate(base, found, node, name, size)
+    candidate = _candidate(base, found, node, name, float(np.sqrt(max(squares.mean(), 0.0))))
     return candidate, tuple(_trials(search, linear, node, squares))
+
+
+def _stands_out(looks: Sequence[ErrorChoice], linear: Linearised, name: str) -> bool:
+    """Return whether a wave is surely there and, whichever curve is left out, larger than any."""
+    if not all(look.probability(name) >= _SURE for look in looks):
+        return False
+    squares = _squares_um2(linear, _node(looks[-1], name), name)
+    return bool((_without_one(squares) > NAMES.wave_um[name] ** 2).all())
+
+
+def _node(look: ErrorChoice, name: str) -> Node:
+    """Return the likeliest setting that has this part."""
+    return next(n for n in look.nodes if name in n.sizes_um)
+
+
+def _without_one(squares: Array) -> Array:
+    """Return the mean squares (curves,) of all curves but one."""
+    return np.asarray((squares.sum() - squares) / max(len(squares) - 1, 1))
 
 
 def _candidate(base: Candidate, found: Found, node: Node, name: str, moved_um: float) -> Candidate:
     """Return the model as it is with a motion of which no curve tells the next one's course."""
-    one = get_effect("learned_motion" if name in _WAVES else "learned_wander")
+    one = get_effect("learned_motion" if name in NAMES.wave_um else "learned_wander")
     assert isinstance(one, LearnedMotion)
     values = dict(zip(node.combination.parameters, np.exp(node.log_values).tolist(), strict=True))
     longest_s = max(float(np.ptp(r.curve.time_s)) for r in found.records)
-    wave = name in _WAVES
+    wave = name in NAMES.wave_um
     hz = values[f"{name}_hz"] if wave else 0.5 / longest_s
     k = np.arange(1, one.harmonics + 1)
     power = 1.0 / (1.0 + np.square(2.0 * np.pi * k * hz * (0.0 if wave else values["ou_s"])))
@@ -95,13 +113,12 @@ def _candidate(base: Candidate, found: Found, node: Node, name: str, moved_um: f
 
 def _trials(search: Search, linear: Linearised, node: Node, squares: Array) -> Iterator[Trial]:
     """Tell whether it is there whichever curve is left out, and leaves no steps."""
-    rest = (squares.sum() - squares) / max(len(squares) - 1, 1)
     yield Trial(
         "size", True,
         f"it moves the readings by {np.sqrt(squares.mean()):.1f} µm, more than errors do or more "
         "smoothly",
     )  # fmt: skip
-    again = bool((rest > _REST * squares.mean()).all())
+    again = bool((_without_one(squares) > _REST * squares.mean()).all())
     yield Trial(
         "again", again,
         "it is there again with any one curve left out"

@@ -95,16 +95,17 @@ def explain(
             tried = replace(learned, found=replace(more, candidates=both))
         else:
             search.errors = before
-            moving = find_motion(search, found)
-            if moving is not None:
-                one, trials = moving
-                tried = replace(
-                    tried,
-                    verdict=disciplined(Verdict("learned", [one]), found, trials),
-                    found=replace(found, candidates=[one, *found.candidates]),
-                    held={one.effects: tried.before},
-                    trials=trials,
-                )
+    if tried.verdict.name in ("none", "unknown") and (moving := find_motion(search, found)):
+        one, trials = moving
+        verdict = disciplined(Verdict("learned", [one]), found, trials)
+        if verdict.explanations:
+            tried = replace(
+                tried,
+                verdict=verdict,
+                found=replace(found, candidates=[one, *found.candidates]),
+                held={one.effects: tried.before},
+                trials=trials,
+            )
     verdict, found = tried.verdict, tried.found
     assert search.errors is not None
     progress("drawing from the posterior")
