@@ -268,13 +268,49 @@ def _off(name: str, value: float, truth: float) -> float:
     return abs(float(np.log(value / truth)) if name != "nu" else value - truth)
 
 
+def _student(off: Array, scale: float) -> tuple[Array, Array, Array]:
+    """Return the logarithm of Student's t with 3 degrees at (n, u), its slope and information."""
+    square = 3.0 * scale**2 + off**2
+    log_density = -2.0 * np.log(square / (3.0 * scale**2))
+    return log_density, -4.0 * off / square, np.full_like(off, 4.0 / (6.0 * scale**2))
+
+
+def _rounded(off: Array, step: float, scale: Array) -> tuple[Array, Array, Array]:
+    """Return the logarithm of the chance to be rounded to here, (n, u), its slope and curvature."""
+    up, down = (off + 0.5 * step) / scale, (off - 0.5 * step) / scale
+    upper, lower = np.where(down > 0, -down, up), np.where(down > 0, -up, down)
+    chance = log_ndtr(upper) + np.log1p(-np.exp(log_ndtr(lower) - log_ndtr(upper)))
+    at_up, at_down = (np.exp(-0.5 * (x**2 + np.log(2 * np.pi)) - chance) for x in (up, down))
+    slope = (at_up - at_down) / scale
+    return chance, slope, slope**2 + (up * at_up - down * at_down) / scale**2
+
+
+def _over_columns(
+    off: Array, columns: Array, density: Callable[[Array], tuple[Array, Array, Array]]
+) -> Array:
+    """Return the log likelihood (n,) of residuals (n, u) over errors along columns (u, m).
+
+    Each has a standard deviation of 1; by Laplace's approximation.
+    """
+    size = np.zeros((len(off), columns.shape[1]))
+    one = np.eye(columns.shape[1])
+    for last in [False] * 8 + [True]:
+        log_density, slope, weight = density(off - size @ columns.T)
+        curvature = np.einsum("nu,um,uk->nmk", weight, columns, columns, optimize=True) + one
+        if not last:
+            fall = -slope @ columns - size
+            size += np.linalg.solve(curvature, fall[..., None])[..., 0]
+    spread = 0.5 * np.linalg.slogdet(curvature)[1]
+    return np.asarray(log_density.sum(axis=1) - 0.5 * (size**2).sum(axis=1) - spread)
+
+
 def oracle(
     row: Row, skin: Skin, drawn: Measured, result: Identification, rng: Rng
 ) -> dict[str, Any]:
     """Return the intervals of who knows the errors' parameters, and which samples were hit.
 
-    Rounding and Student's t by their exact likelihoods, without the mesh's errors; elsewhere these
-    are as the estimate has them, at the true skin.
+    Rounding and Student's t by their exact likelihoods; the mesh's errors are as the estimate has
+    them, at the true skin.
     """
     e, curve = row.errors, drawn.curve
     kept, t = ~drawn.off, curve.time_s
@@ -301,16 +337,15 @@ def oracle(
 
     def exact(parameters: Array) -> Array:
         off = 1e3 * (curve.deflection_mm - model.deflection_mm(parameters))
-        if e.student:
-            density = -2.0 * np.log1p((off / e.student) ** 2 / 3.0)
-        else:
-            scale = np.sqrt(variance)
-            up, down = (off + 0.5 * e.step) / scale, (off - 0.5 * e.step) / scale
-            upper = np.where(down > 0, -down, up)
-            lower = np.where(down > 0, -up, down)
-            density = log_ndtr(upper) + np.log1p(-np.exp(log_ndtr(lower) - log_ndtr(upper)))
-        total = density.sum(axis=1)
-        return np.where(np.isfinite(total), total, -np.inf)
+        total = np.full(len(off), -np.inf)
+        there = np.isfinite(off).all(axis=1)
+        density = (
+            (lambda u: _student(u, e.student))
+            if e.student
+            else (lambda u: _rounded(u, e.step, np.sqrt(variance)))
+        )
+        total[there] = _over_columns(off[there], np.hstack(columns), density)
+        return total
 
     narrow = e.step > 2.0 * e.white and not e.ou
     assert result.uncertainty is not None

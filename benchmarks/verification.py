@@ -433,10 +433,6 @@ def main() -> None:
     axis.legend(fontsize=7)
     save(figure, "marks")
 
-    speed = ""
-    results = ROOT / "benchmarks" / "results" / "fem.json"
-    if results.exists():
-        speed = speed_section(json.loads(results.read_text(encoding="utf-8")))
     by_x2 = sorted({g["entry"][1] for g in marked})
     mark_rows = [
         [
@@ -556,41 +552,11 @@ show none: a chord below 0.3 comes in time (to 5 mbar) in {caught} of the {len(f
 There is no mesh limit here: what is computed is the branch without a crease, as long as this mesh can follow it.
 
 ![marks](pictures/verification_marks.png)
-{speed}"""
+
+How fast they are, beside other programs: [performance.md](performance.md).
+"""
     page = "\n".join(line.rstrip() for line in page.splitlines()) + "\n"
     (ROOT / "docs" / "verification.md").write_text(page, encoding="utf-8")
-
-
-def speed_section(r: dict[str, Any]) -> str:
-    """Return the section on speed, from the results of benchmarks/fem.py."""
-    best, share, grid = r["felupe_best"], r["shares"], r["paper_grid"]
-    same = [
-        [
-            name,
-            f"{v['ratio_median']:.1f}",
-            f"{v['ratio_least']:.1f}",
-            f"{v['largest_difference_um']:.0e}",
-        ]
-        for name, v in r["same_mesh_and_steps"].items()
-    ]
-    return f"""
-## Speed
-
-Measured by `python benchmarks/fem.py` ({r["cases"]} certain cases, one core, {r["machine"]}; two cores shared
-with other work, so ratios mean more than milliseconds).
-
-- One curve, 0 to 100 mbar, mesh of record: median {r["skinlab_ms"]["median"]:.0f} ms, worst {r["skinlab_ms"]["worst"]:.0f} ms (asked: 60 ms).
-- The paper's {grid["curves"]} curves: {grid["seconds_on_2_cores"]:.0f} s on 2 cores (asked: 60 s).
-- FElupe at its best (mesh {best["mesh"]}, {best["steps"]} steps, polynomial predictor of degree {best["predictor"]}, ordering {best["ordering"]}, the law
-  in closed form): median {r["felupe_ms"]["median"]:.0f} ms; {r["ratio"]["median"]:.1f} times slower, at least {r["ratio"]["least"]:.1f} times (asked: 5). Worst deviation
-  {100 * r["worst_deviation"]["felupe"]:.3f} % against {100 * r["worst_deviation"]["skinlab"]:.3f} %.
-- Where the time goes: LAPACK's factorisation {100 * share["factorisation"]:.0f} %, its solves {100 * share["solves"]:.0f} %, admissibility {100 * share["admissibility"]:.0f} %,
-  everything else {100 * share["everything_else"]:.0f} %. The floor, with element work for nothing, is thus {1 / (share["factorisation"] + share["solves"]):.1f} times faster.
-
-On the same mesh and the same steps:
-
-{table(["mesh", "FElupe / skinlab, median", "least", "largest difference (µm)"], same)}
-"""
 
 
 if __name__ == "__main__":

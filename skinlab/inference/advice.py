@@ -81,7 +81,7 @@ def advise(
         except NotTrustworthyError:
             continue
         curves = model.deflection_mm(parameters)
-        holds = np.asarray(np.isfinite(curves).all(axis=1))
+        holds = np.isfinite(curves).all(axis=1) & ~model.creases(parameters)
         held = np.flatnonzero(holds)
         if 2 * len(held) < _DRAWS:
             continue

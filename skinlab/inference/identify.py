@@ -52,9 +52,6 @@ Array = NDArray[np.float64]
 
 _PRIOR_DRAWS = 1000
 _OUTLIER_ROUNDS = 4
-_COMPARED = 200  # draws
-_CONTRADICTION = 7.8  # 95 % of χ² with three degrees
-_LOWER = 0.75  # times the pressure, where a skin creases: the next to be tried
 _NORMAL_90 = 1.645  # standard deviations
 _LEAST_NOISE_MM = 1e-5
 _QUICK = Options(samples=200, best=20, most_iterations=30)  # for a curve that still grows
@@ -203,57 +200,31 @@ class Identifier:
         start: Array | None = None,
     ) -> Identification:
         started = self.clock()
-        answer = self._fit_up_to(math.inf, curves, blank, intervals=intervals, start=start)
-        if {"crease", "misfit_above_noise"} & set(answer.flags) and answer.uncertainty is not None:
-            if len(curves) == 1 and _jumps(curves[0], answer):
-                # What fits a slip may crease; the skin need not.
-                others = [f for f in answer.flags if f not in ("crease", "misfit_above_noise")]
-                answer = replace(answer, flags=(*others, "misfit_above_noise"))
-            else:
-                answer = self._below_a_crease(curves, blank, answer)
+        answer = self._fitted(curves, blank, intervals=intervals, start=start)
+        if (
+            {"crease", "misfit_above_noise"} & set(answer.flags)
+            and answer.uncertainty is not None
+            and len(curves) == 1
+            and _jumps(curves[0], answer)
+        ):
+            # What fits a slip may crease; the skin need not.
+            others = [f for f in answer.flags if f not in ("crease", "misfit_above_noise")]
+            answer = replace(answer, flags=(*others, "misfit_above_noise"))
         return replace(answer, seconds=self.clock() - started)
 
-    def _below_a_crease(
-        self, curves: Sequence[Curve], blank: Identification, whole: Identification
-    ) -> Identification:
-        """Return the answer from below the pressure at which the skin creases, if it is another.
-
-        Candidates end soon after their own crease: only skins that are too stiff go on to the end
-        of a curve that goes on far beyond. What is below then contradicts the answer of the whole.
-        """
-        top = max(float(curve.pressure_mbar.max()) for curve in curves)
-        above, creased = whole, _creased(whole)
-        part = self._fit_up_to(_LOWER * top, curves, blank, creased=creased)
-        while above is whole or _creased(above) is not None or _contradicts(part, above):
-            creased = creased if _creased(part) is None else _creased(part)
-            top *= _LOWER
-            above = part
-            part = self._fit_up_to(_LOWER * top, curves, blank, creased=creased)
-        misses = "misfit_above_noise" in above.flags
-        if creased is None or misses or not _contradicts(above, whole):
-            return whole
-        said = ("misfit_above_noise",) if "misfit_above_noise" in whole.flags else ()
-        return replace(above, flags=("crease", f"fitted_to:{top:.0f}", *above.flags, *said))
-
-    def _fit_up_to(
+    def _fitted(
         self,
-        most_mbar: float,
         curves: Sequence[Curve],
         blank: Identification,
         *,
         intervals: bool = True,
         start: Array | None = None,
-        creased: Array | None = None,
     ) -> Identification:
-        """Return the answer from the samples up to so much pressure.
-
-        `creased` (k,) is a skin that creases where, as far as known, this one does.
-        """
         method = get_method(self.method)
         try:
             true = self.corrected(curves)
             groups = group(
-                [choose(c, self.phases, self.database, most_mbar, method.most_fitted) for c in true]
+                [choose(c, self.phases, self.database, method.most_fitted) for c in true]
             )
             models = [g.model(self.database, self.kappa) for g in groups]
         except (InputError, NotTrustworthyError) as error:
@@ -284,7 +255,6 @@ class Identifier:
                 rng,
                 kept=kept,
                 priors=self.priors,
-                creased=creased,
             )
             answer = _with_uncertainty(
                 answer, self._space(models), left, self.database.law, self.kappa, self.seed
@@ -467,22 +437,6 @@ def _jumps(curve: Curve, answer: Identification) -> bool:
     """Return whether what the fit leaves of the curve has a step in it."""
     assert answer.model_mm is not None
     return jumps((curve.deflection_mm - answer.model_mm)[answer.fitted])
-
-
-def _creased(answer: Identification) -> Array | None:
-    """Return the best fit's parameters (k,) where it creases."""
-    return np.array(list((answer.optimum or {}).values())) if "crease" in answer.flags else None
-
-
-def _contradicts(part: Identification, whole: Identification) -> bool:
-    """Return whether the samples of `part` speak against most of what `whole` leaves possible."""
-    if part.uncertainty is None or whole.uncertainty is None:
-        return False
-    own, other = part.uncertainty.draws, whole.uncertainty.draws
-    chi2 = JointMisfit(part.uncertainty.parts)
-    some = np.random.default_rng(0).choice(len(other.weight), _COMPARED, p=other.weight)
-    excess = chi2(other.parameters[some]) - chi2(own.parameters[own.weight > 0.0]).min()
-    return bool(np.median(excess) > _CONTRADICTION)
 
 
 def search_space(method: str, law: str, whole: Space) -> Space:

@@ -134,26 +134,22 @@ def choose(
     curve: Curve,
     phases: tuple[str, ...],
     database: Database,
-    most_mbar: float = math.inf,
     most_samples: int = MOST_FITTED,
 ) -> Fitted:
     """Return the samples of the phases that the database speaks of, evenly some of very many.
-
-    Of those, what is above `most_mbar` is left out.
 
     Raises:
         InputError: they are too few.
         NotTrustworthyError: it does not speak of such a curve at all.
     """
     asked = curve.in_phases(phases)
-    covered = asked & database.covers(curve)
-    mask = covered & (curve.pressure_mbar <= most_mbar)
+    mask = asked & database.covers(curve)
     if int(mask.sum()) < FEWEST_POINTS:
         raise InputError(
             f"{curve.name}: {int(mask.sum())} samples to fit in phases {','.join(phases)}; "
             f"expected at least {FEWEST_POINTS}"
         )
-    beyond = int(asked.sum()) - int(covered.sum())
+    beyond = int(asked.sum()) - int(mask.sum())
     every = math.ceil(int(mask.sum()) / most_samples)
     if every > 1:
         at = np.flatnonzero(mask)[::every]

@@ -96,7 +96,6 @@ class Fitted:
     best_mm: Array  # (u,) of the model there
     linear: LinearModel
     sensor: Sensor
-    creased: Array | None = None  # (p,) of a skin that creases where this one does, if known
 
     @property
     def slope_mm_per_mbar(self) -> Array:
@@ -126,15 +125,15 @@ class Fitted:
         Of each group for itself; but the mesh locks under all openings alike.
         """
         blocks, locks = [], []
-        at = self.parameters if self.creased is None else self.creased
         for g, model, w in zip(
             self.groups, self.models, split_by_group(self.groups, self.best_mm), strict=True
         ):
-            own = model.error_shapes_mm(at)
+            own = model.error_shapes_mm(self.parameters)
             blocks.append(np.hstack([mesh_error_shapes(g.pressure_mbar, w), own]))
             size = model.locking(self.parameters[None])[0]
             locks.append(size * locking_shapes(g.pressure_mbar, w))
-        return np.hstack([block_diagonal(blocks), np.vstack(locks)])
+        columns = np.hstack([block_diagonal(blocks), np.vstack(locks)])
+        return columns[:, columns.any(axis=0)]  # most skins do not crease
 
     def probe_columns(self) -> Array:
         """Return what the probe's calibration leaves open (u, m): all samples err together."""
@@ -305,13 +304,11 @@ def assess(
     kept: NDArray[np.bool_] | None = None,
     priors: Sequence[GaussianPrior] = (),
     error_models: Sequence[ErrorModel] | None = None,
-    creased: Array | None = None,
 ) -> Uncertainty:
     """Return the posterior about the minima (m, k), points of the space's unit cube, best first.
 
     `models` are those of the groups at their stated thicknesses; `kept` (u,) are the samples that
-    belong to the curves; `error_models` are those to choose from, all that there are if None;
-    `creased` (k,) is a skin that creases where this one does, if that is not the best.
+    belong to the curves; `error_models` are those to choose from, all that there are if None.
     """
     names = space.names
     priors = list(priors)
@@ -332,10 +329,6 @@ def assess(
         stated = space.to_unit(np.append(best, 1.0))[-1]
         modes = np.column_stack([modes, np.full(len(modes), stated)])
     fitted = about(groups, models, space, modes[0], sensor, priors)
-    if creased is not None:
-        at = fitted.parameters.copy()
-        at[: len(creased)] = creased
-        fitted = replace(fitted, creased=at)
     if kept is None:
         kept = np.ones(len(fitted.samples), dtype=bool)
     thickness_error_mm = None

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from skinlab.inference.problem import Problem
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.reproduction.published_values import PAPER_BOX
+from skinlab.tables.evaluator import Evaluator
 from skinlab.tables.store import shipped_grid, shipped_table
 
 Array = NDArray[np.float64]
@@ -100,7 +101,7 @@ class Skin:
             if ((x < low) | (x > high)).any():
                 continue
             model = shipped_table().model(Geometry(6.0, thickness), PRESSURE_MBAR)
-            curve = model.deflection_mm(x[None])[0]
+            curve = model.ended().deflection_mm(x[None])[0]
             if np.isfinite(curve).all():
                 return x, thickness, curve
 
@@ -108,17 +109,22 @@ class Skin:
 Case = Blind | StandIn | Skin  # each rebuilt from its fields in every process
 
 
+def paper_grid(pressure_mbar: Array) -> Evaluator:
+    """Return the paper's grid as the paper had it: a skin ends where it creases."""
+    return shipped_grid().model(SKIN, pressure_mbar).ended()
+
+
 @lru_cache(maxsize=8)
 def problem(case: Case) -> Problem:
     """Return the problem in the paper's box, on the paper's grid."""
     pressure, deflection = case.measured()
-    model = shipped_grid().model(SKIN, pressure)
+    model = paper_grid(pressure)
     return Problem(PAPER_BOX, model.misfit(deflection), len(pressure))
 
 
 def smooth_misfit_mm() -> Array:
     """Return the stand-in's misfit (51,), mm: no change of the parameters explains any of it."""
-    model = shipped_grid().model(SKIN, PRESSURE_MBAR)
+    model = paper_grid(PRESSURE_MBAR)
     x, steps = np.array(STAND_IN_TRUTH), 1e-6 * np.array([0.09, 4.8, 0.28])
     shifts = np.diag(steps)
     rise = model.deflection_mm(x + shifts) - model.deflection_mm(x - shifts)
@@ -130,7 +136,7 @@ def smooth_misfit_mm() -> Array:
 
 def model_mm(parameters: Array) -> Array:
     """Return the grid's curves (n, 51), mm, of candidates (n, 3)."""
-    return np.asarray(shipped_grid().model(SKIN, PRESSURE_MBAR).deflection_mm(parameters))
+    return np.asarray(paper_grid(PRESSURE_MBAR).deflection_mm(parameters))
 
 
 def _model_mm(parameters: tuple[float, float, float]) -> Array:

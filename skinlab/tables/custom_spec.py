@@ -19,7 +19,7 @@ from skinlab.curves.program import MOST_PRESSURE_MBAR, Program, parse_program
 from skinlab.errors import InputError, NotTrustworthyError
 from skinlab.mechanics.effects import get_effect
 from skinlab.mechanics.effects.base import Effects
-from skinlab.mechanics.effects.model import problem_of, response
+from skinlab.mechanics.effects.model import going_on, problem_of
 from skinlab.mechanics.fem.skin import Skin
 from skinlab.mechanics.fem.suction import MESH_OF_RECORD, Discretisation, Geometry
 from skinlab.mechanics.materials.compressibility import KappaConvention
@@ -39,7 +39,7 @@ Array = NDArray[np.float64]
 _CHECKS = 12  # points at which the interpolation is compared with finite elements
 _KNOTS = 17  # of other shapes of that error
 _REACH = 0.25  # of the whole: so far such a shape is alike
-_ERRORS = "interpolation_error"
+_ERRORS, _GOES_ON = "interpolation_error", "goes_on_to"
 _CURVES = (("deflection_mm", "mm"), ("slope_mm_per_mbar", "mm/mbar"))
 MOST_ENTRIES = 1_000_000
 
@@ -174,8 +174,11 @@ class CustomSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def rows(self) -> tuple[int, int]:
-        """Rows, the check points behind those of the grid, and numbers in each."""
-        return self.entries + _CHECKS, self.abscissa.width
+        """Rows, the check points behind those of the grid, and numbers in each.
+
+        The last is how many of the nodes come before the skin creases.
+        """
+        return self.entries + _CHECKS, self.abscissa.width + 1
 
     def node(self, entry: int) -> tuple[float, ...]:
         """Return the values along the axes of the entry with this flat number."""
@@ -193,36 +196,41 @@ class CustomSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return np.stack(columns, axis=1)
 
     def row(self, entry: int) -> Array:
-        """Return one entry's row (width,) by finite elements, NaN where the skin does not hold."""
+        """Return one entry's row by finite elements, NaN where the skin does not go on either."""
         between = entry - self.entries
         point = self.node(entry) if between < 0 else self.check_points()[between]
         skin, effects = self.skin(point)
+        held = np.ones(len(self.abscissa.nodes), dtype=bool)
 
         def respond(path: PressurePath, time_s: Array, pressure_mbar: Array) -> Array:
-            return response(
+            found = going_on(
                 skin, effects, self.geometry, path, time_s, pressure_mbar,
                 cycle=self.measurement.cycle, discretisation=self.discretisation,
-            ).deflection_mm  # fmt: skip
+            )  # fmt: skip
+            np.logical_and(held, found.held, out=held)
+            return found.deflection_mm
 
-        return self.abscissa.row(respond)
+        row = self.abscissa.row(respond)
+        return np.append(row, _first_lost(held[None])[0])
 
     def table(self, rows: Array, solver_version: str, versions: dict[str, str]) -> Table:
         """Return the table made of all rows."""
-        abscissa = self.abscissa
-        count = len(abscissa.nodes)
-        held = np.all(np.isfinite(rows).reshape(len(rows), -1, count), axis=1)
-        first_lost = np.where(np.all(held, axis=1), count, np.argmin(held, axis=1))
-        holds_to = np.where(first_lost > 0, abscissa.nodes[first_lost - 1], -np.inf)
+        nodes, width = self.abscissa.nodes, self.abscissa.width
+        rows, held = rows[:, :-1].copy(), rows[:, -1].astype(int)
+        going = np.all(np.isfinite(rows).reshape(len(rows), -1, len(nodes)), axis=1)
+        gone = np.maximum(_first_lost(going), held)
         # Later samples that seem to hold again are of a skin that did not get there.
-        lost = np.arange(count) >= first_lost[:, None]
-        rows = rows.copy()
-        rows[np.tile(lost, abscissa.width // count)] = np.nan
+        lost = np.arange(len(nodes)) >= gone[:, None]
+        rows[np.tile(lost, width // len(nodes))] = np.nan
+        holds, goes_on = (
+            np.where(n > 0, nodes[n - 1], -np.inf)[: self.entries].reshape(self.shape)
+            for n in (held, gone)
+        )
         grid, between = np.split(rows, [self.entries])
         curves = fill_curves(grid.reshape(*self.shape, -1))
-        holds = holds_to[: self.entries].reshape(self.shape)
-        errors = self._errors(curves, holds, between)
+        extra = {_ERRORS: self._errors(curves, holds, between), _GOES_ON: goes_on}
         facts = {"versions": versions}
-        return Table(self, curves, holds, self.mesh_name, solver_version, {_ERRORS: errors}, facts)
+        return Table(self, curves, holds, self.mesh_name, solver_version, extra, facts)
 
     def _errors(self, curves: Array, holds_to: Array, computed: Array) -> Array:
         """Return interpolated less computed rows (m, width); zero where either ends."""
@@ -240,7 +248,7 @@ class CustomSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         """Compute an entry again; return how it differs in a sentence, or ''."""
         nodes = self.abscissa.nodes
         at = np.unravel_index(entry, self.shape)
-        computed = self.row(entry).reshape(-1, len(nodes))
+        computed = self.row(entry)[:-1].reshape(-1, len(nodes))
         stored = table.values[at].reshape(-1, len(nodes))
         held = nodes <= table.holds_to[at]  # beyond: filled, not computed
         off = np.abs(computed - stored)[:, held]
@@ -331,6 +339,7 @@ class CustomSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             wide @ q,
             table.holds_to,
             np.minimum(along, end),
+            goes_on_to=table.extra.get(_GOES_ON),
             errors_mm=_error_shapes(operator @ errors.T, along / end),
         )
 
@@ -411,6 +420,11 @@ class CustomSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             ),
             Dataset(_ERRORS, table.extra[_ERRORS], "mm; slopes mm/mbar"),
             Dataset(f"holds_to_{abscissa.unit}", table.holds_to, abscissa.unit),
+            *(
+                Dataset(f"{name}_{abscissa.unit}", table.extra[name], abscissa.unit)
+                for name in [_GOES_ON]
+                if name in table.extra
+            ),
         ]
 
     def parameter(self, name: str) -> Parameter:
@@ -442,13 +456,17 @@ class CustomSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             (abscissa.width,),
         ):
             raise InputError("its arrays are not of its spec's shape; it is damaged")
+        extra = {_ERRORS: errors}
+        beyond = f"{_GOES_ON}_{abscissa.unit}"
+        if beyond in file:  # tables built before ended where the skin creases
+            extra[_GOES_ON] = file[beyond][:]
         return Table(
             spec,
             np.concatenate(curves, axis=-1),
             holds_to,
             spec.mesh_name,
             str(file.attrs["solver_version"]),
-            {_ERRORS: errors},
+            extra,
             {"versions": versions},
         )
 
@@ -555,6 +573,11 @@ def _check_corners(spec: CustomSpec) -> None:
         except InputError as error:
             at = ", ".join(f"{n} {v:g}" for n, v in zip(spec.axis, corner, strict=True))
             raise InputError(f"axis: at {at}: {error}") from None
+
+
+def _first_lost(held: NDArray[np.bool_]) -> NDArray[np.int_]:
+    """Return how many nodes (m,) come before the first that is not held, of (m, n)."""
+    return np.asarray(np.where(held.all(axis=1), held.shape[1], np.argmin(held, axis=1)))
 
 
 def _error_shapes(errors: Array, along: Array) -> Array:

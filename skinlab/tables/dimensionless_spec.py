@@ -30,11 +30,13 @@ from skinlab.curves.curve import Curve
 from skinlab.errors import InputError, NotTrustworthyError
 from skinlab.mechanics.effects.base import Effects
 from skinlab.mechanics.fem.suction import (
+    BLUNT_MESHES,
     EXTENSION_ABOVE,
     EXTENSION_BELOW_MBAR,
     MBAR,
     MESH_OF_RECORD,
     Geometry,
+    SuctionCurve,
     solve,
 )
 from skinlab.mechanics.materials import DEFAULT_LAW, Law, get_law
@@ -52,6 +54,8 @@ from skinlab.tables.table import Asked, Dataset, Table, plain_point
 
 Array = NDArray[np.float64]
 
+_GOES_ON = "goes_on_to_load"
+_BLUNT = BLUNT_MESHES[1]  # does not crease where a soft surface does, and is cheap
 TOLERANCE_LOG = 1e-6  # other processors round differently
 _SCALE_NODES = 24  # along the logarithm of the scale, between the table's bounds
 _MOST_SAMPLES = 110
@@ -216,13 +220,14 @@ class DimensionlessSpec:
 
     @property
     def rows(self) -> tuple[int, int]:
-        """Rows, and numbers in each: log compliances, and the q to which it holds."""
-        return self.entries, self.load_nodes + 1
+        """Rows, and numbers in each: log compliances, the q to which it holds, and goes on."""
+        return self.entries, self.load_nodes + 2
 
     def row(self, entry: int) -> Array:
-        """Return one entry: log compliance (load,), NaN beyond the q to which it holds; that q.
+        """Return one entry: log compliance (load,); the q to which it holds, and goes on.
 
-        By finite elements with R = 1 mm and a scale of 1 MPa.
+        By finite elements with R = 1 mm and a scale of 1 MPa. Where the skin creases it goes on
+        with a blunter edge, moved to meet the curve there; NaN beyond the end of that.
         """
         law = get_law(self.law)
         at = np.unravel_index(entry, self.shape)
@@ -239,39 +244,43 @@ class DimensionlessSpec:
 
         # Steps in the table's own units: R = 1 mm, scale = 1 MPa, so that 1 mbar is q = 1e-4.
         steps = StepSettings(extrapolation_error=3e-5, smallest_step_mbar=0.5, limit_mbar=20.0)
+        geometry = Geometry(2.0, thickness)
+        skin = values if ratio is None else law.with_ratio(values, ratio)
+        top_mbar = self.most_load / MBAR
         curve = solve(
-            Geometry(2.0, thickness),
-            values if ratio is None else law.with_ratio(values, ratio),
-            self.most_load / MBAR,
-            law=self.law,
-            discretisation=MESHES[self.mesh_name],
-            settings=steps,
-            below_mbar=-self.least_load / MBAR,
-        )
-        nodes = self.load_coordinates()
-        load = self.load_scale * np.sinh(nodes) / _compliance(thickness)
+            geometry, skin, top_mbar, law=self.law, discretisation=MESHES[self.mesh_name],
+            settings=steps, below_mbar=-self.least_load / MBAR,
+        )  # fmt: skip
+        load = self.load(self.load_coordinates(), thickness)
         holds_to = curve.holds_to_mbar * MBAR
-        held = np.flatnonzero((load >= self.least_load) & (load <= holds_to))
-        q = load[held]
-        dome = curve.spline
-        with np.errstate(invalid="ignore"):
-            secant = dome(q / MBAR) / q
-        secant[np.abs(q) < 1e-9] = dome(0.0, 1) / MBAR  # at zero the secant is the tangent
-        row = np.full(len(nodes), np.nan)
-        row[held] = np.log(secant)
-        return np.append(row, holds_to)
+        row = _log_secant(
+            curve, np.where((load >= self.least_load) & (load <= holds_to), load, np.nan)
+        )
+        if not curve.stopped:
+            return np.append(row, [holds_to, holds_to])
+        blunt = solve(
+            geometry, skin, top_mbar, law=self.law, discretisation=_BLUNT,
+            settings=replace(steps, extrapolation_error=3e-4),
+        )  # fmt: skip
+        goes_to = max(blunt.holds_to_mbar * MBAR, holds_to)
+        beyond = (load > holds_to) & (load <= goes_to)
+        if beyond.any():
+            ends = np.array([holds_to])
+            row[beyond] = _log_secant(blunt, load[beyond])
+            row[beyond] += _log_secant(curve, ends) - _log_secant(blunt, ends)
+        return np.append(row, [holds_to, goes_to])
 
     def table(self, rows: Array, solver_version: str, versions: dict[str, str]) -> Table:
         """Return the table made of all rows."""
         del versions
-        compliance = rows[:, :-1].reshape(*self.shape, -1)
+        compliance = rows[:, :-2].reshape(*self.shape, -1)
         filled = fill_ratios(compliance, self.load_coordinates()).astype(np.float32)
-        holds = np.ascontiguousarray(rows[:, -1]).reshape(self.shape)
-        return Table(self, filled, holds, self.mesh_name, solver_version)
+        holds, goes_on = (np.ascontiguousarray(at).reshape(self.shape) for at in rows[:, -2:].T)
+        return Table(self, filled, holds, self.mesh_name, solver_version, extra={_GOES_ON: goes_on})
 
     def difference(self, table: Table, entry: int) -> str:
         """Compute an entry again; return how it differs in a sentence, or ''."""
-        *computed, holds_to = self.row(entry)
+        *computed, holds_to, _ = self.row(entry)
         at = np.unravel_index(entry, self.shape)
         off = np.abs(np.array(computed) - table.values[at])  # NaN: filled, not computed
         worst, stored = float(np.nanmax(off)), float(table.holds_to[at])
@@ -360,9 +369,10 @@ class DimensionlessSpec:
             axes,
             tensor_spline(axes, grid.reshape(*(len(axis.nodes) for axis in axes), -1)),
             q if wide is None else wide @ q,
-            self._hold_to(table, thicknesses),
+            self._at(table.holds_to, thicknesses),
             asked.pressure_mbar,
             load_mbar=1.0 / MBAR,
+            goes_on_to=self._at(table.extra.get(_GOES_ON, table.holds_to), thicknesses),
         )
 
     def any_geometry(self, table: Table, kappa: KappaConvention) -> AnyGeometry:
@@ -432,10 +442,10 @@ class DimensionlessSpec:
         spread = basis(nodes, at) @ coefficients(np.eye(_PRESSURE_NODES), 0)
         return softest / MBAR * self.load(nodes, thickness), spread
 
-    def _hold_to(self, table: Table, log_thicknesses: Array) -> Array:
-        """Return the load to which the nodes (ratios…[, thickness]) hold."""
+    def _at(self, loads: Array, log_thicknesses: Array) -> Array:
+        """Return loads (h/R, ratios…) at the nodes (ratios…[, thickness])."""
         nodes = self.thickness.coordinates()
-        limits = np.log(table.holds_to).reshape(len(nodes), -1)
+        limits = np.log(loads).reshape(len(nodes), -1)
         below = np.clip(
             np.searchsorted(nodes, log_thicknesses, side="right") - 1, 0, len(nodes) - 2
         )
@@ -501,6 +511,7 @@ class DimensionlessSpec:
         return [
             Dataset("log_compliance", table.values, "1", axes),
             Dataset("holds_to_load", table.holds_to, "1"),
+            *(Dataset(name, values, "1") for name, values in table.extra.items()),
         ]
 
     @classmethod
@@ -530,7 +541,17 @@ class DimensionlessSpec:
             file["holds_to_load"][:],
             str(attrs["mesh"]),
             str(attrs["solver_version"]),
+            # Tables built before ended where the skin creases.
+            extra={_GOES_ON: file[_GOES_ON][:]} if _GOES_ON in file else {},
         )
+
+
+def _log_secant(curve: SuctionCurve, load: Array) -> Array:
+    """Return log(w / (R q)) of a curve of R = 1 mm at loads q (n,); NaN at NaN."""
+    secant = np.where(np.abs(load) < 1e-9, curve.spline(0.0, 1) / MBAR, np.nan)  # the tangent
+    some = np.isfinite(load) & (np.abs(load) >= 1e-9)
+    secant[some] = curve.spline(load[some] / MBAR) / load[some]
+    return np.asarray(np.log(secant))
 
 
 def _stored_axis(default: Axis, at: list[float]) -> Axis:

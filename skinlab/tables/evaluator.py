@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from typing import Protocol
 
 import numpy as np
@@ -56,14 +57,16 @@ class Evaluator:
         along: Array,
         *,
         load_mbar: float | None = None,
+        goes_on_to: Array | None = None,
         errors_mm: Array | None = None,
     ) -> None:
         """Prepare.
 
         `basis` (u, k) is orthonormal, `tensor` gives components; `holds_to` (n1, …, nd) is how
-        far each node holds and `along` (u,) where the samples are, both along what the table holds
-        its curves. With `load_mbar` the latter are in mbar, and `holds_to` (n2, …, nd), which does
-        not depend on the law's scale, is per unit of `load_mbar` times that.
+        far each node holds, `goes_on_to` how far it goes on beyond a crease (None: no further) and
+        `along` (u,) where the samples are, all along what the table holds its curves. With
+        `load_mbar` the last are in mbar, and the first two (n2, …, nd), which do not depend on the
+        law's scale, are per unit of `load_mbar` times that.
         `errors_mm` (u, m) are shapes in which the curves err as a whole.
         """
         self.space = space
@@ -71,18 +74,29 @@ class Evaluator:
         self._limit_axes = self._axes if load_mbar is None else self._axes[1:]
         ends = np.array([(*axis.ends, axis.nodes[0], axis.nodes[-1]) for axis in self._axes])
         self._low, self._high, self._first, self._last = ends.T
-        self._log_limit = TensorBSpline(  # linear between the nodes
+        limits = np.stack([holds_to, holds_to if goes_on_to is None else goes_on_to], axis=-1)
+        self._log_limits = TensorBSpline(  # linear between the nodes
             [knots_through(axis.nodes, 1) for axis in self._limit_axes],
             [1] * len(self._limit_axes),
-            np.log(np.maximum(holds_to, _NOTHING))[..., None],
+            np.log(np.maximum(limits, _NOTHING)),
         )
+        self._ends = 1  # of the limits: where a candidate has no answer any more
         self._along, self._load_mbar = along, load_mbar
         self._top = max(float(along.max(initial=0.0)), 1e-8)
         self._errors = np.zeros((len(basis), 0)) if errors_mm is None else errors_mm
         self._placed: tuple[bytes, tuple[Array, Array]] = (b"", (np.empty(0), np.empty(0)))
 
+    def ended(self) -> Evaluator:
+        """Return the same without what goes on beyond a crease, but for a little."""
+        other = copy(self)
+        other._ends = 0
+        return other
+
     def _points(self, parameters: Array) -> tuple[Array, Array]:
-        """Return coordinates (n, d) of parameters, and how far they hold (n,); -inf outside."""
+        """Return coordinates (n, d) of parameters; how far they hold and go on (2, n).
+
+        -inf outside of the table.
+        """
         # Fits ask for the values and then for the slopes at the same candidates
         asked = parameters.tobytes()
         if asked != self._placed[0]:
@@ -97,23 +111,23 @@ class Evaluator:
         inside = ((at >= self._low) & (at <= self._high)).all(axis=1)
         points = np.fmin(np.fmax(at, self._first), self._last)
         limit_at = points[:, len(self._axes) - len(self._limit_axes) :]
-        reach = np.exp(self._log_limit(limit_at)[:, 0])
+        reach = np.exp(self._log_limits(limit_at).T)
         if self._load_mbar is not None:
             reach = reach * scale * self._load_mbar
         return points, np.where(inside, reach, -np.inf)
 
     def holds_to(self, parameters: Array) -> Array:
         """Return how far (n,) candidates hold; -inf outside of the table."""
-        return self._points(parameters)[1]
+        return np.asarray(self._points(parameters)[1][0])
 
     def creases(self, parameters: Array) -> NDArray[np.bool_]:
         """Return which candidates (n,) end before the samples do, and go on all the same."""
-        return np.asarray(self._points(parameters)[1] < self._top)
+        return np.asarray(self._points(parameters)[1][0] < self._top)
 
     def coordinates(self, parameters: Array) -> Array:
         """Return the components (n, k) of candidates (n, p); NaN where the table does not hold."""
         points, reach = self._points(parameters)
-        inside = reach * CONTINUED >= self._top
+        inside = reach[self._ends] * CONTINUED >= self._top
         if inside.all():
             return self._tensor(points)
         found = np.full((len(points), self.basis.shape[1]), np.nan)
@@ -123,7 +137,7 @@ class Evaluator:
     def coordinate_slopes(self, parameters: Array) -> Array:
         """Return derivatives (n, k, p) of the components by the parameters."""
         points, reach = self._points(parameters)
-        inside = reach * CONTINUED >= self._top
+        inside = reach[self._ends] * CONTINUED >= self._top
         some, values = (
             (points, parameters) if inside.all() else (points[inside], parameters[inside])
         )
@@ -147,7 +161,7 @@ class Evaluator:
         """
         points, reach = self._points(parameters[None])
         deflection = self._tensor(points)[0] @ self.basis.T
-        relative = crease_shapes(self._along / max(float(reach[0]), _NOTHING))
+        relative = crease_shapes(self._along / max(float(reach[0, 0]), _NOTHING))
         return np.hstack([self._errors, deflection[:, None] * relative])
 
     def locking(self, parameters: Array) -> Array:

@@ -11,9 +11,9 @@ from skinlab.curves.curve import FEWEST_POINTS, Curve, Setup
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.errors import InputError, NotTrustworthyError
 from skinlab.mechanics.effects.base import Effects
-from skinlab.mechanics.effects.model import Sensors, is_physical, response
+from skinlab.mechanics.effects.model import Sensors, going_on, is_physical
 from skinlab.mechanics.fem.skin import Skin
-from skinlab.mechanics.fem.suction import BLUNT_MESHES, Geometry
+from skinlab.mechanics.fem.suction import Geometry
 from skinlab.tables.base import Database
 from skinlab.tables.evaluator import Evaluator
 from skinlab.tables.table import Table
@@ -52,23 +52,12 @@ def simulate(
         if np.isfinite(deflection).all():
             deflection = sensors.read(time_s, deflection, 0.0)
             return _as_far_as_it_holds(setup, time_s, pressure, deflection)
-    found = response(skin, effects, geometry, path, time_s, cycle=setup.cycle)
-    held = np.isfinite(found.deflection_mm)
-    end = int(np.argmin(held))
-    if held.all() or end < FEWEST_POINTS:
-        return _as_far_as_it_holds(setup, time_s, pressure, found.deflection_mm)
-    for mesh in BLUNT_MESHES:
-        blunt = response(
-            skin, effects, geometry, path, time_s, cycle=setup.cycle, discretisation=mesh
-        ).deflection_mm
-        if np.isfinite(blunt).all():
-            break
-    off = float(found.deflection_mm[end - 1] - blunt[end - 1])
-    whole = np.where(held, found.deflection_mm, blunt + off)
-    if not np.isfinite(whole[end]):
-        return _as_far_as_it_holds(setup, time_s, pressure, found.deflection_mm)
-    curve, ends = _as_far_as_it_holds(setup, time_s, pressure, whole)
-    error_um = 1e3 * max(abs(off), LEAST_CREASE * float(curve.deflection_mm.max()))
+    found = going_on(skin, effects, geometry, path, time_s, cycle=setup.cycle)
+    if found.held.all() or int(np.argmin(found.held)) < FEWEST_POINTS or not found.moved_mm:
+        own = np.where(found.held, found.deflection_mm, np.nan)
+        return _as_far_as_it_holds(setup, time_s, pressure, own)
+    curve, ends = _as_far_as_it_holds(setup, time_s, pressure, found.deflection_mm)
+    error_um = 1e3 * max(abs(found.moved_mm), LEAST_CREASE * float(curve.deflection_mm.max()))
     warning = (
         f"crease: the surface creases at the tape's edge at {found.holds_to_mbar:.4g} mbar; beyond "
         f"that the curve is one with a blunter edge, good to about {error_um:.2g} µm"
@@ -104,15 +93,25 @@ def simulate_from(
         return table.model(geometry, pressure[:samples], skin.kappa, time_s=time_s[:samples])
 
     deflection = np.full(len(time_s), np.nan)
-    holds, fails = 0, 1 + (len(covered) if covered.all() else int(covered.argmin()))
+    there, holds = None, 0
+    fails = 1 + (len(covered) if covered.all() else int(covered.argmin()))
     while fails - holds > 1:  # the whole first, then halves: a part holds where more of it does
         samples = fails - 1 if holds == 0 and fails > len(time_s) else (holds + fails) // 2
-        there = model(samples)
-        if not there.creases(parameters[None])[0]:
-            deflection[:samples], holds = there.deflection_mm(parameters[None])[0], samples
+        tried = model(samples)
+        found = tried.deflection_mm(parameters[None])[0]
+        if np.isfinite(found).all():
+            deflection[:samples], there, holds = found, tried, samples
         else:
             fails = samples
-    return _as_far_as_it_holds(setup, time_s, pressure, deflection)
+    curve, ends = _as_far_as_it_holds(setup, time_s, pressure, deflection)
+    if there is None or not there.creases(parameters[None])[0]:
+        return curve, ends
+    error_mm = np.linalg.norm(there.error_shapes_mm(parameters), axis=1).max()
+    crease = (
+        "crease: the surface creases at the tape's edge before the end; beyond that the curve is "
+        f"one with a blunter edge, good to about {1e3 * error_mm:.2g} µm"
+    )
+    return curve, crease if ends is None else f"{crease}; {ends}"
 
 
 def check_law_of(table: Database, law: str, what: str = "this database") -> None:

@@ -14,6 +14,11 @@ Array = NDArray[np.float64]
 # A finer mesh creases earlier, and its dome then is higher by a jump: root mean squares of what
 # comes in between these shares of the pressure up to which the mesh of record holds.
 CREASE = ((0.3, 0.6, 3e-3), (0.6, 0.8, 4e-3), (0.8, 1.0, 8e-3))
+# Beyond, the curve is that of a blunter edge, and how blunt is not known.
+BEYOND = ((1.0, 1.5, 4e-3), (1.5, 2.5, 8e-3), (2.5, 5.0, 8e-3))
+# By so much the bluntness of the edge moves the whole dome of a skin that creases before its curve
+# ends: all of it where the end is at the second of these shares, nothing at the first.
+LEVEL = (0.7, 1.1, 8e-3)
 # Of too low a dome, per root of κ/(μ/2): 0.12 % at ν = 0.3, 0.4 % at 0.48, 1.7 % at 0.499.
 LOCKING = 5.5e-4
 LOCKING_SHAPES = (1.0, 0.12, 0.05)  # of that, by orders of shifted Legendre polynomials of p/p_max
@@ -21,9 +26,10 @@ LOCKING_SHAPES = (1.0, 0.12, 0.05)  # of that, by orders of shifted Legendre pol
 
 def crease_shapes(share: Array) -> Array:
     """Return shapes (u, m) at shares (u,) of the pressure up to which the skin holds."""
-    return np.stack(
-        [size * _smooth((share - low) / (high - low)) for low, high, size in CREASE], axis=1
-    )
+    low, high, size = LEVEL
+    level = size * _smooth((share.max(initial=0.0) - low) / (high - low))
+    steps = [s * _smooth((share - a) / (b - a)) for a, b, s in (*CREASE, *BEYOND)]
+    return np.column_stack([np.full(len(share), level), *steps])
 
 
 def locking(kappa_ratio: Array) -> Array:

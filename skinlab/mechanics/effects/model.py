@@ -20,6 +20,7 @@ from skinlab.mechanics.effects.base import Effect, Effects
 from skinlab.mechanics.fem.relaxation import RelaxingCurve, relax
 from skinlab.mechanics.fem.skin import Skin, SkinProblem, prepare
 from skinlab.mechanics.fem.suction import (
+    BLUNT_MESHES,
     EXTENSION_ABOVE,
     EXTENSION_BELOW_MBAR,
     MESH_OF_RECORD,
@@ -145,6 +146,57 @@ def response(
     curve = solve_skin(problem, felt, discretisation)
     w = sensors.read(times, curve.at(when, pressure), float(times[0]) if len(times) else 0.0)
     return Response(w, curve.holds_to_mbar, curve.stopped)
+
+
+@dataclass(frozen=True)
+class GoneOn:
+    """What is recorded, beyond a crease at the tape's edge too."""
+
+    deflection_mm: Array  # (n,), NaN where a blunter edge does not go on either
+    held: NDArray[np.bool_]  # (n,) where the mesh itself holds
+    holds_to_mbar: float
+    moved_mm: float  # the curve of the blunter edge, to meet the other; 0 where there is none
+
+
+def going_on(
+    skin: Skin,
+    effects: Effects,
+    geometry: Geometry,
+    path: PressurePath,
+    time_s: ArrayLike,
+    pressure_mbar: ArrayLike | None = None,
+    *,
+    cycle: int = 1,
+    discretisation: Discretisation = MESH_OF_RECORD,
+) -> GoneOn:
+    """Return what `response` says and, from where the skin creases, what a blunter edge gives.
+
+    That is the first of `BLUNT_MESHES` that reaches the end, moved to meet the curve where that
+    ends. A skin that does not hold for the first sample does not go on.
+
+    Raises:
+        InputError: a value is out of its range.
+    """
+
+    def along(mesh: Discretisation) -> Response:
+        return response(
+            skin, effects, geometry, path, time_s, pressure_mbar, cycle=cycle, discretisation=mesh
+        )
+
+    found = along(discretisation)
+    held = np.isfinite(found.deflection_mm)
+    end = int(np.argmin(held))
+    if held.all() or end == 0:
+        return GoneOn(found.deflection_mm, held, found.holds_to_mbar, 0.0)
+    for mesh in BLUNT_MESHES:
+        blunt = along(mesh).deflection_mm
+        if np.isfinite(blunt).all():
+            break
+    moved = float(found.deflection_mm[end - 1] - blunt[end - 1])
+    if not np.isfinite(moved + blunt[end]):
+        return GoneOn(found.deflection_mm, held, found.holds_to_mbar, 0.0)
+    whole = np.where(held, found.deflection_mm, blunt + moved)
+    return GoneOn(whole, held, found.holds_to_mbar, moved)
 
 
 @dataclass(frozen=True)

@@ -1,11 +1,15 @@
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from skinlab.curves.pressure_path import PressurePath
 from skinlab.errors import InputError, NotTrustworthyError
+from skinlab.mechanics.effects.model import going_on
+from skinlab.mechanics.fem.skin import Skin
 from skinlab.mechanics.fem.suction import Geometry, solve
 from skinlab.mechanics.materials.compressibility import kappa_ratio, nu_from_ratio
 from skinlab.tables.build import build, rebuilt_differences
@@ -15,6 +19,7 @@ from skinlab.tables.splines import basis, coefficients
 from skinlab.tables.store import read, write
 
 STANDARD = Geometry(6.0, 1.0)
+FE_REFERENCE = Path(__file__).parents[2] / "data" / "fe_reference"
 TRUE = np.array([[0.03, 1.0, 0.32]])
 
 
@@ -85,9 +90,10 @@ def test_the_papers_grid_and_the_table_agree_at_the_grids_nodes(table, grid):
     compared = 0
     for entry in rng.choice(grid.spec.entries, 60, replace=False):
         at = np.unravel_index(entry, grid.spec.shape)
-        found = model.deflection_mm(np.array([grid.spec.parameters(int(entry))]))[0]
-        if np.isfinite(found).all():
+        parameters = np.array([grid.spec.parameters(int(entry))])
+        if not model.creases(parameters)[0]:
             compared += 1
+            found = model.deflection_mm(parameters)[0]
             assert np.abs(found - grid.values[at]).max() < 1e-3
     assert compared >= 50
 
@@ -164,14 +170,26 @@ def test_parameters_outside_have_no_value_and_a_name(table, parameters, axis):
     assert np.isnan(model.deflection_mm(at[None])).all() or axis == "nu"
 
 
-def test_a_creased_skin_has_no_value_beyond_its_pressure(table):
-    soft = np.array([[0.01, 0.1, 0.2]])
-    model = table.model(STANDARD, np.linspace(0, 100, 11))
-    holds_to = float(model.holds_to(soft)[0])
-    assert 5 < holds_to < 30  # the finite elements say 23 mbar
-    assert np.isnan(model.deflection_mm(soft)).all()
-    low = table.model(STANDARD, np.linspace(0, 0.99 * holds_to, 11))
-    assert np.isfinite(low.deflection_mm(soft)).all()
+def test_a_creased_skin_goes_on_with_a_blunter_edge(table):
+    soft = (0.01, 0.1, 0.2)
+    pressure = np.linspace(0, 100, 11)
+    model = table.model(STANDARD, pressure)
+    assert 5 < float(model.holds_to(np.array([soft]))[0]) < 30  # the finite elements say 23 mbar
+    found = model.deflection_mm(np.array([soft]))[0]
+    path = PressurePath((0.0, 1.0), (0.0, 100.0))
+    direct = going_on(Skin(soft), {}, STANDARD, path, pressure / 100, pressure)
+    assert direct.moved_mm != 0.0
+    np.testing.assert_allclose(found, direct.deflection_mm, rtol=1e-2)
+    file = FE_REFERENCE / "fe_X1-0.0100_X2-0.100_nu-0.2000_paper_h1.00_R3.00.csv"
+    at, other = np.loadtxt(file, delimiter=",", skiprows=1).T  # its edge is blunter
+    np.testing.assert_allclose(found, np.interp(pressure, at, other), rtol=1.5e-2)
+
+
+def test_a_skin_whose_blunter_edge_ends_too_has_no_value(table):
+    """Nearly without a resistance to volume, and 1,000 times stiffer where it is stretched."""
+    end = np.array([[0.005, 5.0, 0.0]])
+    thin = Geometry(8.0, 0.52)
+    assert np.isnan(table.model(thin, np.linspace(0, 500, 11)).deflection_mm(end)).all()
 
 
 @pytest.mark.parametrize("convention", ["paper", "consistent"])
@@ -237,7 +255,7 @@ def test_a_skin_beside_one_that_creases_has_the_finite_elements_curve(table):
     np.testing.assert_allclose(model.deflection_mm(at[None])[0], direct(pressure), atol=1e-4)
 
 
-def test_a_curve_goes_on_a_little_beyond_its_limit_and_says_how_wrong_it_may_be(table):
+def test_a_curve_says_how_wrong_it_may_be_beyond_its_limit(table):
     soft = np.array([0.01, 0.1, 0.2])
     holds_to = float(table.model(STANDARD, np.array([1.0])).holds_to(soft[None])[0])
     within, beyond = (
@@ -248,7 +266,8 @@ def test_a_curve_goes_on_a_little_beyond_its_limit_and_says_how_wrong_it_may_be(
     deflection = beyond.deflection_mm(soft[None])[0]
     assert np.isfinite(deflection).all()
     crease = beyond.error_shapes_mm(soft).T / np.maximum(deflection, 1e-9)
-    assert np.linalg.norm(crease, axis=0)[-1] == pytest.approx(0.0094, rel=0.05)
+    # 0.9 % by where a finer mesh creases, 0.8 % by how blunt the edge is.
+    assert np.linalg.norm(crease, axis=0)[-1] == pytest.approx(0.0125, rel=0.05)
     assert (np.diff(np.linalg.norm(crease, axis=0)) >= 0).all()
     assert not np.any(within.error_shapes_mm(soft))
 
