@@ -25,6 +25,7 @@ from skinlab.discrepancy.search import LOG10, Candidate
 from skinlab.discrepancy.settings import NAMES
 from skinlab.inference.error_choice import Node
 from skinlab.inference.noise import legendre
+from skinlab.mechanics.effects import get_effect
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -148,7 +149,10 @@ class Discipline:
         )
 
     def _steps(self, best: Candidate) -> Trial:
-        errors = self._errors.looks[-1].mode
+        # A learned function follows corners nearly: by its own errors what it leaves there stands
+        # out, though pure error is larger.
+        learned = any(get_effect(name).family for name in best.effects)
+        errors = (self._errors.pure if learned else self._errors.looks[-1]).mode
         more = steps(self._records, errors, self._linear[id(best)].residual_mm)
         passed = more < NAMES.steps
         return Trial(

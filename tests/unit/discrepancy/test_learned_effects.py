@@ -15,6 +15,7 @@ from skinlab.curves.program import parse_program
 from skinlab.discrepancy import cache
 from skinlab.discrepancy.adopt import adopted
 from skinlab.discrepancy.campaign_errors import CampaignErrors
+from skinlab.discrepancy.discipline import Discipline
 from skinlab.discrepancy.families import against_families, families, find_families
 from skinlab.discrepancy.fit import Fitter
 from skinlab.discrepancy.heldout import HeldOut
@@ -343,3 +344,12 @@ def test_a_forward_curve_has_what_was_learned():
     plain = response(SKIN, {}, geometry, path, t).deflection_mm
     with_it = response(SKIN, values, geometry, path, t).deflection_mm
     assert np.allclose(1e3 * (with_it - plain), 12.0 * np.sin(0.5 * np.pi * plain / 2.0))
+
+
+def test_corners_that_a_function_follows_nearly_are_no_steps_of_tape(table):
+    search, found = learn(campaign(RAMPS, felt=stuck), table)
+    best = found.candidates[0]
+    linear = {id(c): search.linear(c.fit) for c in (found.base, best)}
+    discipline = Discipline(search.fitter.records, search.errors, linear)
+    trials = discipline.trials(best, found.base, [best], [], HeldOut(3.0, 3.0, 3.0, (), 3.0))
+    assert next(t for t in trials if t.name == "steps").passed
