@@ -142,7 +142,7 @@ class LineDialect:
         values = {name: self._value(name, match[name]) for name in grammar.columns}
         sequence = values.get("sequence")
         if sequence is not None and not (sequence >= 0 and sequence.is_integer()):
-            raise RemoteProtocolError(f"sequence {sequence:g} is no count")
+            raise RemoteProtocolError(f"sequence {sequence:g} is not a count")
         return Reading(
             pressure_mbar=values["pressure"],
             deflection_mm=values["deflection"],
@@ -157,7 +157,7 @@ class LineDialect:
         try:
             number = float(text.strip().replace(self._grammar.decimal, ".").replace("_", "x"))
         except ValueError:
-            raise RemoteProtocolError(f"{name} {text[:40]!r} is no number") from None
+            raise RemoteProtocolError(f"{name} {text[:40]!r} is not a number") from None
         number = number * column.scale + column.offset
         factor = _UNITS[name][column.unit]
         inverse = _INVERSES.get(factor)
@@ -360,7 +360,7 @@ def _check_groups(
         raise _BadFieldError(f"dialect.pattern has no group (?P<{name}>...)")
     for name in sorted(groups - wanted - ({"payload"} if checksum else set())):
         raise _BadFieldError(
-            f"dialect.pattern has a group {name!r}, which is no column"
+            f"dialect.pattern has a group {name!r}, which is not a column"
             + (" and needs [checksum]" if name in {"checksum", "payload"} else "")
         )
 
@@ -444,7 +444,7 @@ def _pattern(text: str, where: str) -> re.Pattern[str]:
             warnings.simplefilter("error")  # Python's, of what may mean something else one day
             pattern = re.compile(text, re.ASCII)
     except (re.error, OverflowError, RecursionError, Warning) as error:
-        raise _BadFieldError(f"{where} is no regular expression: {error}") from None
+        raise _BadFieldError(f"{where} is not a regular expression: {error}") from None
     atoms = _atoms(text)
     repeats = 0
     for k, (atom, begin) in enumerate(atoms):

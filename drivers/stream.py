@@ -161,7 +161,7 @@ class StreamConnection(Incoming):
             try:
                 zero_s, *ends = (float(x) for x in rest.split())
             except ValueError:
-                raise RemoteProtocolError(f"{data[:40]!r} is no mark") from None
+                raise RemoteProtocolError(f"{data[:40]!r} is not a mark") from None
             self._stop("another curve is waited for")
             self._following, self._vented, self._seen_zero = True, False, False
             self._say(InstrumentState.ARMED, "waits for the pressure to leave zero")
@@ -173,7 +173,7 @@ class StreamConnection(Incoming):
                 self._buffer.clear()
                 self._begin_anew()
         else:
-            raise RemoteProtocolError(f"{data[:40]!r} is no mark")
+            raise RemoteProtocolError(f"{data[:40]!r} is not a mark")
 
     # ---- what a reading means ---------------------------------------------------------------
 

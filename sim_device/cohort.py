@@ -248,7 +248,7 @@ class Cohort:
         mean = self._spec.skin
         nu = mean.nu + shift.nu
         if not _NU[0] <= nu <= _NU[1]:
-            raise ValueError(f"nu {nu:g} is no skin's")
+            raise ValueError(f"nu {nu:g} is not a skin's")
         return SkinSection(
             X1_MPa=mean.X1_MPa * math.exp(shift.X1 + shift.stiffness),
             X2_MPa=mean.X2_MPa * math.exp(shift.X2 + shift.stiffness),

@@ -89,7 +89,7 @@ class Fault(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def __post_init__(self) -> None:
         """Refuse an unknown kind, and what the kind does not have, or not so much of."""
         if self.kind not in KINDS:
-            raise ValueError(f"kind {self.kind!r} is not known; expected of {', '.join(KINDS)}")
+            raise ValueError(f"kind {self.kind!r} is not known; expected one of {', '.join(KINDS)}")
         for name in ("at_s", "for_s"):
             value = getattr(self, name)
             if value is not None and not math.isfinite(value):

@@ -19,7 +19,7 @@ import os
 import pkgutil
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.machinery import PathFinder
@@ -229,6 +229,17 @@ def entries(group: str | None = None) -> list[EntryPoint]:
         warn(f"no plugins: the metadata of an installed package is damaged: {_reason(error)}")
         return []
     return sorted(found, key=lambda e: (e.group, e.name, origin_of(e).distribution))
+
+
+def in_no_group(known: Sequence[str]) -> tuple[str, ...]:
+    """Return a sentence for each entry point whose group looks like ours, and is not: a slip."""
+    return tuple(
+        f"plugin {origin_of(entry).distribution}, {entry.name!r}: left out, because its group "
+        f"{entry.group} is not known; expected one of: {', '.join(known)}"
+        f"{did_you_mean(entry.group, known)}"
+        for entry in entries()
+        if entry.group not in known
+    )
 
 
 @cache

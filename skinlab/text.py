@@ -7,8 +7,10 @@ text as text passes it through `inert`; what must read back as it was (JSON, TOM
 from __future__ import annotations
 
 import re
+import sys
 import unicodedata
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 # Control, format (directions, zero widths), surrogate, line and paragraph separator.
@@ -109,6 +111,20 @@ def csv_cell(value: Any) -> Any:
     quoted = shown.lstrip().startswith(_FORMULA) or value[:1] in ("\t", "\r", "\n")
     shown = _NEXT_CELL.sub(r"\1'", shown)
     return f"'{shown}" if quoted else shown
+
+
+def needs(what: str, package: str, extra: str) -> str:
+    """Return the sentence of an optional package that is missing: what adds it to this environment.
+
+    What `pip` alone would do in an environment of `pipx` or `uv tool` is to look for another one.
+    """
+    if Path(sys.prefix, "pipx_metadata.json").is_file():
+        command = "pipx runpip skinlab install"
+    elif Path(sys.prefix, "uv-receipt.toml").is_file():
+        command = f"uv pip install --python '{sys.prefix}'"
+    else:
+        command = "pip install"
+    return f"{what} {package}, which is not installed: {command} 'skinlab[{extra}]'"
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

@@ -31,6 +31,7 @@ from typing import IO, Any, Self, TypeVar
 
 from skinlab.errors import InputError, SkinlabError
 from skinlab.io.log import log_exception
+from skinlab.text import needs
 
 Tell = Callable[[Any], object]
 T = TypeVar("T")
@@ -279,9 +280,7 @@ def on_cluster(
     try:
         from distributed import Client, as_completed
     except ImportError:
-        raise InputError(
-            "--dask needs dask.distributed, which is not installed: pip install 'skinlab[dask]'"
-        ) from None
+        raise InputError(needs("--dask needs", "dask.distributed", "dask")) from None
     try:
         client = Client(address, timeout=_ANSWER_WITHIN_S)
     except (OSError, ValueError, TypeError) as error:  # OSError: timeouts as well

@@ -130,9 +130,9 @@ def check_dialect(one: Any) -> None:
     if missing:
         raise TypeError(f"it has no {', '.join(missing)}")
     if not isinstance(one.capabilities, Capabilities):
-        raise TypeError("its capabilities are no drivers.capabilities.Capabilities")
+        raise TypeError("its capabilities are not drivers.capabilities.Capabilities")
     if not isinstance(getattr(one, "stream", Stream()), Stream):
-        raise TypeError("its stream is no drivers.capabilities.Stream")
+        raise TypeError("its stream is not a drivers.capabilities.Stream")
 
 
 def dialect_origin(name: str) -> tuple[str, str] | None:

@@ -9,7 +9,8 @@ from urllib.parse import parse_qsl, urlencode
 
 from drivers.events import Hello
 from skinlab.acquisition.measurement import Plan
-from skinlab.curves.curve import Setup, check_aperture, check_thickness
+from skinlab.curves.apertures import check_aperture
+from skinlab.curves.curve import Setup, check_thickness
 from skinlab.curves.program import Program, check_measurable, parse_program
 from skinlab.errors import InputError
 from skinlab.recording.pseudonym import check_site, check_subject
@@ -158,7 +159,7 @@ def _sd(text: str) -> float | None:
         return None
     number = _number("thickness_sd_mm", text)
     if not 0 < number <= 1:
-        raise InputError(f"thickness_sd_mm {text!r}: expected over 0 to 1 mm, or nothing")
+        raise InputError(f"thickness_sd_mm {text!r}: expected up to 1 mm, above 0, or nothing")
     return number
 
 

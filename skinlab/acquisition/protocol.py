@@ -14,7 +14,7 @@ import msgspec
 
 from drivers.reading import read_whole
 from skinlab.acquisition.measurement_request import MOST_REPEATS, MOST_REST_S
-from skinlab.curves.curve import check_aperture
+from skinlab.curves.apertures import check_aperture
 from skinlab.curves.program import Program, check_measurable, parse_program
 from skinlab.errors import InputError
 from skinlab.io.documents import decode, read_toml
@@ -156,7 +156,7 @@ def _check(protocol: Protocol) -> None:
                 near = did_you_mean(name, parameter_names())
                 raise InputError(f"acceptance.{field}.{name}: no such parameter{near}")
             if not 0 < percent < 1000:
-                raise InputError(f"acceptance.{field}.{name} is {percent:g}; expected over 0 %")
+                raise InputError(f"acceptance.{field}.{name} is {percent:g}; expected 0 to 1000 %")
 
 
 def _check_step(step: ProtocolStep) -> None:

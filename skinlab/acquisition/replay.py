@@ -145,9 +145,9 @@ def _database(stated: str | None, was: str | None, is_: Path | None) -> Table:
     try:
         found = read(Path(was))
     except InputError as error:
-        raise InputError(f"{asked} ({error}); say by --database where it is") from None
+        raise InputError(f"{asked} ({error}); name it with --database") from None
     if found.content_hash != stated:
-        raise InputError(f"{asked}, where now is another one; say by --database where it is")
+        raise InputError(f"{asked}, where now is another one; name it with --database")
     return found
 
 
@@ -200,7 +200,7 @@ def differences(session: Session, curves: list[Curve], results: list[Identificat
     """Return a sentence for each way in which the replay differs from what the session stores."""
     found: list[str] = []
     if len(curves) != len(session.curves):
-        found.append(f"{len(session.curves)} curves are stored, the replay gives {len(curves)}")
+        found.append(f"stored curves: {len(session.curves)}; the replay gives {len(curves)}")
     for stored, again in zip(session.curves, curves, strict=False):
         for column in ("time_s", "pressure_mbar", "deflection_mm"):
             if not np.array_equal(getattr(stored, column), getattr(again, column)):

@@ -37,6 +37,7 @@ from skinlab.mechanics.model_file import Model
 from skinlab.recording import load_inputs
 from skinlab.recording import session as sessions
 from skinlab.tables.table import Table
+from skinlab.text import counted
 
 _log = logging.getLogger("skinlab")
 
@@ -159,7 +160,7 @@ def identify_joint(
     stated = given if isinstance(given, campaigns.Campaign) else None
     several = tuple(given.curves if isinstance(given, campaigns.Campaign) else given)
     if not several or not all(isinstance(one, curves.Curve) for one in several):
-        raise InputError("expected several curves, such as skinlab.read_curve returns")
+        raise InputError("expected one curve or more, such as skinlab.read_curve returns")
     if placement_scatter is not None and not 0 <= placement_scatter < 1:
         raise InputError(f"placement_scatter {placement_scatter:g}: expected 0 to below 1")
     identifier = compose_identifier(
@@ -182,7 +183,7 @@ def identify_joint(
     sensor = replace(knowing.sensor, placement_scatter=placement_scatter)
     if len(chosen) < len(several):
         left = len(several) - len(chosen)
-        warnings.warn(f"{left} curves of later cycles are left out", stacklevel=2)
+        warnings.warn(f"{counted(left, 'curve')} of later cycles left out", stacklevel=2)
     found = replace(knowing, sensor=sensor).joint(chosen)
     return Identification(_usable(found), chosen, identifier.of_probe(chosen))
 

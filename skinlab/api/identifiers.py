@@ -34,7 +34,9 @@ def read_phases(phases: str | tuple[str, ...] | list[str]) -> tuple[str, ...]:
     found = tuple(part.strip() for part in parts if part.strip())
     for phase in found:
         if phase not in PHASES:
-            raise InputError(f"{phase!r} is no phase; expected of {', '.join(PHASES)}")
+            raise InputError(
+                f"{phase!r} is not a phase; expected one or more of {', '.join(PHASES)}"
+            )
     if not found:
         raise InputError("names no phase")
     return found
@@ -54,7 +56,7 @@ def settle_options(
     for name, value in own.items():
         if name not in declared:
             readers = [m.name for m in METHODS.all() if name in {o.name for o in m.options}]
-            whose = f"belongs to method {' or '.join(readers)}" if readers else "is no option"
+            whose = f"belongs to method {' or '.join(readers)}" if readers else "is not an option"
             raise InputError(f"{name} {whose}; {method} does not read it")
         if declared[name].instead_of == "samples" and samples is not None:
             raise InputError(f"{name} gives the number of samples; leave samples out")

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from skinlab.curves import campaign as campaigns
 from skinlab.curves import curve as curves
 from skinlab.errors import InputError
-from skinlab.text import inert_lines
+from skinlab.text import counted, inert_lines, needs
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -59,9 +59,7 @@ def pandas() -> Any:
     try:
         return import_module("pandas")
     except ImportError:
-        raise InputError(
-            "to_frame() needs pandas, which is not installed: pip install 'skinlab[notebook]'"
-        ) from None
+        raise InputError(needs("to_frame() needs", "pandas", "notebook")) from None
 
 
 class Shown(ABC):
@@ -248,7 +246,7 @@ class Campaign(Shown, campaigns.Campaign):
         return "\n".join(lines)
 
     def _brief(self) -> str:
-        return f"{self.title or 'no title'}, {len(self.curves)} curves"
+        return f"{self.title or 'no title'}, {counted(len(self.curves), 'curve')}"
 
     def _figure(self) -> Figure | None:
         return _figure_of_all(self.curves)
@@ -294,7 +292,7 @@ class Session(Document):
         return describe_session(self.path, self._session)
 
     def _brief(self) -> str:
-        return f"{self.path}, {len(self.curves)} curves"
+        return f"{self.path}, {counted(len(self.curves), 'curve')}"
 
     def _figure(self) -> Figure | None:
         return _figure_of_all(self.curves)
@@ -385,7 +383,7 @@ class Measurement(Document):
         return "\n".join([*texts, self._dose_text, f"session: {self.session}"])
 
     def _brief(self) -> str:
-        return f"{self.session}, {len(self.results)} curves"
+        return f"{self.session}, {counted(len(self.results), 'curve')}"
 
     def _figure(self) -> Figure | None:
         return _figure_of_all(self.recorded)
@@ -468,7 +466,7 @@ class Study(Document):
         return "\n".join(self._made.lines)
 
     def _brief(self) -> str:
-        return f"{self.folder}, {self.curves} curves"
+        return f"{self.folder}, {counted(self.curves, 'curve')}"
 
     def _figure(self) -> Figure | None:
         from skinlab.studies.plots import draw_shares

@@ -125,7 +125,7 @@ def _calibrate(
     from skinlab.io.files import write_file
 
     if not 0 < valid_days <= 3650:
-        raise InputError(f"valid_days {valid_days:g}: expected over 0 to 3650")
+        raise InputError(f"valid_days {valid_days:g}: expected more than 0, at most 3650")
     if out.exists():
         raise InputError(f"{out}: exists already; a probe file is never overwritten")
     readings = []

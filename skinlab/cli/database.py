@@ -38,8 +38,8 @@ def command() -> None:
 def build(spec: str, out: Path | None, workers: int | None, dask: str | None, resume: bool) -> int:
     """Compute a database with the finite elements.
 
-    paper: the paper's grid, 10 × 17 × 8 curves, 0 to 100 mbar by 2, 6 mm opening on 1 mm of skin.
-    dimensionless: 18 × 26 × 23 curves for every opening and thickness, to 500 mbar.
+    paper: the paper's grid, 10 × 17 × 8 curves, 0 to 100 mbar in steps of 2, 6 mm opening on
+    1 mm of skin. dimensionless: 18 × 26 × 23 curves for every opening and thickness, to 500 mbar.
     SPEC.toml: a law with effects on axes of your own, or a dimensionless table of another law
     (docs/files.md); a MODEL.toml, as `discrepancy --adopt` writes it, is one with default axes.
 

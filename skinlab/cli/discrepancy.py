@@ -19,7 +19,10 @@ if TYPE_CHECKING:
 @click.command()
 @click.argument("campaign", type=click.Path(path_type=Path))
 @click.option(
-    "--model", "model_path", type=click.Path(path_type=Path), help="Model to start from [base]."
+    "--model",
+    "model_path",
+    type=click.Path(path_type=Path),
+    help="MODEL.toml to start from [default: the law alone].",
 )
 @database_option()
 @probe_option(kept=True)

@@ -230,13 +230,14 @@ def _together(identifier: Identifier, read: list[Input], scatter: float | None) 
     from dataclasses import replace
 
     from skinlab.inference.batch import first_cycles, with_stated_noise
+    from skinlab.text import counted
 
     everything = [curve for given in read for curve in given.curves]
     curves = first_cycles(everything)
     if len(curves) < len(everything):
         echo(
-            f"skinlab: {len(everything) - len(curves)} curves of later cycles are left out of the "
-            "joint identification",
+            f"skinlab: {counted(len(everything) - len(curves), 'curve')} of later cycles left out "
+            "of the joint identification",
             err=True,
         )
     knowing = identifier

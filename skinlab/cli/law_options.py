@@ -52,7 +52,8 @@ def law_values(law_name: str, given: Mapping[str, Any]) -> tuple[float, ...]:
             if given.get(_field(one.name)) is not None and one.name not in law.names:
                 own = ", ".join(map(option_name, law.names))
                 raise click.UsageError(
-                    f"{option_name(one.name)} is none of the law {law.name}; it takes {own}"
+                    f"{option_name(one.name)} is not a parameter of the law {law.name}, "
+                    f"which takes {own}"
                 )
     for name in law.names:
         if given.get(_field(name)) is None:

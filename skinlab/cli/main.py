@@ -34,7 +34,7 @@ _COMMANDS = {
     "forward": ("forward", "Simulate a curve."),
     "paper": ("paper", "Reproduce the paper's tables and figures."),
     "database": ("database", "The precomputed finite-element database."),
-    "plugins": ("plugins", "What was added to the program; try the rules on it."),
+    "plugins": ("plugins", "List extensions, and check those that were added."),
 }
 
 INTERRUPTED = 130

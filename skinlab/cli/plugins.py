@@ -1,4 +1,4 @@
-"""`skinlab plugins`: what was added to the program, and whether it obeys the rules."""
+"""`skinlab plugins`: which extensions there are, and whether they obey the rules."""
 
 from __future__ import annotations
 
@@ -42,6 +42,7 @@ def command(ctx: click.Context, table: str | None, as_json: bool) -> int | None:
         echo_text(kind.markdown().removesuffix("\n"))
         return 0
     entries = [entry for kind in KINDS for entry in _entries(kind)]
+    _warn_of_groups()
     if as_json:
         print_json({"schema": SCHEMA, "plugins": entries})
         return 0
@@ -75,6 +76,17 @@ def _entries(kind: Kind[Any]) -> Iterator[dict[str, Any]]:
         }
 
 
+def _warn_of_groups() -> bool:
+    """Warn of each entry point that no kind looks for; return whether there is one."""
+    from skinlab.extensions.kinds import KINDS
+    from skinlab.plugins import in_no_group, warn
+
+    sentences = in_no_group([kind.registry.group for kind in KINDS])
+    for sentence in sentences:
+        warn(sentence)
+    return bool(sentences)
+
+
 def _origin(entry: dict[str, Any]) -> str:
     return f"{entry['distribution']} {entry['version']}"
 
@@ -98,6 +110,7 @@ def check(names: tuple[str, ...], everything: bool, as_json: bool) -> int:
     unknown = sorted(set(names) - {entry["name"] for _, entry in listed})
     if unknown:
         raise click.UsageError(f"nothing is called {', '.join(unknown)}; `skinlab plugins` lists")
+    lost = _warn_of_groups()
     rows: list[dict[str, Any]] = []
     for kind, entry in listed:
         name = entry["name"]
@@ -114,6 +127,6 @@ def check(names: tuple[str, ...], everything: bool, as_json: bool) -> int:
                 echo(f"{'ok    ' if why is None else 'BROKEN'} {kind.name} {name}: {rule}{end}")
     if as_json:
         print_json({"schema": SCHEMA, "rules": rows})
-    elif not rows:
+    elif not rows and not lost:
         echo("no plugins are installed; --all tries what is built in")
-    return DIFFERS if any(row["broken"] for row in rows) else 0
+    return DIFFERS if lost or any(row["broken"] for row in rows) else 0

@@ -13,7 +13,11 @@ _MOST_SAID = 20  # sentences on what was skipped
 
 @click.command()
 @click.argument("journal", type=click.Path(path_type=Path))
-@click.option("--out", type=click.Path(path_type=Path), help="[default: the journal's own name]")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    help="The session to write [default: JOURNAL without .journal].",
+)
 def command(journal: Path, out: Path | None) -> int:
     """Turn the JOURNAL that a crash left into a session; the journal stays.
 
@@ -23,6 +27,7 @@ def command(journal: Path, out: Path | None) -> int:
     from skinlab.errors import InputError
     from skinlab.recording.journal import is_live
     from skinlab.recording.recorder import recover
+    from skinlab.text import counted
 
     if out is None:
         out = journal.with_suffix("") if journal.suffix == ".journal" else Path(f"{journal}.h5")
@@ -34,5 +39,5 @@ def command(journal: Path, out: Path | None) -> int:
     if len(skipped) > _MOST_SAID:
         more = len(skipped) - _MOST_SAID
         echo(f"skinlab: {journal}: {more} more of this kind", err=True)
-    echo(f"{out}: {len(made.curves)} curves recovered; {journal} can be deleted")
+    echo(f"{out}: {counted(len(made.curves), 'curve')} recovered; {journal} can be deleted")
     return 0

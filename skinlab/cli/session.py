@@ -29,13 +29,14 @@ def verify(session: Path) -> int:
     from skinlab.recording.audit import entries
     from skinlab.recording.seal import Seal, read_seal
     from skinlab.recording.session_check import audit_head, check, complaints_about_changed
+    from skinlab.text import counted
 
     if read_seal(session) is Seal.BROKEN:
         return _tell(session, complaints_about_changed(session))
     read, found = check(session)
     if found:
         return _tell(session, found)
-    echo(f"{session}: unchanged; {len(read.curves)} curves, {len(read.records)} records")
+    echo(f"{session}: unchanged; {counted(len(read.curves), 'curve')}, {len(read.records)} records")
     head = audit_head(read)
     if head is None:
         echo("  no audit trail")

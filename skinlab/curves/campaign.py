@@ -83,7 +83,7 @@ def read_campaign(path: Path) -> Campaign:
     curves = []
     for number, entry in enumerate(data.curve, start=1):
         if "\0" in entry.file:
-            raise InputError(f"{path}: curve {number}: file {entry.file!r} is no name of a file")
+            raise InputError(f"{path}: curve {number}: file {entry.file!r} is not a file name")
         file = real_path(folder / entry.file)
         if not file.is_relative_to(folder):
             raise InputError(f"{path}: curve {number}: file {entry.file!r} is outside the folder")

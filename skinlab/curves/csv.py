@@ -14,6 +14,7 @@ import numpy as np
 from drivers.reading import read_whole
 from skinlab.curves.curve import FEWEST_POINTS, Curve, Setup
 from skinlab.errors import InputError
+from skinlab.text import counted
 
 COLUMNS = ("time_s", "pressure_mbar", "deflection_mm")
 _LARGEST = {"time_s": 1e9, "pressure_mbar": 1e4, "deflection_mm": 100.0}  # beyond, no reading
@@ -38,7 +39,9 @@ def read_curve(path: Path, setup: Setup) -> Curve:
     except csv.Error as error:
         raise InputError(f"{path}: {error}; expected a curve CSV") from None
     if len(rows) < FEWEST_POINTS:
-        raise InputError(f"{path}: {len(rows)} samples; expected at least {FEWEST_POINTS}")
+        raise InputError(
+            f"{path}: {counted(len(rows), 'sample')}; expected at least {FEWEST_POINTS}"
+        )
     data = np.array(rows)
     source = "sha256:" + hashlib.sha256(content).hexdigest()
     return Curve(str(path), setup, data[:, 0], data[:, 1], data[:, 2], source=source)

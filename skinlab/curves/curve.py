@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from skinlab.curves.apertures import check_aperture
 from skinlab.curves.program import Phase, Program
 from skinlab.errors import InputError
 
@@ -16,23 +17,17 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-APERTURES_MM = (2.0, 4.0, 6.0, 8.0)  # the probes that there are
 FEWEST_POINTS = 5
 
 
-def check_aperture(aperture_mm: float) -> float:
-    """Return the aperture where a probe has it.
+def white_noise(values: Array) -> float:
+    """Return the standard deviation of one reading of a smooth course (n,), in its unit.
 
-    Raises:
-        InputError: no probe has it.
+    By the median of second differences, so that corners do not count; 0 below three readings.
     """
-    if aperture_mm not in APERTURES_MM:
-        known = ", ".join(f"{a:g}" for a in APERTURES_MM)
-        raise InputError(
-            f"aperture_mm {aperture_mm:g}: no probe has this opening; expected one of {known} "
-            "(the diameter)"
-        )
-    return float(aperture_mm)
+    if len(values) < 3:
+        return 0.0
+    return float(np.median(np.abs(np.diff(values, n=2))) / (0.6745 * np.sqrt(6.0)))
 
 
 def check_thickness(thickness_mm: float) -> float:
@@ -183,7 +178,7 @@ def phases_from_pressure(pressure_mbar: Array) -> NDArray[np.str_]:
     top = float(p.max(initial=0.0))
     if n < FEWEST_POINTS or top <= 0:
         return phase
-    noise = float(np.median(np.abs(np.diff(p, n=2)))) / (0.6745 * np.sqrt(6.0))
+    noise = white_noise(p)
     band = min(max(0.03 * top, 4.0 * noise), 0.25 * top)
     level = np.where(p >= top - band, 2, np.where(p <= band, 0, 1))
     edges = np.flatnonzero(np.diff(level)) + 1

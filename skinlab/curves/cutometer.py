@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.curves.curve import Curve
+from skinlab.curves.curve import Curve, white_noise
 from skinlab.errors import InputError
 
 Array = NDArray[np.float64]
@@ -209,7 +209,7 @@ def _pulse(curve: Curve, begin: int, end: int, following: int, number: int) -> P
     t, p = curve.time_s, curve.pressure_mbar
     step = float(np.median(p[begin:end]))
     where = f"{curve.name}: pulse {number}"
-    noise = float(np.median(np.abs(np.diff(p, n=2)))) / (0.6745 * np.sqrt(6.0))
+    noise = white_noise(p)
     low = min(max(_LEAVES * step, 4.0 * noise), 0.25 * step)
     high = step - low
     start, up = _crossing(curve, begin, low, -1), _crossing(curve, begin, high, 1)

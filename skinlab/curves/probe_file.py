@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, timedelta
 from functools import cached_property
@@ -23,11 +23,12 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from drivers.reading import read_whole
-from skinlab.curves.curve import APERTURES_MM, Curve
+from skinlab.curves.apertures import APERTURES_MM
 from skinlab.curves.phantoms import Phantom
 from skinlab.errors import InputError
 from skinlab.io.documents import decode, read_json, read_toml, toml_text
 from skinlab.io.files import append_text
+from skinlab.text import counted
 
 Array = NDArray[np.float64]
 
@@ -160,7 +161,7 @@ class ProbeErrors:
         file, last = self.file, self._last_check()
         who, again = f"probe {file.serial_number}", f"skinlab calibrate --check {self.path}"
         left = file.valid_until.astimezone(UTC) - when.astimezone(UTC)
-        soon = f"; its calibration ends in {left.days} days" if left < _SOON else ""
+        soon = f"; its calibration ends in {counted(left.days, 'day')}" if left < _SOON else ""
         if last is not None and not last[1]:
             return False, f"{who} DIFFERED from its calibration at its last check: calibrate again"
         if last is None or not timedelta(0) <= when.astimezone(UTC) - last[0] <= _A_VISIT:
@@ -185,18 +186,6 @@ class ProbeErrors:
             except (ValueError, KeyError, TypeError, OverflowError):
                 continue  # a damaged line costs itself
         return None
-
-    def check_curve(self, curve: Curve) -> None:
-        """Refuse a curve of another opening.
-
-        Raises:
-            InputError: so.
-        """
-        if curve.setup.aperture_mm != self.file.aperture_mm:
-            raise InputError(
-                f"{curve.name}: aperture_mm {curve.setup.aperture_mm:g}; the probe file is of "
-                f"{self.file.aperture_mm:g} mm"
-            )
 
     def check_instrument(
         self, serial_number: str, aperture_mm: float | None, when: datetime
@@ -223,26 +212,6 @@ class ProbeErrors:
                 "(skinlab calibrate), or leave --probe out"
             )
 
-    def corrected(self, curve: Curve) -> Curve:
-        """Return a curve of true pressures and deflections, as far as they are known.
-
-        Raises:
-            InputError: it is of another opening.
-        """
-        self.check_curve(curve)
-        file, t = self.file, curve.time_s
-        # Not read between samples, which would average their noise and make it last
-        felt = curve.pressure_mbar - file.lag_s.value * _rate(t, curve.pressure_mbar)
-        pressure = (felt - file.pressure_offset_mbar.value) / file.pressure_gain.value
-        deflection = curve.deflection_mm - 1e-3 * file.deflection_offset_um.value
-        return replace(
-            curve,
-            pressure_mbar=pressure,
-            deflection_mm=deflection / file.deflection_gain.value,
-            probe=None,
-            corrected_by=self,
-        )
-
     def columns_mm(
         self, time_s: Array, pressure_mbar: Array, deflection_mm: Array, slope: Array
     ) -> Array:
@@ -257,41 +226,10 @@ class ProbeErrors:
                 np.full(len(time_s), -1.0 / gain),
                 slope * pressure_mbar / pressure_gain,
                 slope / pressure_gain,
-                slope * _rate(time_s, pressure_mbar),
+                slope * pressure_rate(time_s, pressure_mbar),
             ]
         )
         return np.asarray(each @ self._root)
-
-
-def as_read(curve: Curve, pressure_mbar: Array, deflection_mm: Array) -> tuple[Array, Array]:
-    """Return what the probe of a corrected curve reads of true pressures and deflections (n,)."""
-    if curve.corrected_by is None:
-        return pressure_mbar, deflection_mm
-    file = curve.corrected_by.file
-    return (
-        file.pressure_gain.value * pressure_mbar + file.pressure_offset_mbar.value,
-        file.deflection_gain.value * deflection_mm + 1e-3 * file.deflection_offset_um.value,
-    )
-
-
-def columns_of(curves: Sequence[Curve], deflection_mm: Array, slope_mm_per_mbar: Array) -> Array:
-    """Return what the calibrations of curves leave open, as columns (u, m) of errors in mm.
-
-    For true deflections and dw/dp (u,) of all samples, end to end; curves of one probe err alike.
-    """
-    probes = {c.corrected_by.hash: c.corrected_by for c in curves if c.corrected_by is not None}
-    ends = np.cumsum([len(c) for c in curves])[:-1]
-    parts = list(zip(np.split(deflection_mm, ends), np.split(slope_mm_per_mbar, ends), strict=True))
-    blocks = [np.zeros((len(deflection_mm), 0))]
-    for hashed, probe in probes.items():
-        rows = [
-            probe.columns_mm(c.time_s, c.pressure_mbar, w, slope)
-            if c.corrected_by is not None and c.corrected_by.hash == hashed
-            else np.zeros((len(c), len(PARAMETERS)))
-            for c, (w, slope) in zip(curves, parts, strict=True)
-        ]
-        blocks.append(np.vstack(rows))
-    return np.hstack(blocks)
 
 
 def check_counted_once(probe: ProbeErrors | None, effects: Iterable[str]) -> None:
@@ -308,7 +246,7 @@ def check_counted_once(probe: ProbeErrors | None, effects: Iterable[str]) -> Non
         )
 
 
-def _rate(time_s: Array, pressure_mbar: Array) -> Array:
+def pressure_rate(time_s: Array, pressure_mbar: Array) -> Array:
     """Return dp/dt (n,) of the pump, without the readings' noise."""
     if len(time_s) <= _SMOOTH:
         return np.zeros(len(time_s))

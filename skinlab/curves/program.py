@@ -355,7 +355,7 @@ def _parse_part(part: str, text: str) -> list[Segment]:
     parser = _PARSERS.get(name)
     if parser is None:
         raise InputError(
-            f"program {text!r}: {part!r} is no segment; expected one of: "
+            f"program {text!r}: {part!r} is not a segment; expected one of: "
             f"{', '.join(_PARSERS)}{did_you_mean(name, _PARSERS)}"
         )
     form, parse = parser

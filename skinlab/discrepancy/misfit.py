@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.curves import probe_file
+from skinlab.curves import corrected
 from skinlab.discrepancy.records import Record, by_geometry
 from skinlab.inference.covariance import Covariance
 from skinlab.inference.noise import MESH_REST, legendre, pressure_error_mm, slope_mm_per_mbar
@@ -40,7 +40,7 @@ def errors_of(records: Sequence[Record]) -> Covariance:
 def columns_of(records: Sequence[Record]) -> Array:
     """Return the shapes (u, m), mm, in which all samples err: the mesh's, and the probe's."""
     w = np.concatenate([r.curve.deflection_mm for r in records])
-    left_open = probe_file.columns_of([r.curve for r in records], w, slopes_mm_per_mbar(records))
+    left_open = corrected.columns_of([r.curve for r in records], w, slopes_mm_per_mbar(records))
     return np.hstack([mesh_columns(records), left_open])
 
 

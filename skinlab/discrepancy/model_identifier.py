@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.curves.campaign import Campaign
+from skinlab.curves.corrected import as_read
 from skinlab.curves.curve import Curve
-from skinlab.curves.probe_file import as_read
 from skinlab.discrepancy.adequacy import ADEQUATE
 from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.misfit import errors_of

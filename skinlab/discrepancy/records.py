@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.curves.campaign import Campaign
+from skinlab.curves.corrected import corrected
 from skinlab.curves.curve import Curve
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.errors import InputError
@@ -74,7 +75,7 @@ def records_of(campaign: Campaign) -> list[Record]:
     for curve, placement in zip(campaign.curves, placements_of(campaign.curves), strict=True):
         if len(curve) < _FEWEST:
             raise InputError(f"{curve.name}: {len(curve)} samples; expected {_FEWEST} or more")
-        true = curve if curve.probe is None else curve.probe.corrected(curve)
+        true = curve if curve.probe is None else corrected(curve, curve.probe)
         one = _record(true, campaign.noise_um, campaign.pressure_noise_mbar)
         found.append(replace(one, placement=placement))
     if campaign.noise_um is None:

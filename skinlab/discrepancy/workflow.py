@@ -108,7 +108,7 @@ def explain(
             )
     verdict, found = tried.verdict, tried.found
     assert search.errors is not None
-    progress("drawing from the posterior")
+    progress("working out the intervals")
     chosen = verdict.explanations[0] if verdict.explanations else found.base
     shares = shares_of(search.errors, found.base, chosen, search.linear(chosen.fit))
     final, held = tried.final, tried.held

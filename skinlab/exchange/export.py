@@ -77,7 +77,7 @@ def check_free(folder: Path, names: Iterable[str]) -> None:
         InputError: a file of such a name is in the folder, or the folder is none.
     """
     if folder.exists() and not folder.is_dir():
-        raise InputError(f"{folder}: cannot be written (it is no folder)")
+        raise InputError(f"{folder}: cannot be written (it is not a folder)")
     for name in names:
         if (folder / name).exists():
             raise InputError(f"{folder / name}: exists already; expected a folder without it")

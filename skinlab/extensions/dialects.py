@@ -132,7 +132,7 @@ def _controls(dialect: Dialect) -> bool:
 
 def it_says_who_it_is(dialect: Dialect) -> None:
     """It has a name and a version, and the reference dialect's methods."""
-    expect(dialect.name.isidentifier(), f"the name {dialect.name!r} is no name of a file")
+    expect(dialect.name.isidentifier(), f"the name {dialect.name!r} is not a file name")
     expect(dialect.protocol_version >= 1, "protocol_version is below 1")
 
 
@@ -266,7 +266,7 @@ def a_connection_speaks_it(dialect: Dialect) -> None:
         _a_stream_is_read(dialect)
         return
     connection = Connection(dialect)
-    expect(connection.send(Identify()), "Identify is no bytes")
+    expect(connection.send(Identify()), "Identify is not bytes")
     idle = State(InstrumentState.IDLE, "", 0.0)
     for event in (_hello(dialect), idle):
         connection.receive_data(dialect.encode_event(event))

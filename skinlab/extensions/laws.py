@@ -96,7 +96,7 @@ def _row(law: Law) -> tuple[str, ...]:
     return (
         f"`{law.name}`",
         first_line(law),
-        ", ".join(f"`{n}`" for n in law.parameter_names),
+        ", ".join(f"`{n}`" for n in law.names),
         law.source,
     )
 

@@ -21,6 +21,7 @@ from skinlab.errors import NotTrustworthyError
 from skinlab.inference.covariance import independent
 from skinlab.inference.error_models.placement import expected_sizes
 from skinlab.inference.noise import MESH_REST, mesh_error_shapes, slope_mm_per_mbar
+from skinlab.inference.posterior import FLAT_PRECISION
 from skinlab.inference.problem import LeastSquares
 from skinlab.inference.result import Advice
 from skinlab.inference.uncertainty import Uncertainty
@@ -32,7 +33,6 @@ Array = NDArray[np.float64]
 
 _DRAWS = 24
 _POINTS = 40  # of a curve, standing for all of its samples
-_FLAT_PRECISION = 12.0  # of a flat prior on the unit interval
 _LEAST_NOISE_UM = 0.1
 
 
@@ -69,7 +69,7 @@ def advise(
     chosen = rng.choice(len(draws.weight), _DRAWS, p=draws.weight)
     parameters = draws.parameters[chosen]
     turn = space.by_unit(parameters)  # (draws, p, k)
-    now = _information(known.parts, parameters, turn) + _FLAT_PRECISION * np.eye(turn.shape[2])
+    now = _information(known.parts, parameters, turn) + FLAT_PRECISION * np.eye(turn.shape[2])
     found: list[tuple[float, Advice]] = []
     noise = max(known.errors.noise_um, _LEAST_NOISE_UM)
     scatter, zero_mm = _placement_sizes(known, placement_scatter)

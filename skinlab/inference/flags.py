@@ -67,7 +67,7 @@ CATALOGUE = {
         "Check the statement; if it is right, look for movement and contact.",
     ),
     "outliers": Flag(
-        "{} samples left out",
+        "samples left out: {}",
         "Samples that do not belong to the curve were left out: {}.",
         "Look where they are; if there are many, hold the probe still and measure again.",
     ),
@@ -83,8 +83,8 @@ CATALOGUE = {
         "Use the intervals as they are; measure with less suction or a smaller opening.",
     ),
     "thinned": Flag(
-        "every {}th sample fitted",
-        "The curve is very long: every {}th sample was fitted, which shows nearly as much.",
+        "one in {} samples fitted",
+        "The curve is very long: one in {} of its samples was fitted, which shows nearly as much.",
         "Nothing is wrong; a lower rate measures as well.",
     ),
     "outside_database": Flag(

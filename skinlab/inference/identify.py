@@ -11,9 +11,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from skinlab.curves.corrected import as_read
 from skinlab.curves.curve import Curve
 from skinlab.curves.heights import heights_of
-from skinlab.curves.probe_file import as_read, check_counted_once
+from skinlab.curves.probe_file import check_counted_once
 from skinlab.errors import InputError, NotTrustworthyError
 from skinlab.inference import flags
 from skinlab.inference.advice import advise
@@ -369,6 +370,8 @@ class Identifier:
             if (belong == kept).all():
                 break
             kept, weighted = belong, True
+        else:  # a sample at the border went out and came back: the optimum of those that are kept
+            estimate = self._weighted(groups, models, problem, estimate, kept)
         return estimate, kept
 
     def _answer(

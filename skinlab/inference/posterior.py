@@ -37,7 +37,7 @@ _STRIDE = 0.3  # of the posterior's width: how far one centre speaks
 _BETWEEN = 6  # points from one of the valley to the next
 _NO_WEIGHT = 1e-12
 _AT_ONCE = 50_000  # numbers, which stay in a core's cache
-_FLAT_PRECISION = 12.0  # of a flat distribution on the unit interval
+FLAT_PRECISION = 12.0  # of a flat distribution on the unit interval
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,7 +163,7 @@ def _valley(
     """Return points along the valley, and how far (n, k) each one speaks; 1 where free."""
     centre = modes.unit[best]
     k = len(centre)
-    precision = modes.normal[best] + _FLAT_PRECISION * np.eye(k)
+    precision = modes.normal[best] + FLAT_PRECISION * np.eye(k)
     covariance = np.linalg.inv(precision)
     starts, spacings = [modes.unit], [np.ones_like(modes.unit)]
     held = [np.zeros(modes.unit.shape, dtype=bool)]
@@ -271,7 +271,7 @@ def _mixture(centre: Array, precision: Array, spacing: Array, worse: Array) -> _
     # A distance of none is that of neighbours at a bound, and says nothing of the width.
     apart = np.where(spacing[kept] > 0.0, spacing[kept], 1.0)
     near = np.where(apart < 1.0, 1.0 / np.square(apart), 0.0)
-    whole = precision[kept] + np.eye(k) * (_FLAT_PRECISION + near)[:, None, :]
+    whole = precision[kept] + np.eye(k) * (FLAT_PRECISION + near)[:, None, :]
     root = np.linalg.cholesky(np.linalg.inv(whole)) * _WIDER
     log_det = np.log(np.einsum("mii->mi", root)).sum(axis=1)
     log_share = -0.5 * worse[kept] + log_det

@@ -17,6 +17,7 @@ from skinlab.inference.problem import MOST_FITTED
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.mechanics.materials.compressibility import KappaConvention
 from skinlab.tables.base import CurveModel, Database
+from skinlab.text import counted
 
 Array = NDArray[np.float64]
 
@@ -146,8 +147,8 @@ def choose(
     mask = asked & database.covers(curve)
     if int(mask.sum()) < FEWEST_POINTS:
         raise InputError(
-            f"{curve.name}: {int(mask.sum())} samples to fit in phases {','.join(phases)}; "
-            f"expected at least {FEWEST_POINTS}"
+            f"{curve.name}: {counted(int(mask.sum()), 'sample')} to fit "
+            f"in phases {','.join(phases)}; expected at least {FEWEST_POINTS}"
         )
     beyond = int(asked.sum()) - int(mask.sum())
     every = math.ceil(int(mask.sum()) / most_samples)

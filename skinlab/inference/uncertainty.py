@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from skinlab.curves import corrected
 from skinlab.curves.curve import Curve
-from skinlab.curves.probe_file import ProbeErrors, columns_of
+from skinlab.curves.probe_file import ProbeErrors
 from skinlab.inference.covariance import Covariance, OnKept, block_diagonal
 from skinlab.inference.error_choice import ErrorChoice, choose_errors
 from skinlab.inference.error_judgement import Judged, judge_errors
@@ -34,7 +35,7 @@ from skinlab.inference.noise import (
     slope_mm_per_mbar,
 )
 from skinlab.inference.outliers import outlier_probability
-from skinlab.inference.posterior import Draws, sample
+from skinlab.inference.posterior import FLAT_PRECISION, Draws, sample
 from skinlab.inference.problem import SquaredMisfit
 from skinlab.inference.samples import Group, Samples, samples_of
 from skinlab.mechanics.materials.compressibility import KappaConvention
@@ -45,7 +46,6 @@ Array = NDArray[np.float64]
 
 _MOST_MODES = 6
 _SLOPE_STEP = 1e-4  # of the unit cube
-_FLAT_PRECISION = 12.0  # of a flat prior on the unit interval
 _LEAST_ROUGH_MM = 1e-5
 _SMALL = 0.07  # of the noise: columns of so little length change nothing
 _BEYOND = 2.0  # times the squares: what a fit gains outside of the range is no small matter
@@ -69,7 +69,7 @@ class Sensor:
             InputError: it is of another opening than the probe.
         """
         probe = self.probe or curve.probe
-        return curve if probe is None or curve.corrected_by else probe.corrected(curve)
+        return curve if probe is None or curve.corrected_by else corrected.corrected(curve, probe)
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +140,7 @@ class Fitted:
         curves = [member.samples for g in self.groups for member in g.members]
         if not any(curve.corrected_by for curve in curves):
             return np.zeros((len(self.samples), 0))
-        return columns_of(curves, self.best_mm, self.slope_mm_per_mbar)
+        return corrected.columns_of(curves, self.best_mm, self.slope_mm_per_mbar)
 
     def outlier_probability(self) -> Array:
         """Return each sample's probability (u,) of not belonging to its curve."""
@@ -258,7 +258,7 @@ def about(
         np.isfinite(curves[1 : k + 1, :1]), np.diag(up)[:, None] - unit[:, None], 0.0
     ) + np.where(np.isfinite(curves[k + 1 :, :1]), unit[:, None] - np.diag(down)[:, None], 0.0)
     slopes = (above - below) / np.maximum(reach, 1e-12)
-    precision = _FLAT_PRECISION * np.eye(k)
+    precision = FLAT_PRECISION * np.eye(k)
     for prior in priors:
         moved = (prior.differences(points[1 : k + 1]) - prior.differences(points[k + 1 :]))[:, 0]
         slope = moved / (np.diag(up) - np.diag(down))

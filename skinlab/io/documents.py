@@ -6,7 +6,7 @@ import json
 import re
 from collections.abc import Mapping, Sequence
 from types import UnionType
-from typing import Any, TypeVar, Union, get_args, get_origin
+from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
 import msgspec
 import tomli_w
@@ -73,14 +73,31 @@ def decode(said: Any, kind: type[Kind]) -> Kind:
     try:
         return msgspec.convert(said, kind)
     except msgspec.ValidationError as error:
-        unknown = re.fullmatch(r"Object contains unknown field `(.*?)`(.*)", str(error), re.DOTALL)
-        if unknown is None:
-            raise ValueError(_counted(plain(str(error)))) from None
-        key, where = unknown.groups()
-        place = re.fullmatch(r" - at `\$(.*)`", where, re.DOTALL)
-        names = sorted(_known_keys(kind, re.findall(r"\w+|\[", place[1] if place else "")))
-        near = did_you_mean(key, names) or (f"; expected {', '.join(names)}" if names else "")
-        raise ValueError(_counted(plain(f"unknown field `{key}`{near}{where}"))) from None
+        raise ValueError(_counted(_plain(_with_expected(str(error), kind)))) from None
+
+
+_NOT_KNOWN = re.compile(
+    r"(?:Object contains unknown (?P<key>field `.*?`)|Invalid enum value (?P<value>.*?))"
+    r"(?P<where>(?: - at `(?P<path>.*)`)?)",
+    re.DOTALL,
+)
+
+
+def _with_expected(message: str, kind: Any) -> str:
+    """Add to msgspec's message what it leaves out: the keys, or the values, that there are."""
+    unknown = _NOT_KNOWN.fullmatch(message)
+    if unknown is None:
+        return message
+    found = _kinds_at(kind, re.findall(r"\w+|\[", unknown["path"] or ""))
+    if unknown["key"] is not None:
+        what, structs = f"unknown {unknown['key']}", [one for one in found if _is_struct(one)]
+        names = sorted({f.encode_name for one in structs for f in msgspec.structs.fields(one)})
+        word = unknown["key"][len("field `") : -1]
+    else:
+        what, word = f"{unknown['value']} is not known", unknown["value"].strip("'")
+        names = [str(v) for one in found if get_origin(one) is Literal for v in get_args(one)]
+    near = did_you_mean(word, names) or (f"; expected {', '.join(names)}" if names else "")
+    return f"{what}{near}{unknown['where']}"
 
 
 def _counted(message: str) -> str:
@@ -88,25 +105,53 @@ def _counted(message: str) -> str:
     return re.sub(r"^(\w+)\[(\d+)\]", lambda m: f"{m[1]} {int(m[2]) + 1}", message)
 
 
-def _known_keys(kind: Any, path: Sequence[str]) -> set[str]:
-    """Return the keys of the struct at a path below `kind`; nothing where that is none."""
+def _is_struct(kind: Any) -> bool:
+    return isinstance(kind, type) and issubclass(kind, msgspec.Struct)
+
+
+def _kinds_at(kind: Any, path: Sequence[str]) -> list[Any]:
+    """Return the types that may stand at a path below `kind`."""
     origin = get_origin(kind)
+    if origin is Annotated:
+        return _kinds_at(get_args(kind)[0], path)
     if origin in {Union, UnionType}:
-        return set().union(*(_known_keys(one, path) for one in get_args(kind)))
-    if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
+        return [found for one in get_args(kind) for found in _kinds_at(one, path)]
+    if not path:
+        return [kind]
+    if _is_struct(kind):
         fields = {field.encode_name: field.type for field in msgspec.structs.fields(kind)}
-        if not path:
-            return set(fields)
-        return _known_keys(fields.get(path[0]), path[1:])
-    if path and isinstance(origin, type) and issubclass(origin, Mapping | Sequence):
+        return _kinds_at(fields.get(path[0]), path[1:])
+    if isinstance(origin, type) and issubclass(origin, Mapping | Sequence):
         inner = get_args(kind)
         rest = path[2:] if path[0] == "[" and path[1:2] and path[1].isdigit() else path[1:]
-        return _known_keys(inner[-1] if origin is not tuple else inner[0], rest)
-    return set()
+        return _kinds_at(inner[-1] if origin is not tuple else inner[0], rest)
+    return []
 
 
-def plain(message: str) -> str:
-    """Put msgspec's `... - at `$.model.law`` in front, where a reader looks for the field."""
+_KINDS = {
+    "str": "a text",
+    "int": "an integer",
+    "float": "a number",
+    "bool": "true or false",
+    "array": "a list",
+    "object": "a table",
+    "null": "nothing",
+}
+_KIND = "|".join(_KINDS)
+_EXPECTED = re.compile(
+    rf"(?<=[Ee]xpected )`((?:{_KIND})(?: \| (?:{_KIND}))*)`|(?<=got )`({_KIND})`"
+)
+
+
+def _plain(message: str) -> str:
+    """Put msgspec's `... - at `$.model.law`` in front, where a reader looks for the field.
+
+    Its types are called as a reader calls them.
+    """
+    message = re.sub(r"^Object missing required field (`.*?`)", r"\1 is missing", message)
+    message = _EXPECTED.sub(
+        lambda m: " or ".join(_KINDS[kind] for kind in (m[1] or m[2]).split(" | ")), message
+    )
     match = re.fullmatch(r"(.*) - at `(?:key in )?\$\.?(.*)`", message, re.DOTALL)
     if match is None:
         return message

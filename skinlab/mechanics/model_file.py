@@ -38,7 +38,7 @@ from msgspec import field
 
 from drivers.reading import read_whole
 from skinlab.errors import InputError
-from skinlab.io.documents import decode, plain, read_toml, toml_text
+from skinlab.io.documents import decode, read_toml, toml_text
 from skinlab.mechanics.effects import checked, get_effect
 from skinlab.mechanics.materials import DEFAULT_LAW, Law, get_law
 from skinlab.mechanics.materials.compressibility import KappaConvention
@@ -215,15 +215,14 @@ def decode_model(raw: bytes | str, path: str) -> Model:
     try:
         return model_of(read_toml(raw))
     except (ValueError, UnicodeDecodeError) as error:  # InputError is one
-        raise InputError(f"{path}: {plain(str(error))}") from None
+        raise InputError(f"{path}: {error}") from None
 
 
 def model_of(said: Mapping[str, Any]) -> Model:
     """Return the model that decoded tables say.
 
     Raises:
-        ValueError: something in them is not known, missing or out of range; `plain` puts it so that
-            the field comes first.
+        ValueError: something in them is not known, missing or out of range; the field comes first.
     """
     _check_entries(said)
     model = decode(said, Model)

@@ -38,8 +38,8 @@ _SYNC_S = 1.0  # how long a commit may wait for the disk itself: a power cut los
 _WAL_PAGES = 4000  # 16 MB between checkpoints, which hold up the commits
 _INSERT = "INSERT INTO record (kind, host_time_s, utc_s, data) VALUES (?, ?, ?, ?)"
 
-# Disk space of a run, by measurement (tests/unit/test_journal.py) and rounded up: a commit is a
-# page or two of the WAL, and a sample stands in journal and session.
+# Disk space of a run, by measurement (tests/unit/recording/test_journal.py) and rounded up: a
+# commit is a page or two of the WAL, and a sample stands in journal and session.
 _ROOM_BYTES = 8_000_000
 _COMMIT_BYTES = 9_000
 _SAMPLE_BYTES = 400

@@ -61,6 +61,8 @@ def read_campaign_or_session(path: Path) -> tuple[Campaign, list[Path]]:
     """
     if path.is_dir():
         path = path / "campaign.toml"
+    if not path.exists():
+        raise InputError(f"{path}: no such file")
     suffix = path.suffix.lower()
     if suffix == ".toml":
         campaign = read_campaign(path)

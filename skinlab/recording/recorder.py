@@ -258,7 +258,7 @@ def recover(
         before = read_session(session)
         if not _same(before.records, records):
             raise InputError(
-                f"{session}: exists already and is no earlier state of {journal}; a session is "
+                f"{session}: exists already and is not an earlier state of {journal}; a session is "
                 "never overwritten"
             )
         if len(before.records) >= len(records):

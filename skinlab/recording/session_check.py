@@ -127,7 +127,7 @@ def _derived(stored: Stored) -> list[str]:
     again = session_from_records(session.meta, session.records)
     if len(again.curves) != len(session.curves):
         found.append(
-            f"{len(session.curves)} curves are stored, the recorded bytes make {len(again.curves)}"
+            f"stored curves: {len(session.curves)}; the recorded bytes make {len(again.curves)}"
         )
         return found
     for k, curve in enumerate(session.curves):

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.curves.campaign import Campaign
+from skinlab.curves.corrected import as_read
 from skinlab.curves.curve import Curve
-from skinlab.curves.probe_file import as_read
 from skinlab.discrepancy.misfit import errors_of
 from skinlab.discrepancy.records import records_of
 from skinlab.errors import InputError, NotTrustworthyError

@@ -58,13 +58,13 @@ def how(identifier: Identifier, phases: tuple[str, ...]) -> list[str]:
         "A probe with a round opening pulls the skin into a dome; deflection is the height of its "
         "apex, pressure the suction. The parameters of the skin are those whose computed curve is "
         "nearest to the measured one in the sum of squared differences of the deflection.",
-        f"Fitted was {fitted}. Law {law}, mesh {mesh}.",
+        f"The fit used {fitted}. Law {law}, mesh {mesh}.",
         *_model(identifier.model),
         f"{method} The same settings give the same numbers.",
-        "Intervals, which only the method auto gives, hold the true value in nine of ten "
+        "Intervals, which only the method auto gives, contain the true value in nine of ten "
         f"measurements of such skins, if the model is right. {intervals} "
         f"Noise: {', '.join(noise)}. Compare two skins by their intervals, never by the "
-        "values alone: where they overlap widely, nothing was shown.",
+        "values alone: where they overlap widely, no difference was shown.",
         "A correlation near +1 or −1 between two parameters means that an error of one goes with "
         "an error of the other.",
         "E is the paper's error, (1/u)·√Σd² over u samples; rms, the root mean square of the same "

@@ -51,7 +51,7 @@ def write_report(outcome: Outcome, folder: Path) -> Path:
     to = folder / _NAME
     with cannot_write(to):
         if to.exists() and _MARK not in to.read_text(encoding="utf-8", errors="replace"):
-            raise InputError(f"{to}: exists and is no report of ours; expected another folder")
+            raise InputError(f"{to}: exists and is not a report of ours; expected another folder")
     write_file(to, render(outcome), replace=True)
     return to
 

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from skinlab.errors import InputError
-
-_MISSING = "a PDF needs weasyprint: pip install 'skinlab[pdf]', or print the HTML report"
+from skinlab.text import needs
 
 
 def check_pdf() -> None:
@@ -15,8 +14,13 @@ def check_pdf() -> None:
     """
     try:
         import weasyprint  # noqa: F401
-    except (ImportError, OSError) as error:
-        raise InputError(f"{_MISSING} ({error})") from None
+    except ImportError:
+        missing = needs("a PDF needs", "weasyprint", "pdf")
+        raise InputError(f"{missing}; or print the HTML report") from None
+    except OSError as error:
+        raise InputError(
+            f"a PDF needs the library Pango ({error}); or print the HTML report"
+        ) from None
 
 
 def to_pdf(html: str) -> bytes:

@@ -15,6 +15,7 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, Literal
 
 from skinlab.errors import InputError
+from skinlab.text import needs
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -41,9 +42,7 @@ _STYLE: dict[str, object] = {
 }
 
 
-NO_PICTURES = (
-    "the pictures need matplotlib, which is not installed: pip install 'skinlab[pictures]'"
-)
+NO_PICTURES = needs("the pictures need", "matplotlib", "pictures")
 
 
 def have_pictures() -> bool:

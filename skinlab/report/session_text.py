@@ -6,12 +6,13 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from skinlab.errors import InputError
+from skinlab.mechanics.names import plain
 from skinlab.recording.audit import entries
 from skinlab.recording.clocks import ClockReading, clock_readings
 from skinlab.recording.dose import dose_of
 from skinlab.recording.session import Session
 from skinlab.report.text import describe_dose
-from skinlab.text import inert
+from skinlab.text import counted, inert
 
 
 def describe_session(path: Path, session: Session) -> str:
@@ -37,8 +38,10 @@ def describe_session(path: Path, session: Session) -> str:
         if meta.get("control"):
             tell(f"  read-only: {meta['control']}")
     else:
-        files = "one file" if len(imported) == 1 else f"{len(imported)} files"
-        tell(f"  from {files} of other software; no instrument was connected")
+        tell(
+            f"  from {counted(len(imported), 'file')} of other software; "
+            "no instrument was connected"
+        )
     if imported is None:
         tell(f"  {describe_dose(dose_of(session))}")
     clocks = _clocks(session)
@@ -49,13 +52,14 @@ def describe_session(path: Path, session: Session) -> str:
         state = " partial" if curve.partial else ""
         tell(
             f"  {curve.name}: {setup.aperture_mm:g} mm, {setup.thickness_mm:g} mm skin, "
-            f"{setup.program}, cycle {setup.cycle}, {len(curve)} samples{state}"
+            f"{setup.program or 'program not stated'}, cycle {setup.cycle}, "
+            f"{len(curve)} samples{state}"
         )
         if k < len(clocks) and (clock := clocks[k]) is not None:
             tell(f"    {_describe_clock(clock)}")
         values = (result or {}).get("parameters") or {}
         if values:
-            text = ", ".join(f"{name} {entry['value']:.4g}" for name, entry in values.items())
+            text = ", ".join(_value(name, entry["value"]) for name, entry in values.items())
             error_um = (result or {}).get("error_um")
             tell(f"    {text}" + ("" if error_um is None else f", fit error {error_um:.3g} µm"))
     for entry in entries(session.records):
@@ -69,6 +73,11 @@ def describe_session(path: Path, session: Session) -> str:
         about = f": {detail}" if detail and entry.what != "session opened" else ""
         tell(f"  {entry.number:3d}  {entry.utc[:23]}  {entry.who}  {entry.what}{about}")
     return "\n".join(lines)
+
+
+def _value(name: str, value: float) -> str:
+    label, unit = plain(name)
+    return f"{label} {value:.4g} {unit}".rstrip()
 
 
 def _clocks(session: Session) -> tuple[ClockReading | None, ...]:
@@ -103,7 +112,7 @@ def _describe_clock(clock: ClockReading) -> str:
     except (OverflowError, ValueError, OSError):
         began = f"{clock.utc_s:g}"
     return (
-        f"began {began} (this computer's {clock.host_time_s:.3f} s), "
+        f"began {began} ({clock.host_time_s:.3f} s on this computer's steady clock), "
         f"the instrument's clock {100.0 * (clock.rate - 1.0):+.2f} % ± "
         f"{100.0 * clock.rate_uncertainty:.2g} %, even to {1e3 * clock.wander_s:.0f} ms"
     )

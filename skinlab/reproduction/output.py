@@ -34,7 +34,7 @@ class Target:
         self.folder = folder
         self.page_path = page_path or folder / PAGE
         if folder.exists() and not folder.is_dir():
-            raise InputError(f"{folder}: is no folder")
+            raise InputError(f"{folder}: is not a folder")
         self._ours = self._read_manifest()
         if page_path is not None and not page_path.parent.is_dir():
             raise InputError(f"{page_path}: its folder does not exist")

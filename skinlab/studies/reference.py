@@ -19,7 +19,7 @@ from msgspec import Meta
 from scipy.stats import norm
 
 from drivers.reading import read_whole
-from skinlab.curves.curve import check_aperture
+from skinlab.curves.apertures import check_aperture
 from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
 from skinlab.io.documents import decode, read_toml, toml_text
@@ -275,7 +275,7 @@ def section(found: Sequence[tuple[str, Sequence[Placed] | str]]) -> Section:
     return Section(
         "Beside a reference",
         [
-            "A percentile among others is no diagnosis; the interval of the value may span many.",
+            "A percentile among others is not a diagnosis; the value's interval may span many.",
             *(f"{name}: not compared, {why}." for name, why in found if isinstance(why, str)),
         ],
         tables=[Table(head, rows)] if rows else [],

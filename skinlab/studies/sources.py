@@ -243,7 +243,7 @@ def layout_pattern(layout: str) -> re.Pattern[str]:
     for name in names:
         if name not in known and name != "any":
             raise InputError(
-                f"--layout {layout}: {{{name}}} is unknown; expected of "
+                f"--layout {layout}: {{{name}}} is unknown; expected one of "
                 f"{', '.join('{' + k + '}' for k in known)} and {{any}}"
             )
     stated = [name for name in names if name != "any"]

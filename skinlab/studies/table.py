@@ -26,7 +26,7 @@ from skinlab.mechanics.materials import get_law
 from skinlab.recording.recorder import identification_settings
 from skinlab.studies.sources import LABELS, SETUP, pseudonym
 from skinlab.studies.state import State, Stored
-from skinlab.text import csv_cell, inert
+from skinlab.text import csv_cell, inert, needs
 from skinlab.versions import versions
 
 Array = NDArray[np.float64]
@@ -203,10 +203,7 @@ def _cell(value: Cell) -> Cell:
     return cast(Cell, csv_cell(value))
 
 
-NO_PARQUET = (
-    "curves.parquet needs pyarrow, which is not installed: pip install 'skinlab[study]' "
-    "(curves.csv has the same table)"
-)
+NO_PARQUET = f"{needs('curves.parquet needs', 'pyarrow', 'study')} (curves.csv has the same table)"
 
 
 def write_parquet(path: Path, layout: Layout, found: Iterator[dict[str, Cell]]) -> bool:

@@ -122,7 +122,7 @@ def make_study(
             _posteriors(state, layout, identifier),
             layout.parameters,
             identifier.provenance().model_hash,
-            f"{out.resolve().name}, {count} curves",
+            f"{out.resolve().name}, {counted(count, 'curve')}",
             seed=identifier.seed,
         )
         evidenced = None if effects is None else evidence(effects)

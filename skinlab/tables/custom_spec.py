@@ -13,7 +13,8 @@ import numpy as np
 from msgspec import field
 from numpy.typing import NDArray
 
-from skinlab.curves.curve import Curve, check_aperture, check_thickness
+from skinlab.curves.apertures import check_aperture
+from skinlab.curves.curve import Curve, check_thickness
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import MOST_PRESSURE_MBAR, Program, parse_program
 from skinlab.errors import InputError, NotTrustworthyError
@@ -283,7 +284,7 @@ class CustomSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             for parameter, value in values.items():
                 name = f"{effect}.{parameter}"
                 if name not in self.axis and own.get(effect, {}).get(parameter) != value:
-                    raise InputError(f"{name} {value:g} is none of this database's")
+                    raise InputError(f"{name} {value:g} is not one of this database's")
         for name, axis in self.axis.items():
             effect, _, parameter = name.rpartition(".")
             if effect:
@@ -526,7 +527,7 @@ def checked_spec(spec: CustomSpec) -> CustomSpec:
         except InputError:
             of_model = [f"{e}.{p}" for e, ranges in spec.model.effects.items() for p in ranges]
             known = ", ".join([*spec.model.law.names, *of_model])
-            raise InputError(f"axis.{name} is not known; expected of: {known}") from None
+            raise InputError(f"axis.{name} is not known; expected one of: {known}") from None
         axis.check(f"axis.{name}", *bounds)
     if spec.entries > MOST_ENTRIES:
         raise InputError(f"axis: {spec.entries} curves; expected at most {MOST_ENTRIES}")
@@ -541,7 +542,7 @@ def checked_spec(spec: CustomSpec) -> CustomSpec:
         raise InputError("pressures.spacing is log: expected linear or chebyshev, they begin at 0")
     if spec.mesh.name not in MESHES:
         raise InputError(
-            f"mesh.name {spec.mesh.name!r} is not known; expected of: {', '.join(MESHES)}"
+            f"mesh.name {spec.mesh.name!r} is not known; expected one of: {', '.join(MESHES)}"
         )
     at = spec.measurement
     for key, check, value in (

@@ -159,7 +159,7 @@ class DimensionlessSpec:
         for name in given:
             if name not in dict(expected):
                 raise InputError(
-                    f"axis.{name} is not known; expected of: {', '.join(dict(expected))}"
+                    f"axis.{name} is not known; expected one of: {', '.join(dict(expected))}"
                 )
         axes = tuple((name, given.get(name, axis)) for name, axis in expected)
         object.__setattr__(self, "axis", axes)

@@ -58,7 +58,7 @@ import msgspec
 from drivers.reading import read_whole
 from skinlab.curves.program import MOST_PRESSURE_MBAR
 from skinlab.errors import InputError
-from skinlab.io.documents import plain, read_toml
+from skinlab.io.documents import read_toml
 from skinlab.mechanics.effects import get_effect
 from skinlab.mechanics.fem.suction import EXTENSION_BELOW_MBAR, MBAR
 from skinlab.mechanics.model_file import (
@@ -112,12 +112,12 @@ def read_spec(path: str | Path) -> CustomSpec | DimensionlessSpec:
     try:
         said = read_toml(raw)
     except (ValueError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: {plain(str(error))}") from None
+        raise InputError(f"{path}: {error}") from None
     named = _named_model(said, path)
     try:
         return _spec_of(said, named)
     except (ValueError, UnicodeDecodeError) as error:  # InputError is one
-        raise InputError(f"{path}: {plain(str(error))}") from None
+        raise InputError(f"{path}: {error}") from None
 
 
 def _named_model(said: dict[str, Any], path: Path) -> Model | None:
@@ -142,7 +142,7 @@ def _spec_of(said: dict[str, Any], named: Model | None) -> CustomSpec | Dimensio
     known = own | {"model", "parameters", "effects", "provenance"}
     for key in said:
         if key not in known:
-            raise InputError(f"{key} is not known; expected of: {', '.join(sorted(known))}")
+            raise InputError(f"{key} is not known; expected one of: {', '.join(sorted(known))}")
     model = named or model_of({k: v for k, v in said.items() if k not in own})
     tables = said.get("axis", {})
     if not isinstance(tables, dict):
@@ -192,7 +192,9 @@ def _dimensionless(
         raise InputError("measurement: a dimensionless table is for every measurement")
     mesh = check_entry("mesh", said.get("mesh", {}), MeshChoice)
     if mesh.name not in MESHES:
-        raise InputError(f"mesh.name {mesh.name!r} is not known; expected of: {', '.join(MESHES)}")
+        raise InputError(
+            f"mesh.name {mesh.name!r} is not known; expected one of: {', '.join(MESHES)}"
+        )
     axes = []
     for name, at in given.items():
         at.check(f"axis.{name}", 0.0, math.inf)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from skinlab.curves.curve import APERTURES_MM
+from skinlab.curves.apertures import APERTURES_MM
 
 PROGRAMS = (
     ("Standard ramp, 100 mbar in 5 s", "ramp:100@20"),

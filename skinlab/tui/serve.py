@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from skinlab.errors import InputError
+from skinlab.text import needs
 
 if TYPE_CHECKING:
     from aiohttp import web
@@ -41,7 +42,7 @@ KEYS = (
     ("help", "F1 help", "\x1bOP"),
     ("quit", "q quit", "q"),
 )
-_EXTRA = "the browser needs textual-serve: pip install 'skinlab[serve]'"
+_EXTRA = needs("the browser needs", "textual-serve", "serve")
 
 _Handler = Callable[["web.Request"], Awaitable["web.StreamResponse"]]
 

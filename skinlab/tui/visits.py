@@ -12,6 +12,7 @@ from skinlab.inference.result import Value
 from skinlab.mechanics.names import of_law, unit_of
 from skinlab.recording.visit_index import VisitRow
 from skinlab.report.rounding import interval_words
+from skinlab.text import counted
 from skinlab.tui.text import meaning, name_of, scaled_bar, value_scale
 
 if TYPE_CHECKING:
@@ -93,7 +94,7 @@ def trend_lines(rows: Sequence[VisitRow], columns: int, changes: Changes | None)
     """
     if len(rows) < 2:
         return ["A trend needs two visits of the same subject and site, measured alike."]
-    lines = [f"{rows[0].subject or 'no subject'}, {rows[0].site}: {len(rows)} visits"]
+    lines = [f"{rows[0].subject or 'no subject'}, {rows[0].site}: {counted(len(rows), 'visit')}"]
     smallest = {} if changes is None else {c.name: c for c in changes.parameters}
     width = max(columns - _WHEN - 2, 8)
     for name in of_law(row.parameters for row in rows):

@@ -76,6 +76,23 @@ def test_links_lead_somewhere(page):
     assert not wrong
 
 
+@pytest.mark.parametrize("kind", ["*.md", "*.py"])
+def test_files_that_are_named_exist(kind):
+    named = re.compile(
+        r"\b((?:tests|benchmarks|docs|examples|skinlab|drivers)/[\w./-]*\.[a-z0-9]+)"
+    )
+    folders = ["docs", "skinlab", "drivers", "sim_device"]
+    found = [path for folder in folders for path in (ROOT / folder).rglob(kind)]
+    found += [ROOT / "README.md", ROOT / "CONTRIBUTING.md"] if kind == "*.md" else []
+    missing = {
+        f"{path.relative_to(ROOT)}: {name}"
+        for path in found
+        for name in named.findall(path.read_text(encoding="utf-8"))
+        if not (ROOT / name).exists()
+    }
+    assert missing == set()
+
+
 def test_every_page_is_in_the_navigation():
     shown = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
     pages = [

@@ -137,6 +137,19 @@ def test_the_example_is_listed_with_its_package_and_obeys_the_rules_of_its_kinds
     assert len(rules) > 25
 
 
+def test_a_group_with_a_slip_is_named(tmp_path):
+    points = {"skinlab.effect": {"creeping": "creeping:EFFECT"}}
+    place = Place(package(tmp_path / "there", "slip", points, creeping="EFFECT = None"))
+    for command, status in ((["plugins"], 0), (["plugins", "check"], 1)):
+        done = place.skinlab(*command)
+        assert done.returncode == status
+        assert done.stderr.count("\n") == 1
+        assert done.stderr.startswith(
+            "skinlab: plugin slip, 'creeping': left out, because its group"
+        )
+        assert done.stderr.endswith("; did you mean skinlab.effects?\n")
+
+
 def test_a_name_that_nothing_has_is_wrong_usage(capsys):
     assert run(["plugins", "check", "warm_up"]) == 2
     told = capsys.readouterr()
@@ -149,7 +162,7 @@ def test_a_method_brings_its_options(example, tmp_path):
     identify = ["identify", csv, *SKIN, "--json", "--method"]
     wrong = [
         (["pattern_search", "--shrink", "1"], 3, "shrink 1.0: expected more than 0, less than 1"),
-        (["pattern_search", "--shrink", "much"], 2, "'much' is no number"),
+        (["pattern_search", "--shrink", "much"], 2, "'much' is not a number"),
         (["auto", "--shrink", "0.4"], 2, "--shrink belongs to --method pattern_search"),
         (["pattern_search", "--passes", "3"], 2, "--passes belongs to --method rls"),
     ]

@@ -6,6 +6,7 @@ import contextlib
 import json
 import os
 import queue
+import re
 import signal
 import subprocess
 import sys
@@ -159,6 +160,8 @@ def test_two_curves_that_a_person_starts_and_their_replay(tmp_path, dialect, lin
         assert told.returncode == 0, told.stderr
     assert "read-only" in told.stdout
     assert "plain_line" in told.stdout
+    assert "1 mm skin, program not stated, cycle 1" in told.stdout
+    assert re.search(r"^    X1 0\.\d+ MPa, X2 [\d.]+ MPa, ν 0\.\d+, fit error", told.stdout, re.M)
 
 
 def test_with_its_program_a_curve_ends_with_it(tmp_path, dialect):
@@ -218,7 +221,7 @@ def test_a_killed_measurement_is_recovered_with_its_dialect(tmp_path, dialect):
     (tmp_path / dialect).unlink()
     done = skinlab("recover", "s.h5.journal", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    assert "1 curves recovered" in done.stdout
+    assert "1 curve recovered" in done.stdout
     (curve,) = read_session(tmp_path / "s.h5").curves
     assert curve.pressure_mbar.max() == pytest.approx(50.0)
 

@@ -145,6 +145,8 @@ def test_rows_of_the_list():
 def test_unknown_flags_are_readable():
     assert flag_words("at_bound:X1_MPa") == "X1 at the edge of its range"
     assert flag_words("some_gate") == "some gate"
+    assert flag_words("thinned:2") == "one in 2 samples fitted"  # no "2th"
+    assert flag_words("outliers:1") == "samples left out: 1"
     assert digits(100.0, 3) == "100"
     assert interval_text(Value(1.0)) == ""
 

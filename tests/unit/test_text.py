@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from skinlab.io.documents import toml_text
-from skinlab.text import csv_cell, inert, inert_lines, json_text
+from skinlab.text import csv_cell, inert, inert_lines, json_text, needs
 
 UNSEEN = {"Cc", "Cf", "Cs", "Zl", "Zp"}
 
@@ -52,3 +52,24 @@ def test_a_semicolon_begins_no_formula_either():
 
 def test_numbers_in_cells_stay_numbers():
     assert [csv_cell(v) for v in (-1.5, 3, None, "plain", "1.5")] == [-1.5, 3, None, "plain", "1.5"]
+
+
+@pytest.mark.parametrize(
+    ("file", "command"),
+    [
+        (None, "pip install"),
+        ("pipx_metadata.json", "pipx runpip skinlab install"),
+        ("uv-receipt.toml", "uv pip install --python '{prefix}'"),
+    ],
+)
+def test_what_is_missing_goes_into_the_environment_that_skinlab_is_in(
+    tmp_path, monkeypatch, file, command
+):
+    monkeypatch.setattr("sys.prefix", str(tmp_path))
+    if file is not None:
+        (tmp_path / file).touch()
+    said = needs("pictures need", "matplotlib", "pictures")
+    command = command.format(prefix=tmp_path)
+    assert said == (
+        f"pictures need matplotlib, which is not installed: {command} 'skinlab[pictures]'"
+    )

@@ -97,8 +97,8 @@ def _found(table: Table, role: Role, taken: tuple[int, ...], answers: Answers) -
     for k, heading in enumerate(table.headings):
         if not fitting and heading.role == role and table.columns[k] is None:
             raise InputError(
-                f"line {table.lines[0]}: the {role} (column {heading.text!r}) is no number in most "
-                "rows; expected numbers"
+                f"line {table.lines[0]}: the {role} (column {heading.text!r}) is not a "
+                "number in most rows; expected numbers"
             )
     if not left:
         hint = "; or give the pressure program with --program" if role == "pressure" else ""
@@ -138,5 +138,5 @@ def _channel(table: Table, role: Role, index: int, answers: Answers) -> Channel:
 def _unit(text: str, role: Role) -> Unit:
     unit = find_unit(text)
     if unit is None or unit.role != role:
-        raise InputError(f"{text!r} is no unit of {role}; expected {', '.join(units_of(role))}")
+        raise InputError(f"{text!r} is not a unit of {role}; expected {', '.join(units_of(role))}")
     return unit

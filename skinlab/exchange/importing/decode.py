@@ -12,7 +12,7 @@ _MARKS = (
     (codecs.BOM_UTF16_LE, "utf-16", "UTF-16"),
     (codecs.BOM_UTF16_BE, "utf-16", "UTF-16"),
 )
-_NO_TEXT = "it is no text; expected a table of numbers as text, or .xlsx"
+_NO_TEXT = "it is not text; expected a table of numbers as text, or .xlsx"
 # Windows' extension of Latin-1: the same where Latin-1 has printable characters.
 _LATIN = "cp1252"
 

@@ -12,6 +12,7 @@ from skinlab.curves.program import MOST_PRESSURE_MBAR
 from skinlab.errors import InputError
 from skinlab.exchange.importing.questions import Answers, Question
 from skinlab.exchange.importing.table import Table
+from skinlab.text import counted
 
 Array = NDArray[np.float64]
 
@@ -59,11 +60,12 @@ def follow_program(curve: Curve, answers: Answers) -> tuple[Curve, list[str]]:
     inside = since <= program.duration_s + 1e-6 * interval
     if int(inside.sum()) < FEWEST_POINTS:
         raise InputError(
-            f"{int(inside.sum())} samples while the program ran; expected at least {FEWEST_POINTS}"
+            f"{counted(int(inside.sum()), 'sample')} while the program ran; "
+            f"expected at least {FEWEST_POINTS}"
         )
     notes = [f"the pressure is computed from the program, which started at {start_s:g} s"]
     if not inside.all():
-        notes.append(f"{int((~inside).sum())} samples behind the program's end were left out")
+        notes.append(f"{counted(int((~inside).sum()), 'sample')} after the program's end left out")
     short = float(since[inside][-1]) < program.duration_s - 2 * interval
     if short:
         notes.append("the curve ends before its program: partial")

@@ -21,6 +21,7 @@ from skinlab.exchange.importing.table import Table
 from skinlab.exchange.importing.text import table_from_text
 from skinlab.exchange.importing.units import Role
 from skinlab.exchange.importing.xlsx import table_from_workbook
+from skinlab.text import counted
 
 Array = NDArray[np.float64]
 
@@ -77,7 +78,9 @@ def _import(path: Path, data: bytes, setup: Setup, answers: Answers) -> Imported
         table, form = table_from_text(text, answers)
         form = f"{encoding}, {form}"
     if len(table.lines) < FEWEST_POINTS:
-        raise InputError(f"{len(table.lines)} samples; expected at least {FEWEST_POINTS}")
+        raise InputError(
+            f"{counted(len(table.lines), 'sample')}; expected at least {FEWEST_POINTS}"
+        )
     answers.begin([heading.text for heading in table.headings])
     channels = find_channels(table, answers, pressure=setup.program is None)
     curve, notes = _curve(path.name, setup, table, channels, answers)

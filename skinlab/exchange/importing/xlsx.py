@@ -9,6 +9,7 @@ from itertools import islice
 from skinlab.errors import InputError
 from skinlab.exchange.importing.questions import Answers, Question
 from skinlab.exchange.importing.table import Cell, Draft, Line, Table, finish, survey
+from skinlab.text import needs
 
 _MOST_ROWS = 1_000_000
 _MOST_COLUMNS = 200
@@ -46,9 +47,7 @@ def _sheets(data: bytes) -> dict[str, list[Line]]:
     try:
         import openpyxl
     except ImportError:
-        raise InputError(
-            ".xlsx needs openpyxl, which is not installed: pip install 'skinlab[excel]'"
-        ) from None
+        raise InputError(needs(".xlsx needs", "openpyxl", "excel")) from None
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of styles and extensions: they do not concern us

@@ -15,6 +15,7 @@ from skinlab.plugins import needs
 V = TypeVar("V", int, float, str)
 
 _KINDS = {int: "INTEGER", float: "NUMBER", str: "TEXT"}
+_WORDS = {int: "an integer", float: "a number", str: "a text"}
 
 
 @dataclass(frozen=True)
@@ -61,8 +62,7 @@ class Option(Generic[V]):
         """
         expected = self.expected or " or ".join(map(str, self.choices))
         if not _is_a(type(self.default), value):
-            kind = _KINDS[type(self.default)].lower()
-            raise InputError(f"{self.name} {value!r}: expected a value of the kind {kind}")
+            raise InputError(f"{self.name} {value!r}: expected {_WORDS[type(self.default)]}")
         if self.choices and value not in self.choices:
             raise InputError(f"{self.name} {value!r}: expected {expected}")
         if not self.accepts(value):
@@ -80,9 +80,9 @@ class Option(Generic[V]):
         try:
             value = kind(text)
         except ValueError:
-            raise ValueError(f"{text!r} is no {_KINDS[kind].lower()}") from None
+            raise ValueError(f"{text!r} is not {_WORDS[kind]}") from None
         if self.choices and value not in self.choices:
-            raise ValueError(f"{text!r} is none of {', '.join(map(str, self.choices))}")
+            raise ValueError(f"{text!r} is not one of {', '.join(map(str, self.choices))}")
         return value
 
 
@@ -163,6 +163,6 @@ def check_method(one: object) -> None:
     common = {f.name for f in fields(Options)} | {"method", "seed"}
     for option in one.options:
         if not option.name.isidentifier() or option.name in common:
-            raise TypeError(f"its option {option.name!r} is no name, or one of all methods")
+            raise TypeError(f"its option {option.name!r} is not a name, or one of all methods")
         if type(option.default) not in _KINDS:
             raise TypeError(f"its option {option.name} has no default of type int, float or str")

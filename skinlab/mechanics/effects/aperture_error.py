@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from skinlab.curves.curve import APERTURES_MM
+from skinlab.curves.apertures import APERTURES_MM
 from skinlab.mechanics.effects.base import Effect, Parameter, Values
 from skinlab.mechanics.fem.skin import SkinProblem
 

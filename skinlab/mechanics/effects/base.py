@@ -80,7 +80,9 @@ class Effect:
         where = f"effects.{self.name}"
         for name in values:
             if name not in known:
-                raise InputError(f"{where}.{name} is not known; expected of: {', '.join(known)}")
+                raise InputError(
+                    f"{where}.{name} is not known; expected one of: {', '.join(known)}"
+                )
         full: dict[str, float] = {}
         for name, parameter in known.items():
             value = values.get(name, parameter.default)

@@ -207,7 +207,7 @@ class Law(Energy):
         for one in self.parameters:
             if one.name == name:
                 return one
-        raise InputError(f"{name} is not known; expected of: {', '.join(self.names)}")
+        raise InputError(f"{name} is not known; expected one of: {', '.join(self.names)}")
 
     def named(self, values: Sequence[float]) -> dict[str, float]:
         """Return values in the parameters' order by name."""

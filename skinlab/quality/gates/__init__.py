@@ -7,11 +7,8 @@ finds the same.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-from skinlab.curves.curve import Curve
 from skinlab.plugins import Registry, warn
-from skinlab.quality.gates.base import CurveSoFar, Finding, Gate, check_gate, whole
+from skinlab.quality.gates.base import CurveSoFar, Finding, Gate, check_gate
 
 GATES: Registry[Gate] = Registry("gate", __name__, "GATE", "skinlab.gates", check_gate)
 
@@ -31,9 +28,3 @@ def judge(gate: Gate, view: CurveSoFar) -> Finding | None:
             f"{type(error).__name__}: {error}"
         )
         return None
-
-
-def check_curve(curve: Curve, earlier: Sequence[Curve] = ()) -> tuple[Finding, ...]:
-    """Return what the gates find about a whole curve, however it was come by."""
-    view = whole(curve, tuple(earlier))
-    return tuple(f for gate in all_gates() if (f := judge(gate, view)) is not None)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from skinlab.curves.curve import Curve
+from skinlab.curves.curve import Curve, white_noise
 from skinlab.quality.gates.base import CurveSoFar, Finding, Gate
 
 # Stiffness goes about as the inverse of the deflection: a tenth of that is more than the scatter of
@@ -33,7 +33,7 @@ def _check(view: CurveSoFar) -> Finding | None:
         return None
     difference = w[use] - reference[use]
     part = float(np.sqrt(np.mean(difference**2) / np.mean(reference[use] ** 2)))
-    noise = _noise_mm(w[use]) / float(np.sqrt(np.mean(reference[use] ** 2)))
+    noise = white_noise(w[use]) / float(np.sqrt(np.mean(reference[use] ** 2)))
     if part <= _MOST + _SIGMAS * noise:
         return None
     names = ", ".join(c.name for c in others)
@@ -50,13 +50,6 @@ def _comparable(other: Curve, view: CurveSoFar) -> bool:
     a, b = other.setup, view.setup
     same = (a.aperture_mm, a.thickness_mm, a.program) == (b.aperture_mm, b.thickness_mm, b.program)
     return same and (a.cycle == 1) == (b.cycle == 1) and not other.partial and len(other) > 1
-
-
-def _noise_mm(w: np.ndarray) -> float:
-    """Return the noise of one sample, from second differences."""
-    return (
-        float(np.median(np.abs(np.diff(w, n=2)))) / (0.6745 * np.sqrt(6.0)) if len(w) > 2 else 0.0
-    )
 
 
 GATE = Gate(

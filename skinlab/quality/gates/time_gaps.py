@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from skinlab.quality.gates.base import CurveSoFar, Finding, Gate
+from skinlab.text import counted
 
 # One lost frame doubles an interval, and is told by its own gate; a clock that counts in ms rounds
 # an interval at 1 kHz by up to itself.
@@ -15,7 +16,9 @@ def _check(view: CurveSoFar) -> Finding | None:
     advice = "repeat; if it stays so, look at cable and computer load"
     if view.steps_back:
         return Finding(
-            GATE.name, f"the instrument's clock went back {view.steps_back} times", advice
+            GATE.name,
+            f"the instrument's clock went back {counted(view.steps_back, 'time')}",
+            advice,
         )
     view = view.tail
     if len(view.time_s) < 3:

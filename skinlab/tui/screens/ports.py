@@ -11,7 +11,7 @@ from textual.widgets import OptionList, Static
 from textual.widgets.option_list import Option
 
 from drivers.link import list_ports
-from skinlab.curves.curve import APERTURES_MM
+from skinlab.curves.apertures import APERTURES_MM
 from skinlab.tui.screens.over import ChoosingScreen
 from skinlab.tui.widgets.hints import Hints
 

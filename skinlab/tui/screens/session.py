@@ -16,6 +16,7 @@ from textual.widgets import DataTable, Input, Static
 from skinlab.errors import InputError
 from skinlab.recording.curve_selection import Deed
 from skinlab.recording.pseudonym import check_note
+from skinlab.text import counted
 from skinlab.tui.screens.board_screen import BoardScreen
 from skinlab.tui.summary import left_out, repeats, repeats_lines
 from skinlab.tui.text import (
@@ -87,7 +88,7 @@ class SessionScreen(BoardScreen):
         board = self._board
         since = f", since {clock(board.begun_at)}" if board.begun_at else ""
         self.query_one("#session-title", Static).update(
-            f"Session: {who_text(board.visit)}{since}, {len(board.entries)} curves"
+            f"Session: {who_text(board.visit)}{since}, {counted(len(board.entries), 'curve')}"
         )
         table = self.query_one(DataTable)
         at = table.cursor_row

@@ -88,13 +88,13 @@ def test_a_database_that_is_gone_or_another_one_is_a_sentence(path, database, tm
         return out
 
     gone = elsewhere(database_path=str(tmp_path / "gone.h5"))
-    with pytest.raises(InputError, match=r"then in .*gone\.h5 .*; say by --database where it is"):
+    with pytest.raises(InputError, match=r"then in .*gone\.h5 .*; name it with --database"):
         identifier_of(read_session(gone))
     assert run(["replay", str(gone), "--verify"]) == 3
     assert "--database" in capsys.readouterr().err
     assert run(["replay", str(gone), "--verify", "--database", str(database)]) == 0
     other = elsewhere(database_hash="sha256:1")
-    with pytest.raises(InputError, match="where now is another one; say by --database"):
+    with pytest.raises(InputError, match="where now is another one; name it with --database"):
         identifier_of(read_session(other))
     capsys.readouterr()
     assert run(["replay", str(other), "--database", str(database)]) == 0

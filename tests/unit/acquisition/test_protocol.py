@@ -71,7 +71,7 @@ def small(name, **more):
         ("rest_s = 30.0", "rest_s = -1.0", "step 1: rest_s is -1; expected 0"),
         ("[20.0, 24.0]", "[24.0, 20.0]", "conditions.room_temperature_c is (24.0, 20.0); expected"),
         ("{X1_MPa = 20.0}", "{X1 = 20.0}", "acceptance.interval_percent.X1: no such parameter"),
-        ('title = "Winter forearms"', "", "missing required field `title`"),
+        ('title = "Winter forearms"', "", "`title` is missing"),
         ("volar, right", "volar, left", "a site is named twice"),
     ],
 )

@@ -151,7 +151,7 @@ def test_a_result_can_be_changed_no_more_than_copied(curve):
 def test_options_of_a_method_go_by_name(curve):
     found = skinlab.identify(curve, method="sto", samples=200, best=10)
     assert found.method == "sto"
-    with pytest.raises(skinlab.InputError, match=r"colour is no option"):
+    with pytest.raises(skinlab.InputError, match=r"colour is not an option"):
         skinlab.identify(curve, method="sto", colour=3)
     with pytest.raises(skinlab.InputError, match="samples 1: expected"):
         skinlab.identify(curve, samples=1)
@@ -161,7 +161,7 @@ def test_options_of_a_method_go_by_name(curve):
     ("settings", "sentence"),
     [
         ({"method": "magic"}, "magic"),
-        ({"phases": "climb"}, "'climb' is no phase"),
+        ({"phases": "climb"}, "'climb' is not a phase"),
         ({"phases": []}, "names no phase"),
         ({"kappa": "mine"}, "kappa 'mine': expected paper or consistent"),
         ({"seed": -1}, "seed -1"),
@@ -181,8 +181,14 @@ def test_what_cannot_be_is_refused_in_a_sentence(curve, settings, sentence):
 def test_identify_wants_a_curve(path):
     with pytest.raises(skinlab.InputError, match="read_curve"):
         skinlab.identify(str(path))
-    with pytest.raises(skinlab.InputError, match="several curves"):
+    with pytest.raises(skinlab.InputError, match="one curve or more"):
         skinlab.identify_joint([])
+
+
+def test_a_campaign_that_is_not_there_is_said_so(tmp_path):
+    for ask in (skinlab.read_campaign, skinlab.explain):
+        with pytest.raises(skinlab.InputError, match="gone: no such file"):
+            ask(tmp_path / "gone")
 
 
 def test_parameters_are_those_of_the_law(curve, capsys):
@@ -200,7 +206,7 @@ def test_parameters_are_those_of_the_law(curve, capsys):
 def test_several_curves_answer_together(curve):
     later = replace(curve, setup=replace(curve.setup, cycle=2))
     campaign = skinlab.Campaign("arm", 3.0, 0.0, (curve, curve, later))
-    with pytest.warns(UserWarning, match="1 curves of later cycles"):
+    with pytest.warns(UserWarning, match="1 curve of later cycles"):
         found = skinlab.identify_joint(campaign)
     assert found.to_dict()["curves"] == []
     assert found.files == ["simulated", "simulated"]

@@ -35,7 +35,7 @@ def test_classic_modes(text, segments):
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("", "is no segment"),
+        ("", "is not a segment"),
         ("ramp:100", "expected ramp:P@RATE"),
         ("ramp:600@20", "0–500 mbar"),
         ("ramp:-1@20", "0–500 mbar"),

@@ -141,8 +141,8 @@ def test_commands_are_known_and_start_is_never_sent():
         (plain('"mine"', '"mine"\nversion = "1"'), "dialect.version is '1'; expected a whole"),
         (plain('"mbar"', '"bar"'), "columns.pressure.unit is 'bar'; expected one of: mbar"),
         (plain("<pressure>", "<pres>"), "no group (?P<pressure>...)"),
-        (plain(r"\S+)'", r"\S+)(?P<foo>x)'"), "a group 'foo', which is no column"),
-        (plain(r"\S+)'", r"\S+'"), "dialect.pattern is no regular expression"),
+        (plain(r"\S+)'", r"\S+)(?P<foo>x)'"), "a group 'foo', which is not a column"),
+        (plain(r"\S+)'", r"\S+'"), "dialect.pattern is not a regular expression"),
         (plain(r"(?P<pressure>\S+)", r"(?P<pressure>(?:\d+)+)"), "a group is repeated"),
         (plain(r"(?P<pressure>\S+)", r"(?P<pressure>(a|a)*)"), "a group is repeated"),
         (plain(r"(?P<pressure>\S+)", r"(?P<pressure>\d*\d*)"), "repeated twice running"),
@@ -247,5 +247,5 @@ def test_a_number_that_nobody_can_read_is_a_sentence():
 
 def test_a_pattern_that_python_warns_of_is_a_sentence():
     text = plain(r"(?P<pressure>\S+)", "(?P<pressure>[0--9]+)")
-    with pytest.raises(DialectFileError, match="no regular expression: Possible set difference"):
+    with pytest.raises(DialectFileError, match="not a regular expression: Possible set difference"):
         line_dialect(text, "a.toml")

@@ -146,6 +146,20 @@ def test_what_the_model_cannot_do_is_flagged_and_widens(table):
 
 
 class TestErrorsAsTheyAre:
+    @pytest.mark.parametrize("seed", [142, 254])
+    def test_a_sample_at_the_border_does_not_part_the_optimum_from_its_residual(self, table, seed):
+        """It went out and came back in every round; E was that of the fit without it."""
+        setup = Setup(6.0, 1.0, parse_program("ramp:60@20"))
+        pressure = np.arange(61.0)
+        w = curve_of(table, [0.025, 2.95, 0.28], setup, pressure=pressure).deflection_mm
+        noise = np.random.default_rng(seed).normal(0.0, 3e-3, len(w))
+        curve = Curve("c", setup, np.arange(61) / 20.0, pressure, np.round(w + noise, 3))
+        result = Identifier(table)(curve)
+        kept = result.fitted & ~result.outliers
+        residual_um = 1e3 * (curve.deflection_mm - result.model_mm)[kept]
+        assert result.fitted_points == kept.sum()
+        assert result.rms_um == pytest.approx(np.sqrt(np.mean(residual_um**2)), rel=1e-6)
+
     def test_a_glitch_is_left_out_with_its_reason_and_never_noise(self, table):
         extra = np.zeros(51)
         extra[20] = 0.3

@@ -148,7 +148,7 @@ def test_differences_are_told_in_words(recorded):
     assert differences(other, curves, results) == ["curve 1: deflection_mm differs"]
     worse = [dataclasses.replace(results[0], error_um=9.0), results[1]]
     assert differences(session, curves, worse)[0].startswith("curve 1: error_um was")
-    assert differences(session, curves[:1], results[:1])[0].startswith("2 curves are stored")
+    assert differences(session, curves[:1], results[:1])[0].startswith("stored curves: 2")
 
 
 def test_a_changed_session_is_told(recorded, tmp_path):
@@ -327,7 +327,7 @@ def test_a_curve_without_samples_to_fit_is_kept_and_says_why(grid):
         measure(LiveSource(probe), Plan(setup), Pipeline(Identifier(grid), [messages.append]))
     (result,) = [m.result for m in messages if isinstance(m, Identified)]
     assert result.points > 30
-    assert "samples to fit in phases load" in result.error
+    assert "1 sample to fit in phases load" in result.error
     assert "not identified: " in describe(result)
 
 

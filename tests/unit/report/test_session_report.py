@@ -372,7 +372,7 @@ def test_the_command_writes_what_it_says_and_nothing_over_anything(few, tmp_path
         assert said.count("\n") == 1
         assert sorted((p.name, p.read_bytes()) for p in out.iterdir()) == before
     assert run(["export", str(path), str(path), "--to", "png"]) == 3
-    assert "is no folder" in capsys.readouterr().err
+    assert "is not a folder" in capsys.readouterr().err
 
 
 def visit_file(path, session, day, curve, identifier, **meta):

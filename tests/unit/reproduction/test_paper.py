@@ -269,7 +269,7 @@ class TestTarget:
 
     def test_no_folder(self, tmp_path):
         (tmp_path / "file").write_text("")
-        with pytest.raises(InputError, match="is no folder"):
+        with pytest.raises(InputError, match="is not a folder"):
             output.Target(tmp_path / "file")
         with pytest.raises(InputError, match="its folder does not exist"):
             output.Target(tmp_path, tmp_path / "absent" / "paper.md")

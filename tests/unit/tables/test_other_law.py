@@ -103,7 +103,7 @@ def test_forward_takes_the_laws_own_options(tmp_path, capsys):
     expected = measured(TRUTH, 0, noise_um=0.0).deflection_mm[-1]
     assert float(last.split(",")[2]) == pytest.approx(expected, rel=0.01)  # another mesh
     assert run([*told, "--x1-mpa", "0.03"]) == 2
-    assert "--x1-mpa is none of the law fung" in capsys.readouterr().err
+    assert "--x1-mpa is not a parameter of the law fung" in capsys.readouterr().err
     assert run([t for t in told if t not in ("--c2", "11")]) == 2
     assert "Missing option '--c2'" in capsys.readouterr().err
     # The shipped database is of another law, and no number of it is shown under this one's name.

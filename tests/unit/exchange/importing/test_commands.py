@@ -115,7 +115,7 @@ def test_nothing_good_leaves_no_session(call, tmp_path):
         (["import", "a.txt", *SKIN, "--time-unit", "h", "--out", "s.h5"], 2, "--time-unit"),
         (["import", "a.txt", *SKIN, "--subject", "Jane", "--out", "s.h5"], 3, "pseudonym"),
         (["import", "a.txt", *SKIN, "--cycle", 0, "--out", "s.h5"], 3, "count from 1"),
-        (["import", "a.txt", *SKIN, "--program", "up", "--out", "s.h5"], 3, "is no segment"),
+        (["import", "a.txt", *SKIN, "--program", "up", "--out", "s.h5"], 3, "is not a segment"),
         (["import", "a.txt", *SKIN, "--out", "a.txt"], 3, "exists already"),
         (["import", "b.txt", *SKIN, "--out", "s.h5"], 3, "no column of the pressure"),
         (["watch", "absent", *SKIN], 3, "absent: no such folder"),

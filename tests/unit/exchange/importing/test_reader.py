@@ -212,7 +212,7 @@ def test_without_a_column_of_the_pressure_the_program_gives_it():
 def test_samples_behind_the_program_are_left_out_and_a_short_curve_is_partial():
     imported = read("time (s);deflection (mm)\n" + rows(n=150, pick=(0, 2)), RAMP)
     check_ramp(imported)
-    assert "49 samples behind the program's end were left out" in imported.understood
+    assert "49 samples after the program's end left out" in imported.understood
     imported = read("time (s);deflection (mm)\n" + rows(n=50, pick=(0, 2)), RAMP)
     assert imported.curve.partial
     assert len(imported.curve) == 50
@@ -373,7 +373,7 @@ def damaged(row, replacement):
     ("data", "says"),
     [
         ("", "empty; expected a table"),
-        (b"\x89PNG\r\n\x1a\n" + bytes(range(256)), "it is no text"),
+        (b"\x89PNG\r\n\x1a\n" + bytes(range(256)), "it is not text"),
         (b"\xd0\xcf\x11\xe0" + bytes(600), "an old Excel file (.xls); expected .xlsx or text"),
         ("hello\nworld\n", "no table found; expected rows of at least two numbers"),
         (damaged(50, "bad;50;0.15"), "line 52: t (s) is 'bad', expected a number"),
@@ -419,7 +419,7 @@ def test_files_that_cannot_be_read(tmp_path):
     [
         ({"time_column": "9"}, "no such column; expected one of t (s), p (mbar), w (mm)"),
         ({"time_column": "p (mbar)"}, "one column cannot be two channels"),
-        ({"time_unit": "mm"}, "'mm' is no unit of time"),
+        ({"time_unit": "mm"}, "'mm' is not a unit of time"),
         ({"decimal": "comma"}, "no table found"),
     ],
 )
