@@ -181,7 +181,7 @@ class CampaignErrors:
         """What is too large for an error, as the best explanation leaves it; empty if nothing."""
         look, found = self.looks[-1], []
         for name, most in ERRORS.largest_um.items():
-            size = look.median(partial(_size_um, name=name))
+            size = look.median(partial(size_um, name=name))
             if size > most:
                 found.append(f"{name} of {size:.1f} µm (more than {most:g} µm is no error)")
         return ", ".join(found)
@@ -265,7 +265,8 @@ def thickness_slopes(records: Sequence[Record], fit: Fit, domes: TableDomes) -> 
     return np.concatenate(found)
 
 
-def _size_um(node: Node, name: str) -> float:
+def size_um(node: Node, name: str) -> float:
+    """Return the root mean square of a part of the errors, µm; 0 where they have none."""
     return node.sizes_um.get(name, 0.0)
 
 

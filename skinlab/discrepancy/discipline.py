@@ -23,7 +23,9 @@ from skinlab.discrepancy.odds import odds_words
 from skinlab.discrepancy.records import Record, by_geometry
 from skinlab.discrepancy.search import LOG10, Candidate
 from skinlab.discrepancy.settings import NAMES
+from skinlab.inference.error_choice import Node
 from skinlab.inference.noise import legendre
+from skinlab.mechanics.effects import get_effect
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -154,7 +156,10 @@ class Discipline:
         )
 
     def _steps(self, best: Candidate) -> Trial:
-        errors = self._errors.looks[-1].mode
+        # A learned function follows corners nearly: by its own errors what it leaves there stands
+        # out, though pure error is larger.
+        learned = any(get_effect(name).family for name in best.effects)
+        errors = (self._errors.pure if learned else self._errors.looks[-1]).mode
         more = steps(self._records, errors, self._linear[id(best)].residual_mm)
         passed = more < NAMES.steps
         return Trial(
@@ -253,22 +258,32 @@ class Shares:
         return {name: square / whole for name, square in squares.items()} if whole else squares
 
 
+def by_part(node: Node, did_mm: Array) -> dict[str, Array]:
+    """Return what each part of the errors did (u,), of what each of their columns did (u, m).
+
+    "mesh" is what the columns do that are there whatever the errors are.
+    """
+    at = node.combination.fixed_mm.shape[1]
+    found = {"mesh": did_mm[:, :at].sum(axis=1)}
+    for part in node.combination.parts:
+        columns = part.terms([1.0] * len(part.parameters)).columns_mm
+        if columns is not None:
+            end = at + columns.shape[1]
+            found[part.name] = did_mm[:, at:end].sum(axis=1)
+            at = end
+    return found
+
+
 def shares_of(
     errors: CampaignErrors, base: Candidate, best: Candidate, linear: Linearised
 ) -> Shares:  # fmt: skip
     """Return the shares of the gap, by the most probable errors under `best`."""
     node = errors.looks[-1].nodes[0]
-    did = linear.shares(node.covariance)
-    at = node.combination.fixed_mm.shape[1]
-    mesh = did[:, :at].sum(axis=1)
-    placement = np.zeros(len(did))
-    for part in node.combination.parts:
-        columns = part.terms([1.0] * len(part.parameters)).columns_mm
-        if columns is not None:
-            end = at + columns.shape[1]
-            if part.name.startswith("placement"):
-                placement += did[:, at:end].sum(axis=1)
-            at = end
+    did = by_part(node, linear.shares(node.covariance))
+    mesh = did["mesh"]
+    placement = sum(
+        (what for name, what in did.items() if name.startswith("placement")), np.zeros_like(mesh)
+    )
     effect = np.concatenate(best.fit.deflections_mm) - np.concatenate(base.fit.deflections_mm)
     rest = linear.residual_mm - mesh - placement
     return Shares(*(1e3 * float(np.sqrt(np.mean(v**2))) for v in (rest, placement, mesh, effect)))

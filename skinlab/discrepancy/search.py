@@ -105,18 +105,26 @@ def unknowns_of(model: Model) -> Unknowns:
     )  # fmt: skip
 
 
-def _starts(unknowns: Unknowns) -> tuple[list[Array], Array]:
-    """Return coordinates of the law's parameters to begin from, and their middle."""
+def _kinds(unknowns: Unknowns) -> list[int]:
+    """Return of each of the law's parameters: the scale 0, other logarithms 1, what is none 2."""
     space = unknowns.space
-    kinds = [
+    return [
         0 if i == space.scale else 1 if transform != "linear" else 2
         for i, transform in enumerate(space.transforms)
     ]
-    shares = [(_SCALES, _RATIOS, _VALUES)[kind] for kind in kinds]
-    middle = unknowns.at_share(np.array([_MIDDLE[kind] for kind in kinds]))
+
+
+def _starts(unknowns: Unknowns) -> list[Array]:
+    """Return coordinates of the law's parameters to begin from."""
+    shares = [(_SCALES, _RATIOS, _VALUES)[kind] for kind in _kinds(unknowns)]
     every = [unknowns.at_share(np.array(share)) for share in product(*shares)]
     # Far from one another first: their number has no factor but two and three.
-    return [every[5 * i % len(every)] for i in range(len(every))], middle
+    return [every[5 * i % len(every)] for i in range(len(every))]
+
+
+def middle_of(unknowns: Unknowns) -> Array:
+    """Return coordinates of the law's parameters in the middle of where those of skins are."""
+    return unknowns.at_share(np.array([_MIDDLE[kind] for kind in _kinds(unknowns)]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,12 +183,11 @@ class Search:
         """
         unknowns = self._unknowns
         plain = unknowns.plain
-        begin, middle = _starts(unknowns)
-        fits = self._plainly(plain, begin)
+        fits = self._plainly(plain, _starts(unknowns))
         if self._own:
             # Finite elements cost more: from the best of the plain fits, and from the middle.
             fits.sort(key=lambda f: f.cost)
-            starts = [*(f.u for f in fits[:1]), middle]
+            starts = [*(f.u for f in fits[:1]), middle_of(unknowns)]
             found = (self.fitter.fit(unknowns, unknowns.start(start)) for start in starts)
             fits = [f for f in found if f is not None]
         if not fits:

@@ -147,6 +147,16 @@ class NameRules:
     shapes follow an unknown form to a third of the noise, not to its end."""
     learned_share: float = 0.2
     """The same of what the model as it is leaves beyond noise."""
+    smooth_motion: float = 0.75
+    """Of `largest_um`, all together: from here on what moves in each curve in its own way is no
+    error, where it is smoother than errors are."""
+    wave_um: Mapping[str, float] = field(default_factory=lambda: {"pulse": 2.6, "breathing": 4.4})
+    """Root mean squares from which on a pulse or a breath that repeats bear out is told of: a
+    quarter more than those of life at most (amplitudes of 3 and 5 µm)."""
+    learned_tail: float = 0.03
+    """Or so much of what the model as it is leaves beyond noise, where that is large,"""
+    learned_rest: float = 0.4
+    """and up to so much of the noise: the gap stays below 1.2 times the noise."""
     repeats_factor: float = 2.0
     """Repeats that differ by more than so many times the noise are told of first."""
 

@@ -56,9 +56,13 @@ def learned_words(outcome: Outcome) -> list[str]:
     learned = outcome.learned
     if learned is None:
         return []
+    share = f"{100 * learned.share_of_gap:.0f} %"
     lines = [
-        "No effect of the library explains the gap; a smooth function was learned, which takes "
-        f"{100 * learned.share_of_gap:.0f} % of it away."
+        f"Of what the model leaves it is {share}; it counts with the errors, and no curve tells "
+        "how it goes in the next."
+        if learned.family.own_of_each
+        else "No effect of the library explains the gap; a smooth function was learned, which "
+        f"takes {share} of it away."
     ]
     if learned.nearest:
         lines.append(

@@ -9,10 +9,11 @@ import numpy as np
 
 from skinlab.curves.campaign import Campaign
 from skinlab.discrepancy.discipline import Discipline, Trial, repeats_um, shares_of
-from skinlab.discrepancy.families import against_families, find_families
+from skinlab.discrepancy.families import against_families, families, find_families
 from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.heldout import HeldOut, conditions_of, predict_held_out
 from skinlab.discrepancy.misfit import errors_of
+from skinlab.discrepancy.motion import find_motion
 from skinlab.discrepancy.next_measurement import PlannedErrors, advise
 from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.posterior import gaussian, sample
@@ -94,13 +95,26 @@ def explain(
             tried = replace(learned, found=replace(more, candidates=both))
         else:
             search.errors = before
+    if tried.verdict.name in ("none", "unknown") and (moving := find_motion(search, found)):
+        one, trials = moving
+        verdict = disciplined(Verdict("learned", [one]), found, trials)
+        if verdict.explanations:
+            tried = replace(
+                tried,
+                verdict=verdict,
+                found=replace(found, candidates=[one, *found.candidates]),
+                held={one.effects: tried.before},
+                trials=trials,
+            )
     verdict, found = tried.verdict, tried.found
     assert search.errors is not None
     progress("working out the intervals")
     chosen = verdict.explanations[0] if verdict.explanations else found.base
     shares = shares_of(search.errors, found.base, chosen, search.linear(chosen.fit))
     final, held = tried.final, tried.held
-    refined = final.refined(tried.again(chosen.fit))
+    refined = tried.again(chosen.fit)
+    if not _moves(chosen):
+        refined = final.refined(refined)
     # A learned function is linear in its many coefficients: the valley needs not to be followed.
     posterior = (
         gaussian(refined)
@@ -138,6 +152,11 @@ def explain(
         repeats_um=repeats_um(final.records, by_condition(final.records)),
         learned_from_these=learned_from_these,
     )
+
+
+def _moves(one: Candidate) -> bool:
+    """Return whether an explanation is a motion, of which these curves tell no course to refine."""
+    return any(f.own_of_each for f in families() if f.name in one.effects)
 
 
 @dataclass(frozen=True, eq=False)

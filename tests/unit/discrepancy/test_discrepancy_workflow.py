@@ -317,3 +317,24 @@ def test_what_the_library_does_not_have_is_unknown(table):
     assert (found["verdict"], found["effects"]) == ("unknown", [])
     assert found["where"]
     assert "pulse of" in describe(outcome)  # and too large for one
+
+
+def test_a_heartbeat_of_each_curve_its_own_is_learned_and_adopted(table):
+    def heartbeat(t, rng):
+        return 0.016 * np.sin(2 * np.pi * 1.1 * t + rng.uniform(0, 2 * np.pi))
+
+    outcome = explain(campaign({}, 2 * RAMPS[:2], besides=heartbeat), table, finite_elements=False)
+    found = document(outcome)
+    assert (found["verdict"], found["effects"]) == ("learned", [["learned_motion"]])
+    assert found["learned"]["family"] == "periodic"
+    # A sine of 16 µm moves by 0 to 32 µm in half a period: as its phase is.
+    assert 12 < max(found["learned"]["function"]["y"]) < 20
+    assert found["learned"]["function"]["x"][-1] == pytest.approx(1 / 1.1, rel=0.02)
+    assert found["gap"]["after_um"] < 1.2 * found["gap"]["noise_um"]
+    assert "phase of its own" in describe(outcome)
+    model = adopted(BASE, outcome, data={}, database_hash="", now=datetime(2026, 1, 1, tzinfo=UTC))
+    own = model.effects["learned_motion"]
+    assert own["frequency_hz"].value == pytest.approx(1.1, rel=0.02)
+    for name in ("s1_um", "c1_um"):  # its phase in the next curve is not known
+        assert own[name].value == 0.0
+        assert own[name].prior.sd == pytest.approx(11.3, rel=0.2)
