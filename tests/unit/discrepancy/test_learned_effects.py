@@ -366,7 +366,8 @@ def test_corners_that_a_function_follows_nearly_are_no_steps_of_tape(table):
         linear[id(one)] = replace(search.linear(one.fit), residual_mm=left + steps)
     wide = replace(pure.mode, variance_mm2=25.0 * pure.mode.variance_mm2)
     errors = CampaignErrors((replace(pure, mode=wide), search.errors.looks[-1]))
-    discipline = Discipline(search.fitter.records, errors, linear)
+    odds = dict.fromkeys(linear, 0.0)
+    discipline = Discipline(search.fitter.records, errors, linear, odds)
     held = HeldOut(3.0, 3.0, 3.0, (), 3.0)
     passed = [
         trial.passed
