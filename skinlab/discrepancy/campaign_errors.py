@@ -26,6 +26,7 @@ from skinlab.inference.covariance import Covariance, products
 from skinlab.inference.error_choice import ErrorChoice, Node, choose_errors
 from skinlab.inference.error_models import ERROR_MODELS
 from skinlab.inference.error_models.base import ErrorModel, Hyperparameter, Look, Part, Terms
+from skinlab.inference.error_models.placement import Placement
 from skinlab.inference.error_models.quantised import step_um
 from skinlab.inference.likelihood import LinearModel
 from skinlab.inference.noise import (
@@ -180,7 +181,7 @@ class CampaignErrors:
         """What is too large for an error, as the best explanation leaves it; empty if nothing."""
         look, found = self.looks[-1], []
         for name, most in ERRORS.largest_um.items():
-            size = look.median(partial(_size_um, name=name))
+            size = look.median(partial(size_um, name=name))
             if size > most:
                 found.append(f"{name} of {size:.1f} µm (more than {most:g} µm is no error)")
         return ", ".join(found)
@@ -225,6 +226,7 @@ class ThicknessScatter:
     """Each site where the probe is put on is a little thicker or thinner: an error model."""
 
     slope_mm: Array  # (u,) dw/d(log thickness)
+    absent: float = 0.0  # share of the prior with which sites hardly differ
     name: str = "placement_thickness"
     meaning: str = "the skin's thickness differs from placement to placement"
     prior: str = "2 %, 0.8; always there"
@@ -240,7 +242,7 @@ class ThicknessScatter:
         def terms(values: Sequence[float]) -> Terms:
             return Terms(columns_mm=columns, sizes=np.full(columns.shape[1], values[0]))
 
-        size = Hyperparameter(self.name, *ERRORS.thickness_scatter)
+        size = Hyperparameter(self.name, *ERRORS.thickness_scatter, absent=self.absent)
         return Part(self.name, (size,), terms, always=True)
 
 
@@ -263,7 +265,8 @@ def thickness_slopes(records: Sequence[Record], fit: Fit, domes: TableDomes) -> 
     return np.concatenate(found)
 
 
-def _size_um(node: Node, name: str) -> float:
+def size_um(node: Node, name: str) -> float:
+    """Return the root mean square of a part of the errors, µm; 0 where they have none."""
     return node.sizes_um.get(name, 0.0)
 
 
@@ -299,7 +302,12 @@ def learn(
     `placement_scatter` as in a campaign. `before` is what was learned already: looks are added.
     """
     looks = [] if before is None else list(before.looks)
-    models: list[ErrorModel] = [*ERROR_MODELS.all(), ThicknessScatter(thickness_mm)]
+    absent = ERRORS.placements_alike if _repeated(records) else 0.0
+    models: list[ErrorModel] = [
+        *(model for model in ERROR_MODELS.all() if model.name != Placement.name),
+        Placement(absent),
+        ThicknessScatter(thickness_mm, absent),
+    ]
     if not looks:
         linear = pure_error(records, fits[0])
         looks.append(_choose(records, linear, noise_um, placement_scatter, models))
@@ -310,6 +318,12 @@ def learn(
         linear = LinearModel(one.residual_mm, one.slopes_mm[:, one.free], _sub(precision, one.free))
         looks.append(_choose(records, linear, noise_um, placement_scatter, models))
     return CampaignErrors(tuple(looks))
+
+
+def _repeated(records: Sequence[Record]) -> bool:
+    """Return whether a condition was measured at several placements."""
+    groups = by_condition(records)
+    return any(len({records[i].placement for i in members}) > 1 for members in groups)
 
 
 def _sub(matrix: Array, kept: Mask) -> Array:

@@ -8,7 +8,7 @@ as it is by more than chance, and about as well as may be expected.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -23,7 +23,9 @@ from skinlab.discrepancy.odds import odds_words
 from skinlab.discrepancy.records import Record, by_geometry
 from skinlab.discrepancy.search import LOG10, Candidate
 from skinlab.discrepancy.settings import NAMES
+from skinlab.inference.error_choice import Node
 from skinlab.inference.noise import legendre
+from skinlab.mechanics.effects import get_effect
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -46,10 +48,14 @@ class Discipline:
     """The tests of one campaign's explanations."""
 
     def __init__(
-        self, records: Sequence[Record], errors: CampaignErrors, linear: dict[int, Linearised]
+        self,
+        records: Sequence[Record],
+        errors: CampaignErrors,
+        linear: Mapping[int, Linearised],
+        odds: Mapping[int, float],
     ) -> None:
-        """`linear` are the explanations about their fits, by `id` of the candidate."""
-        self._records, self._errors, self._linear = records, errors, linear
+        """Both by `id` of the candidate: the explanations about their fits, their log10 odds."""
+        self._records, self._errors, self._linear, self._odds = records, errors, linear, odds
         nodes = [n for look in errors.looks for n in look.nodes[:_PER_LOOK]]
         self._nodes = [(n.covariance, n.log_prior) for n in nodes]
         self._known: dict[bytes, dict[int, float]] = {}
@@ -63,6 +69,9 @@ class Discipline:
             total = logsumexp(each + np.array([[p] for _, p in self._nodes]), axis=0) / LOG10
             self._known[key] = dict(zip(self._linear, total.tolist(), strict=True))
         return self._known[key][id(one)]
+
+    def _weighed(self, one: Candidate, kept: Mask) -> float:
+        return self.log10_evidence(one, kept) + self._odds[id(one)]
 
     def ahead(self, one: Candidate, base: Candidate, kept: Mask) -> float:
         """Return log10 evidence in some samples over another explanation, the odds not counted."""
@@ -147,7 +156,10 @@ class Discipline:
         )
 
     def _steps(self, best: Candidate) -> Trial:
-        errors = self._errors.looks[-1].mode
+        # A learned function follows corners nearly: by its own errors what it leaves there stands
+        # out, though pure error is larger.
+        learned = any(get_effect(name).family for name in best.effects)
+        errors = (self._errors.pure if learned else self._errors.looks[-1]).mode
         more = steps(self._records, errors, self._linear[id(best)].residual_mm)
         passed = more < NAMES.steps
         return Trial(
@@ -169,9 +181,7 @@ class Discipline:
         failed = []
         for what, kept in self._drops.items():
             lead = self.ahead(best, base, kept)
-            behind = [
-                self.log10_evidence(r, kept) - self.log10_evidence(best, kept) for r in rivals
-            ]
+            behind = [self._weighed(r, kept) - self._weighed(best, kept) for r in rivals]
             needed = NAMES.tie - odds if what == _SECOND else 0.0
             if lead < needed or max(behind, default=0.0) > NAMES.tie:
                 failed.append(what)
@@ -191,13 +201,19 @@ class Discipline:
         parts: Sequence[Mask],
         everything: Mask,
     ) -> Trial:
-        """Return whether what is chosen without a part predicts it better than the base."""
-        gain = 0.0
-        whole = {id(c): self.log10_evidence(c, everything) for c in (base, best, *rivals)}
+        """Return whether what is chosen without a part predicts it better than the base.
+
+        Where several are as likely without it, each predicts with its probability there.
+        """
+        gain, chosen = 0.0, (best, *rivals)
+
+        def together(kept: Mask) -> float:
+            each = np.array([self._weighed(c, kept) for c in chosen])
+            return float(logsumexp(each * LOG10)) / LOG10
+
         for out in parts:
-            kept = {id(c): self.log10_evidence(c, ~out) for c in (base, best, *rivals)}
-            chosen = max((best, *rivals), key=lambda c: kept[id(c)])
-            gain += (whole[id(chosen)] - kept[id(chosen)]) - (whole[id(base)] - kept[id(base)])
+            gain += together(everything) - together(~out)
+            gain -= self.log10_evidence(base, everything) - self.log10_evidence(base, ~out)
         return Trial(
             "chosen again",
             gain >= NAMES.held_out_chance,
@@ -242,22 +258,32 @@ class Shares:
         return {name: square / whole for name, square in squares.items()} if whole else squares
 
 
+def by_part(node: Node, did_mm: Array) -> dict[str, Array]:
+    """Return what each part of the errors did (u,), of what each of their columns did (u, m).
+
+    "mesh" is what the columns do that are there whatever the errors are.
+    """
+    at = node.combination.fixed_mm.shape[1]
+    found = {"mesh": did_mm[:, :at].sum(axis=1)}
+    for part in node.combination.parts:
+        columns = part.terms([1.0] * len(part.parameters)).columns_mm
+        if columns is not None:
+            end = at + columns.shape[1]
+            found[part.name] = did_mm[:, at:end].sum(axis=1)
+            at = end
+    return found
+
+
 def shares_of(
     errors: CampaignErrors, base: Candidate, best: Candidate, linear: Linearised
 ) -> Shares:  # fmt: skip
     """Return the shares of the gap, by the most probable errors under `best`."""
     node = errors.looks[-1].nodes[0]
-    did = linear.shares(node.covariance)
-    at = node.combination.fixed_mm.shape[1]
-    mesh = did[:, :at].sum(axis=1)
-    placement = np.zeros(len(did))
-    for part in node.combination.parts:
-        columns = part.terms([1.0] * len(part.parameters)).columns_mm
-        if columns is not None:
-            end = at + columns.shape[1]
-            if part.name.startswith("placement"):
-                placement += did[:, at:end].sum(axis=1)
-            at = end
+    did = by_part(node, linear.shares(node.covariance))
+    mesh = did["mesh"]
+    placement = sum(
+        (what for name, what in did.items() if name.startswith("placement")), np.zeros_like(mesh)
+    )
     effect = np.concatenate(best.fit.deflections_mm) - np.concatenate(base.fit.deflections_mm)
     rest = linear.residual_mm - mesh - placement
     return Shares(*(1e3 * float(np.sqrt(np.mean(v**2))) for v in (rest, placement, mesh, effect)))

@@ -24,7 +24,7 @@ from skinlab.discrepancy.odds import odds_words
 from skinlab.discrepancy.posterior import Posterior
 from skinlab.discrepancy.records import Record
 from skinlab.discrepancy.screen import Signature
-from skinlab.discrepancy.search import LOG10, Candidate, Found, Search
+from skinlab.discrepancy.search import LOG10, Candidate, Found, Search, middle_of
 from skinlab.discrepancy.settings import ERRORS, NAMES, SEARCH
 from skinlab.discrepancy.table_domes import has_features
 from skinlab.discrepancy.unknowns import Known, Unknowns
@@ -43,6 +43,11 @@ _FITTED = 3  # of the families that promise most
 def families() -> list[LearnedEffect]:
     """Return the families, by name."""
     return [one for one in all_effects() if isinstance(one, LearnedEffect)]
+
+
+def functions() -> list[LearnedEffect]:
+    """Return the families that do the same in every curve: what `motion` finds is no function."""
+    return [one for one in families() if not one.own_of_each]
 
 
 def seen_in(records: Sequence[Record], fit: Fit) -> Seen:
@@ -84,7 +89,7 @@ def find_families(search: Search, found: Found) -> Found:
     seen = seen_in(found.records, base.fit)
     own = set(base.effects)
     promises = [
-        _Promise.of(search, base.fit, one, seen) for one in families() if one.name not in own
+        _Promise.of(search, base.fit, one, seen) for one in functions() if one.name not in own
     ]
     promising = sorted((p for p in promises if p is not None), key=lambda p: -p.log_evidence)
     plain = float(search.errors.log_evidences([search.linear(base.fit)])[0])
@@ -93,8 +98,16 @@ def find_families(search: Search, found: Found) -> Found:
     if not fitted:
         return replace(found, candidates=[])
     scaled = [_scaled(search, search.errors, fit, p.family, seen) for p, fit in fitted]
-    search.errors = search.errors_with(max(scaled, key=lambda pair: pair[1])[0])
-    scaled = [_scaled(search, search.errors, fit, p.family, seen) for p, fit in fitted]
+    best = max(range(len(scaled)), key=lambda i: scaled[i][1])
+    fits = [
+        _fitted_again(search, fit, first)
+        for (fit, _), (_, first) in zip(scaled, fitted, strict=True)
+    ]
+    search.errors = search.errors_with(fits[best])
+    scaled = [
+        _scaled(search, search.errors, fit, p.family, seen)
+        for fit, (p, _) in zip(fits, fitted, strict=True)
+    ]
     plain = float(search.errors.log_evidences([search.linear(base.fit)])[0])
     odds = -np.log10(max(len(promises), 2))
     candidates = [
@@ -121,7 +134,7 @@ def against_families(search: Search, base: Candidate, best: Candidate) -> Trial:
     errors, fits = search.errors, (base.fit, best.fit)
     assert errors is not None
     seen, own = seen_in(search.fitter.records, base.fit), set(best.effects)
-    offered = [one for one in families() if one.name not in own]
+    offered = [one for one in functions() if one.name not in own]
     asked = [one for one in offered if not _of_the_solid(search, base.fit, one, seen)]
     ones = [search.linear(fit) for fit in fits]
     named: list[LearnedEffect] = []
@@ -277,18 +290,35 @@ def _fit(
 ) -> Fit | None:
     """Return the fit from where the linear picture leads, or from near the model as it is.
 
-    One that stays above a cost of `limit` ends early.
+    Where the law's parameters are at an end of their range, as a wrong model drives them, also from
+    the middle of it. One that stays above a cost of `limit` ends early.
     """
     unknowns = with_family(base.unknowns, promise.family, seen, promise.scale)
-    near = np.concatenate([base.u, promise.start[len(base.u) :]])
+    k = base.unknowns.count
     best: Fit | None = None
-    for start in (promise.start, near):
-        fit = search.fitter.fit(unknowns, start, limit)
+    for law in (promise.start[:k], base.u[:k], middle_of(unknowns)):
+        own = (
+            promise.start
+            if best is None
+            else np.concatenate([base.u, promise.start[len(base.u) :]])
+        )
+        fit = search.fitter.fit(unknowns, np.concatenate([law, own[k:]]), limit)
         if fit is not None and (best is None or fit.cost < best.cost):
             best = fit
-        if best is not None and best.settled and best.cost < base.cost:
+        if best is not None and best.settled and best.cost < base.cost and best.free[:k].all():
             break
     return best
+
+
+def _fitted_again(search: Search, fit: Fit, before: Fit) -> Fit:
+    """Return the fit at the scale that it has now, where that is another than `before`'s.
+
+    Linearised a function may promise most at a scale too small for it, and is then held back.
+    """
+    if fit.unknowns == before.unknowns:
+        return fit
+    again = search.fitter.fit(fit.unknowns, fit.u)
+    return fit if again is None else again
 
 
 def _scaled(
@@ -340,7 +370,15 @@ def describe_learned(
 ) -> Learned:
     """Return what a learned explanation says."""
     (one,) = [f for f in families() if f.name in set(candidate.effects) - set(base.effects)]
-    x = one.abscissa(seen_in(found.records, base))
+    seen = seen_in(found.records, base)
+    if one.own_of_each:
+        known = [k for k in posterior.unknowns.known if k.effect == one.name]
+        (hz,) = [k.value for k in known if k.parameter == one.range_name]
+        seen = replace(seen, time_s=min(seen.time_s, 1.0 / hz))
+        left = np.concatenate([left_mm for _, left_mm in seen.left])
+        share_of_gap = 0.5e-6 * sum(k.sd**2 for k in known) / float(np.mean(left**2))
+        share_of_gap = min(share_of_gap, 1.0)
+    x = one.abscissa(seen)
     draws = np.array([one.function(x, posterior.unknowns.values(u)[one.name]) for u in posterior.u])
     draws = one.shown(x, draws)
     low, y, high = (_quantile(draws, posterior.weight, q) for q in (0.05, 0.5, 0.95))

@@ -99,11 +99,14 @@ def _record(curve: Curve, noise_um: float | None, pressure_noise: float | None) 
     program = curve.program_as_run
     path = None
     if program is not None:
-        t, p = program.knots()
-        asked = PressurePath(tuple(np.asarray(t) + time[0]), tuple(np.asarray(p)))
-        off = float(np.sqrt(np.mean((measured - asked(time)) ** 2)))
+        t, p = (np.asarray(v) for v in program.knots())
+        # It began with the first sample, or that is lost and the clock tells.
+        starts = {float(time[0]), 0.0}
+        asked = [PressurePath(tuple(t + start), tuple(p)) for start in sorted(starts)]
+        each = [float(np.sqrt(np.mean((measured - one(time)) ** 2))) for one in asked]
+        off, best = min(each), asked[int(np.argmin(each))]
         if off <= _AS_ASKED * max(noise, 0.05):
-            path, pressure, sd = asked, asked(time), 0.0
+            path, pressure, sd = best, best(time), 0.0
     if path is None:
         # Each sample keeps its own reading: what smoothing leaves of the noise goes up and down
         # together, and through dw/dp it would look like a missing effect.

@@ -105,18 +105,26 @@ def unknowns_of(model: Model) -> Unknowns:
     )  # fmt: skip
 
 
-def _starts(unknowns: Unknowns) -> tuple[list[Array], Array]:
-    """Return coordinates of the law's parameters to begin from, and their middle."""
+def _kinds(unknowns: Unknowns) -> list[int]:
+    """Return of each of the law's parameters: the scale 0, other logarithms 1, what is none 2."""
     space = unknowns.space
-    kinds = [
+    return [
         0 if i == space.scale else 1 if transform != "linear" else 2
         for i, transform in enumerate(space.transforms)
     ]
-    shares = [(_SCALES, _RATIOS, _VALUES)[kind] for kind in kinds]
-    middle = unknowns.at_share(np.array([_MIDDLE[kind] for kind in kinds]))
+
+
+def _starts(unknowns: Unknowns) -> list[Array]:
+    """Return coordinates of the law's parameters to begin from."""
+    shares = [(_SCALES, _RATIOS, _VALUES)[kind] for kind in _kinds(unknowns)]
     every = [unknowns.at_share(np.array(share)) for share in product(*shares)]
     # Far from one another first: their number has no factor but two and three.
-    return [every[5 * i % len(every)] for i in range(len(every))], middle
+    return [every[5 * i % len(every)] for i in range(len(every))]
+
+
+def middle_of(unknowns: Unknowns) -> Array:
+    """Return coordinates of the law's parameters in the middle of where those of skins are."""
+    return unknowns.at_share(np.array([_MIDDLE[kind] for kind in _kinds(unknowns)]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,12 +183,11 @@ class Search:
         """
         unknowns = self._unknowns
         plain = unknowns.plain
-        begin, middle = _starts(unknowns)
-        fits = self._plainly(plain, begin)
+        fits = self._plainly(plain, _starts(unknowns))
         if self._own:
             # Finite elements cost more: from the best of the plain fits, and from the middle.
             fits.sort(key=lambda f: f.cost)
-            starts = [*(f.u for f in fits[:1]), middle]
+            starts = [*(f.u for f in fits[:1]), middle_of(unknowns)]
             found = (self.fitter.fit(unknowns, unknowns.start(start)) for start in starts)
             fits = [f for f in found if f is not None]
         if not fits:
@@ -220,11 +227,13 @@ class Search:
             if explaining:
                 # Something weaker may hide behind what explains nearly all.
                 candidates = singles + self._pairs(pool, base, explaining, 1, SEARCH.behind)
-            elif not base.adequate:
-                pairs = self._pairs(pool, base, singles, SEARCH.leaders, SEARCH.seen, signatures)
-                candidates = self._members(pool, base, pairs) + pairs
-                named = {c.effects for c in candidates}
-                candidates += [c for c in singles if c.effects not in named]
+            if not base.adequate and not self._one_is_enough(candidates):
+                # What comes nearest alone need not be one of the two.
+                pairs = self._pairs(
+                    pool, base, singles, SEARCH.leaders, SEARCH.seen, signatures, candidates
+                )
+                candidates += self._members(pool, base, pairs) + pairs
+            candidates = _best_of_each(candidates)
             candidates = self._rivals(pool, base, candidates)
         base, candidates = self._weighed(base, candidates)
         candidates.sort(key=lambda c: -c.log10_evidence)
@@ -318,8 +327,8 @@ class Search:
     def _singles(self, pool: Pool, base: Candidate, chosen: list[Signature]) -> list[Candidate]:
         """Return fits of single effects: of the lesser ones only where the likely explain nothing.
 
-        An effect of which the screen expects less than half of what another one, that explains the
-        curves, takes away is no rival.
+        Where the misfit is large the screen's linear picture ranks them badly: a layer of which it
+        expected four tenths of what another opening takes away was right.
         """
         likely = [s for s in chosen if s.gain >= SEARCH.rival * chosen[0].gain]
         found = self._race(pool, base, [(base.fit, s) for s in likely])
@@ -374,11 +383,14 @@ class Search:
         most: int,
         least: float,
         signatures: Mapping[str, Signature] | None = None,
+        known: Sequence[Candidate] = (),
     ) -> list[Candidate]:
         """Return pairs of the best singles, at most so many, with partners that gain so much.
 
-        With the signatures of single effects all their pairs are screened as well.
+        With the signatures of single effects all their pairs are screened as well. What is `known`
+        is not fitted again.
         """
+        fitted_already = {frozenset(c.effects[len(self._own) :]) for c in known}
         leaders = sorted(singles, key=lambda c: -c.log10_evidence)[:most]
         tasks: dict[frozenset[str], tuple[Fit, Signature]] = {}
         for leader in leaders:
@@ -389,8 +401,12 @@ class Search:
             for s in sorted(found.values(), key=lambda s: -s.gain)[: SEARCH.partners]:
                 expected = leader.fit.cost - s.gain
                 names = frozenset((mine, s.effect))
-                if s.gain > least and (
-                    names not in tasks or expected < tasks[names][0].cost - tasks[names][1].gain
+                if (
+                    s.gain > least
+                    and names not in fitted_already
+                    and (
+                        names not in tasks or expected < tasks[names][0].cost - tasks[names][1].gain
+                    )
                 ):
                     tasks[names] = leader.fit, s
         ranked = sorted(tasks.values(), key=lambda t: t[0].cost - t[1].gain)[: SEARCH.most_pairs]
@@ -398,7 +414,8 @@ class Search:
         linear: list[tuple[Unknowns, Array]] = []
         if signatures:
             screened = _linear_pairs(self.fitter, base.fit, signatures)
-            new = [pair for pair in screened if frozenset(pair.names) not in costs]
+            there = fitted_already | costs.keys()
+            new = [pair for pair in screened if frozenset(pair.names) not in there]
             costs |= {frozenset(pair.names): base.fit.cost - pair.gain for pair in new}
             chosen = sorted(costs, key=lambda names: costs[names])[: SEARCH.most_pairs]
             ranked = [t for t in ranked if frozenset((t[0].effects[-1], t[1].effect)) in chosen]
@@ -437,10 +454,8 @@ class Search:
         Beside one member's fit the right partner may seem to gain nothing: what both change of the
         skin lies around a bend. So each member is added to the fits of other single effects.
         """
-        best = max(
-            (c for c in candidates if c.adequate), key=lambda c: c.log10_evidence, default=None
-        )
-        if best is None or len(best.effects) - len(self._own) < 2:
+        best = self._leading_pair(candidates)
+        if best is None:
             return candidates
         members = best.effects[len(self._own) :]
         alone = [
@@ -457,16 +472,24 @@ class Search:
         told = ", ".join(f"{f.effects[-1]} and {s.effect}" for f, s in tasks[: SEARCH.rival_pairs])
         self._progress(f"fitting its rivals: {told}")
         limit = best.fit.cost + SEARCH.far
-        found = {
-            frozenset(c.effects): c
-            for c in self._fits(pool, base, tasks[: SEARCH.rival_pairs], limit)
-        }
-        kept = [
-            c for c in candidates
-            if (one := found.get(frozenset(c.effects))) is None or c.fit.cost <= one.fit.cost
+        found = self._fits(pool, base, tasks[: SEARCH.rival_pairs], limit)
+        return _best_of_each([*candidates, *found])
+
+    def _one_is_enough(self, candidates: Sequence[Candidate]) -> bool:
+        """Return whether a single effect explains the curves, and no pair does far better."""
+        pair = self._leading_pair(candidates)
+        single = [
+            c.log10_evidence for c in candidates
+            if c.adequate and len(c.effects) - len(self._own) == 1
         ]  # fmt: skip
-        better = {frozenset(c.effects) for c in kept}
-        return kept + [c for names, c in found.items() if names not in better]
+        lead = 0.0 if pair is None else pair.log10_evidence - max(single, default=0.0)
+        return bool(single) and lead < SEARCH.not_enough
+
+    def _leading_pair(self, candidates: Sequence[Candidate]) -> Candidate | None:
+        """Return the candidate that explains best, if it is a pair."""
+        good = (c for c in candidates if c.adequate)
+        best = max(good, key=lambda c: c.log10_evidence, default=None)
+        return best if best is not None and len(best.effects) - len(self._own) > 1 else None
 
     def _screen(
         self, pool: Pool, fit: Fit, names: Sequence[str]
@@ -509,6 +532,16 @@ class Search:
         if self._partial is not None:
             self._partial.add(found, base=base is None)
         return found
+
+
+def _best_of_each(candidates: Iterable[Candidate]) -> list[Candidate]:
+    """Return of each explanation the best fit."""
+    found: dict[frozenset[str], Candidate] = {}
+    for one in candidates:
+        names = frozenset(one.effects)
+        if names not in found or one.fit.cost < found[names].fit.cost:
+            found[names] = one
+    return list(found.values())
 
 
 def creased(records: Sequence[Record], fit: Fit, domes: TableDomes) -> list[Record]:

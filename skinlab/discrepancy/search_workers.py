@@ -109,4 +109,21 @@ def fit_one(fitter: Fitter, task: tuple[Fit, Signature, float]) -> Fit | None:
             or (best.settled and best.cost < fit.cost - 0.5 * seen.gain)
         ):
             break
-    return best
+    return best if best is None else _off_the_wall(fitter, best, limit)
+
+
+def _off_the_wall(fitter: Fitter, best: Fit, limit: float) -> Fit:
+    """Return the fit; where the law ends at a bound, from the middle of its range, if better.
+
+    A model that lacks something may end there, and what is then added keeps it there.
+    """
+    unknowns = best.unknowns
+    walled = ~best.free[: unknowns.count]
+    if not walled.any():
+        return best
+    low, high = unknowns.bounds
+    start = best.u.copy()
+    law = slice(0, unknowns.count)
+    start[law] = np.where(walled, 0.5 * (low + high)[law], start[law])
+    again = fitter.fit(unknowns, start, limit)
+    return best if again is None or again.cost >= best.cost else again

@@ -18,6 +18,9 @@ class ErrorRules:
     thickness_scatter: tuple[float, float] = (0.02, 0.8)
     """Median and logarithmic standard deviation before the data of the scatter of log thickness
     between placements: 1 to 5 % (ultrasound, site)."""
+    placements_alike: float = 0.1
+    """Share of the priors of stiffness, zero and thickness of placements with which these hardly
+    differ, where a condition was measured at several placements: their repeats then tell."""
     coarse_hz: float = 25.0
     """Samples are averaged to about this rate: the shortest correlation time is 0.1 s."""
     weight_kept: float = 0.99
@@ -87,7 +90,10 @@ class SearchRules:
     costs."""
     seen_share: float = 0.04
     """Or such a share of the largest gain, where the misfit is large."""
-    rival: float = 0.5
+    not_enough: float = 4.0
+    """log10 evidence by which a pair leads a single effect that explains, from which on all pairs
+    are looked for: a flexible effect may hide two others."""
+    rival: float = 0.2
     """Share of the largest gain below which an effect is fitted only if the likelier fail."""
     far: float = 20.0
     """Of the cost: an explanation so much worse than one that serves is out of the race, with
@@ -141,6 +147,16 @@ class NameRules:
     shapes follow an unknown form to a third of the noise, not to its end."""
     learned_share: float = 0.2
     """The same of what the model as it is leaves beyond noise."""
+    smooth_motion: float = 0.75
+    """Of `largest_um`, all together: from here on what moves in each curve in its own way is no
+    error, where it is smoother than errors are."""
+    wave_um: Mapping[str, float] = field(default_factory=lambda: {"pulse": 2.6, "breathing": 4.4})
+    """Root mean squares from which on a pulse or a breath that repeats bear out is told of: a
+    quarter more than those of life at most (amplitudes of 3 and 5 µm)."""
+    learned_tail: float = 0.03
+    """Or so much of what the model as it is leaves beyond noise, where that is large,"""
+    learned_rest: float = 0.4
+    """and up to so much of the noise: the gap stays below 1.2 times the noise."""
     repeats_factor: float = 2.0
     """Repeats that differ by more than so many times the noise are told of first."""
 

@@ -397,7 +397,8 @@ class MappedModel:
         time, path = record.curve.time_s, _simpler(here.felt[i])
         exact = solve_skin(here.problems[key], path, self.discretisation).at(time, path(time))
         held = np.isfinite(exact)
-        if held.mean() < 0.9:
+        # Beyond a crease what they add stays as it was.
+        if path(time)[held].max(initial=0.0) < _LEAST_HELD * path.top_mbar:
             return None
         plain = replace(record, path=path, pressure_mbar=path(time))
         unread = replace(here, sensors=Sensors(()), felt=[path] * len(here.felt), felt_more=())

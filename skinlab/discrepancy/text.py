@@ -26,6 +26,11 @@ def verdict_words(outcome: Outcome) -> str:
     own = set(outcome.found.base.effects)
     names = [explanation_words(c, own) for c in outcome.verdict.explanations]
     match outcome.verdict.name:
+        case "none" if not outcome.found.base.adequate:
+            return (
+                "Nothing that matters is missing: what these data show beyond noise changes the "
+                f"curves by less than {NAMES.practical_um:g} µm."
+            )
         case "none":
             return (
                 "Nothing is missing, as far as these data tell: the model explains them to within "
@@ -51,9 +56,13 @@ def learned_words(outcome: Outcome) -> list[str]:
     learned = outcome.learned
     if learned is None:
         return []
+    share = f"{100 * learned.share_of_gap:.0f} %"
     lines = [
-        "No effect of the library explains the gap; a smooth function was learned, which takes "
-        f"{100 * learned.share_of_gap:.0f} % of it away."
+        f"Of what the model leaves it is {share}; it counts with the errors, and no curve tells "
+        "how it goes in the next."
+        if learned.family.own_of_each
+        else "No effect of the library explains the gap; a smooth function was learned, which "
+        f"takes {share} of it away."
     ]
     if learned.nearest:
         lines.append(
@@ -111,8 +120,10 @@ def doubt_words(outcome: Outcome) -> list[str]:
     lines = []
     if outcome.trials:
         good = all(t.passed for t in outcome.trials)
-        found_none = outcome.verdict.name == "none"
-        why = "What seemed to be there is not" if found_none else "No name is given"
+        why = "No name is given"
+        if outcome.verdict.name == "none":
+            seeming = outcome.found.base.adequate
+            why = "What seemed to be there is not" if seeming else "What is there does not matter"
         lines.append("What stands behind it:" if good else f"{why}, because:")
         lines += [f"  {t.sentence}" for t in outcome.trials if good or not t.passed]
     if outcome.found.implausible:

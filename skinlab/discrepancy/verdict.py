@@ -9,6 +9,7 @@ from typing import Literal
 from skinlab.discrepancy.discipline import Trial
 from skinlab.discrepancy.search import Candidate, Found
 from skinlab.discrepancy.settings import NAMES
+from skinlab.mechanics.effects import get_effect
 
 Name = Literal["none", "named", "learned", "ambiguous", "unknown"]
 
@@ -59,14 +60,15 @@ def decide(found: Found) -> Verdict:
 def decide_learned(found: Found) -> Verdict:
     """Return the verdict where the library explains nothing, of its families of functions.
 
-    `learned`: one's residual may be noise, or all but a little of it, it is 20 : 1 ahead of the
-    model as it is and of the other families, and its errors may be errors; else `unknown`.
+    `learned`: one's residual may be noise, or all but a little of it, and it is 20 : 1 ahead of the
+    other kinds and of the model as it is with errors as large as that one needs; else `unknown`.
     """
     good = [c for c in found.candidates if _learns(c, found) and c.log10_evidence >= found.tie]
-    if found.implausible or not good:
+    if not good:
         return Verdict("unknown", [])
     best = max(good, key=lambda c: c.log10_evidence)
-    others = [c.log10_evidence for c in found.candidates if c is not best]
+    kind = _family(best)
+    others = [c.log10_evidence for c in found.candidates if _family(c) != kind]
     if best.log10_evidence - max(others, default=0.0) < NAMES.tie:
         return Verdict("unknown", [])
     return Verdict("learned", [best])
@@ -77,15 +79,23 @@ def _learns(one: Candidate, found: Found) -> bool:
     noise = found.errors.count
     left, whole = (max(fit.chi2 - noise, 0.0) for fit in (one.fit, found.base.fit))
     little = left <= NAMES.learned_left * noise and left <= NAMES.learned_share * whole
-    return one.adequate or little
+    nearly_all = left <= NAMES.learned_rest * noise and left <= NAMES.learned_tail * whole
+    return one.adequate or little or nearly_all
+
+
+def _family(one: Candidate) -> str:
+    """Return the kind of function of a learned explanation."""
+    return get_effect(one.effects[-1]).family if one.effects else ""
 
 
 def disciplined(verdict: Verdict, found: Found, trials: Sequence[Trial]) -> Verdict:
     """Return the verdict after the trials of its first explanation.
 
     An explanation that failed one is none: what is left then is `none` where the model's residual
-    may be noise, else `unknown`.
+    may be noise, or where the explanation stood all but for its size: it is too small to matter.
+    Else `unknown`.
     """
-    if all(trial.passed for trial in trials):
+    failed = {trial.name for trial in trials if not trial.passed}
+    if not failed:
         return verdict
-    return Verdict("none" if found.base.adequate else "unknown", [])
+    return Verdict("none" if found.base.adequate or failed == {"size"} else "unknown", [])

@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from skinlab.curves.campaign import Campaign
 from skinlab.discrepancy.discipline import Discipline, Trial, repeats_um, shares_of
-from skinlab.discrepancy.families import against_families, find_families
+from skinlab.discrepancy.families import against_families, families, find_families
 from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.heldout import HeldOut, conditions_of, predict_held_out
 from skinlab.discrepancy.misfit import errors_of
+from skinlab.discrepancy.motion import find_motion
 from skinlab.discrepancy.next_measurement import PlannedErrors, advise
 from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.posterior import gaussian, sample
 from skinlab.discrepancy.records import by_condition, coarsened, records_of
 from skinlab.discrepancy.screen import alike
-from skinlab.discrepancy.search import Found, Partial, Search
+from skinlab.discrepancy.search import Candidate, Found, Partial, Search
 from skinlab.discrepancy.settings import ERRORS
 from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.discrepancy.verdict import Verdict, decide, decide_learned, disciplined
@@ -94,13 +95,26 @@ def explain(
             tried = replace(learned, found=replace(more, candidates=both))
         else:
             search.errors = before
+    if tried.verdict.name in ("none", "unknown") and (moving := find_motion(search, found)):
+        one, trials = moving
+        verdict = disciplined(Verdict("learned", [one]), found, trials)
+        if verdict.explanations:
+            tried = replace(
+                tried,
+                verdict=verdict,
+                found=replace(found, candidates=[one, *found.candidates]),
+                held={one.effects: tried.before},
+                trials=trials,
+            )
     verdict, found = tried.verdict, tried.found
     assert search.errors is not None
     progress("working out the intervals")
     chosen = verdict.explanations[0] if verdict.explanations else found.base
     shares = shares_of(search.errors, found.base, chosen, search.linear(chosen.fit))
     final, held = tried.final, tried.held
-    refined = final.refined(tried.again(chosen.fit))
+    refined = tried.again(chosen.fit)
+    if not _moves(chosen):
+        refined = final.refined(refined)
     # A learned function is linear in its many coefficients: the valley needs not to be followed.
     posterior = (
         gaussian(refined)
@@ -140,6 +154,11 @@ def explain(
     )
 
 
+def _moves(one: Candidate) -> bool:
+    """Return whether an explanation is a motion, of which these curves tell no course to refine."""
+    return any(f.own_of_each for f in families() if f.name in one.effects)
+
+
 @dataclass(frozen=True, eq=False)
 class _Tried:
     """A verdict after its trials, with what these took."""
@@ -169,10 +188,16 @@ def _each_needed(search: Search, found: Found, verdict: Verdict) -> Verdict:
     alone = [c for c in found.candidates if c.adequate and set(c.effects) < set(best.effects)]
     if not alone:
         return verdict
-    linear = {id(c): search.linear(c.fit) for c in (best, *alone)}
-    discipline = Discipline(search.fitter.records, search.errors, linear)
+    discipline = _discipline(search, (best, *alone))
     enough = [c for c in alone if not discipline.needs_both(best, c)]
     return Verdict("ambiguous", [best, *enough]) if enough else verdict
+
+
+def _discipline(search: Search, candidates: Sequence[Candidate]) -> Discipline:
+    assert search.errors is not None
+    linear = {id(c): search.linear(c.fit) for c in candidates}
+    odds = {id(c): search.log10_odds(c.fit) for c in candidates}
+    return Discipline(search.fitter.records, search.errors, linear, odds)
 
 
 def _tried(search: Search, found: Found, first: Verdict, progress: Callable[[str], None]) -> _Tried:
@@ -196,8 +221,7 @@ def _tried(search: Search, found: Found, first: Verdict, progress: Callable[[str
     progress("trying whether the explanation is there again in parts of the data")
     best = first.explanations[0]
     serving = [c for c in found.candidates if c.adequate]
-    linear = {id(c): search.linear(c.fit) for c in (found.base, best, *serving[:_MOST_TIED])}
-    discipline = Discipline(fitter.records, search.errors, linear)
+    discipline = _discipline(search, (found.base, best, *serving[:_MOST_TIED]))
     stood = discipline.trials(best, found.base, serving, parts, held[best.effects])
     if first.name != "learned" and all(trial.passed for trial in stood):
         stood.append(against_families(search, found.base, best))

@@ -22,6 +22,7 @@ from skinlab.inference.samples import Samples
 Array = NDArray[np.float64]
 
 _EDGE = 0.02  # of a logarithm: how soon what is beyond reach is impossible
+_HARDLY, _HARDLY_SD = math.log(50.0), 1.2  # logarithms below the median of what is hardly there
 
 
 @dataclass(frozen=True)
@@ -32,8 +33,9 @@ class Hyperparameter:
     width above it, where sizes are bounded by what is published. With `outlying`, a share of the
     prior, it is that of `outlying_sd` instead: a statement that may be wrong. `start` is where to
     look first, if the data say; else the median. Beyond `reach`, in the logarithm from the median,
-    it is all but impossible. `scale` is over how much of a logarithm the data's density changes, as
-    far as known beforehand: a frequency is fixed far better than a size.
+    it is all but impossible. `absent` is the share of the prior with which there is hardly any of
+    it: a fiftieth of the median, about. `scale` is over how much of a logarithm the data's density
+    changes, as far as known beforehand: a frequency is fixed far better than a size.
     """
 
     name: str
@@ -44,6 +46,7 @@ class Hyperparameter:
     start: float | None = None
     reach: float = math.inf
     log_sd_above: float | None = None
+    absent: float = 0.0
     scale: float = 1.0
 
     def log_prior(self, log_value: Array) -> Array:
@@ -60,10 +63,16 @@ class Hyperparameter:
         if math.isfinite(self.reach):
             beyond = np.maximum(np.abs(off) - self.reach, 0.0)
             found = found - 0.5 * (beyond / _EDGE) ** 2
-        if not self.outlying:
-            return found
-        other = math.log(self.outlying) + _log_normal(off, self.outlying_sd)
-        return np.asarray(np.logaddexp(math.log1p(-self.outlying) + found, other))
+        if self.outlying:
+            found = _mixed(found, self.outlying, _log_normal(off, self.outlying_sd))
+        if self.absent:
+            found = _mixed(found, self.absent, _log_normal(off + _HARDLY, _HARDLY_SD))
+        return np.asarray(found)
+
+
+def _mixed(log_density: Array, share: float, other: Array) -> Array:
+    """Return the log density of a mixture, `share` of it the other."""
+    return np.asarray(np.logaddexp(math.log1p(-share) + log_density, math.log(share) + other))
 
 
 def _log_normal(off: Array, sd: float) -> Array:

@@ -10,7 +10,7 @@ each placement has a thickness of its own too.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -35,8 +35,12 @@ def expected_sizes(stated_scatter: float | None) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Placement:
-    """Random effects of stiffness and zero, common to all samples of a placement."""
+    """Random effects of stiffness and zero, common to all samples of a placement.
 
+    `absent` is the share of their priors with which placements hardly differ.
+    """
+
+    absent: float = 0.0
     name: str = "placement"
     meaning: str = (
         "how each putting-on of the probe differs: a stiffness, a zero and, where its deviation "
@@ -64,7 +68,8 @@ class Placement:
             sizes = np.repeat([scatter, 1e-3 * offset_um, 1.0], counts)
             return Terms(columns_mm=columns, sizes=sizes)
 
-        parameters = (_OFFSET, _SCATTER) if stated is None else (_OFFSET,)
+        both = (_OFFSET, _SCATTER) if stated is None else (_OFFSET,)
+        parameters = tuple(replace(one, absent=self.absent) for one in both)
         known = {"placement_count": float(len(numbers))}
         if stated is not None:
             known["placement_scatter"] = stated

@@ -112,6 +112,7 @@ class LearnedEffect(Effect, ABC):
     x_name: ClassVar[str]  # of the function, with its unit
     y_name: ClassVar[str]
     range_name: ClassVar[str] = ""  # the parameter that is the length of the function's range
+    own_of_each: ClassVar[bool] = False  # of each curve anew: what it does, no other curve tells
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -11,8 +11,8 @@ from skinlab.curves.pressure_path import PressurePath
 from skinlab.mechanics.effects.base import Array, Values
 from skinlab.mechanics.effects.learned import LearnedEffect, Seen, bent, coefficients, sines
 
-_NEAR_MBAR = 5.0  # of the turning point: there it changes fastest
-_SHAPES = 4
+_NEAR_MBAR = 5.0  # of the turning point and of rest: there it changes fastest
+_SHAPES = 6
 
 
 class LearnedLoop(LearnedEffect):
@@ -23,7 +23,7 @@ class LearnedLoop(LearnedEffect):
     meaning = "the way back differs from the way up, at any rate alike, as found from the data"
     formula = (
         "on the way back p + Σ (c_k top + d_k) sin((k − ½) π x), top the highest suction so far, "
-        "x = arsinh((top − p)/5 mbar) / arsinh(top/5 mbar)"
+        "x = 1/2 + (arsinh((top − p)/5 mbar) − arsinh(p/5 mbar)) / (2 arsinh(top/5 mbar))"
     )
     source = "rate-independent hysteresis: Visintin 1994; Gaussian process"
     physical = True
@@ -60,7 +60,8 @@ class LearnedLoop(LearnedEffect):
 
     def _more(self, pressure_mbar: Array, top_mbar: Array, values: Values) -> Array:
         top = np.maximum(top_mbar, 1.0)
-        x = np.arcsinh((top - pressure_mbar) / _NEAR_MBAR) / np.arcsinh(top / _NEAR_MBAR)
+        since, left = ((v / _NEAR_MBAR) for v in (top - pressure_mbar, pressure_mbar))
+        x = 0.5 + 0.5 * (np.arcsinh(since) - np.arcsinh(left)) / np.arcsinh(top / _NEAR_MBAR)
         share = sines(x, values, self.names[:_SHAPES])
         return share * top + sines(x, values, self.names[_SHAPES:])
 

@@ -20,6 +20,7 @@ from skinlab.discrepancy.campaign_errors import (
 )
 from skinlab.discrepancy.discipline import Discipline, repeats_um, smooth_shapes
 from skinlab.discrepancy.fit import Fitter
+from skinlab.discrepancy.heldout import HeldOut
 from skinlab.discrepancy.misfit import errors_of, mesh_columns
 from skinlab.discrepancy.records import by_condition, coarsened, records_of, without
 from skinlab.discrepancy.search import Candidate, Search, unknowns_of, with_thickness
@@ -88,6 +89,24 @@ def test_repeats_and_roughness_tell_the_errors_whatever_the_model_misses(table):
         for one in (found.looks[1], found.pure)
     )
     assert believed > 2.0 * pure
+
+
+@pytest.mark.parametrize(
+    ("scatter", "plan", "low", "high"),
+    [(0.0, PLAN, 0.0, 0.003), (0.03, PLAN, 0.01, 0.08), (0.0, PLAN[:2], 0.03, 0.3)],
+    ids=["alike", "apart", "once each"],
+)
+def test_repeats_tell_whether_placements_differ_at_all(table, scatter, plan, low, high):
+    """Published scatter is for placements nobody repeated: where they agree, it hides effects."""
+
+    def errors(t, per_log, rng):
+        return rng.normal(0, 2e-3, len(t)) + scatter * rng.normal() * np.nan_to_num(per_log)
+
+    fitter, fit = fitted(table, campaign(table, errors, plan))
+    linear = Linearised.of(fit, fitter.errors, fitter.measured)
+    none = np.zeros(len(fitter.measured))
+    found = learn(fitter.records, [linear], none, noise_um=None, placement_scatter=None)
+    assert low <= found.pure.parameters()["placement_scatter"] <= high
 
 
 def test_evidence_is_that_of_the_dense_gaussian():
@@ -186,14 +205,44 @@ def test_a_second_effect_has_to_be_there_again(table, curves, needed):
     left = Residual(1.0, ())
     alone, pair = Candidate(fit, left, 10.0), Candidate(replace(fit), left, 10.0)
     linear = {id(alone): off, id(pair): off.beside(wave)}
-    discipline = Discipline(fitter.records, errors, linear)
+    discipline = Discipline(fitter.records, errors, linear, {})
     lead = discipline.ahead(pair, alone, np.ones(len(none), dtype=bool))
     assert lead > 3.0
     odds = -1.7
     leading = replace(pair, log10_evidence=10.0 + lead + odds)
     linear[id(leading)] = linear[id(pair)]
-    again = Discipline(fitter.records, errors, linear)
+    again = Discipline(fitter.records, errors, linear, {})
     assert again.needs_both(leading, alone) is needed
+
+
+def test_a_name_is_there_again_though_a_second_effect_says_a_little_more(table):
+    """Without the odds before the data any pair that holds the name was ahead in every part."""
+    made = campaign(table, lambda t, per_log, rng: rng.normal(0, 2e-3, len(t)))
+    fitter, fit = fitted(table, made)
+    plain = Linearised.of(fit, fitter.errors, fitter.measured)
+    time = np.concatenate([r.curve.time_s for r in fitter.records])
+    strong, weak = (size * np.sin(k * time)[:, None] for size, k in ((4e-3, 2.0), (8e-4, 5.0)))
+    off = replace(plain, residual_mm=plain.residual_mm + (strong + weak)[:, 0])
+    none = np.zeros(len(time))
+    errors = learn(fitter.records, [plain], none, noise_um=2.0, placement_scatter=0.0)
+    moved = replace(fit, deflections_mm=[w + 2e-3 for w in fit.deflections_mm])
+    left = Residual(1.0, ())
+    base, one, both = (Candidate(replace(f), left, 0.0) for f in (fit, moved, moved))
+    named = off.beside(strong)
+    linear = {id(base): off, id(one): named, id(both): named.beside(weak)}
+    discipline = Discipline(fitter.records, errors, linear, {})
+    everything = np.ones(len(time), dtype=bool)
+    lead = discipline.ahead(both, one, everything)
+    assert lead > NAMES.tie
+
+    ahead = discipline.ahead(one, base, everything)
+    name, pair = (replace(c, log10_evidence=ahead - 1.3) for c in (one, both))
+    linear |= {id(name): linear[id(one)], id(pair): linear[id(both)]}
+    held = HeldOut(2.0, 2.0, 2.0, (), 2.0)
+    for odds, there in ((-1.3 - lead, True), (-1.3, False)):
+        weighed = Discipline(fitter.records, errors, linear, {id(name): -1.3, id(pair): odds})
+        trials = weighed.trials(name, base, [name, pair], [], held)
+        assert next(t for t in trials if t.name == "again").passed is there
 
 
 def test_repeats_that_disagree_are_measured(table):

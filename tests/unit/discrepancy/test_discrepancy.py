@@ -10,6 +10,7 @@ from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
 from skinlab.discrepancy.adequacy import ADEQUATE, Residual, look
+from skinlab.discrepancy.discipline import Trial
 from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.heldout import conditions_of, predict_held_out
 from skinlab.discrepancy.misfit import (
@@ -27,7 +28,7 @@ from skinlab.discrepancy.search_workers import fit_elsewhere, fit_from, fit_one
 from skinlab.discrepancy.space_mapping import MappedModel
 from skinlab.discrepancy.table_domes import TableDomes, relaxed_pressure
 from skinlab.discrepancy.unknowns import Unknowns
-from skinlab.discrepancy.verdict import decide
+from skinlab.discrepancy.verdict import Verdict, decide, disciplined
 from skinlab.errors import InputError
 from skinlab.inference.noise import MESH_REST, legendre, pressure_error_mm, roughness
 from skinlab.mechanics.effects import all_effects
@@ -120,6 +121,20 @@ def test_a_channel_that_is_off_its_program_is_believed():
     assert np.abs(record.path(curve.time_s) - true)[away].max() < 1.0
 
 
+def test_a_program_began_when_the_clock_says_where_its_first_samples_are_lost():
+    """Taken to begin with the first sample that is there, each curve lagged by its own loss."""
+    campaign = measured({}, RAMPS[:1])
+    (c,) = campaign.curves
+    lost = Curve(
+        c.name, c.setup, c.time_s[1:], c.pressure_mbar[1:], c.deflection_mm[1:]
+    )  # 50 ms at 20 mbar/s
+    later = replace(lost, time_s=c.time_s[1:] + 7.0, pressure_mbar=c.pressure_mbar[:-1])
+    for curve, since in ((lost, 0.0), (later, later.time_s[0])):
+        (record,) = records_of(replace(campaign, curves=(curve,)))
+        asked = c.setup.program.pressure_mbar(curve.time_s - since)
+        np.testing.assert_allclose(record.pressure_mbar, asked, atol=1e-9)
+
+
 def test_a_channel_in_whole_mbar_is_not_silent():
     """Most neighbouring readings are the same, and each is off by up to half a step."""
     campaign = measured({}, RAMPS[:1], pressure_noise_mbar=0.02)
@@ -152,8 +167,10 @@ def test_a_lag_does_not_take_the_noise_off_the_pressure_readings(table):
         ("viscoelasticity", {"g": 0.6, "tau_s": 60.0}),
         ("regulator_lag", {"tau_s": 0.1}),
         ("deflection_gain", {"gain": 1.1}),
+        ("pressure_gain", {"gain": 1.3}),
+        ("learned_pressure_curve", {"c1": 40.0, "span_mbar": 150.0}),
     ],
-    ids=["quick", "slow", "late", "gain"],
+    ids=["quick", "slow", "late", "gain", "of the channel", "curve of the channel"],
 )
 def test_every_explanation_follows_the_noise_of_the_pressure_by_its_own_slope(table, name, values):
     """One that followed it less than the pressure's course was likelier by that alone."""
@@ -483,6 +500,46 @@ def test_wherever_a_fit_begins_it_comes_to_the_same_optimum(table, effect):
 # ---- adequacy ------------------------------------------------------------------------------------
 
 
+class Walled:
+    """A fitter whose fits stay at the bound of ν where they begin near it."""
+
+    def __init__(self, fitter, found):
+        self.errors, self._found = fitter.errors, found
+
+    def fit(self, unknowns, start, limit=np.inf):
+        near = start[2] > 0.45
+        u = start.copy()
+        u[2] = unknowns.bounds[1][2] if near else 0.31
+        cost = 1e4 if near else 600.0
+        return replace(self._found, unknowns=unknowns, u=u, cost=cost, chi2=cost)
+
+
+def test_a_fit_that_ends_at_a_bound_of_the_law_is_begun_again_off_it(plain):
+    """A skin without slip was best at ν = 0.499; with the slip its fit stayed there, far off."""
+    fitter, base = plain
+    seen = replace(signature(fitter, base, "deflection_gain"), gain=5e3)
+    walled = replace(base, u=np.array([*base.u[:2], 0.498]), cost=2e4)
+    found = fit_one(Walled(fitter, base), (walled, seen, np.inf))
+    assert (found.cost, found.u[2]) == (600.0, 0.31)
+
+
+def test_what_relaxes_is_followed_as_far_as_a_skin_goes_that_creases(table):
+    """It ends 0.5 mbar below the top of the ramp, for good: there was no fit of any creep."""
+    program = parse_program("ramp:100@80,hold:4,ramp:0@80")
+    t = np.arange(int(program.duration_s * 20 + 1e-9) + 1) / 20
+    path = PressurePath.of_program(program)
+    curve = Curve("c", Setup(6.0, 1.07, program), t, path(t), 0.012 * path(t))
+    fitter = fitter_of(Campaign("soft", 2.0, 0.1, (curve,)), table)
+    unknowns = Unknowns(("viscoelasticity",))
+    creep = {"g": 0.03, "tau_s": 1.0}
+    own = [axis.to_u(creep[axis.parameter.name]) for axis in unknowns.axes]
+    u = np.array([np.log(0.016), np.log(0.532 / 0.016), 0.395, *own])
+    model = fitter.model(unknowns)
+    assert model.anchor(u)
+    (w,) = model.predict(u)
+    assert np.isfinite(w).all()
+
+
 @pytest.fixture(scope="module")
 def looks(table):
     """Return p-values of white noise on known deflections, and the fitter."""
@@ -557,6 +614,15 @@ def test_one_explanation_that_is_ahead_is_named():
     assert verdict(BAD, candidate(LAG, 20.0), candidate(GAIN, 18.0)) == ("named", [{*LAG}])
     # Even where the gap alone would not have been remarkable.
     assert verdict(GOOD, candidate(LAG, 3.0), candidate(GAIN, 0.5)) == ("named", [{*LAG}])
+
+
+@pytest.mark.parametrize(
+    ("failed", "left"), [((), "named"), (("size",), "none"), (("size", "again"), "unknown")]
+)
+def test_what_is_there_and_too_small_to_matter_is_nothing(failed, left):
+    found = Found(candidate((), 0.0, BAD), {}, [candidate(LAG, 9.0)])
+    stood = [Trial(name, name not in failed, "") for name in ("size", "again")]
+    assert disciplined(Verdict("named", found.candidates), found, stood).name == left
 
 
 def test_a_tie_names_everything_that_is_tied():

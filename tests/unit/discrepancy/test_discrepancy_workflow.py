@@ -205,6 +205,28 @@ def test_where_nothing_is_hidden_nothing_is_found(table):
     assert "stiffer" in found["cannot_show"]["pressure_gain"]
 
 
+@pytest.mark.long
+def test_a_pair_that_leads_is_tried_against_its_rivals(table):
+    """Beside its partner an effect may seem to gain nothing: it is added to other fits as well."""
+    brief = ((6.0, "ramp:100@80,hold:1,ramp:0@80"), (2.0, "ramp:300@200,ramp:0@200"))
+    hidden = campaign(
+        {"deflection_offset": {"offset_um": 40.0}, "pressure_lag": {"lag_s": 0.1}}, brief
+    )
+    records = records_of(hidden)
+    fitter = Fitter(records, errors_of(records), TableDomes(table), finite_elements=False)
+    said = []
+    found = Search(fitter, noise_um=3.0, placement_scatter=0.0, progress=said.append).run()
+    best = max((c for c in found.candidates if c.adequate), key=lambda c: c.log10_evidence)
+    assert set(best.effects) == {"deflection_offset", "pressure_lag"}
+    (told,) = (line for line in said if line.startswith("fitting its rivals: "))
+    rivals = [set(pair.split(" and ")) for pair in told.split(": ")[1].split(", ")]
+    assert rivals
+    fitted = [set(c.effects) for c in found.candidates]
+    for pair in rivals:
+        assert len(pair & set(best.effects)) == 1
+        assert fitted.count(pair) == 1
+
+
 class NoSurfaceLayer(Fitter):
     """Finite elements that find no equilibrium of a skin with a surface layer."""
 
@@ -295,3 +317,24 @@ def test_what_the_library_does_not_have_is_unknown(table):
     assert (found["verdict"], found["effects"]) == ("unknown", [])
     assert found["where"]
     assert "pulse of" in describe(outcome)  # and too large for one
+
+
+def test_a_heartbeat_of_each_curve_its_own_is_learned_and_adopted(table):
+    def heartbeat(t, rng):
+        return 0.016 * np.sin(2 * np.pi * 1.1 * t + rng.uniform(0, 2 * np.pi))
+
+    outcome = explain(campaign({}, 2 * RAMPS[:2], besides=heartbeat), table, finite_elements=False)
+    found = document(outcome)
+    assert (found["verdict"], found["effects"]) == ("learned", [["learned_motion"]])
+    assert found["learned"]["family"] == "periodic"
+    # A sine of 16 µm moves by 0 to 32 µm in half a period: as its phase is.
+    assert 12 < max(found["learned"]["function"]["y"]) < 20
+    assert found["learned"]["function"]["x"][-1] == pytest.approx(1 / 1.1, rel=0.02)
+    assert found["gap"]["after_um"] < 1.2 * found["gap"]["noise_um"]
+    assert "phase of its own" in describe(outcome)
+    model = adopted(BASE, outcome, data={}, database_hash="", now=datetime(2026, 1, 1, tzinfo=UTC))
+    own = model.effects["learned_motion"]
+    assert own["frequency_hz"].value == pytest.approx(1.1, rel=0.02)
+    for name in ("s1_um", "c1_um"):  # its phase in the next curve is not known
+        assert own[name].value == 0.0
+        assert own[name].prior.sd == pytest.approx(11.3, rel=0.2)
