@@ -150,7 +150,7 @@ def test_a_zero_character_in_a_campaigns_path(tmp_path, capfd):
     path.write_text(
         '[campaign]\n[[curve]]\nfile = "a\\u0000b.csv"\naperture_mm = 6\nthickness_mm = 1\n'
     )
-    assert "no name of a file" in refused(capfd, "identify", path)
+    assert "is not a file name" in refused(capfd, "identify", path)
 
 
 @pytest.mark.parametrize("command", ["identify", "import"])

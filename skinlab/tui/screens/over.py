@@ -21,7 +21,7 @@ from skinlab.tui.widgets.keys import Keys
 from skinlab.tui.widgets.note import Note
 
 
-class OverScreen(ClosingScreen[Answer], ModalScreen[Answer]):
+class OverScreen(ModalScreen[Answer], ClosingScreen[Answer]):  # styles are of the first
     """Shows state, suction and SIMULATED above what it yields in `compose_box`."""
 
     def __init__(self, board: Board) -> None:
