@@ -235,6 +235,8 @@ class Search:
                 candidates += self._members(pool, base, pairs) + pairs
             candidates = _best_of_each(candidates)
             candidates = self._rivals(pool, base, candidates)
+            candidates += self._every_single(pool, base, chosen, candidates)
+            candidates = _best_of_each(candidates)
         base, candidates = self._weighed(base, candidates)
         candidates.sort(key=lambda c: -c.log10_evidence)
         for name in self._own:
@@ -474,6 +476,26 @@ class Search:
         limit = best.fit.cost + SEARCH.far
         found = self._fits(pool, base, tasks[: SEARCH.rival_pairs], limit)
         return _best_of_each([*candidates, *found])
+
+    def _every_single(
+        self,
+        pool: Pool,
+        base: Candidate,
+        chosen: Sequence[Signature],
+        candidates: Sequence[Candidate],
+    ) -> list[Candidate]:
+        """Return single effects that explain, begun elsewhere, where a pair leads alone.
+
+        Two effects with many ways to bend fill in for a strong one whose fit ended at a wall.
+        """
+        if self._leading_pair(candidates) is None or any(
+            c.adequate and len(c.effects) - len(self._own) == 1 for c in candidates
+        ):
+            return []
+        self._progress("fitting every single effect from elsewhere")
+        fits = pool.map(fit_elsewhere, [(base.fit, s) for s in chosen])
+        found = (self._candidate(fit, base) for fit in fits if fit is not None)
+        return [c for c in found if c.adequate]
 
     def _one_is_enough(self, candidates: Sequence[Candidate]) -> bool:
         """Return whether a single effect explains the curves, and no pair does far better."""
