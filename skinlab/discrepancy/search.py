@@ -235,7 +235,7 @@ class Search:
                 candidates += self._members(pool, base, pairs) + pairs
             candidates = _best_of_each(candidates)
             candidates = self._rivals(pool, base, candidates)
-            candidates += self._every_single(pool, base, chosen, candidates)
+            candidates += self._every_single(pool, base, chosen, singles, candidates)
             candidates = _best_of_each(candidates)
         base, candidates = self._weighed(base, candidates)
         candidates.sort(key=lambda c: -c.log10_evidence)
@@ -349,8 +349,7 @@ class Search:
         may end at a wall of skins that crease.
         """
         seen = {s.effect: s for s in chosen}
-        nearest = sorted(found, key=lambda c: c.fit.cost)[: SEARCH.again]
-        tasks = [(base.fit, seen[c.effects[-1]]) for c in nearest]
+        tasks = [(base.fit, seen[c.effects[-1]]) for c in _nearest(found)]
         better = {}
         for fit in pool.map(fit_elsewhere, tasks):
             if fit is not None:
@@ -482,18 +481,21 @@ class Search:
         pool: Pool,
         base: Candidate,
         chosen: Sequence[Signature],
+        singles: Sequence[Candidate],
         candidates: Sequence[Candidate],
     ) -> list[Candidate]:
         """Return single effects that explain, begun elsewhere, where a pair leads alone.
 
-        Two effects with many ways to bend fill in for a strong one whose fit ended at a wall.
+        Two effects with many ways to bend fill in for a strong one whose fit ended at a wall. The
+        `singles` that came nearest were begun elsewhere before.
         """
         if self._leading_pair(candidates) is None or any(
             c.adequate and len(c.effects) - len(self._own) == 1 for c in candidates
         ):
             return []
         self._progress("fitting every single effect from elsewhere")
-        fits = pool.map(fit_elsewhere, [(base.fit, s) for s in chosen])
+        begun = set() if base.adequate else {c.effects[-1] for c in _nearest(singles)}
+        fits = pool.map(fit_elsewhere, [(base.fit, s) for s in chosen if s.effect not in begun])
         found = (self._candidate(fit, base) for fit in fits if fit is not None)
         return [c for c in found if c.adequate]
 
@@ -554,6 +556,11 @@ class Search:
         if self._partial is not None:
             self._partial.add(found, base=base is None)
         return found
+
+
+def _nearest(singles: Sequence[Candidate]) -> list[Candidate]:
+    """Return the single effects that are begun elsewhere as well."""
+    return sorted(singles, key=lambda c: c.fit.cost)[: SEARCH.again]
 
 
 def _best_of_each(candidates: Iterable[Candidate]) -> list[Candidate]:

@@ -283,6 +283,10 @@ class DimensionlessSpec:
         *computed, holds_to, _ = self.row(entry)
         at = np.unravel_index(entry, self.shape)
         off = np.abs(np.array(computed) - table.values[at])  # NaN: filled, not computed
+        # A table that was built before ends where the skin creases: beyond, it is filled.
+        ends = float(table.extra.get(_GOES_ON, table.holds_to)[at])
+        thickness = self.thickness.value(self.thickness.coordinates()[at[0]])
+        off[self.load(self.load_coordinates(), thickness) > ends] = np.nan
         worst, stored = float(np.nanmax(off)), float(table.holds_to[at])
         if worst <= TOLERANCE_LOG and abs(holds_to - stored) <= 5e-3 * stored:
             return ""

@@ -225,6 +225,11 @@ def test_a_pair_that_leads_is_tried_against_its_rivals(table):
     for pair in rivals:
         assert len(pair & set(best.effects)) == 1
         assert fitted.count(pair) == 1
+    # No single effect explains: before the pair may, each is begun elsewhere too.
+    assert said.index(f"fitting its rivals: {told.split(': ')[1]}") + 1 == said.index(
+        "fitting every single effect from elsewhere"
+    )
+    assert not any(c.adequate and len(c.effects) == 1 for c in found.candidates)
 
 
 class NoSurfaceLayer(Fitter):

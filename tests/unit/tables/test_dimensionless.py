@@ -41,6 +41,22 @@ def test_random_entries_rebuild_to_the_same_numbers(table):
     assert rebuilt_differences(table, samples=3, seed=20261121) == []
 
 
+def test_a_table_that_was_built_before_is_compared_as_far_as_it_ends(table):
+    """Beyond the crease it was filled in another way, which was told as another dome."""
+    spec = table.spec
+    load = np.stack(
+        [spec.load(spec.load_coordinates(), t) for t in np.exp(spec.thickness.coordinates())]
+    )
+    beyond = load[:, None, None, :] > table.holds_to[..., None]
+    values = np.where(beyond, table.values + np.float32(0.01), table.values)
+    before = dataclasses.replace(table, values=values, extra={})
+    assert rebuilt_differences(before, samples=2, seed=20261121) == []
+    (changed, *_) = rebuilt_differences(
+        dataclasses.replace(before, values=values + np.float32(0.01)), samples=1, seed=20261121
+    )
+    assert "differs" in changed
+
+
 def test_the_table_covers_what_is_promised(table):
     spec = table.spec
     assert spec.scale_mpa == (0.005, 0.2)
