@@ -10,17 +10,19 @@ import hashlib
 import json
 import statistics
 import time
+import zlib
 from collections.abc import Callable
-from contextlib import suppress
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from prior_skins import CACHE, OTHER_PROGRAM, PAIR_MM, Skin, other_program, skins
+from prior_skins import CACHE, KINDS, OTHER_PROGRAM, PAIR_MM, Skin, fill, other_program, skins
 from scipy.signal import lfilter
 from scipy.special import log_ndtr
 from scipy.stats import beta, binom
@@ -46,8 +48,8 @@ PLACED_MBAR = 70.0  # where placements differ: a soft one is as at more
 ZERO_UM = 4.0  # of a placement
 _BESIDE = 0.85  # correlation of neighbouring samples in the rows of the other program's curves
 SEED = 20270715  # of skins and errors; nothing was chosen by looking at these
-ORACLES = 12  # curves of a row, at most: they take as long as the answers
-AT_ONCE = 8  # curves of a row before it is the next one's turn
+ORACLES = 40  # curves of a row, at most: a width's median needs no more, and exact ones are slow
+AT_ONCE = 20  # curves of a row before it is the next one's turn
 RESULT = Path(__file__).parent / "results" / "identification_coverage.jsonl"
 _OF_THE_SKIN = ("at_bound", "not_identifiable")  # flags that say nothing of the errors
 PICTURE = Path(__file__).parents[1] / "docs" / "pictures" / "ranks.svg"
@@ -185,9 +187,14 @@ def _rows() -> dict[str, Row]:
 ROWS = _rows()
 
 
-def one(row: Row, skin: Skin, seed: int, beside: bool = True) -> dict[str, Any]:
+def errors_of(name: str, skin: Skin, seed: int) -> Rng:
+    """Return the generator of a row's errors: rows share skins, but not what is added to them."""
+    return np.random.default_rng([seed, zlib.crc32(name.encode()), skin.number])
+
+
+def one(name: str, skin: Skin, seed: int, beside: bool = True) -> dict[str, Any]:
     """Return what becomes of one curve, if so asked beside who knows the errors' parameters."""
-    rng = np.random.default_rng([seed, skin.number])
+    row, rng = ROWS[name], errors_of(name, skin, seed)
     drawn = measured(row.errors, skin, row.rate_hz, rng)
     identifier = Identifier(
         shipped_table(), sensor=Sensor(row.stated_um, None), seed=skin.number, kappa=skin.kappa
@@ -208,9 +215,9 @@ def one(row: Row, skin: Skin, seed: int, beside: bool = True) -> dict[str, Any]:
     return found
 
 
-def placed(row: Row, pair: tuple[Skin, ...], seed: int) -> dict[str, Any]:
+def placed(name: str, pair: tuple[Skin, ...], seed: int) -> dict[str, Any]:
     """Return what becomes of a skin that is measured at two openings, with several placements."""
-    rng = np.random.default_rng([seed, pair[0].number])
+    row, rng = ROWS[name], errors_of(name, pair[0], seed)
     assert row.scatter is not None
     zero = ZERO_UM if row.scatter else 0.0
     curves = [
@@ -433,30 +440,44 @@ def run(
     names: list[str],
     curves: int,
     seed: int,
+    *,
     result: Path = RESULT,
+    processes: int = 1,
     say: Callable[[str], None] = print,
 ) -> None:
-    """Run rows by turns, a few curves of each at a time, and save their lines after every turn.
+    """Run rows by turns, some curves of each at a time, and save their lines after every turn.
 
     Every curve's outcome is kept in benchmarks/cache, by the inference's sources and the database,
     so that a row of more curves goes on where one of fewer ended. Its line replaces the older one.
     """
-    for goal in [*range(AT_ONCE, curves, AT_ONCE), curves]:
-        for name in names:
-            line = summary(name, _outcomes(name, goal, seed), seed)
-            say(json.dumps(line))
-            same = ("row", "seed", "database")
-            lines = [json.loads(one) for one in _lines(result)]
-            lines = [old for old in lines if any(old[key] != line[key] for key in same)]
-            result.write_text("".join(json.dumps(one) + "\n" for one in [*lines, line]))
+    with ExitStack() as stack:
+        each: Callable[..., Any] = map
+        if processes > 1:
+            each = stack.enter_context(ProcessPoolExecutor(processes)).map
+        for goal in [*range(AT_ONCE, curves, AT_ONCE), curves]:
+            # Skins that rows share are there before two processes could both draw them.
+            for kind in sorted({ROWS[name].kind for name in names} & set(KINDS)):
+                fill(goal, seed=seed, kind=kind, each=each)
+            for line in each(partial(_line, curves=goal, seed=seed), names):
+                say(json.dumps(line))
+                same = ("row", "seed", "database")
+                lines = [json.loads(one) for one in _lines(result)]
+                lines = [old for old in lines if any(old[key] != line[key] for key in same)]
+                result.write_text("".join(json.dumps(one) + "\n" for one in [*lines, line]))
+
+
+def _line(name: str, *, curves: int, seed: int) -> dict[str, Any]:
+    return summary(name, _outcomes(name, curves, seed), seed)
 
 
 def _outcomes(name: str, curves: int, seed: int) -> list[dict[str, Any]]:
-    """Return what becomes of the first curves of a row, from the cache as far as it goes."""
+    """Return what becomes of at least the first curves of a row, from the cache if it is there."""
     row = ROWS[name]
     CACHE.mkdir(exist_ok=True)
     kept = _kept(name, seed)
-    found = [json.loads(line) for line in _lines(kept)[:curves]]
+    found = [json.loads(line) for line in _lines(kept)]
+    if len(found) >= curves:
+        return found
     if row.kind == OTHER_PROGRAM:
         drawn = other_program(curves)
     else:
@@ -465,7 +486,7 @@ def _outcomes(name: str, curves: int, seed: int) -> list[dict[str, Any]]:
     for skin in islice(pairs, len(found), None):
         beside = len(found) < ORACLES and not row.errors.jump
         found.append(
-            one(row, skin[0], seed, beside) if row.scatter is None else placed(row, skin, seed)
+            one(name, skin[0], seed, beside) if row.scatter is None else placed(name, skin, seed)
         )
         with kept.open("a") as stream:
             stream.write(json.dumps(found[-1]) + "\n")

@@ -2,10 +2,10 @@
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/identification.py optimum [--curves 1000] [--seed 1]
     OPENBLAS_NUM_THREADS=1 python benchmarks/identification.py coverage [--curves 1000]
-        [--seed 20270715] [--rows white_3,ou_0.3s]
+        [--seed 20270715] [--rows white_3,ou_0.3s] [--processes 2]
     OPENBLAS_NUM_THREADS=1 python benchmarks/identification.py sampler [--curves 50]
         [--seed 20270715]
-    OPENBLAS_NUM_THREADS=1 python benchmarks/identification.py ranks
+    OPENBLAS_NUM_THREADS=1 python benchmarks/identification.py ranks [--seed 20270715]
     OPENBLAS_NUM_THREADS=1 python benchmarks/identification.py rivals [--curves 40] [--seed 3]
 
 Each part prints and saves benchmarks/results/identification_PART.json; `coverage` runs some curves
@@ -308,15 +308,17 @@ def main() -> None:
     parser.add_argument("--curves", type=int)
     parser.add_argument("--seed", type=int)
     parser.add_argument("--rows", help="of coverage, separated by commas; all without")
+    parser.add_argument("--processes", type=int, default=1, help="of coverage")
     arguments = parser.parse_args()
     if arguments.part == "coverage":
         names = arguments.rows.split(",") if arguments.rows else list(coverage.ROWS)
         seed = coverage.SEED if arguments.seed is None else arguments.seed
-        coverage.run(names, arguments.curves or 1000, seed)
+        coverage.run(names, arguments.curves or 1000, seed, processes=arguments.processes)
         return
     if arguments.part == "ranks":
-        coverage.draw_ranks()
-        print(f"{coverage.table()}\n\n{coverage.power()}")
+        seed = coverage.SEED if arguments.seed is None else arguments.seed
+        coverage.draw_ranks(seed)
+        print(f"{coverage.table(seed)}\n\n{coverage.power(seed)}")
         return
     part, curves, seed = {
         "optimum": (optimum, 1000, 1),

@@ -21,8 +21,9 @@ from __future__ import annotations
 import argparse
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -130,30 +131,42 @@ def _curves(
     return found
 
 
+def fill(
+    count: int, *, seed: int = DEVELOPMENT_SEED, kind: str = "any", each: Callable[..., Any] = map
+) -> list[dict[str, Any]]:
+    """Return the rows of the first `count` skins, at least, and draw those that are missing.
+
+    `each` is a map, of processes where several are to draw.
+    """
+    CACHE.mkdir(exist_ok=True)
+    path = CACHE / f"prior_skins_{seed}{'' if kind == 'any' else '_' + kind}.jsonl"
+    rows = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
+    begun = len(rows) // _openings(kind)
+    for mine in each(partial(draw, seed=seed, kind=kind), range(begun, count)):
+        with path.open("a") as stream:
+            stream.writelines(json.dumps(row) + "\n" for row in mine)
+        rows += mine
+    return rows
+
+
+def _openings(kind: str) -> int:
+    return len(PAIR_MM) if kind == "pairs" else 1
+
+
 def skins(count: int, *, seed: int = DEVELOPMENT_SEED, kind: str = "any") -> Iterator[Skin]:
     """Yield the first `count` skins, from the file or, where it ends, from the finite elements.
 
     Of pairs each is two in a row.
     """
-    CACHE.mkdir(exist_ok=True)
-    path = CACHE / f"prior_skins_{seed}{'' if kind == 'any' else '_' + kind}.jsonl"
-    rows = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
-    each = len(PAIR_MM) if kind == "pairs" else 1
-    for number in range(count):
-        mine = rows[each * number : each * (number + 1)]
-        if len(mine) < each:
-            mine = draw(number, seed=seed, kind=kind)
-            with path.open("a") as stream:
-                stream.writelines(json.dumps(row) + "\n" for row in mine)
-        for row in mine:
-            yield Skin(
-                number,
-                Setup(row["aperture_mm"], row["thickness_mm"]),
-                np.array(row["truth"]),
-                np.array(row["pressure_mbar"]),
-                np.array(row["deflection_mm"]),
-                np.array(row["slope_mm_per_mbar"]),
-            )
+    for row in fill(count, seed=seed, kind=kind)[: count * _openings(kind)]:
+        yield Skin(
+            row["number"],
+            Setup(row["aperture_mm"], row["thickness_mm"]),
+            np.array(row["truth"]),
+            np.array(row["pressure_mbar"]),
+            np.array(row["deflection_mm"]),
+            np.array(row["slope_mm_per_mbar"]),
+        )
 
 
 def other_program(count: int) -> Iterator[Skin]:
@@ -184,8 +197,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=DEVELOPMENT_SEED)
     parser.add_argument("--kind", choices=KINDS, default="any")
     arguments = parser.parse_args()
-    for _ in skins(arguments.count, seed=arguments.seed, kind=arguments.kind):
-        pass
+    fill(arguments.count, seed=arguments.seed, kind=arguments.kind)
 
 
 if __name__ == "__main__":
