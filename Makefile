@@ -13,15 +13,15 @@ run: setup
 
 setup: .venv/.installed
 
-# With uv, where it is there, in a fraction of pip's time. A kernel that changed is compiled again.
+# By uv, in a fraction of pip's time: pip fetches it where the machine has none, and does the work where it
+# cannot. A kernel that changed is compiled again.
 .venv/.installed: pyproject.toml hatch_build.py skinlab/mechanics/fem/kernel.c
 	@test -x $(BIN)/python || $(PYTHON) -m venv .venv
 	@echo "Installing skinlab and its tools into .venv ..." >&2
-	@if uv --version >/dev/null 2>&1; then \
-	  uv pip install --quiet --python $(BIN)/python --compile-bytecode --editable ".[dev]"; \
-	else \
-	  $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[dev]"; \
-	fi
+	@uv=uv; uv --version >/dev/null 2>&1 || { uv=$(BIN)/uv; \
+	  $(BIN)/python -m pip install --quiet --disable-pip-version-check uv >/dev/null 2>&1 || true; }; \
+	$$uv pip install --quiet --python $(BIN)/python --compile-bytecode --editable ".[dev]" || \
+	  $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[dev]"
 	@$(BIN)/python -m compileall -q skinlab drivers sim_device # also where PYTHONDONTWRITEBYTECODE is set
 	@touch $@
 
