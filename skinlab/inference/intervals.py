@@ -9,8 +9,7 @@ from skinlab.inference.settings import INTERVALS
 
 Array = NDArray[np.float64]
 
-# Twice the fall of the log likelihood inside an interval: at most that of χ² of one degree, 90 %;
-# at least so much, which holds at the ends of a range too (docs/intervals.md has the coverage).
+_STARTS = np.linspace(0.0, 1.0, 101)  # of an interval, share of where it may begin
 
 
 def summary(
@@ -22,41 +21,65 @@ def summary(
     logarithmic: bool = False,
     at_end: NDArray[np.bool_] | None = None,
 ) -> tuple[float, float, float]:
-    """Return the median of weighted values (n,), and an interval with 90 % of the weight.
+    """Return the median of weighted values (n,), and the shortest interval that may be said of it.
 
-    Values come in by the best log density (n,) that the other unknowns give them, the likeliest
-    first (the order of Feldman and Cousins 1998, Phys. Rev. D 57:3873), until 90 % of the weight is
-    inside, within the limits of fall. The middle half of the weight is always inside, and so the
-    median is well inside: the likeliest values may be a narrow place far from most. Next to a bound
-    it ends at the bound, in logarithms where the prior is flat in these. Where another unknown is
-    at an end of its range (`at_end`, (n,)) all within the largest fall is inside: next to no weight
-    is there, and a true value may be.
+    It has 90 % of the weight, in logarithms where the prior is flat in these. A corner of the prior
+    has next to no weight, though a true value may be there: what is likely enough of it (by
+    `log_density` (n,)) is inside as well. That holds for the value's own bounds, and for draws of
+    which another unknown is at an end of its range (`at_end`, (n,)). Such intervals are too wide
+    elsewhere, and need less of the weight (docs/decisions/0114-the-shortest-interval-with-corners.md).
     """
-    by_value = np.argsort(values, kind="stable")
-    x, below = values[by_value], np.cumsum(weight[by_value])
-    quarters = [0.25, 0.5, 0.75]
-    left, middle, right = np.interp(quarters, (below - 0.5 * weight[by_value]) / below[-1], x)
-    held = np.flatnonzero((weight > 0.0) & np.isfinite(log_density))
-    order = held[np.argsort(-log_density[held], kind="stable")]
-    fall = 2.0 * (log_density[order[0]] - log_density[order])
-    low, high = np.minimum.accumulate(values[order]), np.maximum.accumulate(values[order])
-    inside = np.concatenate([[0.0], below])
-    first, last = np.searchsorted(x, low, "left"), np.searchsorted(x, high, "right")
-    enough = np.searchsorted(inside[last] - inside[first], INTERVALS.level * below[-1])
-    reach = fall[min(int(enough), len(fall) - 1)]
-    reach = float(np.clip(reach, INTERVALS.least_fall, INTERVALS.most_fall))
-    at = max(int(np.searchsorted(fall, reach, "right")) - 1, 0)
-    ends = [min(float(low[at]), float(left)), max(float(high[at]), float(right))]
+    scale, back = (np.log, np.exp) if logarithmic else (np.asarray, np.asarray)
+    z = scale(values)
+    by_value = np.argsort(z, kind="stable")
+    share = np.cumsum(weight[by_value])
+    share = (share - 0.5 * weight[by_value]) / share[-1]
+    sides = 0.5 + np.array([-0.5, 0.0, 0.5]) * INTERVALS.middle
+    left, middle, right = np.interp(sides, share, z[by_value])
+    best = log_density[weight > 0.0].max()
+    likely = 2.0 * (best - log_density) <= INTERVALS.end_fall
+    low, high, level = left, right, INTERVALS.level
     if at_end is not None:
-        cornered = values[order][at_end[order] & (fall <= INTERVALS.most_fall)]
-        ends = [float(np.min([ends[0], *cornered])), float(np.max([ends[1], *cornered]))]
-    scale = np.log if logarithmic else np.asarray
+        low, high = _hull(low, high, z[at_end & likely])
+        if low < left or high > right:
+            level = INTERVALS.level_in_a_corner
     if np.isfinite(bounds).all():
-        near = INTERVALS.near_bound * float(scale(bounds[1]) - scale(bounds[0]))
-        for i in range(2):
-            if abs(float(scale(ends[i]) - scale(bounds[i]))) <= near:
-                ends[i] = bounds[i]
-    return float(middle), ends[0], ends[1]
+        ends = scale(np.array(bounds))
+        near = INTERVALS.at_end * float(ends[1] - ends[0])
+        reached = [end for end in ends if (likely & (np.abs(z - end) <= near)).any()]
+        if reached:
+            low, high = _hull(low, high, np.array(reached))
+            level = INTERVALS.level_at_end
+    lows, highs = _with_share(level, low, high, z[by_value], share)
+    low, high = _shortest(lows, highs)
+    first, last = back(np.array([low, high]))
+    return float(back(middle)), float(first), float(last)
+
+
+def _hull(low: float, high: float, values: Array) -> tuple[float, float]:
+    return min(low, *values.tolist(), high), max(high, *values.tolist(), low)
+
+
+def _with_share(
+    level: float, low: float, high: float, values: Array, share: Array
+) -> tuple[Array, Array]:
+    """Return the ends of intervals about low to high that have this share of sorted values (n,)."""
+    first = min(float(np.interp(low, values, share)), 1.0 - level) * _STARTS
+    lows = np.minimum(np.interp(first, share, values), low)
+    return lows, np.maximum(np.interp(first + level, share, values), high)
+
+
+def _shortest(lows: Array, highs: Array) -> tuple[float, float]:
+    """Return the shortest of intervals; of many that are nearly as short the middle one.
+
+    Where the density is flat chance alone decides which is the very shortest.
+    """
+    width = highs - lows
+    best = int(np.argmin(width))
+    enough = width <= width[best] * (1.0 + INTERVALS.as_short)
+    middle = round(float(np.flatnonzero(enough).mean()))
+    chosen = middle if enough[middle] else best
+    return float(lows[chosen]), float(highs[chosen])
 
 
 def at_an_end(unit: Array) -> NDArray[np.bool_]:

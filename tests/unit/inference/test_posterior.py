@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.stats import gamma
 
 from skinlab.inference.intervals import (
     correlation,
@@ -14,6 +15,7 @@ from skinlab.inference.intervals import (
 from skinlab.inference.joint import GaussianPrior, JointMisfit
 from skinlab.inference.optimise import polish
 from skinlab.inference.posterior import sample
+from skinlab.inference.settings import INTERVALS
 from skinlab.parameters import Space
 
 CUBE = Space.box(("a", "b", "c"), (0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
@@ -179,38 +181,58 @@ class TestSummary:
         assert low == 0.3
         assert low < middle < high
         inside = (x >= low) & (x <= high)
-        assert inside.mean() == pytest.approx(0.9, abs=0.05)
+        assert inside.mean() == pytest.approx(INTERVALS.level_at_end, abs=0.01)
+
+    def test_of_a_skewed_density_it_is_the_shortest(self):
+        x = np.random.default_rng(5).gamma(3.0, 1.0, 100_000)
+        _, low, high = summary(x, np.full(len(x), 1e-5), 2.0 * np.log(x) - x)
+        density = gamma(3.0)
+        assert density.cdf(high) - density.cdf(low) == pytest.approx(0.9, abs=0.005)
+        assert density.pdf(low) == pytest.approx(density.pdf(high), abs=0.02)
 
     def test_a_value_at_the_end_of_the_range_is_not_left_out(self):
         """Flat beyond: the end is as likely as any, and was left out by the shortest interval."""
-        u = np.random.default_rng(1).random(20_000)
-        x = 0.2 + 0.29 * np.sqrt(u)  # density rises away from 0.2, likelihood is nearly flat
+        x = np.linspace(0.2, 0.49, 20_000)
+        weight = x - 0.2  # density rises away from 0.2, likelihood is nearly flat
         log_density = -0.5 * ((x - 0.4) / 0.16) ** 2
-        _, low, high = summary(x, np.full(len(x), 1 / len(x)), log_density, (0.2, 0.49))
+        _, low, high = summary(x, weight / weight.sum(), log_density, (0.2, 0.49))
         assert low == 0.2
         assert high == 0.49
 
-    def test_the_middle_half_is_inside_where_the_likeliest_values_are_far_from_most(self):
-        x = np.linspace(0.0, 1.0, 5001)
-        log_density = np.where(x < 0.02, 5.0, 0.0)  # a narrow place, and a wide one
-        middle, low, high = summary(x, np.full(len(x), 1 / len(x)), log_density)
-        assert middle == pytest.approx(0.5, abs=1e-3)
-        assert low == 0.0
-        assert high == pytest.approx(0.75, abs=1e-3)
+    def test_an_end_of_the_range_holds_as_theory_says(self):
+        """Half of all falls at a bound are none, the other half χ²: 1.64 holds in 90 %."""
+        rng = np.random.default_rng(8)
+        held = []
+        for off in rng.standard_normal(2000):  # one reading of a value that is 0, in 0 to 20
+            x = np.linspace(0.0, max(off, 0.0) + 6.0, 1000)
+            log_density = -0.5 * (x - off) ** 2
+            weight = np.exp(log_density - log_density.max())
+            held.append(summary(x, weight, log_density, (0.0, 20.0))[1] == 0.0)
+        assert np.mean(held) == pytest.approx(0.9, abs=0.02)
+
+    def test_the_middle_is_inside_where_the_shortest_is_elsewhere(self):
+        x = np.concatenate([np.linspace(0.0, 0.01, 950), np.linspace(5.0, 9.0, 51)])
+        flat, weight = np.zeros(len(x)), np.full(len(x), 1 / len(x))
+        likely = np.where(x > 8.0, 0.0, -9.0)
+        middle, low, high = summary(x, weight, likely, at_end=x > 8.9)
+        assert low <= middle <= high
+        assert high == 9.0
+        assert summary(x, weight, flat)[2] <= 0.01
 
     def test_where_another_unknown_is_at_its_end_a_value_counts_without_weight(self):
         x, weight, log_density = self.drawn(3)
-        corner = -1.62, 1e-12, -1.3
+        corner = -2.5, 1e-12, -0.8
         x, weight, log_density = (
             np.append(v, c) for v, c in zip((x, weight, log_density), corner, strict=True)
         )
-        narrow = np.where(x < -1.4, 5.0, 1.0) * log_density
-        narrow[-1] = -1.3
         at_end = x == corner[0]
-        _, without, _ = summary(x, weight, narrow)
-        _, low, _ = summary(x, weight, narrow, at_end=at_end)
+        _, without, _ = summary(x, weight, log_density)
+        _, low, _ = summary(x, weight, log_density, at_end=at_end)
+        assert low == pytest.approx(corner[0], abs=0.03)
         assert low <= corner[0]
-        assert low <= without
+        assert low < without
+        log_density[-1] = -0.83  # just too unlikely
+        assert summary(x, weight, log_density, at_end=at_end)[1] == without
 
     def test_the_scale_does_not_matter(self):
         x, weight, log_density = self.drawn(2)
