@@ -52,6 +52,7 @@ GATE = Gate(
     "leak",
     _check,
     meaning="the pressure stays behind what was asked for, and does not catch up",
-    threshold=f"{ASKED.off_mbar:g} mbar or {100 * ASKED.off_part:g} % for {ASKED.shortest_s:g} s: 15 standard deviations of a pressure sensor (0.2 mbar), "
+    threshold=f"{ASKED.off_mbar:g} mbar or {100 * ASKED.off_part:g} % for {ASKED.shortest_s:g} s: "
+    "15 standard deviations of a pressure sensor (0.2 mbar), "
     "tighter than what makes the driver vent",
 )

@@ -50,7 +50,7 @@ GATE = Gate(
     "repeat_differs",
     _check,
     meaning="the dome is another one than in the repeats before it",
-    threshold=f"{100 * REPEATS.part:g} % of the deflection (and {REPEATS.sigmas:g} standard deviations of its noise), where the "
-    "pressure is above a fifth of its highest. First and later loadings are compared "
-    "apart",
+    threshold=f"{100 * REPEATS.part:g} % of the deflection (and {REPEATS.sigmas:g} standard "
+    "deviations of its noise), where the pressure is above a fifth of its highest. First and "
+    "later loadings are compared apart",
 )

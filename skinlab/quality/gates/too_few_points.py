@@ -39,6 +39,6 @@ GATE = Gate(
     "too_few_points",
     _check,
     meaning="the first loading has few samples",
-    threshold=f"{TIMES.fewest}; the paper has 51, and intervals widen as the square root. Known before the "
-    "first sample, from program and rate",
+    threshold=f"{TIMES.fewest}; the paper has 51, and intervals widen as the square root. "
+    "Known before the first sample, from program and rate",
 )
