@@ -150,9 +150,9 @@ class SearchRules:
     rival: float = 0.2
     """Share of the largest gain below which an effect is fitted only if the likelier fail."""
     far: float = 20.0
-    """Of the cost: an explanation so much worse than one that serves is out of the race, with
-    `far_share` of what that one gained on top."""
+    """Of the cost: an explanation so much worse than one that serves is out of the race,"""
     far_share: float = 0.1
+    """with such a share of what that one gained on top."""
     most_singles: int = 8
     """Single effects that are fitted."""
     leaders: int = 4

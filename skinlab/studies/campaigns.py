@@ -409,8 +409,8 @@ def section(found: Evidence) -> Section:
     words = [
         f"{counted(len(found.campaigns), 'campaign')} explained, {len(named)} by more than the "
         f"model. At most some {100 * POOLS.false_discoveries:g} % of what holds over the study is "
-        "there by chance. A pooled effect is one that the curves of many campaigns share; its size is "
-        "linear, in typical sizes."
+        "there by chance. A pooled effect is one that the curves of many campaigns share; its "
+        "size is linear, in typical sizes."
     ]
     if rest := len(found.pooled) - len(shown):
         words.append(

@@ -63,8 +63,9 @@ class PriorRules:
     people_before: float = 2.0
     """What the first guess of the covariance counts for, in people:"""
     first_sd: Mapping[str, float] = field(default_factory=lambda: {"log": 0.3, "linear": 0.04})
-    """Of logarithms, and of what has no unit; and at least"""
+    """of logarithms, and of what has no unit."""
     least_sd: Mapping[str, float] = field(default_factory=lambda: {"log": 0.05, "linear": 0.01})
+    """The same, at least."""
 
 
 @dataclass(frozen=True)
