@@ -6,12 +6,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from skinlab.discrepancy.adequacy import ADEQUATE, Place
+from skinlab.discrepancy.adequacy import Place
 from skinlab.discrepancy.next_measurement import Plan
 from skinlab.discrepancy.odds import behind_words, chance_words, odds_words
 from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.search import Candidate, Partial
-from skinlab.discrepancy.settings import NAMES, PLANS
+from skinlab.discrepancy.settings import ERRORS, NAMES, PLANS
 from skinlab.inference.flags import CATALOGUE
 from skinlab.mechanics.names import effect_words, is_effects, parameter_of, plain
 from skinlab.text import inert
@@ -323,7 +323,8 @@ def partial_words(partial: Partial) -> str:
     lines = ["Interrupted; known so far:"]
     left = partial.base.left
     lines.append(
-        f"The model as it is leaves {'noise' if left.p_value >= ADEQUATE else 'more than noise'} "
+        "The model as it is leaves "
+        f"{'noise' if left.p_value >= ERRORS.adequate else 'more than noise'} "
         f"({chance_words(left.p_value)})."
     )
     lines += [f"  {where_words(p)}" for p in left.places[:_SHOWN] if p.p_value < 0.01]

@@ -31,16 +31,13 @@ from scipy.optimize import minimize
 from scipy.stats import chi2
 from scipy.stats import f as f_distribution
 
+from skinlab.studies.settings import COMPONENTS
+
 Array = NDArray[np.float64]
 Codes = NDArray[np.intp]
 
 WITHIN = "within"
-LEVEL = 0.9
-_DRAWS = 20_000
-_SEEN = 0.01  # of the draws of a component are above zero, at least
-_LARGEST_BLOCK = 4000  # rows of one block; a dense matrix of it still fits
 _TINY = 1e-9
-_MOST_RATIO = 1e3  # of an effect's standard deviation to that within
 
 
 @dataclass(frozen=True)
@@ -182,7 +179,7 @@ def _large_sample(q: Array, squares: Array, freedom: Array) -> tuple[float, floa
 
     Ting et al. 1990, J. Stat. Comput. Simul. 35:135, equations as in Burdick and Graybill 1992.
     """
-    tail = (1 - LEVEL) / 2
+    tail = (1 - COMPONENTS.level) / 2
     value = float(q @ squares)
     size = np.abs(q) * squares
     up, down = q > 0, q < 0
@@ -208,7 +205,7 @@ def interval(draws: Array, value: float) -> tuple[float, float]:
 
     Its upper end is that of the draws above zero: never "0 to 0".
     """
-    tail = (1 - LEVEL) / 2
+    tail = (1 - COMPONENTS.level) / 2
     above = draws[draws > 0]
     high = float(np.quantile(above, 1 - tail)) if above.size else 0.0
     return min(float(np.quantile(draws, tail)), value), max(high, value)
@@ -269,9 +266,10 @@ class Design:
             )
         ]
         largest = max(len(r) for r in self._rows)
-        if largest > _LARGEST_BLOCK:
+        if largest > COMPONENTS.largest_block:
             raise ValueError(
-                f"{largest} curves of one {self.effects[0].name}; expected at most {_LARGEST_BLOCK}"
+                f"{largest} curves of one {self.effects[0].name}; expected at most "
+                f"{COMPONENTS.largest_block}"
             )
         self._local = [_nested(e.codes, blocks) for e in self.effects]
         self._projections: dict[frozenset[int], Projection] = {}
@@ -380,13 +378,13 @@ class Design:
         squares, mixture = self.mean_squares(y)
         freedom = self._expected[1]
         seen = np.maximum(squares, _TINY)  # of values whose own variance is 1
-        drawn = seen * freedom / rng.chisquare(freedom, (_DRAWS, len(freedom)))
+        drawn = seen * freedom / rng.chisquare(freedom, (COMPONENTS.draws, len(freedom)))
         for k in reversed(range(len(squares))):
             # Where nearly all draws are below zero its mean square is taken for as much larger as
             # some need to be above: the upper end, which is theirs, is at its limit there.
             own = mixture[k, k] * drawn[:, k]
             if mixture[k, k] > 0:
-                factor = np.quantile((own - drawn @ mixture[k]) / own, _SEEN)
+                factor = np.quantile((own - drawn @ mixture[k]) / own, COMPONENTS.seen)
                 drawn[:, k] *= max(float(factor), 1.0)
         return np.asarray(drawn @ mixture.T)
 
@@ -404,10 +402,10 @@ class Design:
         for start in starts:
             found = minimize(
                 problem,
-                np.clip(start, 0.02, _MOST_RATIO),
+                np.clip(start, 0.02, COMPONENTS.most_ratio),
                 jac=True,
                 method="L-BFGS-B",
-                bounds=[(0.0, _MOST_RATIO)] * len(start),
+                bounds=[(0.0, COMPONENTS.most_ratio)] * len(start),
                 options={"ftol": 1e-13, "gtol": 1e-7, "maxiter": 500},
             )
             if found.fun < least:
