@@ -26,7 +26,10 @@
 
 typedef double Eight __attribute__((vector_size(64), aligned(8)));
 
+typedef double Four __attribute__((vector_size(32), aligned(8))); /* in one register of more processors */
+
 INLINE Eight load8(const double *at) { return *(const Eight *)at; }
+INLINE Four load4(const double *at) { return *(const Four *)at; }
 
 typedef struct {
     int64_t elements, points, nodes; /* of each element */
@@ -619,6 +622,7 @@ FAST void skinlab_bidiagonal(int64_t n, int64_t many, const double *below, int64
 }
 
 #define MOST_COLUMNS 64
+#define SAMPLES 16 /* that are taken together */
 
 /* (W x)' (W x) of x = [values, columns] for `many` covariances of the same n samples, and the log
  * determinants: W'W is the inverse of D + B, with D `variance` (many, n) and B an Ornstein-Uhlenbeck process
@@ -628,43 +632,62 @@ FAST void skinlab_bidiagonal(int64_t n, int64_t many, const double *below, int64
 FAST int64_t skinlab_gram(int64_t many, int64_t n, int64_t m1, int64_t m2, const double *values,
                           const double *columns, int64_t stride, const double *variance, const double *square,
                           const double *decay, double *gram, double *log_determinant) {
-    const int64_t m = m1 + m2, blocks = (m + 7) / 8;
+    const int64_t m = m1 + m2, blocks = (m + 3) / 4;
     if (m > MOST_COLUMNS) return -1;
     for (int64_t i = 0; i < many; i++) {
-        double before[MOST_COLUMNS] = {0}, row[MOST_COLUMNS] = {0}, white[MOST_COLUMNS] = {0};
-        Eight sum[MOST_COLUMNS][MOST_COLUMNS / 8];
-        double pivot = 1.0, before_variance = 0.0, total = 0.0;
+        /* The first row of both is the sample before. */
+        double row[SAMPLES + 1][MOST_COLUMNS], white[SAMPLES + 1][MOST_COLUMNS], inverse[SAMPLES + 1] = {0};
+        double sum[MOST_COLUMNS][MOST_COLUMNS], before_variance = 0.0, total = 0.0, product = 1.0;
         const double *var = variance + i * n;
-        memset(sum, 0, m * sizeof sum[0]);
-        for (int64_t t = 0; t < n; t++) {
-            memcpy(row, values + t * m1, m1 * sizeof *row);
-            memcpy(row + m1, columns + i * stride + t * m2, m2 * sizeof *row);
-            if (square) {
-                const double phi = decay[i * n + t], beside = -phi * before_variance;
-                const double below = beside / pivot;
-                pivot = var[t] + square[i] * (1.0 - phi * phi) + phi * phi * before_variance - below * beside;
-                for (int64_t b = 0; b < blocks; b++) {
-                    const Eight here = load8(row + 8 * b);
-                    *(Eight *)(white + 8 * b) =
-                        here - phi * load8(before + 8 * b) - below * load8(white + 8 * b);
-                    *(Eight *)(before + 8 * b) = here;
+        memset(row, 0, sizeof row);
+        memset(white, 0, sizeof white);
+        memset(sum, 0, 4 * blocks * sizeof sum[0]);
+        for (int64_t first = 0; first < n; first += SAMPLES) {
+            const int64_t count = n - first < SAMPLES ? n - first : SAMPLES;
+            for (int64_t k = 1; k <= count; k++) {
+                const int64_t t = first + k - 1;
+                double pivot = var[t];
+                memcpy(row[k], values + t * m1, m1 * sizeof **row);
+                memcpy(row[k] + m1, columns + i * stride + t * m2, m2 * sizeof **row);
+                if (square) {
+                    const double phi = decay[i * n + t], beside = -phi * before_variance;
+                    const double below = beside * inverse[k - 1];
+                    pivot += square[i] * (1.0 - phi * phi) + phi * phi * before_variance - below * beside;
+                    for (int64_t b = 0; b < 4 * blocks; b += 4)
+                        *(Four *)(white[k] + b) =
+                            load4(row[k] + b) - phi * load4(row[k - 1] + b) - below * load4(white[k - 1] + b);
+                    before_variance = var[t];
+                } else {
+                    memcpy(white[k], row[k], 4 * blocks * sizeof **row);
                 }
-                before_variance = var[t];
-            } else {
-                pivot = var[t];
-                memcpy(white, row, sizeof row);
+                if (!(pivot > 0.0)) return i + 1;
+                inverse[k] = 1.0 / pivot;
+                /* Four of mm² at a time stay within a double's range; a logarithm is slow. */
+                product *= pivot;
+                if (t % 4 == 3 || t == n - 1) {
+                    total += log(product);
+                    product = 1.0;
+                }
             }
-            if (!(pivot > 0.0)) return i + 1;
-            total += log(pivot);
-            const double inverse = 1.0 / pivot;
-            for (int64_t a = 0; a < m; a++) {
-                const double scaled = white[a] * inverse;
-                for (int64_t b = 0; b <= a / 8; b++) sum[a][b] += scaled * load8(white + 8 * b);
-            }
+            for (int64_t a = 0; a < 4 * blocks; a += 4)
+                for (int64_t b = 0; b <= a; b += 4) {
+                    Four s0 = load4(sum[a] + b), s1 = load4(sum[a + 1] + b);
+                    Four s2 = load4(sum[a + 2] + b), s3 = load4(sum[a + 3] + b);
+                    for (int64_t k = 1; k <= count; k++) {
+                        const double *x = white[k] + a;
+                        const Four y = inverse[k] * load4(white[k] + b);
+                        s0 += x[0] * y, s1 += x[1] * y, s2 += x[2] * y, s3 += x[3] * y;
+                    }
+                    *(Four *)(sum[a] + b) = s0, *(Four *)(sum[a + 1] + b) = s1;
+                    *(Four *)(sum[a + 2] + b) = s2, *(Four *)(sum[a + 3] + b) = s3;
+                }
+            memcpy(row[0], row[count], sizeof row[0]);
+            memcpy(white[0], white[count], sizeof white[0]);
+            inverse[0] = inverse[count];
         }
         double *out = gram + i * m * m;
         for (int64_t a = 0; a < m; a++)
-            for (int64_t b = 0; b <= a; b++) out[a * m + b] = out[b * m + a] = sum[a][b / 8][b % 8];
+            for (int64_t b = 0; b <= a; b++) out[a * m + b] = out[b * m + a] = sum[a][b];
         log_determinant[i] = total;
     }
     return 0;
