@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -78,7 +77,9 @@ class Combination:
         """Return the root mean square over samples of each part's errors, µm, by its name."""
         values, found = np.exp(log_values).tolist(), dict(self._constant_um)
         for part, own in zip(self.parts, self._own, strict=True):
-            if part.parameters:
+            if part.size_um is not None:
+                found[part.name] = part.size_um(values[own])
+            elif part.parameters:
                 found[part.name] = _size_um(part.terms(values[own]))
         return found
 
@@ -132,13 +133,14 @@ class Combination:
 
     def _side_by_side(self, columns: list[list[Array]]) -> list[Array]:
         """Return columns (u, m) side by side; the same array where they are the same arrays."""
+        known = {tuple(map(id, blocks)): whole for blocks, whole in self._known}
         found: list[Array] = []
         for blocks in zip(*columns, strict=True):
-            known = next((whole for some, whole in self._known if _same(some, blocks)), None)
-            if known is None:
-                known = np.hstack(blocks)
-                self._known[:] = [(blocks, known), *self._known[: _KEPT - 1]]
-            found.append(known)
+            key = tuple(map(id, blocks))
+            if key not in known:
+                known[key] = np.concatenate(blocks, axis=1)
+                self._known[:] = [(blocks, known[key]), *self._known[: _KEPT - 1]]
+            found.append(known[key])
         return found
 
 
@@ -152,7 +154,3 @@ def _size_um(terms: Terms) -> float:
     if columns is not None and len(columns):
         total += float(columns.ravel() @ columns.ravel()) / len(columns)
     return 1e3 * math.sqrt(total)
-
-
-def _same(some: Sequence[Array], others: Sequence[Array]) -> bool:
-    return len(some) == len(others) and all(a is b for a, b in zip(some, others, strict=True))

@@ -27,7 +27,7 @@ def summary(
     has next to no weight, though a true value may be there: what is likely enough of it (by
     `log_density` (n,)) is inside as well. That holds for the value's own bounds, and for draws of
     which another unknown is at an end of its range (`at_end`, (n,)). Such intervals are too wide
-    elsewhere, and need less of the weight (docs/decisions/0114-the-shortest-interval-with-corners.md).
+    elsewhere, and need less of the weight (docs/decisions/0114-shortest-with-corners.md).
     """
     scale, back = (np.log, np.exp) if logarithmic else (np.asarray, np.asarray)
     z = scale(values)

@@ -273,7 +273,7 @@ class IntervalRules:
     """What of the posterior is inside of an interval. Rows `ends_…` move most.
 
     Chosen on skins of which the table itself was the truth, by the mean weight inside, so that
-    intervals hold in 90 % over the prior (docs/decisions/0114-the-shortest-interval-with-corners.md).
+    intervals hold in 90 % over the prior (docs/decisions/0114-shortest-with-corners.md).
     """
 
     level: float = 0.9

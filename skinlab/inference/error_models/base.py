@@ -101,7 +101,7 @@ class Part:
     """An error model for these samples: `terms` of the values of its parameters, in order.
 
     `variances`, if given, is quicker: the same of values (..., d) at once, variances (..., u), of a
-    model that has nothing else.
+    model that has nothing else. So is `size_um`, the root mean square of the errors over samples.
     """
 
     name: str
@@ -116,6 +116,7 @@ class Part:
     spread: float = 1.0  # by which `stretch` is to be multiplied for the information to be right
     again: Callable[[Array], Part] | None = None  # a scale mixture, given other `white_square`
     variances: Callable[[Array], Array] | None = None
+    size_um: Callable[[Sequence[float]], float] | None = None
 
     @property
     def is_process(self) -> bool:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 
 from skinlab.inference.covariance import OrnsteinUhlenbeck
 from skinlab.inference.error_models.base import Hyperparameter, Look, Part, Terms
@@ -39,7 +40,7 @@ class Correlated:
 
         return Part(
             "ou", (_SIZE, _TIME), terms, math.log(KINDS.lasting_odds), lasting=True,
-            why="residuals are correlated in time",
+            why="residuals are correlated in time", size_um=itemgetter(0),
         )  # fmt: skip
 
 

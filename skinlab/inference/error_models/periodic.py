@@ -12,6 +12,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
+from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,7 @@ from skinlab.inference.settings import KINDS
 Array = NDArray[np.float64]
 
 _NINE_TENTHS = 1.645
-_KEPT = 16  # waves of frequencies
+_KEPT = 160  # waves of frequencies: those of all settings of a combination, twice
 
 
 def spectrum(look: Look, frequencies_hz: Array) -> Array:
@@ -43,7 +44,10 @@ def columns(samples: Samples, frequency_hz: float) -> Array:
     """Return sine and cosine (u, 2 × curves), of each curve alone: it has a phase of its own."""
     angle = 2.0 * np.pi * frequency_hz * samples.time_s
     if samples.curves == 1:
-        return np.stack([np.sin(angle), np.cos(angle)], axis=1)
+        both = np.empty((len(angle), 2))
+        np.sin(angle, out=both[:, 0])
+        np.cos(angle, out=both[:, 1])
+        return both
     one = samples.curve[:, None] == np.arange(samples.curves)
     return np.hstack([np.sin(angle)[:, None] * one, np.cos(angle)[:, None] * one])
 
@@ -112,4 +116,5 @@ class Periodic:
             math.log(KINDS.unusual_odds),
             lasting=True,
             why=f"{self.what} at {frequency:.2g} Hz",
+            size_um=itemgetter(0),  # sin² + cos² = 1
         )
