@@ -11,7 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from patience import module_command, patient_command
+from patience import probe_command
 
 from skinlab.cli.main import run
 
@@ -31,9 +31,7 @@ class SimulatedProbe:
             (folder / "FAULTS.toml").write_text(faults)
             arguments += ["--faults", str(folder / "FAULTS.toml")]
         self.process = subprocess.Popen(
-            patient_command("sim_device", *arguments, apart=True)
-            if patient
-            else module_command("sim_device", *arguments),
+            probe_command(*arguments, patient=patient),
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
