@@ -227,6 +227,12 @@ def next_words(outcome: Outcome) -> list[str]:
     return lines
 
 
+def alike_words(outcome: Outcome) -> list[str]:
+    """Return which effects these data cannot tell apart, in a sentence; none where they can."""
+    pairs = "; ".join(f"{a} and {b}" for a, b in outcome.alike)
+    return [f"With these measurements nobody could tell apart: {pairs}."] if pairs else []
+
+
 def _times(placements: int) -> str:
     return "" if placements == 1 else f", putting the probe on {placements} times"
 
@@ -309,10 +315,7 @@ def describe(outcome: Outcome) -> str:
     lines.append(f"{'':12}{'before':>30}{'after':>34}")
     lines += [f"  {n:<28}{b:<32}{a}" for n, b, a in parameter_rows(outcome)]
     lines += limits_words(outcome)
-    if outcome.alike:
-        pairs = "; ".join(f"{a} and {b}" for a, b in outcome.alike)
-        lines.append(f"With these measurements nobody could tell apart: {pairs}.")
-    lines += next_words(outcome)
+    lines += alike_words(outcome) + next_words(outcome)
     return "\n".join(lines)
 
 

@@ -30,7 +30,7 @@ from skinlab.recording.audit import entries
 from skinlab.recording.session import Session
 from skinlab.recording.session_fit import comparable, excluded_of
 from skinlab.studies.analysis import main_scale
-from skinlab.studies.components import WITHIN
+from skinlab.studies.design import WITHIN
 from skinlab.studies.settings import CHANGES
 
 Array = NDArray[np.float64]

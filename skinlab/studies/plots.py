@@ -13,7 +13,7 @@ import numpy as np
 from skinlab.mechanics.names import heading
 from skinlab.report.pictures import BLUE, GREY, SERIES, VERMILION, new_figure
 from skinlab.studies.analysis import Analysis
-from skinlab.studies.components import WITHIN
+from skinlab.studies.design import WITHIN
 from skinlab.studies.settings import COMPONENTS
 
 if TYPE_CHECKING:

@@ -25,7 +25,8 @@ from skinlab.studies.analysis import (
     numbered,
     usable,
 )
-from skinlab.studies.components import WITHIN, interval
+from skinlab.studies.components import interval
+from skinlab.studies.design import WITHIN
 from skinlab.studies.settings import COMPONENTS
 from skinlab.studies.table import Columns
 

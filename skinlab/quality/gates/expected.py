@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from skinlab.curves.compliance import small_load_compliance
 from skinlab.curves.curve import Setup
 from skinlab.quality.gates.base import Array, CurveSoFar
 from skinlab.quality.settings import ASKED, SKIN
@@ -19,11 +20,10 @@ def tolerance_mbar(asked_mbar: Array) -> Array:
 def least_deflection_mm(setup: Setup, change_mbar: float) -> float:
     """Return what even a very stiff skin moves when the pressure changes so much.
 
-    w/R = c(h/R) p/X1 for small loads, with c fitted to finite elements (docs/files.md).
+    w/R = c(h/R) p/X1 for small loads.
     """
     radius = setup.aperture_mm / 2
-    t = setup.thickness_mm / radius
-    compliance = 0.0246 / t**3 + 0.0803 / t**2 - 0.0072 / t + 0.182
+    compliance = float(small_load_compliance(setup.thickness_mm / radius))
     rise = compliance * max(change_mbar, 0.0) * _MPA / SKIN.stiffest_X1_MPa
     return radius * min(rise, SKIN.small)
 
