@@ -349,7 +349,7 @@ class Search:
         may end at a wall of skins that crease.
         """
         seen = {s.effect: s for s in chosen}
-        tasks = [(base.fit, seen[c.effects[-1]]) for c in _nearest(found)]
+        tasks = [(base.fit, seen[c.effects[-1]], c.fit.cost) for c in _nearest(found)]
         better = {}
         for fit in pool.map(fit_elsewhere, tasks):
             if fit is not None:
@@ -495,7 +495,8 @@ class Search:
             return []
         self._progress("fitting every single effect from elsewhere")
         begun = set() if base.adequate else {c.effects[-1] for c in _nearest(singles)}
-        fits = pool.map(fit_elsewhere, [(base.fit, s) for s in chosen if s.effect not in begun])
+        tasks = [(base.fit, s, math.inf) for s in chosen if s.effect not in begun]
+        fits = pool.map(fit_elsewhere, tasks)
         found = (self._candidate(fit, base) for fit in fits if fit is not None)
         return [c for c in found if c.adequate]
 

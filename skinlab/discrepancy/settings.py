@@ -53,7 +53,8 @@ class FitRules:
     idle_anchors: int = 2
     """After so many in a row that gain less than `gain`, it ends: the valley is flat."""
     enough_anchors: int = 3
-    """After so many, one that explains nothing goes on only while it gains `worth`."""
+    """After so many, one that explains nothing goes on only while it gains `worth`, and a second
+    try only while it expects to come below the first."""
     worth: float = 0.1
     """Share of what is left of χ²."""
     walks: int = 4

@@ -86,6 +86,18 @@ class MappedModel:
     _ratios: dict[Key, tuple[Array, _Learnt]] = field(default_factory=dict)
     _courses: dict[int, _Learnt] = field(default_factory=dict)
 
+    def exact(self) -> MappedModel:
+        """Return the model on the mesh of record, without an anchor.
+
+        How what relaxes changes with the unknowns is taken over: it is learnt already.
+        """
+        courses = {i: replace(one) for i, one in self._courses.items()}
+        return MappedModel(self.records, self.unknowns, self.domes, _courses=courses)
+
+    def anew(self) -> MappedModel:
+        """Return the same model without an anchor."""
+        return MappedModel(self.records, self.unknowns, self.domes, self.discretisation)
+
     @property
     def corrected(self) -> bool:
         """Whether the finite elements correct the table anywhere."""
@@ -306,7 +318,7 @@ class MappedModel:
         held = nodes <= min(solved.holds_to_mbar, top)
         w, plain = solved.instant(nodes), self._plain([problem], top, nodes)[0]
         with np.errstate(divide="ignore", invalid="ignore"):
-            value = np.log(w / plain)
+            value = np.log(w / plain) - self._off(problem, top, plain)
         if not np.isfinite(value[held]).all():
             return None
         learnt = _Learnt(_read_on(nodes, value, held), np.zeros((len(nodes), len(u))))
@@ -337,7 +349,8 @@ class MappedModel:
         if solved.instant is None or solved.holds_to_mbar < _LEAST_HELD * needed_mbar:
             return None
         with np.errstate(divide="ignore", invalid="ignore"):
-            value = np.log(solved.instant(nodes) / self._plain([problem], top, nodes)[0])
+            plain = self._plain([problem], top, nodes)[0]
+            value = np.log(solved.instant(nodes) / plain) - self._off(problem, top, plain)
         held = nodes <= min(solved.holds_to_mbar, top)
         if not np.isfinite(value[held]).all():
             return None
@@ -348,6 +361,25 @@ class MappedModel:
         stiffness = np.array([[p.stiffness] for p in problems])
         domes = self.domes(problems, [top / p.stiffness for p in problems])
         return domes(nodes / stiffness)
+
+    def _off(self, problem: SkinProblem, top: float, deflection_mm: Array) -> Array | float:
+        """Return by how much this mesh is off at heights (m,), of their logarithm.
+
+        It is that of the plain skin, which the table knows: of a coarse mesh an effect is nearly
+        right, the dome is not. The mesh of record needs no correction, it made the table.
+        """
+        if self.discretisation == MESH_OF_RECORD:
+            return 0.0
+        plain, reach = plain_part(problem), 20.0 * np.ceil(0.05 * top / problem.stiffness)
+        solved = _solve(plain, (), reach, self.discretisation)
+        if solved.instant is None:
+            return 0.0
+        nodes = min(solved.holds_to_mbar, reach) * np.linspace(0.02, 1.0, _RATIO_NODES) ** 1.5
+        known, own = self._plain([plain], reach, nodes)[0], solved.instant(nodes)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            off = np.log(own / known)
+        there = np.isfinite(off)
+        return np.interp(deflection_mm, known[there], off[there]) if there.any() else 0.0
 
     def _changes(self, u: Array, problem: SkinProblem, key: Key) -> dict[int, Change]:
         """Return the changes of the solid with each unknown that the table does not answer."""
@@ -395,7 +427,9 @@ class MappedModel:
         if not domes.hold[0]:
             return None
         time, path = record.curve.time_s, _simpler(here.felt[i])
-        exact = solve_skin(here.problems[key], path, self.discretisation).at(time, path(time))
+        problem = here.problems[key]
+        exact = solve_skin(problem, path, self.discretisation).at(time, path(time))
+        exact = exact * np.exp(-self._off(problem, self._top_mbar(here, key), exact))
         held = np.isfinite(exact)
         # Beyond a crease what they add stays as it was.
         if path(time)[held].max(initial=0.0) < _LEAST_HELD * path.top_mbar:
