@@ -99,7 +99,7 @@ class SearchRules:
     far: float = 20.0
     """Of the cost: an explanation so much worse than one that serves is out of the race, with
     `far_share` of what that one gained on top."""
-    far_share: float = 0.1
+    far_share: float = 0.03
     most_singles: int = 8
     """Single effects that are fitted."""
     leaders: int = 4

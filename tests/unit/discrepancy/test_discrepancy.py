@@ -25,6 +25,7 @@ from skinlab.discrepancy.records import by_geometry, records_of
 from skinlab.discrepancy.screen import alike, signature
 from skinlab.discrepancy.search import Candidate, Found
 from skinlab.discrepancy.search_workers import fit_elsewhere, fit_from, fit_one
+from skinlab.discrepancy.settings import FITS
 from skinlab.discrepancy.space_mapping import MappedModel
 from skinlab.discrepancy.table_domes import TableDomes, relaxed_pressure
 from skinlab.discrepancy.unknowns import Unknowns
@@ -527,13 +528,28 @@ def test_wherever_a_fit_begins_it_comes_to_the_same_optimum(table, effect):
     seen = signature(fitter, base, effect)
     pool = Pool(1, fitter)
     (one,) = pool.map(fit_one, [(base, seen, np.inf)])
-    (other,) = pool.map(fit_elsewhere, [(base, seen)])
+    (other,) = pool.map(fit_elsewhere, [(base, seen, np.inf)])
     true = np.append(TRUE, one.unknowns.axes[0].to_u(next(iter(values.values()))))
     (third,) = pool.map(fit_from, [(one.unknowns, true)])
     assert base.chi2 > 10 * fitter.errors.count  # a strong effect
     assert one.cost == pytest.approx(third.cost, abs=0.1)
     assert other.cost == pytest.approx(third.cost, abs=0.1)
     np.testing.assert_allclose(other.u, third.u, atol=0.05)
+
+
+@pytest.mark.parametrize("effect", ["natural_tension", "viscoelasticity"])
+def test_a_fit_by_way_of_the_coarse_mesh_ends_where_the_mesh_of_record_alone_leads(table, effect):
+    values = {"natural_tension": {"stretch": 1.04}, "viscoelasticity": {"g": 0.3, "tau_s": 0.6}}
+    fitter = fitter_of(measured({effect: values[effect]}, [STAIRS, *RAMPS[1:]]), table)
+    unknowns = Unknowns((effect,))
+    start = unknowns.start(TRUE)
+    found = fitter.fit(unknowns, start)
+    alone, _ = fitter._walked(fitter.model(unknowns), start, np.inf, np.inf)
+    assert found.settled
+    assert found.cost == pytest.approx(alone.cost, abs=2.0 * FITS.gain)
+    # To a fraction of what the data tell: the valleys are flat to within `FITS.gain`.
+    off = (found.u - alone.u) / alone.deviations
+    assert np.abs(off).max() < 0.6
 
 
 # ---- adequacy ------------------------------------------------------------------------------------
@@ -545,7 +561,7 @@ class Walled:
     def __init__(self, fitter, found):
         self.errors, self._found = fitter.errors, found
 
-    def fit(self, unknowns, start, limit=np.inf):
+    def fit(self, unknowns, start, limit=np.inf, known=np.inf):
         near = start[2] > 0.45
         u = start.copy()
         u[2] = unknowns.bounds[1][2] if near else 0.31
