@@ -39,8 +39,8 @@ def signature_of(fitter: Fitter, task: tuple[Fit, str]) -> Signature | str:
     return NO_MODEL if found is None else found
 
 
-def fit_from(fitter: Fitter, task: tuple[Unknowns, Array]) -> Fit | None:
-    """Return a fit from a start (k,)."""
+def fit_from(fitter: Fitter, task: tuple[Unknowns, Array, float]) -> Fit | None:
+    """Return a fit from a start (k,), that ends early where it stays above a cost."""
     return fitter.fit(*task)
 
 

@@ -530,7 +530,7 @@ def test_wherever_a_fit_begins_it_comes_to_the_same_optimum(table, effect):
     (one,) = pool.map(fit_one, [(base, seen, np.inf)])
     (other,) = pool.map(fit_elsewhere, [(base, seen, np.inf)])
     true = np.append(TRUE, one.unknowns.axes[0].to_u(next(iter(values.values()))))
-    (third,) = pool.map(fit_from, [(one.unknowns, true)])
+    (third,) = pool.map(fit_from, [(one.unknowns, true, np.inf)])
     assert base.chi2 > 10 * fitter.errors.count  # a strong effect
     assert one.cost == pytest.approx(third.cost, abs=0.1)
     assert other.cost == pytest.approx(third.cost, abs=0.1)
