@@ -6,33 +6,39 @@ BIN := .venv/bin
 # Their files come in turn with those that compute: tests/conftest.py.
 TESTS := -n 3 --dist loadfile --no-loadscope-reorder --durations=20
 
-.PHONY: run setup test test-long check unit docs notebooks wheel lowest locked lock soak clean
+.PHONY: run setup test test-long check style types unit docs notebooks wheel lowest locked lock soak clean
 
 run: setup
 	@$(BIN)/skinlab
 
 setup: .venv/.installed
 
-# With uv, where it is there, in a fraction of pip's time. A kernel that changed is compiled again.
+# By uv, in a fraction of pip's time: pip fetches it where the machine has none, and does the work where it
+# cannot. A kernel that changed is compiled again.
 .venv/.installed: pyproject.toml hatch_build.py skinlab/mechanics/fem/kernel.c
 	@test -x $(BIN)/python || $(PYTHON) -m venv .venv
 	@echo "Installing skinlab and its tools into .venv ..." >&2
-	@if uv --version >/dev/null 2>&1; then \
-	  uv pip install --quiet --python $(BIN)/python --compile-bytecode --editable ".[dev]"; \
-	else \
-	  $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[dev]"; \
-	fi
+	@uv=uv; uv --version >/dev/null 2>&1 || { uv=$(BIN)/uv; \
+	  $(BIN)/python -m pip install --quiet --disable-pip-version-check uv >/dev/null 2>&1 || true; }; \
+	$$uv pip install --quiet --python $(BIN)/python --compile-bytecode --editable ".[dev]" || \
+	  $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[dev]"
 	@$(BIN)/python -m compileall -q skinlab drivers sim_device # also where PYTHONDONTWRITEBYTECODE is set
 	@touch $@
 
-test: check unit
+# Style is broken first. Types take half a minute of a processor: beside the tests, which often wait.
+test: style
+	@$(MAKE) --no-print-directory -j2 types unit
 
-# Style, types and architecture: fast, and broken first.
-check: setup
-	@$(BIN)/ruff check .
-	@$(BIN)/ruff format --check .
-	@$(BIN)/mypy
-	@$(BIN)/lint-imports
+check: style types
+
+style: setup
+	@$(BIN)/ruff check --quiet .
+	@$(BIN)/ruff format --check --quiet .
+
+# Types and architecture; says nothing where all is well.
+types: setup
+	@said=$$($(BIN)/lint-imports 2>&1) || { echo "$$said"; exit 1; }
+	@$(BIN)/mypy --no-error-summary
 
 unit: setup
 	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest $(TESTS)

@@ -24,16 +24,13 @@ from skinlab.inference.noise import MESH_REST, mesh_error_shapes, slope_mm_per_m
 from skinlab.inference.posterior import FLAT_PRECISION
 from skinlab.inference.problem import LeastSquares
 from skinlab.inference.result import Advice
+from skinlab.inference.settings import ADVICE
 from skinlab.inference.uncertainty import Uncertainty
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.mechanics.materials.compressibility import KappaConvention
 from skinlab.tables.base import Database
 
 Array = NDArray[np.float64]
-
-_DRAWS = 24
-_POINTS = 40  # of a curve, standing for all of its samples
-_LEAST_NOISE_UM = 0.1
 
 
 @dataclass(frozen=True)
@@ -66,15 +63,15 @@ def advise(
     """
     menu = Menu() if menu is None else menu
     space, draws = known.space, known.draws
-    chosen = rng.choice(len(draws.weight), _DRAWS, p=draws.weight)
+    chosen = rng.choice(len(draws.weight), ADVICE.draws, p=draws.weight)
     parameters = draws.parameters[chosen]
     turn = space.by_unit(parameters)  # (draws, p, k)
     now = _information(known.parts, parameters, turn) + FLAT_PRECISION * np.eye(turn.shape[2])
     found: list[tuple[float, Advice]] = []
-    noise = max(known.errors.noise_um, _LEAST_NOISE_UM)
+    noise = max(known.errors.noise_um, ADVICE.least_noise_um)
     scatter, zero_mm = _placement_sizes(known, placement_scatter)
     for aperture, top in product(menu.apertures_mm, menu.pressures_mbar):
-        pressure = np.linspace(0.0, top, _POINTS)
+        pressure = np.linspace(0.0, top, ADVICE.points)
         sd = known.relative_thickness_sd * thickness_mm
         try:
             model = database.model(Geometry(aperture, thickness_mm), pressure, kappa, sd)
@@ -83,18 +80,18 @@ def advise(
         curves = model.deflection_mm(parameters)
         holds = np.isfinite(curves).all(axis=1) & ~model.creases(parameters)
         held = np.flatnonzero(holds)
-        if 2 * len(held) < _DRAWS:
+        if 2 * len(held) < ADVICE.draws:
             continue
         middle = curves[held[len(held) // 2]]
         sigma = np.hypot(1e-3 * noise, MESH_REST * middle)
         dw_dp = slope_mm_per_mbar(pressure, middle)
         sigma = np.hypot(sigma, pressure_noise_mbar * dw_dp)
-        placed = np.column_stack([scatter * pressure * dw_dp, np.full(_POINTS, zero_mm)])
+        placed = np.column_stack([scatter * pressure * dw_dp, np.full(ADVICE.points, zero_mm)])
         shapes = np.hstack([mesh_error_shapes(pressure, middle), placed])
         for rate in menu.rates_mbar_per_s:
             program = parse_program(f"ramp:{top:g}@{rate:g}")
             # A slow ramp has more samples: the few that stand for them are as much surer.
-            fewer = np.sqrt(_POINTS / (program.duration_s * menu.sampling_hz + 1.0))
+            fewer = np.sqrt(ADVICE.points / (program.duration_s * menu.sampling_hz + 1.0))
             misfit = model.misfit(middle, independent(fewer * sigma, shapes))
             more = _information([misfit], parameters[held], turn[held])
             ratios = np.median(_ratios(now[held], more, turn[held]), axis=0)

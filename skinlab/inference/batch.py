@@ -12,8 +12,7 @@ from skinlab.curves.curve import Curve
 from skinlab.inference.identify import Identifier
 from skinlab.inference.noise import roughness
 from skinlab.inference.result import Identification
-
-_FEWEST_SAMPLES = 20
+from skinlab.inference.settings import NOISE
 
 
 def first_cycles(curves: Sequence[Curve]) -> Sequence[Curve]:
@@ -82,7 +81,7 @@ def _rough_variance_mm2(
     if np.abs(at[0] - at[1]).max() > 0.1 * interval:
         return None
     both = first.in_phases(phases)[:n] & second.in_phases(phases)[:n]
-    if both.sum() < _FEWEST_SAMPLES:
+    if both.sum() < NOISE.fewest_common:
         return None
     # At the same times: the noise of the pressure channel is in neither deflection.
     difference = (first.deflection_mm[:n] - second.deflection_mm[:n])[both]

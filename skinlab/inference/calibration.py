@@ -28,6 +28,7 @@ from skinlab.curves.probe_file import PARAMETERS, CheckCurve, Interval, ProbeFil
 from skinlab.errors import InputError, NotTrustworthyError
 from skinlab.inference.error_models.quantised import step_of
 from skinlab.inference.noise import MESH_ERROR, legendre, pressure_noise_mbar, roughness
+from skinlab.inference.settings import CALIBRATION, NOISE
 from skinlab.mechanics.effects.model import problem_of, solve_skin
 from skinlab.mechanics.fem.skin import Skin
 from skinlab.mechanics.fem.suction import Geometry
@@ -36,31 +37,9 @@ Array = NDArray[np.float64]
 
 # What a probe can be before anything is measured; in this order, mm for µm
 _MEAN = np.array([1.0, 0.0, 1.0, 0.0, 0.0])
-_SD = np.array([0.2, 0.2, 0.2, 3.0, 0.2])
 _UNITS = np.array([1.0, 1e3, 1.0, 1.0, 1.0])
-_OPEN = 0.5  # of the width before: what is wider was not determined
-_MESHES = 1.5  # times the usual errors of the finite elements' dome: silicone is softer in bulk
-_SETTLED_S = 0.5  # after a valve has opened, ten of its time constants
-# No calibration is better than this, one standard deviation: readings are rounded, and a lag is
-# read between samples (its part of their interval). Chosen on kits and probes of seeds 100 to 125
-_FLOOR = np.array([2e-4, 1.5e-4, 2e-4, 0.015, 0.0])
-_FLOOR_LAG = 0.02
-_FAR = 3.0  # standard deviations of a sheet: a phantom further off is another one
-_ROUNDS = 3  # for the samples' weights
-_SPARE = 1.3  # solved beyond the highest reading: a gain may be wrong
-_LEAST_UM, _LEAST_MBAR = 0.3, 0.02  # less noise than this is rounding
 _ROUNDED = 1 / math.sqrt(12.0)  # of a step: what rounding to it adds
-_STEP_MBAR = 0.05
-# Readings of the pressure over which it is smoothed: it moves straight between corners of the
-# program. More where it is noisy, for a dome is bent, and the mean dome of noisy pressures is not
-# that of the mean: it looked like lag and gain. At most so many s
-_SMOOTH, _SMOOTH_MBAR, _SMOOTH_S = 5, 0.2, 0.25
-_CORNER_S = 0.15  # behind one: pumps follow late, and a lag shows it later
-_CHECK_POINTS = 15
-_ROUND_MBAR = 10.0  # so that one solution serves curves whose noise differs
-# What a probe may be off at a check, one standard deviation: warmth, and how it lies
-_CHECK_OFFSET_MM, _CHECK_GAIN = 3e-3, 0.005
-_SURE = 0.99
+_STEP_MBAR = 0.05  # for slopes
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,10 +63,10 @@ def dome(
     law = Skin((phantom.X1_MPa, 0.0, phantom.nu), "consistent")
     problem = problem_of(law, {}, Geometry(aperture_mm, thickness_mm))
     solved = solve_skin(problem, PressurePath((0.0, 1.0), (0.0, goal_mbar)))
-    if solved.instant is None or solved.holds_to_mbar < goal_mbar / _SPARE:
+    if solved.instant is None or solved.holds_to_mbar < goal_mbar / CALIBRATION.spare:
         raise NotTrustworthyError(
             f"phantom {phantom.name}: its dome is known up to {solved.holds_to_mbar:.0f} mbar; "
-            f"expected {goal_mbar / _SPARE:.0f} mbar"
+            f"expected {goal_mbar / CALIBRATION.spare:.0f} mbar"
         )
     return solved.instant
 
@@ -96,10 +75,11 @@ class _Sheet:
     """The dome of one silicone phantom near its stated stiffness and thickness."""
 
     def __init__(self, phantom: Phantom, aperture_mm: float, top_mbar: float) -> None:
-        goal = _SPARE * _ROUND_MBAR * math.ceil(top_mbar / _ROUND_MBAR)
+        grid = CALIBRATION.grid_mbar
+        goal = CALIBRATION.spare * grid * math.ceil(top_mbar / grid)
         step = max(phantom.thickness_sd_mm, 1e-3 * phantom.thickness_mm)
         h = phantom.thickness_mm
-        self._goal = goal / _SPARE
+        self._goal = goal / CALIBRATION.spare
         self._dome = dome(phantom, aperture_mm, h, goal)
         self._step_mm = step
         self._up, self._down = (dome(phantom, aperture_mm, h + s, goal) for s in (step, -step))
@@ -121,17 +101,18 @@ class _Readings:
         curve, program = reading.curve, reading.curve.setup.program
         self.phantom, self.curve, self.at, self._sheet = reading.phantom, curve, at, sheet
         noise_mbar = pressure_noise_mbar(curve.time_s, curve.pressure_mbar)
-        self.step_mbar = step_of(curve.pressure_mbar, _LEAST_MBAR)
-        self.noise_mbar = max(math.hypot(noise_mbar, self.step_mbar * _ROUNDED), _LEAST_MBAR)
+        self.step_mbar = step_of(curve.pressure_mbar, NOISE.least_mbar)
+        self.noise_mbar = max(math.hypot(noise_mbar, self.step_mbar * _ROUNDED), NOISE.least_mbar)
         self.zero = np.zeros(len(curve), dtype=bool)
         self.steady = np.ones(len(curve), dtype=bool)
         # A reading of the pressure by itself would let its noise pass for movement, and so for lag
         step_s = float(np.median(np.diff(curve.time_s)))
-        wanted = min(_SMOOTH * (self.noise_mbar / _SMOOTH_MBAR) ** 2, _SMOOTH_S / step_s)
-        ends = max(_SMOOTH // 2, (int(wanted) - 1) // 2)
+        few, most = CALIBRATION.smooth, CALIBRATION.smooth_s / step_s
+        wanted = min(few * (self.noise_mbar / CALIBRATION.smooth_mbar) ** 2, most)
+        ends = max(few // 2, (int(wanted) - 1) // 2)
         padded = np.pad(curve.pressure_mbar, ends, mode="reflect", reflect_type="odd")
         self._smooth_mbar = np.convolve(padded, np.ones(2 * ends + 1) / (2 * ends + 1), "valid")
-        blurred_s = max(_SMOOTH, ends + 1) * step_s
+        blurred_s = max(few, ends + 1) * step_s
         if sheet is None or program is None:
             return
         # Where the valve is open and nothing is left, the truth is zero
@@ -141,10 +122,10 @@ class _Readings:
             here = np.flatnonzero(index == k)
             if k and here.size:  # around a corner of the program the smooth pressure is not true
                 since = curve.time_s - curve.time_s[here[0]]
-                self.steady &= (since < -blurred_s) | (since > blurred_s + _CORNER_S)
+                self.steady &= (since < -blurred_s) | (since > blurred_s + CALIBRATION.corner_s)
             if phase == "rest" and here.size:
                 since = curve.time_s[here] - curve.time_s[here[0]]
-                self.zero[here[since >= (0.0 if k == 0 else _SETTLED_S)]] = True
+                self.zero[here[since >= (0.0 if k == 0 else CALIBRATION.settled_s)]] = True
 
     def heights_mm(self, x: Array, pressure_mbar: Array) -> Array:
         """Return what the probe reads (n,) at readings of the pressure (n,), without lag."""
@@ -201,10 +182,11 @@ def calibrate(
     noise_mm = _noise_mm(readings)
     x, covariance, misfit = _fit(parts, priors, noise_mm)
     strain = {one.phantom.name: float(np.abs(x[one.at] / priors[one.at]).max()) for one in parts}
-    covariance = covariance * max(1.0, misfit, (max(strain.values()) / _FAR) ** 2)
-    floor = _FLOOR.copy()
-    floor[4] = _FLOOR_LAG * float(np.median([np.median(np.diff(r.curve.time_s)) for r in readings]))
-    step_mm = max(step_of(r.curve.deflection_mm, 1e-3 * _LEAST_UM) for r in readings)
+    covariance = covariance * max(1.0, misfit, (max(strain.values()) / CALIBRATION.far) ** 2)
+    floor = np.array(CALIBRATION.floor)
+    step_s = float(np.median([np.median(np.diff(r.curve.time_s)) for r in readings]))
+    floor[4] = CALIBRATION.floor_lag * step_s
+    step_mm = max(step_of(r.curve.deflection_mm, 1e-3 * CALIBRATION.least_um) for r in readings)
     floor[1] = math.hypot(floor[1], _rounded_off(step_mm, noise_mm))
     floor[3] = math.hypot(floor[3], *(_rounded_off(p.step_mbar, p.noise_mbar) for p in parts))
     own = covariance[: len(PARAMETERS), : len(PARAMETERS)] + np.diag(floor**2)
@@ -229,8 +211,12 @@ def calibrate(
         noise_um=1e3 * noise_mm,
         pressure_noise_mbar=float(np.median([one.noise_mbar for one in parts])),
         misfit=misfit,
-        not_determined=[n for n, s, b in zip(PARAMETERS, sd, _SD, strict=True) if s > _OPEN * b],
-        phantoms_off=[name for name, far in strain.items() if far > _FAR],
+        not_determined=[
+            n
+            for n, s, before in zip(PARAMETERS, sd, CALIBRATION.before, strict=True)
+            if s > CALIBRATION.open * before
+        ],
+        phantoms_off=[name for name, far in strain.items() if far > CALIBRATION.far],
         phantoms=list(dict.fromkeys(r.phantom for r in readings)),
         check=_check_curve(parts, x),
     )
@@ -251,7 +237,7 @@ def _parts(readings: Sequence[Reading], aperture_mm: float) -> tuple[list[_Readi
     """Return the curves, and the standard deviations (k,) of all unknowns before."""
     parts: list[_Readings] = []
     places: dict[Phantom, tuple[slice, _Sheet | None]] = {}
-    priors = list(_SD)
+    priors = list(CALIBRATION.before)
     for reading in readings:
         phantom = reading.phantom
         if phantom not in places:
@@ -264,7 +250,7 @@ def _parts(readings: Sequence[Reading], aperture_mm: float) -> tuple[list[_Readi
                 sheet = _Sheet(phantom, aperture_mm, top)
                 stiffness = max(phantom.X1_relative_sd, 1e-4)
                 priors += [stiffness, max(phantom.thickness_sd_mm, 1e-5)]
-                priors += [_MESHES] * len(MESH_ERROR)
+                priors += [CALIBRATION.meshes] * len(MESH_ERROR)
             places[phantom] = (slice(begin, len(priors)), sheet)
         parts.append(_Readings(reading, *places[phantom]))
     return parts, np.array(priors)
@@ -281,14 +267,14 @@ def _noise_mm(readings: Sequence[Reading]) -> float:
                 found.append(roughness(reading.curve.deflection_mm[held]))
     if not found or not np.isfinite(found).all():
         raise InputError("a calibration needs a rigid phantom, or a hold of some samples")
-    return max(float(np.sqrt(np.mean(np.square(found)))), 1e-3 * _LEAST_UM)
+    return max(float(np.sqrt(np.mean(np.square(found)))), 1e-3 * CALIBRATION.least_um)
 
 
 def _fit(parts: list[_Readings], priors: Array, noise_mm: float) -> tuple[Array, Array, float]:
     """Return the unknowns (k,), their covariance, and χ² per degree of freedom."""
     mean = np.concatenate([_MEAN, np.zeros(len(priors) - len(_MEAN))])
     x, samples = mean.copy(), sum(int(one.steady.sum() + one.zero.sum()) for one in parts)
-    for _ in range(_ROUNDS):
+    for _ in range(CALIBRATION.rounds):
         sigmas = [one.sigma_mm(x, noise_mm) for one in parts]
 
         def residuals(x: Array, sigmas: list[Array] = sigmas) -> Array:
@@ -312,7 +298,7 @@ def _check_curve(parts: list[_Readings], x: Array) -> CheckCurve | None:
     for one in parts:
         if one.phantom.kind == "silicone":
             top = float(one.curve.pressure_mbar.max())
-            pressure = np.linspace(0.0, top, _CHECK_POINTS)
+            pressure = np.linspace(0.0, top, CALIBRATION.check_points)
             read = one.heights_mm(x, pressure)
             return CheckCurve(one.phantom, pressure.tolist(), read.tolist())
     return None
@@ -347,7 +333,7 @@ def check_probe(file: ProbeFile, curve: Curve) -> Agreement:
     felt = np.interp(curve.time_s - file.lag_s.value, curve.time_s, curve.pressure_mbar)
     bend = np.polynomial.Chebyshev.fit(p0, w0, min(8, len(p0) - 2))
     expected, slope = bend(felt), bend.deriv()(felt)
-    noise_mm = max(1e-3 * file.noise_um, 1e-3 * _LEAST_UM)
+    noise_mm = max(1e-3 * file.noise_um, 1e-3 * CALIBRATION.least_um)
     noise_mbar = max(
         pressure_noise_mbar(curve.time_s, curve.pressure_mbar), file.pressure_noise_mbar
     )
@@ -357,9 +343,9 @@ def check_probe(file: ProbeFile, curve: Curve) -> Agreement:
     moved = np.linalg.lstsq(design, off)[0]
     own = np.linalg.inv(design.T @ design)
     # Twice: the curve that it is compared with had errors too
-    allowed = 2 * own + np.diag([_CHECK_OFFSET_MM**2, _CHECK_GAIN**2])
+    allowed = 2 * own + np.diag([CALIBRATION.check_offset_mm**2, CALIBRATION.check_gain**2])
     statistic = float(moved @ np.linalg.solve(allowed, moved))
-    limit = float(chi2.ppf(_SURE, 2))
+    limit = float(chi2.ppf(CALIBRATION.check_sure, 2))
     half = float(norm.ppf(0.95)) * np.sqrt(2 * np.diag(own))
     return Agreement(
         statistic <= limit,

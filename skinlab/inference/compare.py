@@ -17,14 +17,10 @@ from skinlab.errors import InputError
 from skinlab.inference.joint import JointMisfit
 from skinlab.inference.optimise import polish
 from skinlab.inference.result import Identification, Value
+from skinlab.inference.settings import POPULATION
 from skinlab.mechanics.names import plain
 
 Array = NDArray[np.float64]
-
-_BINS = 60
-_STARTS = 16
-_SURE, _LIKELY = 0.975, 0.9
-_RANDOM = 0.01  # one skin is given up below this
 
 
 @dataclass(frozen=True)
@@ -40,9 +36,9 @@ class Change:
     @property
     def sign(self) -> int:
         """+1 or -1 where the change has a sign for sure (97.5 %), else 0."""
-        if self.probability_higher >= _SURE:
+        if self.probability_higher >= POPULATION.sure:
             return 1
-        return -1 if self.probability_higher <= 1 - _SURE else 0
+        return -1 if self.probability_higher <= 1 - POPULATION.sure else 0
 
 
 @dataclass(frozen=True)
@@ -56,7 +52,7 @@ class Comparison:
     def real(self) -> bool:
         """Whether the measurements differ by more than their noise explains."""
         by_sign = any(change.sign for change in self.changes)
-        return by_sign if self.p_value is None else self.p_value < _RANDOM
+        return by_sign if self.p_value is None else self.p_value < POPULATION.random
 
     def to_json(self) -> dict[str, Any]:
         """Return the document `skinlab.comparison/1`."""
@@ -125,7 +121,7 @@ def overlap(before: tuple[Array, Array], after: tuple[Array, Array]) -> float:
     if not high > low:
         return 1.0
     shares = [
-        np.histogram(values, bins=_BINS, range=(low, high), weights=weight)[0]
+        np.histogram(values, bins=POPULATION.bins, range=(low, high), weights=weight)[0]
         for values, weight in (before, after)
     ]
     return float(np.minimum(*shares).sum())
@@ -147,7 +143,7 @@ def _one_skin(before: Identification, after: Identification) -> float | None:
     apart = 0.0
     starts = []
     for left in (a, b):
-        heavy = np.argsort(-left.draws.weight)[:_STARTS]
+        heavy = np.argsort(-left.draws.weight)[: POPULATION.starts]
         starts.append(left.draws.unit[heavy])
         least = _least(left.space, JointMisfit(left.parts), starts[-1])
         apart += least
@@ -180,9 +176,9 @@ def in_words(comparison: Comparison) -> list[str]:
         likely, word = (p, "higher") if p >= 0.5 else (1 - p, "lower")
         label = plain(change.name)[0]
         values = f"{change.before.value:.4g} → {change.after.value:.4g}"
-        if likely >= _SURE:
+        if likely >= POPULATION.sure:
             said = f"is {word} now"
-        elif likely >= _LIKELY:
+        elif likely >= POPULATION.likely:
             said = f"is probably {word} now"
         else:
             said = "is not shown to have changed"

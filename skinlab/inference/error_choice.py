@@ -23,21 +23,9 @@ from skinlab.inference.error_models import ERROR_MODELS
 from skinlab.inference.error_models.base import ErrorModel, Look, Part
 from skinlab.inference.error_quadrature import find_mode, log_student, normal_points, student_points
 from skinlab.inference.likelihood import LinearModel
+from skinlab.inference.settings import CHOICE
 
 Array = NDArray[np.float64]
-
-_HOPELESS = 7.0  # in log evidence: a combination so much worse is not integrated over
-_WIDER = 1.2
-_NODES = {0: 1, 1: 10, 2: 24, 3: 40}  # by the number of parameters
-_MOST_NODES = 64
-_FEW = 2  # parameters: the nodes of the first round will do
-_WEIGHTY = 3.0  # in log evidence below the best: those have a second round
-_AS_MODE = 6.0  # nodes that the curvature at the mode counts as, beside them
-_FROM_PRIOR = 0.2  # of the nodes
-_NO_GAIN = 0.0  # of the log evidence with odds: below, no more models are added
-_MOST_MODELS = 4  # beside those that are always there
-_NEGLIGIBLE = 1e-3  # of all weight: nodes that carry less are dropped
-_MIXTURE_ROUNDS = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +131,7 @@ def choose_errors(
     sets = [(*plain, rival) for rival in rivals] or [plain]
     tried = [_explore(combine(parts), linear, starts) for parts in sets]
     best = max(tried, key=lambda e: e.log_evidence)
-    for _ in range(_MOST_MODELS):
+    for _ in range(CHOICE.most_models):
         names = best.combination.names
         taken = names | processes if names & processes else names
         more = [p for p in others if p.name not in taken]
@@ -162,7 +150,7 @@ def choose_errors(
         if not found:
             break
         leader = max(found, key=lambda e: e.log_evidence)
-        if leader.log_evidence <= best.log_evidence + _NO_GAIN:
+        if leader.log_evidence <= best.log_evidence:
             break
         best = leader
     # What came first may be needless beside what came later: lasting errors beside a sine.
@@ -183,9 +171,9 @@ def choose_errors(
 def _is_coarse(one: _Explored, best: _Explored) -> bool:
     """Return whether the nodes of a combination are too few for what it weighs."""
     return (
-        len(one.log_mode) > _FEW
+        len(one.log_mode) > CHOICE.few
         and len(one.nodes) > 0
-        and one.log_evidence > best.log_evidence - _WEIGHTY
+        and one.log_evidence > best.log_evidence - CHOICE.weighty
     )
 
 
@@ -201,9 +189,10 @@ def _again(one: _Explored, linear: LinearModel) -> _Explored:
     mean = weight @ values
     counts = 1.0 / float(np.square(weight).sum())
     spread = (values - mean).T @ ((values - mean) * weight[:, None])
-    spread = (counts * spread + _AS_MODE * one.root @ one.root.T) / (counts + _AS_MODE)
-    wide = _WIDER * np.linalg.cholesky(spread)
-    points = mean + student_points(_MOST_NODES, len(mean)) @ wide.T
+    more = CHOICE.as_mode
+    spread = (counts * spread + more * one.root @ one.root.T) / (counts + more)
+    wide = CHOICE.wider * np.linalg.cholesky(spread)
+    points = mean + student_points(CHOICE.most_nodes, len(mean)) @ wide.T
     return _integrated(one, points, log_student(points - mean, wide), linear)
 
 
@@ -212,7 +201,7 @@ def _collect(tried: Sequence[_Explored], best: _Explored) -> ErrorChoice:
     log_weight = np.array([n.log_prior + n.log_marginal for n in nodes])
     weight = np.exp(log_weight - np.logaddexp.reduce(log_weight))
     order = np.argsort(-weight, kind="stable")
-    order = order[np.cumsum(weight[order]) - weight[order] < 1.0 - _NEGLIGIBLE]
+    order = order[np.cumsum(weight[order]) - weight[order] < 1.0 - CHOICE.negligible]
     kept = weight[order] / weight[order].sum()
     return ErrorChoice(tuple(nodes[i] for i in order), best.mode_covariance, kept)
 
@@ -257,7 +246,7 @@ def _explore(
     mode, root, here = find_mode(_density(combination, linear), at, combination.scales)
     roughly = here + 0.5 * len(mode) * math.log(2.0 * math.pi) + float(np.linalg.slogdet(root)[1])
     roughly += combination.log_odds
-    if not combination.bound and roughly < rival - _HOPELESS:
+    if not combination.bound and roughly < rival - CHOICE.hopeless:
         return _Explored(combination, mode, root, here, (), roughly)
     begun = _Explored(combination, mode, root, here, (), roughly)
     return _integrated(begun, *_draws(combination, mode, root), linear)
@@ -303,9 +292,9 @@ def _draws(combination: Combination, mode: Array, root: Array) -> tuple[Array, A
         return np.zeros((1, 0)), np.zeros(1)
     each = [p for part in combination.parts for p in part.parameters]
     median, sd = np.log([p.median for p in each]), np.array([p.log_sd for p in each])
-    count = _NODES.get(d, _MOST_NODES)
-    first = round((1.0 - _FROM_PRIOR) * count) if d > 1 else count
-    wide = _WIDER * root
+    count = CHOICE.nodes.get(d, CHOICE.most_nodes)
+    first = round((1.0 - CHOICE.from_prior) * count) if d > 1 else count
+    wide = CHOICE.wider * root
     near = mode + student_points(first, d) @ wide.T
     values = near
     share = first / count
@@ -343,7 +332,7 @@ def _scale_mixture(
     part = next((p for p in mixtures if p is not None and p.again is not None), None)
     if part is None or part.again is None:
         return None
-    for _ in range(_MIXTURE_ROUNDS):
+    for _ in range(CHOICE.mixture_rounds):
         combination = combine((*plain, part))
         at, _, _ = find_mode(_density(combination, linear), at, combination.scales)
         stretch = part.terms(()).stretch

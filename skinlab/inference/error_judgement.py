@@ -11,15 +11,11 @@ from numpy.typing import NDArray
 
 from skinlab.inference.error_choice import ErrorChoice, Node
 from skinlab.inference.noise import roughness
+from skinlab.inference.settings import JUDGEMENT
 
 Array = NDArray[np.float64]
 
-_SURE = 0.95
-_CONTRADICTED = 1.3
-_DOUBT = 0.01  # the stated noise is that improbable
-_MOST_UM = 8.0  # of errors that last: more is no tremor, but something that the model misses
 _OTHER = frozenset({"pressure", "placement"})
-_SHOWS = 0.3  # of the white noise: errors that last and are smaller are not worth a word
 
 
 @dataclass(frozen=True)
@@ -60,10 +56,10 @@ def judge_errors(
     """
     flags: list[str] = []
     sizes = _Sizes.of(errors)
-    misses = errors.quantile_of(sizes.lasting_um, 0.5) > _MOST_UM
+    misses = errors.quantile_of(sizes.lasting_um, 0.5) > JUDGEMENT.most_um
     noise = errors.quantile_of(sizes.noise_um(lasting=not misses), 0.5)
-    lasts = errors.weight[sizes.lasting_um > _SHOWS * sizes.noise_um(lasting=False)].sum()
-    if lasts >= _SURE:
+    lasts = errors.weight[sizes.lasting_um > JUDGEMENT.shows * sizes.noise_um(lasting=False)].sum()
+    if lasts >= JUDGEMENT.sure:
         flags.append("correlated_noise")
     why = [part.why for part in errors.best.parts if part.why]
     if stated_um is not None:
@@ -73,7 +69,7 @@ def judge_errors(
             for rounding in (True, False)
         ]
         all_um = found[0][0]
-        seen = all_um < stated_um or residual_um > _CONTRADICTED * stated_um
+        seen = all_um < stated_um or residual_um > JUDGEMENT.contradicted * stated_um
         if seen and all(contradicted for _, contradicted in found):
             flags.append("stated_noise_contradicted")
             why.append(f"stated {stated_um:.3g} µm, found {all_um:.3g} µm")
@@ -94,15 +90,15 @@ def misses_noise(residuals_mm: Sequence[NDArray[np.float64]]) -> bool:
     By what is left of their mean square without that of white noise as rough as they are.
     """
     lasting_mm2 = [np.mean(r**2) - roughness(r) ** 2 for r in residuals_mm]
-    return bool(np.mean(lasting_mm2) > (1e-3 * _MOST_UM) ** 2)
+    return bool(np.mean(lasting_mm2) > (1e-3 * JUDGEMENT.most_um) ** 2)
 
 
 def _beside(errors: ErrorChoice, found_um: Array, stated_um: float) -> tuple[float, bool]:
     """Return the noise, µm, of that of the nodes, and whether it contradicts the stated one."""
     median = errors.quantile_of(found_um, 0.5)
-    if max(median / stated_um, stated_um / median) <= _CONTRADICTED:
+    if max(median / stated_um, stated_um / median) <= JUDGEMENT.contradicted:
         return median, False
-    low, high = (errors.quantile_of(found_um, q) for q in (_DOUBT, 1.0 - _DOUBT))
+    low, high = (errors.quantile_of(found_um, q) for q in (JUDGEMENT.doubt, 1.0 - JUDGEMENT.doubt))
     return median, not low <= stated_um <= high
 
 

@@ -10,15 +10,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from skinlab.inference.settings import CHOICE
+
 Array = NDArray[np.float64]
 
 _STEP = 0.05  # of a logarithm, for derivatives
-_MOST_STEPS = 6
 _SHORTER = 0.3 ** np.arange(4)  # steps that are tried
 _FAR = 1.5  # the longest step in a logarithm
-_LEAST_CURVATURE = 0.4  # of the log density: wider than 1.6 in a logarithm is left to the prior
-_SETTLED = 0.05  # of the log density
-_FREEDOM = 6.0  # of the Student distribution
 POINTS = Path(__file__).parents[1] / "data" / "sobol.npz"  # tests/unit/inference/test_sobol.py
 
 
@@ -36,15 +34,15 @@ def find_mode(
     at, d = start / scales, len(start)
     values = np.eye(d)
     here, slope, curvature = _derivatives(density, at)
-    for step_number in range(_MOST_STEPS if d else 0):
+    for step_number in range(CHOICE.newton_steps if d else 0):
         if step_number:
             here, slope, curvature = _derivatives(density, at)
         curve, vectors = np.linalg.eigh(-curvature)
-        curve = np.maximum(np.where(curve > 0, curve, -0.3 * curve), _LEAST_CURVATURE)
+        curve = np.maximum(np.where(curve > 0, curve, -0.3 * curve), CHOICE.least_curvature)
         values = vectors / np.sqrt(curve)
         step = values @ (values.T @ slope)
         step *= min(1.0, _FAR / max(float(np.abs(step).max()), 1e-12))
-        if float(slope @ step) < _SETTLED:
+        if float(slope @ step) < CHOICE.settled:
             break
         trials = at + _SHORTER[:, None] * step
         there = density(trials)
@@ -88,8 +86,8 @@ def student_points(count: int, d: int) -> Array:
     from scipy.special import gammaincinv, ndtri  # slow to import
 
     points = _even(count, d + 1)
-    chi_square = 2.0 * gammaincinv(0.5 * _FREEDOM, points[:, -1])
-    return np.asarray(ndtri(points[:, :-1]) * np.sqrt(_FREEDOM / chi_square)[:, None])
+    chi_square = 2.0 * gammaincinv(0.5 * CHOICE.freedom, points[:, -1])
+    return np.asarray(ndtri(points[:, :-1]) * np.sqrt(CHOICE.freedom / chi_square)[:, None])
 
 
 def _even(count: int, d: int) -> Array:
@@ -114,9 +112,9 @@ def log_student(off: Array, wide: Array) -> Array:
     d = off.shape[1]
     z = np.linalg.solve(wide, off.T).T
     return np.asarray(
-        math.lgamma(0.5 * (_FREEDOM + d))
-        - math.lgamma(0.5 * _FREEDOM)
-        - 0.5 * d * math.log(_FREEDOM * math.pi)
+        math.lgamma(0.5 * (CHOICE.freedom + d))
+        - math.lgamma(0.5 * CHOICE.freedom)
+        - 0.5 * d * math.log(CHOICE.freedom * math.pi)
         - float(np.linalg.slogdet(wide)[1])
-        - 0.5 * (_FREEDOM + d) * np.log1p(np.square(z).sum(axis=1) / _FREEDOM)
+        - 0.5 * (CHOICE.freedom + d) * np.log1p(np.square(z).sum(axis=1) / CHOICE.freedom)
     )

@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 
 from skinlab.curves.curve import Curve
 from skinlab.curves.heights import heights_of
+from skinlab.inference.settings import JUDGEMENT
 
 Array = NDArray[np.float64]
-
-_AT_BOUND = 1e-5  # of a parameter's range
 
 
 @dataclass(frozen=True)
@@ -141,6 +140,6 @@ def of_optimum(names: Sequence[str], unit: Array, *, converged: bool) -> list[st
     flags = [
         f"at_bound:{name}"
         for name, at in zip(names, unit, strict=False)
-        if min(at, 1.0 - at) <= _AT_BOUND
+        if min(at, 1.0 - at) <= JUDGEMENT.at_bound
     ]
     return flags if converged else [*flags, "not_converged"]

@@ -36,6 +36,7 @@ from skinlab.inference.posterior import Draws
 from skinlab.inference.problem import Estimate, Options, Problem, SquaredMisfit
 from skinlab.inference.result import Advice, Identification, Provenance, Value
 from skinlab.inference.samples import Fitted, Group, choose, group
+from skinlab.inference.settings import INTERVALS, NOISE, OUTLIERS, STARTS
 from skinlab.inference.uncertainty import (
     Sensor,
     Uncertainty,
@@ -51,11 +52,12 @@ from skinlab.tables.base import CurveModel, Database
 
 Array = NDArray[np.float64]
 
-_PRIOR_DRAWS = 1000
-_OUTLIER_ROUNDS = 4
 _NORMAL_90 = 1.645  # standard deviations
-_LEAST_NOISE_MM = 1e-5
-_QUICK = Options(samples=200, best=20, most_iterations=30)  # for a curve that still grows
+_QUICK = Options(
+    samples=STARTS.growing_samples,
+    best=STARTS.growing_best,
+    most_iterations=STARTS.growing_steps,
+)
 
 
 @dataclass(frozen=True)
@@ -284,7 +286,7 @@ class Identifier:
         if not (np.isfinite(slopes).all() and np.isfinite(residual).all()):
             return list(problem.space.names)
         freedom = max(len(residual) - slopes.shape[1], 1)
-        variance = max(float(residual @ residual) / freedom, _LEAST_NOISE_MM**2)
+        variance = max(float(residual @ residual) / freedom, NOISE.least_mm**2)
         spread = np.linalg.inv(slopes.T @ slopes / variance + linear.precision)
         width = 2.0 * _NORMAL_90 * np.sqrt(np.diag(spread))
         return [n for n, w in zip(problem.space.names, width, strict=True) if most_of_unit(w)]
@@ -349,7 +351,7 @@ class Identifier:
     def _spread_mm(self, residual_mm: Array) -> float:
         if self.sensor.noise_um is not None:
             return 1e-3 * self.sensor.noise_um
-        return max(float(np.sqrt(np.mean(residual_mm**2))), 1e-5)
+        return max(float(np.sqrt(np.mean(residual_mm**2))), NOISE.least_mm)
 
     def _without_outliers(
         self,
@@ -361,7 +363,7 @@ class Identifier:
         """Return the optimum without samples that do not belong, and which (u,) do."""
         kept = np.ones(problem.points, dtype=bool)
         weighted = len(groups) > 1 or len(groups[0].members) > 1 or bool(self.priors)
-        for _ in range(_OUTLIER_ROUNDS):
+        for _ in range(OUTLIERS.fits):
             if weighted:
                 estimate = self._weighted(groups, models, problem, estimate, kept)
             assert estimate.minima is not None
@@ -491,7 +493,8 @@ def from_draws(
     `space` is what the draws are flat in; its first parameters are the answer's.
     """
     names = tuple(answer.parameters or ())
-    priors = space.from_unit(np.random.default_rng(seed).random((_PRIOR_DRAWS, len(space))))
+    rng = np.random.default_rng(seed)
+    priors = space.from_unit(rng.random((INTERVALS.prior_draws, len(space))))
     values, loose = {}, []
     at_end = at_an_end(draws.unit[:, : len(space)])
     for i, name in enumerate(names):

@@ -5,16 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from skinlab.inference.settings import INTERVALS
+
 Array = NDArray[np.float64]
 
-LEVEL = 0.9
-_NEAR_BOUND = 0.01  # of the range
-_AT_END = 0.002  # likewise
-_MOST_OF_THE_RANGE = 0.5  # of the prior's own interval, in the prior's scale
 # Twice the fall of the log likelihood inside an interval: at most that of χ² of one degree, 90 %;
 # at least so much, which holds at the ends of a range too (docs/intervals.md has the coverage).
-_MOST_FALL = 2.71
-_LEAST_FALL = 1.7
 
 
 def summary(
@@ -46,17 +42,17 @@ def summary(
     low, high = np.minimum.accumulate(values[order]), np.maximum.accumulate(values[order])
     inside = np.concatenate([[0.0], below])
     first, last = np.searchsorted(x, low, "left"), np.searchsorted(x, high, "right")
-    enough = np.searchsorted(inside[last] - inside[first], LEVEL * below[-1])
+    enough = np.searchsorted(inside[last] - inside[first], INTERVALS.level * below[-1])
     reach = fall[min(int(enough), len(fall) - 1)]
-    reach = float(np.clip(reach, _LEAST_FALL, _MOST_FALL))
+    reach = float(np.clip(reach, INTERVALS.least_fall, INTERVALS.most_fall))
     at = max(int(np.searchsorted(fall, reach, "right")) - 1, 0)
     ends = [min(float(low[at]), float(left)), max(float(high[at]), float(right))]
     if at_end is not None:
-        cornered = values[order][at_end[order] & (fall <= _MOST_FALL)]
+        cornered = values[order][at_end[order] & (fall <= INTERVALS.most_fall)]
         ends = [float(np.min([ends[0], *cornered])), float(np.max([ends[1], *cornered]))]
     scale = np.log if logarithmic else np.asarray
     if np.isfinite(bounds).all():
-        near = _NEAR_BOUND * float(scale(bounds[1]) - scale(bounds[0]))
+        near = INTERVALS.near_bound * float(scale(bounds[1]) - scale(bounds[0]))
         for i in range(2):
             if abs(float(scale(ends[i]) - scale(bounds[i]))) <= near:
                 ends[i] = bounds[i]
@@ -65,7 +61,7 @@ def summary(
 
 def at_an_end(unit: Array) -> NDArray[np.bool_]:
     """Return which points (n, k) of the unit cube have an unknown at an end of its range."""
-    return np.asarray((np.abs(unit - 0.5) >= 0.5 - _AT_END).any(axis=1))
+    return np.asarray((np.abs(unit - 0.5) >= 0.5 - INTERVALS.at_end).any(axis=1))
 
 
 def is_logarithmic(prior: Array) -> bool:
@@ -87,15 +83,15 @@ def correlation(parameters: Array, weight: Array) -> tuple[tuple[float, ...], ..
 
 def most_of_the_range(width: tuple[float, float], prior: Array) -> bool:
     """Return whether an interval is more than half as wide as that of the prior's draws (n,)."""
-    starts = (1.0 - LEVEL) * np.linspace(0.0, 1.0, 11)
-    lows, highs = np.quantile(prior, starts), np.quantile(prior, starts + LEVEL)
+    starts = (1.0 - INTERVALS.level) * np.linspace(0.0, 1.0, 11)
+    lows, highs = np.quantile(prior, starts), np.quantile(prior, starts + INTERVALS.level)
     shortest = int(np.argmin(highs - lows))
     low, high = float(lows[shortest]), float(highs[shortest])
     if is_logarithmic(prior):
-        return bool(np.log(width[1] / width[0]) > _MOST_OF_THE_RANGE * np.log(high / low))
-    return bool(width[1] - width[0] > _MOST_OF_THE_RANGE * (high - low))
+        return bool(np.log(width[1] / width[0]) > INTERVALS.most_of_the_range * np.log(high / low))
+    return bool(width[1] - width[0] > INTERVALS.most_of_the_range * (high - low))
 
 
 def most_of_unit(width: float) -> bool:
     """Return whether an interval is more than half as wide as that of a flat prior on 0…1."""
-    return width > _MOST_OF_THE_RANGE * LEVEL
+    return width > INTERVALS.most_of_the_range * INTERVALS.level

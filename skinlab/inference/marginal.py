@@ -12,12 +12,12 @@ from skinlab.inference.covariance import block_diagonal, products
 from skinlab.inference.error_choice import ErrorChoice
 from skinlab.inference.posterior import log_sum_exp
 from skinlab.inference.samples import alike
+from skinlab.inference.settings import CHOICE
 from skinlab.tables.base import CurveModel
 
 Array = NDArray[np.float64]
 
 _FOR_BASIS = 200  # curves that the others are combinations of
-_KEPT = 0.01  # of the least noise: components that move no curve by more are dropped
 _AT_ONCE = 50_000  # numbers, which stay in a core's cache
 
 
@@ -63,7 +63,7 @@ class IntegratedLikelihood:
         whole, inner = np.linalg.qr(block_diagonal([m.basis for m in self.models])[self.kept])
         _, s, turn = np.linalg.svd(moved[chosen] @ inner.T, full_matrices=False)
         least = min(float(node.covariance.variance_mm2.min()) for node in self.choice.nodes)
-        rank = int((s > _KEPT * np.sqrt(least * max(len(chosen), 1))).sum())
+        rank = int((s > CHOICE.basis_kept * np.sqrt(least * max(len(chosen), 1))).sum())
         self._turn = inner.T @ turn[:rank].T
         both = np.column_stack([self.residual_mm, whole @ turn[:rank].T])
         forms = np.empty((len(self.choice.nodes), 1 + rank + rank * (rank + 1) // 2))

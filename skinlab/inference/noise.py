@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from skinlab.inference.settings import NOISE
 from skinlab.tables.model_errors import LOCKING_SHAPES
 
 Array = NDArray[np.float64]
@@ -23,12 +24,6 @@ _Chebyshev = np.polynomial.Chebyshev
 # other 64 skins than benchmarks/results/model_error.json, whose first two are 4 to 6 % larger.
 MESH_ERROR = (9.0e-4, 3.2e-4, 1.3e-4, 1.0e-4, 8.0e-5, 4.5e-5, 3.5e-5, 3.5e-5)
 MESH_REST = 1.0e-5
-
-_LEAST_PRESSURE_NOISE_MBAR = 0.02  # less is rounding
-_CORNER = 3.5  # robust standard deviations: more is a corner of the program, not noise
-_SIDE = 5  # samples on either side of a step
-_JUMP = 6.0  # robust standard deviations: more is a step
-_FEWEST = 12  # samples of a pressure channel whose noise can be told
 
 
 def legendre(x: Array, orders: int) -> Array:
@@ -59,16 +54,17 @@ def jumps(residual_mm: Array) -> bool:
     Straight lines through the samples on either side miss each other there by far more than
     elsewhere, and so do two neighbours, which they do not where a smooth misfit bends.
     """
-    if len(residual_mm) < 2 * _SIDE + _FEWEST:
+    side = NOISE.side
+    if len(residual_mm) < 2 * side + NOISE.fewest:
         return False
-    x = np.arange(_SIDE) - 0.5 * (_SIDE - 1)
-    ahead = 1.0 / _SIDE + x * (0.5 * _SIDE) / float(x @ x)  # the line, half a sample beyond its end
-    lines = np.lib.stride_tricks.sliding_window_view(residual_mm, _SIDE)
-    gaps = np.abs(lines[_SIDE:] @ ahead[::-1] - lines[:-_SIDE] @ ahead)
-    rises = np.diff(residual_mm)[_SIDE - 3 : 3 - _SIDE]
+    x = np.arange(side) - 0.5 * (side - 1)
+    ahead = 1.0 / side + x * (0.5 * side) / float(x @ x)  # the line, half a sample beyond its end
+    lines = np.lib.stride_tricks.sliding_window_view(residual_mm, side)
+    gaps = np.abs(lines[side:] @ ahead[::-1] - lines[:-side] @ ahead)
+    rises = np.diff(residual_mm)[side - 3 : 3 - side]
     beside = np.abs(rises[2:-2] - 0.25 * (rises[:-4] + rises[1:-3] + rises[3:-1] + rises[4:]))
     at = int(gaps.argmax())
-    return all(v[at] > _JUMP * float(np.median(v)) / _QUARTILE for v in (gaps, beside))
+    return all(v[at] > NOISE.jump * float(np.median(v)) / _QUARTILE for v in (gaps, beside))
 
 
 def roughness(values: Array) -> float:
@@ -84,7 +80,7 @@ def roughness(values: Array) -> float:
     )
     scale = float(np.sqrt(1.0 + (1 + 16 + 16 + 1) / 36.0))
     usual = float(np.median(bend) / _QUARTILE)
-    kept = bend[bend <= _CORNER * usual]
+    kept = bend[bend <= NOISE.corner * usual]
     return float(np.sqrt(np.mean(kept**2))) / scale
 
 
@@ -96,7 +92,7 @@ def pressure_noise_mbar(time_s: Array, pressure_mbar: Array) -> float:
     the median, so that corners do not count.
     """
     n = len(time_s)
-    if n < _FEWEST:
+    if n < NOISE.fewest:
         return 0.0
     at = time_s[2:-2]
     others = [time_s[2 + s : n - 2 + s] for s in (-2, -1, 1, 2)]
@@ -111,7 +107,7 @@ def pressure_noise_mbar(time_s: Array, pressure_mbar: Array) -> float:
     misses = np.abs(pressure_mbar[2:-2] - guess) / np.sqrt(variance)
     steps = np.abs(np.diff(pressure_mbar)) / np.sqrt(2.0)
     found = min(float(np.median(misses)), float(np.median(steps))) / _QUARTILE
-    return found if found >= _LEAST_PRESSURE_NOISE_MBAR else 0.0
+    return found if found >= NOISE.least_mbar else 0.0
 
 
 def slope_mm_per_mbar(pressure_mbar: Array, deflection_mm: Array) -> Array:

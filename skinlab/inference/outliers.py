@@ -14,22 +14,12 @@ from skinlab.inference.covariance import Covariance, OrnsteinUhlenbeck
 from skinlab.inference.likelihood import LinearModel
 from skinlab.inference.noise import roughness
 from skinlab.inference.samples import Samples
+from skinlab.inference.settings import OUTLIERS
 
 Array = NDArray[np.float64]
 
-_FEWEST = 12
-_WIDE_MM = 0.05  # of a movement, or
-_WIDE = 10.0  # times the noise
-_USUAL = (0.1, 100.0)  # outliers of so many samples, before the data
-_MOST = 0.1  # of all samples; more are no outliers
-_ROUNDS = 12
-_LASTING_S = 0.3  # of what is correlated in the residuals
-_LEAST_MM = 5e-4  # of a noise beside which a sample can be off
-_SIZES = np.geomspace(0.1, 1.6, 13)  # of white noise, times the roughness
-_SHARES = np.concatenate([[0.0], np.geomspace(0.0025, 0.08, 16)])  # of the deflection
-_GAIN = 2.0  # in log likelihood that a share has to bring
-_MOST_BENDS = 400  # that are looked at
-_FREEDOM = 4.0  # of the Student distribution
+_SIZES = np.geomspace(*OUTLIERS.sizes)
+_SHARES = np.concatenate([[0.0], np.geomspace(*OUTLIERS.shares)])
 _SPREAD = 0.6745  # median of |z| of a Gaussian
 
 
@@ -44,10 +34,10 @@ def outlier_probability(
     u = len(samples)
     found = np.zeros(u)
     kept = np.ones(u, dtype=bool)
-    if u < _FEWEST:
+    if u < OUTLIERS.fewest:
         return found
     known = np.zeros(u) if known_mm is None else known_mm
-    for _ in range(_ROUNDS):
+    for _ in range(OUTLIERS.searches):
         part = LinearModel(linear.residual_mm[kept], linear.slopes_mm[kept], linear.precision)
         covariance = _robust(part.residual_mm, samples.only(kept), step_mm, known[kept])
         off, variance = part.left_out(covariance)
@@ -58,7 +48,7 @@ def outlier_probability(
         found[kept] = p
         if not worst.any():
             break
-        most = int(_MOST * u) - int((~kept).sum())
+        most = int(OUTLIERS.most * u) - int((~kept).sum())
         if most <= 0:
             break
         here = np.flatnonzero(kept)
@@ -69,12 +59,12 @@ def outlier_probability(
 
 
 def _mixture(off: Array, sigma: Array, already: int) -> Array:
-    wide = np.hypot(np.maximum(_WIDE_MM, _WIDE * sigma), sigma)
+    wide = np.hypot(np.maximum(OUTLIERS.wide_mm, OUTLIERS.wide * sigma), sigma)
     log_narrow = -0.5 * (off / sigma) ** 2 - np.log(sigma)
     log_wide = -0.5 * (off / wide) ** 2 - np.log(wide)
     p = np.zeros(len(off))
     for _ in range(4):
-        share = (p.sum() + already + _USUAL[0]) / (len(off) + already + _USUAL[1])
+        share = (p.sum() + already + OUTLIERS.usual[0]) / (len(off) + already + OUTLIERS.usual[1])
         odds = np.clip(np.log(share / (1.0 - share)) + log_wide - log_narrow, -500.0, 500.0)
         p = 1.0 / (1.0 + np.exp(-odds))
     return np.asarray(p)
@@ -91,12 +81,13 @@ def _robust(residual: Array, samples: Samples, step_mm: float, known_mm: Array) 
         strict=True,
     )
     size = np.concatenate([_independent_mm(*part) for part in parts])
-    z = np.abs(residual) / np.maximum(size, _LEAST_MM)
-    total = np.maximum(size, _LEAST_MM) * float(np.median(z)) / _SPREAD
-    size = np.maximum(size, np.maximum(max(step_mm / np.sqrt(12.0), _LEAST_MM), 0.1 * total))
+    least_mm = OUTLIERS.least_mm
+    z = np.abs(residual) / np.maximum(size, least_mm)
+    total = np.maximum(size, least_mm) * float(np.median(z)) / _SPREAD
+    size = np.maximum(size, np.maximum(max(step_mm / np.sqrt(12.0), least_mm), 0.1 * total))
     smooth = float(np.median(total)) ** 2 - float(np.median(size)) ** 2
-    smooth = max(smooth, float(np.median(0.1 * total)) ** 2, _LEAST_MM**2)
-    process = OrnsteinUhlenbeck(float(np.sqrt(smooth)), _LASTING_S)
+    smooth = max(smooth, float(np.median(0.1 * total)) ** 2, least_mm**2)
+    process = OrnsteinUhlenbeck(float(np.sqrt(smooth)), OUTLIERS.lasting_s)
     none = np.zeros((len(residual), 0))
     return Covariance(size**2, none, ends, process, samples.time_s)
 
@@ -111,15 +102,16 @@ def _independent_mm(residual: Array, deflection_mm: Array, known_mm: Array) -> A
     if not np.isfinite(plain) or plain <= 0.0:
         return known_mm.copy()
     taps = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / 6.0
-    some = slice(None, None, 1 + len(residual) // _MOST_BENDS)
+    some = slice(None, None, 1 + len(residual) // OUTLIERS.most_bends)
     bend = np.convolve(residual, taps, "valid")[some]
     sizes = [np.square(v) for v in (known_mm, np.ones(len(residual)), deflection_mm)]
     known, one, squared = (np.convolve(s, taps**2, "valid")[some] for s in sizes)
     white, share = np.meshgrid(plain * _SIZES, _SHARES)
     variance = known + white[..., None] ** 2 * one + share[..., None] ** 2 * squared
-    each = np.log(variance) + (_FREEDOM + 1.0) * np.log1p(bend**2 / (_FREEDOM * variance))
+    freedom = OUTLIERS.freedom
+    each = np.log(variance) + (freedom + 1.0) * np.log1p(bend**2 / (freedom * variance))
     worth = -0.5 * each.sum(axis=-1)
-    worth[1:] -= _GAIN
+    worth[1:] -= OUTLIERS.gain
     best = np.unravel_index(int(np.argmax(worth)), worth.shape)
     found = sizes[0] + white[best] ** 2 + share[best] ** 2 * sizes[2]
     return np.asarray(np.sqrt(found))

@@ -26,6 +26,7 @@ from skinlab.errors import InputError
 from skinlab.inference.identify import Identifier, from_draws
 from skinlab.inference.posterior import Draws
 from skinlab.inference.result import Identification
+from skinlab.inference.settings import POPULATION
 from skinlab.inference.uncertainty import Uncertainty
 from skinlab.io.documents import decode, read_toml
 from skinlab.mechanics.names import is_logarithmic
@@ -35,10 +36,6 @@ Array = NDArray[np.float64]
 SCHEMA = "skinlab.prior/1"
 UNLIKE = "unlike_cohort"
 
-_RARE = 0.99  # of the population is nearer than a skin that is unlike it
-_NEAREST = 0.05  # of a curve's draws: if even these are that far
-_ENOUGH = 200.0  # effective draws
-_MOST_ROUNDS = 6
 _ROUND_SEED = 7919
 
 
@@ -166,7 +163,7 @@ class Prior:
         k = len(self.file.mean)
         from scipy.stats import f as f_distribution  # slow to import
 
-        return k * float(f_distribution.ppf(_RARE, k, self.file.freedom))
+        return k * float(f_distribution.ppf(POPULATION.rare, k, self.file.freedom))
 
 
 def read_prior(path: Path, site: str | None = None, age_years: float | None = None) -> Prior:
@@ -226,13 +223,13 @@ class PopulationIdentifier(Identifier):
         _check(prior, self, names)
         k = len(names)
         order = np.argsort(prior.distance(left.draws.parameters[:, :k]))
-        near = order[np.searchsorted(np.cumsum(left.draws.weight[order]), _NEAREST)]
+        near = order[np.searchsorted(np.cumsum(left.draws.weight[order]), POPULATION.nearest)]
         if prior.distance(left.draws.parameters[near, :k][None])[0] > prior.far:
             return replace(alone, flags=(*alone.flags, UNLIKE))
         rounds = [left]
         while True:
             draws = _weighted(rounds, prior, k)
-            if draws.effective >= _ENOUGH or len(rounds) >= _MOST_ROUNDS:
+            if draws.effective >= POPULATION.enough or len(rounds) >= POPULATION.most_rounds:
                 break
             again = identify(replace(self, seed=self.seed + _ROUND_SEED * len(rounds)))
             assert again.uncertainty is not None

@@ -20,22 +20,13 @@ from numpy.typing import NDArray
 
 from skinlab.inference.optimise import Polished, polish
 from skinlab.inference.problem import SquaredMisfit
+from skinlab.inference.settings import POSTERIOR
 from skinlab.parameters import ParameterSpace
 
 Array = NDArray[np.float64]
 
-DRAWS = 4096
 
-_OFFSETS = np.array([0.0, 0.5, 1.0, 1.5, 2.0, 2.6, 3.5, 5.0, 7.5, 11.0, 16.0])  # in deviations
-_LOST_CHI2 = 30.0  # valley points so much worse than the best carry nothing
-_FREEDOM = 5  # of the Student distributions
-_WIDER = 1.15  # than the curvature says
-_ENOUGH = 500.0  # effective draws: quantiles of 5 % to within 1 %
-_MOST_ROUNDS = 3
-_CENTRES = 64
-_STRIDE = 0.3  # of the posterior's width: how far one centre speaks
-_BETWEEN = 6  # points from one of the valley to the next
-_NO_WEIGHT = 1e-12
+_OFFSETS = np.array(POSTERIOR.offsets)
 _AT_ONCE = 50_000  # numbers, which stay in a core's cache
 FLAT_PRECISION = 12.0  # of a flat distribution on the unit interval
 
@@ -66,7 +57,7 @@ def sample(
     rng: np.random.Generator,
     *,
     log_density: Callable[[Array], Array] | None = None,
-    draws: int = DRAWS,
+    draws: int = POSTERIOR.draws,
 ) -> Draws:
     """Return draws from exp(−χ²/2), flat in the space's unit cube otherwise.
 
@@ -102,12 +93,12 @@ def sample(
         log_weight = log_target - log_drawn
         weight = np.exp(log_weight - log_weight.max())
         found = Draws(unit, space.from_unit(unit), weight / weight.sum(), log_target, evaluations)
-        if found.effective >= _ENOUGH or len(mixtures) > _MOST_ROUNDS:
+        if found.effective >= POSTERIOR.enough or len(mixtures) > POSTERIOR.most_rounds:
             return _with_valley(found, space, target, valley.unit)
         centres = _resample(found, rng)
         at = polish(space, misfit, centres, most_iterations=0)
         evaluations += at.evaluations
-        width = np.sqrt(found.weight @ np.square(unit - found.weight @ unit)) * _STRIDE
+        width = np.sqrt(found.weight @ np.square(unit - found.weight @ unit)) * POSTERIOR.stride
         mixtures.append(
             _mixture(
                 centres,
@@ -125,13 +116,13 @@ def _with_valley(
 
     Intervals ask for the likeliest skins of each value: in a corner of the cube draws are few.
     """
-    between = (np.arange(_BETWEEN) / _BETWEEN)[:, None, None]
+    between = (np.arange(POSTERIOR.between) / POSTERIOR.between)[:, None, None]
     along = (valley[:-1] + between * np.diff(valley, axis=0)).reshape(-1, valley.shape[1])
     unit = np.clip(np.vstack([along, valley[-1:]]), 0.0, 1.0)
     log_target = target(space.from_unit(unit))
-    held = log_target > found.log_target.max() - 0.5 * _LOST_CHI2
+    held = log_target > found.log_target.max() - 0.5 * POSTERIOR.lost_chi2
     unit, log_target = unit[held], log_target[held]
-    weight = np.concatenate([found.weight, np.full(len(unit), _NO_WEIGHT)])
+    weight = np.concatenate([found.weight, np.full(len(unit), POSTERIOR.no_weight)])
     return Draws(
         np.vstack([found.unit, unit]),
         np.vstack([found.parameters, space.from_unit(unit)]),
@@ -152,7 +143,8 @@ def log_sum_exp(values: Array) -> Array:
 def _resample(found: Draws, rng: np.random.Generator) -> Array:
     """Return unit-cube points (m, k), more of them where the draws so far had too few."""
     share = np.cumsum(np.sqrt(found.weight))
-    at = (np.arange(_CENTRES) + rng.random(_CENTRES)) / _CENTRES * share[-1]
+    count = POSTERIOR.centres
+    at = (np.arange(count) + rng.random(count)) / count * share[-1]
     chosen = np.unique(np.minimum(np.searchsorted(share, at), len(share) - 1))
     return np.asarray(found.unit[chosen])
 
@@ -211,7 +203,7 @@ class _Mixture:
         stratified = (np.arange(n) + rng.random(n)) / n
         which = np.minimum(np.searchsorted(edges, stratified * edges[-1]), len(edges) - 1)
         normal = rng.standard_normal((n, k))
-        stretch = np.sqrt(_FREEDOM / rng.chisquare(_FREEDOM, n))
+        stretch = np.sqrt(POSTERIOR.freedom / rng.chisquare(POSTERIOR.freedom, n))
         return np.asarray(
             self.mean[which]
             + np.einsum("nij,nj->ni", self.factor[which], normal) * stretch[:, None]
@@ -223,19 +215,19 @@ class _Mixture:
         return np.concatenate(parts) if parts else np.zeros(0)
 
     def _log_density(self, at: Array) -> Array:
-        k = self.mean.shape[1]
+        k, freedom = self.mean.shape[1], POSTERIOR.freedom
         # All z = factor⁻¹ (at − mean) by one matrix product, component after component
         middle, inverse, shift, height = self._prepared
         z = (at - middle) @ inverse - shift
         first, *others = np.split(np.square(z, out=z), k, axis=1)
         distance = sum(others, first)
         constant = (
-            math.lgamma(0.5 * (_FREEDOM + k))
-            - math.lgamma(0.5 * _FREEDOM)
-            - 0.5 * k * np.log(_FREEDOM)
+            math.lgamma(0.5 * (freedom + k))
+            - math.lgamma(0.5 * freedom)
+            - 0.5 * k * np.log(freedom)
         )
         # Products and a root in place of a logarithm and an exponential of each number
-        each = 1.0 / _half_power(1.0 + distance / _FREEDOM, _FREEDOM + k)
+        each = 1.0 / _half_power(1.0 + distance / freedom, freedom + k)
         return np.asarray(constant + height.max() + np.log(each @ np.exp(height - height.max())))
 
     @cached_property
@@ -266,13 +258,13 @@ def _mixture(centre: Array, precision: Array, spacing: Array, worse: Array) -> _
     As wide as the curvature (m, k, k) and the distances to the neighbours (m, k) say; `worse` (m,)
     is by how much χ² exceeds that of the best point.
     """
-    kept = worse < _LOST_CHI2
+    kept = worse < POSTERIOR.lost_chi2
     k = spacing.shape[1]
     # A distance of none is that of neighbours at a bound, and says nothing of the width.
     apart = np.where(spacing[kept] > 0.0, spacing[kept], 1.0)
     near = np.where(apart < 1.0, 1.0 / np.square(apart), 0.0)
     whole = precision[kept] + np.eye(k) * (FLAT_PRECISION + near)[:, None, :]
-    root = np.linalg.cholesky(np.linalg.inv(whole)) * _WIDER
+    root = np.linalg.cholesky(np.linalg.inv(whole)) * POSTERIOR.wider
     log_det = np.log(np.einsum("mii->mi", root)).sum(axis=1)
     log_share = -0.5 * worse[kept] + log_det
     return _Mixture(centre[kept], root, log_share - log_sum_exp(log_share))

@@ -12,14 +12,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from skinlab.inference.settings import NOISE
 
-_HALF_WIDTHS = (1, 2, 4, 8, 16, 32)  # samples on either side
-_APART = 2.5  # standard deviations: a wider line so far from a narrower one passes by a corner
+Array = NDArray[np.float64]
 
 
 def smooth_course(
-    time_s: Array, pressure_mbar: Array, sd_mbar: float, *, apart: float = _APART
+    time_s: Array, pressure_mbar: Array, sd_mbar: float, *, apart: float = NOISE.course_apart
 ) -> Array:
     """Return the pressure (n,) without its noise, by the widest straight line that noise allows.
 
@@ -30,12 +29,12 @@ def smooth_course(
     """
     n = len(time_s)
     found = pressure_mbar.copy()
-    if sd_mbar <= 0.0 or n < 2 * _HALF_WIDTHS[0] + 1:
+    if sd_mbar <= 0.0 or n < 2 * NOISE.course_half_widths[0] + 1:
         return found
     # What all lines so far allow, and whether any line still does
     low, high = found - apart * sd_mbar, found + apart * sd_mbar
     open_ = np.ones(n, dtype=bool)
-    for half in _HALF_WIDTHS:
+    for half in NOISE.course_half_widths:
         width = 2 * half + 1
         if width > n:
             break

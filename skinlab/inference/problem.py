@@ -13,7 +13,6 @@ from skinlab.parameters import ParameterSpace
 
 Array = NDArray[np.float64]
 
-MOST_FITTED = 5000  # samples: more say next to nothing more, since errors last, and take their time
 MOST_SAMPLES = 1_000_000  # a draw of more is a slip of the pen, and does not fit into memory
 
 

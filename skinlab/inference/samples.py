@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from skinlab.curves.curve import FEWEST_POINTS, Curve
 from skinlab.errors import InputError
 from skinlab.inference.pressure_course import smooth_course
-from skinlab.inference.problem import MOST_FITTED
+from skinlab.inference.settings import STARTS
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.mechanics.materials.compressibility import KappaConvention
 from skinlab.tables.base import CurveModel, Database
@@ -135,7 +135,7 @@ def choose(
     curve: Curve,
     phases: tuple[str, ...],
     database: Database,
-    most_samples: int = MOST_FITTED,
+    most_samples: int = STARTS.most_fitted,
 ) -> Fitted:
     """Return the samples of the phases that the database speaks of, evenly some of very many.
 

@@ -38,19 +38,14 @@ from skinlab.inference.outliers import outlier_probability
 from skinlab.inference.posterior import FLAT_PRECISION, Draws, sample
 from skinlab.inference.problem import SquaredMisfit
 from skinlab.inference.samples import Group, Samples, samples_of
+from skinlab.inference.settings import NOISE, POSTERIOR
 from skinlab.mechanics.materials.compressibility import KappaConvention
 from skinlab.parameters import ParameterSpace, Space
 from skinlab.tables.base import CurveModel, Database
 
 Array = NDArray[np.float64]
 
-_MOST_MODES = 6
 _SLOPE_STEP = 1e-4  # of the unit cube
-_LEAST_ROUGH_MM = 1e-5
-_SMALL = 0.07  # of the noise: columns of so little length change nothing
-_BEYOND = 2.0  # times the squares: what a fit gains outside of the range is no small matter
-_COMMON = 0.5  # of the stated thickness' variance, where there are several placements
-_ALIKE = 2.5  # standard deviations: curves whose noises are closer have the same
 
 
 @dataclass(frozen=True)
@@ -180,7 +175,7 @@ class Fitted:
         )
         rest = (MESH_REST * self.best_mm[kept]) ** 2
         columns = np.hstack([self.mesh_columns(), self.probe_columns()])[kept]
-        least = _SMALL * max(roughness(residual), _LEAST_ROUGH_MM)
+        least = POSTERIOR.small * max(roughness(residual), NOISE.least_mm)
         seen = np.sqrt(np.square(columns).sum(axis=0)) > least
         return choose_errors(look, linear, columns[:, seen], rest, error_models)
 
@@ -229,10 +224,11 @@ def _relative_noise(residual: Array, samples: Samples) -> Array:
     if len(parts) == 1:
         return np.ones(len(residual))
     counts = np.diff([0, *ends])
-    rough = np.array([max(r, _LEAST_ROUGH_MM) for r in map(roughness, parts)])
+    rough = np.array([max(r, NOISE.least_mm) for r in map(roughness, parts)])
     rough = np.where(np.isfinite(rough), rough, np.nanmedian(rough))
     usual = float(np.median(rough))
-    apart = np.abs(np.log(rough / usual)) > _ALIKE * 1.5 / np.sqrt(2.0 * np.maximum(counts, 1))
+    chance = 1.5 / np.sqrt(2.0 * np.maximum(counts, 1))
+    apart = np.abs(np.log(rough / usual)) > POSTERIOR.alike * chance
     return np.repeat(np.where(apart, rough / usual, 1.0), counts)
 
 
@@ -283,7 +279,7 @@ def _within(unit: Array, residual: Array, slopes: Array) -> Array:
         float(np.square(residual - c @ np.linalg.lstsq(c, residual)[0]).sum())
         for c in (slopes, kept)
     )
-    return kept if without > _BEYOND * with_all else slopes
+    return kept if without > POSTERIOR.beyond * with_all else slopes
 
 
 def split_by_group(groups: Sequence[Group], values: NDArray[Any]) -> list[NDArray[Any]]:
@@ -312,12 +308,12 @@ def assess(
     """
     names = space.names
     priors = list(priors)
-    modes = minima[:_MOST_MODES]
+    modes = minima[: POSTERIOR.modes]
     relative_sd = stated_sd = max(g.thickness_sd_mm / g.geometry.thickness_mm for g in groups)
     own_thickness = sensor.placement_scatter != 0.0 and samples_of(groups).placements > 1
     if own_thickness:
         # As much of the variance is the site's, and is common, as is each placement's.
-        relative_sd *= _COMMON**0.5
+        relative_sd *= POSTERIOR.common_thickness**0.5
     best = space.from_unit(minima[0])
     groups, models = _on_smooth_pressures(groups, models, best, database, kappa, sensor)
     if relative_sd > 0.0:
@@ -337,7 +333,7 @@ def assess(
         ends[:, -1] += [-_SLOPE_STEP, _SLOPE_STEP]
         low_mm, high_mm = np.hstack([m.deflection_mm(ends) for m in models])
         slope = np.nan_to_num(high_mm - low_mm) / (2.0 * _SLOPE_STEP)
-        thickness_error_mm = np.sqrt(1.0 - _COMMON) * stated_sd * slope
+        thickness_error_mm = np.sqrt(1.0 - POSTERIOR.common_thickness) * stated_sd * slope
     errors = fitted.choose_errors(kept, thickness_error_mm, error_models)
     condition = fitted.samples.condition[kept]
     parts: list[SquaredMisfit] = [

@@ -18,11 +18,9 @@ from numpy.typing import NDArray
 
 from skinlab.inference.covariance import OrnsteinUhlenbeck
 from skinlab.inference.samples import Samples
+from skinlab.inference.settings import KINDS
 
 Array = NDArray[np.float64]
-
-_EDGE = 0.02  # of a logarithm: how soon what is beyond reach is impossible
-_HARDLY, _HARDLY_SD = math.log(50.0), 1.2  # logarithms below the median of what is hardly there
 
 
 @dataclass(frozen=True)
@@ -62,11 +60,12 @@ class Hyperparameter:
             found = np.where(off < 0, *halves)
         if math.isfinite(self.reach):
             beyond = np.maximum(np.abs(off) - self.reach, 0.0)
-            found = found - 0.5 * (beyond / _EDGE) ** 2
+            found = found - 0.5 * (beyond / KINDS.edge) ** 2
         if self.outlying:
             found = _mixed(found, self.outlying, _log_normal(off, self.outlying_sd))
         if self.absent:
-            found = _mixed(found, self.absent, _log_normal(off + _HARDLY, _HARDLY_SD))
+            hardly = _log_normal(off + math.log(KINDS.hardly), KINDS.hardly_sd)
+            found = _mixed(found, self.absent, hardly)
         return np.asarray(found)
 
 

@@ -17,11 +17,7 @@ from functools import partial
 import numpy as np
 
 from skinlab.inference.error_models.base import Array, Look, Part, Terms
-
-_FREEDOMS = (3.0, 6.0)
-_ODDS = 0.2
-_FEWEST = 20
-_SUSPECT = 2.0  # standard deviations of the mean fourth power of Gaussian errors
+from skinlab.inference.settings import KINDS
 
 
 @dataclass(frozen=True)
@@ -35,12 +31,12 @@ class HeavyTails:
     def part(self, look: Look) -> Part | None:
         """Return its part where the tails are heavier than Gaussian."""
         square = look.white_square
-        if square is None or len(square) < _FEWEST or not square.mean() > 0.0:
+        if square is None or len(square) < KINDS.fewest_shapes or not square.mean() > 0.0:
             return None
         scaled = square / square.mean()
-        if np.mean(scaled**2) < 3.0 + _SUSPECT * math.sqrt(96.0 / len(square)):
+        if np.mean(scaled**2) < 3.0 + KINDS.tails_suspect * math.sqrt(96.0 / len(square)):
             return None
-        found = [(float(bound(square, f).sum()), f) for f in _FREEDOMS]
+        found = [(float(bound(square, f).sum()), f) for f in KINDS.tails]
         freedom = max(found)[1]
         return student(square, freedom)
 
@@ -54,7 +50,7 @@ def student(square: Array, freedom: float) -> Part:
         return Terms(stretch=stretch)
 
     return Part(
-        "heavy_tails", (), terms, math.log(_ODDS), stated={"freedom": freedom},
+        "heavy_tails", (), terms, math.log(KINDS.unusual_odds), stated={"freedom": freedom},
         why="residuals have heavy tails", bound=float(bound(square, freedom).sum()),
         spread=(freedom + 3.0) / (freedom + 1.0), again=partial(student, freedom=freedom),
     )  # fmt: skip

@@ -13,11 +13,10 @@ from dataclasses import dataclass
 
 from skinlab.inference.covariance import OrnsteinUhlenbeck
 from skinlab.inference.error_models.base import Hyperparameter, Look, Part, Terms
+from skinlab.inference.settings import KINDS
 
 _SIZE = Hyperparameter("ou_um", 3.0, 0.6)
 _TIME = Hyperparameter("ou_s", 0.7, 1.2)
-_ODDS = 1.0
-_FEWEST = 12
 
 
 @dataclass(frozen=True)
@@ -32,14 +31,14 @@ class Correlated:
 
     def part(self, look: Look) -> Part | None:
         """Return its part; a handful of samples cannot tell it from the skin."""
-        if len(look.samples) < _FEWEST:
+        if len(look.samples) < KINDS.fewest_lasting:
             return None
 
         def terms(values: Sequence[float]) -> Terms:
             return Terms(ou=OrnsteinUhlenbeck(1e-3 * values[0], values[1]))
 
         return Part(
-            "ou", (_SIZE, _TIME), terms, math.log(_ODDS), lasting=True,
+            "ou", (_SIZE, _TIME), terms, math.log(KINDS.lasting_odds), lasting=True,
             why="residuals are correlated in time",
         )  # fmt: skip
 

@@ -18,19 +18,12 @@ from numpy.typing import NDArray
 
 from skinlab.inference.error_models.base import Hyperparameter, Look, Part, Terms
 from skinlab.inference.samples import Samples
+from skinlab.inference.settings import KINDS
 
 Array = NDArray[np.float64]
 
-_ODDS = 0.2
-_LOG_SD = 0.7
 _NINE_TENTHS = 1.645
-_APART = 0.2  # of a period over the record: frequencies that a good record tells apart
-_FEWEST_PERIODS = 1.0
-_PER_PERIOD = 6.0  # samples, at least
-_FINEST = 0.15  # of a period over the whole record: the grid of frequencies
-_MOST = 60
 _KEPT = 16  # waves of frequencies
-_STANDS_OUT = 3.0  # times what white noise gives to one frequency
 
 
 def spectrum(look: Look, frequencies_hz: Array) -> Array:
@@ -71,8 +64,8 @@ class Periodic:
         """What is known before the data."""
         hz = self._frequency()
         return (
-            f"{self.median_um:g} µm, {_LOG_SD:g}; {hz.median:.2g} Hz, {hz.log_sd:.2g}; "
-            f"odds 1 : {1 / _ODDS:g}"
+            f"{self.median_um:g} µm, {KINDS.sine_sd:g}; {hz.median:.2g} Hz, {hz.log_sd:.2g}; "
+            f"odds 1 : {1 / KINDS.unusual_odds:g}"
         )
 
     def _frequency(
@@ -82,7 +75,7 @@ class Periodic:
         median = math.sqrt(self.low_hz * self.high_hz)
         reach = 0.5 * math.log(self.high_hz / self.low_hz)
         name = f"{self.name}_hz"
-        scale = 1.0 if lasts_s is None else min(_APART / (lasts_s * median), 1.0)
+        scale = 1.0 if lasts_s is None else min(KINDS.sine_apart / (lasts_s * median), 1.0)
         sd = reach / _NINE_TENTHS
         return Hyperparameter(name, median, sd, start=start_hz, reach=reach, scale=scale)
 
@@ -91,17 +84,19 @@ class Periodic:
         samples = look.samples
         lasts = samples.longest_s
         spacing = lasts / max(len(samples) / max(samples.curves, 1) - 1, 1)
-        if lasts * self.high_hz < _FEWEST_PERIODS or spacing * self.low_hz * _PER_PERIOD > 1.0:
+        sparse = spacing * self.low_hz * KINDS.sine_samples > 1.0
+        if lasts * self.high_hz < KINDS.sine_periods or sparse:
             return None
-        count = int(np.clip((self.high_hz - self.low_hz) * lasts / _FINEST + 2, 3, _MOST))
+        steps = (self.high_hz - self.low_hz) * lasts / KINDS.sine_finest
+        count = int(np.clip(steps + 2, 3, KINDS.sine_most))
         grid = np.linspace(self.low_hz, self.high_hz, count)
         share = spectrum(look, grid)
         best = int(np.argmax(share))
         # White residuals: the largest of several shares, each of mean 2/u.
-        if share[best] * 0.5 * len(samples) < _STANDS_OUT * samples.curves:
+        if share[best] * 0.5 * len(samples) < KINDS.sine_stands_out * samples.curves:
             return None
         frequency = float(grid[best])
-        size = Hyperparameter(f"{self.name}_um", self.median_um, _LOG_SD)
+        size = Hyperparameter(f"{self.name}_um", self.median_um, KINDS.sine_sd)
 
         waves = lru_cache(maxsize=_KEPT)(partial(columns, samples))
 
@@ -114,7 +109,7 @@ class Periodic:
             self.name,
             (size, self._frequency(frequency, lasts)),
             terms,
-            math.log(_ODDS),
+            math.log(KINDS.unusual_odds),
             lasting=True,
             why=f"{self.what} at {frequency:.2g} Hz",
         )

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skinlab.inference.error_models.base import Array, Hyperparameter, Look, Part, Terms
-
-_LOG_SD = 0.2  # of the channel's own estimate
+from skinlab.inference.settings import KINDS
 
 
 @dataclass(frozen=True)
@@ -33,7 +32,7 @@ class Pressure:
         def terms(values: Sequence[float]) -> Terms:
             return Terms(variances(np.array(values)))
 
-        size = Hyperparameter("pressure_mbar", typical, _LOG_SD)
+        size = Hyperparameter("pressure_mbar", typical, KINDS.pressure_sd)
         return Part("pressure", (size,), terms, always=True, variances=variances)
 
 

@@ -9,10 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from skinlab.inference.error_models.base import Array, Hyperparameter, Look, Part, Terms
+from skinlab.inference.settings import KINDS
 
 _SHARE = Hyperparameter("proportional_share", 0.01, 0.7)
-_ODDS = 0.2
-_FEWEST = 20
 
 
 @dataclass(frozen=True)
@@ -25,7 +24,7 @@ class Proportional:
 
     def part(self, look: Look) -> Part | None:
         """Return its part, from some samples on."""
-        if len(look.samples) < _FEWEST:
+        if len(look.samples) < KINDS.fewest_shapes:
             return None
         squared = np.square(look.deflection_mm)
 
@@ -36,7 +35,7 @@ class Proportional:
             return Terms(variances(np.array(values)))
 
         return Part(
-            "proportional", (_SHARE,), terms, math.log(_ODDS),
+            "proportional", (_SHARE,), terms, math.log(KINDS.unusual_odds),
             why="residuals grow with the deflection", variances=variances,
         )  # fmt: skip
 

@@ -21,20 +21,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.inference.error_models.base import Look, Part, Terms
+from skinlab.inference.settings import KINDS
 
 Array = NDArray[np.float64]
-
-_LEAST_UM = 0.2  # a smaller step is no error beside any sensor's noise
-_WAVES = 3
-_LEAST_WAVE = 0.02  # of step/√12: smaller ones are left to what is independent
-_OFF = 0.02  # of a step: how far from its lattice a reading may be
-_FEWEST = 8  # different readings
-_AGAIN = 4  # samples a reading
 
 
 def step_um(deflection_mm: Array) -> float:
     """Return the step of the lattice on which all readings (u,) lie, µm; 0 where there is none."""
-    return step_of(1e3 * deflection_mm, _LEAST_UM)
+    return step_of(1e3 * deflection_mm, KINDS.step_um)
 
 
 def step_of(readings: Array, least: float) -> float:
@@ -45,11 +39,11 @@ def step_of(readings: Array, least: float) -> float:
     gaps = np.diff(levels)
     step = float(gaps.min())
     # Few different readings are a lattice only if each of them comes again and again.
-    few = len(levels) < _FEWEST and len(levels) * _AGAIN > len(readings)
+    few = len(levels) < KINDS.step_levels and len(levels) * KINDS.step_again > len(readings)
     if step < least or few:
         return 0.0
     at = (levels - levels[0]) / step
-    return step if float(np.abs(at - np.round(at)).max()) < _OFF else 0.0
+    return step if float(np.abs(at - np.round(at)).max()) < KINDS.step_off else 0.0
 
 
 @dataclass(frozen=True)
@@ -86,10 +80,10 @@ def _waves(look: Look, step_mm: float) -> Array:
     square = float(look.residual_mm @ look.residual_mm) / freedom
     before = max(square - step_mm**2 / 12.0, 0.0)  # noise that the rounding met
     columns = []
-    for k in range(1, _WAVES + 1):
+    for k in range(1, KINDS.step_waves + 1):
         damped = np.exp(-2.0 * (np.pi * k) ** 2 * before / step_mm**2)
         size = step_mm / (np.pi * k) * damped / np.sqrt(2.0)
-        if size > _LEAST_WAVE * step_mm / np.sqrt(12.0):
+        if size > KINDS.step_least_wave * step_mm / np.sqrt(12.0):
             angle = 2.0 * np.pi * k * look.deflection_mm / step_mm
             columns += [size * np.sin(angle), size * np.cos(angle)]
     return np.column_stack(columns) if columns else np.zeros((len(look.samples), 0))

@@ -8,11 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skinlab.inference.error_models.base import Array, Hyperparameter, Look, Part, Terms
-
-_MEDIAN_UM, _LOG_SD = 3.0, 1.5
-_STATED_SD = 0.06  # a statement is good to some per cent, or wrong altogether
-_WRONG = 0.1
-_TABLE_UM = 0.01  # interpolation in the database, and the least noise there is
+from skinlab.inference.settings import KINDS, NOISE
 
 
 @dataclass(frozen=True)
@@ -25,10 +21,12 @@ class White:
 
     def part(self, look: Look) -> Part:
         """Return its part: there is always one."""
-        size = Hyperparameter("white_um", _MEDIAN_UM, _LOG_SD)
+        size = Hyperparameter("white_um", KINDS.white_um, KINDS.white_sd)
         if look.noise_um is not None:
-            size = Hyperparameter("white_um", look.noise_um, _STATED_SD, outlying=_WRONG)
-        least = (1e-3 * _TABLE_UM) ** 2
+            size = Hyperparameter(
+                "white_um", look.noise_um, KINDS.stated_sd, outlying=KINDS.stated_wrong
+            )
+        least = NOISE.least_mm**2
         relative = np.square(look.samples.relative_noise)
 
         def variances(values: Array) -> Array:

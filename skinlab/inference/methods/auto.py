@@ -16,13 +16,7 @@ from numpy.typing import NDArray
 from skinlab.inference.methods.base import Method
 from skinlab.inference.optimise import polish
 from skinlab.inference.problem import Estimate, Options, Problem, check
-
-_BEST = 8  # starts that are the best of all candidates
-_PATCHES = (6, 8)  # and of each of these, along the last two unknowns
-_FIRST_STEPS = 10  # of all of them
-_KEPT = 8  # starts that are walked to the bottom
-_APART = 0.01  # of the cube: those are no closer to one another
-_ALIKE = 1e-4  # of the cube: minima closer than this are one
+from skinlab.inference.settings import STARTS
 
 Array = NDArray[np.float64]
 
@@ -42,19 +36,20 @@ def identify(
     unit = rng.random((options.samples, len(space.names)))
     cost = problem.misfit(space.from_unit(unit))
     order = np.argsort(cost, kind="stable")
-    place = np.ravel_multi_index(tuple((unit[order, -2:] * _PATCHES).astype(int).T), _PATCHES)
+    patches = (unit[order, -2:] * STARTS.patches).astype(int)
+    place = np.ravel_multi_index(tuple(patches.T), STARTS.patches)
     firsts = np.sort(np.unique(place, return_index=True)[1])
     iterations, evaluations = 0, options.samples
     if start is None:
-        chosen = np.unique(np.concatenate([np.arange(min(_BEST, len(order))), firsts]))
+        chosen = np.unique(np.concatenate([np.arange(min(STARTS.best, len(order))), firsts]))
         walked = polish(
             space,
             problem.misfit,
             unit[order[chosen]],
-            most_iterations=min(_FIRST_STEPS, options.most_iterations),
+            most_iterations=min(STARTS.first_steps, options.most_iterations),
         )
         by_cost = walked.unit[np.argsort(walked.cost, kind="stable")]
-        starts = _distinct(by_cost, _APART)[:_KEPT]
+        starts = _distinct(by_cost, STARTS.apart)[: STARTS.kept]
         iterations, evaluations = walked.iterations, evaluations + walked.evaluations
     else:
         starts = np.vstack([space.to_unit(start), unit[order[firsts[:4]]]])
@@ -67,7 +62,7 @@ def identify(
         iterations + found.iterations,
         evaluations + found.evaluations,
         converged=bool(found.converged[best[0]] and np.isfinite(found.cost[best[0]])),
-        minima=_distinct(found.unit[best[np.isfinite(found.cost[best])]], _ALIKE),
+        minima=_distinct(found.unit[best[np.isfinite(found.cost[best])]], STARTS.alike),
     )
 
 

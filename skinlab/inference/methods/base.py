@@ -9,7 +9,8 @@ from typing import Any, Generic, Protocol, TypeVar
 import numpy as np
 
 from skinlab.errors import InputError
-from skinlab.inference.problem import MOST_FITTED, Estimate, Options, Problem
+from skinlab.inference.problem import Estimate, Options, Problem
+from skinlab.inference.settings import STARTS
 from skinlab.plugins import needs
 
 V = TypeVar("V", int, float, str)
@@ -119,7 +120,7 @@ class Method:
     meaning: str  # how it finds the answer, for a report: no full stop
     options: tuple[Option[Any], ...] = ()
     in_papers_box: bool = False  # searches where the paper does, whatever the database
-    most_fitted: int = MOST_FITTED  # samples of a curve: of more, evenly some
+    most_fitted: int = STARTS.most_fitted  # samples of a curve: of more, evenly some
     settle: Callable[[Options], Options] = _as_they_are  # turns its own into common ones
     remarks: Callable[[Options], tuple[str, ...]] = _nothing  # what is doubtful about them
 
