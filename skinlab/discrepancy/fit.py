@@ -383,7 +383,3 @@ class Misfit:
         priors = [self.model.unknowns.prior_slopes(u) for u in parameters]
         found = self.fitter.jacobians(self.model, parameters)
         return np.concatenate([found, np.array(priors)], axis=1)
-
-    def residuals(self, parameters: Array) -> Array:
-        """Return residuals (m,) of one candidate."""
-        return self.fitter.all_residuals(self.model, parameters)
