@@ -120,7 +120,9 @@ class SearchRules:
     """Explanations beside the best whose errors are learned as well,"""
     doubt: float = 8.0
     """where they are less than so much log10 evidence behind: what an integral over errors that are
-    not theirs took from an explanation was 4."""
+    not theirs took from an explanation was 4, what a fit by wider errors took from one 8."""
+    sharpened: int = 6
+    """So many of these are fitted again by the errors of the best."""
 
 
 @dataclass(frozen=True)
