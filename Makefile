@@ -6,7 +6,7 @@ BIN := .venv/bin
 # Their files come in turn with those that compute: tests/conftest.py.
 TESTS := -n 3 --dist loadfile --no-loadscope-reorder --durations=20
 
-.PHONY: run setup test test-long check unit docs notebooks wheel lowest locked lock soak clean
+.PHONY: run setup test test-long check style types unit docs notebooks wheel lowest locked lock soak clean
 
 run: setup
 	@$(BIN)/skinlab
@@ -25,14 +25,20 @@ setup: .venv/.installed
 	@$(BIN)/python -m compileall -q skinlab drivers sim_device # also where PYTHONDONTWRITEBYTECODE is set
 	@touch $@
 
-test: check unit
+# Style is broken first. Types take half a minute of a processor: beside the tests, which often wait.
+test: style
+	@$(MAKE) --no-print-directory -j2 types unit
 
-# Style, types and architecture: fast, and broken first.
-check: setup
-	@$(BIN)/ruff check .
-	@$(BIN)/ruff format --check .
-	@$(BIN)/mypy
-	@$(BIN)/lint-imports
+check: style types
+
+style: setup
+	@$(BIN)/ruff check --quiet .
+	@$(BIN)/ruff format --check --quiet .
+
+# Types and architecture; says nothing where all is well.
+types: setup
+	@said=$$($(BIN)/lint-imports 2>&1) || { echo "$$said"; exit 1; }
+	@$(BIN)/mypy --no-error-summary
 
 unit: setup
 	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest $(TESTS)

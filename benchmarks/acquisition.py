@@ -115,7 +115,7 @@ def acquire(rate_hz: float, cycles: int) -> dict[str, Any]:
     """Measure one run of so many cycles and return its figures."""
     from drivers.probe import Probe
     from skinlab.acquisition.measure import measure
-    from skinlab.acquisition.measurement import Plan
+    from skinlab.acquisition.measurement_messages import Plan
     from skinlab.acquisition.pipeline import Pipeline
     from skinlab.acquisition.sources import LiveSource
     from skinlab.api.identifiers import compose_identifier

@@ -49,8 +49,9 @@ from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.program import parse_program
 from skinlab.inference.identify import Identifier
 from skinlab.inference.population import Prior, with_prior
-from skinlab.studies.components import WITHIN, components, effect, interval
+from skinlab.studies.components import components, interval
 from skinlab.studies.compute import draws_of
+from skinlab.studies.design import WITHIN, effect
 from skinlab.studies.population import Posterior, learn, to_toml
 from skinlab.tables.store import shipped_table
 

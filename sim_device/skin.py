@@ -22,6 +22,7 @@ from sim_device.device import STEP_US, Skin
 from sim_device.files import TRUTHFUL, ProbeSection, SkinSection
 from sim_device.plant import Plant
 from sim_device.program import Run
+from sim_device.timing import TIMING
 from skinlab.curves.phantoms import read_phantoms
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import Hold, Ramp, Release, Rest, Until, parse_program
@@ -42,6 +43,7 @@ from skinlab.mechanics.materials import get_law
 Array = NDArray[np.float64]
 
 MESH = Discretisation("simulated-1", QUAD9_FULL, 0.01, 1.6, 0.125, 0.125, 0.25)
+COARSE_MESH = Discretisation("simulated-coarse", QUAD9_FULL, 0.05, 1.6, 0.3, 0.4, 0.5)
 
 STEP_S = STEP_US / 1e6
 _ABOVE_MBAR = 15.0  # a pump overshoots a little, and the skin follows until the firmware vents
@@ -215,7 +217,7 @@ def _solved(
 def _elastic(problem: SkinProblem, top_mbar: float, *, whole: bool) -> Callable[[Array], Array]:
     """Return the dome without memory (mm) at suctions (mbar); `whole`: it must hold to the top."""
     goal = 1.1 * top_mbar + _ABOVE_MBAR
-    instant = solve_skin(problem.elastic, PressurePath((0.0, 1.0), (0.0, goal)), MESH)
+    instant = solve_skin(problem.elastic, PressurePath((0.0, 1.0), (0.0, goal)), _mesh())
     if whole:
         _check(instant, top_mbar)
     if instant.instant is None:
@@ -233,13 +235,17 @@ def _along(
     times = np.arange(path.time_s[0], path.time_s[-1] + STEP_S, STEP_S)
     along, shift = np.empty(0), np.empty(0)
     if problem.prony:
-        curve = solve_skin(problem, felt, MESH)
+        curve = solve_skin(problem, felt, _mesh())
         _check(curve, felt.top_mbar)
         along, shift = curve.at(times, felt(times)), curve.shift_mbar(times)
     instant = _elastic(problem, max(top_mbar, felt.top_mbar), whole=whole)
     # Beyond what was solved it goes on straight: only a fault of the pump leads there
     pressure = np.arange(0.0, _HIGHEST_MBAR + shift.max(initial=0.0), _TABLE_MBAR)
     return _Dome(pressure, instant(pressure), path, felt, times, felt(times), along, shift)
+
+
+def _mesh() -> Discretisation:
+    return COARSE_MESH if TIMING.coarse_skin else MESH
 
 
 def _check(curve: SkinCurve, top_mbar: float) -> None:

@@ -19,12 +19,16 @@ import pytest
 from hypothesis import HealthCheck, settings
 from patience import be_patient
 
+from sim_device.timing import TIMING
 from skinlab.tables.store import shipped_grid, shipped_table
 from skinlab.tables.table import Table
 
-# A shell that starts the tests in the background lets them and all that they start ignore Ctrl-C
+# A shell that starts the tests in the background lets them and all that they start ignore Ctrl-C,
+# and `nohup` a hang-up
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 # No test may depend on how fast the machine is
 be_patient()
@@ -97,6 +101,12 @@ def grid() -> Table:
 @pytest.fixture(scope="session")
 def table() -> Table:
     return shipped_table()
+
+
+@pytest.fixture
+def coarse_skin(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Solve simulated skins coarsely, where it matters that there is one and not which."""
+    monkeypatch.setattr(TIMING, "coarse_skin", True)
 
 
 @pytest.fixture(scope="session", autouse=True)

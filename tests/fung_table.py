@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import shutil
+
 from skinlab.cli.main import run
 
 DIMENSIONLESS = """
@@ -41,3 +44,16 @@ def built(folder, name, text):
     told = ["--spec", str(spec), "--out", str(out), "--workers", "1"]
     assert run(["database", "build", *told]) == 0
     return out
+
+
+def dimensionless(factory, folder):
+    """Return a copy in `folder` of the database of `DIMENSIONLESS`, built once a run of the tests.
+
+    `factory` is pytest's `tmp_path_factory`. Processes that want it at the same moment build it
+    each; the last one's stays.
+    """
+    base = factory.getbasetemp()
+    shared = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "fung.h5"
+    if not shared.exists():
+        built(factory.mktemp("fung"), "fung", DIMENSIONLESS).rename(shared)
+    return shutil.copy(shared, folder / "fung.h5")

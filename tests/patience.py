@@ -6,7 +6,9 @@ two looks at the clock at most `LONGEST_S` pass. What happens in which order, an
 these seconds, is as ever.
 
 `python tests/patience.py [--apart] MODULE ARGUMENTS` is `python -m MODULE ARGUMENTS` in such a
-time. `--apart` is for a probe and a host in two processes, where each must forgive the other, too.
+time. `--apart` is for a probe and a host in two processes, where each must forgive the other, too;
+with `--real-time` the clock is the real one. A simulated skin is solved coarsely in all of them:
+most of a simulated probe's processor time is its finite elements, and nobody looks at them here.
 """
 
 from __future__ import annotations
@@ -77,6 +79,12 @@ def reopen(probe: Probe) -> None:
             time.sleep(0.01)
 
 
+def probe_command(*arguments: str, patient: bool) -> list[str]:
+    """Return the command line of a simulated probe, for a host in another process."""
+    flag = "--apart" if patient else "--real-time"
+    return [sys.executable, str(Path(__file__)), flag, "sim_device", *arguments]
+
+
 def module_command(module: str, *arguments: str) -> list[str]:
     """Return the command line that runs a module as a user does."""
     return [sys.executable, "-m", module, *arguments]
@@ -90,9 +98,11 @@ def patient_command(module: str, *arguments: str, apart: bool = False) -> list[s
 
 if __name__ == "__main__":
     sys.argv.pop(0)
-    apart = sys.argv[0] == "--apart"
-    if apart:
-        sys.argv.pop(0)
+    flag = sys.argv.pop(0) if sys.argv[0] in {"--apart", "--real-time"} else ""
     sys.path[0] = ""  # as with `python -m`, and not the folder of this file
-    be_patient(apart=apart)
+    from sim_device.timing import TIMING
+
+    TIMING.coarse_skin = True
+    if flag != "--real-time":
+        be_patient(apart=flag == "--apart")
     runpy.run_module(sys.argv[0], run_name="__main__", alter_sys=True)

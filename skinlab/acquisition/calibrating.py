@@ -8,7 +8,7 @@ from pathlib import Path
 from drivers.events import Hello
 from drivers.probe import Probe
 from skinlab.acquisition.measure import measure
-from skinlab.acquisition.measurement import Plan
+from skinlab.acquisition.measurement_messages import Plan
 from skinlab.acquisition.measurement_request import with_query
 from skinlab.acquisition.pipeline import Pipeline
 from skinlab.acquisition.sources import LiveSource

@@ -6,14 +6,14 @@ import time
 from collections.abc import Callable
 
 from drivers.errors import DriverError
-from skinlab.acquisition.measurement import (
+from skinlab.acquisition.measurement import Policy
+from skinlab.acquisition.measurement_messages import (
     Acknowledge,
     Arm,
     Continue,
     Over,
     Phase,
     Plan,
-    Policy,
     Refused,
     Report,
     Start,

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from urllib.parse import parse_qsl, urlencode
 
 from drivers.events import Hello
-from skinlab.acquisition.measurement import Plan
+from skinlab.acquisition.measurement_messages import Plan
 from skinlab.curves.apertures import check_aperture
 from skinlab.curves.curve import Setup, check_thickness
 from skinlab.curves.program import Program, check_measurable, parse_program

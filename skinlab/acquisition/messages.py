@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from drivers.events import Hello
-from skinlab.acquisition.measurement import Phase, Plan
+from skinlab.acquisition.measurement_messages import Phase, Plan
 from skinlab.recording.stream import Message
 
 if TYPE_CHECKING:

@@ -18,16 +18,16 @@ from drivers.dose import Dose
 from drivers.errors import DriverError, LinkError
 from drivers.events import TimedEvent
 from drivers.probe import Probe
-from skinlab.acquisition import measurement
+from skinlab.acquisition import measurement_messages
 from skinlab.acquisition.analysis import Analysis, Explain, default_identifier
-from skinlab.acquisition.measurement import (
+from skinlab.acquisition.measurement import Policy
+from skinlab.acquisition.measurement_messages import (
     Acknowledge,
     Arm,
     Close,
     Continue,
     Gone,
     Phase,
-    Policy,
     Refused,
     Report,
     Request,
@@ -320,7 +320,7 @@ class ProbeSession:
         match report:
             case Phase() if runner is not None:
                 self._post(Went(report, runner.measurement.left, runner.rest_s))
-            case measurement.Over(failed, error, left):
+            case measurement_messages.Over(failed, error, left):
                 if error is not None and not isinstance(error, SkinlabError | DriverError):
                     raise error
                 if error is not None:

@@ -15,17 +15,16 @@ from collections.abc import Callable
 
 from drivers.errors import LinkError
 from drivers.events import Event, LinkLost, TimedEvent
-from skinlab.acquisition.measurement import (
+from skinlab.acquisition.measurement import Measurement, Policy
+from skinlab.acquisition.measurement_messages import (
     AcknowledgeAlarm,
     ArmProbe,
     Awaited,
     Close,
     Failed,
-    Measurement,
     Outcome,
     Output,
     Phase,
-    Policy,
     Reconnect,
     Refused,
     Report,

@@ -14,7 +14,7 @@ from drivers.dose import Dose, program_dose
 from drivers.limits import DEFAULT_DOSE_MBAR_S
 from drivers.probe import DEFAULT_LIMITS, Probe
 from skinlab.acquisition.measure import measure
-from skinlab.acquisition.measurement import Plan
+from skinlab.acquisition.measurement_messages import Plan
 from skinlab.acquisition.pipeline import Listener, Pipeline
 from skinlab.acquisition.shutdown import HeldInterrupt
 from skinlab.acquisition.sources import LiveSource, wire_segments

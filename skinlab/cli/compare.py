@@ -56,6 +56,7 @@ def command(
     from skinlab.recording.session import read_session
     from skinlab.recording.session_fit import fit_session
     from skinlab.studies import change
+    from skinlab.studies.settings import CHANGES
 
     stated = None
     if placement_scatter != "auto":
@@ -65,7 +66,7 @@ def command(
             stated = -1.0
         if not 0 <= stated < 2:
             raise InputError(f"placement_scatter {placement_scatter}: expected auto or 0 to 2")
-    relevant = change.RELEVANT_PERCENT if relevant_percent is None else relevant_percent
+    relevant = CHANGES.relevant_percent if relevant_percent is None else relevant_percent
     if not 0 < relevant < 1e4:
         raise InputError(f"relevant_percent {relevant:g}: expected a positive number")
     paths = (before, after, *(control or ()))

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from drivers.dialect import Dialect
     from drivers.dose import Dose
     from drivers.events import Hello
-    from skinlab.acquisition.measurement import Plan
+    from skinlab.acquisition.measurement_messages import Plan
     from skinlab.curves.program import Program
     from skinlab.recording.stream import Message
 

@@ -292,7 +292,7 @@ def _headless(
     dose_limit_mbar_s: float | None,
 ) -> int:
     from drivers.probe import choose_dialect
-    from skinlab.acquisition.measurement import Plan
+    from skinlab.acquisition.measurement_messages import Plan
     from skinlab.cli.measure import run
     from skinlab.curves.curve import Setup
     from skinlab.curves.program import parse_program

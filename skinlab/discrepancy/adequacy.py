@@ -11,17 +11,11 @@ from numpy.typing import NDArray
 from scipy.special import chdtrc, ndtr
 
 from skinlab.discrepancy.records import Record
+from skinlab.discrepancy.settings import ERRORS
 from skinlab.inference.covariance import Covariance
 from skinlab.inference.error_models.quantised import step_um
 
 Array = NDArray[np.float64]
-
-_BINS = 6  # of a phase of a curve
-_FEWEST = 6  # samples of a bin
-_NEIGHBOURS = 3  # samples apart: beyond what chance does to one distance, within a heartbeat
-_DRAWN, _STEP_SIDE = 200, 4  # residuals by chance; samples on either side of a step
-_NO_DOUBT = 0.05  # of a p value: what is likelier is not looked at with other errors
-ADEQUATE = 1e-3  # a fit whose residual is less likely than this leaves more than noise
 
 
 @dataclass(frozen=True)
@@ -51,15 +45,15 @@ def look(
     """Return the structure in the residuals of fitted deflections, one array a record.
 
     Two tests: means over stretches of each phase (χ² of their squares), and the products of samples
-    up to `_NEIGHBOURS` apart (white noise has none; what goes up and down does at all of these).
-    The mesh's probable share is taken off first.
+    a few apart (white noise has none; what goes up and down does at all of these). The mesh's
+    probable share is taken off first.
     """
     measured = [r.curve.deflection_mm for r in records]
     off = np.concatenate([m - w for m, w in zip(measured, deflections_mm, strict=True)])
     z_all = errors.without_columns(off)
     raw_all = off
     total, count, pairs = 0.0, 0, 0
-    lags = range(1, _NEIGHBOURS + 1)
+    lags = range(1, ERRORS.neighbours + 1)
     product = -sum(errors.expected_product(apart) for apart in lags)
     places: list[tuple[float, Place]] = []
     for record, z, raw in zip(records, errors.split(z_all), errors.split(raw_all), strict=True):
@@ -110,7 +104,7 @@ def judge(
     those of the likeliest.
     """
     first = look(records, judged[0][0], deflections_mm, unknowns)
-    if first.p_value >= _NO_DOUBT:
+    if first.p_value >= ERRORS.no_doubt:
         return first
     p = judged[0][1] * first.p_value
     for errors, weight in judged[1:]:
@@ -125,7 +119,7 @@ def steps(records: Sequence[Record], errors: Covariance, residual_mm: Array) -> 
     errors that are drawn, and rounded as the readings are. Tape that lets go does this; what is
     smooth, and what wanders as the errors do, does not.
     """
-    drawn = errors.colour(np.random.default_rng(0).standard_normal((errors.count, _DRAWN)))
+    drawn = errors.colour(np.random.default_rng(0).standard_normal((errors.count, ERRORS.drawn)))
     model = np.concatenate([r.curve.deflection_mm for r in records]) - residual_mm
     for record, part, own in zip(records, errors.split(drawn), errors.split(model), strict=True):
         lattice = 1e-3 * step_um(record.curve.deflection_mm)
@@ -133,11 +127,11 @@ def steps(records: Sequence[Record], errors: Covariance, residual_mm: Array) -> 
             part[:] = lattice * np.round((own[:, None] + part) / lattice) - own[:, None]
     every = np.column_stack([residual_mm, drawn])
     score = errors.transposed_without_columns(errors.without_columns(every))
-    total = np.zeros(_DRAWN + 1)
+    total, side = np.zeros(ERRORS.drawn + 1), ERRORS.step_side
     for part in errors.split(score):
-        if len(part) <= 2 * _STEP_SIDE:
+        if len(part) <= 2 * side:
             continue
-        since = np.cumsum(part[::-1], axis=0)[::-1][_STEP_SIDE:-_STEP_SIDE]  # of steps there
+        since = np.cumsum(part[::-1], axis=0)[::-1][side:-side]  # of steps there
         usual = np.square(since[:, 1:]).mean(axis=1, keepdims=True)
         total += (np.square(since) / usual).max(axis=0)
     chance = total[1:]
@@ -150,7 +144,7 @@ def _stretches(record: Record) -> list[tuple[int, int]]:
     edges = [0, *(np.flatnonzero(phase[1:] != phase[:-1]) + 1).tolist(), len(phase)]
     found = []
     for begin, end in pairwise(edges):
-        parts = min(_BINS, (end - begin) // _FEWEST)
+        parts = min(ERRORS.bins, (end - begin) // ERRORS.bin_fewest)
         if parts < 1:
             continue
         cuts = np.linspace(begin, end, parts + 1).astype(int).tolist()

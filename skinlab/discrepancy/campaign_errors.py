@@ -36,6 +36,7 @@ from skinlab.inference.noise import (
 )
 from skinlab.inference.outliers import outlier_probability
 from skinlab.inference.samples import Samples, alike
+from skinlab.inference.settings import NOISE, POSTERIOR
 from skinlab.mechanics.fem.skin import SkinProblem
 from skinlab.mechanics.fem.suction import Geometry
 
@@ -43,8 +44,6 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _LOG_2PI = float(np.log(2.0 * np.pi))
-_SEEN = 0.07  # of the noise: columns of so little length change nothing
-_LEAST_ROUGH_MM = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
@@ -396,7 +395,7 @@ def _choose(
         placement_scatter,
     )
     columns = columns_of(records)
-    least = _SEEN * max(roughness(linear.residual_mm), _LEAST_ROUGH_MM)
+    least = POSTERIOR.small * max(roughness(linear.residual_mm), NOISE.least_mm)
     seen = np.sqrt(np.square(columns).sum(axis=0)) > least
     rest = (MESH_REST * samples.deflection_mm) ** 2
     return choose_errors(look, linear, columns[:, seen], rest, models)

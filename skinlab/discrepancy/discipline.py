@@ -22,7 +22,7 @@ from skinlab.discrepancy.heldout import HeldOut
 from skinlab.discrepancy.odds import odds_words
 from skinlab.discrepancy.records import Record, by_geometry
 from skinlab.discrepancy.search import LOG10, Candidate
-from skinlab.discrepancy.settings import NAMES
+from skinlab.discrepancy.settings import NAMES, SEARCH
 from skinlab.inference.error_choice import Node
 from skinlab.inference.noise import legendre
 from skinlab.mechanics.effects import get_effect
@@ -31,8 +31,6 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _SECOND = "every second sample"
-_PER_LOOK = 4  # settings of the errors from each look: evidence of parts of the data
-_RIVALS = 3
 
 
 @dataclass(frozen=True)
@@ -56,7 +54,7 @@ class Discipline:
     ) -> None:
         """Both by `id` of the candidate: the explanations about their fits, their log10 odds."""
         self._records, self._errors, self._linear, self._odds = records, errors, linear, odds
-        nodes = [n for look in errors.looks for n in look.nodes[:_PER_LOOK]]
+        nodes = [n for look in errors.looks for n in look.nodes[: SEARCH.nodes_per_look]]
         self._nodes = [(n.covariance, n.log_prior) for n in nodes]
         self._known: dict[bytes, dict[int, float]] = {}
 
@@ -109,7 +107,7 @@ class Discipline:
         held: HeldOut,
     ) -> list[Trial]:
         """Return the tests of `best`; `parts` (u,) are what was held out, `held` what it left."""
-        rivals = [c for c in others if c is not best][:_RIVALS]
+        rivals = [c for c in others if c is not best][: NAMES.tried_rivals]
         everything = np.ones(sum(len(r.curve) for r in self._records), dtype=bool)
         whole = self.ahead(best, base, everything)
         odds = best.log10_evidence - whole  # of the prior, and what fewer settings change

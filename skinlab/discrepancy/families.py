@@ -35,9 +35,7 @@ from skinlab.mechanics.effects.model import problem_of
 
 Array = NDArray[np.float64]
 
-_SCALES = (0.1, 0.3, 1.0, 3.0)  # of the function, in that of its declaration; equally likely
 _STEP = 0.3  # typical sizes: of differences about the model as it is
-_FITTED = 3  # of the families that promise most
 
 
 def families() -> list[LearnedEffect]:
@@ -93,7 +91,7 @@ def find_families(search: Search, found: Found) -> Found:
     ]
     promising = sorted((p for p in promises if p is not None), key=lambda p: -p.log_evidence)
     plain = float(search.errors.log_evidences([search.linear(base.fit)])[0])
-    worth = [p for p in promising[:_FITTED] if p.log_evidence > plain]
+    worth = [p for p in promising[: SEARCH.families] if p.log_evidence > plain]
     fitted = [(p, fit) for p in worth if (fit := _fit(search, base.fit, p, seen)) is not None]
     if not fitted:
         return replace(found, candidates=[])
@@ -145,10 +143,10 @@ def against_families(search: Search, base: Candidate, best: Candidate) -> Trial:
             for linear, shapes in zip(ones[:2], each, strict=True):
                 assert shapes is not None
                 more, m = linear.beside(shapes), shapes.shape[1]
-                ones += [more.scaled(scale, m) for scale in _SCALES]
+                ones += [more.scaled(scale, m) for scale in SEARCH.scales]
     plain, name, *each_scale = errors.log_evidences(ones, ERRORS.rough_nodes) / LOG10
-    by_scale = np.reshape(each_scale, (len(named), len(fits), len(_SCALES))) * LOG10
-    mean = (logsumexp(by_scale, axis=2) - np.log(len(_SCALES))) / LOG10
+    by_scale = np.reshape(each_scale, (len(named), len(fits), len(SEARCH.scales))) * LOG10
+    mean = (logsumexp(by_scale, axis=2) - np.log(len(SEARCH.scales))) / LOG10
     odds = -float(np.log10(max(len(offered), 2)))
     ahead = float(name - plain) + search.log10_odds(best.fit)
     for which, against, what in (
@@ -158,7 +156,8 @@ def against_families(search: Search, base: Candidate, best: Candidate) -> Trial:
         gains = mean[:, which] + odds - against
         for i in np.argsort(-gains)[: int((gains >= NAMES.tie).sum())]:
             if which == 1:
-                scaled = ones[2 + (2 * i + 1) * len(_SCALES) + int(np.argmax(by_scale[i, 1]))]
+                likeliest = int(np.argmax(by_scale[i, 1]))
+                scaled = ones[2 + (2 * i + 1) * len(SEARCH.scales) + likeliest]
                 if _change_um(errors.looks[-1].mode, ones[1], scaled) < NAMES.practical_um:
                     continue
             promise = _Promise.of(search, fits[which], named[i], seen)
@@ -224,8 +223,8 @@ class _Promise:
         first, names = len(fit.u), one.names
         linear = search.linear(fit)
         more = linear.beside(shapes)
-        each = errors.log_evidences([more.scaled(scale, len(names)) for scale in _SCALES])
-        scale = _SCALES[int(np.argmax(each))]
+        each = errors.log_evidences([more.scaled(s, len(names)) for s in SEARCH.scales])
+        scale = SEARCH.scales[int(np.argmax(each))]
         slopes = np.column_stack([fit.jacobian, fitter.errors.whiten(shapes / PRIOR_SIZES)])
         at_fit = np.concatenate([fit.u, np.zeros(len(names))])
         scaled = with_family(fit.unknowns, one, seen, scale)
@@ -325,7 +324,7 @@ def _scaled(
     search: Search, errors: CampaignErrors, fit: Fit, one: LearnedEffect, seen: Seen
 ) -> tuple[Fit, float]:
     """Return the fit at its likeliest scale, and log evidence with the scale integrated out."""
-    fits = [replace(fit, unknowns=with_family(fit.unknowns, one, seen, scale)) for scale in _SCALES]
+    fits = [replace(fit, unknowns=with_family(fit.unknowns, one, seen, s)) for s in SEARCH.scales]
     linear = search.linear(fit)
     ones = [
         replace(

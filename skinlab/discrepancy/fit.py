@@ -21,7 +21,6 @@ Array = NDArray[np.float64]
 
 NO_MODEL = 1e3  # a whitened residual where there is no model
 _DIFFERENCE = 1e-4
-_AT_BOUND = 1e-4  # of the range
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +55,7 @@ class Fit:
     def free(self) -> NDArray[np.bool_]:
         """Which unknowns (k,) may still give way to either side: those that are at no bound."""
         low, high = self.unknowns.bounds
-        edge = _AT_BOUND * (high - low)
+        edge = FITS.at_bound * (high - low)
         return np.asarray((self.u > low + edge) & (self.u < high - edge))
 
     @property

@@ -9,14 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.discrepancy.fit import Fit, Fitter
+from skinlab.discrepancy.settings import FITS, NAMES
 from skinlab.inference.covariance import Covariance
 
 Array = NDArray[np.float64]
 Part = NDArray[np.bool_]
-
-_RADIUS = 1.0  # how far a refit may go from the whole fit: logarithms, typical sizes
-_REACHES = 1.5  # the same of a law's parameter that is no logarithm, in its reaches
-_TOLD = 0.3  # of its prior's standard deviation: an unknown that is known no better is not told
 
 
 @dataclass(frozen=True)
@@ -64,7 +61,7 @@ def conditions_of(fitter: Fitter, fits: Sequence[Fit]) -> list[Part]:
 def _lost(errors: Covariance, fit: Fit, out: Part) -> bool:
     """Return whether an effect's unknown is known hardly better than its prior without these."""
     deviations = np.sqrt(np.diag(_covariance(errors, fit, out)))
-    most = [_TOLD * axis.prior[1] for axis in fit.unknowns.axes]
+    most = [NAMES.known * axis.prior[1] for axis in fit.unknowns.axes]
     of_effects = slice(fit.unknowns.count, None)
     lost = deviations[of_effects] > most
     return bool((lost & (fit.deviations[of_effects] <= most)).any())
@@ -93,10 +90,10 @@ def predict_held_out(fitter: Fitter, fit: Fit, parts: Sequence[Part]) -> HeldOut
     fitter.prepare(model, fit.u, slopes=True)
     low, high = fit.unknowns.bounds
     space = fit.unknowns.space
-    radius = np.full(len(fit.u), _RADIUS)
+    radius = np.full(len(fit.u), FITS.refit_radius)
     for i, transform in enumerate(space.transforms):
         if transform == "linear":
-            radius[i] = _REACHES * fit.unknowns.reaches[i]
+            radius[i] = FITS.refit_reaches * fit.unknowns.reaches[i]
     low, high = np.maximum(low, fit.u - radius), np.minimum(high, fit.u + radius)
     left, doubt, plain = 0.0, 0.0, 0.0
     held = np.zeros(len(measured), dtype=bool)

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from skinlab.curves.campaign import Campaign
 from skinlab.curves.corrected import as_read
 from skinlab.curves.curve import Curve
-from skinlab.discrepancy.adequacy import ADEQUATE
 from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.misfit import errors_of
 from skinlab.discrepancy.posterior import Posterior, sample
 from skinlab.discrepancy.records import records_of
 from skinlab.discrepancy.search import Search
+from skinlab.discrepancy.settings import ERRORS
 from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.errors import InputError, NotTrustworthyError
 from skinlab.inference import flags
@@ -173,6 +173,6 @@ def _flags(
         value = left.parameters[name]
         if most_of_the_range((value["low"], value["high"]), prior[:, j]):
             found.append(f"not_identifiable:{name}")
-    if p_value < ADEQUATE:
+    if p_value < ERRORS.adequate:
         found.append("misfit_above_noise")
     return tuple(found)

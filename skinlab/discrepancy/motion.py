@@ -27,10 +27,6 @@ from skinlab.mechanics.effects.learned_motion import LearnedMotion
 
 Array = NDArray[np.float64]
 
-_REST = 0.5  # of the mean square, that is there whichever curve is left out
-_AGREE = 1.5  # times a size, so much it may be in the other look
-_SURE = 0.95  # probability of a wave, from which on it is looked at
-
 
 def find_motion(search: Search, found: Found) -> tuple[Candidate, tuple[Trial, ...]] | None:
     """Return what the errors show that is too large to be one, with its trials.
@@ -48,7 +44,8 @@ def find_motion(search: Search, found: Found) -> tuple[Candidate, tuple[Trial, .
     sizes = {
         n: [look.median(partial(size_um, name=n)) for look in looks] for n in ERRORS.largest_um
     }
-    if any(last > max(_AGREE * pure, ERRORS.largest_um[n]) for n, (pure, last) in sizes.items()):
+    agree, largest_um = ERRORS.wave_agree, ERRORS.largest_um
+    if any(last > max(agree * pure, largest_um[n]) for n, (pure, last) in sizes.items()):
         return None  # it is in what the explanation leaves, not in what repeats differ by
     ratios = {name: min(size) / ERRORS.largest_um[name] for name, size in sizes.items()}
     name = max(ratios, key=lambda n: ratios[n])
@@ -67,7 +64,7 @@ def find_motion(search: Search, found: Found) -> tuple[Candidate, tuple[Trial, .
 
 def _stands_out(looks: Sequence[ErrorChoice], linear: Linearised, name: str) -> bool:
     """Return whether a wave is surely there and, whichever curve is left out, larger than any."""
-    if not all(look.probability(name) >= _SURE for look in looks):
+    if not all(look.probability(name) >= ERRORS.wave_sure for look in looks):
         return False
     squares = _squares_um2(linear, _node(looks[-1], name), name)
     return bool((_without_one(squares) > NAMES.wave_um[name] ** 2).all())
@@ -118,7 +115,7 @@ def _trials(search: Search, linear: Linearised, node: Node, squares: Array) -> I
         f"it moves the readings by {np.sqrt(squares.mean()):.1f} µm, more than errors do or more "
         "smoothly",
     )  # fmt: skip
-    again = bool((_without_one(squares) > _REST * squares.mean()).all())
+    again = bool((_without_one(squares) > ERRORS.wave_rest * squares.mean()).all())
     yield Trial(
         "again", again,
         "it is there again with any one curve left out"

@@ -35,21 +35,16 @@ Array = NDArray[np.float64]
 
 # To suctions at which skins dome about alike: beyond, they crease, and two meshes differ by more
 # than is counted with.
-_TOPS_MBAR = {2.0: 400, 4.0: 200, 6.0: 100, 8.0: 100}
-_SLOW_S = 25  # up, and again down: suction without a pause may last 60 s, and samples tell
 MENU = tuple(
     (aperture, program)
-    for aperture, top in _TOPS_MBAR.items()
+    for aperture, top in PLANS.tops_mbar.items()
     for program in (
         f"ramp:{top}@60,ramp:0@60",
         f"ramp:{top}@80,hold:20,ramp:0@80,hold:8",
-        f"ramp:{top}@{top // _SLOW_S},ramp:0@{top // _SLOW_S}",
+        f"ramp:{top}@{top // PLANS.slow_s},ramp:0@{top // PLANS.slow_s}",
     )
 )
-_RATE_HZ = 20.0
 _STEP = 1e-3  # of an unknown, for slopes
-_DRAWS = 256  # outcomes of each explanation
-_BEAM = 6  # plans that are gone on with
 
 Names = tuple[str, ...]
 
@@ -234,7 +229,7 @@ def advise(
     own = set.intersection(*(set(f.effects) for f in tied))
     names = [tuple(e for e in f.effects if e not in own) for f in tied]
     widths = [len(f.u) for f in tied]
-    normal = rng.standard_normal((_DRAWS, len(tied) + sum(widths)))
+    normal = rng.standard_normal((PLANS.outcomes, len(tied) + sum(widths)))
     odds = _Odds(names, np.array(log10_evidence), widths, PLANS.tie, normal)
     looks = _looks(fitter, tied, errors)
     if not looks:
@@ -270,7 +265,7 @@ def _shortest(odds: _Odds, looks: Sequence[_Look]) -> Plan:
         best = max((best, *(plan for _, plan in plans)), key=lambda p: p.settled)
         if enough:
             return min(enough, key=lambda p: p.minutes)
-        leaders = sorted(plans, key=lambda p: -p[1].settled)[:_BEAM]
+        leaders = sorted(plans, key=lambda p: -p[1].settled)[: PLANS.beam]
         plans = []
         for chosen, _ in leaders:
             for look in looks:
@@ -290,7 +285,7 @@ def _looks(fitter: Fitter, tied: Sequence[Fit], errors: PlannedErrors) -> list[_
     have = {(r.geometry.aperture_mm, str(r.curve.setup.program or "")) for r in fitter.records}
     apertures = {r.geometry.aperture_mm for r in fitter.records}
     found = []
-    for aperture in _TOPS_MBAR:
+    for aperture in PLANS.tops_mbar:
         records = [_planned(fitter, a, program) for a, program in MENU if a == aperture]
         seen = [_expected(fitter, fit, records) for fit in tied]
         held = [one for one in seen if one is not None]
@@ -326,8 +321,8 @@ def _planned(fitter: Fitter, aperture: float, program_text: str) -> Record:
     """Return a record that was not measured, with the campaign's noise."""
     like = fitter.records[0]
     program = parse_program(program_text)
-    samples = math.floor(program.duration_s * _RATE_HZ) + 1
-    time = np.arange(samples) / _RATE_HZ
+    samples = math.floor(program.duration_s * PLANS.rate_hz) + 1
+    time = np.arange(samples) / PLANS.rate_hz
     path = PressurePath.of_program(program)
     setup = Setup(aperture, like.geometry.thickness_mm, program)
     pressure = path(time)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-_MOST = 4.0  # decades: beyond, the figure says more than any library of explanations can know
+from skinlab.discrepancy.settings import NAMES
 
 
 def odds_words(log10_ratio: float) -> str:
     """Return how many times likelier, rounded, at most "more than 10,000 times"."""
-    if log10_ratio > _MOST:
-        return f"more than {10**_MOST:,.0f} times"
+    if log10_ratio > NAMES.most_decades:
+        return f"more than {10**NAMES.most_decades:,.0f} times"
     times = 10**log10_ratio
     if times < 10:
         return f"{times:#.2g} times"

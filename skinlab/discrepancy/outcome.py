@@ -15,6 +15,7 @@ from skinlab.discrepancy.next_measurement import NextMeasurement, Plan
 from skinlab.discrepancy.posterior import Posterior, gaussian
 from skinlab.discrepancy.screen import Signature
 from skinlab.discrepancy.search import Candidate, Found
+from skinlab.discrepancy.settings import NAMES
 from skinlab.discrepancy.verdict import Verdict
 from skinlab.inference.error_judgement import ErrorModelSummary, PlacementSummary
 from skinlab.mechanics.effects import Parameter, all_effects
@@ -23,7 +24,6 @@ from skinlab.mechanics.names import is_effects
 SCHEMA = "skinlab.discrepancy/1"
 
 _MOST_PLACES = 12
-_SIGNIFICANT = 0.01
 _MOST_CANDIDATES = 10
 
 
@@ -132,7 +132,7 @@ class Outcome:
     def where(self) -> list[Place]:
         """Places where the model as it is leaves more than noise, the most significant first."""
         places = self.found.base.left.places
-        found = [p for p in places if p.p_value < _SIGNIFICANT][:_MOST_PLACES]
+        found = [p for p in places if p.p_value < NAMES.significant][:_MOST_PLACES]
         # What goes up and down within every stretch stands out in none: then the foremost.
         return found or ([] if self.verdict.name == "none" else list(places[:3]))
 

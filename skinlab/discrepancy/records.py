@@ -13,6 +13,7 @@ from skinlab.curves.campaign import Campaign
 from skinlab.curves.corrected import corrected
 from skinlab.curves.curve import Curve
 from skinlab.curves.pressure_path import PressurePath
+from skinlab.discrepancy.settings import ERRORS
 from skinlab.errors import InputError
 from skinlab.inference.batch import noise_from_repeats_um
 from skinlab.inference.error_models.quantised import step_of
@@ -23,13 +24,6 @@ from skinlab.mechanics.fem.suction import Geometry
 
 Array = NDArray[np.float64]
 
-_FEWEST = 20  # samples of a curve that can be looked at
-_APART = 2.0  # of `smooth_course`: corners of fast programs at 10 Hz stay
-_KNOTS = 0.5, 0.1  # how far the path may cut corners of that: of the noise, mbar at least
-_AS_ASKED = 1.25  # a channel within so many times its noise of the program followed it
-_ROUNDING_UM = 0.3
-_LEAST_STEP_MBAR = 0.01
-_GLITCH_WINDOW, _GLITCH, _GLITCH_LEAST_MM = 5, 8.0, 0.015  # samples; usual deviations
 _SPREAD = 0.6745  # median of |z| of a Gaussian
 
 
@@ -73,8 +67,8 @@ def records_of(campaign: Campaign) -> list[Record]:
     """
     found = []
     for curve, placement in zip(campaign.curves, placements_of(campaign.curves), strict=True):
-        if len(curve) < _FEWEST:
-            raise InputError(f"{curve.name}: {len(curve)} samples; expected {_FEWEST} or more")
+        if (count := len(curve)) < ERRORS.fewest:
+            raise InputError(f"{curve.name}: {count} samples; expected {ERRORS.fewest} or more")
         true = curve if curve.probe is None else corrected(curve, curve.probe)
         one = _record(true, campaign.noise_um, campaign.pressure_noise_mbar)
         found.append(replace(one, placement=placement))
@@ -86,7 +80,7 @@ def records_of(campaign: Campaign) -> list[Record]:
         if repeats is not None:
             squares.append(repeats**2)
             weights.append(0.5 * sum(weights) / len(found))
-        noise = max(float(np.sqrt(np.average(squares, weights=weights))), _ROUNDING_UM)
+        noise = max(float(np.sqrt(np.average(squares, weights=weights))), ERRORS.rounding_um)
         found = [replace(r, noise_um=noise) for r in found]
     return found
 
@@ -95,7 +89,7 @@ def _record(curve: Curve, noise_um: float | None, pressure_noise: float | None) 
     time, measured = curve.time_s, curve.pressure_mbar
     noise = pressure_noise_mbar(time, measured) if pressure_noise is None else pressure_noise
     # A channel that reads in whole mbar looks silent, and is off by up to half of one.
-    noise = float(np.hypot(noise, step_of(measured, _LEAST_STEP_MBAR) / np.sqrt(12.0)))
+    noise = float(np.hypot(noise, step_of(measured, ERRORS.rounding_mbar) / np.sqrt(12.0)))
     program = curve.program_as_run
     path = None
     if program is not None:
@@ -105,18 +99,18 @@ def _record(curve: Curve, noise_um: float | None, pressure_noise: float | None) 
         asked = [PressurePath(tuple(t + start), tuple(p)) for start in sorted(starts)]
         each = [float(np.sqrt(np.mean((measured - one(time)) ** 2))) for one in asked]
         off, best = min(each), asked[int(np.argmin(each))]
-        if off <= _AS_ASKED * max(noise, 0.05):
+        if off <= ERRORS.as_asked * max(noise, 0.05):
             path, pressure, sd = best, best(time), 0.0
     if path is None:
         # Each sample keeps its own reading: what smoothing leaves of the noise goes up and down
         # together, and through dw/dp it would look like a missing effect.
         pressure, sd = measured, noise
-        smooth = smooth_course(time, measured, noise, apart=_APART)
-        share, least = _KNOTS
+        smooth = smooth_course(time, measured, noise, apart=ERRORS.course_apart)
+        share, least = ERRORS.corners
         path = PressurePath.of_samples(time, smooth, max(share * noise, least))
     own = noise_um
     if own is None:
-        own = max(1e3 * roughness(curve.deflection_mm), _ROUNDING_UM)
+        own = max(1e3 * roughness(curve.deflection_mm), ERRORS.rounding_um)
     return Record(
         curve,
         Geometry(curve.setup.aperture_mm, curve.setup.thickness_mm),
@@ -142,9 +136,9 @@ def coarsened(record: Record, rate_hz: float) -> Record:
     w, phase = curve.deflection_mm, curve.phase
     from scipy.ndimage import median_filter  # slow to import
 
-    usual = median_filter(w, _GLITCH_WINDOW, mode="nearest")
+    usual = median_filter(w, ERRORS.glitch_window, mode="nearest")
     off = np.abs(w - usual)
-    kept = off <= np.maximum(_GLITCH * np.median(off) / _SPREAD, _GLITCH_LEAST_MM)
+    kept = off <= np.maximum(ERRORS.glitch * np.median(off) / _SPREAD, ERRORS.glitch_mm)
     begins = np.concatenate([[True], phase[1:] != phase[:-1]])
     run = np.cumsum(begins) - 1
     inside = np.arange(len(w)) - np.flatnonzero(begins)[run]
@@ -166,7 +160,7 @@ def coarsened(record: Record, rate_hz: float) -> Record:
         None if segment is None else segment[first], curve.partial,
         corrected_by=curve.corrected_by,
     )  # fmt: skip
-    if len(coarse) < _FEWEST:
+    if len(coarse) < ERRORS.fewest:
         return record
     by = float(np.mean(count[held])) ** -0.5
     return replace(

@@ -16,14 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.discrepancy.fit import Fit, Fitter
+from skinlab.discrepancy.settings import SEARCH
 from skinlab.discrepancy.unknowns import Axis, Unknowns
 from skinlab.mechanics.effects import get_effect
 
 Array = NDArray[np.float64]
 
-_SIZES = (0.3, 0.1, 0.03)  # of a typical one: about linear; the first that the skin bears
 NO_MODEL = "its model does not hold for these skins, even at 3 % of a typical size"
-_INVISIBLE = 1e-2  # standard deviations: a signature so small cannot be seen at all
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +42,7 @@ class Signature:
     @property
     def detectable(self) -> float:
         """Size, in typical ones, that raises χ² by 25: five standard deviations."""
-        return 5.0 / self.size if self.size > _INVISIBLE else float("inf")
+        return 5.0 / self.size if self.size > SEARCH.invisible else float("inf")
 
 
 def signature(fitter: Fitter, fit: Fit, effect: str) -> Signature | None:
@@ -121,7 +120,7 @@ class _Screened:
 
     def _moved(self, own: tuple[float, ...], which: int) -> tuple[Array, float] | None:
         """Return the curves with the effect, and its step; None where its model does not hold."""
-        for size in _SIZES:
+        for size in SEARCH.screened:
             some, step = self._u(own, which, size)
             model = self.fitter.model(self.unknowns)
             if self.fitter.prepare(model, some, memory=False):
@@ -135,7 +134,7 @@ class _Screened:
     ) -> list[tuple[Array, float] | None]:
         """Return the same of an effect on the record: the skin is solved once."""
         model = self.fitter.model(self.unknowns)
-        moved = [self._u(*task, _SIZES[0]) for task in tasks]
+        moved = [self._u(*task, SEARCH.screened[0]) for task in tasks]
         if not self.fitter.prepare(model, moved[0][0], memory=False):
             return [None] * len(tasks)
         every = np.hstack(model.predict_many(np.array([u for u, _ in moved])))
@@ -149,8 +148,8 @@ class _Screened:
         axes, axis, residual = self._axes, self._axes[which], self._residual
         direction = raw - self._absorbed @ (self._absorbed.T @ raw)
         length, whole = float(np.linalg.norm(direction)), float(np.linalg.norm(raw))
-        if length < _INVISIBLE:
-            share = 1.0 if whole > _INVISIBLE else 0.0
+        if length < SEARCH.invisible:
+            share = 1.0 if whole > SEARCH.invisible else 0.0
             return Signature(self.effect, axes, direction, length, 0.0, 0.0, share, which, own)
         amount = float(np.clip(float(direction @ residual) / length**2, *axis.bounds))
         gain = 2.0 * amount * float(direction @ residual) - amount**2 * length**2
@@ -167,7 +166,7 @@ def _with_priors(fit: Fit) -> Array:
 
 def alike(signatures: Mapping[str, Signature]) -> list[tuple[str, str]]:
     """Return pairs of effects whose signatures no data of this kind can tell apart."""
-    names = sorted(n for n, s in signatures.items() if s.size > _INVISIBLE)
+    names = sorted(n for n, s in signatures.items() if s.size > SEARCH.invisible)
     found = []
     for i, one in enumerate(names):
         for other in names[i + 1 :]:

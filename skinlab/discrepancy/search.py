@@ -10,7 +10,7 @@ from itertools import combinations, product
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.discrepancy.adequacy import ADEQUATE, Residual, judge, look
+from skinlab.discrepancy.adequacy import Residual, judge, look
 from skinlab.discrepancy.campaign_errors import (
     CampaignErrors,
     Linearised,
@@ -70,7 +70,7 @@ class Candidate:
     @property
     def adequate(self) -> bool:
         """Whether what it leaves may well be noise."""
-        return self.left.p_value >= ADEQUATE
+        return self.left.p_value >= ERRORS.adequate
 
 
 @dataclass(eq=False)

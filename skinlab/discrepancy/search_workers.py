@@ -17,10 +17,6 @@ from skinlab.mechanics.effects import EFFECTS
 
 Array = NDArray[np.float64]
 
-_SHARES = (0.7, 0.2, 1.5)  # of the size that is expected
-_LEVELS = (1.0, 2.5, 6.0)  # typical sizes, from usual to strong
-_ELSEWHERE = ((0.2, 0.0), (0.7, 1.0), (0.2, 1.0))  # share of the expected size; more log ratios
-
 
 def signature_of(fitter: Fitter, task: tuple[Fit, str]) -> Signature | str:
     """Return the signature of an effect at a fit, or why there is none.
@@ -74,7 +70,7 @@ def fit_elsewhere(fitter: Fitter, task: tuple[Fit, Signature]) -> Fit | None:
     fit, seen = task
     unknowns = fit.unknowns.with_effect(seen.effect)
     best: Fit | None = None
-    for share, stiffer in _ELSEWHERE:
+    for share, stiffer in FITS.elsewhere:
         found = fitter.fit(unknowns, _start(fit, unknowns, seen, share, stiffer))
         if found is not None and (best is None or found.cost < best.cost):
             best = found
@@ -91,9 +87,9 @@ def _continued(fitter: Fitter, fit: Fit, seen: Signature, best: Fit | None) -> F
     unknowns = fit.unknowns.with_effect(seen.effect)
     low, high = unknowns.bounds
     size = len(fit.u) + seen.which
-    at = _start(fit, unknowns, seen, _SHARES[0]) if best is None else best.u
+    at = _start(fit, unknowns, seen, FITS.shares[0]) if best is None else best.u
     sign = -1.0 if seen.amount < 0 else 1.0
-    for level in _LEVELS:
+    for level in FITS.levels:
         start = at.copy()
         start[size] = np.clip(sign * level, low[size], high[size])
         found = fitter.fit(unknowns, start)
@@ -112,7 +108,7 @@ def fit_one(fitter: Fitter, task: tuple[Fit, Signature, float]) -> Fit | None:
     fit, seen, limit = task
     unknowns = fit.unknowns.with_effect(seen.effect)
     best: Fit | None = None
-    for share in _SHARES:
+    for share in FITS.shares:
         found = fitter.fit(unknowns, _start(fit, unknowns, seen, share), limit)
         if found is not None and (best is None or found.cost < best.cost):
             best = found

@@ -36,6 +36,44 @@ class ErrorRules:
     )
     """Root mean squares above which what lasts or repeats is no error, but something missing: twice
     what docs/intervals.md lists."""
+    fewest: int = 20
+    """Samples of a curve that can be looked at."""
+    course_apart: float = 2.0
+    """Of `smooth_course`: less than for one curve; corners of fast programs at 10 Hz stay."""
+    corners: tuple[float, float] = (0.5, 0.1)
+    """How far the path may cut corners of that: of the noise, and mbar at least."""
+    as_asked: float = 1.25
+    """A channel within so many times its noise of the program followed it."""
+    rounding_um: float = 0.3
+    """Of a deflection's noise,"""
+    rounding_mbar: float = 0.01
+    """and of a step of the pressure: less is none."""
+    glitch_window: int = 5
+    """Samples whose median a glitch is held against,"""
+    glitch: float = 8.0
+    """in usual deviations from it, and"""
+    glitch_mm: float = 0.015
+    """at least."""
+    bins: int = 6
+    """Of a phase of a curve, in which a residual is looked at,"""
+    bin_fewest: int = 6
+    """with so many samples at least."""
+    neighbours: int = 3
+    """Samples apart: beyond what chance does to one distance, within a heartbeat."""
+    drawn: int = 200
+    """Residuals by chance, of which the largest step is the measure, with"""
+    step_side: int = 4
+    """samples on either side of it."""
+    adequate: float = 1e-3
+    """Of a p value: a fit whose residual is less likely than this leaves more than noise."""
+    no_doubt: float = 0.05
+    """Of a p value: what is likelier is not looked at with other errors."""
+    wave_sure: float = 0.95
+    """Probability of a pulse or a breath, from which on it is looked at;"""
+    wave_rest: float = 0.5
+    """of its mean square, that is there whichever curve is left out;"""
+    wave_agree: float = 1.5
+    """times a size, so much it may be in the other look."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +107,22 @@ class FitRules:
     """Or so much of the χ² that is more than noise: such a fit decides nothing."""
     effect_radius: float = 1.0
     """How far from an anchor an effect is trusted, in typical sizes."""
+    at_bound: float = 1e-4
+    """Of the range: an unknown so near its end is at it."""
+    least_held: float = 0.7
+    """Of the suction that is needed: a skin that creases before has no answer;"""
+    least_reach: float = 0.5
+    """of the suction that is asked for: it has no dome in the table."""
+    refit_radius: float = 1.0
+    """How far a refit without some data may go from the whole fit: logarithms, typical sizes;"""
+    refit_reaches: float = 1.5
+    """the same of a law's parameter that is no logarithm, in its reaches."""
+    shares: tuple[float, ...] = (0.7, 0.2, 1.5)
+    """Of the size that is expected, from which an effect is fitted,"""
+    levels: tuple[float, ...] = (1.0, 2.5, 6.0)
+    """in typical sizes, from usual to strong, and"""
+    elsewhere: tuple[tuple[float, float], ...] = ((0.2, 0.0), (0.7, 1.0), (0.2, 1.0))
+    """elsewhere: share of the expected size; more log ratios."""
 
 
 @dataclass(frozen=True)
@@ -97,9 +151,9 @@ class SearchRules:
     rival: float = 0.2
     """Share of the largest gain below which an effect is fitted only if the likelier fail."""
     far: float = 20.0
-    """Of the cost: an explanation so much worse than one that serves is out of the race, with
-    `far_share` of what that one gained on top."""
+    """Of the cost: an explanation so much worse than one that serves is out of the race,"""
     far_share: float = 0.1
+    """with such a share of what that one gained on top."""
     most_singles: int = 8
     """Single effects that are fitted."""
     leaders: int = 4
@@ -123,6 +177,20 @@ class SearchRules:
     not theirs took from an explanation was 4, what a fit by wider errors took from one 8."""
     sharpened: int = 6
     """So many of these are fitted again by the errors of the best."""
+    screened: tuple[float, ...] = (0.3, 0.1, 0.03)
+    """Of a typical size, at which effects are screened: about linear; the first that skins bear."""
+    invisible: float = 1e-2
+    """Standard deviations: a signature so small cannot be seen at all."""
+    prior_sizes: float = 3.0
+    """A prior's standard deviation, in sizes that are seen in practice;"""
+    prior_decades: float = 0.8
+    """the same for a parameter that has no zero, in decades."""
+    families: int = 3
+    """Families of learned functions that promise most: fitted, with"""
+    scales: tuple[float, ...] = (0.1, 0.3, 1.0, 3.0)
+    """priors of the function, in that of its declaration; equally likely."""
+    nodes_per_look: int = 4
+    """Settings of the errors from each look, for evidence of parts of the data."""
 
 
 @dataclass(frozen=True)
@@ -167,6 +235,16 @@ class NameRules:
     """and up to so much of the noise: the gap stays below 1.2 times the noise."""
     repeats_factor: float = 2.0
     """Repeats that differ by more than so many times the noise are told of first."""
+    known: float = 0.3
+    """Of its prior's standard deviation: an unknown that is known no better is not told."""
+    tried_rivals: int = 3
+    """Explanations that a name has to beat again without some of the data,"""
+    most_tied: int = 4
+    """and that a next measurement is looked for."""
+    significant: float = 0.01
+    """Of a p value: places of a residual that are told of."""
+    most_decades: float = 4.0
+    """Of odds: beyond, the figure says more than any library of explanations can know."""
 
 
 @dataclass(frozen=True)
@@ -197,6 +275,19 @@ class PlanRules:
     """Of a plan."""
     most_minutes: float = 30.0
     """Of a plan: a visit."""
+    tops_mbar: Mapping[float, int] = field(
+        default_factory=lambda: {2.0: 400, 4.0: 200, 6.0: 100, 8.0: 100}
+    )
+    """By the opening in mm: suctions at which skins dome about alike. Beyond, they crease, and two
+    meshes differ by more than is counted with."""
+    slow_s: int = 25
+    """Up, and again down: suction without a pause may last 60 s, and samples tell."""
+    rate_hz: float = 20.0
+    """At which a planned curve is sampled."""
+    outcomes: int = 256
+    """Drawn of each explanation."""
+    beam: int = 6
+    """Plans that are gone on with."""
 
 
 ERRORS = ErrorRules()

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.discrepancy.records import Record
+from skinlab.discrepancy.settings import FITS
 from skinlab.discrepancy.table_domes import (
     Domes,
     TableDomes,
@@ -39,7 +40,6 @@ Key = tuple[Geometry, int]  # as stated; the first cycle, or a later one
 _RATIO_NODES = 40
 _SMALL = 1e-3  # of an unknown, for slopes: what is left out is its square
 _EFFECT_STEP = 0.15  # of an effect's unknown, where the mesh changes and there is no slope
-_LEAST_HELD = 0.7  # of the suction that is needed: a skin that creases before has no answer
 _COMPARED, _ALIKE_S, _ALIKE_MBAR = 100, 0.3, 2.0  # points, length and suction of repeats
 _CORNER = 1e-2  # of the highest suction: a corner so small changes no correction
 _TREND = 5  # nodes from which a correction goes on beyond
@@ -301,7 +301,7 @@ class MappedModel:
         else:
             beside = {}
         needed = self._needed_mbar(here, key)
-        if solved.instant is None or solved.holds_to_mbar < _LEAST_HELD * needed:
+        if solved.instant is None or solved.holds_to_mbar < FITS.least_held * needed:
             return None
         held = nodes <= min(solved.holds_to_mbar, top)
         w, plain = solved.instant(nodes), self._plain([problem], top, nodes)[0]
@@ -334,7 +334,7 @@ class MappedModel:
             return None
         problem, top = there.problems[key], float(nodes[-1])
         solved = _solve(_bare(problem), (), top, self.discretisation)
-        if solved.instant is None or solved.holds_to_mbar < _LEAST_HELD * needed_mbar:
+        if solved.instant is None or solved.holds_to_mbar < FITS.least_held * needed_mbar:
             return None
         with np.errstate(divide="ignore", invalid="ignore"):
             value = np.log(solved.instant(nodes) / self._plain([problem], top, nodes)[0])
@@ -398,7 +398,7 @@ class MappedModel:
         exact = solve_skin(here.problems[key], path, self.discretisation).at(time, path(time))
         held = np.isfinite(exact)
         # Beyond a crease what they add stays as it was.
-        if path(time)[held].max(initial=0.0) < _LEAST_HELD * path.top_mbar:
+        if path(time)[held].max(initial=0.0) < FITS.least_held * path.top_mbar:
             return None
         plain = replace(record, path=path, pressure_mbar=path(time))
         unread = replace(here, sensors=Sensors(()), felt=[path] * len(here.felt), felt_more=())

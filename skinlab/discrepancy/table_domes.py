@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.curves.pressure_path import PressurePath
+from skinlab.discrepancy.settings import FITS
 from skinlab.mechanics.fem.skin import Prony, SkinProblem
 from skinlab.mechanics.fem.suction import MBAR
 from skinlab.tables.base import Database
@@ -31,7 +32,6 @@ _NODES = 72
 _BELOW_MBAR = 12.0  # under zero, for noise and for lag
 _HIGHEST_MBAR = 505.0  # that the database is asked for
 _BEND = 40.0  # the scale of the splines' arsinh is so much below their end
-_LEAST_REACH = 0.5  # of the suction that is asked for: a skin that creases before has no dome
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +106,7 @@ class TableDomes:
         curves = self._database.any_geometry(problems[0].skin.kappa)
         found, holds_to = curves(values, thickness, pressure * MBAR / values[:, :1])
         reach = holds_to * values[:, 0] / MBAR
-        found[reach < _LEAST_REACH * top] = np.nan
+        found[reach < FITS.least_reach * top] = np.nan
         coefficients = radius[:, None] * found @ _spline().T
         return Domes(coefficients.reshape(len(problems), -1, 4), scale, begin, step)
 

@@ -6,12 +6,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from skinlab.discrepancy.adequacy import ADEQUATE, Place
+from skinlab.discrepancy.adequacy import Place
 from skinlab.discrepancy.next_measurement import Plan
 from skinlab.discrepancy.odds import behind_words, chance_words, odds_words
 from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.search import Candidate, Partial
-from skinlab.discrepancy.settings import NAMES, PLANS
+from skinlab.discrepancy.settings import ERRORS, NAMES, PLANS
 from skinlab.inference.flags import CATALOGUE
 from skinlab.mechanics.names import effect_words, is_effects, parameter_of, plain
 from skinlab.text import inert
@@ -227,6 +227,12 @@ def next_words(outcome: Outcome) -> list[str]:
     return lines
 
 
+def alike_words(outcome: Outcome) -> list[str]:
+    """Return which effects these data cannot tell apart, in a sentence; none where they can."""
+    pairs = "; ".join(f"{a} and {b}" for a, b in outcome.alike)
+    return [f"With these measurements nobody could tell apart: {pairs}."] if pairs else []
+
+
 def _times(placements: int) -> str:
     return "" if placements == 1 else f", putting the probe on {placements} times"
 
@@ -309,10 +315,7 @@ def describe(outcome: Outcome) -> str:
     lines.append(f"{'':12}{'before':>30}{'after':>34}")
     lines += [f"  {n:<28}{b:<32}{a}" for n, b, a in parameter_rows(outcome)]
     lines += limits_words(outcome)
-    if outcome.alike:
-        pairs = "; ".join(f"{a} and {b}" for a, b in outcome.alike)
-        lines.append(f"With these measurements nobody could tell apart: {pairs}.")
-    lines += next_words(outcome)
+    lines += alike_words(outcome) + next_words(outcome)
     return "\n".join(lines)
 
 
@@ -323,7 +326,8 @@ def partial_words(partial: Partial) -> str:
     lines = ["Interrupted; known so far:"]
     left = partial.base.left
     lines.append(
-        f"The model as it is leaves {'noise' if left.p_value >= ADEQUATE else 'more than noise'} "
+        "The model as it is leaves "
+        f"{'noise' if left.p_value >= ERRORS.adequate else 'more than noise'} "
         f"({chance_words(left.p_value)})."
     )
     lines += [f"  {where_words(p)}" for p in left.places[:_SHOWN] if p.p_value < 0.01]

@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from skinlab.discrepancy.settings import SEARCH
 from skinlab.mechanics.effects import get_effect
 from skinlab.mechanics.fem.skin import Skin
 from skinlab.mechanics.materials import DEFAULT_LAW, get_law
@@ -18,9 +19,6 @@ from skinlab.parameters import Parameter, Search, Space
 
 Array = NDArray[np.float64]
 Values = dict[str, dict[str, float]]
-
-_SIZES = 3.0  # a prior's standard deviation, in sizes that are seen in practice
-_DECADES = 0.8  # the same for a parameter that has no zero, in decades
 
 
 @dataclass(frozen=True)
@@ -71,8 +69,8 @@ class Axis:
             mean = self.to_u(self.known[0])
             return mean, max(self.known[1] / abs(self.slope(mean)), 1e-6)
         if p.zero is None:
-            return math.log(p.typical), _DECADES * math.log(10.0)
-        return 0.0, _SIZES
+            return math.log(p.typical), SEARCH.prior_decades * math.log(10.0)
+        return 0.0, SEARCH.prior_sizes
 
     @property
     def one_sided(self) -> bool:

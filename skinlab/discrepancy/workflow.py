@@ -20,7 +20,7 @@ from skinlab.discrepancy.posterior import gaussian, sample
 from skinlab.discrepancy.records import by_condition, coarsened, records_of
 from skinlab.discrepancy.screen import alike
 from skinlab.discrepancy.search import Candidate, Found, Partial, Search
-from skinlab.discrepancy.settings import ERRORS
+from skinlab.discrepancy.settings import ERRORS, NAMES
 from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.discrepancy.verdict import Verdict, decide, decide_learned, disciplined
 from skinlab.errors import InputError
@@ -30,8 +30,6 @@ from skinlab.tables.base import Database
 from skinlab.tables.forward import check_law_of
 
 __all__ = ["Partial", "explain"]
-
-_MOST_TIED = 4  # explanations that a next measurement is looked for
 
 
 def explain(
@@ -125,7 +123,7 @@ def explain(
     following = None
     if verdict.name == "ambiguous":
         progress("looking for the measurement that would tell them apart")
-        tied = verdict.explanations[:_MOST_TIED]
+        tied = verdict.explanations[: NAMES.most_tied]
         following = advise(
             final,
             [tried.again(c.fit) for c in tied],
@@ -221,7 +219,7 @@ def _tried(search: Search, found: Found, first: Verdict, progress: Callable[[str
     progress("trying whether the explanation is there again in parts of the data")
     best = first.explanations[0]
     serving = [c for c in found.candidates if c.adequate]
-    discipline = _discipline(search, (found.base, best, *serving[:_MOST_TIED]))
+    discipline = _discipline(search, (found.base, best, *serving[: NAMES.most_tied]))
     stood = discipline.trials(best, found.base, serving, parts, held[best.effects])
     if first.name != "learned" and all(trial.passed for trial in stood):
         stood.append(against_families(search, found.base, best))

@@ -36,7 +36,9 @@ class StartRules:
     growing_samples: int = 200
     """Candidates for a curve that still grows, where an answer is due several times a second,"""
     growing_best: int = 20
+    """the best of these,"""
     growing_steps: int = 30
+    """and steps from each."""
 
 
 @dataclass(frozen=True)
@@ -323,15 +325,17 @@ class CalibrationRules:
     where its noise is above"""
     smooth_mbar: float = 0.2
     """for a dome is bent, and the mean dome of noisy pressures is not that of the mean: it looked
-    like lag and gain. At most"""
+    like lag and gain;"""
     smooth_s: float = 0.25
+    """over so long at most."""
     check_points: int = 15
     """Pressures at which a check compares."""
     check_offset_mm: float = 3e-3
     """What a probe may be off at a check, one standard deviation: warmth, and how it lies;"""
     check_gain: float = 0.005
-    """likewise. It agrees up to"""
+    """likewise."""
     check_sure: float = 0.99
+    """Probability up to which it agrees."""
 
 
 @dataclass(frozen=True)

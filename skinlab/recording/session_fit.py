@@ -49,13 +49,13 @@ def fit_curves(identifier: Identifier, name: str, curves: Sequence[Curve]) -> Id
     return replace(result, file=name)
 
 
-def excluded_of(session: Session) -> set[str]:
-    """Return the names of the curves that the operator excluded, by the audit trail."""
-    found: set[str] = set()
+def excluded_of(session: Session) -> dict[str, str]:
+    """Return why the operator excluded curves, by their names, from the audit trail."""
+    found: dict[str, str] = {}
     for entry in entries(session.records):
         name = f"curve {entry.detail.get('curve')}"
         if entry.what == "curve excluded":
-            found.add(name)
+            found[name] = str(entry.detail.get("text") or "")
         elif entry.what == "curve included":
-            found.discard(name)
+            found.pop(name, None)
     return found

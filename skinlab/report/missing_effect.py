@@ -28,7 +28,7 @@ from skinlab.discrepancy.text import (
 from skinlab.errors import InputError
 from skinlab.io.files import cannot_write, write_file
 from skinlab.mechanics.effects import get_effect
-from skinlab.mechanics.names import effect_words, plain, unit_of
+from skinlab.mechanics.names import effect_words
 from skinlab.report.page import Illustration, Section, Table, page
 from skinlab.report.pictures import new_figure, style, to_data_uri
 from skinlab.text import inert
@@ -176,17 +176,6 @@ def _which(outcome: Outcome) -> Section:
 
 
 def _methods(outcome: Outcome) -> Section:
-    lowest = [
-        [plain(n)[0], f"{v:.3g} {unit_of(n)}".rstrip()] for n, v in outcome.detectable.items()
-    ]
-    unseen = [
-        [effect_words(name), f"{what}: {why}"]
-        for what, found in (
-            ("cannot be seen", outcome.cannot_show),
-            ("not looked for", outcome.not_screened),
-        )
-        for name, why in found.items()
-    ]
     records = outcome.found.records
     data = [
         [
@@ -209,15 +198,14 @@ def _methods(outcome: Outcome) -> Section:
             "approximation, with priors as wide as three typical sizes of each effect; one effect "
             "is as likely beforehand as any other, none at all as likely as all together.",
             "An effect that is not in the library cannot be named, and one that the data cannot "
-            "tell from the law's parameters cannot be seen: the table says what could have been.",
+            "tell from the law's parameters cannot be seen: the section before says what "
+            "could have been.",
         ],
         tables=[
             Table(
                 ["curve", "aperture mm", "thickness mm", "program", "cycle", "samples", "noise µm"],
                 data,
             ),
-            Table(["parameter", "smallest size to be seen"], lowest),
-            Table(["effect", "not among them"], unseen),
         ],
     )
 

@@ -87,7 +87,7 @@ def why_left_out(
     session: Session, curves: Sequence[Measured], used: Sequence[str]
 ) -> dict[str, str]:
     """Return why a curve does not count in the joint answer, by its name."""
-    reasons = why_excluded(session)
+    reasons = excluded_of(session)
     found = {}
     for measured in curves:
         name = measured.curve.name
@@ -101,18 +101,6 @@ def why_left_out(
         else:
             cycle = measured.curve.setup.cycle
             found[name] = f"it is loading {cycle} of the site, and softer than a first one"
-    return found
-
-
-def why_excluded(session: Session) -> dict[str, str]:
-    """Return the operator's reasons for leaving curves out, by their names."""
-    found: dict[str, str] = {}
-    for entry in entries(session.records):
-        name = f"curve {entry.detail.get('curve')}"
-        if entry.what == "curve excluded":
-            found[name] = str(entry.detail.get("text") or "")
-        elif entry.what == "curve included":
-            found.pop(name, None)
     return found
 
 

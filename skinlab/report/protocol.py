@@ -25,9 +25,10 @@ from skinlab.errors import InputError
 from skinlab.mechanics.names import plain
 from skinlab.recording.audit import entries
 from skinlab.recording.session import Session
+from skinlab.recording.session_fit import excluded_of
 from skinlab.report.measured import Measured
 from skinlab.report.page import Section, Table
-from skinlab.report.page_one import verdict_of, why_excluded
+from skinlab.report.page_one import verdict_of
 from skinlab.report.rounding import Interval, half_width_percent
 from skinlab.report.verdict import Use, Verdict
 
@@ -244,7 +245,7 @@ def done_of(session: Session, curves: Sequence[Measured]) -> list[Done]:
             with contextlib.suppress(ValueError):  # damaged: the time is not known
                 at_s = datetime.fromisoformat(entry.utc).timestamp()
                 times[entry.what, f"curve {entry.detail.get('curve')}"] = at_s
-    excluded = why_excluded(session)
+    excluded = excluded_of(session)
     return [
         Done(
             m.curve.name,

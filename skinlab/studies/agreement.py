@@ -11,9 +11,10 @@ from scipy.stats import f as f_distribution
 from scipy.stats import nct
 from scipy.stats import t as t_distribution
 
+from skinlab.studies.settings import COMPONENTS
+
 Array = NDArray[np.float64]
 
-LEVEL = 0.95  # as publications of both have it
 LIMITS = 1.959963984540054  # of agreement: 95 % of differences, if they are normal
 
 
@@ -27,7 +28,7 @@ class Icc:
     high: float
 
 
-def shrout_fleiss(table: Array, level: float = LEVEL) -> tuple[Icc, ...]:
+def shrout_fleiss(table: Array, level: float = COMPONENTS.published_level) -> tuple[Icc, ...]:
     """Return the six intraclass correlations of a table (targets, raters) without gaps.
 
     Shrout and Fleiss 1979, Psychol. Bull. 86:420; intervals as in McGraw and Wong 1996, Psychol.
@@ -100,7 +101,9 @@ class BlandAltman:
     upper_high: float
 
 
-def bland_altman(first: Array, second: Array, level: float = LEVEL) -> BlandAltman:
+def bland_altman(
+    first: Array, second: Array, level: float = COMPONENTS.published_level
+) -> BlandAltman:
     """Return the agreement of pairs (n,), (n,).
 
     Bland and Altman 1986, Lancet 327:307; the limits' intervals are exact (Carkeet 2015, Optom.

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.mechanics.names import is_logarithmic
-from skinlab.studies.components import WITHIN, Components, Effect, components, effect
+from skinlab.studies.components import Components, components
+from skinlab.studies.design import WITHIN, Effect, effect
 from skinlab.studies.sources import LABELS
 from skinlab.studies.table import Cell, Columns
 

@@ -37,6 +37,7 @@ from skinlab.report.pictures import style, to_data_uri
 from skinlab.studies.compute import curves_of
 from skinlab.studies.plots import draw_pooled
 from skinlab.studies.run import How
+from skinlab.studies.settings import POOLS
 from skinlab.studies.sources import SESSIONS, Facts
 from skinlab.studies.state import State
 from skinlab.studies.table import Cell
@@ -47,11 +48,6 @@ from skinlab.workers import on_cluster, on_processes
 Array = NDArray[np.float64]
 Row = dict[str, Cell]
 
-FALSE_DISCOVERIES = 0.05  # of what is said to be there
-_FEWEST = 3  # campaigns that share an effect
-_MOST_TAKEN = 3  # effects that a group may share
-_CURVATURE = 0.1  # of what the first explains: its own curvature, which looks like others
-_INVISIBLE = 1e-3  # of a signature's square: less is not told from those taken already
 _90 = 0.95  # of a t distribution, for a 90 % interval
 
 
@@ -234,7 +230,7 @@ def evidence(explained: Sequence[dict[str, Any]]) -> Evidence:
                 "noise_um": outcome["gap"]["noise_um"],
                 "p_value": one["p_value"],
                 "q_value": adjusted,
-                "holds": bool(adjusted <= FALSE_DISCOVERIES and outcome["verdict"] != "none"),
+                "holds": bool(adjusted <= POOLS.false_discoveries and outcome["verdict"] != "none"),
                 "error": None,
             }
         )
@@ -247,7 +243,7 @@ def evidence(explained: Sequence[dict[str, Any]]) -> Evidence:
     q = _controlled([float(r["p_value"] or 0.0) for r in pooled])
     for row, adjusted in zip(pooled, q, strict=True):
         row["q_value"] = adjusted
-        row["holds"] = bool(adjusted <= FALSE_DISCOVERIES and not row["instead_of"])
+        row["holds"] = bool(adjusted <= POOLS.false_discoveries and not row["instead_of"])
     pooled.sort(key=lambda r: (bool(r["instead_of"]), float(r["p_value"] or 0.0)))
     return Evidence(tuple(campaigns), tuple(pooled))
 
@@ -267,7 +263,7 @@ def _pooled(good: Sequence[dict[str, Any]]) -> Iterator[Row]:
         if len(groups) > 1:
             groups["all"] = list(good)
         for group, members in sorted(groups.items()):
-            if len(members) >= _FEWEST:
+            if len(members) >= POOLS.fewest:
                 for row in _of_group([m["scores"] for m in members]):
                     physical = get_effect(str(row["effect"])).physical
                     if ("site" if physical else "probe") != shared_by:
@@ -290,28 +286,28 @@ def _of_group(scores: Sequence[dict[str, Any]]) -> Iterator[Row]:
     names = sorted({n for one in scores for n in one["names"]})
     taken: list[str] = []
     explained: list[float] = []
-    while len(taken) < _MOST_TAKEN:
+    while len(taken) < POOLS.most_taken:
         left = {n: _sizes(scores, n, taken) for n in names if n not in taken}
-        gains = {n: _test(sizes) for n, sizes in left.items() if len(sizes) >= _FEWEST}
+        gains = {n: _test(sizes) for n, sizes in left.items() if len(sizes) >= POOLS.fewest}
         best = min(gains, key=lambda n: (gains[n][3], -abs(gains[n][0] / gains[n][1])), default="")
-        if not best or gains[best][3] > FALSE_DISCOVERIES / max(len(gains), 1):
+        if not best or gains[best][3] > POOLS.false_discoveries / max(len(gains), 1):
             break
         explained.append((gains[best][0] / gains[best][1]) ** 2)
-        if explained[-1] < _CURVATURE * explained[0]:
+        if explained[-1] < POOLS.curvature * explained[0]:
             break
         taken.append(best)
     for name in names:
         before = taken[: taken.index(name)] if name in taken else taken
         sizes = _sizes(scores, name, [t for t in before if t != name])
         alone = _sizes(scores, name, [])
-        if len(alone) < _FEWEST:
+        if len(alone) < POOLS.fewest:
             continue
-        shown = sizes if len(sizes) >= _FEWEST else alone
+        shown = sizes if len(sizes) >= POOLS.fewest else alone
         mean, error, freedom, p_value = _test(shown)
         reach = float(t_distribution.ppf(_90, freedom)) * error
         # Not taken, and seen alone, or in what a large one leaves: that one is what there is.
         like = bool(taken) and name not in taken
-        like = like and min(_test(alone)[3], p_value) <= FALSE_DISCOVERIES
+        like = like and min(_test(alone)[3], p_value) <= POOLS.false_discoveries
         yield {
             "effect": name,
             "campaigns": len(shown),
@@ -338,7 +334,7 @@ def _sizes(scores: Sequence[dict[str, Any]], name: str, taken: Sequence[str]) ->
             inverse = np.linalg.pinv(gram[np.ix_(others, others)], hermitian=True)
             information = information - gram[i, others] @ inverse @ gram[others, i]
             value = value - gram[i, others] @ inverse @ score[others]
-        if information > _INVISIBLE * gram[i, i]:
+        if information > POOLS.invisible * gram[i, i]:
             found.append((value / information, 1.0 / math.sqrt(information)))
     return np.array(found).reshape(-1, 2)
 
@@ -412,9 +408,9 @@ def section(found: Evidence) -> Section:
         )
     words = [
         f"{counted(len(found.campaigns), 'campaign')} explained, {len(named)} by more than the "
-        f"model. At most some {100 * FALSE_DISCOVERIES:g} % of what holds over the study is there "
-        "by chance. A pooled effect is one that the curves of many campaigns share; its size is "
-        "linear, in typical sizes."
+        f"model. At most some {100 * POOLS.false_discoveries:g} % of what holds over the study is "
+        "there by chance. A pooled effect is one that the curves of many campaigns share; its "
+        "size is linear, in typical sizes."
     ]
     if rest := len(found.pooled) - len(shown):
         words.append(

@@ -30,20 +30,14 @@ from skinlab.recording.audit import entries
 from skinlab.recording.session import Session
 from skinlab.recording.session_fit import comparable, excluded_of
 from skinlab.studies.analysis import main_scale
-from skinlab.studies.components import WITHIN
+from skinlab.studies.design import WITHIN
+from skinlab.studies.settings import CHANGES
 
 Array = NDArray[np.float64]
 Verdict = Literal["changed", "not_shown", "cannot_say"]
 
-LEVEL = 0.95
-RELEVANT_PERCENT = 30.0
-_RELEVANT_LINEAR = 0.1  # of a parameter without a unit, such as ν
 
 # Published reproducibility of placing the probe anew: 6.4 % to 12.4 % (Diridollou 2000).
-_PRIOR_SD = 0.08
-_PRIOR_FREEDOM = 6.0
-_PRIOR_SD_LINEAR = 0.03
-_LEAST_FREEDOM = 4.0
 
 
 Estimate = tuple[float, float]  # a variance, and the degrees of freedom behind it
@@ -118,7 +112,7 @@ class Changes:
     stiffness: Changed | None
     basis: str
     paired: bool
-    level: float = LEVEL
+    level: float = CHANGES.level
 
     def to_json(self) -> dict[str, Any]:
         """Return it as plain data."""
@@ -171,7 +165,7 @@ def changes(
     study: Path | None = None,
     control: tuple[Side, Side] | None = None,
     placement_scatter: float | None = None,
-    relevant_percent: float = RELEVANT_PERCENT,
+    relevant_percent: float = CHANGES.relevant_percent,
 ) -> Changes:
     """Return whether each parameter changed.
 
@@ -230,9 +224,10 @@ def _judged(
         parts += [(2.0, scatter.operator)] if before.operator != after.operator else []
         parts += [(2.0, scatter.probe)] if before.probe != after.probe else []
     variance = own + sum(times * size for times, (size, _) in parts)
-    reach = float(t_distribution.ppf(0.5 + LEVEL / 2, _freedom(parts))) * math.sqrt(variance)
+    quantile = float(t_distribution.ppf(0.5 + CHANGES.level / 2, _freedom(parts)))
+    reach = quantile * math.sqrt(variance)
     scale = scale or main_scale(name)
-    relevant = math.log1p(relevant_percent / 100) if scale == "log" else _RELEVANT_LINEAR
+    relevant = math.log1p(relevant_percent / 100) if scale == "log" else CHANGES.relevant_linear
     verdict: Verdict = "cannot_say"
     if abs(change) > reach:
         verdict = "changed"
@@ -313,7 +308,7 @@ def _scatter(
     if stated is not None:
         source = f"a placement scatter of {100 * stated:g} %, stated; what a visit adds is unknown"
         return Scatter((stated**2, 1e6), source)
-    prior = _PRIOR_SD if main_scale(name) == "log" else _PRIOR_SD_LINEAR
+    prior = CHANGES.prior_sd if main_scale(name) == "log" else CHANGES.prior_sd_linear
     squares, freedom = 0.0, 0
     for side in sides:
         values = np.array([s[name] for s in side.singles if name in s])
@@ -323,12 +318,12 @@ def _scatter(
         own = 0.0 if whole else _single_variance(side, name)
         squares += max(float(np.square(y - y.mean()).sum()) - own * (len(y) - 1), 0.0)
         freedom += len(y) - 1
-    variance = (_PRIOR_FREEDOM * prior**2 + squares) / (_PRIOR_FREEDOM + freedom)
+    variance = (CHANGES.prior_freedom * prior**2 + squares) / (CHANGES.prior_freedom + freedom)
     source = (
         f"published scatter of placements and {freedom} repeats in these sessions; what a visit "
         "adds is unknown (--study FOLDER says it)"
     )
-    return Scatter((variance, _PRIOR_FREEDOM + freedom), source)
+    return Scatter((variance, CHANGES.prior_freedom + freedom), source)
 
 
 def _single_variance(side: Side, name: str) -> float:
@@ -378,7 +373,7 @@ def _of_study(name: str, side: Side, study: Path, *, whole: bool) -> Scatter:
     own = 0.0 if whole else of.get("of which identification", none)[0]
     placed = max(anew + within - own, 0.0)
     return Scatter(
-        (placed, max(freedom, _LEAST_FREEDOM)),
+        (placed, max(freedom, CHANGES.least_freedom)),
         f"the components of variance of {path}",
         of.get("visit"),
         of.get("operator", none),

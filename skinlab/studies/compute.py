@@ -25,11 +25,10 @@ from skinlab.recording.audit import entries
 from skinlab.recording.load_inputs import read_input
 from skinlab.recording.session import Session, read_session
 from skinlab.recording.stream import setup_to_json
+from skinlab.studies.settings import PRIORS
 from skinlab.studies.sources import SESSIONS, Facts, setup_of, sha256_of
 
 Array = NDArray[np.float64]
-
-DRAWS = 256  # of each curve's posterior, equally weighted, kept for the model of the population
 
 
 @dataclass(frozen=True)
@@ -164,7 +163,7 @@ def _step(curve: Curve) -> dict[str, float]:
     }
 
 
-def draws_of(result: Identification, count: int = DRAWS) -> Array:
+def draws_of(result: Identification, count: int = PRIORS.draws) -> Array:
     """Return equally weighted draws (count, p) of a curve's posterior, its parameters in order.
 
     The one place that knows how an identification keeps its draws. (0, 0) where it has none. Same

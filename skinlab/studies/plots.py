@@ -13,8 +13,8 @@ import numpy as np
 from skinlab.mechanics.names import heading
 from skinlab.report.pictures import BLUE, GREY, SERIES, VERMILION, new_figure
 from skinlab.studies.analysis import Analysis
-from skinlab.studies.components import WITHIN
-from skinlab.studies.reliability import REPEATS
+from skinlab.studies.design import WITHIN
+from skinlab.studies.settings import COMPONENTS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -191,7 +191,7 @@ def draw_repeats(one: Analysis, rows: Sequence[Row]) -> Figure:
         axes.plot(x, value, color=_COLOURS[k], marker="osv^D"[k % 5], ms=5, lw=1.2, label=facet)
         axes.vlines(x[known], low[known], high[known], color=_COLOURS[k], lw=1.2)
     axes.set_xscale("log")
-    axes.set_xticks(REPEATS, [str(k) for k in REPEATS])
+    axes.set_xticks(COMPONENTS.repeats, [str(k) for k in COMPONENTS.repeats])
     axes.minorticks_off()
     top = max(float(r["value"]) for r in rows)
     axes.set_ylim(0, min(1.6 * top, 400.0))

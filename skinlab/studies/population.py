@@ -25,20 +25,9 @@ from numpy.typing import NDArray
 
 from skinlab.inference.population import SCHEMA, PriorFile, Site, coordinates_of, to_coordinates
 from skinlab.io.documents import toml_text
+from skinlab.studies.settings import PRIORS
 
 Array = NDArray[np.float64]
-
-FEWEST_PEOPLE = 8
-_MOST_CURVES = 4_000  # more of them say hardly more; memory stays flat
-_DRAWS = 256  # of each curve
-_THINNED = 4  # every fourth of them tells how much fits to other people scatter
-_BOOTSTRAPS = 24
-_ITERATIONS = 200
-_SHARED = 0.35  # of a single curve's own error (a deviation), that all curves have in common
-_STILL = 1e-3  # of a deviation: the estimate stays
-_PEOPLE_BEFORE = 2.0  # what the first guess of the covariance counts for, in people
-_LEAST_SD = {"log": 0.05, "linear": 0.01}
-_FIRST_SD = {"log": 0.3, "linear": 0.04}
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +55,8 @@ class _Data:
         """Return only curves of factors (curves,) above zero, each counting so much more."""
         used = np.flatnonzero(factor)
         weight = (self.weight * factor)[used]
-        return _Data(self.z[used, ::_THINNED], self.pairs[used, ::_THINNED], weight, self.x[used])
+        some = np.s_[used, :: PRIORS.thinned]
+        return _Data(self.z[some], self.pairs[some], weight, self.x[used])
 
 
 def learn(
@@ -82,10 +72,10 @@ def learn(
     rng = np.random.default_rng(seed)
     kept = _reservoir((p for p in posteriors if len(p.draws)), rng)
     people, person = np.unique([p.subject for p in kept], return_inverse=True)
-    if len(people) < FEWEST_PEOPLE:
+    if len(people) < PRIORS.fewest_people:
         return None
-    step = max(1, min(len(p.draws) for p in kept) // _DRAWS)
-    z = np.stack([to_coordinates(p.draws[::step][:_DRAWS], kinds) for p in kept])
+    step = max(1, min(len(p.draws) for p in kept) // PRIORS.draws)
+    z = np.stack([to_coordinates(p.draws[::step][: PRIORS.draws], kinds) for p in kept])
     sites = sorted({p.site for p in kept})
     ages = np.array([np.nan if p.age_years is None else p.age_years for p in kept])
     aged = bool(np.isfinite(ages).all()) and float(np.ptp(ages)) > 0
@@ -102,7 +92,7 @@ def learn(
     data = _Data.of(z - centre, 1.0 / np.bincount(person)[person], x)
     coefficients, covariance = _fit(data, kinds, None)
     estimates, covariances = [], []
-    for _ in range(_BOOTSTRAPS):
+    for _ in range(PRIORS.bootstraps):
         counts = np.bincount(rng.integers(len(people), size=len(people)), minlength=len(people))
         again = data.weighted(counts[person].astype(float))
         if np.linalg.matrix_rank(again.x) < x.shape[1]:
@@ -114,7 +104,7 @@ def learn(
         off = np.array(estimates) - coefficients[0]
         covariance = np.mean(covariances, axis=0) + off.T @ off / len(off)
     own = np.mean([np.cov(draws.T) for draws in z], axis=0)
-    covariance = covariance + _SHARED**2 * own
+    covariance = covariance + PRIORS.shared**2 * own
     shifts = [*coefficients[1 : len(sites)]]
     shifts.append(-np.sum(shifts, axis=0) if shifts else np.zeros(len(kinds)))
     count = {s: sum(p.site == s for p in kept) for s in sites}
@@ -152,17 +142,17 @@ def _reservoir(posteriors: Iterable[Posterior], rng: np.random.Generator) -> lis
     """Return all of them, or as many as are kept, each as likely as any other."""
     kept: list[Posterior] = []
     for number, one in enumerate(posteriors):
-        if len(kept) < _MOST_CURVES:
+        if len(kept) < PRIORS.most_curves:
             kept.append(one)
-        elif (place := int(rng.integers(number + 1))) < _MOST_CURVES:
+        elif (place := int(rng.integers(number + 1))) < PRIORS.most_curves:
             kept[place] = one
     return kept
 
 
 def _fit(data: _Data, kinds: list[str], start: tuple[Array, Array] | None) -> tuple[Array, Array]:
     """Return the coefficients (m, k) of the mean and the covariance (k, k) of people about it."""
-    first = np.diag([_FIRST_SD[k] ** 2 for k in kinds])
-    least = np.array([_LEAST_SD[k] for k in kinds])
+    first = np.diag([PRIORS.first_sd[k] ** 2 for k in kinds])
+    least = np.array([PRIORS.least_sd[k] for k in kinds])
     z, weight, x = data.z, data.weight, data.x
     if start is None:
         coefficients = np.linalg.lstsq(x, np.median(z, axis=1), rcond=None)[0]
@@ -171,7 +161,7 @@ def _fit(data: _Data, kinds: list[str], start: tuple[Array, Array] | None) -> tu
         coefficients, covariance = start
     root = weight[:, None]
     people = float(weight.sum())
-    for _ in range(_ITERATIONS):
+    for _ in range(PRIORS.iterations):
         before = coefficients, covariance
         precision = np.linalg.inv(covariance)
         mean = x @ coefficients  # (curves, k)
@@ -187,13 +177,13 @@ def _fit(data: _Data, kinds: list[str], start: tuple[Array, Array] | None) -> tu
         across = (weight[:, None] * means).T @ mean
         total = (weight @ squares).reshape(precision.shape) - across - across.T
         total += (weight[:, None] * mean).T @ mean
-        covariance = (total + _PEOPLE_BEFORE * first) / (people + _PEOPLE_BEFORE)
+        covariance = (total + PRIORS.people_before * first) / (people + PRIORS.people_before)
         sd = np.sqrt(np.diag(covariance))
         if (sd < least).any():
             grow = np.maximum(least / sd, 1.0)
             covariance = covariance * np.outer(grow, grow)
         moved = np.abs(coefficients - before[0]).max() / sd.min()
         spread = np.abs(covariance - before[1]).max() / covariance.max()
-        if max(float(moved), float(spread)) < _STILL:
+        if max(float(moved), float(spread)) < PRIORS.still:
             break
     return np.asarray(coefficients, dtype=float), covariance

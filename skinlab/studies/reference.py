@@ -25,11 +25,10 @@ from skinlab.errors import InputError
 from skinlab.io.documents import decode, read_toml, toml_text
 from skinlab.report.page import Section, Table
 from skinlab.studies.analysis import main_scale, usable
+from skinlab.studies.settings import REFERENCES
 from skinlab.studies.table import Columns
 
 SCHEMA = "skinlab.reference/1"
-PERCENTILES = (5, 25, 50, 75, 95)
-FEWEST_PEOPLE = 20  # a 5th percentile of fewer is the least of them
 ANY = "any"
 
 _Test = Callable[["Range"], bool]
@@ -317,11 +316,11 @@ def reference_of(
                     mask = mask & (sexes == sex)
                 rows = kept.where(mask)
                 people = len(np.unique(rows.text["subject"]))
-                if people < FEWEST_PEOPLE:
+                if people < REFERENCES.fewest_people:
                     who = f"{band[0]:g} to {band[1]:g} years" if band else "all ages"
                     missing.append(
                         f"{site or 'no site'}, {who}, sex {sex}: no reference range of {people} "
-                        f"people; expected at least {FEWEST_PEOPLE}"
+                        f"people; expected at least {REFERENCES.fewest_people}"
                     )
                     continue
                 for quantity in kept.quantities:
@@ -354,10 +353,11 @@ def _range(
     there = np.isfinite(values) & ((values > 0) if logs else True)
     y = np.log(values[there]) if logs else values[there]
     _, at = np.unique(rows.text["subject"][there], return_inverse=True)
-    if not at.size or int(at.max()) + 1 < FEWEST_PEOPLE:
+    if not at.size or int(at.max()) + 1 < REFERENCES.fewest_people:
         return None
     means = np.bincount(at, y) / np.bincount(at)
-    found = np.percentile(means, PERCENTILES)
+    shares = REFERENCES.percentiles
+    found = np.percentile(means, shares)
     found = np.exp(found) if logs else found
     if not (np.diff(found) > 0).all():
         return None
@@ -367,7 +367,7 @@ def _range(
         site=site,
         aperture_mm=float(aperture),
         program=program,
-        percentiles={str(p): float(f"{v:.6g}") for p, v in zip(PERCENTILES, found, strict=True)},
+        percentiles={str(p): float(f"{v:.6g}") for p, v in zip(shares, found, strict=True)},
         n=len(means),
         sex=sex,
         age_years=band,

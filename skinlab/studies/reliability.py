@@ -11,7 +11,6 @@ import numpy as np
 from scipy.stats import linregress
 from scipy.stats import t as t_distribution
 
-from skinlab.studies.agreement import LEVEL as PUBLISHED_LEVEL
 from skinlab.studies.agreement import BlandAltman, bland_altman, shrout_fleiss
 from skinlab.studies.analysis import (
     NOT_STATED,
@@ -26,13 +25,10 @@ from skinlab.studies.analysis import (
     numbered,
     usable,
 )
-from skinlab.studies.components import LEVEL, WITHIN, interval
+from skinlab.studies.components import interval
+from skinlab.studies.design import WITHIN
+from skinlab.studies.settings import COMPONENTS
 from skinlab.studies.table import Columns
-
-REPEATS = (1, 2, 3, 5, 10)
-_FEWEST = 6  # curves of one condition
-_MOST_PAIRS = 45  # of operators, probes, visits or placements that are held against each other
-_MOST_REPEATS = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +69,7 @@ def reliability(table: Columns, seed: int = 0) -> Reliability:
         for quantity in kept.quantities:
             values = rows.number(quantity)
             there = np.isfinite(values)
-            if there.sum() < _FEWEST:
+            if there.sum() < COMPONENTS.fewest:
                 continue
             part, values = rows.where(there), values[there]
             for scale in dict.fromkeys((main_scale(quantity), "linear")):
@@ -107,8 +103,9 @@ def _limits(condition: str, table: Columns) -> Iterator[str]:
         yield f"{condition}: curves of different programs, if there are any, are taken as one"
     for facet in _AGAIN:
         count = math.comb(len(np.unique(table.text[facet])), 2)
-        if count > _MOST_PAIRS:
-            yield f"{condition}: agreement of the first {_MOST_PAIRS} of {count} pairs of {facet}s"
+        if count > COMPONENTS.most_pairs:
+            shown = f"the first {COMPONENTS.most_pairs} of {count} pairs of {facet}s"
+            yield f"{condition}: agreement of {shown}"
 
 
 def _notes(one: Analysis) -> list[str]:
@@ -134,7 +131,7 @@ def _components(one: Analysis) -> Iterator[Row]:
             "component": name,
             "sd": math.sqrt(part.variance),
             **row,
-            "level": LEVEL,
+            "level": COMPONENTS.level,
         }
     if one.identification is not None:
         total = sum(p.variance for p in one.found.parts)
@@ -160,7 +157,7 @@ def _agreement(one: Analysis) -> Iterator[Row]:
         error, drawn = found.variance(facet.error), found.drawn(facet.error)
         repeated = found.variance(PLACED)
         true, drawn_true = found.variance(facet.same), found.drawn(facet.same)
-        key: Row = {**one.key, "facet": facet.name, "by": "components", "level": LEVEL}
+        key: Row = {**one.key, "facet": facet.name, "by": "components", "level": COMPONENTS.level}
         for k in (1, 2, 3):
             value = true / (true + error / k) if true + error > 0 else 0.0
             whole = np.maximum(drawn_true + drawn / k, np.finfo(float).tiny)
@@ -177,7 +174,7 @@ def _agreement(one: Analysis) -> Iterator[Row]:
                 "definition": f"{'+'.join(facet.same)} / (the same + ({'+'.join(facet.error)})/k)",
             }
         unit = "log" if one.scale == "log" else "of the quantity"
-        for k in REPEATS:
+        for k in COMPONENTS.repeats:
             # Repeats are new placements: what a visit, operator or probe adds stays.
             left = error - repeated + repeated / k
             ends = found.sum_interval({n: 1 / k if n in PLACED else 1.0 for n in facet.error})
@@ -239,7 +236,8 @@ def repeats_for(one: Analysis, percent: float, facet: Facet) -> int | None:
     left = (wanted / (1.96 * math.sqrt(2.0))) ** 2 - rest
     if left <= 0:
         return None
-    return max(1, math.ceil(repeated / left - 1e-9)) if repeated / left < _MOST_REPEATS else None
+    needed = repeated / left
+    return max(1, math.ceil(needed - 1e-9)) if needed < COMPONENTS.most_repeats else None
 
 
 # ---- pairs and complete tables --------------------------------------------------------------
@@ -289,7 +287,7 @@ def _from_tables(one: Analysis, table: Columns, y: Array) -> Iterator[Row]:
                 **one.key,
                 "facet": facet,
                 "by": "table",
-                "level": PUBLISHED_LEVEL,
+                "level": COMPONENTS.published_level,
                 "measure": icc.form,
                 "k": 1 if icc.form.endswith("1)") else len(levels),
                 "value": icc.value,
@@ -307,7 +305,7 @@ def _agreements(one: Analysis, table: Columns, y: Array) -> Iterator[tuple[Row, 
         if len(levels) < 2:
             continue
         cells = _cells(table, y, facet)
-        for first, second in islice(combinations(levels, 2), _MOST_PAIRS):
+        for first, second in islice(combinations(levels, 2), COMPONENTS.most_pairs):
             both = [(k, c) for k, c in cells.items() if first in c and second in c]
             a = np.array([c[first][0] for _, c in both])
             b = np.array([c[second][0] for _, c in both])
@@ -321,7 +319,7 @@ def _agreements(one: Analysis, table: Columns, y: Array) -> Iterator[tuple[Row, 
                 {**key, "target": t, "mean": float(m), "difference": float(d)}
                 for t, m, d in zip(targets, (a + b) / 2, b - a, strict=True)
             ]
-            yield {**key, **asdict(found), "level": PUBLISHED_LEVEL}, pairs
+            yield {**key, **asdict(found), "level": COMPONENTS.published_level}, pairs
 
 
 def _ordered(levels: Sequence[str]) -> list[str]:
@@ -381,7 +379,7 @@ def _slope(one: Analysis, against: str, x: Array, y: Array, freedom: int) -> Row
         "slope": slope,
         "low": slope - reach,
         "high": slope + reach,
-        "level": LEVEL,
+        "level": COMPONENTS.level,
         "correlation": float(fit.rvalue),
         "count": len(x),
     }

@@ -13,7 +13,7 @@ from skinlab.report.page import Illustration, Section, Table, page
 from skinlab.report.pictures import style, to_data_uri
 from skinlab.studies import plots
 from skinlab.studies.analysis import FACETS, Analysis, conditions, tells_nothing, usable
-from skinlab.studies.components import WITHIN
+from skinlab.studies.design import WITHIN
 from skinlab.studies.reliability import Reliability
 from skinlab.studies.table import Cell, Columns
 

@@ -28,6 +28,7 @@ from skinlab.studies.reference import reference_of, write_reference
 from skinlab.studies.reliability import Reliability, reliability, repeats_for
 from skinlab.studies.report import flags_of, html, main_analyses, people_of
 from skinlab.studies.run import How, settings_of, update
+from skinlab.studies.settings import REFERENCES
 from skinlab.studies.sources import LEFT_ALONE, Plan, sha256_of
 from skinlab.studies.state import State
 from skinlab.studies.table import (
@@ -65,7 +66,6 @@ MEANING = {
     "study.toml": "The population, as a prior for skinlab identify",
     "study.json": "The main figures, settings and versions",
 }
-AGE_BANDS = ((0.0, 20.0), (20.0, 40.0), (40.0, 60.0), (60.0, 80.0), (80.0, 120.0))
 
 
 @dataclass(frozen=True)
@@ -170,7 +170,9 @@ def _write(
     files += _write_tables(out, table, found, failures, effects)
     if not have_pictures():
         notices.append(f"report.html is not written: {NO_PICTURES}")
-    reference, missing = reference_of(table, out.resolve().name, bands=AGE_BANDS, by_sex=True)
+    reference, missing = reference_of(
+        table, out.resolve().name, bands=REFERENCES.age_bands, by_sex=True
+    )
     for name, text in (
         ("study.toml", None if prior is None else to_toml(prior)),
         ("reference.toml", None if reference is None else write_reference(reference)),

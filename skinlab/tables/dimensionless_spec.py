@@ -26,6 +26,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from skinlab.curves.compliance import small_load_compliance
 from skinlab.curves.curve import Curve
 from skinlab.errors import InputError, NotTrustworthyError
 from skinlab.mechanics.effects.base import Effects
@@ -191,12 +192,14 @@ class DimensionlessSpec:
 
     def coordinate(self, load: Array, thickness_over_radius: float | Array) -> Array:
         """Return asinh(c q / y0) of loads q."""
-        return np.asarray(np.arcsinh(_compliance(thickness_over_radius) * load / self.load_scale))
+        return np.asarray(
+            np.arcsinh(small_load_compliance(thickness_over_radius) * load / self.load_scale)
+        )
 
     def load(self, coordinate: Array, thickness_over_radius: float) -> Array:
         """Return the loads q at coordinates: the inverse of `coordinate`."""
         return np.asarray(
-            self.load_scale * np.sinh(coordinate) / _compliance(thickness_over_radius)
+            self.load_scale * np.sinh(coordinate) / small_load_compliance(thickness_over_radius)
         )
 
     def load_coordinates(self) -> Array:
@@ -561,12 +564,6 @@ def _log_secant(curve: SuctionCurve, load: Array) -> Array:
 def _stored_axis(default: Axis, at: list[float]) -> Axis:
     low, high, nodes, *values = at
     return Axis(low, high, int(nodes), default.spacing, tuple(values))
-
-
-def _compliance(thickness_over_radius: float | Array) -> float | Array:
-    """Return w/R / q for small q, within 2 % for the paper's law, X2/X1 = 7, κ/X1 = 10 (a fit)."""
-    t = thickness_over_radius
-    return 0.0246 / t**3 + 0.0803 / t**2 - 0.0072 / t + 0.182
 
 
 @lru_cache(maxsize=8)

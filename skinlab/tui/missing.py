@@ -41,7 +41,13 @@ def outcome_rows(outcome: Outcome, columns: int, lines: int = 0) -> Rows:
 
     The pictures grow until a screen of so many `lines` is filled.
     """
-    from skinlab.discrepancy.text import doubt_words, limits_words, repeats_words, where_words
+    from skinlab.discrepancy.text import (
+        alike_words,
+        doubt_words,
+        limits_words,
+        repeats_words,
+        where_words,
+    )  # fmt: skip
 
     rows: Rows = [[(line, "strong")] for line in repeats_words(outcome) + verdict_lines(outcome)]
     rows += [[(line, "text")] for line in next_lines(outcome)]
@@ -55,10 +61,8 @@ def outcome_rows(outcome: Outcome, columns: int, lines: int = 0) -> Rows:
         rows += [[], [("Where the model as it is disagrees:", "quiet")]]
         rows += [[(f"  {where_words(place)}", "quiet")] for place in outcome.where[:_MOST]]
     rows += [[], *([(line, "quiet")] for line in limits_words(outcome, _least_words))]
-    if outcome.alike:
-        pairs = "; ".join(f"{a} and {b}" for a, b in outcome.alike)
-        said = f"With these measurements nobody could tell apart: {pairs}."
-        rows += [[], [(said, "quiet")]]
+    for line in alike_words(outcome):
+        rows += [[], [(line, "quiet")]]
     return rows
 
 

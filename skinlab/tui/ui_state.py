@@ -22,7 +22,7 @@ from drivers.events import (
     Sample,
     State,
 )
-from skinlab.acquisition.measurement import Phase, Plan
+from skinlab.acquisition.measurement_messages import Phase, Plan
 from skinlab.acquisition.measurement_request import Order
 from skinlab.acquisition.messages import (
     Adopted,

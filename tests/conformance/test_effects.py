@@ -24,7 +24,18 @@ PATH = PressurePath.of_program(parse_program("ramp:60@40,hold:2,ramp:0@40,hold:1
 TIMES = np.linspace(0.0, 6.0, 61)
 
 
-@pytest.mark.parametrize("effect", EFFECTS, ids=NAMES)
+# Beside viscoelasticity and a layer that stay
+ANOTHER_OF_A_KIND = {"power_law_creep", "poroelastic_creep", "surface_layer"}
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [
+        pytest.param(effect, marks=[pytest.mark.long] * (effect.name in ANOTHER_OF_A_KIND))
+        for effect in EFFECTS
+    ],
+    ids=NAMES,
+)
 def test_it_is_recovered_from_another_mesh(effect):
     """Its size, from noisy data of a 9-node mesh, with the base known; the mesh of record fits."""
     values = effect.typical
@@ -46,27 +57,28 @@ def test_it_is_recovered_from_another_mesh(effect):
 
 
 EVERYTHING = {effect.name: effect.typical for effect in EFFECTS}
-
-
-SOME = [EFFECTS[NAMES.index(n)] for n in ("viscoelasticity", "sensor_curve")]
-OTHER = [EFFECTS[NAMES.index(n)] for n in ("hypodermis", "tape_slip")]
+# A curve of all with their memory takes seconds
+MEMORIES = {"viscoelasticity", "power_law_creep", "poroelastic_creep"}
+AT_ONCE = [effect for effect in EFFECTS if effect.name not in MEMORIES]
+SOME = [EFFECTS[NAMES.index(n)] for n in ("viscoelasticity", "sensor_curve", "hypodermis")]
 
 
 @pytest.mark.parametrize(
-    "effects",
+    ("effects", "among"),
     [
-        SOME,
-        pytest.param(OTHER, marks=pytest.mark.long),
-        pytest.param(EFFECTS, marks=pytest.mark.soak),
+        (AT_ONCE, AT_ONCE),
+        pytest.param(SOME, EFFECTS, marks=pytest.mark.long),
+        pytest.param(EFFECTS, EFFECTS, marks=pytest.mark.soak),
     ],
-    ids=["some", "other", "each"],
+    ids=["at once", "some", "each"],
 )
-def test_all_of_them_together(effects):
-    together = curve(EVERYTHING)
-    np.testing.assert_array_equal(curve(dict(reversed(EVERYTHING.items()))), together)
+def test_all_of_them_together(effects, among):
+    values = {effect.name: effect.typical for effect in among}
+    together = curve(values)
+    np.testing.assert_array_equal(curve(dict(reversed(values.items()))), together)
     for effect in effects:
-        without = {k: v for k, v in EVERYTHING.items() if k != effect.name}
-        zero = curve(EVERYTHING | {effect.name: effect.zero})
+        without = {k: v for k, v in values.items() if k != effect.name}
+        zero = curve(values | {effect.name: effect.zero})
         np.testing.assert_allclose(zero, curve(without), rtol=1e-13, atol=1e-15)
         assert np.abs(together - zero).max() > 5e-4  # mm
 

@@ -163,7 +163,7 @@ def test_a_damaged_index_of_visits_is_made_again(tmp_path, originals, count):
 @pytest.fixture(scope="module")
 def outcome():
     table = shipped_table()
-    return explain(campaign_of_offset(table, UP), table, workers=1)
+    return explain(campaign_of_offset(table, UP), table, workers=1, finite_elements=False)
 
 
 @pytest.mark.parametrize("count", [30, pytest.param(10_000, marks=pytest.mark.soak)])

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from patience import module_command, patient_command
+from patience import probe_command
 
 from skinlab.cli.main import run
 
@@ -25,15 +25,15 @@ class SimulatedProbe:
         self, folder: Path, *options: str, faults: str, speed: float, patient: bool
     ) -> None:
         self.folder = folder
+        self._rows: list[tuple[float, float, str]] = []
+        self._read = 0  # bytes of the trace
         self.trace = folder / f"trace{len(list(folder.glob('trace*')))}.csv"
         arguments = ["--trace", str(self.trace), "--speed", str(speed), *options]
         if faults:
             (folder / "FAULTS.toml").write_text(faults)
             arguments += ["--faults", str(folder / "FAULTS.toml")]
         self.process = subprocess.Popen(
-            patient_command("sim_device", *arguments, apart=True)
-            if patient
-            else module_command("sim_device", *arguments),
+            probe_command(*arguments, patient=patient),
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
@@ -45,9 +45,14 @@ class SimulatedProbe:
 
     def rows(self) -> list[tuple[float, float, str]]:
         """Time (s), true pressure (mbar) and state, by the device's own clock, up to now."""
-        with self.trace.open(newline="") as file:
-            lines = [line for line in file if line.endswith("\n")]
-        return [(float(t), float(p), state) for t, p, state in list(csv.reader(lines))[1:]]
+        with self.trace.open("rb") as file:
+            file.seek(self._read)
+            new = file.read()
+        whole = new[: new.rfind(b"\n") + 1]
+        lines = whole.decode().splitlines()[0 if self._read else 1 :]  # without the header
+        self._read += len(whole)
+        self._rows += [(float(t), float(p), state) for t, p, state in csv.reader(lines)]
+        return self._rows
 
     def until(self, condition: Callable[[list[tuple[float, float, str]]], object]) -> None:
         """Wait until the trace meets the condition."""

@@ -36,12 +36,13 @@ def loaded_by(*arguments):
 
 
 @pytest.mark.skipif(kernel.library() is None, reason="without the kernel, scipy does its work")
-def test_identify_loads_nothing_slow(tmp_path):
+def test_identification_and_finite_elements_load_nothing_slow(tmp_path):
     curve = tmp_path / "curve.csv"
-    loaded_by(
-        "forward", "--x1-mpa", "0.03", "--x2-mpa", "1", "--nu", "0.32", "--aperture-mm", "6",
-        "--thickness-mm", "1", "--program", "ramp:100@20", "--csv", str(curve),
-    )  # fmt: skip
+    by_finite_elements = [
+        "forward", "--direct", "--x1-mpa", "0.03", "--x2-mpa", "1", "--nu", "0.32", "--aperture-mm",
+        "6", "--thickness-mm", "1", "--program", "ramp:100@20", "--csv", str(curve),
+    ]  # fmt: skip
+    assert loaded_by(*by_finite_elements) == []
     assert loaded_by("identify", str(curve), "--aperture-mm", "6", "--thickness-mm", "1") == []
 
 

@@ -11,7 +11,7 @@ import threading
 
 import pytest
 import serial
-from patience import FORGIVING_S, patient_command, reopen
+from patience import FORGIVING_S, probe_command, reopen
 from serial.rfc2217 import PortManager
 
 from drivers.errors import LinkError, PortUrlError
@@ -52,7 +52,7 @@ if hasattr(os, "openpty"):
 class Simulator:
     def __init__(self, *options: str) -> None:
         self.process = subprocess.Popen(
-            patient_command("sim_device", *options, apart=True),
+            probe_command(*options, patient=True),
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from patience import patient_command
+from patience import patient_command, probe_command
 
 from drivers.events import Sample, State, TimedEvent
 from skinlab.recording.recorded import dialect_of, recorded_items
@@ -29,7 +29,7 @@ ENVIRONMENT = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
 @contextmanager
 def simulator(*arguments: str) -> Iterator[str]:
     process = subprocess.Popen(
-        patient_command("sim_device", *arguments, apart=True),
+        probe_command(*arguments, patient=True),
         stdout=subprocess.PIPE,
         text=True,
         env=ENVIRONMENT,

@@ -183,7 +183,7 @@ def identifier() -> Identifier:
 
 
 @pytest.fixture
-def bedside(tmp_path: Path, identifier: Identifier):
+def bedside(tmp_path: Path, identifier: Identifier, coarse_skin: None):
     @asynccontextmanager
     async def enter(
         port: str | None = SIMULATED,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from fung_table import DIMENSIONLESS, built
+from fung_table import dimensionless
 from skinlab_example.fung import LAW
 
 from skinlab.inference.identify import Identifier
@@ -24,7 +24,7 @@ parameters = { C1_MPa = 0.066, C2 = 11.0, nu = 0.33 }
 @pytest.fixture(scope="session")
 def identifier(tmp_path_factory):
     with with_law(LAW):
-        yield Identifier(read(built(tmp_path_factory.mktemp("fung"), "fung", DIMENSIONLESS)))
+        yield Identifier(read(dimensionless(tmp_path_factory, tmp_path_factory.mktemp("law"))))
 
 
 def titles(curves):

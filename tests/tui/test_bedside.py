@@ -9,7 +9,7 @@ from textual import events
 
 from drivers.events import Hello, InstrumentState, Sample, State
 from drivers.probe import Probe
-from skinlab.acquisition.measurement import Phase, Plan
+from skinlab.acquisition.measurement_messages import Phase, Plan
 from skinlab.acquisition.messages import Connected, Done, Heard, Over, Went
 from skinlab.curves.curve import Setup
 from skinlab.curves.growing import GrowingCurve

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from skinlab.mechanics.effects.base import Array, Parameter, Values
-from skinlab.mechanics.effects.learned import LearnedEffect, Seen
+from skinlab.mechanics.effects.learned import LearnedEffect, Seen, less_gain
 from skinlab.mechanics.fem.skin import SkinProblem, Term
 from skinlab.mechanics.materials import get_law
 from skinlab.mechanics.materials.base import Energy, Potential, potential_of_j1
@@ -86,7 +86,7 @@ class LearnedLaw(LearnedEffect):
 
     def shown(self, x: Array, y: Array) -> Array:
         """Leave out what is in proportion: laws have that."""
-        return np.asarray(y - (y @ x / (x @ x))[..., None] * x)
+        return less_gain(x, y)
 
     def sentence(self, x: Array, y: Array) -> str:
         """Say where it is stiffer or softer than the law."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.mechanics.effects import checked, get_effect
 from skinlab.mechanics.effects.base import Effect, Effects
+from skinlab.mechanics.fem.hermite import CubicHermite
 from skinlab.mechanics.fem.relaxation import RelaxingCurve, relax
 from skinlab.mechanics.fem.skin import Skin, SkinProblem, prepare
 from skinlab.mechanics.fem.suction import (
@@ -28,9 +28,6 @@ from skinlab.mechanics.fem.suction import (
     Geometry,
     trace,
 )
-
-if TYPE_CHECKING:
-    from scipy.interpolate import CubicHermiteSpline
 
 Array = NDArray[np.float64]
 
@@ -54,7 +51,7 @@ class Instant:
     Beyond its ends it goes on as a straight line: whoever reads it there looks whether it holds.
     """
 
-    spline: CubicHermiteSpline
+    spline: CubicHermite
     preload_mbar: float
     zero_mm: float  # deflection at the preload
 

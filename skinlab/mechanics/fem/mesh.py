@@ -9,6 +9,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from skinlab.mechanics.fem.roots import brentq
+
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
@@ -81,10 +83,8 @@ def graded_sizes(
     low = 1.0
     if sizes(low, n).sum() >= length:  # `first` alone fills it
         return np.full(n, length / n)
-    from scipy.optimize import brentq  # slow to import
-
     q = brentq(lambda q: float(sizes(q, n).sum()) - length, low, ratio, xtol=1e-14)
-    return sizes(float(q), n)
+    return sizes(q, n)
 
 
 ROWS_ABOVE = 2  # of elements, in each thin layer on top
@@ -103,10 +103,8 @@ def _counted_sizes(length: float, first: float, largest: float, count: int) -> A
 
     if excess(_STEEPEST) <= 0:  # the cap is too low for so few elements: even sizes but the first
         return np.concatenate([[first], np.full(count - 1, (length - first) / (count - 1))])
-    from scipy.optimize import brentq  # slow to import
-
     q = brentq(excess, 1.0, _STEEPEST, xtol=1e-14)
-    return np.asarray(np.minimum(first * float(q) ** steps, largest))
+    return np.asarray(np.minimum(first * q**steps, largest))
 
 
 def suction_mesh(

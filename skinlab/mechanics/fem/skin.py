@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from skinlab.errors import InputError
 from skinlab.mechanics.fem.assembly import Assembly, stress_and_tangent
+from skinlab.mechanics.fem.roots import brentq
 from skinlab.mechanics.fem.suction import MESH_OF_RECORD, RIM_MM, Discretisation, Geometry
 from skinlab.mechanics.materials import DEFAULT_LAW, Energy, Law, Potential, get_law
 from skinlab.mechanics.materials.base import First, HasPotential
@@ -313,10 +314,8 @@ def through_thickness(stretch: float, energy: HasPotential, parameters: Mapping[
         f = np.array([stretch, 0.0, 0.0, through, stretch])[:, None]
         return float(stress_and_tangent(f, energy, parameters)[1][3, 0])
 
-    from scipy.optimize import brentq  # slow to import
-
     try:
-        return float(brentq(stress, 0.2, 5.0, xtol=1e-15, rtol=1e-14))
+        return brentq(stress, 0.2, 5.0, xtol=1e-15, rtol=1e-14)
     except ValueError:
         raise InputError(f"stretch {stretch:g}: no equilibrium through the thickness") from None
 

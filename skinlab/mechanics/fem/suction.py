@@ -23,12 +23,11 @@ from skinlab.mechanics.fem.element import (
     QUAD9_LINEAR_DILATATION,
     Element,
 )
+from skinlab.mechanics.fem.hermite import CubicHermite
 from skinlab.mechanics.fem.mesh import Grading, Mesh, suction_mesh
 from skinlab.mechanics.materials import DEFAULT_LAW, get_law
 
 if TYPE_CHECKING:
-    from scipy.interpolate import CubicHermiteSpline
-
     from skinlab.mechanics.fem.assembly import Assembly
     from skinlab.mechanics.fem.newton import EquilibriumPath, Point, StepSettings
 
@@ -188,11 +187,9 @@ class SuctionCurve:
         return np.where(inside, self.spline(p), np.nan)
 
     @property
-    def spline(self) -> CubicHermiteSpline:
+    def spline(self) -> CubicHermite:
         """The curve as a function of pressure (mbar) that does not ask whether it holds."""
-        from scipy.interpolate import CubicHermiteSpline  # slow to import
-
-        return CubicHermiteSpline(self.pressure_mbar, self.deflection_mm, self.slope_mm_per_mbar)
+        return CubicHermite(self.pressure_mbar, self.deflection_mm, self.slope_mm_per_mbar)
 
 
 @lru_cache(maxsize=16)

@@ -6,14 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.curves.program import Program, Ramp, Release, Rest, Until
+from skinlab.quality.settings import ASKED
 
 Array = NDArray[np.float64]
-
-# A pump may be this late. The simulated one takes 20 ms; the driver allows 500 ms going down.
-LAG_S = 0.25
-LAG_OF_STEPS_S = 0.5  # for what is asked for "at once"
-STEP_MBAR_PER_S = 200.0  # faster ramps are steps: 100 mbar within the lag of one
-VENT_S = 1.0  # a pressure that falls through a valve may take so long (limits of the driver)
 
 
 def asked_band_mbar(
@@ -32,7 +27,7 @@ def asked_band_mbar(
     after = time_s + 1.5 * interval_s
     lags = _lags(program, segment, len(time_s))
     low, high = _range(times, pressures, time_s - lags, after)
-    _, high_before = _range(times, pressures, time_s - VENT_S, after)
+    _, high_before = _range(times, pressures, time_s - ASKED.vent_s, after)
     return low, high, high_before
 
 
@@ -74,10 +69,10 @@ def _corners(
 def _lags(program: Program, segment: NDArray[np.intp] | None, n: int) -> Array:
     """Return how late (n,) the pressure may be: steps take longer than ramps."""
     steps = [
-        isinstance(s, Ramp | Until) and s.rate_mbar_per_s > STEP_MBAR_PER_S
+        isinstance(s, Ramp | Until) and s.rate_mbar_per_s > ASKED.step_mbar_per_s
         for s in program.segments
     ]
     if segment is None or not any(steps):
-        return np.full(n, LAG_OF_STEPS_S if any(steps) else LAG_S)
+        return np.full(n, ASKED.lag_of_steps_s if any(steps) else ASKED.lag_s)
     late = np.array([*steps, False]) | np.array([False, *steps])  # a step, and what follows it
-    return np.where(late[np.minimum(segment, len(steps))], LAG_OF_STEPS_S, LAG_S)
+    return np.where(late[np.minimum(segment, len(steps))], ASKED.lag_of_steps_s, ASKED.lag_s)

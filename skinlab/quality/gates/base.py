@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from skinlab.curves.curve import Curve, Setup
 from skinlab.plugins import needs
 from skinlab.quality.gates.asked import asked_band_mbar
+from skinlab.quality.settings import TIMES
 
 Array = NDArray[np.float64]
-
-_TAIL_S = 3.0  # long enough for every gate that looks at what is new
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +76,7 @@ class CurveSoFar:
         """
         if self.complete or not len(self.time_s):
             return self
-        first = int(np.searchsorted(self.time_s, self.time_s[-1] - _TAIL_S))
+        first = int(np.searchsorted(self.time_s, self.time_s[-1] - TIMES.tail_s))
         if first == 0:
             return self
         return replace(

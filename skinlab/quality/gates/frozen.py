@@ -6,7 +6,8 @@ import numpy as np
 
 from skinlab.quality.gates.base import CurveSoFar, Finding, Gate
 from skinlab.quality.gates.expected import tolerance_mbar
-from skinlab.quality.gates.standstill import LONGEST_S, deflection_standstills
+from skinlab.quality.gates.standstill import deflection_standstills
+from skinlab.quality.settings import STILL
 
 _ADVICE = "switch the probe off and on; if it stays so, have the sensor looked at"
 
@@ -31,7 +32,7 @@ def _pressure(view: CurveSoFar) -> Finding | None:
         return None
     p, t = view.pressure_mbar, view.time_s
     edges = np.concatenate([[0], np.flatnonzero(np.diff(p) != 0) + 1, [len(p)]])
-    for k in np.flatnonzero(t[edges[1:] - 1] - t[edges[:-1]] >= 0.9 * LONGEST_S):
+    for k in np.flatnonzero(t[edges[1:] - 1] - t[edges[:-1]] >= STILL.slack * STILL.longest_s):
         i, j = int(edges[k]), int(edges[k + 1])
         low, high = band[0][i:j], band[1][i:j]
         # Asked for: first clearly less than later, or the other way round.

@@ -5,15 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from skinlab.quality.gates.base import CurveSoFar, Finding, Gate, longest_run
-from skinlab.quality.gates.expected import (
-    FEWEST_SAMPLES,
-    LEAST_ASKED_MBAR,
-    SHORTEST_S,
-    SOME_SUCTION,
-    tolerance_mbar,
-)
-
-_SLOWER = 0.95  # a pump that is only late rises as steeply as asked for
+from skinlab.quality.gates.expected import tolerance_mbar
+from skinlab.quality.settings import ASKED
 
 
 def _check(view: CurveSoFar) -> Finding | None:
@@ -23,16 +16,23 @@ def _check(view: CurveSoFar) -> Finding | None:
         return None
     low = band[0]
     p = view.pressure_mbar
-    short = (low >= LEAST_ASKED_MBAR) & (p < low - tolerance_mbar(low)) & (p > SOME_SUCTION * low)
+    short = (
+        (low >= ASKED.least_asked_mbar)
+        & (p < low - tolerance_mbar(low))
+        & (p > ASKED.some_suction * low)
+    )
     run = longest_run(short, view.time_s)
     if run is None:
         return None
     i, j = run
     lasts_s = float(view.time_s[j - 1] - view.time_s[i])
-    if j - i < FEWEST_SAMPLES or lasts_s < SHORTEST_S:
+    if j - i < ASKED.fewest or lasts_s < ASKED.shortest_s:
         return None
     asked_rise = float(low[j - 1] - low[i])
-    if asked_rise > tolerance_mbar(low[i:j]).max() and _rise(view, i, j) > _SLOWER * asked_rise:
+    if (
+        asked_rise > tolerance_mbar(low[i:j]).max()
+        and _rise(view, i, j) > ASKED.slower * asked_rise
+    ):
         return None  # as steep as asked, and late: ramp_not_as_asked
     worst = i + int(np.argmax(low[i:j] - p[i:j]))
     return Finding(
@@ -52,6 +52,7 @@ GATE = Gate(
     "leak",
     _check,
     meaning="the pressure stays behind what was asked for, and does not catch up",
-    threshold="3 mbar or 3 % for 0.3 s: 15 standard deviations of a pressure sensor (0.2 mbar), "
+    threshold=f"{ASKED.off_mbar:g} mbar or {100 * ASKED.off_part:g} % for {ASKED.shortest_s:g} s: "
+    "15 standard deviations of a pressure sensor (0.2 mbar), "
     "tighter than what makes the driver vent",
 )

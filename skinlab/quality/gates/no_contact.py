@@ -5,16 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from skinlab.quality.gates.base import Array, CurveSoFar, Finding, Gate, longest_run
-from skinlab.quality.gates.expected import (
-    LEAST_ASKED_MBAR,
-    SHORTEST_S,
-    SOME_SUCTION,
-    least_deflection_mm,
-)
-
-_TELLING_MM = 0.02  # the stiffest skin moves so much: 7 times a sensor's noise of 3 µm
-_STILL = 0.25  # of what the stiffest skin moves
-_FEW = 5  # samples whose median is looked at
+from skinlab.quality.gates.expected import least_deflection_mm
+from skinlab.quality.settings import ASKED, SKIN
 
 _ADVICE = "put the probe onto the skin, without gap, and repeat"
 
@@ -28,9 +20,9 @@ def _no_suction(view: CurveSoFar) -> Finding | None:
     if band is None:
         return None
     low = band[0]
-    none = (low >= LEAST_ASKED_MBAR) & (view.pressure_mbar <= SOME_SUCTION * low)
+    none = (low >= ASKED.least_asked_mbar) & (view.pressure_mbar <= ASKED.some_suction * low)
     run = longest_run(none, view.time_s)
-    if run is None or view.time_s[run[1] - 1] - view.time_s[run[0]] < SHORTEST_S:
+    if run is None or view.time_s[run[1] - 1] - view.time_s[run[0]] < ASKED.shortest_s:
         return None
     last = run[1] - 1
     return Finding(
@@ -43,18 +35,18 @@ def _no_suction(view: CurveSoFar) -> Finding | None:
 
 def _nothing_follows(view: CurveSoFar) -> Finding | None:
     n = len(view.time_s)
-    if n < 2 * _FEW:
+    if n < 2 * SKIN.few:
         return None
     # Growing: is it still now; complete: was it still at the highest suction.
     top = n if not view.complete else int(np.argmax(view.pressure_mbar))
-    first = max(min(top, n - _FEW), 0)
-    at = slice(first, first + _FEW)
-    suction = _middle(view.pressure_mbar[at]) - _middle(view.pressure_mbar[:_FEW])
+    first = max(min(top, n - SKIN.few), 0)
+    at = slice(first, first + SKIN.few)
+    suction = _middle(view.pressure_mbar[at]) - _middle(view.pressure_mbar[: SKIN.few])
     least_mm = least_deflection_mm(view.setup, suction)
-    if least_mm < _TELLING_MM:
+    if least_mm < SKIN.telling_mm:
         return None
-    moved_mm = _middle(view.deflection_mm[at]) - _middle(view.deflection_mm[:_FEW])
-    if abs(moved_mm) >= _STILL * least_mm:
+    moved_mm = _middle(view.deflection_mm[at]) - _middle(view.deflection_mm[: SKIN.few])
+    if abs(moved_mm) >= SKIN.still * least_mm:
         return None
     here = _middle(view.pressure_mbar[at])
     return Finding(

@@ -5,19 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from skinlab.curves.program import Ramp, Until
-from skinlab.quality.gates.asked import LAG_S, STEP_MBAR_PER_S
 from skinlab.quality.gates.base import Array, CurveSoFar, Finding, Gate, longest_run
-from skinlab.quality.gates.expected import (
-    FEWEST_SAMPLES,
-    SHORTEST_S,
-    open_chamber,
-    tolerance_mbar,
-)
-
-_SLOPE = 0.1  # relative: the loading rate matters to a skin that creeps
-_SIGMAS = 4.0  # of the slope's own error, so that noise over a short ramp is no finding
-_LEAST_RISE_MBAR = 10.0
-_FEWEST = 6
+from skinlab.quality.gates.expected import open_chamber, tolerance_mbar
+from skinlab.quality.settings import ASKED
 
 _ADVICE = "look at pump, tube and filter; repeat, with a slower ramp if the pump cannot follow"
 
@@ -40,7 +30,7 @@ def _outside(view: CurveSoFar) -> Finding | None:
     if run is None:
         return None
     i, j = run
-    if j - i < FEWEST_SAMPLES or view.time_s[j - 1] - view.time_s[i] < SHORTEST_S:
+    if j - i < ASKED.fewest or view.time_s[j - 1] - view.time_s[i] < ASKED.shortest_s:
         return None
     k = j - 1
     asked = f"{low[k]:.0f}" if high[k] - low[k] < 1 else f"{low[k]:.0f}–{high[k]:.0f}"
@@ -56,20 +46,23 @@ def _slope(view: CurveSoFar) -> Finding | None:
     if program is None or view.segment is None:
         return None
     for k, segment in enumerate(program.segments):
-        if not isinstance(segment, Ramp | Until) or segment.rate_mbar_per_s > STEP_MBAR_PER_S:
+        if not isinstance(segment, Ramp | Until) or segment.rate_mbar_per_s > ASKED.step_mbar_per_s:
             continue
         here = np.flatnonzero(view.segment == k)
         begun = dict(view.began_s).get(k)
         if not len(here) or begun is None:
             continue
         t, p = view.time_s[here], view.pressure_mbar[here]
-        steady = t >= begun + LAG_S
+        steady = t >= begun + ASKED.lag_s
         t, p = t[steady], p[steady]
-        if len(t) < _FEWEST or segment.rate_mbar_per_s * (t[-1] - t[0]) < _LEAST_RISE_MBAR:
+        if (
+            len(t) < ASKED.slope_fewest
+            or segment.rate_mbar_per_s * (t[-1] - t[0]) < ASKED.slope_rise_mbar
+        ):
             continue
         slope, error = _line(t, p)
         asked = segment.rate_mbar_per_s * (1.0 if program.phases[k] == "load" else -1.0)
-        if abs(slope - asked) > _SLOPE * abs(asked) + _SIGMAS * error:
+        if abs(slope - asked) > ASKED.slope * abs(asked) + ASKED.slope_sigmas * error:
             return Finding(
                 GATE.name,
                 f"the pressure goes by {slope:.3g} mbar/s in part {k + 1} of the program, where "
@@ -91,6 +84,7 @@ GATE = Gate(
     "ramp_not_as_asked",
     _check,
     meaning="the pressure rises at another rate, comes late or goes too far",
-    threshold="10 % of the rate (and 4 standard errors of it); 3 mbar or 3 % for 0.3 s beyond a "
-    "pump's lag of 0.25 s (0.5 s after a step)",
+    threshold=f"{100 * ASKED.slope:g} % of the rate (and {ASKED.slope_sigmas:g} standard errors of "
+    f"it); {ASKED.off_mbar:g} mbar or {100 * ASKED.off_part:g} % for {ASKED.shortest_s:g} s beyond "
+    f"a pump's lag of {ASKED.lag_s:g} s ({ASKED.lag_of_steps_s:g} s after a step)",
 )

@@ -6,13 +6,7 @@ import numpy as np
 
 from skinlab.curves.curve import Curve, white_noise
 from skinlab.quality.gates.base import CurveSoFar, Finding, Gate
-
-# Stiffness goes about as the inverse of the deflection: a tenth of that is more than the scatter of
-# one operator's repeats is hoped to be, and less than the interval of one curve.
-_MOST = 0.1
-_SIGMAS = 4.0  # of the two curves' noise
-_FEWEST = 10
-_LEAST_PART = 0.2  # of the program's highest pressure: below, a dome is mostly noise and contact
+from skinlab.quality.settings import REPEATS
 
 
 def _check(view: CurveSoFar) -> Finding | None:
@@ -22,19 +16,19 @@ def _check(view: CurveSoFar) -> Finding | None:
         return None
     t, w = view.time_s, view.deflection_mm
     if not view.complete:
-        first = max(0, len(t) - 5 * _FEWEST)
+        first = max(0, len(t) - 5 * REPEATS.fewest)
         t, w = t[first:], w[first:]
     # Where all of them were measured, and there is a dome to compare.
     end_s = min(float(c.time_s[-1]) for c in others)
     reference = np.median([np.interp(t, c.time_s, c.deflection_mm) for c in others], axis=0)
     pressure = np.interp(t, others[0].time_s, others[0].pressure_mbar)
-    use = (t <= end_s) & (pressure >= _LEAST_PART * program.max_pressure_mbar)
-    if int(use.sum()) < _FEWEST:
+    use = (t <= end_s) & (pressure >= REPEATS.least_part * program.max_pressure_mbar)
+    if int(use.sum()) < REPEATS.fewest:
         return None
     difference = w[use] - reference[use]
     part = float(np.sqrt(np.mean(difference**2) / np.mean(reference[use] ** 2)))
     noise = white_noise(w[use]) / float(np.sqrt(np.mean(reference[use] ** 2)))
-    if part <= _MOST + _SIGMAS * noise:
+    if part <= REPEATS.part + REPEATS.sigmas * noise:
         return None
     names = ", ".join(c.name for c in others)
     way = "more" if difference.mean() > 0 else "less"
@@ -56,7 +50,7 @@ GATE = Gate(
     "repeat_differs",
     _check,
     meaning="the dome is another one than in the repeats before it",
-    threshold="10 % of the deflection (and 4 standard deviations of its noise), where the "
-    "pressure is above a fifth of its highest. First and later loadings are compared "
-    "apart",
+    threshold=f"{100 * REPEATS.part:g} % of the deflection (and {REPEATS.sigmas:g} standard "
+    "deviations of its noise), where the pressure is above a fifth of its highest. First and "
+    "later loadings are compared apart",
 )

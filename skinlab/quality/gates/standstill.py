@@ -9,14 +9,9 @@ import numpy as np
 
 from skinlab.quality.gates.base import Array, CurveSoFar
 from skinlab.quality.gates.expected import least_deflection_mm
+from skinlab.quality.settings import STILL
 
-LONGEST_S = 0.5  # the driver vents after this long (docs/safety.md) ...
-_SLACK = 0.9  # ... so that what is left of such a curve may hold a little less of it
-_STEPS = 3.0  # resolutions by which even the stiffest skin would have moved
-_RESOLUTION_MM = 1e-3  # of a sensor; coarser where its readings show it
 _UNIT_MM = 1e-4  # in which readings are counted to see that
-_FEWEST = 5  # samples, and parts of a run
-_LEAST_MBAR = 2.0  # ten times a pressure sensor's noise, as the driver has it
 
 
 @dataclass(frozen=True)
@@ -35,19 +30,22 @@ class Standstill:
 def deflection_standstills(view: CurveSoFar) -> Iterator[Standstill]:
     """Yield the runs in which even a very stiff skin would have moved visibly."""
     w, p, t = view.deflection_mm, view.pressure_mbar, view.time_s
-    if len(w) < _FEWEST:
+    if len(w) < STILL.fewest:
         return
     edges = np.concatenate([[0], np.flatnonzero(np.diff(w)) + 1, [len(w)]])
-    long = np.flatnonzero(t[edges[1:] - 1] - t[edges[:-1]] >= _SLACK * LONGEST_S)
+    long = np.flatnonzero(t[edges[1:] - 1] - t[edges[:-1]] >= STILL.slack * STILL.longest_s)
     resolution = _resolution_mm(w) if len(long) else 0.0
     for k in long:
         i, j = int(edges[k]), int(edges[k + 1])
-        if j - i < _FEWEST:
+        if j - i < STILL.fewest:
             continue
-        levels = [float(np.median(part)) for part in np.array_split(p[i:j], _FEWEST)]
+        levels = [float(np.median(part)) for part in np.array_split(p[i:j], STILL.fewest)]
         low, high = min(levels), max(levels)  # of the suction, not of its noise
         change = high - low
-        if change < _LEAST_MBAR or least_deflection_mm(view.setup, change) < _STEPS * resolution:
+        if (
+            change < STILL.least_mbar
+            or least_deflection_mm(view.setup, change) < STILL.steps * resolution
+        ):
             continue
         clipped = None
         if j < len(w):
@@ -61,4 +59,4 @@ def deflection_standstills(view: CurveSoFar) -> Iterator[Standstill]:
 def _resolution_mm(w: Array) -> float:
     """Return the step of which all differences of the readings are multiples, or the usual one."""
     counts = np.rint(np.clip(w, -1e6, 1e6) / _UNIT_MM).astype(np.int64)
-    return max(float(np.gcd.reduce(np.diff(counts))) * _UNIT_MM, _RESOLUTION_MM)
+    return max(float(np.gcd.reduce(np.diff(counts))) * _UNIT_MM, STILL.resolution_mm)

@@ -5,11 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from skinlab.quality.gates.base import CurveSoFar, Finding, Gate
+from skinlab.quality.settings import TIMES
 from skinlab.text import counted
-
-# One lost frame doubles an interval, and is told by its own gate; a clock that counts in ms rounds
-# an interval at 1 kHz by up to itself.
-_LONGEST = 2.5  # intervals
 
 
 def _check(view: CurveSoFar) -> Finding | None:
@@ -25,7 +22,7 @@ def _check(view: CurveSoFar) -> Finding | None:
         return None
     gaps = np.diff(view.time_s)
     k = int(np.argmax(gaps))
-    if gaps[k] <= _LONGEST * view.interval_s:
+    if gaps[k] <= TIMES.longest_gap * view.interval_s:
         return None
     return Finding(
         GATE.name,
@@ -39,5 +36,5 @@ GATE = Gate(
     "time_gaps",
     _check,
     meaning="time is missing between samples, or the instrument's clock went back",
-    threshold="2.5 intervals: one lost frame makes 2",
+    threshold=f"{TIMES.longest_gap:g} intervals: one lost frame makes 2",
 )

@@ -5,21 +5,18 @@ from __future__ import annotations
 import numpy as np
 
 from skinlab.quality.gates.base import CurveSoFar, Finding, Gate
-
-# The paper's curves have 51 points; with noise that is independent from sample to sample, 20 of
-# them leave intervals that are 1.6 times as wide.
-_FEWEST = 20
+from skinlab.quality.settings import TIMES
 
 
 def _check(view: CurveSoFar) -> Finding | None:
     points = _points(view)
-    if points is None or points >= _FEWEST:
+    if points is None or points >= TIMES.fewest:
         return None
     says = "has" if view.complete else "will have"
     samples = "1 sample" if points == 1 else f"{points} samples"
     return Finding(
         GATE.name,
-        f"the first loading {says} {samples}; {_FEWEST} are the fewest for three parameters",
+        f"the first loading {says} {samples}; {TIMES.fewest} are the fewest for three parameters",
         "use a slower ramp or a higher sample rate",
     )
 
@@ -42,6 +39,6 @@ GATE = Gate(
     "too_few_points",
     _check,
     meaning="the first loading has few samples",
-    threshold="20; the paper has 51, and intervals widen as the square root. Known before the "
-    "first sample, from program and rate",
+    threshold=f"{TIMES.fewest}; the paper has 51, and intervals widen as the square root. "
+    "Known before the first sample, from program and rate",
 )

@@ -7,7 +7,7 @@ import json
 from types import SimpleNamespace
 
 import pytest
-from fung_table import DIMENSIONLESS, built
+from fung_table import dimensionless
 from skinlab_example.fung import LAW
 
 from skinlab.acquisition.analysis import Analysis
@@ -40,8 +40,8 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def database(folder):
-    return built(folder, "fung", DIMENSIONLESS)
+def database(folder, tmp_path_factory):
+    return dimensionless(tmp_path_factory, folder)
 
 
 @pytest.fixture(scope="module")

@@ -25,7 +25,8 @@ from drivers.events import (
     VentConfirmed,
 )
 from drivers.reconnect import Backoff
-from skinlab.acquisition.measurement import (
+from skinlab.acquisition.measurement import Measurement, Policy
+from skinlab.acquisition.measurement_messages import (
     Abort,
     Acknowledge,
     AcknowledgeAlarm,
@@ -35,11 +36,9 @@ from skinlab.acquisition.measurement import (
     Continue,
     Failed,
     Gone,
-    Measurement,
     Over,
     Phase,
     Plan,
-    Policy,
     Reconnect,
     Refused,
     RepeatEnded,

@@ -13,7 +13,8 @@ from drivers.link import open_link
 from drivers.probe import Probe
 from drivers.reconnect import Backoff
 from skinlab.acquisition.analysis import default_identifier
-from skinlab.acquisition.measurement import Phase, Policy
+from skinlab.acquisition.measurement import Policy
+from skinlab.acquisition.measurement_messages import Phase
 from skinlab.acquisition.measurement_request import Order
 from skinlab.acquisition.messages import (
     Connected,

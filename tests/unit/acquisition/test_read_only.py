@@ -12,7 +12,7 @@ from drivers.events import Alarm, InstrumentState, LinkLost, LinkRestored, Segme
 from drivers.line_dialect import line_dialect
 from drivers.probe import Probe
 from skinlab.acquisition.measure import measure
-from skinlab.acquisition.measurement import Plan
+from skinlab.acquisition.measurement_messages import Plan
 from skinlab.acquisition.pipeline import Pipeline
 from skinlab.acquisition.replay import differences, identifier_of, replay
 from skinlab.acquisition.sources import LiveSource

@@ -12,7 +12,7 @@ import pytest
 from drivers.events import Sample, TimedEvent
 from drivers.probe import Probe
 from skinlab.acquisition.measure import measure
-from skinlab.acquisition.measurement import Plan
+from skinlab.acquisition.measurement_messages import Plan
 from skinlab.acquisition.messages import Played
 from skinlab.acquisition.pipeline import Pipeline
 from skinlab.acquisition.replay import identifier_of, reasons, replay

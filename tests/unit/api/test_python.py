@@ -93,6 +93,7 @@ def test_importing_is_light_and_complete(tmp_path):
         skinlab.no_such_name  # noqa: B018
 
 
+@pytest.mark.long  # the same in a folder of its own: as_checkers_see_it.py is read by `make check`
 def test_type_checkers_see_the_names(tmp_path):
     (tmp_path / "script.py").write_text(
         "import skinlab\n"

@@ -9,7 +9,7 @@ from skinlab.curves.campaign import Campaign
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
-from skinlab.discrepancy.adequacy import ADEQUATE, Residual, look
+from skinlab.discrepancy.adequacy import Residual, look
 from skinlab.discrepancy.discipline import Trial
 from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.heldout import conditions_of, predict_held_out
@@ -25,6 +25,7 @@ from skinlab.discrepancy.records import by_geometry, records_of
 from skinlab.discrepancy.screen import alike, signature
 from skinlab.discrepancy.search import Candidate, Found
 from skinlab.discrepancy.search_workers import fit_elsewhere, fit_from, fit_one
+from skinlab.discrepancy.settings import ERRORS
 from skinlab.discrepancy.space_mapping import MappedModel
 from skinlab.discrepancy.table_domes import TableDomes, relaxed_pressure
 from skinlab.discrepancy.unknowns import Unknowns
@@ -600,7 +601,7 @@ def verdict(base_p, *candidates, plan=RAMPS):
     return found.name, [set(c.effects) for c in found.explanations]
 
 
-GOOD, BAD = 0.5, 1e-2 * ADEQUATE
+GOOD, BAD = 0.5, 1e-2 * ERRORS.adequate
 LAG, GAIN, SLIP = ("pressure_lag",), ("deflection_gain",), ("tape_slip",)
 
 

@@ -22,7 +22,7 @@ from drivers.events import (
 )
 from drivers.probe import Probe
 from skinlab.acquisition.measure import measure
-from skinlab.acquisition.measurement import Plan
+from skinlab.acquisition.measurement_messages import Plan
 from skinlab.acquisition.pipeline import Pipeline
 from skinlab.acquisition.replay import differences, identifier_of, replay
 from skinlab.acquisition.sources import LiveSource

@@ -11,7 +11,7 @@ import pytest
 
 from drivers.probe import Probe
 from skinlab.acquisition.measure import measure
-from skinlab.acquisition.measurement import Plan
+from skinlab.acquisition.measurement_messages import Plan
 from skinlab.acquisition.pipeline import Pipeline
 from skinlab.acquisition.sources import LiveSource
 from skinlab.cli.main import run

@@ -11,7 +11,8 @@ from studies import stiffness_table as table
 
 from skinlab.studies.agreement import bland_altman, shrout_fleiss
 from skinlab.studies.analysis import FACETS
-from skinlab.studies.components import WITHIN, components, effect
+from skinlab.studies.components import components
+from skinlab.studies.design import WITHIN, effect
 from skinlab.studies.reliability import reliability, repeats_for
 from skinlab.studies.table import Columns
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 
+import fung_table
 import numpy as np
 import pytest
-from fung_table import DIMENSIONLESS, built
 from skinlab_example.fung import LAW
 
 from skinlab.cli.main import run
@@ -71,7 +71,7 @@ def law():
 
 @pytest.fixture(scope="module")
 def dimensionless(tmp_path_factory):
-    return built(tmp_path_factory.mktemp("fung"), "dimensionless", DIMENSIONLESS)
+    return fung_table.dimensionless(tmp_path_factory, tmp_path_factory.mktemp("law"))
 
 
 def measured(truth, seed, aperture_mm=6.0, offset_um=0.0, noise_um=3.0):
@@ -158,7 +158,7 @@ def test_the_text_speaks_of_its_parameters(dimensionless):
 
 
 def test_a_custom_table_of_it_with_an_effect(tmp_path, capsys):
-    path = built(tmp_path, "custom", CUSTOM)
+    path = fung_table.built(tmp_path, "custom", CUSTOM)
     capsys.readouterr()
     curve = written(tmp_path, measured(TRUTH, 4, offset_um=20.0))
     told = ["identify", str(curve), "--database", str(path), "--json"]
