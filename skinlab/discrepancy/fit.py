@@ -238,6 +238,16 @@ class Fitter:
         found = self._finish(model, self.minimise(model, fit.u, low, high))
         return fit if found is None else found
 
+    def sharpened(self, fit: Fit, errors: Covariance) -> Fit:
+        """Return a fit moved to the optimum by other errors; its figures are by its own ones."""
+        other = self.with_errors(self.records, errors)
+        found = other.fit(fit.unknowns, fit.u)
+        if found is None:
+            return fit
+        jacobian = self.errors.whiten(errors.colour(found.jacobian))
+        own = self._told(fit.unknowns, found.u, found.deflections_mm, jacobian, found.corrected)
+        return replace(own, settled=found.settled)
+
     def _walk(
         self,
         model: MappedModel,
@@ -334,10 +344,14 @@ class Fitter:
     def _finish(self, model: MappedModel, u: Array) -> Fit | None:
         unknowns = model.unknowns
         predicted = model.predict(u)
-        cost = self._cost(unknowns, u, predicted)
-        if not math.isfinite(cost):
+        if not math.isfinite(self._cost(unknowns, u, predicted)):
             return None
-        jacobian = self.jacobian(model, u)
+        return self._told(unknowns, u, predicted, self.jacobian(model, u), model.corrected)
+
+    def _told(
+        self, unknowns: Unknowns, u: Array, predicted: list[Array], jacobian: Array, corrected: bool
+    ) -> Fit:
+        cost = self._cost(unknowns, u, predicted)
         prior = unknowns.prior_rows(u)
         log_det = float(np.linalg.slogdet(unknowns.information(jacobian, u))[1])
         evidence = (
@@ -355,7 +369,7 @@ class Fitter:
             jacobian,
             evidence,
             settled=True,
-            corrected=model.corrected,
+            corrected=corrected,
         )
 
 

@@ -14,6 +14,7 @@ from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.screen import NO_MODEL, Signature, signature
 from skinlab.discrepancy.settings import FITS
 from skinlab.discrepancy.unknowns import Unknowns
+from skinlab.inference.covariance import Covariance
 from skinlab.mechanics.effects import EFFECTS
 
 Array = NDArray[np.float64]
@@ -35,9 +36,21 @@ def signature_of(fitter: Fitter, task: tuple[Fit, str]) -> Signature | str:
     return NO_MODEL if found is None else found
 
 
+def signature_by(fitter: Fitter, task: tuple[Fit, str, Covariance]) -> Signature | str:
+    """Return the signature of an effect at a fit by other errors than those of the fitter."""
+    fit, effect, errors = task
+    other = fitter.with_errors(fitter.records, errors)
+    return signature_of(other, (fit.with_errors(fitter.errors, errors), effect))
+
+
 def fit_from(fitter: Fitter, task: tuple[Unknowns, Array, float]) -> Fit | None:
     """Return a fit from a start (k,), that ends early where it stays above a cost."""
     return fitter.fit(*task)
+
+
+def fit_by(fitter: Fitter, task: tuple[Fit, Covariance]) -> Fit:
+    """Return a fit moved to the optimum by other errors."""
+    return fitter.sharpened(*task)
 
 
 def _start(
