@@ -411,7 +411,7 @@ class Search:
         may end at a wall of skins that crease.
         """
         seen = {s.effect: s for s in chosen}
-        tasks = [(base.fit, seen[c.effects[-1]]) for c in _nearest(found)]
+        tasks = [(base.fit, seen[c.effects[-1]], c.fit.cost) for c in _nearest(found)]
         better = {}
         for fit in pool.map(fit_elsewhere, tasks):
             if fit is not None:
@@ -424,19 +424,27 @@ class Search:
         ]
 
     def _race(
-        self, pool: Pool, base: Candidate, tasks: Sequence[tuple[Fit, Signature]]
+        self,
+        pool: Pool,
+        base: Candidate,
+        tasks: Sequence[tuple[Fit, Signature]],
+        known: Sequence[Candidate] = (),
     ) -> list[Candidate]:
-        """Return fits: the two likeliest, then the others, which end early where those explain."""
-        found = self._fits(pool, base, tasks[:2])
-        serving = [c.fit.cost for c in found if c.adequate]
-        limit = math.inf
-        if serving:
-            limit = (
-                min(serving)
-                + SEARCH.far
-                + SEARCH.far_share * max(0.0, base.fit.cost - min(serving))
-            )
-        return found + self._fits(pool, base, tasks[2:], limit)
+        """Return fits: the two likeliest, then the others, which end early where those explain.
+
+        So do all where what is `known` explains, and they will not.
+        """
+        found = self._fits(pool, base, tasks[:2], self._limit(base, known))
+        return found + self._fits(pool, base, tasks[2:], self._limit(base, [*known, *found]))
+
+    @staticmethod
+    def _limit(base: Candidate, known: Iterable[Candidate]) -> float:
+        """Return the cost above which a fit is out of the race, because others explain."""
+        serving = [c.fit.cost for c in known if c.adequate]
+        if not serving:
+            return math.inf
+        gained = max(0.0, base.fit.cost - min(serving))
+        return min(serving) + SEARCH.far + SEARCH.far_share * gained
 
     def _pairs(
         self,
@@ -489,8 +497,10 @@ class Search:
         told = [f"{f.effects[-1]} and {s.effect}" for f, s in ranked]
         told += [" and ".join(u.effects[len(self._own) :]) for u, _ in linear]
         self._progress("fitting pairs: " + ", ".join(told))
-        fitted = self._race(pool, base, ranked) if ranked else []
-        fits = pool.map(fit_from, linear) if linear else []
+        served = [*singles, *known]
+        fitted = self._race(pool, base, ranked, served)
+        limit = self._limit(base, [*served, *fitted])
+        fits = pool.map(fit_from, [(*task, limit) for task in linear])
         return fitted + [self._candidate(fit, base) for fit in fits if fit is not None]
 
     def _members(self, pool: Pool, base: Candidate, pairs: Sequence[Candidate]) -> list[Candidate]:
@@ -509,7 +519,8 @@ class Search:
         found = list(tasks.values())[: SEARCH.members]
         if found:
             self._progress("fitting the members of pairs alone")
-        fits = [fit for fit in pool.map(fit_from, found) if fit is not None]
+        tried = pool.map(fit_from, [(*task, math.inf) for task in found])
+        fits = [fit for fit in tried if fit is not None]
         return [c for c in (self._candidate(fit, base) for fit in fits) if c.adequate]
 
     def _rivals(self, pool: Pool, base: Candidate, candidates: list[Candidate]) -> list[Candidate]:
@@ -558,7 +569,8 @@ class Search:
             return []
         self._progress("fitting every single effect from elsewhere")
         begun = set() if base.adequate else {c.effects[-1] for c in _nearest(singles)}
-        fits = pool.map(fit_elsewhere, [(base.fit, s) for s in chosen if s.effect not in begun])
+        tasks = [(base.fit, s, math.inf) for s in chosen if s.effect not in begun]
+        fits = pool.map(fit_elsewhere, tasks)
         found = (self._candidate(fit, base) for fit in fits if fit is not None)
         return [c for c in found if c.adequate]
 

@@ -92,7 +92,8 @@ class FitRules:
     idle_anchors: int = 2
     """After so many in a row that gain less than `gain`, it ends: the valley is flat."""
     enough_anchors: int = 3
-    """After so many, one that explains nothing goes on only while it gains `worth`."""
+    """After so many, one that explains nothing goes on only while it gains `worth`, and a second
+    try only while it expects to come below the first."""
     worth: float = 0.1
     """Share of what is left of χ²."""
     walks: int = 4
@@ -152,7 +153,7 @@ class SearchRules:
     """Share of the largest gain below which an effect is fitted only if the likelier fail."""
     far: float = 20.0
     """Of the cost: an explanation so much worse than one that serves is out of the race,"""
-    far_share: float = 0.1
+    far_share: float = 0.03
     """with such a share of what that one gained on top."""
     most_singles: int = 8
     """Single effects that are fitted."""
