@@ -255,7 +255,7 @@ def _multi_start(problem: Problem, seed: int) -> tuple[float, int]:
     space = problem.space
 
     def residuals(unit: Array) -> Array:
-        r = problem.misfit.residuals(space.from_unit(unit))
+        r = problem.residuals(space.from_unit(unit))
         return r if np.isfinite(r).all() else np.full(len(r), 1e3)
 
     best, spent = np.inf, 0

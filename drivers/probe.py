@@ -149,11 +149,6 @@ class Probe:
         return None if engine is None else engine.alarm
 
     @property
-    def limits(self) -> Limits:
-        """What is allowed, and when it vents."""
-        return self._limits
-
-    @property
     def dose(self) -> Dose:
         """Suction that the site has had: of all samples so far, and of what was carried over."""
         return self._watchdog.dose

@@ -238,12 +238,12 @@ class Space:
                 return f"{called} {value:g} is outside the database ({low:.4g}–{high:.4g})"
         return ""
 
-    def extended(self, name: str, low: float, high: float, transform: Transform = "log") -> Space:
-        """Return the space with one more parameter at its end."""
+    def extended(self, name: str, low: float, high: float) -> Space:
+        """Return the space with one more parameter at its end, searched in its logarithm."""
         return replace(
             self,
             names=(*self.names, name),
             low=(*self.low, low),
             high=(*self.high, high),
-            transforms=(*self.transforms, transform),
+            transforms=(*self.transforms, "log"),
         )

@@ -53,11 +53,6 @@ class Pipeline:
         self._identifier = identifier
         self._listeners = list(listeners)
 
-    @property
-    def running(self) -> bool:
-        """Whether a curve is being measured."""
-        return self._assembler.running
-
     def handle(self, item: Item) -> None:
         """Take one item of a source."""
         if isinstance(item, Planned):

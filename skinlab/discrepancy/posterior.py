@@ -34,11 +34,6 @@ class Posterior:
     log_density: Array  # (n,) up to a constant
 
     @property
-    def effective(self) -> float:
-        """Number of independent draws that these are worth (Kish)."""
-        return float(1.0 / np.square(self.weight).sum())
-
-    @property
     def parameters(self) -> dict[str, dict[str, float]]:
         """Medians with the shortest 90 % intervals, by name."""
         low, high = (self.unknowns.named(u) for u in self.unknowns.bounds)

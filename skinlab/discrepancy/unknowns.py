@@ -178,11 +178,6 @@ class Unknowns:
         return tuple(found)
 
     @property
-    def steps(self) -> Array:
-        """Steps (count,) of the law's coordinates, that show how curves change."""
-        return np.array([s.lengths[0] for s in self._searches])
-
-    @property
     def reaches(self) -> Array:
         """How far (count,) a linear picture in the law's coordinates is trusted."""
         return np.array([s.lengths[1] for s in self._searches])

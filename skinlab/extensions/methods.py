@@ -35,8 +35,8 @@ def _curve() -> Curve:
 
 
 @cache
-def _found(method: str, seed: int = 0) -> Identification:
-    return Identifier(shipped_grid(), method=method, options=Options(), seed=seed)(_curve())
+def _found(method: str) -> Identification:
+    return Identifier(shipped_grid(), method=method, options=Options())(_curve())
 
 
 def it_says_what_it_is(method: Method) -> None:

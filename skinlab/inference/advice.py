@@ -10,12 +10,12 @@ expected before data.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
+from skinlab.curves.apertures import APERTURES_MM
 from skinlab.curves.program import parse_program
 from skinlab.errors import NotTrustworthyError
 from skinlab.inference.covariance import independent
@@ -33,23 +33,12 @@ from skinlab.tables.base import Database
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Menu:
-    """Measurements to choose from."""
-
-    apertures_mm: tuple[float, ...] = (2.0, 4.0, 6.0, 8.0)
-    pressures_mbar: tuple[float, ...] = (100.0, 200.0, 300.0, 450.0)
-    rates_mbar_per_s: tuple[float, ...] = (10.0, 20.0, 50.0)
-    sampling_hz: float = 20.0
-
-
 def advise(
     known: Uncertainty,
     database: Database,
     kappa: KappaConvention,
     thickness_mm: float,
     *,
-    menu: Menu | None = None,
     pressure_noise_mbar: float = 0.0,
     placement_scatter: float | None = None,
     rng: np.random.Generator,
@@ -61,7 +50,6 @@ def advise(
     than half of the draws (the skin would crease), or that the database does not speak of, is left
     out.
     """
-    menu = Menu() if menu is None else menu
     space, draws = known.space, known.draws
     chosen = rng.choice(len(draws.weight), ADVICE.draws, p=draws.weight)
     parameters = draws.parameters[chosen]
@@ -70,7 +58,7 @@ def advise(
     found: list[tuple[float, Advice]] = []
     noise = max(known.errors.noise_um, ADVICE.least_noise_um)
     scatter, zero_mm = _placement_sizes(known, placement_scatter)
-    for aperture, top in product(menu.apertures_mm, menu.pressures_mbar):
+    for aperture, top in product(APERTURES_MM, ADVICE.pressures_mbar):
         pressure = np.linspace(0.0, top, ADVICE.points)
         sd = known.relative_thickness_sd * thickness_mm
         try:
@@ -88,10 +76,10 @@ def advise(
         sigma = np.hypot(sigma, pressure_noise_mbar * dw_dp)
         placed = np.column_stack([scatter * pressure * dw_dp, np.full(ADVICE.points, zero_mm)])
         shapes = np.hstack([mesh_error_shapes(pressure, middle), placed])
-        for rate in menu.rates_mbar_per_s:
+        for rate in ADVICE.rates_mbar_per_s:
             program = parse_program(f"ramp:{top:g}@{rate:g}")
             # A slow ramp has more samples: the few that stand for them are as much surer.
-            fewer = np.sqrt(ADVICE.points / (program.duration_s * menu.sampling_hz + 1.0))
+            fewer = np.sqrt(ADVICE.points / (program.duration_s * ADVICE.sampling_hz + 1.0))
             misfit = model.misfit(middle, independent(fewer * sigma, shapes))
             more = _information([misfit], parameters[held], turn[held])
             ratios = np.median(_ratios(now[held], more, turn[held]), axis=0)

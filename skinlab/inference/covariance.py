@@ -163,10 +163,6 @@ class Covariance:
         z = self.whiten(residuals_mm)
         return -0.5 * float(z @ z + self.log_determinant + self.count * np.log(2.0 * np.pi))
 
-    def sample(self, rng: np.random.Generator) -> Array:
-        """Return errors (u,) drawn from N(0, Σ), mm."""
-        return self.colour(rng.standard_normal(self.count))
-
     def without_columns(self, residuals_mm: Array) -> Array:
         """Return residuals (u, …) in standard deviations, less what V's columns probably did."""
         z = self.whiten_without_columns(residuals_mm).reshape(self.count, -1)

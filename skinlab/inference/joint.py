@@ -37,15 +37,6 @@ class JointMisfit:
         """Return the derivatives (n, m, p) of `differences`."""
         return np.concatenate([m.slopes(parameters) for m in self._misfits], axis=1)
 
-    def residuals(self, parameters: Array) -> Array:
-        """Return residuals (m + 1,) of one candidate; their squares sum up to the misfit."""
-        return np.append(self.differences(parameters[None])[0], np.sqrt(self.rest))
-
-    def jacobian(self, parameters: Array) -> Array:
-        """Return the derivatives (m + 1, p) of `residuals`."""
-        slopes = self.slopes(parameters[None])[0]
-        return np.vstack([slopes, np.zeros(slopes.shape[1])])
-
 
 @dataclass(frozen=True)
 class GaussianPrior:
@@ -69,7 +60,3 @@ class GaussianPrior:
         slopes = np.zeros((len(parameters), 1, parameters.shape[1]))
         slopes[:, 0, self.index] = 1.0 / self.sd
         return slopes
-
-    def residuals(self, parameters: Array) -> Array:
-        """Return the deviation (1,) of one candidate."""
-        return np.asarray(self.differences(parameters[None])[0])

@@ -34,14 +34,10 @@ class LinearModel:
     def _log_prior(self) -> float:
         return float(np.linalg.slogdet(self.precision)[1]) if len(self.precision) else 0.0
 
-    def log_marginal(self, covariance: Covariance) -> float:
-        """Return log p(r) with δ and the covariance's columns integrated out."""
-        return float(self.log_marginals([covariance])[0])
-
     def log_marginals(self, covariances: Sequence[Covariance]) -> Array:
-        """Return the same of many (n,); −∞ where one is not positive definite.
+        """Return log p(r) (n,) with δ and the covariances' columns integrated out.
 
-        They are alike, as `gram_matrices` has it.
+        −∞ where one is not positive definite. They are alike, as `gram_matrices` has it.
         """
         values = np.column_stack([self.residual_mm, self.slopes_mm])
         try:

@@ -9,7 +9,6 @@ population is not pulled towards it: it keeps its own intervals and gets the fla
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
@@ -114,11 +113,6 @@ class Prior:
             raise InputError(f"the prior has no site {self.site!r}; expected one of: {known}")
         if self.age_years is not None and not 0 <= self.age_years <= 130:
             raise InputError(f"age_years {self.age_years:g}: expected 0 to 130")
-
-    @property
-    def hash(self) -> str:
-        """`sha256:…` over the file."""
-        return "sha256:" + hashlib.sha256(self.text.encode()).hexdigest()
 
     def to_json(self) -> dict[str, Any]:
         """Return all that a replay must know of it."""

@@ -43,10 +43,6 @@ class SquaredMisfit(LeastSquares, Protocol):
         """Return the sums (n,) of candidates (n, p); infinite where there is no model."""
         ...
 
-    def residuals(self, parameters: Array) -> Array:
-        """Return residuals of one candidate (m,), mm; their squares sum up to the misfit."""
-        ...
-
 
 @dataclass(frozen=True)
 class Problem:
@@ -55,6 +51,10 @@ class Problem:
     space: ParameterSpace
     misfit: SquaredMisfit
     points: int  # u, the number of samples that are fitted
+
+    def residuals(self, parameters: Array) -> Array:
+        """Return residuals (m + 1,) of one candidate, mm; their squares sum up to the misfit."""
+        return np.append(self.misfit.differences(parameters[None])[0], np.sqrt(self.misfit.rest))
 
     def error_um(self, parameters: Array) -> Array:
         """Return the paper's E (n,) of candidates (n, k), µm: (1/u) sqrt(Σ d²), eq. (11)."""

@@ -369,8 +369,14 @@ class PopulationRules:
 
 @dataclass(frozen=True)
 class AdviceRules:
-    """How closely the menu of next measurements is looked at: `--advise`, no benchmark."""
+    """The menu of next measurements, and how closely it is looked at: `--advise`, no benchmark."""
 
+    pressures_mbar: tuple[float, ...] = (100.0, 200.0, 300.0, 450.0)
+    """Tops of ramps, through every opening,"""
+    rates_mbar_per_s: tuple[float, ...] = (10.0, 20.0, 50.0)
+    """at these rates,"""
+    sampling_hz: float = 20.0
+    """with so many samples a second."""
     draws: int = 24
     """Of the posterior, whose median counts."""
     points: int = 40

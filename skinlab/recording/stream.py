@@ -36,11 +36,6 @@ class CurveStarted:
     index: int  # from 1
     curve: GrowingCurve
 
-    @property
-    def setup(self) -> Setup:
-        """What it is measured with."""
-        return self.curve.setup
-
 
 @dataclass(frozen=True, slots=True)
 class Sampled:

@@ -43,14 +43,12 @@ class Reliability:
     trends: tuple[Row, ...]
     notes: tuple[str, ...]
 
-    def of(self, quantity: str, scale: str | None = None) -> Analysis | None:
+    def of(self, quantity: str) -> Analysis | None:
         """Return the analysis of a quantity with the most curves; None where there is none."""
         fitting = [
             a
             for a in self.analyses
-            if a.found is not None
-            and a.quantity == quantity
-            and a.scale == (scale or main_scale(quantity))
+            if a.found is not None and a.quantity == quantity and a.scale == main_scale(quantity)
         ]
         return max(fitting, key=lambda a: a.found.count if a.found else 0, default=None)
 

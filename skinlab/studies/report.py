@@ -127,9 +127,9 @@ def _notices(table: Columns) -> list[str]:
     return []
 
 
-def _picture(draw: Callable[[], Figure], alt: str, caption: str, kind: Any = "svg") -> Illustration:
+def _picture(draw: Callable[[], Figure], alt: str, caption: str) -> Illustration:
     with style():
-        return Illustration(to_data_uri(draw(), kind), alt, caption)
+        return Illustration(to_data_uri(draw()), alt, caption)
 
 
 def _overview(table: Columns, found: Reliability, failures: Sequence[Mapping[str, str]]) -> Section:

@@ -83,21 +83,6 @@ class Misfit:
             found = np.swapaxes(turned.reshape(*by.shape[:2], len(self._turn)), 1, 2)
         return found
 
-    def gradient(self, parameters: Array) -> Array:
-        """Return the derivatives (n, p) of the sums; NaN where there is no model."""
-        return np.asarray(
-            2.0 * np.einsum("nk,nkp->np", self.differences(parameters), self.slopes(parameters))
-        )
-
-    def residuals(self, parameters: Array) -> Array:
-        """Return residuals (k + 1,) of one candidate; their squares sum up to the misfit."""
-        return np.append(self.differences(parameters[None])[0], np.sqrt(self._rest))
-
-    def jacobian(self, parameters: Array) -> Array:
-        """Return the derivatives (k + 1, p) of `residuals`."""
-        slopes = self.slopes(parameters[None])[0]
-        return np.vstack([slopes, np.zeros(slopes.shape[1])])
-
     def sample(self, parameters: Array, t: int) -> tuple[float, Array]:
         """Return M − Ω at sample t, mm, of one candidate (p,), and ∂Ω/∂parameters there (p,).
 

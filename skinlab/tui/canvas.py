@@ -30,12 +30,6 @@ def dots(x: ArrayLike, y: ArrayLike, columns: int, rows: int) -> Bits:
     return bits
 
 
-def level(y: float, columns: int, rows: int, every: int = 2) -> Bits:
-    """Return the bits of a dotted horizontal line at y, one dot in `every`."""
-    across = (np.arange(0, 2 * max(columns, 0), every) + 0.5) / (2 * max(columns, 1))
-    return dots(across, np.full(len(across), y), columns, rows)
-
-
 def braille(bits: Bits) -> list[str]:
     """Return one text a row; a cell without a dot is a blank."""
     return ["".join(chr(0x2800 + int(b)) if b else " " for b in row) for row in bits]

@@ -34,49 +34,51 @@ def compare_with(
         SkinlabError: it cannot be read, or there is nothing to compare.
     """
     from skinlab.recording.session import read_session
-    from skinlab.recording.session_fit import comparable, excluded_of, fit_curves
     from skinlab.studies import change
 
     session = read_session(before)
-    then = comparable(session.curves, excluded_of(session))
-    shared = frozenset(map(change.condition, then)) & frozenset(map(change.condition, curves))
-    if not shared:
-        raise InputError(f"{before.name} was measured with another opening or program")
-    alike = [curve for curve in then if change.condition(curve) in shared]
-    earlier = change.side_of(session, fit_curves(identifier, before.name, alike), shared)
-    pairs = zip(curves, results, strict=True)
-    kept = [(c, result) for c, result in pairs if change.condition(c) in shared]
-    now = side_now([c for c, _ in kept], [r for _, r in kept], identifier, serial_number)
-    return Compared(_lines(before, session, change.changes(earlier, now, study=study)))
+    then, now = sides(before, session, curves, results, identifier, serial_number)
+    return Compared(_lines(before, session, change.changes(then, now, study=study)))
 
 
-def side_now(
+def sides(
+    before: Path,
+    session: Session,
     curves: Sequence[Curve],
     results: Sequence[Identification],
     identifier: Identifier,
     serial_number: str,
-) -> Side:
-    """Return these curves, and their own results, as one side of a comparison.
+) -> tuple[Side, Side]:
+    """Return an earlier session and these curves, by what both measured alike.
 
     Raises:
-        SkinlabError: they cannot be fitted together.
+        SkinlabError: they measured nothing alike, or one of them cannot be fitted.
     """
     from skinlab.recording.audit import operator
-    from skinlab.recording.session_fit import fit_curves
-    from skinlab.studies import change
+    from skinlab.recording.session_fit import comparable, excluded_of, fit_curves
+    from skinlab.studies.change import Side, condition, side_of
 
-    return change.Side(
-        fit_curves(identifier, "this session", curves),
+    then = comparable(session.curves, excluded_of(session))
+    shared = frozenset(map(condition, then)) & frozenset(map(condition, curves))
+    if not shared:
+        raise InputError(f"{before.name} was measured with another opening or program")
+    alike = [curve for curve in then if condition(curve) in shared]
+    earlier = side_of(session, fit_curves(identifier, before.name, alike), shared)
+    pairs = zip(curves, results, strict=True)
+    kept = [(curve, result) for curve, result in pairs if condition(curve) in shared]
+    now = Side(
+        fit_curves(identifier, "this session", [curve for curve, _ in kept]),
         [
             {name: value.value for name, value in result.parameters.items()}
-            for result in results
+            for _, result in kept
             if result.parameters
         ],
-        max(1, sum(curve.setup.cycle == 1 for curve in curves)),
+        max(1, sum(curve.setup.cycle == 1 for curve, _ in kept)),
         operator(),
         serial_number,
-        frozenset(map(change.condition, curves)),
+        shared,
     )
+    return earlier, now
 
 
 def _lines(before: Path, session: Session, found: Changes) -> tuple[str, ...]:

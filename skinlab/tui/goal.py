@@ -153,10 +153,10 @@ def change_distance(
         SkinlabError: the visit before cannot be read, or one of the two cannot be fitted.
     """
     from skinlab.recording.session import read_session
-    from skinlab.recording.session_fit import comparable, excluded_of, fit_curves
+    from skinlab.recording.session_fit import comparable, excluded_of
     from skinlab.studies import change
     from skinlab.studies.change import condition
-    from skinlab.tui.comparing import side_now
+    from skinlab.tui.comparing import sides
 
     if before is None:
         return ChangeDistance(goal, why="there is no earlier visit of this subject and site here")
@@ -169,12 +169,7 @@ def change_distance(
     if not then & now:
         why = f"{before.name} was measured otherwise"
         return ChangeDistance(goal, before.name, following=lacking[0], why=why)
-    alike = [c for c in earlier if condition(c) in now]
-    answer = fit_curves(identifier, before.name, alike)
-    first = change.side_of(session, answer, frozenset(then & now))
-    kept = [c for c in curves if condition(c) in then]
-    mine = [r for c, r in zip(curves, results, strict=True) if condition(c) in then]
-    last = side_now(kept, mine, identifier, serial_number)
+    first, last = sides(before, session, curves, results, identifier, serial_number)
     found = _stiffness(change.changes(first, last, study=study))
     if found.verdict != "cannot_say":
         return ChangeDistance(goal, before.name, found)
@@ -184,7 +179,7 @@ def change_distance(
         return ChangeDistance(goal, before.name, found, lacking[0])
     if more.smallest > _NO_HELP * found.smallest:
         return ChangeDistance(goal, before.name, found)
-    next_one = Following(*condition(kept[-1]))
+    next_one = Following(*[c for c in map(condition, curves) if c in then][-1])
     return ChangeDistance(goal, before.name, found, next_one, more.to_json()["smallest_shown"])
 
 

@@ -19,6 +19,8 @@ from skinlab.tui.ui_state import Aimed, Level
 
 if TYPE_CHECKING:
     from skinlab.curves.curve import Curve
+    from skinlab.inference.identify import Identifier
+    from skinlab.inference.result import Identification
     from skinlab.tui.screens.session import SessionScreen
 
 
@@ -60,16 +62,21 @@ class SessionKeys(Part):
         """Post whether the skin changed since another session, or the visit before; slow."""
         from skinlab.tui.comparing import compare_with
 
-        board = self.board
         path = self.app.folder / Path(typed).expanduser() if typed else self._before()
         if path is None:
             raise InputError("there is no earlier visit of this subject and site here")
+        self.app.post(compare_with(path, *self._known(curves), self.board.study))
+
+    def _known(
+        self, curves: Sequence[Curve]
+    ) -> tuple[list[Curve], list[Identification], Identifier, str]:
+        """Return those that are identified, with their results, by what, and by which probe."""
+        board = self.board
         found = {e.curve.name: e.result for e in board.entries.values() if e.result is not None}
-        curves = [curve for curve in curves if curve.name in found]
-        results = [found[curve.name] for curve in curves]
+        known = [curve for curve in curves if curve.name in found]
         serial = "" if board.hello is None else board.hello.serial_number
         identifier = self.bench.analysis.identifier
-        self.app.post(compare_with(path, curves, results, identifier, serial, self.board.study))
+        return known, [found[curve.name] for curve in known], identifier, serial
 
     def _before(self) -> Path | None:
         """Return the last visit of the same subject and site before the open one."""
@@ -101,20 +108,13 @@ class SessionKeys(Part):
         curves = comparable(board.used)
         if goal is None or not curves or board.playing is not None:
             return
-        identifier = self.bench.analysis.identifier
-        by_name = {e.curve.name: e.result for e in board.entries.values() if e.result is not None}
-        known = [curve for curve in curves if curve.name in by_name]
-        results = [by_name[curve.name] for curve in known]
-        serial = "" if board.hello is None else board.hello.serial_number
+        known = self._known(curves)
 
         def work() -> None:
             if not isinstance(goal, ChangeGoal):
-                self.app.post(Aimed(distance(goal, curves, identifier)))
+                self.app.post(Aimed(distance(goal, curves, known[2])))
                 return
-            before, study = self._before(), board.study
-            self.app.post(
-                Aimed(change_distance(goal, before, known, results, identifier, serial, study))
-            )
+            self.app.post(Aimed(change_distance(goal, self._before(), *known, board.study)))
 
         self.app.perform("aiming", work)
 

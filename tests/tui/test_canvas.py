@@ -9,7 +9,7 @@ from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.growing import GrowingCurve
 from skinlab.curves.program import parse_program
 from skinlab.inference.result import Identification
-from skinlab.tui.canvas import braille, dots, interval_bar, level, runs, share
+from skinlab.tui.canvas import braille, dots, interval_bar, runs, share
 from skinlab.tui.plot_data import against_time, residual
 from skinlab.tui.ui_state import Entry, Live
 
@@ -38,16 +38,14 @@ def test_every_point_inside_is_a_dot_and_no_other(points, columns, rows):
     assert lit <= len(inside)
 
 
-def test_a_level_is_straight_and_dotted():
-    assert braille(level(0.0, 3, 1)) == ["⡀⡀⡀"]
-    assert braille(level(2.0, 3, 1)) == ["   "]
+def test_shares_of_a_range():
     assert share([0, 5, 10], 0, 10).tolist() == [0, 0.5, 1]
     assert share([1.0], 2.0, 2.0).tolist() == [-1.0]
 
 
 def test_cells_of_one_colour_come_together_and_the_first_layer_is_on_top():
     left = dots([0.1, 0.3], [0.5, 0.5], 4, 1)
-    whole = level(0.5, 4, 1, every=1)
+    whole = dots((np.arange(8) + 0.5) / 8, np.full(8, 0.5), 4, 1)
     (row,) = runs((left, whole))
     assert [(len(text), layer) for text, layer in row] == [(2, 0), (2, 1)]
     assert "".join(text for text, _ in row) == braille(left | whole)[0]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -75,9 +74,8 @@ def _named(table: Table, stated: str, role: Role) -> int:
     return index
 
 
-def _listed(table: Table, among: Sequence[int] | None = None) -> str:
-    indices = range(len(table.headings)) if among is None else among
-    return ", ".join(_label(table, k) for k in indices)
+def _listed(table: Table) -> str:
+    return ", ".join(_label(table, k) for k in range(len(table.headings)))
 
 
 def _found(table: Table, role: Role, taken: tuple[int, ...], answers: Answers) -> int:

@@ -8,8 +8,6 @@ Also here: what the methods that use slopes share.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -66,23 +64,21 @@ class Search:
     def residuals(self, unit: Array) -> Array:
         """Return the residuals Ω − M (m,), mm, at a point (k,); NaN where there is no model."""
         self.evaluations += 1
-        return self._problem.misfit.residuals(self._problem.space.from_unit(unit))
+        return self._problem.residuals(self._problem.space.from_unit(unit))
 
     def jacobian(self, unit: Array) -> Array:
         """Return derivatives (m, k) of `residuals`, mm, at a point (k,).
 
-        They are differences where the misfit gives none. Those stay inside the cube and where there
-        is a model, one-sided if need be; NaN where it is missing on both sides.
+        They are differences where the misfit's own are NaN. Those stay inside the cube and where
+        there is a model, one-sided if need be; NaN where it is missing on both sides.
         """
-        by_parameters: Callable[[Array], Array] | None
-        by_parameters = getattr(self._problem.misfit, "jacobian", None)
         space = self._problem.space
-        if by_parameters is not None:
-            self.evaluations += 1
-            parameters = space.from_unit(unit)
-            slopes = by_parameters(parameters) @ space.by_unit(parameters)
-            if np.isfinite(slopes).all():
-                return np.asarray(slopes)
+        self.evaluations += 1
+        parameters = space.from_unit(unit)
+        known = self._problem.misfit.slopes(parameters[None])[0]
+        slopes = np.vstack([known, np.zeros(known.shape[1])]) @ space.by_unit(parameters)
+        if np.isfinite(slopes).all():
+            return np.asarray(slopes)
         here = self.residuals(unit)
         columns = np.empty((len(here), len(unit)))
         for d, axis in enumerate(np.eye(len(unit))):

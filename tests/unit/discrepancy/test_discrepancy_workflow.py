@@ -192,7 +192,7 @@ def test_where_nothing_is_hidden_nothing_is_found(table):
         assert value["low"] <= value["value"] <= value["high"]
     # Well-known parameters have a Gaussian posterior: that of the curvature at the optimum.
     (drawn,) = outcome.posteriors.values()
-    assert drawn.effective > 300
+    assert 1.0 / np.square(drawn.weight).sum() > 300
     # Those of the fit are by the errors that repeats alone would tell of: as large or larger.
     assert (drawn.deviations < 1.2 * outcome.best.fit.deviations).all()
     seen = {name.split(".")[0] for name in found["detectable"]}

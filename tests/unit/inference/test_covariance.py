@@ -136,7 +136,9 @@ def test_drawn_errors_have_the_covariance():
         OrnsteinUhlenbeck(2.0, 0.5),
         np.tile([0, 0.2, 1.0], 2),
     )
-    drawn = np.array([covariance.sample(rng) for _ in range(20_000)])
+    drawn = np.array(
+        [covariance.colour(rng.standard_normal(covariance.count)) for _ in range(20_000)]
+    )
     np.testing.assert_allclose(np.cov(drawn.T), dense(covariance), atol=0.2)
 
 
@@ -146,7 +148,12 @@ def test_what_the_columns_did_is_taken_off():
     left = covariance.without_columns(noise + 25.0)
     np.testing.assert_allclose(left, noise - noise.mean(), atol=0.05)
     products = [
-        sum(v[1:] @ v[:-1] for v in [covariance.without_columns(covariance.sample(rng))])
+        sum(
+            v[1:] @ v[:-1]
+            for v in [
+                covariance.without_columns(covariance.colour(rng.standard_normal(covariance.count)))
+            ]
+        )
         for rng in map(np.random.default_rng, range(3000))
     ]
     assert np.mean(products) == pytest.approx(covariance.expected_product(1), abs=0.5)

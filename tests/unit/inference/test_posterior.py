@@ -14,6 +14,7 @@ from skinlab.inference.intervals import (
 from skinlab.inference.joint import GaussianPrior, JointMisfit
 from skinlab.inference.optimise import polish
 from skinlab.inference.posterior import sample
+from skinlab.inference.problem import Problem
 from skinlab.parameters import Space
 
 CUBE = Space.box(("a", "b", "c"), (0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
@@ -29,9 +30,6 @@ class Residuals:
 
     def __call__(self, parameters):
         return (self.differences(parameters) ** 2).sum(axis=1)
-
-    def residuals(self, parameters):
-        return self.differences(parameters[None])[0]
 
 
 def linear(J, centre):
@@ -259,9 +257,8 @@ def test_joint_misfits_add_up():
             points - step * np.eye(3)[i]
         )
         np.testing.assert_allclose(joint.slopes(points)[:, :, i], rise / (2 * step), atol=1e-5)
-    assert joint.residuals(points[0]) @ joint.residuals(points[0]) == pytest.approx(
-        joint(points[:1])[0]
-    )
+    residuals = Problem(None, joint, 3).residuals(points[0])
+    assert residuals @ residuals == pytest.approx(joint(points[:1])[0])
 
 
 def test_a_space_with_a_factor_goes_there_and_back():
