@@ -161,9 +161,9 @@ def learn(hidden, table, *, finite_elements=False):
             "law", RAMPS, {"terms": (Term(CUBIC, (("X3_MPa", 250.0),)),)}, marks=pytest.mark.long
         ),
         pytest.param("loop", RAMPS, {"felt": rubs}, marks=pytest.mark.long),
-        ("sensor_loop", RAMPS, {"loop": bulges}),
+        pytest.param("sensor_loop", RAMPS, {"loop": bulges}, marks=pytest.mark.long),
         ("play", RAMPS, {"felt": stuck}),
-        ("sensor_range", RAMPS, {"sensor": clipped}),
+        pytest.param("sensor_range", RAMPS, {"sensor": clipped}, marks=pytest.mark.long),
         ("periodic", RAMPS, {"moves": strokes}),
     ],
     ids=[

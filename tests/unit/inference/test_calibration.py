@@ -65,8 +65,13 @@ def calibrated(probe, seed, kit=None, sensor=None):
 
 
 @pytest.fixture(scope="module")
-def known():
-    return calibrated(HIDDEN, 3)
+def readings():
+    return [Reading(p, measured(p, HIDDEN, 3)) for p in read_phantoms()]
+
+
+@pytest.fixture(scope="module")
+def known(readings):
+    return calibrate(readings, serial_number=HIDDEN.serial_number, model="m", now=NOW)
 
 
 def drawn(seed):
@@ -146,15 +151,13 @@ def test_rigid_bodies_alone_say_nothing_of_the_pressure():
     assert found.check is None
 
 
-def test_a_phantom_that_is_not_its_sheet_is_said_and_makes_intervals_wider(known):
+def test_a_phantom_that_is_not_its_sheet_is_said_and_makes_intervals_wider(known, readings):
     assert known.misfit < 1.2
     assert known.phantoms_off == []
-    kit = read_phantoms()
     # The same step twice, and once its sheet is wrong
-    other = msgspec.structs.replace(kit[1], name="other", height_mm=0.7)
-    readings = [Reading(p, measured(p, HIDDEN, 3)) for p in kit]
-    readings.append(Reading(other, readings[1].curve))
-    found = calibrate(readings, serial_number="", model="", now=NOW)
+    step = readings[1]
+    other = msgspec.structs.replace(step.phantom, name="other", height_mm=0.7)
+    found = calibrate([*readings, Reading(other, step.curve)], serial_number="", model="", now=NOW)
     assert "other" in found.phantoms_off
     one, before = found.deflection_gain, known.deflection_gain
     assert one.high - one.low > 3 * (before.high - before.low)
