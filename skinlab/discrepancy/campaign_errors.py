@@ -228,7 +228,7 @@ class ThicknessScatter:
     absent: float = 0.0  # share of the prior with which sites hardly differ
     name: str = "placement_thickness"
     meaning: str = "the skin's thickness differs from placement to placement"
-    prior: str = "2 %, 0.8; always there"
+    prior: str = "2 %, 0.8 below and 0.45 above; always there"
 
     def part(self, look: Look) -> Part | None:
         """Return its part for several placements, unless there is said to be no scatter."""
@@ -241,7 +241,8 @@ class ThicknessScatter:
         def terms(values: Sequence[float]) -> Terms:
             return Terms(columns_mm=columns, sizes=np.full(columns.shape[1], values[0]))
 
-        size = Hyperparameter(self.name, *ERRORS.thickness_scatter, absent=self.absent)
+        median, below, above = ERRORS.thickness_scatter
+        size = Hyperparameter(self.name, median, below, log_sd_above=above, absent=self.absent)
         return Part(self.name, (size,), terms, always=True)
 
 

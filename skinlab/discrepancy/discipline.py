@@ -158,7 +158,10 @@ class Discipline:
         # out, though pure error is larger.
         learned = any(get_effect(name).family for name in best.effects)
         errors = (self._errors.pure if learned else self._errors.looks[-1]).mode
-        more = steps(self._records, errors, self._linear[id(best)].residual_mm)
+        # At its optimum by these errors: its fit ended near that by wider ones, and what a refit
+        # would take off is no step.
+        linear = self._linear[id(best)]
+        more = steps(self._records, errors, linear.residual_mm - linear.explained_mm(errors))
         passed = more < NAMES.steps
         return Trial(
             "steps",

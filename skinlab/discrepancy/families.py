@@ -32,6 +32,7 @@ from skinlab.inference.covariance import Covariance
 from skinlab.mechanics.effects import all_effects
 from skinlab.mechanics.effects.learned import PRIOR_SIZES, LearnedEffect, Seen
 from skinlab.mechanics.effects.model import problem_of
+from skinlab.mechanics.fem.suction import SCREENING_MESH
 
 Array = NDArray[np.float64]
 
@@ -253,7 +254,7 @@ def _shapes(search: Search, fit: Fit, one: LearnedEffect, seen: Seen) -> Array |
         here = np.concatenate(fit.deflections_mm)
         rows = []  # the finite elements know of the function only where it is not zero
         for u in moved:
-            model = fitter.model(unknowns)
+            model = fitter.model(unknowns, SCREENING_MESH)
             if not fitter.prepare(model, u):
                 return None
             rows.append(np.concatenate(model.predict(u)))

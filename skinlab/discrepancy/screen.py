@@ -19,6 +19,7 @@ from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.settings import SEARCH
 from skinlab.discrepancy.unknowns import Axis, Unknowns
 from skinlab.mechanics.effects import get_effect
+from skinlab.mechanics.fem.suction import SCREENING_MESH
 
 Array = NDArray[np.float64]
 
@@ -50,7 +51,7 @@ def signature(fitter: Fitter, fit: Fit, effect: str) -> Signature | None:
     unknowns = fit.unknowns.with_effect(effect)
     axes = unknowns.axes[len(fit.unknowns.axes) :]
     # Without the correction of what relaxes, which takes most of the time of an anchor.
-    without = fitter.model(fit.unknowns)
+    without = fitter.model(fit.unknowns, SCREENING_MESH)
     fitter.prepare(without, fit.u, memory=False)
     here = np.concatenate(without.predict(fit.u))
     sized = [i for i, a in enumerate(axes) if a.parameter.zero is not None]
@@ -122,7 +123,7 @@ class _Screened:
         """Return the curves with the effect, and its step; None where its model does not hold."""
         for size in SEARCH.screened:
             some, step = self._u(own, which, size)
-            model = self.fitter.model(self.unknowns)
+            model = self.fitter.model(self.unknowns, SCREENING_MESH)
             if self.fitter.prepare(model, some, memory=False):
                 there = np.concatenate(model.predict(some))
                 if np.isfinite(there).all():
@@ -133,7 +134,7 @@ class _Screened:
         self, tasks: Sequence[tuple[tuple[float, ...], int]]
     ) -> list[tuple[Array, float] | None]:
         """Return the same of an effect on the record: the skin is solved once."""
-        model = self.fitter.model(self.unknowns)
+        model = self.fitter.model(self.unknowns, SCREENING_MESH)
         moved = [self._u(*task, SEARCH.screened[0]) for task in tasks]
         if not self.fitter.prepare(model, moved[0][0], memory=False):
             return [None] * len(tasks)

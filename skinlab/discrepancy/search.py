@@ -22,9 +22,11 @@ from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.records import Record, without
 from skinlab.discrepancy.screen import Signature
 from skinlab.discrepancy.search_workers import (
+    fit_by,
     fit_elsewhere,
     fit_from,
     fit_one,
+    signature_by,
     signature_of,
 )
 from skinlab.discrepancy.settings import ERRORS, FITS, NAMES, SEARCH
@@ -32,6 +34,7 @@ from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.discrepancy.unknowns import BasePrior, Known, Unknowns
 from skinlab.errors import NotTrustworthyError
 from skinlab.inference.covariance import Covariance, independent
+from skinlab.inference.error_choice import ErrorChoice
 from skinlab.mechanics.effects import get_effect, library_names
 from skinlab.mechanics.fem.skin import SkinProblem
 from skinlab.mechanics.model_file import BASE, Model, Normal
@@ -167,6 +170,7 @@ class Search:
         self._noise_um, self._placement_scatter = noise_um, placement_scatter
         self._thickness_mm = np.zeros(0)
         self.errors: CampaignErrors | None = None  # None: those of the fitter, as they are
+        self._looks: list[tuple[Fit, ErrorChoice]] = []  # errors as explanations see them
         self._kept: tuple[NDArray[np.bool_], ...] = ()
         self._unknowns = with_thickness(unknowns_of(model), fitter.records)
         self._own = self._unknowns.effects
@@ -225,7 +229,11 @@ class Search:
             candidates = singles
             explaining = [c for c in singles if c.adequate]
             if explaining:
-                # Something weaker may hide behind what explains nearly all.
+                # Something weaker may hide behind what explains nearly all: behind errors, too,
+                # which are as wide as pure error leaves them until an explanation tells them.
+                singles = self._weighed(base, singles)
+                explaining = [c for c in singles if c.adequate]
+                self._base_evidence = self._roughly(base.fit)
                 candidates = singles + self._pairs(pool, base, explaining, 1, SEARCH.behind)
             if not base.adequate and not self._one_is_enough(candidates):
                 # What comes nearest alone need not be one of the two.
@@ -237,7 +245,8 @@ class Search:
             candidates = self._rivals(pool, base, candidates)
             candidates += self._every_single(pool, base, chosen, singles, candidates)
             candidates = _best_of_each(candidates)
-        base, candidates = self._weighed(base, candidates)
+            candidates = self._weighed(base, candidates, SEARCH.looks)
+            candidates = self._sharpened(pool, base, candidates)
         candidates.sort(key=lambda c: -c.log10_evidence)
         for name in self._own:
             stated = any(k.effect == name and k.stated for k in self._unknowns.known)
@@ -289,20 +298,73 @@ class Search:
         return Linearised.of(fit, self.fitter.errors, self.fitter.measured)
 
     def _weighed(
-        self, base: Candidate, candidates: list[Candidate]
-    ) -> tuple[Candidate, list[Candidate]]:
+        self, base: Candidate, candidates: list[Candidate], rivals: int = 0
+    ) -> list[Candidate]:
         """Return the candidates weighed once more, with the errors as the best of them sees them.
 
         The errors of a wrong model are too large: looked for there alone, those of a right one
-        would be missed.
+        would be missed. So `rivals` that may still win are asked as well: an explanation whose own
+        errors no setting comes near loses by the integral, not by the data.
         """
         serving = [c for c in candidates if c.adequate] or candidates
-        if self.errors is None or not serving:
-            return base, candidates
-        best = max(serving, key=lambda c: c.log10_evidence)
+        if not serving:
+            return candidates
         self._progress(f"weighing {len(candidates)} explanations")
-        self.errors = self._learn(self.fitter.records, self.linear(best.fit), self.errors)
-        return base, self.weighed(base, candidates)
+        self._look_last(max(serving, key=lambda c: c.log10_evidence).fit)
+        candidates = self.weighed(base, candidates)
+        for _ in range(rivals):
+            near = self._doubtful(candidates)
+            if not near:
+                break
+            self._look(near[0].fit)
+            candidates = self._weighed(base, candidates)
+        return candidates
+
+    def _doubtful(self, candidates: Sequence[Candidate]) -> list[Candidate]:
+        """Return what may still win, and whose errors are not known; the nearest first."""
+        known = {id(fit) for fit, _ in self._looks}
+        return [c for c in _near(candidates) if id(c.fit) not in known]
+
+    def _sharpened(
+        self, pool: Pool, base: Candidate, candidates: list[Candidate]
+    ) -> list[Candidate]:
+        """Return the candidates, those that may win fitted again by the errors of the best.
+
+        By errors as wide as pure error leaves them a valley is flat, and a fit ends anywhere in it:
+        what it is off by there counts by the errors of the best.
+        """
+        near = _near(candidates)[: SEARCH.sharpened]
+        if len(near) < 2:
+            return candidates
+        self._progress(f"fitting {len(near)} explanations by the errors of the best")
+        assert self.errors is not None
+        errors = self.errors.looks[-1].mode
+        fits = pool.map(fit_by, [(c.fit, errors) for c in near])
+        moved = self.weighed(base, [self._candidate(fit, base) for fit in fits])
+        better = {
+            id(old): new
+            for old, new in zip(near, moved, strict=True)
+            if new.adequate and new.log10_evidence > old.log10_evidence
+        }
+        if not better:
+            return candidates
+        return self._weighed(base, [better.get(id(c), c) for c in candidates])
+
+    def _look(self, fit: Fit) -> ErrorChoice:
+        """Return the errors as an explanation sees them; those that are known are kept."""
+        for known, errors in self._looks:
+            if known is fit:
+                return errors
+        found = self.errors_with(fit).looks[-1]
+        self._looks.append((fit, found))
+        return found
+
+    def _look_last(self, fit: Fit) -> None:
+        """Take the errors of all explanations that were asked, those of this one as the last."""
+        assert self.errors is not None
+        last = self._look(fit)
+        others = [errors for known, errors in self._looks if known is not fit]
+        self.errors = CampaignErrors((self.errors.pure, *others, last))
 
     def weighed(self, base: Candidate, candidates: Sequence[Candidate]) -> list[Candidate]:
         """Return candidates of the library with their evidence by the errors as they are now."""
@@ -349,7 +411,7 @@ class Search:
         may end at a wall of skins that crease.
         """
         seen = {s.effect: s for s in chosen}
-        tasks = [(base.fit, seen[c.effects[-1]]) for c in _nearest(found)]
+        tasks = [(base.fit, seen[c.effects[-1]], c.fit.cost) for c in _nearest(found)]
         better = {}
         for fit in pool.map(fit_elsewhere, tasks):
             if fit is not None:
@@ -362,19 +424,27 @@ class Search:
         ]
 
     def _race(
-        self, pool: Pool, base: Candidate, tasks: Sequence[tuple[Fit, Signature]]
+        self,
+        pool: Pool,
+        base: Candidate,
+        tasks: Sequence[tuple[Fit, Signature]],
+        known: Sequence[Candidate] = (),
     ) -> list[Candidate]:
-        """Return fits: the two likeliest, then the others, which end early where those explain."""
-        found = self._fits(pool, base, tasks[:2])
-        serving = [c.fit.cost for c in found if c.adequate]
-        limit = math.inf
-        if serving:
-            limit = (
-                min(serving)
-                + SEARCH.far
-                + SEARCH.far_share * max(0.0, base.fit.cost - min(serving))
-            )
-        return found + self._fits(pool, base, tasks[2:], limit)
+        """Return fits: the two likeliest, then the others, which end early where those explain.
+
+        So do all where what is `known` explains, and they will not.
+        """
+        found = self._fits(pool, base, tasks[:2], self._limit(base, known))
+        return found + self._fits(pool, base, tasks[2:], self._limit(base, [*known, *found]))
+
+    @staticmethod
+    def _limit(base: Candidate, known: Iterable[Candidate]) -> float:
+        """Return the cost above which a fit is out of the race, because others explain."""
+        serving = [c.fit.cost for c in known if c.adequate]
+        if not serving:
+            return math.inf
+        gained = max(0.0, base.fit.cost - min(serving))
+        return min(serving) + SEARCH.far + SEARCH.far_share * gained
 
     def _pairs(
         self,
@@ -398,7 +468,8 @@ class Search:
             mine = leader.effects[-1]
             self._progress(f"looking for a partner of {mine}")
             others = [n for n in self._library if n != mine]
-            found, _ = self._screen(pool, leader.fit, others)
+            errors = next((e.mode for fit, e in self._looks if fit is leader.fit), None)
+            found, _ = self._screen(pool, leader.fit, others, errors)
             for s in sorted(found.values(), key=lambda s: -s.gain)[: SEARCH.partners]:
                 expected = leader.fit.cost - s.gain
                 names = frozenset((mine, s.effect))
@@ -426,8 +497,10 @@ class Search:
         told = [f"{f.effects[-1]} and {s.effect}" for f, s in ranked]
         told += [" and ".join(u.effects[len(self._own) :]) for u, _ in linear]
         self._progress("fitting pairs: " + ", ".join(told))
-        fitted = self._race(pool, base, ranked) if ranked else []
-        fits = pool.map(fit_from, linear) if linear else []
+        served = [*singles, *known]
+        fitted = self._race(pool, base, ranked, served)
+        limit = self._limit(base, [*served, *fitted])
+        fits = pool.map(fit_from, [(*task, limit) for task in linear])
         return fitted + [self._candidate(fit, base) for fit in fits if fit is not None]
 
     def _members(self, pool: Pool, base: Candidate, pairs: Sequence[Candidate]) -> list[Candidate]:
@@ -446,7 +519,8 @@ class Search:
         found = list(tasks.values())[: SEARCH.members]
         if found:
             self._progress("fitting the members of pairs alone")
-        fits = [fit for fit in pool.map(fit_from, found) if fit is not None]
+        tried = pool.map(fit_from, [(*task, math.inf) for task in found])
+        fits = [fit for fit in tried if fit is not None]
         return [c for c in (self._candidate(fit, base) for fit in fits) if c.adequate]
 
     def _rivals(self, pool: Pool, base: Candidate, candidates: list[Candidate]) -> list[Candidate]:
@@ -495,7 +569,8 @@ class Search:
             return []
         self._progress("fitting every single effect from elsewhere")
         begun = set() if base.adequate else {c.effects[-1] for c in _nearest(singles)}
-        fits = pool.map(fit_elsewhere, [(base.fit, s) for s in chosen if s.effect not in begun])
+        tasks = [(base.fit, s, math.inf) for s in chosen if s.effect not in begun]
+        fits = pool.map(fit_elsewhere, tasks)
         found = (self._candidate(fit, base) for fit in fits if fit is not None)
         return [c for c in found if c.adequate]
 
@@ -516,12 +591,15 @@ class Search:
         return best if best is not None and len(best.effects) - len(self._own) > 1 else None
 
     def _screen(
-        self, pool: Pool, fit: Fit, names: Sequence[str]
+        self, pool: Pool, fit: Fit, names: Sequence[str], errors: Covariance | None = None
     ) -> tuple[dict[str, Signature], dict[str, str]]:
-        """Return the effects' signatures, and why others have none."""
-        found = list(
-            zip(names, pool.map(signature_of, [(fit, name) for name in names]), strict=True)
+        """Return the effects' signatures, by these errors if given, and why others have none."""
+        each = (
+            pool.map(signature_of, [(fit, name) for name in names])
+            if errors is None
+            else pool.map(signature_by, [(fit, name, errors) for name in names])
         )
+        found = list(zip(names, each, strict=True))
         return (
             {name: s for name, s in found if isinstance(s, Signature)},
             {name: why for name, why in found if isinstance(why, str)},
@@ -556,6 +634,19 @@ class Search:
         if self._partial is not None:
             self._partial.add(found, base=base is None)
         return found
+
+
+def _near(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Return the explanations that may still win, the best first; none where nothing is seen.
+
+    The best one with another effect is no other explanation.
+    """
+    good = sorted((c for c in candidates if c.adequate), key=lambda c: -c.log10_evidence)
+    if not good or good[0].log10_evidence < NAMES.tie:
+        return []
+    least = good[0].log10_evidence - SEARCH.doubt
+    best = set(good[0].effects)
+    return [c for c in good if c.log10_evidence > least and not best < set(c.effects)]
 
 
 def _nearest(singles: Sequence[Candidate]) -> list[Candidate]:

@@ -5,6 +5,8 @@ The fitter is their state, and goes to each process once; a task is what is new,
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,6 +14,7 @@ from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.screen import NO_MODEL, Signature, signature
 from skinlab.discrepancy.settings import FITS
 from skinlab.discrepancy.unknowns import Unknowns
+from skinlab.inference.covariance import Covariance
 from skinlab.mechanics.effects import EFFECTS
 
 Array = NDArray[np.float64]
@@ -33,9 +36,21 @@ def signature_of(fitter: Fitter, task: tuple[Fit, str]) -> Signature | str:
     return NO_MODEL if found is None else found
 
 
-def fit_from(fitter: Fitter, task: tuple[Unknowns, Array]) -> Fit | None:
-    """Return a fit from a start (k,)."""
+def signature_by(fitter: Fitter, task: tuple[Fit, str, Covariance]) -> Signature | str:
+    """Return the signature of an effect at a fit by other errors than those of the fitter."""
+    fit, effect, errors = task
+    other = fitter.with_errors(fitter.records, errors)
+    return signature_of(other, (fit.with_errors(fitter.errors, errors), effect))
+
+
+def fit_from(fitter: Fitter, task: tuple[Unknowns, Array, float]) -> Fit | None:
+    """Return a fit from a start (k,), that ends early where it stays above a cost."""
     return fitter.fit(*task)
+
+
+def fit_by(fitter: Fitter, task: tuple[Fit, Covariance]) -> Fit:
+    """Return a fit moved to the optimum by other errors."""
+    return fitter.sharpened(*task)
 
 
 def _start(
@@ -52,21 +67,27 @@ def _start(
     return np.asarray(np.clip(start, low, high))
 
 
-def fit_elsewhere(fitter: Fitter, task: tuple[Fit, Signature]) -> Fit | None:
-    """Return the best fit with one more effect from the starts that `fit_one` does not take."""
-    fit, seen = task
+def fit_elsewhere(fitter: Fitter, task: tuple[Fit, Signature, float]) -> Fit | None:
+    """Return the best fit with one more effect from the starts that `fit_one` does not take.
+
+    What is told with the task is the cost of a fit that is known.
+    """
+    fit, seen, known = task
     unknowns = fit.unknowns.with_effect(seen.effect)
     best: Fit | None = None
     for share, stiffer in FITS.elsewhere:
-        found = fitter.fit(unknowns, _start(fit, unknowns, seen, share, stiffer))
+        start = _start(fit, unknowns, seen, share, stiffer)
+        found = fitter.fit(unknowns, start, known=known)
         if found is not None and (best is None or found.cost < best.cost):
-            best = found
+            best, known = found, min(known, found.cost)
         if best is not None and best.chi2 < FITS.hopeless * fitter.errors.count:
             return best
-    return _continued(fitter, fit, seen, best)
+    return _continued(fitter, fit, seen, best, known)
 
 
-def _continued(fitter: Fitter, fit: Fit, seen: Signature, best: Fit | None) -> Fit | None:
+def _continued(
+    fitter: Fitter, fit: Fit, seen: Signature, best: Fit | None, known: float
+) -> Fit | None:
     """Return the best fit along the effect's amplitude, each begun where the last one ended.
 
     A strong effect lies beyond the linear reach of the base model's fit.
@@ -79,12 +100,12 @@ def _continued(fitter: Fitter, fit: Fit, seen: Signature, best: Fit | None) -> F
     for level in FITS.levels:
         start = at.copy()
         start[size] = np.clip(sign * level, low[size], high[size])
-        found = fitter.fit(unknowns, start)
+        found = fitter.fit(unknowns, start, known=known)
         if found is None:
             continue
         at = found.u
         if best is None or found.cost < best.cost:
-            best = found
+            best, known = found, min(known, found.cost)
         if best.chi2 < FITS.hopeless * fitter.errors.count:
             break
     return best
@@ -96,7 +117,8 @@ def fit_one(fitter: Fitter, task: tuple[Fit, Signature, float]) -> Fit | None:
     unknowns = fit.unknowns.with_effect(seen.effect)
     best: Fit | None = None
     for share in FITS.shares:
-        found = fitter.fit(unknowns, _start(fit, unknowns, seen, share), limit)
+        known = math.inf if best is None else best.cost
+        found = fitter.fit(unknowns, _start(fit, unknowns, seen, share), limit, known)
         if found is not None and (best is None or found.cost < best.cost):
             best = found
         # An effect that does not take away what the screen expected may have been misled.
@@ -121,5 +143,5 @@ def _off_the_wall(fitter: Fitter, best: Fit, limit: float) -> Fit:
     start = best.u.copy()
     law = slice(0, unknowns.count)
     start[law] = np.where(walled, 0.5 * (low + high)[law], start[law])
-    again = fitter.fit(unknowns, start, limit)
+    again = fitter.fit(unknowns, start, limit, best.cost)
     return best if again is None or again.cost >= best.cost else again

@@ -15,9 +15,10 @@ class ErrorRules:
     they take up is not counted as noise. A quartic fit leaves the noise of traction records."""
     smooth_sd_um: float = 100.0
     """Prior of their coefficients: larger than what any effect leaves after a refit (140 µm)."""
-    thickness_scatter: tuple[float, float] = (0.02, 0.8)
-    """Median and logarithmic standard deviation before the data of the scatter of log thickness
-    between placements: 1 to 5 % (ultrasound, site)."""
+    thickness_scatter: tuple[float, float, float] = (0.02, 0.8, 0.45)
+    """Median and logarithmic standard deviations, below and above it, before the data of the
+    scatter of log thickness between placements: 1 to 5 % (ultrasound, site), which are two of
+    either. 25 % is no scatter (as of zeros: docs/decisions/0042-advice-and-speed.md)."""
     placements_alike: float = 0.1
     """Share of the priors of stiffness, zero and thickness of placements with which these hardly
     differ, where a condition was measured at several placements: their repeats then tell."""
@@ -91,7 +92,8 @@ class FitRules:
     idle_anchors: int = 2
     """After so many in a row that gain less than `gain`, it ends: the valley is flat."""
     enough_anchors: int = 3
-    """After so many, one that explains nothing goes on only while it gains `worth`."""
+    """After so many, one that explains nothing goes on only while it gains `worth`, and a second
+    try only while it expects to come below the first."""
     worth: float = 0.1
     """Share of what is left of χ²."""
     walks: int = 4
@@ -151,7 +153,7 @@ class SearchRules:
     """Share of the largest gain below which an effect is fitted only if the likelier fail."""
     far: float = 20.0
     """Of the cost: an explanation so much worse than one that serves is out of the race,"""
-    far_share: float = 0.1
+    far_share: float = 0.03
     """with such a share of what that one gained on top."""
     most_singles: int = 8
     """Single effects that are fitted."""
@@ -169,6 +171,13 @@ class SearchRules:
     """Other single effects, at whose fits the members of a pair that leads are tried,"""
     rival_pairs: int = 4
     """and so many of these are fitted."""
+    looks: int = 2
+    """Explanations beside the best whose errors are learned as well,"""
+    doubt: float = 8.0
+    """where they are less than so much log10 evidence behind: what an integral over errors that are
+    not theirs took from an explanation was 4, what a fit by wider errors took from one 8."""
+    sharpened: int = 6
+    """So many of these are fitted again by the errors of the best."""
     screened: tuple[float, ...] = (0.3, 0.1, 0.03)
     """Of a typical size, at which effects are screened: about linear; the first that skins bear."""
     invisible: float = 1e-2

@@ -85,6 +85,21 @@ class MappedModel:
     _anchor: Array | None = None
     _ratios: dict[Key, tuple[Array, _Learnt]] = field(default_factory=dict)
     _courses: dict[int, _Learnt] = field(default_factory=dict)
+    _offs: dict[Key, tuple[Array, Array]] = field(default_factory=dict)  # heights, of a coarse mesh
+
+    def exact(self) -> MappedModel:
+        """Return the model on the mesh of record, without an anchor.
+
+        How what relaxes changes with the unknowns is taken over: it is learnt already.
+        """
+        courses = {i: replace(one) for i, one in self._courses.items()}
+        return MappedModel(self.records, self.unknowns, self.domes, _courses=courses)
+
+    def anew(self) -> MappedModel:
+        """Return the same model without an anchor."""
+        return MappedModel(
+            self.records, self.unknowns, self.domes, self.discretisation, _offs=self._offs
+        )
 
     @property
     def corrected(self) -> bool:
@@ -306,7 +321,7 @@ class MappedModel:
         held = nodes <= min(solved.holds_to_mbar, top)
         w, plain = solved.instant(nodes), self._plain([problem], top, nodes)[0]
         with np.errstate(divide="ignore", invalid="ignore"):
-            value = np.log(w / plain)
+            value = np.log(w / plain) - self._off(problem, key, top, plain)
         if not np.isfinite(value[held]).all():
             return None
         learnt = _Learnt(_read_on(nodes, value, held), np.zeros((len(nodes), len(u))))
@@ -337,7 +352,8 @@ class MappedModel:
         if solved.instant is None or solved.holds_to_mbar < FITS.least_held * needed_mbar:
             return None
         with np.errstate(divide="ignore", invalid="ignore"):
-            value = np.log(solved.instant(nodes) / self._plain([problem], top, nodes)[0])
+            plain = self._plain([problem], top, nodes)[0]
+            value = np.log(solved.instant(nodes) / plain) - self._off(problem, key, top, plain)
         held = nodes <= min(solved.holds_to_mbar, top)
         if not np.isfinite(value[held]).all():
             return None
@@ -348,6 +364,30 @@ class MappedModel:
         stiffness = np.array([[p.stiffness] for p in problems])
         domes = self.domes(problems, [top / p.stiffness for p in problems])
         return domes(nodes / stiffness)
+
+    def _off(self, problem: SkinProblem, key: Key, top: float, deflection_mm: Array) -> Array:
+        """Return by how much this mesh is off at heights (m,), of their logarithm.
+
+        It is that of the plain skin, which the table knows, where this model was anchored first: of
+        a coarse mesh an effect is nearly right, the dome is not. The mesh of record made the table.
+        """
+        if self.discretisation == MESH_OF_RECORD:
+            return np.zeros(len(deflection_mm))
+        if key not in self._offs:
+            plain, reach = plain_part(problem), 20.0 * np.ceil(0.05 * top / problem.stiffness)
+            solved = _solve(plain, (), reach, self.discretisation)
+            if solved.instant is None:
+                return np.zeros(len(deflection_mm))
+            held = min(solved.holds_to_mbar, reach)
+            nodes = held * np.linspace(0.02, 1.0, _RATIO_NODES) ** 1.5
+            known = self._plain([plain], reach, nodes)[0]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                off = np.log(solved.instant(nodes) / known)
+            there = np.isfinite(off)
+            if not there.any():
+                return np.zeros(len(deflection_mm))
+            self._offs[key] = known[there], off[there]
+        return np.interp(deflection_mm, *self._offs[key])
 
     def _changes(self, u: Array, problem: SkinProblem, key: Key) -> dict[int, Change]:
         """Return the changes of the solid with each unknown that the table does not answer."""
@@ -395,7 +435,9 @@ class MappedModel:
         if not domes.hold[0]:
             return None
         time, path = record.curve.time_s, _simpler(here.felt[i])
-        exact = solve_skin(here.problems[key], path, self.discretisation).at(time, path(time))
+        problem = here.problems[key]
+        exact = solve_skin(problem, path, self.discretisation).at(time, path(time))
+        exact = exact * np.exp(-self._off(problem, key, self._top_mbar(here, key), exact))
         held = np.isfinite(exact)
         # Beyond a crease what they add stays as it was.
         if path(time)[held].max(initial=0.0) < FITS.least_held * path.top_mbar:

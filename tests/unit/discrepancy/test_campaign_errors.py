@@ -24,7 +24,7 @@ from skinlab.discrepancy.heldout import HeldOut
 from skinlab.discrepancy.misfit import errors_of, mesh_columns
 from skinlab.discrepancy.records import by_condition, coarsened, records_of, without
 from skinlab.discrepancy.search import Candidate, Search, unknowns_of, with_thickness
-from skinlab.discrepancy.settings import NAMES
+from skinlab.discrepancy.settings import NAMES, SEARCH
 from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.inference.covariance import Covariance, OrnsteinUhlenbeck
@@ -243,6 +243,47 @@ def test_a_name_is_there_again_though_a_second_effect_says_a_little_more(table):
         weighed = Discipline(fitter.records, errors, linear, {id(name): -1.3, id(pair): odds})
         trials = weighed.trials(name, base, [name, pair], [], held)
         assert next(t for t in trials if t.name == "again").passed is there
+
+
+def test_a_fit_by_other_errors_tells_its_figures_by_its_own(table):
+    made = campaign(table, lambda t, per_log, rng: rng.normal(0, 2e-3, len(t)))
+    fitter, fit = fitted(table, made)
+    own = fitter.errors
+    half = np.arange(len(own.variance_mm2)) % 3 == 0
+    other = replace(own, variance_mm2=np.where(half, 25.0, 1.0) * own.variance_mm2)
+    moved = fitter.sharpened(fit, other)
+    assert moved.cost >= fit.cost - 1e-3  # the optimum by its own errors is elsewhere
+    by_other = fitter.with_errors(fitter.records, other)
+    costs = [
+        float(np.square(by_other.residuals(by_other.model(f.unknowns), f.u)).sum())
+        for f in (fit, moved)
+    ]
+    assert costs[1] < costs[0]
+    slopes = fitter.jacobian(fitter.model(moved.unknowns), moved.u)
+    assert moved.jacobian == pytest.approx(slopes, rel=1e-6, abs=1e-6 * np.abs(slopes).max())
+
+
+def test_what_may_still_win_is_asked_for_its_errors_once(table):
+    made = campaign(table, lambda t, per_log, rng: 0.03 + rng.normal(0, 2e-3, len(t)))
+    records = records_of(made)
+    fitter = Fitter(records, errors_of(records), TableDomes(table), finite_elements=False)
+    search = Search(fitter, noise_um=2.0, placement_scatter=0.0)
+    base = search.learned_base()
+    ones = []
+    for name, size in (("deflection_offset", 1.0), ("sensor_curve", 0.1)):
+        unknowns = base.fit.unknowns.with_effect(name)
+        fit = search.fitter.fit(unknowns, unknowns.start(base.fit.u, {name: size}))
+        ones.append(Candidate(fit, Residual(1.0, ()), 0.0))
+    lead = [c.log10_evidence for c in search.weighed(base, ones)]
+    assert lead[0] > lead[1]
+    far = lead[0] - lead[1] > SEARCH.doubt
+    weighed = search._weighed(base, ones, SEARCH.looks)
+    assert weighed[0].log10_evidence > weighed[1].log10_evidence
+    looks = search.errors.looks
+    assert len(looks) == (2 if far else 3)
+    assert looks[-1] is search._look(weighed[0].fit)
+    search._weighed(base, weighed, SEARCH.looks)
+    assert [id(one) for one in search.errors.looks] == [id(one) for one in looks]
 
 
 def test_repeats_that_disagree_are_measured(table):
