@@ -280,7 +280,7 @@ class IntervalRules:
     """Of the weight,"""
     level_in_a_corner: float = 0.88
     """of an interval that was widened to where another unknown is at an end of its range,"""
-    level_at_end: float = 0.78
+    level_at_end: float = 0.82
     """and of one that reaches an end of the value's own range: half of these have all of it."""
     end_fall: float = 1.64
     """Twice the fall of the log likelihood up to which an end is inside: at the end of a range half
