@@ -170,7 +170,8 @@ class Search:
         self._noise_um, self._placement_scatter = noise_um, placement_scatter
         self._thickness_mm = np.zeros(0)
         self.errors: CampaignErrors | None = None  # None: those of the fitter, as they are
-        self._looks: list[tuple[Fit, ErrorChoice]] = []  # errors as explanations see them
+        self._first: tuple[ErrorChoice, ...] = ()  # pure error, and as the model as it is sees them
+        self._looks: list[tuple[Fit, ErrorChoice]] = []  # and as explanations do
         self._kept: tuple[NDArray[np.bool_], ...] = ()
         self._unknowns = with_thickness(unknowns_of(model), fitter.records)
         self._own = self._unknowns.effects
@@ -275,6 +276,7 @@ class Search:
         records = creased(without(before.records, self._kept), first, domes)
         self._thickness_mm = thickness_slopes(before.records, first, domes)[~bad]
         self.errors = self._learn(records, linear.only(~bad), None)
+        self._first = self.errors.looks
         self.fitter = before.with_errors(records, self.errors.working)
         fit = self.fitter.fit(first.unknowns, first.u)
         if fit is None:
@@ -361,10 +363,9 @@ class Search:
 
     def _look_last(self, fit: Fit) -> None:
         """Take the errors of all explanations that were asked, those of this one as the last."""
-        assert self.errors is not None
         last = self._look(fit)
         others = [errors for known, errors in self._looks if known is not fit]
-        self.errors = CampaignErrors((self.errors.pure, *others, last))
+        self.errors = CampaignErrors((*self._first, *others, last))
 
     def weighed(self, base: Candidate, candidates: Sequence[Candidate]) -> list[Candidate]:
         """Return candidates of the library with their evidence by the errors as they are now."""
