@@ -293,9 +293,8 @@ class Fitter:
             ):
                 settled = False
                 break
-            if (
-                k or near
-            ) and hoped > best.cost - least:  # as far as the slopes tell, this is the bottom
+            # As far as the slopes tell, this is the bottom.
+            if (k or near) and hoped > best.cost - least:
                 settled = True
                 break
             if not model.anchor(u):
