@@ -24,11 +24,9 @@
 #define BLOCK 8  /* columns that are factorised together */
 #define TILE 16  /* rows that are kept in registers */
 
-typedef double Eight __attribute__((vector_size(64), aligned(8)));
+/* In one register of most processors: where there are none so wide, wider ones go through memory. */
+typedef double Four __attribute__((vector_size(32), aligned(8)));
 
-typedef double Four __attribute__((vector_size(32), aligned(8))); /* in one register of more processors */
-
-INLINE Eight load8(const double *at) { return *(const Eight *)at; }
 INLINE Four load4(const double *at) { return *(const Four *)at; }
 
 typedef struct {
@@ -248,32 +246,45 @@ INLINE void stiffness_of(const Mesh *s, int64_t e, int first, const double c[PAI
     scatter(a, s->slots + e * 3 * a * a, rr, rz, zz, band);
 }
 
-/* The same for 8 nodes: a row of the stiffness is one vector. */
+/* The same for 8 nodes: half a row of the stiffness is one vector. What a point adds to it is kept of all
+ * points first, so that two half rows at a time stay in registers. */
 INLINE void stiffness_of_8(const Mesh *s, int64_t e, int first, const double c[PAIRS][SPAN],
                            double *restrict band) {
     const int q = (int)s->points;
-    Eight rr[8] = {{0}}, rz[8] = {{0}}, zz[8] = {{0}};
-    for (int p = 0; p < q; p++) {
-        const double *gr = s->gradients + (e * 3 * q + p) * 8, *gz = gr + q * 8, *gh = gz + q * 8;
-        const double w = s->volumes[e * q + p];
-        const Eight x = w * load8(gr), y = w * load8(gz), h = w * load8(gh);
+    const double *gradients = s->gradients + e * 24 * q;
+    double rr[64], rz[64], zz[64];
+    for (int half = 0; half < 8; half += 4) {
+        Four t[MOST_POINTS][8];
+        for (int p = 0; p < q; p++) {
+            const double *g = gradients + p * 8 + half;
+            const double w = s->volumes[e * q + p];
+            const Four x = w * load4(g), y = w * load4(g + 8 * q), h = w * load4(g + 16 * q);
 #define D(i, k) c[AT(i, k)][first + p]
-        const Eight t0 = D(0, 0) * x + D(1, 0) * y + D(4, 0) * h;
-        const Eight t1 = D(1, 0) * x + D(1, 1) * y + D(4, 1) * h;
-        const Eight t4 = D(4, 0) * x + D(4, 1) * y + D(4, 4) * h;
-        const Eight u0 = D(2, 0) * x + D(3, 0) * y;
-        const Eight u1 = D(2, 1) * x + D(3, 1) * y;
-        const Eight u4 = D(4, 2) * x + D(4, 3) * y;
-        const Eight v2 = D(2, 2) * x + D(3, 2) * y;
-        const Eight v3 = D(3, 2) * x + D(3, 3) * y;
+            t[p][0] = D(0, 0) * x + D(1, 0) * y + D(4, 0) * h;
+            t[p][1] = D(1, 0) * x + D(1, 1) * y + D(4, 1) * h;
+            t[p][2] = D(4, 0) * x + D(4, 1) * y + D(4, 4) * h;
+            t[p][3] = D(2, 0) * x + D(3, 0) * y;
+            t[p][4] = D(2, 1) * x + D(3, 1) * y;
+            t[p][5] = D(4, 2) * x + D(4, 3) * y;
+            t[p][6] = D(2, 2) * x + D(3, 2) * y;
+            t[p][7] = D(3, 2) * x + D(3, 3) * y;
 #undef D
+        }
         for (int i = 0; i < 8; i++) {
-            rr[i] += gr[i] * t0 + gz[i] * t1 + gh[i] * t4;
-            rz[i] += gr[i] * u0 + gz[i] * u1 + gh[i] * u4;
-            zz[i] += gr[i] * v2 + gz[i] * v3;
+            Four a = {0}, b = {0}, d = {0};
+            for (int p = 0; p < q; p++) {
+                const double *g = gradients + p * 8 + i;
+                const double x = g[0], y = g[8 * q], h = g[16 * q];
+                a += x * t[p][0] + y * t[p][1] + h * t[p][2];
+                b += x * t[p][3] + y * t[p][4] + h * t[p][5];
+                d += x * t[p][6] + y * t[p][7];
+            }
+            *(Four *)(rr + 8 * i + half) = a;
+            *(Four *)(rz + 8 * i + half) = b;
+            *(Four *)(zz + 8 * i + half) = d;
         }
     }
-    scatter(8, s->slots + e * 192, (const double *)rr, (const double *)rz, (const double *)zz, band);
+    scatter(8, s->slots + e * 192, rr, rz, zz, band);
 }
 
 INLINE void add(const Mesh *s, double *restrict band, int32_t i, int32_t k, double value) {
@@ -416,57 +427,62 @@ const char *skinlab_source(void) { return SKINLAB_SOURCE; }
  * are longer than the band by zeros, BLOCK + TILE of them, and there are whole blocks of columns, so
  * that no loop has to look where the band ends.
  */
+/* Takes from 8 rows of 4 columns what the columns k to `end` have in common with them: `rows` and `columns`
+ * point at column k, row and column; eight sums stay in registers. */
+INLINE void eliminate(const double *rows, const double *columns, int64_t ld, int64_t k, int64_t end,
+                      double (*restrict sum)[TILE]) {
+    Four a0 = load4(sum[0]), a1 = load4(sum[1]), a2 = load4(sum[2]), a3 = load4(sum[3]);
+    Four b0 = load4(sum[0] + 4), b1 = load4(sum[1] + 4), b2 = load4(sum[2] + 4), b3 = load4(sum[3] + 4);
+    for (; k < end; k++, rows += ld, columns += ld) {
+        const Four a = load4(rows), b = load4(rows + 4);
+        a0 -= a * columns[0], a1 -= a * columns[1], a2 -= a * columns[2], a3 -= a * columns[3];
+        b0 -= b * columns[0], b1 -= b * columns[1], b2 -= b * columns[2], b3 -= b * columns[3];
+    }
+    *(Four *)sum[0] = a0, *(Four *)sum[1] = a1, *(Four *)sum[2] = a2, *(Four *)sum[3] = a3;
+    *(Four *)(sum[0] + 4) = b0, *(Four *)(sum[1] + 4) = b1;
+    *(Four *)(sum[2] + 4) = b2, *(Four *)(sum[3] + 4) = b3;
+}
+
 FAST int64_t skinlab_factorise(int64_t unknowns, int64_t width, double *band, double *inverse) {
     const int64_t ld = width - 1, reach = width - 1 - BLOCK - TILE; /* of the band itself */
     for (int64_t j = unknowns; j % BLOCK; j++) band[j * width] = 1.0;
     for (int64_t j0 = 0; j0 < unknowns; j0 += BLOCK) {
         double *diagonal = band + j0 * ld + j0;
-        double scale[BLOCK], low[BLOCK][BLOCK];
+        double scale[BLOCK], low[BLOCK][BLOCK], x[BLOCK][TILE];
         { /* the block on the diagonal */
-            Eight sum[BLOCK];
-            for (int c = 0; c < BLOCK; c++) sum[c] = load8(diagonal + c * ld);
-            for (int64_t k = j0 - reach > 0 ? j0 - reach : 0; k < j0; k++) {
-                const double *column = band + k * ld + j0;
-                const Eight x = load8(column);
-                for (int c = 0; c < BLOCK; c++) sum[c] -= x * column[c];
-            }
+            const int64_t k = j0 - reach > 0 ? j0 - reach : 0;
+            const double *column = band + k * ld + j0;
+            for (int c = 0; c < BLOCK; c++) memcpy(x[c], diagonal + c * ld, BLOCK * sizeof *diagonal);
+            eliminate(column, column, ld, k, j0, x);
+            eliminate(column, column + 4, ld, k, j0, x + 4);
             for (int c = 0; c < BLOCK; c++) {
-                for (int d = 0; d < c; d++) sum[c] -= sum[d] * low[c][d];
-                const double square = sum[c][c];
+                for (int d = 0; d < c; d++)
+                    for (int i = 0; i < BLOCK; i++) x[c][i] -= x[d][i] * low[c][d];
+                const double square = x[c][c];
                 if (!(square > 0.0) || !isfinite(square)) return j0 + c + 1;
                 scale[c] = 1.0 / sqrt(square);
                 inverse[j0 + c] = scale[c];
-                sum[c] = sum[c] * scale[c];
+                for (int i = 0; i < BLOCK; i++) x[c][i] *= scale[c];
                 for (int i = c; i < BLOCK; i++) {
-                    low[i][c] = sum[c][i];
+                    low[i][c] = x[c][i];
                     diagonal[c * ld + i] = low[i][c];
                 }
             }
         }
         for (int64_t i0 = j0 + BLOCK; i0 < j0 + BLOCK + reach; i0 += TILE) {
-            Eight x[BLOCK], y[BLOCK];
             double *here = band + j0 * ld + i0;
-            for (int c = 0; c < BLOCK; c++) {
-                x[c] = load8(here + c * ld);
-                y[c] = load8(here + c * ld + 8);
-            }
-            for (int64_t k = i0 - reach > 0 ? i0 - reach : 0; k < j0; k++) {
-                const double *column = band + k * ld;
-                const Eight a = load8(column + i0), b = load8(column + i0 + 8);
-                for (int c = 0; c < BLOCK; c++) {
-                    x[c] -= a * column[j0 + c];
-                    y[c] -= b * column[j0 + c];
-                }
+            const int64_t k = i0 - reach > 0 ? i0 - reach : 0;
+            const double *column = band + k * ld;
+            for (int c = 0; c < BLOCK; c++) memcpy(x[c], here + c * ld, sizeof x[c]);
+            for (int c = 0; c < BLOCK; c += 4) {
+                eliminate(column + i0, column + j0 + c, ld, k, j0, x + c);
+                eliminate(column + i0 + 8, column + j0 + c, ld, k, j0, (double (*)[TILE])(x[c] + 8));
             }
             for (int c = 0; c < BLOCK; c++) {
-                for (int d = 0; d < c; d++) {
-                    x[c] -= x[d] * low[c][d];
-                    y[c] -= y[d] * low[c][d];
-                }
-                x[c] = x[c] * scale[c];
-                y[c] = y[c] * scale[c];
-                *(Eight *)(here + c * ld) = x[c];
-                *(Eight *)(here + c * ld + 8) = y[c];
+                for (int d = 0; d < c; d++)
+                    for (int i = 0; i < TILE; i++) x[c][i] -= x[d][i] * low[c][d];
+                for (int i = 0; i < TILE; i++) x[c][i] *= scale[c];
+                memcpy(here + c * ld, x[c], sizeof x[c]);
             }
         }
     }
@@ -491,24 +507,35 @@ FAST void skinlab_solve(int64_t unknowns, int64_t width, const double *band, con
                 x[j0 + c] = y[c];
             }
             for (int64_t i = j0 + BLOCK; i < j0 + BLOCK + reach; i += 8) {
-                Eight sum = load8(x + i), other = {0};
+                Four a = load4(x + i), b = load4(x + i + 4), other_a = {0}, other_b = {0};
                 for (int c = 0; c < BLOCK; c += 2) {
-                    sum -= y[c] * load8(columns + c * ld + i);
-                    other -= y[c + 1] * load8(columns + (c + 1) * ld + i);
+                    const double *one = columns + c * ld + i, *other = one + ld;
+                    a -= y[c] * load4(one), b -= y[c] * load4(one + 4);
+                    other_a -= y[c + 1] * load4(other), other_b -= y[c + 1] * load4(other + 4);
                 }
-                *(Eight *)(x + i) = sum + other;
+                *(Four *)(x + i) = a + other_a, *(Four *)(x + i + 4) = b + other_b;
             }
         }
         for (int64_t j = unknowns; j < stride; j++) x[j] = 0;
         for (int64_t j0 = last; j0 >= 0; j0 -= BLOCK) {
             const double *columns = band + j0 * ld;
-            Eight sum[BLOCK] = {{0}};
-            for (int64_t i = j0 + BLOCK; i < j0 + BLOCK + reach; i += 8) {
-                const Eight here = load8(x + i);
-                for (int c = 0; c < BLOCK; c++) sum[c] += here * load8(columns + c * ld + i);
+            double sum[BLOCK][8];
+            for (int c = 0; c < BLOCK; c += 4) {
+                const double *at = columns + c * ld;
+                Four a0 = {0}, a1 = {0}, a2 = {0}, a3 = {0}, b0 = {0}, b1 = {0}, b2 = {0}, b3 = {0};
+                for (int64_t i = j0 + BLOCK; i < j0 + BLOCK + reach; i += 8) {
+                    const Four a = load4(x + i), b = load4(x + i + 4);
+                    a0 += a * load4(at + i), b0 += b * load4(at + i + 4);
+                    a1 += a * load4(at + ld + i), b1 += b * load4(at + ld + i + 4);
+                    a2 += a * load4(at + 2 * ld + i), b2 += b * load4(at + 2 * ld + i + 4);
+                    a3 += a * load4(at + 3 * ld + i), b3 += b * load4(at + 3 * ld + i + 4);
+                }
+                *(Four *)sum[c] = a0, *(Four *)sum[c + 1] = a1, *(Four *)sum[c + 2] = a2;
+                *(Four *)sum[c + 3] = a3, *(Four *)(sum[c] + 4) = b0, *(Four *)(sum[c + 1] + 4) = b1;
+                *(Four *)(sum[c + 2] + 4) = b2, *(Four *)(sum[c + 3] + 4) = b3;
             }
             for (int c = BLOCK - 1; c >= 0; c--) {
-                const Eight t = sum[c];
+                const double *t = sum[c];
                 double value = x[j0 + c] - (((t[0] + t[4]) + (t[1] + t[5])) + ((t[2] + t[6]) + (t[3] + t[7])));
                 for (int d = c + 1; d < BLOCK; d++) value -= columns[c * ld + j0 + d] * x[j0 + d];
                 x[j0 + c] = value * inverse[j0 + c];
