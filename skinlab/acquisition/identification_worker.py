@@ -15,8 +15,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from drivers.events import Sample
-from skinlab.curves.curve import FEWEST_POINTS, Curve
+from skinlab.curves.curve import Curve
 from skinlab.curves.growing import GrowingCurve
+from skinlab.curves.settings import SAMPLES
 from skinlab.io.log import log_exception
 from skinlab.recording.stream import CurveCompleted, CurveStarted, Message, Sampled
 from skinlab.workers import Worker
@@ -174,7 +175,7 @@ class IdentificationWorker:
             if sample.device_time_s > program.duration_s - _END_S:
                 return
         due = self._clock() >= self._sketched_s + _EVERY_S
-        enough = len(growing.curve) >= FEWEST_POINTS
+        enough = len(growing.curve) >= SAMPLES.fewest
         if due and enough and not self._sketching and self._sketch is None:
             curve = growing.curve.curve(f"curve {growing.index}")
             with self._wake:

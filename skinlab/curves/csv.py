@@ -12,7 +12,8 @@ from typing import TextIO
 import numpy as np
 
 from drivers.reading import read_whole
-from skinlab.curves.curve import FEWEST_POINTS, Curve, Setup
+from skinlab.curves.curve import Curve, Setup
+from skinlab.curves.settings import SAMPLES
 from skinlab.errors import InputError
 from skinlab.text import counted
 
@@ -38,9 +39,9 @@ def read_curve(path: Path, setup: Setup) -> Curve:
         rows = _rows(path, text)
     except csv.Error as error:
         raise InputError(f"{path}: {error}; expected a curve CSV") from None
-    if len(rows) < FEWEST_POINTS:
+    if len(rows) < SAMPLES.fewest:
         raise InputError(
-            f"{path}: {counted(len(rows), 'sample')}; expected at least {FEWEST_POINTS}"
+            f"{path}: {counted(len(rows), 'sample')}; expected at least {SAMPLES.fewest}"
         )
     data = np.array(rows)
     source = "sha256:" + hashlib.sha256(content).hexdigest()

@@ -10,14 +10,13 @@ from numpy.typing import NDArray
 
 from skinlab.curves.apertures import check_aperture
 from skinlab.curves.program import Phase, Program
+from skinlab.curves.settings import SAMPLES
 from skinlab.errors import InputError
 
 if TYPE_CHECKING:
     from skinlab.curves.probe_file import ProbeErrors
 
 Array = NDArray[np.float64]
-
-FEWEST_POINTS = 5
 
 
 def white_noise(values: Array) -> float:
@@ -176,7 +175,7 @@ def phases_from_pressure(pressure_mbar: Array) -> NDArray[np.str_]:
     n = len(p)
     phase = np.full(n, "load", dtype="U6")
     top = float(p.max(initial=0.0))
-    if n < FEWEST_POINTS or top <= 0:
+    if n < SAMPLES.fewest or top <= 0:
         return phase
     noise = white_noise(p)
     band = min(max(0.03 * top, 4.0 * noise), 0.25 * top)

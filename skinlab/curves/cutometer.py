@@ -17,18 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.curves.curve import Curve, white_noise
+from skinlab.curves.settings import STEP
 from skinlab.errors import InputError
 
 Array = NDArray[np.float64]
 
 ELASTIC_S = 0.1  # the instrument's border between elastic and viscous
-
-_LEAVES = 0.02  # of the step, or 4 standard deviations of the pressure's noise: no longer at rest
-_SLOWEST_S = 0.5  # from rest to the step; slower is no step
-_UNEVEN = 0.10  # of the step: while it is held the pressure stays this close
-_BEND_WITHIN_S = 0.5  # of the start: where the bend is looked for
-_FEWEST_ASIDE = 2  # samples on either side of it
-_RATE_FOR_BEND_HZ = 20.0  # below, a bend between 0.1 and 0.2 s cannot be told
 
 
 @dataclass(frozen=True)
@@ -210,7 +204,7 @@ def _pulse(curve: Curve, begin: int, end: int, following: int, number: int) -> P
     step = float(np.median(p[begin:end]))
     where = f"{curve.name}: pulse {number}"
     noise = white_noise(p)
-    low = min(max(_LEAVES * step, 4.0 * noise), 0.25 * step)
+    low = min(max(STEP.leaves * step, STEP.leaves_deviations * noise), 0.25 * step)
     high = step - low
     start, up = _crossing(curve, begin, low, -1), _crossing(curve, begin, high, 1)
     if start is None or up is None:
@@ -218,15 +212,15 @@ def _pulse(curve: Curve, begin: int, end: int, following: int, number: int) -> P
     stopped = end < len(p)
     stop = _crossing(curve, end, high, -1) if stopped else (float(t[-1]), len(t) - 1)
     down = _crossing(curve, end, low, 1) if stopped else None
-    late = stopped and down is None and stop is not None and float(t[-1]) - stop[0] > _SLOWEST_S
+    late = stopped and down is None and stop is not None and float(t[-1]) - stop[0] > STEP.slowest_s
     if stop is None or late or (down is None and following < len(p)):
         raise InputError(f"{where}: the pressure does not return to rest after it")
     rise, fall = up[0] - start[0], None if down is None else down[0] - stop[0]
     for what, seconds in (("rises", rise), ("falls", fall)):
-        if seconds is not None and seconds > _SLOWEST_S:
+        if seconds is not None and seconds > STEP.slowest_s:
             raise InputError(
                 f"{where}: the pressure {what} over {seconds:.2g} s; expected a step (mode 1), "
-                f"{_SLOWEST_S:g} s at most"
+                f"{STEP.slowest_s:g} s at most"
             )
     held = p[(t >= up[0]) & (t <= stop[0])]
     lasting = stop[0] - start[0]
@@ -237,10 +231,10 @@ def _pulse(curve: Curve, begin: int, end: int, following: int, number: int) -> P
         )
     # The median of neighbours: one noisy reading is no change of pressure.
     smooth = np.median(np.lib.stride_tricks.sliding_window_view(held, min(5, held.size)), axis=-1)
-    if float(np.abs(smooth - step).max()) > _UNEVEN * step:
+    if float(np.abs(smooth - step).max()) > STEP.uneven * step:
         raise InputError(
             f"{where}: the pressure goes from {smooth.min():.3g} to {smooth.max():.3g} mbar; "
-            f"expected a step (mode 1), held to {_UNEVEN:.0%}"
+            f"expected a step (mode 1), held to {STEP.uneven:.0%}"
         )
     return Pulse(
         start[0], stop[0], float(t[start[1]]), float(t[stop[1]]), float(t[-1]), rise, fall, step
@@ -274,7 +268,7 @@ def _check_program(curve: Curve, pulses: tuple[Pulse, ...]) -> None:
             f"{len(pulses)} pulses"
         )
     top = program.max_pressure_mbar
-    if abs(pulses[0].pressure_mbar - top) > _UNEVEN * top:
+    if abs(pulses[0].pressure_mbar - top) > STEP.uneven * top:
         raise InputError(
             f"{curve.name}: the program {program} goes to {top:g} mbar, the pressure channel to "
             f"{pulses[0].pressure_mbar:.3g} mbar"
@@ -302,23 +296,23 @@ def bend_after(curve: Curve, pulse: Pulse, interval_s: float) -> tuple[float | N
     meet if they fit best (least squares). It is known to about the time between two samples. The
     steepest loss of slope would not do: a thin skin stiffens while the pressure still rises.
     """
-    if interval_s > 1.0 / _RATE_FOR_BEND_HZ + 1e-9:
+    if interval_s > 1.0 / STEP.rate_for_bend_hz + 1e-9:
         return None, (
             f"sampled every {interval_s:.3g} s; a bend between 0.1 and 0.2 s needs "
-            f"{_RATE_FOR_BEND_HZ:g} samples a second"
+            f"{STEP.rate_for_bend_hz:g} samples a second"
         )
     t = curve.time_s - pulse.start_s
-    near = (t >= 0.0) & (t <= min(_BEND_WITHIN_S, pulse.stop_s - pulse.start_s))
+    near = (t >= 0.0) & (t <= min(STEP.bend_within_s, pulse.stop_s - pulse.start_s))
     t, w = t[near], curve.deflection_mm[near]
     best, least, loss = None, np.inf, 0.0
-    for at in t[_FEWEST_ASIDE:-_FEWEST_ASIDE]:
+    for at in t[STEP.fewest_aside : -STEP.fewest_aside]:
         lines = np.column_stack([np.ones_like(t), t, np.maximum(t - at, 0.0)])
         found = np.linalg.lstsq(lines, w, rcond=None)[0]
         rest = w - lines @ found
         if (square := float(rest @ rest)) < least:
             best, least, loss = float(at), square, -float(found[2])
     if best is None or loss <= 0.0:
-        return None, f"the curve does not bend within {_BEND_WITHIN_S:g} s of the start"
+        return None, f"the curve does not bend within {STEP.bend_within_s:g} s of the start"
     return best, None
 
 

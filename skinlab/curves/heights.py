@@ -8,9 +8,7 @@ import numpy as np
 
 from skinlab.curves.curve import Curve
 from skinlab.curves.program import Until
-
-_NEAR = 8  # samples before the end, which the curve passes nearly straight
-_AT_MOST_MBAR = 1.0  # below the most that was allowed: it ended there
+from skinlab.curves.settings import HEIGHTS
 
 
 @dataclass(frozen=True)
@@ -45,7 +43,7 @@ def heights_of(curve: Curve) -> tuple[Height, ...]:
         last_of_all = k + 1 == len(program.segments) and not curve.partial  # the vent is no curve
         if not isinstance(one, Until) or not (last_of_all or (curve.segment > k).any()):
             continue
-        last = np.flatnonzero(curve.segment == k)[-_NEAR:]
+        last = np.flatnonzero(curve.segment == k)[-HEIGHTS.near :]
         reached, pressure, sd = True, None, None
         if len(last) >= 4:
             p, w = curve.pressure_mbar[last], curve.deflection_mm[last]
@@ -54,7 +52,7 @@ def heights_of(curve: Curve) -> tuple[Height, ...]:
             left = w - at - slope * (p - middle)
             noise = float(np.sqrt(left @ left / (len(last) - 2)))
             ended = float(at + slope * (p[-1] - middle))
-            near = p[-1] < one.most_mbar - max(_AT_MOST_MBAR, 2 * float(np.diff(p).max()))
+            near = p[-1] < one.most_mbar - max(HEIGHTS.at_most_mbar, 2 * float(np.diff(p).max()))
             reached = bool(near or ended >= one.height_mm - 3 * noise)
             if reached and slope > 0:
                 pressure = float(middle + (one.height_mm - at) / slope)

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from drivers.reading import read_whole
 from skinlab.curves.apertures import APERTURES_MM
 from skinlab.curves.phantoms import Phantom
+from skinlab.curves.settings import PROBE
 from skinlab.errors import InputError
 from skinlab.io.documents import decode, read_json, read_toml, toml_text
 from skinlab.io.files import append_text
@@ -41,9 +42,6 @@ PARAMETERS = (
 SENSOR_EFFECTS = frozenset(
     {"deflection_gain", "deflection_offset", "pressure_gain", "pressure_lag"}
 )
-_A_VISIT = timedelta(hours=12)  # so long a check counts, as the dose of a visit does
-_SOON = timedelta(days=14)
-_SMOOTH = 5  # samples over which dp/dt is read
 
 
 class Interval(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -161,10 +159,10 @@ class ProbeErrors:
         file, last = self.file, self._last_check()
         who, again = f"probe {file.serial_number}", f"skinlab calibrate --check {self.path}"
         left = file.valid_until.astimezone(UTC) - when.astimezone(UTC)
-        soon = f"; its calibration ends in {counted(left.days, 'day')}" if left < _SOON else ""
+        soon = f"; its calibration ends in {counted(left.days, 'day')}" if left < PROBE.soon else ""
         if last is not None and not last[1]:
             return False, f"{who} DIFFERED from its calibration at its last check: calibrate again"
-        if last is None or not timedelta(0) <= when.astimezone(UTC) - last[0] <= _A_VISIT:
+        if last is None or not timedelta(0) <= when.astimezone(UTC) - last[0] <= PROBE.visit:
             since = "yet" if last is None else f"since {last[0]:%Y-%m-%d}"
             return False, f"{who} was not checked {since}: before the visit, {again}{soon}"
         return not soon, f"{who} agreed with its calibration when it was checked{soon}"
@@ -248,10 +246,10 @@ def check_counted_once(probe: ProbeErrors | None, effects: Iterable[str]) -> Non
 
 def pressure_rate(time_s: Array, pressure_mbar: Array) -> Array:
     """Return dp/dt (n,) of the pump, without the readings' noise."""
-    if len(time_s) <= _SMOOTH:
+    if len(time_s) <= PROBE.smooth:
         return np.zeros(len(time_s))
-    padded = np.pad(pressure_mbar, _SMOOTH // 2, mode="reflect", reflect_type="odd")
-    return np.gradient(np.convolve(padded, np.ones(_SMOOTH) / _SMOOTH, "valid"), time_s)
+    padded = np.pad(pressure_mbar, PROBE.smooth // 2, mode="reflect", reflect_type="odd")
+    return np.gradient(np.convolve(padded, np.ones(PROBE.smooth) / PROBE.smooth, "valid"), time_s)
 
 
 def read_probe(path: Path) -> ProbeErrors:

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.curves.curve import FEWEST_POINTS, Curve
+from skinlab.curves.curve import Curve
+from skinlab.curves.settings import SAMPLES
 from skinlab.errors import InputError
 from skinlab.inference.pressure_course import smooth_course
 from skinlab.inference.settings import STARTS
@@ -145,10 +146,10 @@ def choose(
     """
     asked = curve.in_phases(phases)
     mask = asked & database.covers(curve)
-    if int(mask.sum()) < FEWEST_POINTS:
+    if int(mask.sum()) < SAMPLES.fewest:
         raise InputError(
             f"{curve.name}: {counted(int(mask.sum()), 'sample')} to fit "
-            f"in phases {','.join(phases)}; expected at least {FEWEST_POINTS}"
+            f"in phases {','.join(phases)}; expected at least {SAMPLES.fewest}"
         )
     beyond = int(asked.sum()) - int(mask.sum())
     every = math.ceil(int(mask.sum()) / most_samples)

@@ -20,8 +20,9 @@ from drivers.events import (
     Sample,
     State,
 )
-from skinlab.curves.curve import FEWEST_POINTS, Setup
+from skinlab.curves.curve import Setup
 from skinlab.curves.growing import GrowingCurve
+from skinlab.curves.settings import SAMPLES
 from skinlab.recording.stream import CurveCompleted, CurveStarted, Happened, Message, Sampled
 
 
@@ -111,7 +112,7 @@ class CurveAssembler:
         grown = self._curve
         if not len(grown) or grown.segment[-1] < self._segments() - 1:
             self._cut = self._cut or "the program did not reach its end"
-        if len(grown) < FEWEST_POINTS:
+        if len(grown) < SAMPLES.fewest:
             return []  # nothing that could be called a curve; the samples stay in the record
         curve = grown.curve(f"curve {self._index}", partial=self._cut is not None)
         return [CurveCompleted(self._index, curve, self._cut, grown.lost)]

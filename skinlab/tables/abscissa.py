@@ -13,11 +13,13 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.curves.curve import FEWEST_POINTS, Curve
+from skinlab.curves.curve import Curve
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import Program
+from skinlab.curves.settings import SAMPLES
 from skinlab.errors import NotTrustworthyError
 from skinlab.mechanics.fem.suction import EXTENSION_ABOVE, EXTENSION_BELOW_MBAR
+from skinlab.tables.settings import NODES, READINGS
 from skinlab.tables.splines import basis, inverse
 
 Array = NDArray[np.float64]
@@ -25,12 +27,7 @@ Respond = Callable[[PressurePath, Array, Array], Array]
 """Deflections (n,) of a skin along a path, at times and pressures (n,)."""
 
 _PROBE_SHARE = 0.0025  # of the highest pressure: for slopes
-_OFF_MBAR = 2.0  # a reading may be so far from the program, or
-_OFF_SHARE = 0.02  # by this share of its highest pressure
-_STRAY = 3  # so many readings in a row beyond that have left the program
 _LATE_S = 1e-6
-_RAMP_NODES = 6  # at least, of a piece of the program
-_HOLD_NODES = 12
 
 
 class PressureAbscissa:
@@ -81,9 +78,9 @@ class ProgramAbscissa:
             if t1 - t0 <= _LATE_S:
                 continue
             share = abs(p1 - p0) / high_mbar
-            nodes = max(_RAMP_NODES, round(share * pressure_nodes))
+            nodes = max(NODES.ramp, round(share * pressure_nodes))
             if p1 == p0:
-                nodes = max(_HOLD_NODES, pressure_nodes // 2)
+                nodes = max(NODES.hold, pressure_nodes // 2)
             inside = 1e-9 * (t1 - t0)  # a jump at the end belongs to the next piece
             self._pieces.append(_Place(t0 + inside, t1 - inside, nodes, True))
         self.nodes = np.concatenate([piece.nodes for piece in self._pieces])
@@ -103,13 +100,13 @@ class ProgramAbscissa:
             NotTrustworthyError: the curve is of another program.
         """
         since = curve.time_s - curve.time_s[0]
-        allowed = max(_OFF_MBAR, _OFF_SHARE * self._high_mbar)
+        allowed = max(READINGS.off_mbar, READINGS.off_share * self._high_mbar)
         near = np.abs(curve.pressure_mbar - self._path(since)) <= allowed
         near &= since <= self._path.time_s[-1] + _LATE_S
-        away = np.convolve(~near, np.ones(_STRAY), "valid") > _STRAY - 0.5
+        away = np.convolve(~near, np.ones(READINGS.stray), "valid") > READINGS.stray - 0.5
         if away.any():
             near[int(np.argmax(away)) :] = False
-        if near.sum() < FEWEST_POINTS:
+        if near.sum() < SAMPLES.fewest:
             raise NotTrustworthyError(
                 f"{curve.name}: the pressure does not follow the database's program "
                 f"{self._program}, which the model's effects depend on"

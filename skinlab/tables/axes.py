@@ -22,13 +22,12 @@ from skinlab.mechanics.materials.compressibility import (
     log_ratio_slope,
     nu_from_ratio,
 )
+from skinlab.tables.settings import NODES
 from skinlab.tables.splines import along, inverse, inverse_of, knots, knots_through
 
 Array = NDArray[np.float64]
 Spacing = Literal["linear", "log", "chebyshev"]
 
-MOST_NODES = 1000
-MOST_CHEBYSHEV = 16  # a polynomial of higher degree loses digits
 _STEP = 1e-6
 
 
@@ -51,7 +50,7 @@ class AxisRange(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
                 raise InputError(f"{where}.{key} is {value:g}: expected {lowest:g} to {highest:g}")
         if not self.low < self.high:
             raise InputError(f"{where}: low {self.low:g} is not below high {self.high:g}")
-        most = MOST_CHEBYSHEV if self.spacing == "chebyshev" else MOST_NODES
+        most = NODES.most_chebyshev if self.spacing == "chebyshev" else NODES.most
         if not 2 <= self.nodes <= most:
             raise InputError(f"{where}.nodes is {self.nodes}: expected 2 to {most}")
         if self.spacing == "log" and self.low <= 0:

@@ -30,19 +30,15 @@ from skinlab.tables.abscissa import Abscissa, PressureAbscissa, ProgramAbscissa
 from skinlab.tables.axes import AxisRange, Spacing, TableAxis, axis_of
 from skinlab.tables.evaluator import Evaluator, tensor_spline
 from skinlab.tables.extrapolate import fill_curves
-from skinlab.tables.grid_spec import TOLERANCE_MM
 from skinlab.tables.meshes import MESHES
+from skinlab.tables.settings import INTERPOLATION, NODES, VERIFY
 from skinlab.tables.svd_basis import chosen, components
 from skinlab.tables.table import Asked, Dataset, Table
 
 Array = NDArray[np.float64]
 
-_CHECKS = 12  # points at which the interpolation is compared with finite elements
-_KNOTS = 17  # of other shapes of that error
-_REACH = 0.25  # of the whole: so far such a shape is alike
 _ERRORS, _GOES_ON = "interpolation_error", "goes_on_to"
 _CURVES = (("deflection_mm", "mm"), ("slope_mm_per_mbar", "mm/mbar"))
-MOST_ENTRIES = 1_000_000
 
 
 class Pressures(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -179,7 +175,7 @@ class CustomSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
         The last is how many of the nodes come before the skin creases.
         """
-        return self.entries + _CHECKS, self.abscissa.width + 1
+        return self.entries + INTERPOLATION.checks, self.abscissa.width + 1
 
     def node(self, entry: int) -> tuple[float, ...]:
         """Return the values along the axes of the entry with this flat number."""
@@ -188,7 +184,7 @@ class CustomSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     def check_points(self) -> Array:
         """Return the points (m, k) between the nodes at which the interpolation is checked."""
-        share = np.random.default_rng(0).random((_CHECKS, len(self.axis)))
+        share = np.random.default_rng(0).random((INTERPOLATION.checks, len(self.axis)))
         columns = []
         for axis, u in zip(self.axis.values(), share.T, strict=True):
             log = axis.spacing == "log"
@@ -253,7 +249,7 @@ class CustomSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         stored = table.values[at].reshape(-1, len(nodes))
         held = nodes <= table.holds_to[at]  # beyond: filled, not computed
         off = np.abs(computed - stored)[:, held]
-        if np.all(off <= TOLERANCE_MM):
+        if np.all(off <= VERIFY.mm):
             return ""
         named = ", ".join(f"{n} {v:g}" for n, v in zip(self.axis, self.node(entry), strict=True))
         return f"entry {named} differs by {float(np.max(off)):.3g} mm"
@@ -529,8 +525,8 @@ def checked_spec(spec: CustomSpec) -> CustomSpec:
             known = ", ".join([*spec.model.law.names, *of_model])
             raise InputError(f"axis.{name} is not known; expected one of: {known}") from None
         axis.check(f"axis.{name}", *bounds)
-    if spec.entries > MOST_ENTRIES:
-        raise InputError(f"axis: {spec.entries} curves; expected at most {MOST_ENTRIES}")
+    if spec.entries > NODES.most_entries:
+        raise InputError(f"axis: {spec.entries} curves; expected at most {NODES.most_entries}")
     high = spec.high_mbar
     if not 0 < high <= MOST_PRESSURE_MBAR:
         raise InputError(
@@ -588,9 +584,9 @@ def _error_shapes(errors: Array, along: Array) -> Array:
     other shape can be: half of the variance goes to continuous shapes of the same size.
     """
     size = np.sqrt(np.mean(errors**2, axis=1))
-    knots = np.linspace(0.0, 1.0, _KNOTS)
-    together = np.exp(-np.abs(knots[:, None] - knots) / _REACH)
-    hats = np.maximum(0.0, 1.0 - np.abs(along[:, None] - knots) * (_KNOTS - 1))
+    knots = np.linspace(0.0, 1.0, INTERPOLATION.knots)
+    together = np.exp(-np.abs(knots[:, None] - knots) / INTERPOLATION.reach)
+    hats = np.maximum(0.0, 1.0 - np.abs(along[:, None] - knots) * (INTERPOLATION.knots - 1))
     any_shape = size[:, None] * (hats @ np.linalg.cholesky(together))
     both = np.hstack([errors / np.sqrt(errors.shape[1]), any_shape])
     return np.asarray(np.sqrt(0.5) * both)

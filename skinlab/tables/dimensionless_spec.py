@@ -11,8 +11,8 @@ holds.
 
 At given pressures and h/R the table becomes a function of the law's parameters, which is tabulated
 on a small grid. Where the thickness is uncertain, its ratio to the stated one is one more parameter
-and axis. A curve of more samples than `_MOST_SAMPLES` is tabulated at that many pressures, between
-which it is a cubic spline.
+and axis. A curve of more samples than `CURVE.most_samples` is tabulated at `CURVE.pressures`,
+between which it is a cubic spline.
 """
 
 from __future__ import annotations
@@ -49,6 +49,7 @@ from skinlab.tables.axes import Coordinate, TableAxis
 from skinlab.tables.evaluator import Evaluator, tensor_spline
 from skinlab.tables.extrapolate import fill_ratios
 from skinlab.tables.meshes import MESHES
+from skinlab.tables.settings import CURVE, VERIFY
 from skinlab.tables.splines import TensorBSpline, basis, coefficients, inverse, knots
 from skinlab.tables.svd_basis import chosen, components
 from skinlab.tables.table import Asked, Dataset, Table, plain_point
@@ -57,12 +58,6 @@ Array = NDArray[np.float64]
 
 _GOES_ON = "goes_on_to_load"
 _BLUNT = BLUNT_MESHES[1]  # does not crease where a soft surface does, and is cheap
-TOLERANCE_LOG = 1e-6  # other processors round differently
-_SCALE_NODES = 24  # along the logarithm of the scale, between the table's bounds
-_MOST_SAMPLES = 110
-_PRESSURE_NODES = 72
-_THICKNESS_STEP = 0.07  # along log h/R; 7 nodes or more
-_THICKNESS_REACH = 3.5  # standard deviations, or as far as the table goes
 
 THICKNESS = "thickness_over_radius"
 # κ/(μ/2) for ν of 0 to 0.499 in both conventions. Below 2.66 only `consistent` has skins. Close
@@ -291,7 +286,7 @@ class DimensionlessSpec:
         thickness = self.thickness.value(self.thickness.coordinates()[at[0]])
         off[self.load(self.load_coordinates(), thickness) > ends] = np.nan
         worst, stored = float(np.nanmax(off)), float(table.holds_to[at])
-        if worst <= TOLERANCE_LOG and abs(holds_to - stored) <= 5e-3 * stored:
+        if worst <= VERIFY.log and abs(holds_to - stored) <= VERIFY.holds * stored:
             return ""
         return f"entry {tuple(int(k) for k in at)} differs by {worst:.3g} of its deflection"
 
@@ -391,7 +386,7 @@ class DimensionlessSpec:
         law = get_law(self.law)
         low, high = self.scale_mpa
         axes = [
-            TableAxis(Coordinate("log"), np.linspace(math.log(low), math.log(high), _SCALE_NODES))
+            TableAxis(Coordinate("log"), np.linspace(math.log(low), math.log(high), CURVE.scale))
         ]
         for parameter, search, (_, axis) in zip(
             law.parameters[1:], law.search[1:], self.axis[1:], strict=True
@@ -428,10 +423,10 @@ class DimensionlessSpec:
     def _around(self, log_thickness: float, relative_sd: float) -> Array:
         """Return log h/R nodes about a thickness, as far as it is likely and the table goes."""
         axis = self.thickness
-        low = log_thickness + math.log(max(1.0 - _THICKNESS_REACH * relative_sd, 0.2))
-        high = log_thickness + math.log(1.0 + _THICKNESS_REACH * relative_sd)
+        low = log_thickness + math.log(max(1.0 - CURVE.thickness_reach * relative_sd, 0.2))
+        high = log_thickness + math.log(1.0 + CURVE.thickness_reach * relative_sd)
         low, high = max(low, math.log(axis.low)), min(high, math.log(axis.high))
-        return np.linspace(low, high, max(7, math.ceil((high - low) / _THICKNESS_STEP) + 1))
+        return np.linspace(low, high, max(7, math.ceil((high - low) / CURVE.thickness_step) + 1))
 
     def _nodes_for(self, log_thickness: float, pressure_mbar: Array) -> tuple[Array, Array | None]:
         """Return the pressures to tabulate, and the matrix (u, nodes) from there to the samples.
@@ -439,14 +434,14 @@ class DimensionlessSpec:
         Between the nodes curves are cubic splines in the table's own coordinate of the softest
         skin.
         """
-        if len(pressure_mbar) <= _MOST_SAMPLES:
+        if len(pressure_mbar) <= CURVE.most_samples:
             return pressure_mbar, None
         softest, thickness = self.scale_mpa[0], math.exp(log_thickness)
         ends = np.array([pressure_mbar.min(), max(float(pressure_mbar.max()), 1e-6)])
         low, high = self.coordinate(ends * MBAR / softest, thickness)
-        nodes = np.linspace(low, high, _PRESSURE_NODES)
+        nodes = np.linspace(low, high, CURVE.pressures)
         at = self.coordinate(pressure_mbar * MBAR / softest, thickness)
-        spread = basis(nodes, at) @ coefficients(np.eye(_PRESSURE_NODES), 0)
+        spread = basis(nodes, at) @ coefficients(np.eye(CURVE.pressures), 0)
         return softest / MBAR * self.load(nodes, thickness), spread
 
     def _at(self, loads: Array, log_thicknesses: Array) -> Array:

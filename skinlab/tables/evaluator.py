@@ -13,11 +13,11 @@ from skinlab.parameters import Space
 from skinlab.tables.axes import TableAxis
 from skinlab.tables.misfit import Misfit, Whitening
 from skinlab.tables.model_errors import crease_shapes, locking
+from skinlab.tables.settings import INTERPOLATION
 from skinlab.tables.splines import TensorBSpline, knots_through
 
 Array = NDArray[np.float64]
 
-CONTINUED = 1.15  # times as far as it holds, a curve goes on
 _NOTHING = 1e-300
 
 
@@ -127,7 +127,7 @@ class Evaluator:
     def coordinates(self, parameters: Array) -> Array:
         """Return the components (n, k) of candidates (n, p); NaN where the table does not hold."""
         points, reach = self._points(parameters)
-        inside = reach[self._ends] * CONTINUED >= self._top
+        inside = reach[self._ends] * INTERPOLATION.continued >= self._top
         if inside.all():
             return self._tensor(points)
         found = np.full((len(points), self.basis.shape[1]), np.nan)
@@ -137,7 +137,7 @@ class Evaluator:
     def coordinate_slopes(self, parameters: Array) -> Array:
         """Return derivatives (n, k, p) of the components by the parameters."""
         points, reach = self._points(parameters)
-        inside = reach[self._ends] * CONTINUED >= self._top
+        inside = reach[self._ends] * INTERPOLATION.continued >= self._top
         some, values = (
             (points, parameters) if inside.all() else (points[inside], parameters[inside])
         )

@@ -7,8 +7,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.curves.curve import FEWEST_POINTS, Curve, Setup
+from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.pressure_path import PressurePath
+from skinlab.curves.settings import SAMPLES
 from skinlab.errors import InputError, NotTrustworthyError
 from skinlab.mechanics.effects.base import Effects
 from skinlab.mechanics.effects.model import Sensors, going_on, is_physical
@@ -53,7 +54,7 @@ def simulate(
             deflection = sensors.read(time_s, deflection, 0.0)
             return _as_far_as_it_holds(setup, time_s, pressure, deflection)
     found = going_on(skin, effects, geometry, path, time_s, cycle=setup.cycle)
-    if found.held.all() or int(np.argmin(found.held)) < FEWEST_POINTS or not found.moved_mm:
+    if found.held.all() or int(np.argmin(found.held)) < SAMPLES.fewest or not found.moved_mm:
         own = np.where(found.held, found.deflection_mm, np.nan)
         return _as_far_as_it_holds(setup, time_s, pressure, own)
     curve, ends = _as_far_as_it_holds(setup, time_s, pressure, found.deflection_mm)
@@ -153,7 +154,7 @@ def _as_far_as_it_holds(
             f"the model holds to {pressure[:end].max(initial=0.0):.4g} mbar only; "
             f"the curve ends there"
         )
-        if end < FEWEST_POINTS:
+        if end < SAMPLES.fewest:
             raise NotTrustworthyError(warning)
     curve = Curve("simulated", setup, time_s[:end], pressure[:end], deflection[:end])
     return curve, warning

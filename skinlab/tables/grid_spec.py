@@ -30,14 +30,12 @@ from skinlab.parameters import Space
 from skinlab.tables.axes import Coordinate, TableAxis
 from skinlab.tables.evaluator import Evaluator
 from skinlab.tables.lagrange import TensorLagrange, matrix
+from skinlab.tables.settings import INTERPOLATION, VERIFY
 from skinlab.tables.table import Asked, Dataset, Table, plain_point
 
 Array = NDArray[np.float64]
 Axes = tuple[tuple[str, tuple[float, ...]], ...]
 
-TOLERANCE_MM = 1e-6  # other processors round differently; the numbers mean no more than this
-_KEPT_MM = 1e-6  # components whose part in all curves together is below 1 nm are dropped
-_FOLLOWED = 1.5  # times the last pressure
 _ITERATIONS = "newton_iterations"
 
 
@@ -124,9 +122,10 @@ class GridSpec:
             unchecked = StepSettings(limits=NO_LIMITS)
             curve = solve(self.geometry, parameters, top, law=self.law, settings=unchecked)
         else:
-            held = solve(self.geometry, parameters, _FOLLOWED * top, law=self.law, after=curve)
+            further = INTERPOLATION.followed * top
+            held = solve(self.geometry, parameters, further, law=self.law, after=curve)
             if held.stopped:  # where exactly depends a little on the steps: on those from zero
-                held = solve(self.geometry, parameters, _FOLLOWED * top, law=self.law)
+                held = solve(self.geometry, parameters, further, law=self.law)
         deflection = curve(np.array(self.pressure_mbar))
         return np.append(deflection, [held.holds_to_mbar, curve.iterations])
 
@@ -150,7 +149,7 @@ class GridSpec:
         curve, holds_to = row[:-2], row[-2]
         at = np.unravel_index(entry, self.shape)
         stored = table.values[at]
-        same = np.allclose(curve, stored, rtol=0, atol=TOLERANCE_MM, equal_nan=True)
+        same = np.allclose(curve, stored, rtol=0, atol=VERIFY.mm, equal_nan=True)
         if same and abs(holds_to - table.holds_to[at]) <= 0.5:
             return ""
         worst = float(np.nanmax(np.abs(curve - stored)))
@@ -324,7 +323,7 @@ def _components(table: Table) -> tuple[Array, Array]:
     curves = table.values.reshape(-1, table.values.shape[-1])
     holds = np.isfinite(curves).all(axis=1)
     _, s, vt = np.linalg.svd(curves[holds], full_matrices=False)
-    k = int((s > _KEPT_MM).sum())
+    k = int((s > INTERPOLATION.kept_mm).sum())
     coordinates = np.full((len(curves), k), np.nan)
     coordinates[holds] = curves[holds] @ vt[:k].T
     return coordinates, vt[:k]

@@ -82,6 +82,7 @@ from skinlab.tables.custom_spec import (
 )
 from skinlab.tables.dimensionless_spec import Axis, DimensionlessSpec
 from skinlab.tables.meshes import MESHES
+from skinlab.tables.settings import NODES
 
 
 class TableForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -90,11 +91,6 @@ class TableForm(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     form: Literal["custom", "dimensionless"] = "custom"
     scale_mpa: tuple[float, float] | None = None
     load_nodes: int | None = None
-
-
-_EFFECT_NODES = 5
-_REACH = 4.0  # standard deviations of a normal prior
-_HISTORY_PROGRAM = "ramp:100@20,ramp:0@20"
 
 
 def read_spec(path: str | Path) -> CustomSpec | DimensionlessSpec:
@@ -160,7 +156,7 @@ def _spec_of(said: dict[str, Any], named: Model | None) -> CustomSpec | Dimensio
     pressures = check_entry("pressures", said.get("pressures", {}), Pressures)
     history = any(get_effect(name).needs_history for name in model.effects)
     if history and measurement.program is None:
-        measurement = msgspec.structs.replace(measurement, program=_HISTORY_PROGRAM)
+        measurement = msgspec.structs.replace(measurement, program=NODES.history_program)
     if pressures.high_mbar is None:
         top = 100.0
         if measurement.program is not None:
@@ -263,10 +259,10 @@ def _within(parameter: Parameter, low: float, high: float) -> AxisRange:
 def _effect_axis(model: Model, name: str, parameter: str, at: EffectRange) -> AxisRange:
     low, high = model.bounds(f"{name}.{parameter}")
     if isinstance(at.prior, Normal):
-        reach = _REACH * at.prior.sd
+        reach = NODES.reach * at.prior.sd
         about = max(low, at.prior.mean - reach), min(high, at.prior.mean + reach)
         if about[0] < about[1]:
             low, high = about
     declared = {p.name: p for p in get_effect(name).parameters}[parameter]
     spacing: Spacing = "log" if declared.spacing == "log" and low > 0 else "chebyshev"
-    return AxisRange(low, high, _EFFECT_NODES, spacing)
+    return AxisRange(low, high, NODES.effect, spacing)

@@ -12,9 +12,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from skinlab.tables.settings import INTERPOLATION
+
 Array = NDArray[np.float64]
 
-_DROPPED = 2e-6  # mm: a component is dropped that, in the mean over curves, is smaller than this
 _ROWS = 400
 
 
@@ -26,5 +27,5 @@ def chosen(count: int) -> NDArray[np.intp]:
 def components(curves_mm: Array) -> Array:
     """Return orthonormal components (u, k) that hold these curves (n, u) to 2 nm."""
     _, s, vt = np.linalg.svd(curves_mm, full_matrices=False)
-    k = max(1, int((s > _DROPPED * math.sqrt(len(curves_mm))).sum()))
+    k = max(1, int((s > INTERPOLATION.dropped_mm * math.sqrt(len(curves_mm))).sum()))
     return np.ascontiguousarray(vt[:k].T)

@@ -9,7 +9,7 @@ import pytest
 
 import skinlab
 
-ROOMS = ("discrepancy", "inference", "quality", "studies")
+ROOMS = ("curves", "discrepancy", "inference", "quality", "studies", "tables")
 
 
 @pytest.mark.parametrize("room", ROOMS)

@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.curves.curve import FEWEST_POINTS, Curve
+from skinlab.curves.curve import Curve
 from skinlab.curves.program import MOST_PRESSURE_MBAR
+from skinlab.curves.settings import SAMPLES
 from skinlab.errors import InputError
 from skinlab.exchange.importing.questions import Answers, Question
 from skinlab.exchange.importing.table import Table
@@ -58,10 +59,10 @@ def follow_program(curve: Curve, answers: Answers) -> tuple[Curve, list[str]]:
     since = curve.time_s - start_s
     interval = float(np.median(np.diff(curve.time_s)))
     inside = since <= program.duration_s + 1e-6 * interval
-    if int(inside.sum()) < FEWEST_POINTS:
+    if int(inside.sum()) < SAMPLES.fewest:
         raise InputError(
             f"{counted(int(inside.sum()), 'sample')} while the program ran; "
-            f"expected at least {FEWEST_POINTS}"
+            f"expected at least {SAMPLES.fewest}"
         )
     notes = [f"the pressure is computed from the program, which started at {start_s:g} s"]
     if not inside.all():

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.reading import read_whole
-from skinlab.curves.curve import FEWEST_POINTS, Curve, Setup
+from skinlab.curves.curve import Curve, Setup
+from skinlab.curves.settings import SAMPLES
 from skinlab.errors import InputError
 from skinlab.exchange.importing.columns import Channel, find_channels
 from skinlab.exchange.importing.decode import decode
@@ -77,9 +78,9 @@ def _import(path: Path, data: bytes, setup: Setup, answers: Answers) -> Imported
         text, encoding = decode(data, answers)
         table, form = table_from_text(text, answers)
         form = f"{encoding}, {form}"
-    if len(table.lines) < FEWEST_POINTS:
+    if len(table.lines) < SAMPLES.fewest:
         raise InputError(
-            f"{counted(len(table.lines), 'sample')}; expected at least {FEWEST_POINTS}"
+            f"{counted(len(table.lines), 'sample')}; expected at least {SAMPLES.fewest}"
         )
     answers.begin([heading.text for heading in table.headings])
     channels = find_channels(table, answers, pressure=setup.program is None)

@@ -1,0 +1,68 @@
+"""The numbers by which curves are read, each with its unit and where it is from; all in one place.
+
+Limits of the grammar of programs stand in `program`: they say what is refused, and nothing else.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import timedelta
+
+
+@dataclass(frozen=True)
+class SampleRules:
+    """Whether there is a curve at all."""
+
+    fewest: int = 5
+    """Samples: of fewer nothing is fitted."""
+
+
+@dataclass(frozen=True)
+class StepRules:
+    """How the step of a Cutometer's mode 1 is found in a curve.
+
+    `pytest tests/unit/curves/test_cutometer.py` moves with all of them.
+    """
+
+    leaves: float = 0.02
+    """Of the step, or"""
+    leaves_deviations: float = 4.0
+    """standard deviations of the pressure's noise: no longer at rest."""
+    slowest_s: float = 0.5
+    """From rest to the step; slower is no step."""
+    uneven: float = 0.10
+    """Of the step: while it is held the pressure stays this close."""
+    bend_within_s: float = 0.5
+    """Of the start: where the bend is looked for,"""
+    fewest_aside: int = 2
+    """with so many samples on either side of it."""
+    rate_for_bend_hz: float = 20.0
+    """Below, a bend between 0.1 and 0.2 s cannot be told."""
+
+
+@dataclass(frozen=True)
+class HeightRules:
+    """What becomes of a rise until a height; `pytest tests/unit/curves/test_heights.py`."""
+
+    near: int = 8
+    """Samples before its end, which the curve passes nearly straight."""
+    at_most_mbar: float = 1.0
+    """Below the most that was allowed: it ended there, and not at the height."""
+
+
+@dataclass(frozen=True)
+class ProbeRules:
+    """How long what a probe file says counts; `pytest tests/unit/inference/test_calibration.py`."""
+
+    visit: timedelta = timedelta(hours=12)
+    """So long a check counts, as the dose of a visit does."""
+    soon: timedelta = timedelta(days=14)
+    """Before its calibration ends, that is said."""
+    smooth: int = 5
+    """Samples over which dp/dt is read: a lag moves readings by it."""
+
+
+SAMPLES = SampleRules()
+STEP = StepRules()
+HEIGHTS = HeightRules()
+PROBE = ProbeRules()
