@@ -119,12 +119,15 @@ def fit_one(fitter: Fitter, task: tuple[Fit, Signature, float]) -> Fit | None:
     for share in FITS.shares:
         known = math.inf if best is None else best.cost
         found = fitter.fit(unknowns, _start(fit, unknowns, seen, share), limit, known)
+        # From another start no better: beside what explains, a third one is not worth its time.
+        same = best is not None and (found is None or found.cost > FITS.again * best.cost)
         if found is not None and (best is None or found.cost < best.cost):
             best = found
         # An effect that does not take away what the screen expected may have been misled.
         if best is not None and (
             best.chi2 < FITS.hopeless * fitter.errors.count
             or (best.settled and best.cost < fit.cost - 0.5 * seen.gain)
+            or (same and math.isfinite(limit))
         ):
             break
     return best if best is None else _off_the_wall(fitter, best, limit)

@@ -255,7 +255,7 @@ def test_a_fit_by_other_errors_tells_its_figures_by_its_own(table):
     assert moved.cost >= fit.cost - 1e-3  # the optimum by its own errors is elsewhere
     by_other = fitter.with_errors(fitter.records, other)
     costs = [
-        float(np.square(by_other.residuals(by_other.model(f.unknowns), f.u)).sum())
+        float(np.square(by_other.residuals_of_many(by_other.model(f.unknowns), f.u[None])).sum())
         for f in (fit, moved)
     ]
     assert costs[1] < costs[0]
