@@ -11,7 +11,7 @@ from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
 from skinlab.discrepancy.adequacy import Residual, look
 from skinlab.discrepancy.discipline import Trial
-from skinlab.discrepancy.fit import Fit, Fitter
+from skinlab.discrepancy.fit import Fit, Fitter, Misfit
 from skinlab.discrepancy.heldout import conditions_of, predict_held_out
 from skinlab.discrepancy.misfit import (
     COMMON_FACTOR,
@@ -285,6 +285,17 @@ def test_a_dome_is_straight_beyond_its_ends(table):
     assert (np.diff(w) > 0).all()
 
 
+def test_domes_of_the_same_suctions_are_read_as_each_alone(table):
+    domes = TableDomes(table)
+    problems = [SkinProblem(Geometry(6.0, 1.1), Skin((x1, X2, NU))) for x1 in (0.03, 0.035, 0.05)]
+    many = domes(problems, [120.0] * 3)
+    p = np.linspace(-15.0, 130.0, 50)[None]  # beyond both ends too
+    alone = [domes([problem], [120.0])(p)[0] for problem in problems]
+    assert many(p) == pytest.approx(np.array(alone), rel=1e-12)
+    assert many(np.repeat(p, 3, axis=0)) == pytest.approx(np.array(alone), rel=1e-12)
+    assert many.some(slice(1, 2))(p)[0] == pytest.approx(alone[1], rel=1e-12)
+
+
 def test_outside_the_table_there_is_no_dome(table):
     problem = SkinProblem(Geometry(8.0, 0.11), SKIN)
     assert not TableDomes(table)([problem], [100.0]).hold[0]
@@ -518,6 +529,21 @@ def test_an_unknown_at_its_bound_absorbs_nothing(plain):
     one, other = (signature(fitter, fit, "natural_tension") for fit in (inside, at_bound))
     assert other.size > 1.1 * one.size
     assert other.absorbed < one.absorbed
+
+
+def test_residuals_and_slopes_out_of_one_batch_are_those_alone(plain):
+    fitter, fit = plain
+    model = fitter.model(fit.unknowns)
+    misfit = Misfit(fitter, model)
+    there = np.array([fit.u, fit.u + 0.02])
+    residuals = misfit.differences(there)
+    slopes = misfit.slopes(there)
+    assert slopes == pytest.approx(Misfit(fitter, model).slopes(there), rel=1e-9)
+    assert np.square(residuals).sum(axis=1) == pytest.approx(misfit(there), rel=1e-9)
+    assert slopes[0] == pytest.approx(fitter.jacobian(model, fit.u), rel=1e-6, abs=1e-3)
+    # Asked for elsewhere, they are those of elsewhere.
+    misfit.differences(there)
+    assert misfit.slopes(there[1:])[0] == pytest.approx(slopes[1], rel=1e-9)
 
 
 @pytest.mark.parametrize("effect", ["thickness_error", "contact_preload"])
