@@ -125,10 +125,14 @@ class FitRules:
     shares: tuple[float, ...] = (0.7, 0.2, 1.5)
     """Of the size that is expected, from which an effect is fitted,"""
     again: float = 0.9
-    """Of the cost from the first one: what a second start has to come to for a third to be tried, where
-    something explains already,"""
+    """Of the cost from the first one, what a second one has to come to for a third to be tried, where
+    something explains already."""
+    agree: float = 0.03
+    """Of the cost: starts that come so near one another, and explain nothing, came to the same;"""
+    alike: int = 2
+    """so many of them end the search elsewhere."""
     levels: tuple[float, ...] = (1.0, 2.5, 6.0)
-    """in typical sizes, from usual to strong, and"""
+    """In typical sizes, from usual to strong, from which it is begun, and"""
     elsewhere: tuple[tuple[float, float], ...] = ((0.2, 0.0), (0.7, 1.0), (0.2, 1.0))
     """elsewhere: share of the expected size; more log ratios."""
 
