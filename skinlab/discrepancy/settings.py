@@ -125,8 +125,8 @@ class FitRules:
     shares: tuple[float, ...] = (0.7, 0.2, 1.5)
     """Of the size that is expected, from which an effect is fitted,"""
     again: float = 0.9
-    """Of the cost from the first one, what a second one has to come to for a third to be tried, where
-    something explains already."""
+    """Of the cost from the first one, what a second one has to come to for a third to be tried,
+    where something explains already."""
     agree: float = 0.03
     """Of the cost: starts that come so near one another, and explain nothing, came to the same;"""
     alike: int = 2
