@@ -31,6 +31,7 @@ from skinlab.discrepancy.table_domes import TableDomes, relaxed_pressure
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.discrepancy.verdict import Verdict, decide, disciplined
 from skinlab.errors import InputError
+from skinlab.inference.covariance import independent
 from skinlab.inference.noise import MESH_REST, legendre, pressure_error_mm, roughness
 from skinlab.mechanics.effects import all_effects
 from skinlab.mechanics.effects.model import Skin, response, solve_skin
@@ -602,6 +603,51 @@ def test_a_fit_that_ends_at_a_bound_of_the_law_is_begun_again_off_it(plain):
     walled = replace(base, u=np.array([*base.u[:2], 0.498]), cost=2e4)
     found = fit_one(Walled(fitter, base), (walled, seen, np.inf))
     assert (found.cost, found.u[2]) == (600.0, 0.31)
+
+
+class Told:
+    """Stands for a fitter: of each start it tells the cost that is said."""
+
+    def __init__(self, fit, costs):
+        self.errors, self._fit, self._costs = independent(np.ones(1000)), fit, list(costs)
+        self.asked = 0
+
+    def fit(self, unknowns, start, limit=np.inf, known=np.inf):
+        cost = self._costs[self.asked]
+        self.asked += 1
+        return replace(
+            self._fit, unknowns=unknowns, u=start, cost=cost, chi2=cost, settled=False
+        )
+
+
+@pytest.mark.parametrize(
+    ("costs", "limit", "asked"),
+    [
+        ((5000.0, 5050.0, 1.0), np.inf, 2),  # two starts came to the same
+        ((5000.0, 4000.0, 1.0), np.inf, 3),
+        ((5000.0, 4700.0, 1.0), 1200.0, 2),  # out of the race, and the second is hardly better
+        ((5000.0, 3000.0, 1.0), 1200.0, 3),
+        ((1400.0, 1.0, 1.0), np.inf, 1),  # it explains
+    ],
+)
+def test_starts_that_come_to_the_same_end_the_search_for_others(plain, costs, limit, asked):
+    fitter, fit = plain
+    seen = signature(fitter, fit, "thickness_error")
+    told = Told(fit, costs)
+    best = fit_one(told, (replace(fit, cost=9e4), seen, limit))
+    assert told.asked == asked
+    assert best.cost == min(costs[:asked])
+
+
+@pytest.mark.parametrize(
+    ("costs", "asked"), [((5010.0, 5020.0), 2), ((9e3, 8e3, 7e3, 6e3, 9e3, 9e3), 6)]
+)
+def test_elsewhere_ends_where_starts_come_to_what_is_known(plain, costs, asked):
+    fitter, fit = plain
+    seen = signature(fitter, fit, "thickness_error")
+    told = Told(fit, costs)
+    assert fit_elsewhere(told, (fit, seen, 5000.0)).cost == min(costs)
+    assert told.asked == asked
 
 
 def test_what_relaxes_is_followed_as_far_as_a_skin_goes_that_creases(table):
