@@ -163,6 +163,7 @@ class Device:
         self._vent_reason = ""
         self._suction_us = 0  # without a pause, so far
         self.sequence = 0
+        self._due_us = 0  # of the next sample, since Start
         self._started_us = 0
 
     @property
@@ -331,7 +332,7 @@ class Device:
     def _start(self) -> None:
         assert self._load is not None
         self.run = Run(self._load)
-        self.sequence = 0
+        self.sequence = self._due_us = 0
         self._started_us = self._now_us
         if self._first_start_us is None:
             self._first_start_us = self._now_us
@@ -349,7 +350,8 @@ class Device:
         if self._state is _S.RUNNING and self.run is not None:
             self.run.advance(self._now_us - self._started_us, self._pressure(), self._height_mm)
             set_point, valve_open = self.run.set_point_mbar, self.run.valve_open
-        self._break_plant()
+        if self._schedule:
+            self._break_plant()
         self.plant.step(self._true_mbar(set_point) if set_point > 0 else 0.0, valve_open)
         self._past_mbar.append(self.plant.pressure_mbar)
         if self._state in _LIVE and self._now_us - self._alive_us > self._keep_alive_us:
@@ -361,7 +363,8 @@ class Device:
             self._check_vent()
         self._sample()
         self._finish_vent()
-        self._line.step(self._fault_us, STEP_US)
+        if self._schedule:
+            self._line.step(self._fault_us, STEP_US)
         if self._trace is not None and self._now_us % _TRACE_US == 0:
             self._trace(self._now_us / 1e6, self.plant.pressure_mbar, self._state)
 
@@ -403,7 +406,7 @@ class Device:
         if run is None:
             return
         elapsed_us = self._now_us - self._started_us
-        if elapsed_us < self.sequence * 10**9 // round(run.load.rate_hz * 1000):
+        if elapsed_us < self._due_us:
             return
         try:
             felt_s = max(0.0, elapsed_us / 1e6 - self._probe.lag_s)
@@ -428,7 +431,8 @@ class Device:
             segment=run.index if self._state is _S.RUNNING else len(run.load.segments),
         )
         self.sequence += 1
-        self._send(self._misread(sample))
+        self._due_us = self.sequence * 10**9 // round(run.load.rate_hz * 1000)
+        self._send(self._misread(sample) if self._schedule else sample)
 
     def _misread(self, sample: Sample) -> Sample:
         """Give the reading of a broken sensor or counter, where one of them is broken."""

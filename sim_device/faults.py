@@ -138,6 +138,10 @@ class Schedule:
                 end = min([end, *(at for at in replugs if at > begin)])
             self._windows.setdefault(fault.kind, []).append((begin, end, fault))
 
+    def __bool__(self) -> bool:
+        """Whether anything goes wrong at all."""
+        return bool(self._windows)
+
     def active(self, kind: Kind, time_us: int) -> Fault | None:
         """Give the fault of this kind that is active, if there is one."""
         for begin, end, fault in self._windows.get(kind, ()):

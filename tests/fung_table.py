@@ -23,7 +23,7 @@ spacing = "log"
 [axis.C2]
 low = 6.0
 high = 24.0
-nodes = 6
+nodes = 4
 spacing = "log"
 [axis.kappa_over_half_shear]
 low = 4.0

@@ -17,6 +17,7 @@ from skinlab.acquisition.probe_session import ProbeSession
 from skinlab.discrepancy.next_measurement import NextMeasurement
 from skinlab.discrepancy.odds import odds_words
 from skinlab.discrepancy.verdict import Verdict
+from skinlab.discrepancy.workflow import explain
 from skinlab.errors import InputError, SkinlabError
 from skinlab.inference.result import Value
 from skinlab.mechanics.effects import all_effects
@@ -36,15 +37,9 @@ from skinlab.tui.ui_state import Missing
 
 
 @pytest.fixture(scope="module")
-def searched(table):
-    """Stages and answer of a real search, in its own process."""
-    stages = []
-    return stages, Explainer()(campaign(table, UP_AND_DOWN), BASE, stages.append)
-
-
-@pytest.fixture(scope="module")
-def named(searched):
-    return searched[1]
+def named(table):
+    """The answer of a real search."""
+    return explain(campaign(table, UP_AND_DOWN), table, finite_elements=False)
 
 
 @pytest.fixture(scope="module")
@@ -328,8 +323,10 @@ def test_a_model_is_never_overwritten(named, ambiguous, table, tmp_path):
 # ---- the other process ----------------------------------------------------------------------
 
 
-def test_the_real_search(searched):
-    stages, found = searched
+@pytest.mark.long
+def test_the_real_search(table):
+    stages = []
+    found = Explainer()(campaign(table, UP_AND_DOWN), BASE, stages.append)
     assert found.verdict.name == "named"
     assert found.best.effects == ("deflection_offset",)
     assert any("screening" in stage for stage in stages)

@@ -155,14 +155,14 @@ def learn(hidden, table, *, finite_elements=False):
             {"prony": (Prony(0.12, 0.25), Prony(0.1, 2.0), Prony(0.12, 18.0))},
             marks=pytest.mark.long,
         ),
-        ("opening", OPENINGS, {"stiffer": STIFFER}),
+        pytest.param("opening", OPENINGS, {"stiffer": STIFFER}, marks=pytest.mark.long),
         pytest.param("history", RAMPS[:2], {"cycles": CYCLES}, marks=pytest.mark.long),
         pytest.param(
             "law", RAMPS, {"terms": (Term(CUBIC, (("X3_MPa", 250.0),)),)}, marks=pytest.mark.long
         ),
         pytest.param("loop", RAMPS, {"felt": rubs}, marks=pytest.mark.long),
         pytest.param("sensor_loop", RAMPS, {"loop": bulges}, marks=pytest.mark.long),
-        ("play", RAMPS, {"felt": stuck}),
+        pytest.param("play", RAMPS, {"felt": stuck}, marks=pytest.mark.long),
         pytest.param("sensor_range", RAMPS, {"sensor": clipped}, marks=pytest.mark.long),
         ("periodic", RAMPS, {"moves": strokes}),
     ],
@@ -354,8 +354,9 @@ def test_a_forward_curve_has_what_was_learned():
 
 
 def test_corners_that_a_function_follows_nearly_are_no_steps_of_tape(table):
-    # Steps of 8 µm: more than the errors that the function leaves, less than pure error.
     search, found = learn(campaign(RAMPS, felt=stuck), table)
+    assert decide_learned(found).explanations[0].effects == ("learned_play",)
+    # Steps of 8 µm: more than the errors that the function leaves, less than pure error.
     best, pure = found.candidates[0], search.errors.pure
     steps = np.concatenate(
         [0.008 * (np.arange(n) > n / 3) for n in map(len, best.fit.deflections_mm)]

@@ -24,6 +24,7 @@ from skinlab.inference.uncertainty import Sensor
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.recording.recorder import identification_settings
 from skinlab.recording.session import Session, content_hash, read_session, write_session
+from skinlab.report import plots
 from skinlab.report.curve_section import curve_section
 from skinlab.report.flags import explanations
 from skinlab.report.measured import measured_curves
@@ -100,9 +101,11 @@ def page(report) -> str:
 
 @pytest.fixture
 def no_pictures(monkeypatch):
-    """Words are the point: pictures are drawn, and not written, which takes most of the time."""
+    """Words are the point: pictures, which take most of the time, are empty ones."""
     svg = b'<svg xmlns="http://www.w3.org/2000/svg"/>'
     monkeypatch.setattr("skinlab.report.pictures.to_bytes", lambda figure, kind: svg)
+    for name in [name for name in vars(plots) if name.startswith("draw_")]:
+        monkeypatch.setattr(plots, name, lambda *_: None)
 
 
 def text_of(element: ET.Element) -> str:
