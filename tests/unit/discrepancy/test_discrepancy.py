@@ -631,9 +631,7 @@ class Told:
     def fit(self, unknowns, start, limit=np.inf, known=np.inf):
         cost = self._costs[self.asked]
         self.asked += 1
-        return replace(
-            self._fit, unknowns=unknowns, u=start, cost=cost, chi2=cost, settled=False
-        )
+        return replace(self._fit, unknowns=unknowns, u=start, cost=cost, chi2=cost, settled=False)
 
 
 @pytest.mark.parametrize(
