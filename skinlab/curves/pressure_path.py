@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -33,7 +34,11 @@ class PressurePath:
         if np.any(np.diff(self.time_s) < 0):
             raise InputError("a pressure path needs knots in order of time")
 
-    @property
+    @cached_property
+    def _knots(self) -> tuple[Array, Array]:
+        return np.array(self.time_s, dtype=float), np.array(self.pressure_mbar, dtype=float)
+
+    @cached_property
     def top_mbar(self) -> float:
         """Highest pressure, or zero."""
         return max(0.0, *self.pressure_mbar)
@@ -41,7 +46,7 @@ class PressurePath:
     def __call__(self, time_s: ArrayLike) -> Array:
         """Return the pressure (mbar) at these times; before and after, that of the ends."""
         t = np.asarray(time_s, dtype=float)
-        return np.asarray(np.interp(t, self.time_s, self.pressure_mbar))
+        return np.asarray(np.interp(t, *self._knots))
 
     @classmethod
     def of_program(cls, program: Program) -> PressurePath:

@@ -22,7 +22,7 @@ from skinlab.discrepancy.misfit import columns_of, pressure_errors_mm, slopes_mm
 from skinlab.discrepancy.records import Record, by_condition
 from skinlab.discrepancy.settings import ERRORS
 from skinlab.discrepancy.table_domes import TableDomes
-from skinlab.inference.covariance import Covariance, products
+from skinlab.inference.covariance import Covariance, gram_matrices, products
 from skinlab.inference.error_choice import ErrorChoice, Node, choose_errors
 from skinlab.inference.error_models import ERROR_MODELS
 from skinlab.inference.error_models.base import ErrorModel, Hyperparameter, Look, Part, Terms
@@ -106,10 +106,13 @@ class Linearised:
         volume = self.log_prior_volume + m * float(np.log(size))
         return replace(self, prior_slopes=slopes, log_prior_volume=volume)
 
-    def log_density(self, products_: Array, log_determinant: Array) -> Array:
+    def log_density(
+        self, products_: Array, log_determinant: Array, samples: int | None = None
+    ) -> Array:
         """Return log p(data | errors) (n,), the unknowns integrated out, for n covariances.
 
-        `products_` (n, 1 + k, 1 + k) are those of residual and slopes by their inverses.
+        `products_` (n, 1 + k, 1 + k) are those of residual and slopes by their inverses, over all
+        samples or so many of them.
         """
         k = len(self.free)
         whole = products_[:, 1:, 1:] + self.prior_slopes.T @ self.prior_slopes + self.flat
@@ -119,7 +122,7 @@ class Linearised:
         taken = np.linalg.solve(moving, score[:, :, None])[:, :, 0]
         chi2 = products_[:, 0, 0] + self.prior @ self.prior - (score * taken).sum(axis=1)
         log_det = np.linalg.slogdet(whole)[1] + log_determinant
-        n = len(self.residual_mm)
+        n = len(self.residual_mm) if samples is None else samples
         return np.asarray(
             -0.5 * (n * _LOG_2PI + log_det + chi2 - k * _LOG_2PI) - self.log_prior_volume
         )
@@ -202,22 +205,69 @@ class CampaignErrors:
 
 def log_evidences(ones: Sequence[Linearised], covariances: Sequence[Covariance]) -> Array:
     """Return log p(data | errors) (covariances, explanations) of the same samples."""
-    blocks: dict[int, tuple[Linearised, int]] = {}  # explanations that differ in priors share one
+    values, widths = _side_by_side(ones)
+    found = np.empty((len(covariances), len(ones)))
+    for members in _alike(covariances):
+        every, log_determinant = products([covariances[i] for i in members], values)
+        for j, (one, own) in enumerate(zip(ones, widths, strict=True)):
+            found[members, j] = one.log_density(every[:, own, own], log_determinant)
+    return found
+
+
+class WithoutCurves:
+    """`log_evidences` of whole curves, any of them left out: what each one says is added up."""
+
+    def __init__(self, ones: Sequence[Linearised], covariances: Sequence[Covariance]) -> None:
+        """Take what every curve says once."""
+        self._ones, self._count = ones, len(covariances)
+        values, self._widths = _side_by_side(ones)
+        self._m = values.shape[1]
+        ends = covariances[0].ends
+        number = np.searchsorted(ends, np.arange(len(values)), side="right")
+        self._each: list[tuple[list[int], list[tuple[Array, Array]]]] = []
+        for members in _alike(covariances):
+            parts = []
+            for i in range(len(ends)):
+                here = number == i
+                cut = [covariances[k].only(here) for k in members]
+                parts.append(gram_matrices(cut, values[here]))
+            self._each.append((members, parts))
+
+    def __call__(self, curves: NDArray[np.bool_], samples: int) -> Array:
+        """Return log p (covariances, explanations) of some curves, which have so many samples."""
+        found = np.empty((self._count, len(self._ones)))
+        for members, parts in self._each:
+            kept = [part for part, is_in in zip(parts, curves, strict=True) if is_in]
+            gram, log_base = sum(g for g, _ in kept), sum(d for _, d in kept)
+            every, log_determinant = products_of(np.asarray(gram), np.asarray(log_base), self._m)
+            for j, (one, own) in enumerate(zip(self._ones, self._widths, strict=True)):
+                found[members, j] = one.log_density(every[:, own, own], log_determinant, samples)
+        return found
+
+
+def products_of(gram: Array, log_base: Array, m: int) -> tuple[Array, Array]:
+    """Return `products` of the first m columns out of `gram_matrices`."""
+    root = np.linalg.cholesky(gram[:, m:, m:] + np.eye(gram.shape[1] - m))
+    taken = np.linalg.solve(root, gram[:, m:, :m])
+    log_inner = 2.0 * np.log(np.einsum("nii->ni", root)).sum(axis=1)
+    return gram[:, :m, :m] - taken.transpose(0, 2, 1) @ taken, log_base + log_inner
+
+
+def _alike(covariances: Sequence[Covariance]) -> list[list[int]]:
+    return alike([(c.shapes_mm.shape[1], c.ou is None) for c in covariances])
+
+
+def _side_by_side(ones: Sequence[Linearised]) -> tuple[Array, list[slice]]:
+    """Return residuals and slopes of explanations (u, m), and which columns are whose."""
+    blocks: dict[int, tuple[Linearised, slice]] = {}  # that differ in priors alone share one
     width = 0
     for one in ones:
         if id(one.slopes_mm) not in blocks:
-            blocks[id(one.slopes_mm)] = one, width
-            width += 1 + one.slopes_mm.shape[1]
+            end = width + 1 + one.slopes_mm.shape[1]
+            blocks[id(one.slopes_mm)] = one, slice(width, end)
+            width = end
     columns = [c for one, _ in blocks.values() for c in (one.residual_mm, one.slopes_mm)]
-    values = np.column_stack(columns)
-    found = np.empty((len(covariances), len(ones)))
-    for members in alike([(c.columns_mm.shape[1], c.ou is None) for c in covariances]):
-        every, log_determinant = products([covariances[i] for i in members], values)
-        for j, one in enumerate(ones):
-            _, at = blocks[id(one.slopes_mm)]
-            own = slice(at, at + 1 + one.slopes_mm.shape[1])
-            found[members, j] = one.log_density(every[:, own, own], log_determinant)
-    return found
+    return np.column_stack(columns), [blocks[id(one.slopes_mm)][1] for one in ones]
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,12 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from skinlab.discrepancy.adequacy import steps
-from skinlab.discrepancy.campaign_errors import CampaignErrors, Linearised, log_evidences
+from skinlab.discrepancy.campaign_errors import (
+    CampaignErrors,
+    Linearised,
+    WithoutCurves,
+    log_evidences,
+)
 from skinlab.discrepancy.heldout import HeldOut
 from skinlab.discrepancy.odds import odds_words
 from skinlab.discrepancy.records import Record, by_geometry
@@ -62,11 +67,22 @@ class Discipline:
         """Return log10 p of some samples (u,), odds not counted."""
         key = np.packbits(kept).tobytes()
         if key not in self._known:  # of all explanations at once: their errors are the same
-            parts = [linear.only(kept) for linear in self._linear.values()]
-            each = log_evidences(parts, [c.only(kept) for c, _ in self._nodes])
-            total = logsumexp(each + np.array([[p] for _, p in self._nodes]), axis=0) / LOG10
-            self._known[key] = dict(zip(self._linear, total.tolist(), strict=True))
+            total = logsumexp(self._of(kept) + np.array([[p] for _, p in self._nodes]), axis=0)
+            self._known[key] = dict(zip(self._linear, (total / LOG10).tolist(), strict=True))
         return self._known[key][id(one)]
+
+    def _of(self, kept: Mask) -> Array:
+        """Return log p (settings, explanations) of some samples."""
+        split = self._nodes[0][0].split(kept)
+        curves = np.array([bool(part.all()) for part in split])
+        if (curves | [not part.any() for part in split]).all():
+            return self._by_curve(curves, int(kept.sum()))
+        parts = [linear.only(kept) for linear in self._linear.values()]
+        return log_evidences(parts, [c.only(kept) for c, _ in self._nodes])
+
+    @cached_property
+    def _by_curve(self) -> WithoutCurves:
+        return WithoutCurves(list(self._linear.values()), [c for c, _ in self._nodes])
 
     def _weighed(self, one: Candidate, kept: Mask) -> float:
         return self.log10_evidence(one, kept) + self._odds[id(one)]

@@ -16,7 +16,9 @@ from skinlab.discrepancy.space_mapping import MappedModel
 from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.inference.covariance import Covariance
+from skinlab.inference.optimise import polish
 from skinlab.mechanics.fem.suction import MESH_OF_RECORD, SCREENING_MESH, Discretisation
+from skinlab.parameters import Space
 
 Array = NDArray[np.float64]
 
@@ -110,10 +112,6 @@ class Fitter:
         """Return some of the samples (u,), with their errors, to be fitted alone."""
         return Kept(samples, self.errors.only(samples))
 
-    def residuals(self, model: MappedModel, u: Array, keep: Kept | None = None) -> Array:
-        """Return whitened residuals (n,); large where there is no model."""
-        return np.asarray(self.residuals_of_many(model, u[None], keep)[0])
-
     def residuals_of_many(self, model: MappedModel, u: Array, keep: Kept | None = None) -> Array:
         """Return whitened residuals (candidates, n) of unknowns (candidates, k)."""
         off = np.hstack(model.predict_many(u)) - self.measured
@@ -132,6 +130,12 @@ class Fitter:
 
     def jacobians(self, model: MappedModel, u: Array, keep: Kept | None = None) -> Array:
         """Return derivatives (candidates, n, k) for unknowns (candidates, k), in one batch."""
+        return self.residuals_and_slopes(model, u, keep)[1]
+
+    def residuals_and_slopes(
+        self, model: MappedModel, u: Array, keep: Kept | None = None
+    ) -> tuple[Array, Array]:
+        """Return residuals (candidates, n) and their derivatives (candidates, n, k)."""
         n, k = u.shape
         steps = np.where(u + _DIFFERENCE <= model.unknowns.bounds[1], _DIFFERENCE, -_DIFFERENCE)
         moved = u[:, None, :] + steps[:, None, :] * np.eye(k)
@@ -139,15 +143,7 @@ class Fitter:
         found = self.residuals_of_many(model, every, keep).reshape(n, k + 1, -1)
         slopes = (found[:, 1:] - found[:, :1]) / steps[:, :, None]
         slopes = np.where(np.abs(slopes) < 0.1 * NO_MODEL / _DIFFERENCE, slopes, 0.0)
-        return np.asarray(slopes.transpose(0, 2, 1))
-
-    def all_residuals(self, model: MappedModel, u: Array, keep: Kept | None = None) -> Array:
-        """Return `residuals` and the priors' deviations (n + axes,): their squares are the cost."""
-        return np.concatenate([self.residuals(model, u, keep), model.unknowns.prior_rows(u)])
-
-    def all_slopes(self, model: MappedModel, u: Array, keep: Kept | None = None) -> Array:
-        """Return derivatives (n + axes, k) of `all_residuals`."""
-        return np.vstack([self.jacobian(model, u, keep), model.unknowns.prior_slopes(u)])
+        return found[:, 0], np.asarray(slopes.transpose(0, 2, 1))
 
     def minimise(
         self,
@@ -158,22 +154,12 @@ class Fitter:
         keep: Kept | None = None,
     ) -> Array:
         """Return the optimum between bounds, of the model as it is now."""
-        span = np.maximum(high - low, 1e-9)
-        inside = np.clip(start, low + 1e-6 * span, high - 1e-6 * span)
-
-        def residuals(u: Array) -> Array:
-            return self.all_residuals(model, u, keep)
-
-        def slopes(u: Array) -> Array:
-            return self.all_slopes(model, u, keep)
-
-        from scipy.optimize import least_squares  # slow to import
-
-        found = least_squares(
-            residuals, inside, jac=slopes, bounds=(low, high), x_scale=np.minimum(span, 1.0),
-            xtol=1e-7, ftol=1e-7, gtol=1e-9, max_nfev=40,
+        space = Space.box(model.unknowns.names, low.tolist(), high.tolist())
+        found = polish(
+            space, Misfit(self, model, keep), space.to_unit(start)[None],
+            least_gain=FITS.least_gain, most_iterations=FITS.steps,
         )  # fmt: skip
-        return np.asarray(found.x)
+        return np.asarray(space.from_unit(found.unit)[0])
 
     def fit(
         self,
@@ -372,27 +358,39 @@ class Fitter:
         )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Misfit:
-    """A fit's whitened residuals and priors, of many candidates at once."""
+    """A fit's whitened residuals and priors, of many candidates at once.
+
+    Whoever asks for residuals and then for slopes there gets both out of one batch.
+    """
 
     fitter: Fitter
     model: MappedModel
+    keep: Kept | None = None
     rest: float = 0.0
+    _known: tuple[Array, Array] | None = None  # parameters, and the slopes there
 
     def __call__(self, parameters: Array) -> Array:
         """Return χ² (n,) with the priors; infinite where there is no model."""
-        cost = np.square(self.differences(parameters)).sum(axis=1)
+        each = self.fitter.residuals_of_many(self.model, parameters, self.keep)
+        cost = np.square(each).sum(axis=1) + np.square(self._priors(parameters)).sum(axis=1)
         return np.where(cost < NO_MODEL**2, cost, np.inf)
 
     def differences(self, parameters: Array) -> Array:
         """Return residuals (n, m); large where there is no model."""
-        priors = [self.model.unknowns.prior_rows(u) for u in parameters]
-        each = self.fitter.residuals_of_many(self.model, parameters)
-        return np.hstack([each, np.array(priors).reshape(len(each), -1)])
+        found, slopes = self.fitter.residuals_and_slopes(self.model, parameters, self.keep)
+        self._known = parameters, slopes
+        return np.hstack([found, self._priors(parameters)])
 
     def slopes(self, parameters: Array) -> Array:
         """Return derivatives (n, m, k) of `differences`."""
+        known, self._known = self._known, None
+        if known is None or known[0] is not parameters:
+            known = parameters, self.fitter.jacobians(self.model, parameters, self.keep)
         priors = [self.model.unknowns.prior_slopes(u) for u in parameters]
-        found = self.fitter.jacobians(self.model, parameters)
-        return np.concatenate([found, np.array(priors)], axis=1)
+        return np.concatenate([known[1], np.array(priors)], axis=1)
+
+    def _priors(self, parameters: Array) -> Array:
+        priors = [self.model.unknowns.prior_rows(u) for u in parameters]
+        return np.array(priors).reshape(len(parameters), -1)

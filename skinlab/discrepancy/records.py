@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +48,16 @@ class Record:
     def name(self) -> str:
         """The curve's file."""
         return self.curve.name
+
+    @cached_property
+    def on_path_mbar(self) -> Array:
+        """The path's pressures (n,) at the samples."""
+        return self.path(self.curve.time_s)
+
+    @cached_property
+    def off_path_mbar(self) -> Array:
+        """By how much the pressures (n,) are off the path."""
+        return self.pressure_mbar - self.on_path_mbar
 
     @property
     def condition(self) -> tuple[float, str, bool]:

@@ -235,7 +235,10 @@ class Search:
                 singles = self._weighed(base, singles)
                 explaining = [c for c in singles if c.adequate]
                 self._base_evidence = self._roughly(base.fit)
-                candidates = singles + self._pairs(pool, base, explaining, 1, SEARCH.behind)
+                candidates = singles
+                # Behind what is not there itself nothing hides that the base would not show.
+                if not base.adequate or max(c.log10_evidence for c in explaining) > 0.0:
+                    candidates = singles + self._pairs(pool, base, explaining, 1, SEARCH.behind)
             if not base.adequate and not self._one_is_enough(candidates):
                 # What comes nearest alone need not be one of the two.
                 pairs = self._pairs(
@@ -431,12 +434,15 @@ class Search:
         tasks: Sequence[tuple[Fit, Signature]],
         known: Sequence[Candidate] = (),
     ) -> list[Candidate]:
-        """Return fits: the two likeliest, then the others, which end early where those explain.
+        """Return fits, the likeliest first, that end early where those before explain.
 
         So do all where what is `known` explains, and they will not.
         """
-        found = self._fits(pool, base, tasks[:2], self._limit(base, known))
-        return found + self._fits(pool, base, tasks[2:], self._limit(base, [*known, *found]))
+        found: list[Candidate] = []
+        for i in range(0, len(tasks), SEARCH.abreast):
+            limit = self._limit(base, [*known, *found])
+            found += self._fits(pool, base, tasks[i : i + SEARCH.abreast], limit)
+        return found
 
     @staticmethod
     def _limit(base: Candidate, known: Iterable[Candidate]) -> float:
@@ -500,9 +506,11 @@ class Search:
         self._progress("fitting pairs: " + ", ".join(told))
         served = [*singles, *known]
         fitted = self._race(pool, base, ranked, served)
-        limit = self._limit(base, [*served, *fitted])
-        fits = pool.map(fit_from, [(*task, limit) for task in linear])
-        return fitted + [self._candidate(fit, base) for fit in fits if fit is not None]
+        for i in range(0, len(linear), SEARCH.abreast):
+            limit = self._limit(base, [*served, *fitted])
+            fits = pool.map(fit_from, [(*task, limit) for task in linear[i : i + SEARCH.abreast]])
+            fitted += [self._candidate(fit, base) for fit in fits if fit is not None]
+        return fitted
 
     def _members(self, pool: Pool, base: Candidate, pairs: Sequence[Candidate]) -> list[Candidate]:
         """Return fits of the single effects of pairs that explain, begun where the pair ended.

@@ -75,12 +75,16 @@ def fit_elsewhere(fitter: Fitter, task: tuple[Fit, Signature, float]) -> Fit | N
     fit, seen, known = task
     unknowns = fit.unknowns.with_effect(seen.effect)
     best: Fit | None = None
+    alike = 0
     for share, stiffer in FITS.elsewhere:
         start = _start(fit, unknowns, seen, share, stiffer)
         found = fitter.fit(unknowns, start, known=known)
+        alike += _agree(found, known)
         if found is not None and (best is None or found.cost < best.cost):
             best, known = found, min(known, found.cost)
-        if best is not None and best.chi2 < FITS.hopeless * fitter.errors.count:
+        if best is not None and (
+            best.chi2 < FITS.hopeless * fitter.errors.count or alike >= FITS.alike
+        ):
             return best
     return _continued(fitter, fit, seen, best, known)
 
@@ -119,15 +123,27 @@ def fit_one(fitter: Fitter, task: tuple[Fit, Signature, float]) -> Fit | None:
     for share in FITS.shares:
         known = math.inf if best is None else best.cost
         found = fitter.fit(unknowns, _start(fit, unknowns, seen, share), limit, known)
+        # Two starts that come to the same: so would a third. Beside what explains, it is enough
+        # that the second one is no better.
+        enough = best is not None and (
+            _agree(found, best.cost)
+            or (math.isfinite(limit) and (found is None or found.cost > FITS.again * best.cost))
+        )
         if found is not None and (best is None or found.cost < best.cost):
             best = found
         # An effect that does not take away what the screen expected may have been misled.
         if best is not None and (
             best.chi2 < FITS.hopeless * fitter.errors.count
             or (best.settled and best.cost < fit.cost - 0.5 * seen.gain)
+            or enough
         ):
             break
     return best if best is None else _off_the_wall(fitter, best, limit)
+
+
+def _agree(found: Fit | None, cost: float) -> bool:
+    """Return whether a fit that explains nothing has come to the same as another one."""
+    return found is not None and abs(found.cost - cost) < FITS.agree * cost
 
 
 def _off_the_wall(fitter: Fitter, best: Fit, limit: float) -> Fit:

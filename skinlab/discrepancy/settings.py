@@ -85,6 +85,10 @@ class FitRules:
     verdict; fewer move `life_named_of_one_hidden` down.
     """
 
+    least_gain: float = 1e-3
+    """Of the cost: a step between two anchors that promises less is the last;"""
+    steps: int = 40
+    """so many at most."""
     anchors: int = 8
     """Solutions of the finite elements in one walk, at most."""
     seen_anchors: int = 2
@@ -120,8 +124,15 @@ class FitRules:
     """the same of a law's parameter that is no logarithm, in its reaches."""
     shares: tuple[float, ...] = (0.7, 0.2, 1.5)
     """Of the size that is expected, from which an effect is fitted,"""
+    again: float = 0.9
+    """Of the cost from the first one, what a second one has to come to for a third to be tried,
+    where something explains already."""
+    agree: float = 0.03
+    """Of the cost: starts that come so near one another, and explain nothing, came to the same;"""
+    alike: int = 2
+    """so many of them end the search elsewhere."""
     levels: tuple[float, ...] = (1.0, 2.5, 6.0)
-    """in typical sizes, from usual to strong, and"""
+    """In typical sizes, from usual to strong, from which it is begun, and"""
     elsewhere: tuple[tuple[float, float], ...] = ((0.2, 0.0), (0.7, 1.0), (0.2, 1.0))
     """elsewhere: share of the expected size; more log ratios."""
 
@@ -156,7 +167,9 @@ class SearchRules:
     far_share: float = 0.03
     """with such a share of what that one gained on top."""
     most_singles: int = 8
-    """Single effects that are fitted."""
+    """Single effects that are fitted,"""
+    abreast: int = 2
+    """so many at a time, by any number of workers: what one explains ends the next ones early."""
     leaders: int = 4
     """Of these, so many get partners,"""
     partners: int = 5

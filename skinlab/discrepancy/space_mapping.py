@@ -21,13 +21,14 @@ from skinlab.discrepancy.table_domes import (
 )
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.errors import InputError
-from skinlab.mechanics.effects import get_effect
-from skinlab.mechanics.effects.base import Effects
+from skinlab.mechanics.effects.base import Effect
 from skinlab.mechanics.effects.model import (
+    Chosen,
     Instant,
     Sensors,
-    felt_path,
-    problem_of,
+    changed,
+    chosen,
+    felt_along,
     solve_skin,
 )
 from skinlab.mechanics.fem.sensitivity import Change, Slopes, solve_with_slopes
@@ -144,17 +145,14 @@ class MappedModel:
         some = [i for i, one in enumerate(every) if one is not None]
         candidates = [one for one in every if one is not None]
         off = np.zeros_like(u) if self._anchor is None else u - self._anchor
-        domes: dict[Key, Domes] = {}
+        domes = self._domes_of_all(candidates) if candidates else {}
         found: dict[int, Array] = {}
         for i in set(self._twins):
             record = self.records[i]
             found[i] = np.full((len(u), len(record.curve)), np.nan)
             if not candidates:
                 continue
-            key = _key(record)
-            if key not in domes:
-                domes[key] = self._domes(candidates, key)
-            w = self._height_in_time(i, record, candidates, domes[key], off[some])
+            w = self._height_in_time(i, record, candidates, domes[_key(record)], off[some])
             time = record.curve.time_s
             if any(c.sensors.chain for c in candidates):
                 rows = zip(candidates, w, strict=True)
@@ -166,28 +164,41 @@ class MappedModel:
         """Return what unknowns are for the mechanics, None for values that cannot be."""
         problems: dict[Key, SkinProblem] = {}
         try:
-            skin, effects = self.unknowns.skin(u), self.unknowns.values(u)
+            skin, effects = self.unknowns.skin(u), chosen(self.unknowns.values(u))
             for record in self.records:
                 key = _key(record)
                 if key not in problems:
-                    cycle = record.curve.setup.cycle
-                    problems[key] = problem_of(skin, effects, record.geometry, cycle)
-            bends = any(get_effect(name).bends for name in effects)
-            more = self._felt(effects, 1.0) if bends else ()
-            return _Candidate(problems, Sensors.of(effects), self._felt(effects), more)
+                    problems[key] = changed(skin, effects, *key)
+            more = self._felt(effects, 1.0) if any(e.bends for e, _ in effects) else ()
+            return _Candidate(problems, Sensors.among(effects), self._felt(effects), more)
         except InputError:  # a combination of values that cannot be
             return None
 
-    def _felt(self, effects: Effects, more_mbar: float = 0.0) -> list[PressurePath]:
-        known: dict[PressurePath, PressurePath] = {}
-        for record in self.records:
-            path = record.path
-            if path not in known:
-                if more_mbar:
-                    higher = tuple(p + more_mbar for p in path.pressure_mbar)
-                    path = replace(path, pressure_mbar=higher)
-                known[record.path] = felt_path(effects, path)
-        return [known[r.path] for r in self.records]
+    @cached_property
+    def _paths(self) -> list[int]:
+        """Return of each record the first one with the same path."""
+        first: dict[PressurePath, int] = {}
+        return [first.setdefault(r.path, i) for i, r in enumerate(self.records)]
+
+    def _felt(self, effects: Chosen, more_mbar: float = 0.0) -> list[PressurePath]:
+        if not more_mbar and all(type(e).felt is Effect.felt for e, _ in effects):
+            return [self.records[i].path for i in self._paths]
+        known: dict[int, PressurePath] = {}
+        for i in sorted(set(self._paths)):
+            path = self.records[i].path
+            if more_mbar:
+                higher = tuple(p + more_mbar for p in path.pressure_mbar)
+                path = replace(path, pressure_mbar=higher)
+            known[i] = felt_along(effects, path)
+        return [known[i] for i in self._paths]
+
+    def _domes_of_all(self, candidates: Sequence[_Candidate]) -> dict[Key, Domes]:
+        """Return the domes of candidates for each key: asked for at once."""
+        keys, n = list(candidates[0].problems), len(candidates)
+        problems = [c.problems[key] for key in keys for c in candidates]
+        tops = [self._top_mbar(c, key) for key in keys for c in candidates]
+        every = self.domes(problems, [t / p.stiffness for t, p in zip(tops, problems, strict=True)])
+        return {key: every.some(slice(i * n, (i + 1) * n)) for i, key in enumerate(keys)}
 
     def _domes(self, candidates: Sequence[_Candidate], key: Key) -> Domes:
         problems = [c.problems[key] for c in candidates]
@@ -198,11 +209,15 @@ class MappedModel:
 
     def _needed_mbar(self, candidate: _Candidate, key: Key) -> float:
         """Return the highest suction that is felt under this opening."""
-        return max(
-            path.top_mbar
-            for record, path in zip(self.records, candidate.felt, strict=True)
-            if record.geometry == key[0]
-        )
+        return max(candidate.felt[i].top_mbar for i in self._under[key[0]])
+
+    @cached_property
+    def _under(self) -> dict[Geometry, list[int]]:
+        """The records under each opening."""
+        found: dict[Geometry, list[int]] = {}
+        for i, record in enumerate(self.records):
+            found.setdefault(record.geometry, []).append(i)
+        return found
 
     def _top_mbar(self, candidate: _Candidate, key: Key) -> float:
         problem = candidate.problems[key]
@@ -224,15 +239,16 @@ class MappedModel:
         problems = [c.problems[key] for c in candidates]
         moved = any(c.sensors.chain for c in candidates)
         when = np.array([c.sensors.when(time) for c in candidates]) if moved else time[None]
-        shared = all(c.felt[i] is record.path for c in candidates)
+        own = self.records[self._paths[i]].path
+        shared = all(c.felt[i] is own for c in candidates)
         if shared:
-            on_path = record.path(when)
+            on_path = own(when) if moved else record.on_path_mbar[None]
         else:
             whens = np.broadcast_to(when, (len(candidates), len(time)))
             on_path = np.array([c.felt[i](t) for c, t in zip(candidates, whens, strict=True)])
         # A reading's own noise stays with its sample whatever lags: read between two samples it
         # would be less, and half a sample of lag look better than none.
-        off_path = record.pressure_mbar - record.path(time)
+        off_path = record.off_path_mbar
         if off_path.any() and any(c.felt_more for c in candidates):
             more = [
                 c.felt_more[i](time) - c.felt[i](time) if c.felt_more else 1.0 for c in candidates
@@ -255,8 +271,10 @@ class MappedModel:
             rest = [1.0 - _relaxed_share(p.prony, record.path) for p in problems]
             pressure = relaxed + off_path / np.array(rest)[:, None]
         else:
-            pressure = on_path + off_path + zero[:, None]
+            pressure = on_path + off_path + (zero if zero.any() else zero[:1])[:, None]
         stiffness = np.array([[p.stiffness] for p in problems])
+        if (stiffness == stiffness[0]).all():
+            stiffness = stiffness[:1]
         w = self._height(pressure, stiffness, domes, key, off)
         if zero.any():
             w = w - self._height(zero[:, None], stiffness, domes, key, off)

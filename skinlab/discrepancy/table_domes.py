@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,10 +54,25 @@ class Domes:
         """Which of them there are (n,)."""
         return np.asarray(np.isfinite(self.coefficients[:, 0, 0]))
 
+    @cached_property
+    def _alike(self) -> bool:
+        """Whether all of them have their nodes at the same suctions."""
+        each = (self.scale_mbar, self.begin, self.step)
+        return all(bool((v == v[0]).all()) for v in each)
+
+    def some(self, rows: slice) -> Domes:
+        """Return some of them."""
+        return Domes(
+            self.coefficients[rows], self.scale_mbar[rows], self.begin[rows], self.step[rows]
+        )
+
     def __call__(self, pressure_mbar: Array) -> Array:
         """Return the deflections (n, m) at suctions (n, m), or (1, m) for all."""
         n, cells, _ = self.coefficients.shape
-        scale, begin, step = (v[:, None] for v in (self.scale_mbar, self.begin, self.step))
+        one = slice(None)
+        if len(pressure_mbar) == 1 and self._alike:  # the same places on all of them
+            one = slice(1)
+        scale, begin, step = (v[one, None] for v in (self.scale_mbar, self.begin, self.step))
         low, high = scale * np.sinh(begin), scale * np.sinh(begin + cells * step)
         within = np.clip(pressure_mbar, low, high)
         at = (np.arcsinh(within / scale) - begin) / step

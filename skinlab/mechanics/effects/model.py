@@ -6,7 +6,7 @@ effects, in program or in repeat alone share one solution, and so does a second 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -87,9 +87,31 @@ def problem_of(skin: Skin, effects: Effects, geometry: Geometry, cycle: int = 1)
     Raises:
         InputError: a value is out of its range.
     """
+    return changed(skin, chosen(effects), geometry, cycle)
+
+
+Chosen = Sequence[tuple[Effect, Mapping[str, float]]]
+"""Effects with all their values, checked, in the order of their names."""
+
+
+def chosen(effects: Effects) -> Chosen:
+    """Return the effects with all their values.
+
+    Raises:
+        InputError: an effect or a parameter is not known, missing or out of bounds.
+    """
+    return [(get_effect(name), values) for name, values in checked(effects).items()]
+
+
+def changed(skin: Skin, effects: Chosen, geometry: Geometry, cycle: int) -> SkinProblem:
+    """Return the mechanical problem of a skin with the physical ones of these effects.
+
+    Raises:
+        InputError: a value is out of its range.
+    """
     problem = SkinProblem(geometry, skin)
-    for name, values in checked(effects).items():
-        problem = get_effect(name).change(problem, values, cycle)
+    for effect, values in effects:
+        problem = effect.change(problem, values, cycle)
     return problem
 
 
@@ -99,8 +121,12 @@ def felt_path(effects: Effects, path: PressurePath) -> PressurePath:
     Raises:
         InputError: an effect or a parameter is not known, missing or out of bounds.
     """
-    chosen = [(get_effect(name), values) for name, values in checked(effects).items()]
-    for effect, values in sorted(chosen, key=lambda pair: (pair[0].order, pair[0].name)):
+    return felt_along(chosen(effects), path)
+
+
+def felt_along(effects: Chosen, path: PressurePath) -> PressurePath:
+    """Return the same of effects that are checked."""
+    for effect, values in sorted(effects, key=lambda pair: (pair[0].order, pair[0].name)):
         path = effect.felt(path, values)
     return path
 
@@ -209,8 +235,12 @@ class Sensors:
         Raises:
             InputError: an effect or a parameter is not known, missing or out of bounds.
         """
-        chosen = [(get_effect(name), values) for name, values in checked(effects).items()]
-        own = [pair for pair in chosen if not pair[0].physical]
+        return cls.among(chosen(effects))
+
+    @classmethod
+    def among(cls, effects: Chosen) -> Sensors:
+        """Return the same of effects that are checked."""
+        own = [pair for pair in effects if not pair[0].physical]
         return cls(tuple(sorted(own, key=lambda pair: (pair[0].order, pair[0].name))))
 
     def when(self, time_s: Array) -> Array:

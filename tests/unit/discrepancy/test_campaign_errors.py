@@ -14,6 +14,7 @@ from skinlab.discrepancy.adequacy import Residual, steps
 from skinlab.discrepancy.campaign_errors import (
     CampaignErrors,
     Linearised,
+    WithoutCurves,
     learn,
     log_evidences,
     outliers,
@@ -245,6 +246,26 @@ def test_a_name_is_there_again_though_a_second_effect_says_a_little_more(table):
         assert next(t for t in trials if t.name == "again").passed is there
 
 
+@pytest.mark.parametrize("process", [None, OrnsteinUhlenbeck(2e-3, 0.3)], ids=["white", "lasting"])
+def test_what_curves_say_adds_up_to_what_they_say_together(table, process):
+    made = campaign(table, lambda t, per_log, rng: rng.normal(0, 2e-3, len(t)))
+    fitter, fit = fitted(table, made)
+    one = Linearised.of(fit, fitter.errors, fitter.measured)
+    counts = [len(r.curve) for r in fitter.records]
+    number = np.repeat(np.arange(len(counts)), counts)
+    time_s = np.concatenate([r.curve.time_s for r in fitter.records])
+    own = replace(fitter.errors, ends=tuple(np.cumsum(counts).tolist()), ou=process, time_s=time_s)
+    several = [own, replace(own, variance_mm2=2.0 * own.variance_mm2)]
+    shapes = smooth_shapes(fitter.records, 2)
+    ones = [one, one.beside(1e-3 * shapes)]
+    by_curve = WithoutCurves(ones, several)
+    for out in ([], [0], [1, 4], [0, 2, 3, 5]):
+        kept = ~np.isin(number, out)
+        expected = log_evidences([o.only(kept) for o in ones], [c.only(kept) for c in several])
+        curves = ~np.isin(np.arange(len(counts)), out)
+        assert by_curve(curves, int(kept.sum())) == pytest.approx(expected, abs=1e-6)
+
+
 def test_a_fit_by_other_errors_tells_its_figures_by_its_own(table):
     made = campaign(table, lambda t, per_log, rng: rng.normal(0, 2e-3, len(t)))
     fitter, fit = fitted(table, made)
@@ -255,7 +276,7 @@ def test_a_fit_by_other_errors_tells_its_figures_by_its_own(table):
     assert moved.cost >= fit.cost - 1e-3  # the optimum by its own errors is elsewhere
     by_other = fitter.with_errors(fitter.records, other)
     costs = [
-        float(np.square(by_other.residuals(by_other.model(f.unknowns), f.u)).sum())
+        float(np.square(by_other.residuals_of_many(by_other.model(f.unknowns), f.u[None])).sum())
         for f in (fit, moved)
     ]
     assert costs[1] < costs[0]

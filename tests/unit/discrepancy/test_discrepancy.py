@@ -11,7 +11,7 @@ from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
 from skinlab.discrepancy.adequacy import Residual, look
 from skinlab.discrepancy.discipline import Trial
-from skinlab.discrepancy.fit import Fit, Fitter
+from skinlab.discrepancy.fit import Fit, Fitter, Misfit
 from skinlab.discrepancy.heldout import conditions_of, predict_held_out
 from skinlab.discrepancy.misfit import (
     COMMON_FACTOR,
@@ -31,6 +31,7 @@ from skinlab.discrepancy.table_domes import TableDomes, relaxed_pressure
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.discrepancy.verdict import Verdict, decide, disciplined
 from skinlab.errors import InputError
+from skinlab.inference.covariance import independent
 from skinlab.inference.noise import MESH_REST, legendre, pressure_error_mm, roughness
 from skinlab.mechanics.effects import all_effects
 from skinlab.mechanics.effects.model import Skin, response, solve_skin
@@ -285,6 +286,17 @@ def test_a_dome_is_straight_beyond_its_ends(table):
     assert (np.diff(w) > 0).all()
 
 
+def test_domes_of_the_same_suctions_are_read_as_each_alone(table):
+    domes = TableDomes(table)
+    problems = [SkinProblem(Geometry(6.0, 1.1), Skin((x1, X2, NU))) for x1 in (0.03, 0.035, 0.05)]
+    many = domes(problems, [120.0] * 3)
+    p = np.linspace(-15.0, 130.0, 50)[None]  # beyond both ends too
+    alone = [domes([problem], [120.0])(p)[0] for problem in problems]
+    assert many(p) == pytest.approx(np.array(alone), rel=1e-12)
+    assert many(np.repeat(p, 3, axis=0)) == pytest.approx(np.array(alone), rel=1e-12)
+    assert many.some(slice(1, 2))(p)[0] == pytest.approx(alone[1], rel=1e-12)
+
+
 def test_outside_the_table_there_is_no_dome(table):
     problem = SkinProblem(Geometry(8.0, 0.11), SKIN)
     assert not TableDomes(table)([problem], [100.0]).hold[0]
@@ -523,6 +535,21 @@ def test_an_unknown_at_its_bound_absorbs_nothing(plain):
     assert other.absorbed < one.absorbed
 
 
+def test_residuals_and_slopes_out_of_one_batch_are_those_alone(plain):
+    fitter, fit = plain
+    model = fitter.model(fit.unknowns)
+    misfit = Misfit(fitter, model)
+    there = np.array([fit.u, fit.u + 0.02])
+    residuals = misfit.differences(there)
+    slopes = misfit.slopes(there)
+    assert slopes == pytest.approx(Misfit(fitter, model).slopes(there), rel=1e-9)
+    assert np.square(residuals).sum(axis=1) == pytest.approx(misfit(there), rel=1e-9)
+    assert slopes[0] == pytest.approx(fitter.jacobian(model, fit.u), rel=1e-6, abs=1e-3)
+    # Asked for elsewhere, they are those of elsewhere.
+    misfit.differences(there)
+    assert misfit.slopes(there[1:])[0] == pytest.approx(slopes[1], rel=1e-9)
+
+
 @pytest.mark.parametrize("effect", ["thickness_error", "contact_preload"])
 def test_wherever_a_fit_begins_it_comes_to_the_same_optimum(table, effect):
     values = {"thickness_error": {"ratio": 1.3}, "contact_preload": {"p0_mbar": 12.0}}[effect]
@@ -592,6 +619,49 @@ def test_a_fit_that_ends_at_a_bound_of_the_law_is_begun_again_off_it(plain):
     walled = replace(base, u=np.array([*base.u[:2], 0.498]), cost=2e4)
     found = fit_one(Walled(fitter, base), (walled, seen, np.inf))
     assert (found.cost, found.u[2]) == (600.0, 0.31)
+
+
+class Told:
+    """Stands for a fitter: of each start it tells the cost that is said."""
+
+    def __init__(self, fit, costs):
+        self.errors, self._fit, self._costs = independent(np.ones(1000)), fit, list(costs)
+        self.asked = 0
+
+    def fit(self, unknowns, start, limit=np.inf, known=np.inf):
+        cost = self._costs[self.asked]
+        self.asked += 1
+        return replace(self._fit, unknowns=unknowns, u=start, cost=cost, chi2=cost, settled=False)
+
+
+@pytest.mark.parametrize(
+    ("costs", "limit", "asked"),
+    [
+        ((5000.0, 5050.0, 1.0), np.inf, 2),  # two starts came to the same
+        ((5000.0, 4000.0, 1.0), np.inf, 3),
+        ((5000.0, 4700.0, 1.0), 1200.0, 2),  # out of the race, and the second is hardly better
+        ((5000.0, 3000.0, 1.0), 1200.0, 3),
+        ((1400.0, 1.0, 1.0), np.inf, 1),  # it explains
+    ],
+)
+def test_starts_that_come_to_the_same_end_the_search_for_others(plain, costs, limit, asked):
+    fitter, fit = plain
+    seen = signature(fitter, fit, "thickness_error")
+    told = Told(fit, costs)
+    best = fit_one(told, (replace(fit, cost=9e4), seen, limit))
+    assert told.asked == asked
+    assert best.cost == min(costs[:asked])
+
+
+@pytest.mark.parametrize(
+    ("costs", "asked"), [((5010.0, 5020.0), 2), ((9e3, 8e3, 7e3, 6e3, 9e3, 9e3), 6)]
+)
+def test_elsewhere_ends_where_starts_come_to_what_is_known(plain, costs, asked):
+    fitter, fit = plain
+    seen = signature(fitter, fit, "thickness_error")
+    told = Told(fit, costs)
+    assert fit_elsewhere(told, (fit, seen, 5000.0)).cost == min(costs)
+    assert told.asked == asked
 
 
 def test_what_relaxes_is_followed_as_far_as_a_skin_goes_that_creases(table):
