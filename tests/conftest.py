@@ -109,6 +109,17 @@ def coarse_skin(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(TIMING, "coarse_skin", True)
 
 
+@pytest.fixture
+def empty_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Put empty pictures into reports whose words are the point: they take most of the time."""
+    from skinlab.report import pictures, plots
+
+    svg = b'<svg xmlns="http://www.w3.org/2000/svg"/>'
+    monkeypatch.setattr(pictures, "to_bytes", lambda figure, kind: svg)
+    for name in [name for name in vars(plots) if name.startswith("draw_")]:
+        monkeypatch.setattr(plots, name, lambda *_: None)
+
+
 @pytest.fixture(scope="session", autouse=True)
 def nobodys_folders(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """What skinlab keeps for its user is neither read nor written by a test or its processes."""

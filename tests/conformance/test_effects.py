@@ -25,18 +25,7 @@ TIMES = np.linspace(0.0, 6.0, 61)
 STEP = 0.2  # of an effect's size
 
 
-# Beside viscoelasticity and a layer that stay
-ANOTHER_OF_A_KIND = {"power_law_creep", "poroelastic_creep", "surface_layer"}
-
-
-@pytest.mark.parametrize(
-    "effect",
-    [
-        pytest.param(effect, marks=[pytest.mark.long] * (effect.name in ANOTHER_OF_A_KIND))
-        for effect in EFFECTS
-    ],
-    ids=NAMES,
-)
+@pytest.mark.parametrize("effect", EFFECTS, ids=NAMES)
 def test_it_is_recovered_from_another_mesh(effect):
     """Its size, from noisy data of a 9-node mesh, with the base known; the mesh of record fits."""
     values = effect.typical

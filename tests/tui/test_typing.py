@@ -46,7 +46,7 @@ CHARACTERS |= {"space": " ", "enter": "\r", "tab": "\t", "backspace": "\x7f"}
 OTHER = ["f8", "f8", "f9", "f9", "f9", "f1", "f2", "f3", "f7", "escape", "delete", "ctrl+z"]
 OTHER += ["up", "down", "home", "end", "shift+tab", "ctrl+q", "ctrl+c", "f8", "f5", "f10"]
 LONG = "ramp:100@2"
-KEYS_OF_A_STATE, KEYS_OF_A_WALK = 20, 260
+KEYS_OF_A_STATE, KEYS_OF_A_WALK = 12, 260
 SOAK_KEYS = 10_000
 SEEDS_OF_A_STATE, KEYS_OF_A_PIECE = 10, 200
 # Never tried once more: a start that nobody confirmed is none the less one for being rare

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import shutil
 import unicodedata
 from importlib.resources import files
 from pathlib import Path
@@ -25,8 +26,16 @@ def assert_inert(text: str, where: object = "") -> None:
     assert found <= {"0xa"}, where
 
 
+@pytest.fixture(scope="module")
+def hostile(tmp_path_factory):
+    """A measured session whose instrument, operator and names are hostile."""
+    path = tmp_path_factory.mktemp("hostile") / "s.h5"
+    _session(path)
+    return path
+
+
 @pytest.fixture
-def folder(tmp_path, monkeypatch):
+def folder(tmp_path, monkeypatch, hostile):
     """A folder of a hostile name, which holds what a stranger may send."""
     inside = tmp_path / EVIL_FILE
     inside.mkdir()
@@ -62,7 +71,7 @@ def folder(tmp_path, monkeypatch):
         "[range.percentiles]\n5 = 0.02\n50 = 0.03\n95 = 0.05\n"
     )
     _study(Path("people"), plain)
-    _session(Path("s.h5"))
+    shutil.copy(hostile, "s.h5")
     return inside
 
 
@@ -189,6 +198,7 @@ def test_cells_of_an_export_are_no_formulas(folder):
     assert "␛" in title
 
 
+@pytest.mark.usefixtures("empty_pictures")
 def test_a_pdf_shows_text_and_nothing_in_it_acts(folder):
     pytest.importorskip("weasyprint")
     import pypdf

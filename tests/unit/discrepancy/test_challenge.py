@@ -57,7 +57,7 @@ def test_effects_that_cannot_be_together_are_drawn_again():
 
 def test_what_a_placement_does_is_no_part_of_what_is_hidden():
     """Else a perfect knower of the errors would see something where nothing is hidden."""
-    truth, made = make("life_none", 5, 5)
+    truth, made = make("life_none", 5, 20)
     assert truth.life.stiffness > 0.0
     first, *others = (i for i, c in enumerate(made.campaign.curves) if c.setup.aperture_mm == 6.0)
     assert others

@@ -155,7 +155,7 @@ def learn(hidden, table, *, finite_elements=False):
             {"prony": (Prony(0.12, 0.25), Prony(0.1, 2.0), Prony(0.12, 18.0))},
             marks=pytest.mark.long,
         ),
-        pytest.param("opening", OPENINGS, {"stiffer": STIFFER}, marks=pytest.mark.long),
+        ("opening", OPENINGS, {"stiffer": STIFFER}),
         pytest.param("history", RAMPS[:2], {"cycles": CYCLES}, marks=pytest.mark.long),
         pytest.param(
             "law", RAMPS, {"terms": (Term(CUBIC, (("X3_MPa", 250.0),)),)}, marks=pytest.mark.long

@@ -27,7 +27,6 @@ from skinlab.mechanics.fem.suction import (
 )
 from skinlab.mechanics.materials import get_law, law_names
 
-long = pytest.mark.long
 SKIN = Skin((0.04, 1.5, 0.32))
 GEOMETRY = Geometry(6.0, 1.0)
 UP = PressurePath((0.0, 1.0), (0.0, 60.0))
@@ -151,9 +150,7 @@ CREASING = [
 ]
 
 
-@pytest.mark.parametrize(
-    ("skin", "thickness", "layer", "other"), [CREASING[0], pytest.param(*CREASING[1], marks=long)]
-)
+@pytest.mark.parametrize(("skin", "thickness", "layer", "other"), CREASING)
 def test_a_thin_layer_does_not_end_the_curve_at_the_edge(skin, thickness, layer, other):
     values = {"surface_layer": {"thickness_um": layer[0], "X1_MPa": layer[1]}}
     geometry, p = Geometry(6.0, thickness), np.array([40.0, 100.0])
@@ -177,7 +174,7 @@ def test_a_skin_that_is_nearly_all_surface_layer_is_made_of_it():
     np.testing.assert_allclose(found, dome({}, Skin((0.1, 0.0, 0.32)), thin, p), rtol=0.01)
 
 
-@pytest.mark.parametrize("x1", [pytest.param(0.3, marks=long), 3.0])
+@pytest.mark.parametrize("x1", [0.3, 3.0])
 def test_a_stiff_surface_layer_is_resolved(x1):
     """Against a mesh with five times the elements."""
     layer = {"surface_layer": {"thickness_um": 20.0, "X1_MPa": x1}}
@@ -199,9 +196,7 @@ def test_a_rim_that_slips_lies_between_the_opening_and_a_larger_one(slip):
     assert (found < larger).all()
 
 
-@pytest.mark.parametrize(
-    "slip", [pytest.param(0.05, marks=long), 0.15, pytest.param(0.5, marks=long)]
-)
+@pytest.mark.parametrize("slip", [0.05, 0.15, 0.5])
 def test_a_rim_that_slips_is_that_of_the_verification_mesh(slip):
     effects = {"tape_slip": {"slip_mm": slip}}
     np.testing.assert_allclose(dome(effects), dome(effects, mesh=VERIFICATION_MESH), rtol=2e-3)

@@ -24,7 +24,6 @@ from skinlab.inference.uncertainty import Sensor
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.recording.recorder import identification_settings
 from skinlab.recording.session import Session, content_hash, read_session, write_session
-from skinlab.report import plots
 from skinlab.report.curve_section import curve_section
 from skinlab.report.flags import explanations
 from skinlab.report.measured import measured_curves
@@ -99,15 +98,6 @@ def page(report) -> str:
     return report.html()
 
 
-@pytest.fixture
-def no_pictures(monkeypatch):
-    """Words are the point: pictures, which take most of the time, are empty ones."""
-    svg = b'<svg xmlns="http://www.w3.org/2000/svg"/>'
-    monkeypatch.setattr("skinlab.report.pictures.to_bytes", lambda figure, kind: svg)
-    for name in [name for name in vars(plots) if name.startswith("draw_")]:
-        monkeypatch.setattr(plots, name, lambda *_: None)
-
-
 def text_of(element: ET.Element) -> str:
     return "".join(element.itertext())
 
@@ -156,7 +146,7 @@ def test_page_one_says_what_is_good_what_was_left_out_and_what_comes_next(page, 
     assert "What the curves together leave open" in page  # the valley, pair by pair
 
 
-@pytest.mark.usefixtures("no_pictures")
+@pytest.mark.usefixtures("empty_pictures")
 def test_page_one_of_a_later_loading_says_why_it_is_left_out(table, identifier, session):
     curves = [curve_of(table, "curve 1", 1), curve_of(table, "curve 2", 2, cycle=2)]
     results = [identifier(curve).to_json() for curve in curves]
@@ -248,7 +238,7 @@ def test_a_stored_result_that_this_database_does_not_give_is_remarked(session, i
     assert measured.fit.remark in curve_section(measured, ()).paragraphs
 
 
-@pytest.mark.usefixtures("no_pictures")
+@pytest.mark.usefixtures("empty_pictures")
 def test_without_the_identification_the_stored_numbers_are_shown(few, session):
     page = SessionReport(few, "the session does not say how").html()
     found = text_of(section(page, "Curve 1"))
@@ -257,7 +247,7 @@ def test_without_the_identification_the_stored_numbers_are_shown(few, session):
     assert "Not known" in text_of(section(page, "How the numbers were found"))
 
 
-@pytest.mark.usefixtures("no_pictures")
+@pytest.mark.usefixtures("empty_pictures")
 def test_a_method_without_intervals(session, identifier):
     bare = json.loads(json.dumps(session.results[0]))
     for value in bare["parameters"].values():
@@ -357,7 +347,7 @@ def test_a_curve_without_samples(identifier):
     assert "0 samples" in text_of(section(page, "Curve 1"))
 
 
-@pytest.mark.usefixtures("no_pictures")
+@pytest.mark.usefixtures("empty_pictures")
 def test_the_command_writes_what_it_says_and_nothing_over_anything(few, tmp_path, capsys):
     path = tmp_path / "s.h5"
     write_session(path, few)
@@ -392,7 +382,7 @@ def exported(path, out, *options):
     return text_of(first)
 
 
-@pytest.mark.usefixtures("no_pictures")
+@pytest.mark.usefixtures("empty_pictures")
 def test_page_one_compares_with_the_visit_before(table, session, identifier, tmp_path):
     same, later = (curve_of(table, "curve 1", seed) for seed in (1, 2))
     other = replace(curve_of(table, "curve 1", 3), setup=Setup(8.0, 1.0, same.setup.program))
@@ -447,7 +437,7 @@ def test_a_damaged_result_is_named(session, tmp_path, capsys, field, value, said
         _ = SessionReport(read_session(path), "unknown").curves
 
 
-@pytest.mark.usefixtures("no_pictures")
+@pytest.mark.usefixtures("empty_pictures")
 def test_a_measured_session_is_judged_again_from_its_bytes(tmp_path, capsys):
     path = tmp_path / "visit.h5"
     arguments = "--port sim://?seed=1&speed=50 --aperture-mm 6 --thickness-mm 1 --rate-hz 10"

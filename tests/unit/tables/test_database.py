@@ -92,9 +92,9 @@ def test_a_changed_number_is_found(grid):
 def small_spec() -> GridSpec:
     return GridSpec(
         axis=(
-            ("X1_MPa", (0.03, 0.04, 0.05, 0.06)),
-            ("X2_MPa", (0.7, 1.0, 1.3, 1.6)),
-            ("nu", (0.28, 0.32, 0.36, 0.4)),
+            ("X1_MPa", (0.03, 0.06)),
+            ("X2_MPa", (0.7, 1.6)),
+            ("nu", (0.28, 0.4)),
         ),
         pressure_mbar=(0.0, 5.0, 10.0, 15.0, 20.0),
     )
@@ -103,7 +103,7 @@ def small_spec() -> GridSpec:
 def test_what_was_built_is_what_is_read(tmp_path):
     calls = []
     one = build(small_spec(), How(progress=lambda *at: calls.append(at)))
-    assert calls[-1] == (64, 64)
+    assert calls[-1] == (8, 8)
     path = tmp_path / "grid.h5"
     write(path, one)
     assert read(path).content_hash == one.content_hash

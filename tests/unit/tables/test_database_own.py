@@ -19,11 +19,11 @@ from skinlab.inference.custom_table import with_custom_table
 from skinlab.inference.identify import Identifier
 from skinlab.inference.uncertainty import Sensor
 from skinlab.mechanics.effects.model import Skin, response
-from skinlab.mechanics.fem.suction import Geometry
+from skinlab.mechanics.fem.suction import SCREENING_MESH, Geometry
 from skinlab.mechanics.model_file import EffectRange, Normal
 from skinlab.tables.build import build, rebuilt_differences
 from skinlab.tables.build_checkpoint import KeptRows
-from skinlab.tables.forward import simulate, simulate_from
+from skinlab.tables.forward import simulate_from
 from skinlab.tables.parallel_build import How
 from skinlab.tables.spec_file import read_spec
 from skinlab.tables.store import read, write
@@ -42,7 +42,7 @@ TINY = (
     + axis("X2_MPa", 0.5, 2.0, 3, "log")
     + axis("nu", 0.28, 0.36, 2)
     + axis("natural_tension.stretch", 1.0, 1.06, 3, "chebyshev")
-    + "[pressures]\nhigh_mbar = 60\nnodes = 16\n"
+    + '[pressures]\nhigh_mbar = 60\nnodes = 16\n[mesh]\nname = "screening-1"\n'
 )
 # For what only asks for the same bits: a coarse mesh, and corners alone.
 CORNERS = (
@@ -97,11 +97,17 @@ def relaxing(tmp_path_factory):
 @pytest.fixture(scope="module")
 def off_the_nodes():
     """A curve between all nodes of the tiny database, by finite elements."""
-    setup = Setup(6.0, 1.0, parse_program("ramp:60@10"))
-    effects = {"natural_tension": {"stretch": 1.025}}
-    curve, warning = simulate(Skin((0.032, 1.2, 0.31)), setup, effects=effects)
-    assert warning is None
-    return curve
+    return solved((0.032, 1.2, 0.31), 1.025)
+
+
+def solved(skin, stretch, text="ramp:60@10"):
+    """Return the curve of a stretched skin, by the finite elements of the tiny database."""
+    program = parse_program(text)
+    path = PressurePath.of_program(program)
+    time_s = np.arange(round(20 * program.duration_s) + 1) / 20
+    effects = {"natural_tension": {"stretch": stretch}}
+    found = response(Skin(skin), effects, GEOMETRY, path, time_s, discretisation=SCREENING_MESH)
+    return Curve("c", Setup(6.0, 1.0, program), time_s, path(time_s), found.deflection_mm)
 
 
 def csv_of(tmp_path, curve):
@@ -147,7 +153,10 @@ def test_nodes_are_the_finite_elements_own_curves(tiny):
     path = PressurePath((0.0, 1.0), (0.0, 60.0))
     effects = {"natural_tension": {"stretch": 1.03}}
     skin = Skin((0.05, 0.5, 0.36))
-    direct = response(skin, effects, GEOMETRY, path, np.clip(pressure / 60, 0, 1), pressure)
+    time_s = np.clip(pressure / 60, 0, 1)
+    direct = response(
+        skin, effects, GEOMETRY, path, time_s, pressure, discretisation=SCREENING_MESH
+    )
     at = np.array([[0.05, 0.5, 0.36, 1.03]])
     stored = database.model(GEOMETRY, pressure).deflection_mm(at)[0]
     np.testing.assert_allclose(stored, direct.deflection_mm, rtol=0, atol=2e-6)
@@ -198,12 +207,17 @@ def test_identify_finds_the_skin_and_the_effect(tiny, off_the_nodes, tmp_path, c
 def test_intervals_know_that_a_coarse_table_is_wrong_between_its_nodes(tiny):
     database = read(tiny)
     identifier = with_custom_table(Identifier(database), database, phases_said=False)
-    setup = Setup(6.0, 1.0, parse_program("ramp:60@10"))
-    for truth, stretch in (((0.027, 0.65, 0.33), 1.015), ((0.041, 1.6, 0.3), 1.045)):
-        curve, _ = simulate(Skin(truth), setup, effects={"natural_tension": {"stretch": stretch}})
-        found = identifier(curve).parameters
+    between = (
+        ((0.027, 0.65, 0.33), 1.015),
+        ((0.041, 1.6, 0.3), 1.045),
+        ((0.032, 1.2, 0.31), 1.025),
+    )
+    held = []
+    for truth, stretch in between:
+        found = identifier(solved(truth, stretch)).parameters
         for name, value in zip(("X1_MPa", "X2_MPa", "nu"), truth, strict=True):
-            assert found[name].low <= value <= found[name].high, (name, truth, found)
+            held.append(found[name].low <= value <= found[name].high)
+    assert sum(held) >= 8  # of nine intervals of 90 %; the table is off by up to 7 µm there
 
 
 def test_a_models_prior_counts(tiny, off_the_nodes):
@@ -252,9 +266,7 @@ def test_other_measurements_are_outside(tiny, off_the_nodes, tmp_path, capsys):
 
 
 def test_pressures_beyond_are_left_out_and_flagged(tiny, tmp_path, capsys):
-    setup = Setup(6.0, 1.0, parse_program("ramp:90@20"))
-    effects = {"natural_tension": {"stretch": 1.02}}
-    curve, _ = simulate(Skin((0.03, 1.0, 0.32)), setup, effects=effects)
+    curve = solved((0.03, 1.0, 0.32), 1.02, "ramp:90@20")
     told = ["--aperture-mm", "6", "--thickness-mm", "1", "--database", str(tiny), "--json"]
     assert run(["identify", str(csv_of(tmp_path, curve)), *told]) == 0
     (answer,) = json.loads(capsys.readouterr().out)["curves"]

@@ -22,7 +22,7 @@ from skinlab.mechanics.materials.compressibility import kappa_ratio
 
 CASES = reference_curves(Path(__file__).parents[3] / "data" / "fe_reference")
 CERTAIN = [case for case in CASES if case.certain]
-SOME = {0, 14}  # the usual skin, one of high ν
+SOME = {0, 7, 14, 19}  # the usual skin, a stiff one, one of high ν, another opening
 
 
 def test_the_cases_are_there():
