@@ -561,6 +561,10 @@ def test_wherever_a_fit_begins_it_comes_to_the_same_optimum(table, effect):
     (other,) = pool.map(fit_elsewhere, [(base, seen, np.inf)])
     true = np.append(TRUE, one.unknowns.axes[0].to_u(next(iter(values.values()))))
     (third,) = pool.map(fit_from, [(one.unknowns, true, np.inf)])
+    # The wrong model's optimum may lie at a bound, from which the valley is long and bent.
+    walled = one.unknowns.start(np.array([np.log(0.046), np.log(57.0), 0.0]))
+    (fourth,) = pool.map(fit_from, [(one.unknowns, walled, np.inf)])
+    assert fourth.cost == pytest.approx(third.cost, abs=0.1)
     assert base.chi2 > 10 * fitter.errors.count  # a strong effect
     assert one.cost == pytest.approx(third.cost, abs=0.1)
     assert other.cost == pytest.approx(third.cost, abs=0.1)
