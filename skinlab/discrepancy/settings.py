@@ -87,8 +87,7 @@ class FitRules:
 
     least_gain: float = 1e-8
     """Of the cost: a step between two anchors that promises less is the last. With 1e-3 a fit that
-    began at ν = 0 ended there, 119 above its optimum: the short steps of a bent valley promise
-    little;"""
+    began at ν = 0 ended near there, 119 above its optimum;"""
     steps: int = 100
     """so many at most."""
     anchors: int = 8
