@@ -93,8 +93,9 @@ def test_a_hidden_effect_is_named_and_the_gap_shrinks_to_the_noise(table, effect
     names_and_shrinks(found, effects, [f"c{i}.csv" for i in range(len(plan))])
     # Weighed by the errors: four placements might each be off by themselves, which is improbable.
     assert found["gap"]["before_um"] > 1.3 * found["gap"]["noise_um"]
-    # Each placement might have had a zero of its own, or a stiffness as of a preload.
-    if not {"deflection_offset", "contact_preload"} & set(effects):
+    # Each placement might have had a zero of its own, or a stiffness as of a preload; three sites
+    # of different thickness on a nearly incompressible skin come near a skin that stiffens.
+    if "pressure_lag" in effects:
         assert found["where"][0]["p_value"] < 1e-3
 
 
