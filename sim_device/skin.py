@@ -159,7 +159,8 @@ class SolvedSkin:
         if when != time_s:
             pressure_mbar = self._pressure_at(when, dome.path)
         deflection = np.array([dome.deflection_mm(when, pressure_mbar)])
-        return float(self._sensors.read(now, deflection, self._times_s[0])[0])
+        read = self._sensors.read(now, np.array([pressure_mbar]), deflection, self._times_s[0])
+        return float(read[0])
 
     def _restart(self) -> None:
         self._present = None
@@ -385,7 +386,7 @@ class Domes:
             )
         else:
             clean = self._scaled(skin, felt, min(softest_MPa, skin.X1_MPa))
-        return pressure, self._sensors.read(time_s, clean, float(time_s[0]))
+        return pressure, self._sensors.read(time_s, pressure, clean, float(time_s[0]))
 
     def _scaled(self, skin: SkinSection, pressure_mbar: Array, softest_MPa: float) -> Array:
         ratio = skin.X2_MPa / skin.X1_MPa

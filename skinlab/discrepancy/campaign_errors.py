@@ -174,9 +174,7 @@ class CampaignErrors:
     @cached_property
     def judged(self) -> list[tuple[Covariance, float]]:
         """The likeliest settings by pure error, with weights that sum up to 1."""
-        nodes = self.pure.nodes[: ERRORS.judged_nodes]
-        weight = self.pure.weight[: len(nodes)]
-        return [(n.covariance, float(w)) for n, w in zip(nodes, weight / weight.sum(), strict=True)]
+        return likeliest(self.pure)
 
     @property
     def implausible(self) -> str:
@@ -201,6 +199,13 @@ class CampaignErrors:
             found = log_evidences(ones, [n.covariance for n in nodes])
             each[i] = logsumexp(found + np.array([[n.log_prior] for n in nodes]), axis=0)
         return np.asarray(logsumexp(each, axis=0) - np.log(len(each)))
+
+
+def likeliest(look: ErrorChoice) -> list[tuple[Covariance, float]]:
+    """Return the likeliest settings of a look, with weights that sum up to 1."""
+    nodes = look.nodes[: ERRORS.judged_nodes]
+    weight = look.weight[: len(nodes)]
+    return [(n.covariance, float(w)) for n, w in zip(nodes, weight / weight.sum(), strict=True)]
 
 
 def log_evidences(ones: Sequence[Linearised], covariances: Sequence[Covariance]) -> Array:

@@ -30,7 +30,6 @@ from skinlab.discrepancy.search import LOG10, Candidate
 from skinlab.discrepancy.settings import NAMES, SEARCH
 from skinlab.inference.error_choice import Node
 from skinlab.inference.noise import legendre
-from skinlab.mechanics.effects import get_effect
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -171,14 +170,15 @@ class Discipline:
 
     def _steps(self, best: Candidate) -> Trial:
         # A learned function follows corners nearly: by its own errors what it leaves there stands
-        # out, though pure error is larger.
-        learned = any(get_effect(name).family for name in best.effects)
-        errors = (self._errors.pure if learned else self._errors.looks[-1]).mode
+        # out, though pure error may be larger; where that knows of none that last, by its own.
+        looks = self._errors.looks[-1:] + ((self._errors.pure,) if best.kind else ())
         # At its optimum by these errors: its fit ended near that by wider ones, and what a refit
         # would take off is no step.
         linear = self._linear[id(best)]
-        more = steps(self._records, errors, linear.residual_mm - linear.explained_mm(errors))
-        passed = more < NAMES.steps
+        passed = any(
+            steps(self._records, e, linear.residual_mm - linear.explained_mm(e)) < NAMES.steps
+            for e in (one.mode for one in looks)
+        )
         return Trial(
             "steps",
             passed,
@@ -196,6 +196,8 @@ class Discipline:
     ) -> Trial:
         """Return whether it is there with every second sample dropped, and with any one curve."""
         failed = []
+        # What is learned is a kind: another function of the same kind is no other answer.
+        rivals = [r for r in rivals if not best.kind or r.kind != best.kind]
         for what, kept in self._drops.items():
             lead = self.ahead(best, base, kept)
             behind = [self._weighed(r, kept) - self._weighed(best, kept) for r in rivals]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import combinations, product
 
 import numpy as np
@@ -15,11 +16,13 @@ from skinlab.discrepancy.campaign_errors import (
     CampaignErrors,
     Linearised,
     learn,
+    likeliest,
     outliers,
+    size_um,
     thickness_slopes,
 )
 from skinlab.discrepancy.fit import Fit, Fitter
-from skinlab.discrepancy.records import Record, without
+from skinlab.discrepancy.records import Record, by_condition, without
 from skinlab.discrepancy.screen import Signature
 from skinlab.discrepancy.search_workers import (
     fit_by,
@@ -66,6 +69,11 @@ class Candidate:
     def effects(self) -> tuple[str, ...]:
         """The effects of the explanation beyond the model's own."""
         return self.fit.effects
+
+    @property
+    def kind(self) -> str:
+        """The kind of function of a learned explanation; "" of others."""
+        return get_effect(self.effects[-1]).family if self.effects else ""
 
     @property
     def adequate(self) -> bool:
@@ -369,6 +377,25 @@ class Search:
         last = self._look(fit)
         others = [errors for known, errors in self._looks if known is not fit]
         self.errors = CampaignErrors((*self._first, *others, last))
+
+    def by_its_own_errors(self, found: Found) -> Found | None:
+        """Return what was found, the model as it is judged by the errors that it needs itself.
+
+        Without repeats nothing tells slow errors from what a model misses, and pure error knows of
+        none. So where nothing is likelier than the model as it is, and errors no larger than usual
+        would do, there is no gap. None where that is not so.
+        """
+        repeated = any(len(members) > 1 for members in by_condition(found.records))
+        ahead = any(c.log10_evidence >= found.tie for c in found.candidates)
+        if repeated or ahead or found.implausible:
+            return None
+        fit = found.base.fit
+        own = self._look(fit)
+        if any(own.median(partial(size_um, name=n)) > um for n, um in ERRORS.usual_um.items()):
+            return None
+        left = judge(found.records, likeliest(own), fit.deflections_mm, len(fit.unknowns))
+        base = replace(found.base, left=left)
+        return replace(found, base=base) if base.adequate else None
 
     def weighed(self, base: Candidate, candidates: Sequence[Candidate]) -> list[Candidate]:
         """Return candidates of the library with their evidence by the errors as they are now."""

@@ -6,6 +6,7 @@ The fitter is their state, and goes to each process once; a task is what is new,
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -138,7 +139,26 @@ def fit_one(fitter: Fitter, task: tuple[Fit, Signature, float]) -> Fit | None:
             or enough
         ):
             break
+    best = _from_usual(fitter, fit, seen, best, limit)
     return best if best is None else _off_the_wall(fitter, best, limit)
+
+
+def _from_usual(
+    fitter: Fitter, fit: Fit, seen: Signature, best: Fit | None, limit: float
+) -> Fit | None:
+    """Return the fit; where the screen expects little of what has a shape, from its usual size.
+
+    A layer ten times as thin and as stiff is another valley, with a wall between: the screen is
+    linear at no layer at all, and leads into the wrong one.
+    """
+    small = abs(seen.amount) < FITS.small and len(seen.beside) > 1
+    if not small or (best is not None and best.chi2 < fitter.errors.count):
+        return best
+    unknowns = fit.unknowns.with_effect(seen.effect)
+    size = math.copysign(FITS.levels[0], seen.amount)
+    start = _start(fit, unknowns, replace(seen, amount=size), 1.0)
+    found = fitter.fit(unknowns, start, limit, math.inf if best is None else best.cost)
+    return found if best is None or (found is not None and found.cost < best.cost) else best
 
 
 def _agree(found: Fit | None, cost: float) -> bool:

@@ -36,6 +36,11 @@ class ErrorRules:
     )
     """Root mean squares above which what lasts or repeats is no error, but something missing: twice
     what docs/intervals.md lists."""
+    usual_um: Mapping[str, float] = field(
+        default_factory=lambda: {"ou": 3.0, "breathing": 2.5, "pulse": 1.5}
+    )
+    """The same that are usual, the medians before the data: what a model needs no more of, and no
+    repeats tell of, is no gap. Larger ones move `life_none_alarms` down, and hide weak effects."""
     fewest: int = 20
     """Samples of a curve that can be looked at."""
     course_apart: float = 2.0
@@ -125,6 +130,9 @@ class FitRules:
     """the same of a law's parameter that is no logarithm, in its reaches."""
     shares: tuple[float, ...] = (0.7, 0.2, 1.5)
     """Of the size that is expected, from which an effect is fitted,"""
+    small: float = 0.5
+    """In typical sizes: where less is expected of an effect with a shape, it is begun from its
+    usual size too."""
     again: float = 0.9
     """Of the cost from the first one, what a second one has to come to for a third to be tried,
     where something explains already."""

@@ -156,7 +156,8 @@ class MappedModel:
             time = record.curve.time_s
             if any(c.sensors.chain for c in candidates):
                 rows = zip(candidates, w, strict=True)
-                w = np.array([c.sensors.read(time, row, float(time[0])) for c, row in rows])
+                p, first_s = record.on_path_mbar, float(time[0])
+                w = np.array([c.sensors.read(time, p, row, first_s) for c, row in rows])
             found[i][some] = w
         return [found[i] for i in self._twins]
 

@@ -9,7 +9,6 @@ from typing import Literal
 from skinlab.discrepancy.discipline import Trial
 from skinlab.discrepancy.search import Candidate, Found
 from skinlab.discrepancy.settings import NAMES
-from skinlab.mechanics.effects import get_effect
 
 Name = Literal["none", "named", "learned", "ambiguous", "unknown"]
 
@@ -67,8 +66,7 @@ def decide_learned(found: Found) -> Verdict:
     if not good:
         return Verdict("unknown", [])
     best = max(good, key=lambda c: c.log10_evidence)
-    kind = _family(best)
-    others = [c.log10_evidence for c in found.candidates if _family(c) != kind]
+    others = [c.log10_evidence for c in found.candidates if c.kind != best.kind]
     if best.log10_evidence - max(others, default=0.0) < NAMES.tie:
         return Verdict("unknown", [])
     return Verdict("learned", [best])
@@ -81,11 +79,6 @@ def _learns(one: Candidate, found: Found) -> bool:
     little = left <= NAMES.learned_left * noise and left <= NAMES.learned_share * whole
     nearly_all = left <= NAMES.learned_rest * noise and left <= NAMES.learned_tail * whole
     return one.adequate or little or nearly_all
-
-
-def _family(one: Candidate) -> str:
-    """Return the kind of function of a learned explanation."""
-    return get_effect(one.effects[-1]).family if one.effects else ""
 
 
 def disciplined(verdict: Verdict, found: Found, trials: Sequence[Trial]) -> Verdict:

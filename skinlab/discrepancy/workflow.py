@@ -81,7 +81,7 @@ def explain(
     )
     found = search.run()
     tried = _tried(search, found, _each_needed(search, found, decide(found)), progress)
-    if tried.verdict.name == "unknown":
+    if tried.verdict.name == "unknown" or tried.failed == {"families"}:
         progress("finding out what kind of thing is missing")
         before = search.errors
         more = find_families(search, found)
@@ -104,6 +104,8 @@ def explain(
                 held={one.effects: tried.before},
                 trials=trials,
             )
+    if tried.verdict.name == "unknown" and (noise := search.by_its_own_errors(found)):
+        tried = replace(tried, verdict=Verdict("none", []), found=noise)
     verdict, found = tried.verdict, tried.found
     assert search.errors is not None
     progress("working out the intervals")
@@ -168,6 +170,11 @@ class _Tried:
     before: HeldOut
     held: dict[tuple[str, ...], HeldOut]
     trials: tuple[Trial, ...] = ()
+
+    @property
+    def failed(self) -> set[str]:
+        """The trials that it did not stand."""
+        return {trial.name for trial in self.trials if not trial.passed}
 
     def again(self, fit: Fit) -> Fit:
         """Return a fit with the errors as the best explanation sees them."""

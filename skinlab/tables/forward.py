@@ -51,7 +51,7 @@ def simulate(
         felt = path(sensors.when(time_s))
         deflection = _from_shipped(skin, geometry, felt)
         if np.isfinite(deflection).all():
-            deflection = sensors.read(time_s, deflection, 0.0)
+            deflection = sensors.read(time_s, pressure, deflection, 0.0)
             return _as_far_as_it_holds(setup, time_s, pressure, deflection)
     found = going_on(skin, effects, geometry, path, time_s, cycle=setup.cycle)
     if found.held.all() or int(np.argmin(found.held)) < SAMPLES.fewest or not found.moved_mm:

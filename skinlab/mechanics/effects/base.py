@@ -68,6 +68,12 @@ class Effect:
         """Return what is recorded (n,) for a deflection (n,), `since_s` after the first sample."""
         return deflection_mm
 
+    def read_along(
+        self, since_s: Array, pressure_mbar: Array, deflection_mm: Array, values: Values
+    ) -> Array:
+        """Return the same where it depends on the suction (n,) that was read, too."""
+        return self.read(since_s, deflection_mm, values)
+
     # ---- the same for all ----
 
     def full(self, values: Values) -> dict[str, float]:

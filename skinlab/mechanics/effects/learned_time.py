@@ -10,7 +10,7 @@ from skinlab.mechanics.effects.base import Array, Parameter, Values
 from skinlab.mechanics.effects.learned import LearnedEffect, Seen
 from skinlab.mechanics.fem.skin import Prony, SkinProblem
 
-_TIMES_S = (0.1, 0.5, 2.5, 12.5, 62.5)
+TIMES_S = (0.1, 0.5, 2.5, 12.5, 62.5)
 _SEEN = 0.1  # of the largest share: what is smaller is not told
 _LATE = 2.0  # lengths of the curves: what relaxes later looks like what does not
 _EDGE = 5.0**0.5  # of a term's stretch of time, to either side
@@ -31,34 +31,35 @@ class LearnedTime(LearnedEffect):
             f"g{k}", "", f"share of the stress that relaxes in {tau:g} s", 0.0, 0.6, 0.0, 0.05,
             "shares of all terms together are below 1",
         )
-        for k, tau in enumerate(_TIMES_S, start=1)
+        for k, tau in enumerate(TIMES_S, start=1)
     )  # fmt: skip
     x_name = "time_s"
     y_name = "share_that_relaxes"
 
     def change(self, problem: SkinProblem, values: Values, cycle: int) -> SkinProblem:
         """Add the terms that have a share."""
-        terms = zip((values[n] for n in self.names), _TIMES_S, strict=True)
+        terms = zip((values[n] for n in self.names), TIMES_S, strict=True)
         return replace(
             problem, prony=(*problem.prony, *(Prony(g, tau) for g, tau in terms if g > 0))
         )
 
     def abscissa(self, seen: Seen) -> Array:
         """Return the relaxation times that curves of this length can show."""
-        return np.array([t for t in _TIMES_S if t <= _LATE * seen.time_s] or _TIMES_S[:1])
+        return np.array([t for t in TIMES_S if t <= _LATE * seen.time_s] or TIMES_S[:1])
 
     def function(self, at: Array, values: Values) -> Array:
         """Return the share (m,) that relaxes in each of the times."""
-        return np.interp(at, _TIMES_S, [values[n] for n in self.names])
+        return np.interp(at, TIMES_S, [values[n] for n in self.names])
 
     def sentence(self, x: Array, y: Array) -> str:
         """Say over which times it creeps."""
+        return f"{self._times(x, y)}, in which {100 * y.sum():.0f} % of the stress relaxes"
+
+    @staticmethod
+    def _times(x: Array, y: Array) -> str:
         seen = x[y >= _SEEN * y.max()]
         low, high = seen.min() / _EDGE, seen.max() * _EDGE
-        return (
-            f"depends on time, not on suction: a creep from {low:.1g} to {high:.2g} s, in which "
-            f"{100 * y.sum():.0f} % of the stress relaxes"
-        )
+        return f"depends on time, not on suction: a creep from {low:.1g} to {high:.2g} s"
 
 
 EFFECT = LearnedTime()

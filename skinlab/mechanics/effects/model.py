@@ -167,7 +167,8 @@ def response(
         off = np.asarray(pressure_mbar, dtype=float) - path(times)
         pressure = pressure + (off if when is times else np.interp(when, times, off))
     curve = solve_skin(problem, felt, discretisation)
-    w = sensors.read(times, curve.at(when, pressure), float(times[0]) if len(times) else 0.0)
+    first_s = float(times[0]) if len(times) else 0.0
+    w = sensors.read(times, path(times), curve.at(when, pressure), first_s)
     return Response(w, curve.holds_to_mbar, curve.stopped)
 
 
@@ -249,10 +250,13 @@ class Sensors:
             time_s = effect.when(time_s, values)
         return time_s
 
-    def read(self, time_s: Array, deflection_mm: Array, first_s: float) -> Array:
+    def read(
+        self, time_s: Array, pressure_mbar: Array, deflection_mm: Array, first_s: float
+    ) -> Array:
         """Return what is recorded (n,); `first_s` is the time of the curve's first sample."""
+        since_s = time_s - first_s
         for effect, values in self.chain:
-            deflection_mm = effect.read(time_s - first_s, deflection_mm, values)
+            deflection_mm = effect.read_along(since_s, pressure_mbar, deflection_mm, values)
         return deflection_mm
 
 
