@@ -9,6 +9,7 @@ weighed against every effect.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -36,7 +37,7 @@ from skinlab.inference.noise import (
 )
 from skinlab.inference.outliers import outlier_probability
 from skinlab.inference.samples import Samples, alike
-from skinlab.inference.settings import NOISE, POSTERIOR
+from skinlab.inference.settings import KINDS, NOISE, POSTERIOR
 from skinlab.mechanics.fem.skin import SkinProblem
 from skinlab.mechanics.fem.suction import Geometry
 
@@ -301,6 +302,68 @@ class ThicknessScatter:
         return Part(self.name, (size,), terms, always=True)
 
 
+@dataclass(frozen=True, eq=False)
+class RoundedMeans:
+    """Rounding of samples that were averaged: a step they have no more, but its wave is left.
+
+    A mean of rounded readings is off by the wave of `quantised`, averaged over the heights that
+    went into it. Each curve has a phase of its own: placements differ by more than a step.
+    """
+
+    step_mm: float
+    before_mm: float  # noise of a reading that the rounding met
+    count: int  # readings of a mean
+    name: str = "quantised"
+    meaning: str = "rounding of readings that were averaged"
+    prior: str = "as that of single readings, averaged"
+
+    def part(self, look: Look) -> Part | None:
+        """Return its part."""
+        curve, w = look.samples.curve, look.deflection_mm
+        edges = np.flatnonzero(np.diff(curve)) + 1
+        span = np.concatenate(
+            [
+                np.abs(np.gradient(part)) if len(part) > 1 else 0.0 * part
+                for part in np.split(w, edges)
+            ]
+        )
+        own = (curve[:, None] == np.unique(curve)).astype(float)
+        columns, taken = [], 0.0
+        for k in range(1, KINDS.step_waves + 1):
+            damped = np.exp(-2.0 * (np.pi * k * self.before_mm / self.step_mm) ** 2)
+            size = self.step_mm / (np.pi * k) * damped / np.sqrt(2.0)
+            if size <= KINDS.step_least_wave * self.step_mm / np.sqrt(12.0):
+                break
+            left = size * np.sinc(k * span / self.step_mm)
+            angle = 2.0 * np.pi * k * w / self.step_mm
+            columns += [own * (left * wave)[:, None] for wave in (np.sin(angle), np.cos(angle))]
+            taken += size**2
+        variance = np.full(len(w), (self.step_mm**2 / 12.0 - taken) / self.count)
+        waves = np.hstack(columns) if columns else None
+
+        def terms(values: Sequence[float]) -> Terms:
+            del values
+            return Terms(variance, columns_mm=waves)
+
+        step_um = 1e3 * self.step_mm
+        return Part(
+            "quantised", (), terms, always=True, stated={"step_um": step_um},
+            why=f"readings come in steps of {step_um:g} µm",
+        )  # fmt: skip
+
+
+def _rounded(records: Sequence[Record]) -> RoundedMeans | None:
+    """Return the rounding of what was averaged; None where nothing was, or no step is known."""
+    first = max(records, key=lambda r: r.coarse)
+    step_um = min((r.step_um for r in records), default=0.0)
+    if first.coarse < 2 or not step_um:
+        return None
+    square = first.noise_um**2 * first.coarse
+    if not first.noise_is_stated:
+        square = max(square - step_um**2 / 12.0, 0.0)
+    return RoundedMeans(1e-3 * step_um, 1e-3 * math.sqrt(square), first.coarse)
+
+
 def thickness_slopes(records: Sequence[Record], fit: Fit, domes: TableDomes) -> Array:
     """Return dw/d(log thickness) (u,), mm, of the plain skin at a fit, where the table speaks."""
     skin, change = fit.unknowns.skin(fit.u), 1.05
@@ -358,8 +421,11 @@ def learn(
     """
     looks = [] if before is None else list(before.looks)
     absent = ERRORS.placements_alike if _repeated(records) else 0.0
+    own: list[ErrorModel] = [one] if (one := _rounded(records)) else []
+    others = {Placement.name} | {model.name for model in own}
     models: list[ErrorModel] = [
-        *(model for model in ERROR_MODELS.all() if model.name != Placement.name),
+        *(model for model in ERROR_MODELS.all() if model.name not in others),
+        *own,
         Placement(absent),
         ThicknessScatter(thickness_mm, absent),
     ]

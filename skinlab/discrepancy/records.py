@@ -17,7 +17,7 @@ from skinlab.curves.pressure_path import PressurePath
 from skinlab.discrepancy.settings import ERRORS
 from skinlab.errors import InputError
 from skinlab.inference.batch import noise_from_repeats_um
-from skinlab.inference.error_models.quantised import step_of
+from skinlab.inference.error_models.quantised import step_of, step_um
 from skinlab.inference.noise import pressure_noise_mbar, roughness
 from skinlab.inference.pressure_course import smooth_course
 from skinlab.inference.samples import alike, placements_of
@@ -40,7 +40,8 @@ class Record:
     noise_um: float  # of one deflection sample
     noise_is_stated: bool = False
     placement: int = 0  # which putting-on of the probe
-    coarse: int = 1  # samples that each one is the mean of
+    coarse: int = 1  # samples that each one is the mean of,
+    step_um: float = 0.0  # and of what step their lattice was: means have none
     thickness_sd_mm: float = 0.0  # as stated
     creases_mbar: float = math.inf  # from where on the model's skin has no dome of its own
 
@@ -177,6 +178,7 @@ def coarsened(record: Record, rate_hz: float) -> Record:
     return replace(
         record, curve=coarse, pressure_mbar=mean(record.pressure_mbar), coarse=size,
         pressure_sd_mbar=record.pressure_sd_mbar * by, noise_um=record.noise_um * by,
+        step_um=step_um(w),
     )  # fmt: skip
 
 

@@ -611,11 +611,16 @@ class Search:
         return [c for c in found if c.adequate]
 
     def _one_is_enough(self, candidates: Sequence[Candidate]) -> bool:
-        """Return whether a single effect explains the curves, and no pair does far better."""
+        """Return whether a single effect explains the curves, and no pair does far better.
+
+        One with a number for each opening is no simpler than a pair, and may stand for any.
+        """
         pair = self._leading_pair(candidates)
         single = [
             c.log10_evidence for c in candidates
-            if c.adequate and len(c.effects) - len(self._own) == 1
+            if c.adequate
+            and len(c.effects) - len(self._own) == 1
+            and sum(a.effect == c.effects[-1] for a in c.fit.unknowns.axes) < SEARCH.as_a_pair
         ]  # fmt: skip
         lead = 0.0 if pair is None else pair.log10_evidence - max(single, default=0.0)
         return bool(single) and lead < SEARCH.not_enough

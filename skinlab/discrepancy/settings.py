@@ -157,6 +157,8 @@ class SearchRules:
 
     agreeing: int = 4
     """Starts of the law alone that have to lead to the same fit."""
+    as_a_pair: int = 3
+    """Unknowns of an effect that is no simpler than two others: beside it pairs are looked for."""
     pairs_odds: float = 0.2
     """Odds before the data of two effects together, against one of the library."""
     seen: float = 8.0

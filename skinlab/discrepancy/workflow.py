@@ -81,7 +81,8 @@ def explain(
     )
     found = search.run()
     tried = _tried(search, found, _each_needed(search, found, decide(found)), progress)
-    if tried.verdict.name == "unknown" or tried.failed == {"families"}:
+    doubtful = found.base.left.p_value < ERRORS.no_doubt
+    if tried.verdict.name == "unknown" or (doubtful and tried.failed == {"families"}):
         progress("finding out what kind of thing is missing")
         before = search.errors
         more = find_families(search, found)

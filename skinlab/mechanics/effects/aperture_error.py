@@ -9,7 +9,8 @@ from skinlab.mechanics.effects.base import Effect, Parameter, Values
 from skinlab.mechanics.fem.skin import SkinProblem
 
 _USUAL_MM = 6.0
-_SIZE = "wear and glue at the rim: some tenths of a mm; no published size"
+_TYPICAL_MM = 0.06  # a third of what is looked for at first: two tenths of a mm
+_SIZE = "wear and glue at the rim: one or two tenths of a mm; no published size"
 
 
 def _name(aperture_mm: float) -> str:
@@ -27,7 +28,7 @@ class ApertureError(Effect):
     parameters = tuple(
         Parameter(
             _name(a), "", f"true over stated of the {a:g} mm opening; 1 is right", 0.8, 1.25,
-            1.0, 1.03, _SIZE,
+            1.0, 1.0 + _TYPICAL_MM / a, _SIZE,
         )
         for a in sorted(APERTURES_MM, key=lambda a: a != _USUAL_MM)
     )  # fmt: skip
