@@ -7,7 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from skinlab.mechanics.effects.base import Array, Effect, Values
-from skinlab.mechanics.effects.learned_time import TIMES_S, LearnedTime
+from skinlab.mechanics.effects.learned_time import LearnedTime
+
+_TIMES_S = (0.5, 2.5, 12.5, 62.5)
 
 
 class LearnedCreep(LearnedTime):
@@ -15,25 +17,29 @@ class LearnedCreep(LearnedTime):
 
     `learned_time` lets the stress relax in every point of the skin, which moves a curve along the
     suction. This moves it along the deflection: as the viscoelastic share of a dome is read off a
-    curve (Uv/Ue), whatever its height.
+    curve (Uv/Ue), whatever its height. What comes within a tenth of a second is a gain of the
+    sensor, and is not learned here.
     """
 
     name = "learned_creep"
     meaning = "a share of every rise of the dome comes later, by a spectrum of times from the data"
-    formula = "w + Σ c_k ∫ (1 − exp(−(t − s)/τ_k)) dw(s), τ of 0.1 to 62.5 s"
+    formula = "w + Σ c_k ∫ (1 − exp(−(t − s)/τ_k)) dw(s), τ of 0.5 to 62.5 s"
     source = "quasi-linear viscoelasticity of a whole structure: Fung 1993, Biomechanics, 7.6"
     physical = False
     parameters = tuple(
         replace(p, name=f"c{k}", meaning=f"share of a rise that comes in {tau:g} s", high=2.0)
-        for k, (p, tau) in enumerate(zip(LearnedTime.parameters, TIMES_S, strict=True), start=1)
+        for k, (p, tau) in enumerate(
+            zip(LearnedTime.parameters[1:], _TIMES_S, strict=True), start=1
+        )
     )
+    times_s = _TIMES_S
     y_name = "share_that_comes_later"
     change = Effect.change
 
     def read(self, since_s: Array, deflection_mm: Array, values: Values) -> Array:
         """Add what comes later; as if the skin had been at rest before the first sample."""
         found = deflection_mm
-        for name, tau in zip(self.names, TIMES_S, strict=True):
+        for name, tau in zip(self.names, self.times_s, strict=True):
             if values[name]:
                 found = found + values[name] * _late(since_s, deflection_mm, tau)
         return found

@@ -253,8 +253,8 @@ def test_what_is_learned_is_told_adopted_and_used(table, tmp_path):
 def test_a_family_says_what_it_is(one):
     own = one.name[len("learned_") :]
     kinds = {
-        "loop": "history", "play": "history", "sensor_loop": "history",
-        "sensor_range": "sensor_curve", "motion": "periodic", "wander": "time",
+        "loop": "history", "play": "history", "sensor_loop": "history", "dome_loop": "history",
+        "sensor_range": "sensor_curve", "motion": "periodic", "wander": "time", "creep": "time",
     }  # fmt: skip
     assert one.family == kinds.get(own, own)
     assert one.name not in library_names()
