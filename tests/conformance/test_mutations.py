@@ -166,6 +166,7 @@ def outcome():
     return explain(campaign_of_offset(table, UP), table, workers=1, finite_elements=False)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("count", [30, pytest.param(10_000, marks=pytest.mark.soak)])
 def test_a_damaged_cache_is_computed_again(tmp_path, outcome, count):
     records = outcome.found.records

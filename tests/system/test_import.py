@@ -40,6 +40,7 @@ def start(cwd: Path, *arguments: str, **more) -> subprocess.Popen[str]:
     )
 
 
+@pytest.mark.long
 def test_what_is_ambiguous_fails_in_a_pipe_and_is_asked_for_on_a_terminal(tmp_path):
     (tmp_path / "a.txt").write_text(UNCLEAR)
     (tmp_path / "b.txt").write_text(UNCLEAR)

@@ -137,6 +137,7 @@ def test_the_example_is_listed_with_its_package_and_obeys_the_rules_of_its_kinds
     assert len(rules) > 25
 
 
+@pytest.mark.long
 def test_a_group_with_a_slip_is_named(tmp_path):
     points = {"skinlab.effect": {"creeping": "creeping:EFFECT"}}
     place = Place(package(tmp_path / "there", "slip", points, creeping="EFFECT = None"))
@@ -327,6 +328,7 @@ print(connection.next_event().dialect, dialect_origin("json_lines"), dialect_nam
 """
 
 
+@pytest.mark.long
 def test_versions_and_cache_keys_know_the_plugin_and_its_source(example, tmp_path):
     (target,) = example.environment["PYTHONPATH"].split(os.pathsep)
     changed = tmp_path / "changed"
@@ -420,6 +422,7 @@ def test_each_broken_plugin_is_one_warning_that_names_it(wreck, tmp_path):
     assert "effects.raises is not known (plugin wreck, effect 'raises': left out" in last
 
 
+@pytest.mark.long
 def test_workers_do_not_warn_again(wreck, tmp_path):
     script = tmp_path / "program.py"
     script.write_text(

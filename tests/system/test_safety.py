@@ -532,7 +532,9 @@ def test_suction_before_the_start():
         caught("answers another")
 
 
-@pytest.mark.parametrize("lie", ["floods", "floods with lines", "babbles"])
+@pytest.mark.parametrize(
+    "lie", ["floods", "floods with lines", pytest.param("babbles", marks=pytest.mark.long)]
+)
 def test_a_flood(lie):
     """No sample among what comes, or one now and then."""
     reason, _ = caught(lie, limits=Limits(vent_time_s=FORGIVING_S))

@@ -14,7 +14,10 @@ from shown import SCREENS, NoProbe
 from skinlab.tui.app import SkinlabApp
 from skinlab.tui.themes import COLOUR_BLIND_SAFE, HIGH_CONTRAST
 
-SIZES = [(80, 24), (160, 50)]
+SIZES = [
+    pytest.param((80, 24), id="80x24"),
+    pytest.param((160, 50), id="160x50", marks=pytest.mark.long),
+]
 
 
 @pytest.fixture
@@ -27,7 +30,7 @@ def app(tmp_path, monkeypatch):
     time.tzset()
 
 
-@pytest.mark.parametrize("size", SIZES, ids=["80x24", "160x50"])
+@pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize("name", SCREENS)
 def test_screen(snap_compare, app, name, size):
     assert snap_compare(app, terminal_size=size, run_before=SCREENS[name])

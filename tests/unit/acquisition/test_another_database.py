@@ -101,6 +101,7 @@ def test_a_database_that_is_gone_or_another_one_is_a_sentence(path, database, tm
     assert "identified with another database, sha256:1" in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_the_report_speaks_of_that_law(path, tmp_path):
     assert run(["export", str(path), str(tmp_path / "out"), "--to", "html"]) == 0
     text = next((tmp_path / "out").glob("*.html")).read_text("utf-8")

@@ -571,6 +571,7 @@ def test_wherever_a_fit_begins_it_comes_to_the_same_optimum(table, effect):
     np.testing.assert_allclose(other.u, third.u, atol=0.05)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("effect", "values", "plan"),
     [

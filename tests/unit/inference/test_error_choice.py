@@ -239,6 +239,7 @@ class TestOutliers:
         assert (self.probability(0.02 * np.sin(8 * X)) <= 0.5).all()
 
 
+@pytest.mark.long
 def test_sizes_and_durations_that_trade_for_each_other_are_integrated_as_on_a_grid():
     """In standard deviations, means and spreads were off by 0.13 (root mean square), 0.26 at worst.
 

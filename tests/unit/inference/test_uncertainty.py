@@ -96,6 +96,7 @@ def test_more_noise_gives_wider_intervals(table):
     assert mean_width(30.0) > 1.3 * mean_width(5.0)
 
 
+@pytest.mark.long
 def test_an_uncertain_thickness_widens(table):
     at = [
         Identifier(table)(
@@ -377,6 +378,7 @@ class TestPlacement:
         assert held[None] >= 5
         assert held[0.0] < held[None]
 
+    @pytest.mark.long
     def test_a_stated_deviation_of_the_thickness_is_each_placements_too(self, table):
         stated = [
             replace(c, setup=replace(c.setup, thickness_sd_mm=0.06, placement=label))
@@ -412,6 +414,7 @@ class TestPlacement:
 
 
 class TestAdvice:
+    @pytest.mark.long
     def test_the_expected_narrowing_comes_true(self, table):
         identifier = Identifier(table, sensor=Sensor(3.0, 0.0, placement_scatter=0.0))
         first = curve_of(table, SKIN, noise_um=3.0, seed=3)
@@ -439,6 +442,7 @@ class TestAdvice:
         assert all(0 < r <= 1 + 1e-9 for a in advice for r in a.narrows.values())
         assert len(advice) > 10
 
+    @pytest.mark.long
     def test_a_further_measurement_is_a_placement_of_its_own(self, table):
         """What stiffness it shows is its own too: the more placements differ, the less it tells."""
         narrows = []
@@ -449,6 +453,7 @@ class TestAdvice:
             narrows.append(best.narrows["X1_MPa"])
         assert narrows[0] < narrows[1] < narrows[2] <= 1.0
 
+    @pytest.mark.long
     def test_learns_from_placements_how_much_a_further_one_tells(self, table):
         identifier = Identifier(table, sensor=Sensor(3.0, 0.0))
         alike, apart = (
@@ -510,6 +515,7 @@ class TestNoiseFromRepeats:
         )
 
 
+@pytest.mark.long
 def test_same_bits_for_any_number_of_workers(table):
     curves = [
         curve_of(table, truth, noise_um=3.0, seed=i) for i, truth in enumerate(drawn(table, 4, 3))

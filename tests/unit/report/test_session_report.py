@@ -261,6 +261,7 @@ def test_a_method_without_intervals(session, identifier):
     assert "noise is unknown" in text_of(found)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["png", "svg"])
 def test_pictures_are_valid_and_the_same_twice(few, identifier, kind):
     drawn: list[None] = []
@@ -382,6 +383,7 @@ def exported(path, out, *options):
     return text_of(first)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("empty_pictures")
 def test_page_one_compares_with_the_visit_before(table, session, identifier, tmp_path):
     same, later = (curve_of(table, "curve 1", seed) for seed in (1, 2))

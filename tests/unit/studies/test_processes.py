@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 
+import pytest
 from studies import tenfold
 
 from skinlab.workers import on_processes
@@ -35,6 +36,7 @@ def test_tasks_are_taken_as_they_are_needed():
     results.close()
 
 
+@pytest.mark.long
 def test_a_study_killed_as_it_begins_leaves_no_traceback(cohort, tmp_path):
     out = tmp_path / "study"
     command = [sys.executable, "-m", "skinlab", "study", str(cohort), "--out", str(out)]
