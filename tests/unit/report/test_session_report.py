@@ -296,6 +296,7 @@ def pango():
         pytest.skip("the library Pango is not installed")
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("pango")
 def test_the_pdf_is_on_a4_and_begins_with_page_one_and_a_comparison(few, identifier):
     head = ("quantity", "answer", "change", "between", "smallest that could be shown")
