@@ -234,7 +234,13 @@ def test_one_host_at_a_time():
     assert simulator.end(signal.SIGINT) == (0, "", "")
 
 
-@pytest.mark.parametrize("way", WAYS, ids=["pty", "tcp"])
+@pytest.mark.parametrize(
+    "way",
+    [
+        pytest.param(("--pty",), id="pty", marks=needs_pty),
+        pytest.param(("--tcp", "0"), id="tcp", marks=pytest.mark.long),
+    ],
+)
 def test_unplugged_in_a_run(way):
     simulator = Simulator(*way)
     with Probe(simulator.url, limits=APART) as probe:

@@ -158,6 +158,7 @@ def test_a_name_that_nothing_has_is_wrong_usage(capsys):
     assert "nothing is called warm_up" in told.err
 
 
+@pytest.mark.long
 def test_a_method_brings_its_options(example, tmp_path):
     csv = tmp_path / "c.csv"
     identify = ["identify", csv, *SKIN, "--json", "--method"]
@@ -286,6 +287,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.long
 def test_a_gate_judges_and_the_session_knows_the_plugin(example, tmp_path, capsys):
     measure = ["measure", "--port", "sim://?seed=1&speed=10", "--program", "ramp:200@100"]
     measure += [*SKIN, "--method", "pattern_search", "--shrink", "0.6", "--json"]

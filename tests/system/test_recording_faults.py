@@ -130,6 +130,7 @@ def fill(path: Path) -> None:
             file.write(bytes(4096))
 
 
+@pytest.mark.long
 @needs_mount
 def test_a_disk_that_fills_up_vents_and_keeps_what_is_there(tmp_path):
     """Somebody else fills it in the middle; with room again, all is recovered."""

@@ -147,7 +147,13 @@ def measure(tmp_path):
 # ---- one row each -------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("link", LINKS, ids=["pty", "tcp"])
+@pytest.mark.parametrize(
+    "link",
+    [
+        pytest.param(*LINKS[0].values, id="pty", marks=LINKS[0].marks),
+        pytest.param(LINKS[1], id="tcp", marks=pytest.mark.long),
+    ],
+)
 def test_link_lost(simulate, link):
     simulated = simulate(*link, faults=fault("unplug", at_s=1.0, for_s=2.0), speed=2)
     with Probe(simulated.url) as probe:

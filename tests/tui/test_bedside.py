@@ -205,6 +205,7 @@ async def test_earlier_repeats_are_behind_the_curve(bedside):
         await bed.until(lambda: not plot.drawn_layers.earlier)  # measured otherwise
 
 
+@pytest.mark.long
 async def test_the_second_card_has_the_numbers_of_a_step(bedside):
     async with bedside() as bed:
         await bed.connected()

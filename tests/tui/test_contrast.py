@@ -85,11 +85,10 @@ def test_contrast_is_that_of_the_standard():
     "show",
     [
         good,
-        wrong,
         alarm,
         *(
             pytest.param(show, marks=pytest.mark.long)
-            for show in (running, refused, missing, pick_list)
+            for show in (running, wrong, refused, missing, pick_list)
         ),
     ],
 )

@@ -80,6 +80,7 @@ def test_visits_are_searched_and_followed(folder):
     assert "two visits" in trend_lines(same[:1], 80, None)[0]
 
 
+@pytest.mark.long
 async def test_the_list_of_visits_by_keys(bedside, folder):
     async with bedside() as bed:
         await bed.connected()
@@ -417,6 +418,7 @@ def test_a_time_is_typed_in_seconds_or_minutes(text, s):
     assert seconds(text) == s
 
 
+@pytest.mark.long
 async def test_a_replay_goes_on_to_a_time(bedside):
     async with bedside(None, replay=example_session(), speed=0.01) as bed:
         await bed.until(lambda: bed.board.playing and bed.board.playing.length_s > 4)

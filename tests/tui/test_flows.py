@@ -325,6 +325,7 @@ async def test_a_replay_plays_pauses_steps_and_ends(bedside):
         await bed.quit()
 
 
+@pytest.mark.long
 async def test_the_replayed_results_are_those_of_the_session(bedside):
     stored = read_session(example_session()).results
     async with bedside(None, replay=example_session(), speed=None) as bed:

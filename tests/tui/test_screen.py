@@ -171,6 +171,7 @@ def whole(main, part):
     return region.width > 0 and region.height > 0 and main.region.contains_region(region)
 
 
+@pytest.mark.long
 async def test_every_size_shows_a_measurement(bedside):
     parts = ("#settings-line", "#card", "#plot-panel", "#strip", "#reading", "#curves", "#note")
     async with bedside(size=SMALL_AND_LARGE[0]) as bed:
@@ -202,6 +203,7 @@ async def test_nothing_starts_where_what_will_happen_does_not_fit(bedside):
         await bed.start()
 
 
+@pytest.mark.long
 async def test_a_program_of_many_parts_fits_too(bedside):
     async with bedside(size=(60, 20)) as bed:
         await bed.connected()

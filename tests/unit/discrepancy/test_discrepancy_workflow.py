@@ -242,6 +242,7 @@ class NoSurfaceLayer(Fitter):
         return "surface_layer" not in model.unknowns.effects
 
 
+@pytest.mark.long
 def test_an_effect_whose_model_does_not_hold_is_told_of(table):
     hidden = campaign({}, RAMP)
     records = records_of(hidden)

@@ -213,6 +213,7 @@ def judge(dog, arrivals):
     return said
 
 
+@pytest.mark.long
 @settings(max_examples=150)
 @given(program=programs, instrument=honest_ones)
 def test_no_honest_instrument_is_vented(program, instrument):

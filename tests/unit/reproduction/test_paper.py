@@ -91,6 +91,7 @@ class TestCases:
 
 
 class TestBlindTest:
+    @pytest.mark.long
     def test_gauss_newton_and_recursive_least_squares_reach_the_truth(self):
         """Table 1; a dozen passes are on the way, the 29 of the whole run at it."""
         gn = tables.gauss_newton(Blind())()
@@ -114,6 +115,7 @@ class TestBlindTest:
         # The mean of 8 is known to a third of a case's standard deviation.
         assert (np.abs(many.mean - BLIND_TRUTH) < 1.5 * many.sd + [0.0005, 0.05, 0.02]).all()
 
+    @pytest.mark.long
     def test_fewer_iterations_with_a_larger_ratio(self):
         """A box has about N_b / N of the volume of the one before."""
         counts = [

@@ -22,6 +22,7 @@ def test_where_nothing_is_to_do_no_process_starts(monkeypatch):
     assert list(on_processes(tenfold, 10, iter(()), 2)) == []
 
 
+@pytest.mark.long
 def test_tasks_are_taken_as_they_are_needed():
     taken = []
 
