@@ -576,12 +576,7 @@ def test_wherever_a_fit_begins_it_comes_to_the_same_optimum(table, effect):
     ("effect", "values", "plan"),
     [
         ("natural_tension", {"stretch": 1.04}, RAMPS[:2]),
-        pytest.param(
-            "viscoelasticity",
-            {"g": 0.3, "tau_s": 0.6},
-            (STAIRS, *RAMPS[1:]),
-            marks=pytest.mark.long,
-        ),
+        ("viscoelasticity", {"g": 0.3, "tau_s": 0.6}, (STAIRS, *RAMPS[1:])),
     ],
     ids=["natural_tension", "viscoelasticity"],
 )
