@@ -222,7 +222,6 @@ def test_a_killed_measurement_is_recovered_with_its_dialect(tmp_path, here, dial
     assert curve.pressure_mbar.max() == pytest.approx(50.0)
 
 
-@pytest.mark.long
 def test_a_limit_that_is_passed_is_said_and_the_curve_is_kept(tmp_path, here, dialect):
     with (
         instrument("--tcp") as (url, person),
