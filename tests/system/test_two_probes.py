@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import subprocess
 
-import pytest
 from patience import patient_command
 
 from skinlab.cli.main import run
@@ -15,7 +14,6 @@ SKINS = {"soft": 0.02, "stiff": 0.06}
 PATIENCE_S = 300.0
 
 
-@pytest.mark.long
 def test_two_sessions_at_once_know_nothing_of_each_other(simulate, tmp_path, capsys):
     hosts = {}
     for name, x1 in SKINS.items():
