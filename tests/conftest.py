@@ -17,6 +17,7 @@ if os.environ.pop("PYTHONDONTWRITEBYTECODE", None):
     sys.dont_write_bytecode = False
 
 import pytest
+from empty_pictures import leave_pictures_empty
 from hypothesis import HealthCheck, settings
 from patience import be_patient
 
@@ -136,12 +137,7 @@ def coarse_skin(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def empty_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Put empty pictures into reports whose words are the point: they take most of the time."""
-    from skinlab.report import pictures, plots
-
-    svg = b'<svg xmlns="http://www.w3.org/2000/svg"/>'
-    monkeypatch.setattr(pictures, "to_bytes", lambda figure, kind: svg)
-    for name in [name for name in vars(plots) if name.startswith("draw_")]:
-        monkeypatch.setattr(plots, name, lambda *_: None)
+    leave_pictures_empty(monkeypatch)
 
 
 @pytest.fixture(scope="session", autouse=True)
