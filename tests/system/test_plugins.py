@@ -252,6 +252,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.long
 def test_worker_processes_find_them_by_themselves(example, tmp_path):
     assert example.says(WORKERS, tmp_path) == "1"
 

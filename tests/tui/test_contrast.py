@@ -84,11 +84,10 @@ def test_contrast_is_that_of_the_standard():
 @pytest.mark.parametrize(
     "show",
     [
-        good,
         alarm,
         *(
             pytest.param(show, marks=pytest.mark.long)
-            for show in (running, wrong, refused, missing, pick_list)
+            for show in (good, running, wrong, refused, missing, pick_list)
         ),
     ],
 )

@@ -276,6 +276,7 @@ async def test_excluding_noting_fitting_and_undoing(bedside, session_files):
     assert len(session.curves) == 2
 
 
+@pytest.mark.long
 async def test_comparing_with_an_earlier_session(bedside):
     async with bedside() as bed:
         await bed.connected()

@@ -66,6 +66,7 @@ async def test_whole_measurement_from_arming_to_replay(bedside, session_files):
     assert replayed(session) == []
 
 
+@pytest.mark.long
 async def test_the_curve_is_drawn_as_its_points_arrive(bedside):
     async with bedside(SLOW) as bed:
         await bed.connected()

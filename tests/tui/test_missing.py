@@ -300,6 +300,7 @@ def test_each_curve_has_its_picture_before_and_after_on_one_scale(named, columns
     assert all(sum(len(t) for t, _ in row) <= columns for row in pictures)
 
 
+@pytest.mark.long
 def test_the_pictures_grow_with_the_screen(named):
     small, large, huge = (len(outcome_rows(named, 160, lines)) for lines in (0, 60, 500))
     assert small < large <= huge < small + 60  # and not without end

@@ -148,6 +148,7 @@ def test_one_condition_alone_has_to_be_surer():
 # ---- held out ------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_the_gap_of_a_model_without_fault_is_the_one_that_is_expected(table):
     squares, expected, noise = [], [], []
     for seed in range(8):

@@ -48,6 +48,7 @@ def width(result, name):
     return value.high - value.low
 
 
+@pytest.mark.long
 def test_auto_finds_the_optimum_of_every_curve(table):
     """Against 100 polished starts; benchmarks/identification.py does it for 1,000 from the FE."""
     model = table.model(Geometry(6.0, 1.0), PRESSURE)
@@ -405,6 +406,7 @@ class TestPlacement:
         assert found.placement[::51].tolist() == [0, 0, 1, 2, 2]
         assert found.curves == 5
 
+    @pytest.mark.long
     def test_is_asked_for_on_the_command_line(self, table, tmp_path, capsys):
         path = TestCommand().campaign(table, tmp_path)
         assert run(["identify", path, "--joint", "--placement-scatter", "0.03", "--json"]) == 0
@@ -565,6 +567,7 @@ class TestCommand:
         assert set(document["advice"][0]) == {"aperture_mm", "program", "narrows"}
         assert set(document["advice"][0]["narrows"]) == {"X1_MPa", "X2_MPa", "nu"}
 
+    @pytest.mark.long
     def test_says_it_in_words(self, table, tmp_path, capsys):
         assert run(["identify", self.campaign(table, tmp_path), "--joint", "--advise"]) == 0
         out = capsys.readouterr().out
@@ -595,6 +598,7 @@ def test_a_probe_that_slips_is_a_misfit_and_no_crease(table):
         assert "crease" not in flags
 
 
+@pytest.mark.long
 def test_methods_without_intervals_say_what_a_curve_leaves_open(table):
     """`sto`, `hka` and `lm` answered a curve without any change of pressure as if it told all."""
     n = len(PRESSURE)
