@@ -13,10 +13,26 @@ from skinlab.extensions.rules import BrokenRuleError, broken, expect, says
 
 DOCS = Path(__file__).parents[2] / "docs"
 CASES = [(kind, one, rule) for kind in KINDS for one in kind.registry.all() for rule in kind.rules]
+# A second or two each; the same rules hold the other methods in `make test`
+STUDIES = {
+    ("rls", "it_explains_a_curve_of_the_model"),
+    ("rls", "the_same_seed_gives_the_same_bits"),
+    ("gn", "a_curve_without_an_answer_is_no_crash"),
+}
 
 
 @pytest.mark.parametrize(
-    ("kind", "one", "rule"), CASES, ids=[f"{k.name}-{o.name}-{r.__name__}" for k, o, r in CASES]
+    ("kind", "one", "rule"),
+    [
+        pytest.param(
+            k,
+            o,
+            r,
+            id=f"{k.name}-{o.name}-{r.__name__}",
+            marks=pytest.mark.long if (o.name, r.__name__) in STUDIES else (),
+        )
+        for k, o, r in CASES
+    ],
 )
 def test_it_obeys(kind, one, rule):
     assert broken(rule, one) is None

@@ -52,7 +52,9 @@ def test_the_terminal_of_a_measurement_is_closed(tmp_path):
     assert read_session(out).curves[0].partial
 
 
-@pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGTERM])
+@pytest.mark.parametrize(
+    "number", [signal.SIGHUP, pytest.param(signal.SIGTERM, marks=pytest.mark.long)]
+)
 def test_a_command_that_measures_nothing_ends_the_same_way(tmp_path, number):
     (tmp_path / "exports").mkdir()
     process = subprocess.Popen(
@@ -68,8 +70,9 @@ def test_a_command_that_measures_nothing_ends_the_same_way(tmp_path, number):
 
 @pytest.mark.parametrize(
     ("ignored", "sent"),
-    [(signal.SIGINT, signal.SIGTERM), (signal.SIGINT, signal.SIGHUP),
-     (signal.SIGHUP, signal.SIGTERM)],
+    [(signal.SIGINT, signal.SIGHUP),
+     pytest.param(signal.SIGINT, signal.SIGTERM, marks=pytest.mark.long),
+     pytest.param(signal.SIGHUP, signal.SIGTERM, marks=pytest.mark.long)],
 )  # fmt: skip
 def test_a_measurement_in_the_background(simulate, tmp_path, ignored, sent):
     """`&` of a script ignores Ctrl-C and `nohup` a hang-up: that stays so, and all else vents."""

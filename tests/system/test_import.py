@@ -40,6 +40,7 @@ def start(cwd: Path, *arguments: str, **more) -> subprocess.Popen[str]:
     )
 
 
+@pytest.mark.long
 def test_what_is_ambiguous_fails_in_a_pipe_and_is_asked_for_on_a_terminal(tmp_path):
     (tmp_path / "a.txt").write_text(UNCLEAR)
     (tmp_path / "b.txt").write_text(UNCLEAR)
@@ -82,6 +83,7 @@ def test_what_is_ambiguous_fails_in_a_pipe_and_is_asked_for_on_a_terminal(tmp_pa
     assert piped.returncode == 3
 
 
+@pytest.mark.long
 def test_watch_takes_files_as_they_land_and_keeps_them_when_interrupted(tmp_path):
     exports = tmp_path / "exports"
     exports.mkdir()

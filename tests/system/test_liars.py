@@ -8,18 +8,23 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 SCRIPT = Path(__file__).with_name("liars.py")
 # What test_safety.py does not tell of; all of them, and how soon each is vented, are `make soak`
-LIES = (
-    "creeps up", "vents in name", "frozen height", "reads nothing",
-    "arms late", "never starts", "says all twice",
-    "hostile names", "stays high", "fault in name", "hello again",
+LIES = ("frozen height", "arms late", "fault in name", "hostile names", "hello again")
+# Of kinds that it tells of, in other words
+LIKE_OTHERS = (
+    "creeps up", "vents in name", "reads nothing", "never starts", "stays high", "says all twice",
 )  # fmt: skip
 
 
-def test_measure_vents_says_why_and_keeps_what_was_measured(tmp_path):
+@pytest.mark.parametrize(
+    "names", [LIES, pytest.param(LIKE_OTHERS, marks=pytest.mark.long)], ids=["new", "like others"]
+)
+def test_measure_vents_says_why_and_keeps_what_was_measured(tmp_path, names):
     done = subprocess.run(
-        [sys.executable, SCRIPT, "--patient", "--save", "l.json", "--only", *LIES],
+        [sys.executable, SCRIPT, "--patient", "--save", "l.json", "--only", *names],
         cwd=tmp_path,
         capture_output=True,
         text=True,
@@ -29,5 +34,5 @@ def test_measure_vents_says_why_and_keeps_what_was_measured(tmp_path):
     )
     assert done.stdout, done.stderr
     lies = json.loads((tmp_path / "l.json").read_text())["lies"]
-    assert set(lies) == set(LIES)
+    assert set(lies) == set(names)
     assert {name: lie["first_wrong"] for name, lie in lies.items() if lie["wrong"]} == {}

@@ -234,7 +234,13 @@ def test_one_host_at_a_time():
     assert simulator.end(signal.SIGINT) == (0, "", "")
 
 
-@pytest.mark.parametrize("way", WAYS, ids=["pty", "tcp"])
+@pytest.mark.parametrize(
+    "way",
+    [
+        pytest.param(("--pty",), id="pty", marks=needs_pty),
+        pytest.param(("--tcp", "0"), id="tcp", marks=pytest.mark.long),
+    ],
+)
 def test_unplugged_in_a_run(way):
     simulator = Simulator(*way)
     with Probe(simulator.url, limits=APART) as probe:
@@ -275,6 +281,7 @@ def test_in_process(monkeypatch):
     assert len([event for event in seen if isinstance(event, Sample)]) > 290
 
 
+@pytest.mark.long
 def test_the_speed_changes_no_byte_of_a_run(simulate):
     faults = '[[fault]]\nkind = "drifting_sensor"\n[[fault]]\nkind = "counter_jump"\nat_s = 1.0\n'
     runs = []
@@ -399,7 +406,9 @@ def test_ports_are_listed():
         (("--tcp", "0", "--skin", "/no/such.toml"), 3, "/no/such.toml"),
         (("--tcp", "0", "--faults", "/no/such.toml"), 3, "/no/such.toml"),
         (("--tcp", "0", "--trace", "/no/such/trace"), 3, "/no/such/trace"),
-        (("--tcp", "0", "--aperture-mm", "5"), 3, "aperture_mm"),
+        pytest.param(
+            ("--tcp", "0", "--aperture-mm", "5"), 3, "aperture_mm", marks=pytest.mark.long
+        ),
     ],
 )
 def test_bad_input_of_the_process(options, status, match):

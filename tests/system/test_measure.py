@@ -139,7 +139,9 @@ def wait_for_samples(journal: Path, process: subprocess.Popen[str]) -> None:
     raise AssertionError(f"no samples were recorded: {process.communicate(timeout=PATIENCE_S)}")
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    "number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.long)]
+)
 def test_an_interrupted_measurement_vents_and_saves(tmp_path, number):
     process = start_measuring(tmp_path)
     wait_for_samples(tmp_path / "s.h5.journal", process)

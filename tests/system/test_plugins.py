@@ -137,6 +137,7 @@ def test_the_example_is_listed_with_its_package_and_obeys_the_rules_of_its_kinds
     assert len(rules) > 25
 
 
+@pytest.mark.long
 def test_a_group_with_a_slip_is_named(tmp_path):
     points = {"skinlab.effect": {"creeping": "creeping:EFFECT"}}
     place = Place(package(tmp_path / "there", "slip", points, creeping="EFFECT = None"))
@@ -157,6 +158,7 @@ def test_a_name_that_nothing_has_is_wrong_usage(capsys):
     assert "nothing is called warm_up" in told.err
 
 
+@pytest.mark.long
 def test_a_method_brings_its_options(example, tmp_path):
     csv = tmp_path / "c.csv"
     identify = ["identify", csv, *SKIN, "--json", "--method"]
@@ -250,6 +252,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.long
 def test_worker_processes_find_them_by_themselves(example, tmp_path):
     assert example.says(WORKERS, tmp_path) == "1"
 
@@ -285,6 +288,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.long
 def test_a_gate_judges_and_the_session_knows_the_plugin(example, tmp_path, capsys):
     measure = ["measure", "--port", "sim://?seed=1&speed=10", "--program", "ramp:200@100"]
     measure += [*SKIN, "--method", "pattern_search", "--shrink", "0.6", "--json"]
@@ -327,6 +331,7 @@ print(connection.next_event().dialect, dialect_origin("json_lines"), dialect_nam
 """
 
 
+@pytest.mark.long
 def test_versions_and_cache_keys_know_the_plugin_and_its_source(example, tmp_path):
     (target,) = example.environment["PYTHONPATH"].split(os.pathsep)
     changed = tmp_path / "changed"
@@ -420,6 +425,7 @@ def test_each_broken_plugin_is_one_warning_that_names_it(wreck, tmp_path):
     assert "effects.raises is not known (plugin wreck, effect 'raises': left out" in last
 
 
+@pytest.mark.long
 def test_workers_do_not_warn_again(wreck, tmp_path):
     script = tmp_path / "program.py"
     script.write_text(

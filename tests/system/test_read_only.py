@@ -157,6 +157,7 @@ def test_two_curves_that_a_person_starts_and_their_replay(tmp_path, here, dialec
     assert re.search(r"^    X1 0\.\d+ MPa, X2 [\d.]+ MPa, ν 0\.\d+, fit error", told.stdout, re.M)
 
 
+@pytest.mark.long
 def test_with_its_program_a_curve_ends_with_it(tmp_path, here, dialect):
     with (
         instrument("--tcp") as (url, person),
@@ -176,6 +177,7 @@ def test_with_its_program_a_curve_ends_with_it(tmp_path, here, dialect):
     assert here("replay", "s.h5", "--verify").returncode == 0
 
 
+@pytest.mark.long
 def test_ctrl_c_saves_a_cut_curve_that_replays_the_same(tmp_path, here, dialect):
     with (
         instrument("--tcp") as (url, person),
@@ -198,6 +200,7 @@ def test_ctrl_c_saves_a_cut_curve_that_replays_the_same(tmp_path, here, dialect)
     assert again.returncode == 0, again.stderr
 
 
+@pytest.mark.long
 def test_a_killed_measurement_is_recovered_with_its_dialect(tmp_path, here, dialect):
     with (
         instrument("--tcp") as (url, person),

@@ -110,7 +110,9 @@ def test_a_full_disk_is_told_before_the_suction(tmp_path):
 
 
 @needs_mount
-@pytest.mark.parametrize("options", ["ro,size=2m", "size=2m,mode=0555,nr_inodes=1"])
+@pytest.mark.parametrize(
+    "options", ["ro,size=2m", pytest.param("size=2m,mode=0555,nr_inodes=1", marks=pytest.mark.long)]
+)
 def test_a_folder_that_takes_no_files_is_told_before_the_suction(tmp_path, options):
     command = on_own_disk(
         tmp_path, options, *MEASURE, "ramp:100@20", "--port", "sim://?seed=1", "--out", "s.h5"
@@ -128,6 +130,7 @@ def fill(path: Path) -> None:
             file.write(bytes(4096))
 
 
+@pytest.mark.long
 @needs_mount
 def test_a_disk_that_fills_up_vents_and_keeps_what_is_there(tmp_path):
     """Somebody else fills it in the middle; with room again, all is recovered."""
@@ -176,6 +179,7 @@ def recover(journal: Path) -> None:
     assert len(curve) > 10
 
 
+@pytest.mark.long
 def test_a_file_that_may_not_grow_vents_and_keeps_what_is_there(tmp_path):
     """A limit of the system that no free space shows: it is met in the middle."""
 

@@ -92,6 +92,7 @@ def test_keys_step_go_on_and_the_terminal_is_left_as_it_was(session):
         terminal.close()
 
 
+@pytest.mark.long
 def test_q_ends_it(session):
     terminal = Terminal("replay", str(session), "--paused")
     try:

@@ -147,7 +147,13 @@ def measure(tmp_path):
 # ---- one row each -------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("link", LINKS, ids=["pty", "tcp"])
+@pytest.mark.parametrize(
+    "link",
+    [
+        pytest.param(*LINKS[0].values, id="pty", marks=LINKS[0].marks),
+        pytest.param(LINKS[1], id="tcp", marks=pytest.mark.long),
+    ],
+)
 def test_link_lost(simulate, link):
     simulated = simulate(*link, faults=fault("unplug", at_s=1.0, for_s=2.0), speed=2)
     with Probe(simulated.url) as probe:
@@ -532,7 +538,9 @@ def test_suction_before_the_start():
         caught("answers another")
 
 
-@pytest.mark.parametrize("lie", ["floods", "floods with lines", "babbles"])
+@pytest.mark.parametrize(
+    "lie", ["floods", "floods with lines", pytest.param("babbles", marks=pytest.mark.long)]
+)
 def test_a_flood(lie):
     """No sample among what comes, or one now and then."""
     reason, _ = caught(lie, limits=Limits(vent_time_s=FORGIVING_S))

@@ -57,7 +57,7 @@ def printed(tmp_path_factory) -> str:
     return shell("", tmp_path_factory.mktemp("printed")).stdout
 
 
-@pytest.mark.parametrize("closed", [">&-", ">&- 2>&- <&-"])
+@pytest.mark.parametrize("closed", [">&- 2>&- <&-", pytest.param(">&-", marks=pytest.mark.long)])
 def test_closed_streams_are_no_failure_and_no_file_takes_their_place(tmp_path, printed, closed):
     done = shell(closed, tmp_path)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")

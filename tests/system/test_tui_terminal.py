@@ -219,6 +219,7 @@ def test_what_another_program_writes_over_the_screen_does_not_stay(open_terminal
     terminal.until(lambda screen: "Broadcast" not in screen and "Next: F8" in screen)
 
 
+@pytest.mark.long
 def test_three_visits_with_the_left_hand_alone_in_a_small_window_without_colour(open_terminal):
     terminal = open_terminal((60, 20), "sim://?seed=1&speed=2", colour=False)
     terminal.until_all("READY", "SIMULATED", "Next: F8")

@@ -31,6 +31,7 @@ def titles(curves):
     return [str(column.label) for column in curves.columns.values()]
 
 
+@pytest.mark.long
 async def test_card_and_rows_speak_of_that_law(bedside, tmp_path):
     skin = tmp_path / "skin.toml"
     skin.write_text(SKIN)

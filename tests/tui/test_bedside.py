@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import pytest
 from shown import entry_of
 from textual import events
 
@@ -58,6 +59,7 @@ async def begin_visit(bed, subject):
 # ---- loadings and dose ----------------------------------------
 
 
+@pytest.mark.long
 async def test_loadings_are_counted_for_each_site(bedside, session_files):
     async with bedside() as bed:
         await bed.connected()
@@ -86,6 +88,7 @@ async def test_loadings_are_counted_for_each_site(bedside, session_files):
     assert loadings == [[1, 2], [1], [1]]
 
 
+@pytest.mark.long
 async def test_the_dose_of_a_site_goes_on_in_its_next_session(bedside):
     probes = []
 
@@ -149,6 +152,7 @@ def test_a_mean_without_scatter_keeps_its_digits():
     assert "X1 0.0246 ± 0.0000 MPa (0 %)" in repeats_lines([same])[1]
 
 
+@pytest.mark.long
 async def test_changed_says_what_could_have_been_shown(bedside):
     async with bedside() as bed:
         await bed.connected()
@@ -188,6 +192,7 @@ async def test_the_verdict_says_what_is_wrong_and_the_next_step(bedside):
         assert bed.app.screen.region.contains_region(region)
 
 
+@pytest.mark.long
 async def test_earlier_repeats_are_behind_the_curve(bedside):
     async with bedside() as bed:
         await bed.connected()
@@ -200,6 +205,7 @@ async def test_earlier_repeats_are_behind_the_curve(bedside):
         await bed.until(lambda: not plot.drawn_layers.earlier)  # measured otherwise
 
 
+@pytest.mark.long
 async def test_the_second_card_has_the_numbers_of_a_step(bedside):
     async with bedside() as bed:
         await bed.connected()
@@ -269,6 +275,7 @@ async def test_no_key_is_silent(bedside):
         await bed.until(lambda: bed.board.aside == "F11: no meaning here; ? lists the keys")
 
 
+@pytest.mark.long
 async def test_everything_is_drawn_again_in_another_size_and_theme(bedside):
     async with bedside(size=(80, 24)) as bed:
         await bed.connected()
@@ -286,6 +293,7 @@ async def test_everything_is_drawn_again_in_another_size_and_theme(bedside):
         await bed.until(lambda: bed.screenshot() != before)
 
 
+@pytest.mark.long
 async def test_what_does_not_fit_can_be_scrolled_by_keys_and_says_so(bedside):
     async with bedside(size=(60, 20)) as bed:
         await bed.connected()

@@ -81,7 +81,16 @@ def test_contrast_is_that_of_the_standard():
     assert contrast(Color.parse("#777"), Color.parse("#fff")) == pytest.approx(4.48, abs=0.01)
 
 
-@pytest.mark.parametrize("show", [good, running, wrong, refused, missing, pick_list, alarm])
+@pytest.mark.parametrize(
+    "show",
+    [
+        alarm,
+        *(
+            pytest.param(show, marks=pytest.mark.long)
+            for show in (good, running, wrong, refused, missing, pick_list)
+        ),
+    ],
+)
 async def test_every_word_can_be_read_in_every_theme(show, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     app = SkinlabApp("sim://", Path("sessions"), NoProbe, clock=lambda: 0.0)

@@ -80,6 +80,7 @@ def test_visits_are_searched_and_followed(folder):
     assert "two visits" in trend_lines(same[:1], 80, None)[0]
 
 
+@pytest.mark.long
 async def test_the_list_of_visits_by_keys(bedside, folder):
     async with bedside() as bed:
         await bed.connected()
@@ -104,6 +105,7 @@ async def test_the_list_of_visits_by_keys(bedside, folder):
         await bed.quit()
 
 
+@pytest.mark.long
 async def test_a_control_site_and_a_study_count_in_the_list_of_visits(bedside, folder):
     one = read_session(example_session())
     write_session(folder / "cheek.h5", replace(one, meta={**one.meta, "site": "cheek"}))
@@ -266,6 +268,7 @@ async def test_help_begins_with_the_keys_of_the_screen_it_was_asked_for_on(bedsi
             assert words in here
 
 
+@pytest.mark.long
 async def test_colours_are_changed_and_kept(bedside, tmp_path):
     kept = tmp_path / "config" / "ui.json"
     async with bedside(settings=kept) as bed:
@@ -342,6 +345,7 @@ async def measured(bedside, skin, times=1, goal=False):
     return said
 
 
+@pytest.mark.long
 async def test_the_goal_says_whether_the_skin_has_changed(bedside, tmp_path):
     soft, stiff = tmp_path / "soft.toml", tmp_path / "stiff.toml"
     soft.write_text(SKIN.format(x1=0.02))
@@ -385,6 +389,7 @@ async def test_the_next_step_can_be_clicked_and_never_starts_suction(bedside):
         await bed.press("v")
 
 
+@pytest.mark.long
 async def test_undo_says_what_it_undid(bedside):
     async with bedside() as bed:
         await bed.connected()
@@ -413,6 +418,7 @@ def test_a_time_is_typed_in_seconds_or_minutes(text, s):
     assert seconds(text) == s
 
 
+@pytest.mark.long
 async def test_a_replay_goes_on_to_a_time(bedside):
     async with bedside(None, replay=example_session(), speed=0.01) as bed:
         await bed.until(lambda: bed.board.playing and bed.board.playing.length_s > 4)
@@ -436,6 +442,7 @@ async def click_time(bed, share):
     await bed.pilot.click("#reading-line", offset=(at, 0))
 
 
+@pytest.mark.long
 async def test_a_click_on_the_time_line_goes_there_and_back_again(bedside):
     async with bedside(None, replay=example_session(), speed=0.01) as bed:
         await bed.until(lambda: bed.board.playing and bed.board.playing.length_s > 4)
@@ -454,6 +461,7 @@ async def test_a_click_on_the_time_line_goes_there_and_back_again(bedside):
         await bed.until(lambda: bed.board.playing.at_s > 0.8 * whole_s)
 
 
+@pytest.mark.long
 async def test_what_is_open_can_be_left_by_a_click_on_its_keys(bedside):
     async with bedside() as bed:
         await bed.connected()
@@ -483,6 +491,7 @@ async def test_suction_ends_by_a_click_where_it_says_so(bedside):
         await bed.until(lambda: not bed.board.suction)
 
 
+@pytest.mark.long
 async def test_no_key_is_silent_on_any_screen(bedside):
     said = "F10: no meaning here"
     async with bedside() as bed:

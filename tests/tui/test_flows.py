@@ -28,6 +28,7 @@ async def session_screen(bed):
 # ---- repeats ----------------------------------------
 
 
+@pytest.mark.long
 async def test_repeats_follow_by_themselves(bedside, session_files):
     async with bedside() as bed:
         await bed.connected()
@@ -47,6 +48,7 @@ async def test_repeats_follow_by_themselves(bedside, session_files):
     assert [(s.cycle, s.repeat) for s in setups] == [(1, 1), (2, 2), (3, 3)]
 
 
+@pytest.mark.long
 async def test_a_vent_during_the_rest_ends_the_repeats(bedside):
     async with bedside() as bed:
         await bed.connected()
@@ -104,6 +106,7 @@ async def test_the_last_settings_come_back_but_not_the_person(bedside, tmp_path)
         assert bed.app.screen.query_one("#rest_s", Input).value == "7"
 
 
+@pytest.mark.long
 async def test_f3_goes_to_the_settings_and_back(bedside):
     async with bedside() as bed:
         await bed.connected()
@@ -119,6 +122,7 @@ async def test_f3_goes_to_the_settings_and_back(bedside):
 # ---- whose result it is ----------------------------------------
 
 
+@pytest.mark.long
 async def test_a_thickness_belongs_to_a_subject_and_a_site(bedside):
     async with bedside() as bed:
         await bed.connected()
@@ -162,6 +166,7 @@ async def test_without_a_subject_it_asks_once(bedside):
         await bed.until(lambda: "NONE GIVEN" in bed.text("#card-text"))
 
 
+@pytest.mark.long
 async def test_card_rows_and_header_say_whose_and_when(bedside):
     async with bedside() as bed:
         await bed.connected()
@@ -177,6 +182,7 @@ async def test_card_rows_and_header_say_whose_and_when(bedside):
         await bed.until(lambda: "P07, forearm, since" in bed.text("#session-title"))
 
 
+@pytest.mark.long
 async def test_a_replay_says_whose_and_when_it_was(bedside):
     async with bedside(None, replay=example_session(), speed=None) as bed:
         await bed.until(lambda: bed.board.phase == "ENDED")
@@ -189,6 +195,7 @@ async def test_a_replay_says_whose_and_when_it_was(bedside):
 # ---- live ----------------------------------------
 
 
+@pytest.mark.long
 async def test_what_is_not_of_now_says_when_it_was(bedside):
     async with bedside(SLOW) as bed:
         await bed.connected()
@@ -205,7 +212,7 @@ async def test_what_is_not_of_now_says_when_it_was(bedside):
         assert f"mm, {bed.board.latest_at:%H:%M}" in bed.text("#reading-line")
 
 
-@pytest.mark.parametrize("size", [(60, 20), (80, 24)])
+@pytest.mark.parametrize("size", [(60, 20), pytest.param((80, 24), marks=pytest.mark.long)])
 async def test_the_estimate_forms_in_grey_and_a_vent_ends_the_ramp(bedside, size, monkeypatch):
     monkeypatch.setenv("NO_COLOR", "1")
     async with bedside(SLOW, size=size) as bed:
@@ -269,6 +276,7 @@ async def test_excluding_noting_fitting_and_undoing(bedside, session_files):
     assert len(session.curves) == 2
 
 
+@pytest.mark.long
 async def test_comparing_with_an_earlier_session(bedside):
     async with bedside() as bed:
         await bed.connected()
@@ -318,6 +326,7 @@ async def test_a_replay_plays_pauses_steps_and_ends(bedside):
         await bed.quit()
 
 
+@pytest.mark.long
 async def test_the_replayed_results_are_those_of_the_session(bedside):
     stored = read_session(example_session()).results
     async with bedside(None, replay=example_session(), speed=None) as bed:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from drivers.events import InstrumentState
 from skinlab.acquisition.replay import differences, identifier_of, replay
@@ -65,6 +66,7 @@ async def test_whole_measurement_from_arming_to_replay(bedside, session_files):
     assert replayed(session) == []
 
 
+@pytest.mark.long
 async def test_the_curve_is_drawn_as_its_points_arrive(bedside):
     async with bedside(SLOW) as bed:
         await bed.connected()
@@ -156,6 +158,7 @@ async def test_an_app_that_just_ends_vents_and_saves_too(bedside, session_files)
     assert read_session(path).curves[0].partial
 
 
+@pytest.mark.long
 async def test_two_curves_and_looking_back_at_the_first(bedside, session_files):
     async with bedside() as bed:
         await bed.connected()
@@ -175,6 +178,7 @@ async def test_two_curves_and_looking_back_at_the_first(bedside, session_files):
     assert [c.setup.cycle for c in read_session(path).curves] == [1, 2]
 
 
+@pytest.mark.long
 async def test_another_subject_begins_another_session(bedside, session_files):
     async with bedside() as bed:
         await bed.connected()

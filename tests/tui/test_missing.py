@@ -114,6 +114,7 @@ async def test_the_search_blocks_nothing_and_the_next_measurement_is_one_key_awa
         assert len(bed.board.entries) == 2
 
 
+@pytest.mark.long
 async def test_giving_up_and_looking_again(bedside, named):
     search = Search(named)
     async with bedside(explain=search, size=(60, 20)) as bed:
@@ -164,6 +165,7 @@ async def adopt(bed):
     await bed.until(lambda: bed.board.model == "base with deflection_offset")
 
 
+@pytest.mark.long
 async def test_what_was_adopted_can_be_undone(bedside, named, tmp_path):
     search = Search(named)
     search.go.set()
@@ -200,6 +202,7 @@ async def test_without_a_curve_there_is_nothing_to_look_at(bedside):
         assert bed.board.missing is None
 
 
+@pytest.mark.long
 async def test_a_search_that_fails_is_a_sentence(bedside):
     class Fails(Search):
         def __call__(self, *_):
@@ -297,6 +300,7 @@ def test_each_curve_has_its_picture_before_and_after_on_one_scale(named, columns
     assert all(sum(len(t) for t, _ in row) <= columns for row in pictures)
 
 
+@pytest.mark.long
 def test_the_pictures_grow_with_the_screen(named):
     small, large, huge = (len(outcome_rows(named, 160, lines)) for lines in (0, 60, 500))
     assert small < large <= huge < small + 60  # and not without end

@@ -59,7 +59,7 @@ async def state(bed, *answers):
 
 
 async def test_a_protocol_is_walked_through_marked_and_recorded(
-    bedside, protocol, tmp_path, identifier
+    bedside, protocol, tmp_path, identifier, empty_pictures
 ):
     async with bedside(protocol=protocol, size=(100, 40)) as bed:
         await bed.connected()
@@ -128,6 +128,7 @@ async def test_without_a_protocol_p_says_how_to_follow_one(bedside):
         await bed.quit()
 
 
+@pytest.mark.long
 async def test_conditions_belong_to_a_subject_and_the_operator_stays(bedside, protocol):
     async with bedside(protocol=protocol) as bed:
         await bed.connected()

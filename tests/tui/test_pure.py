@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.events import Hello, HostVented, InstrumentState, Sample, State
@@ -82,6 +82,7 @@ def test_another_head_of_a_simulated_probe_is_another_url():
 
 
 @given(st.text(max_size=30))
+@settings(max_examples=40)
 def test_what_has_no_complaint_makes_an_order_and_the_other_way_round(text):
     for field in ("aperture_mm", "thickness_mm", "cycle", "program"):
         texts = {**DEFAULTS, "port": "p", field: text}

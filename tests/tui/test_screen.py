@@ -114,7 +114,7 @@ async def test_enter_and_space_start_nothing(bedside):
         assert bed.board.live is None
 
 
-@pytest.mark.parametrize("key", ["question_mark", "f1"])
+@pytest.mark.parametrize("key", ["question_mark", pytest.param("f1", marks=pytest.mark.long)])
 async def test_help_opens_and_closes(bedside, key):
     async with bedside() as bed:
         await bed.connected()
@@ -171,6 +171,7 @@ def whole(main, part):
     return region.width > 0 and region.height > 0 and main.region.contains_region(region)
 
 
+@pytest.mark.long
 async def test_every_size_shows_a_measurement(bedside):
     parts = ("#settings-line", "#card", "#plot-panel", "#strip", "#reading", "#curves", "#note")
     async with bedside(size=SMALL_AND_LARGE[0]) as bed:
@@ -202,6 +203,7 @@ async def test_nothing_starts_where_what_will_happen_does_not_fit(bedside):
         await bed.start()
 
 
+@pytest.mark.long
 async def test_a_program_of_many_parts_fits_too(bedside):
     async with bedside(size=(60, 20)) as bed:
         await bed.connected()
@@ -212,6 +214,7 @@ async def test_a_program_of_many_parts_fits_too(bedside):
         await bed.until(lambda: bed.board.live or bed.board.entries)
 
 
+@pytest.mark.long
 async def test_tab_and_enter_go_round_in_the_fields(bedside):
     async with bedside() as bed:
         await bed.connected()
@@ -251,6 +254,7 @@ async def test_what_is_typed_at_once_behind_a_tab_goes_to_the_next_field(bedside
         assert subject.value == "P7"
 
 
+@pytest.mark.long
 async def test_resizing_while_the_curve_is_drawn(bedside):
     async with bedside("sim://?seed=1&speed=10") as bed:
         await bed.connected()
@@ -265,6 +269,7 @@ async def test_resizing_while_the_curve_is_drawn(bedside):
         assert bed.board.entry.cut is None
 
 
+@pytest.mark.long
 async def test_dark_and_light(bedside):
     async with bedside() as bed:
         await bed.connected()

@@ -77,6 +77,7 @@ def test_the_page_lists_every_action_with_its_usual_keys():
     assert listed == set(actions(owners()))
 
 
+@pytest.mark.long
 async def test_a_key_of_ones_own_works_beside_the_usual_one(bedside, tmp_path):
     user = settings(tmp_path, "theme = 'light'\n[keys]\nsession = 'x'\ncheck = ['f12', 'ctrl+t']")
     async with bedside(user=user) as bed:
@@ -122,6 +123,7 @@ async def test_a_further_key_to_confirm_is_guarded_like_the_usual_one(bedside, t
         await bed.quit()
 
 
+@pytest.mark.long
 async def test_help_tells_the_keys_of_a_list_too(bedside):
     async with bedside() as bed:
         await bed.connected()

@@ -14,8 +14,6 @@ from shown import SCREENS, NoProbe
 from skinlab.tui.app import SkinlabApp
 from skinlab.tui.themes import COLOUR_BLIND_SAFE, HIGH_CONTRAST
 
-SIZES = [(80, 24), (160, 50)]
-
 
 @pytest.fixture
 def app(tmp_path, monkeypatch):
@@ -27,14 +25,30 @@ def app(tmp_path, monkeypatch):
     time.tzset()
 
 
-@pytest.mark.parametrize("size", SIZES, ids=["80x24", "160x50"])
-@pytest.mark.parametrize("name", SCREENS)
+@pytest.mark.parametrize(
+    ("name", "size"),
+    [
+        pytest.param(name, size, id=f"{name}-{kind}", marks=pytest.mark.long if later else ())
+        for name in SCREENS
+        for kind, size, later in (
+            ("80x24", (80, 24), False),
+            ("160x50", (160, 50), name != "good"),
+        )
+    ],
+)
 def test_screen(snap_compare, app, name, size):
     assert snap_compare(app, terminal_size=size, run_before=SCREENS[name])
     assert app.failure is None  # else it would be the picture of nothing
 
 
-@pytest.mark.parametrize("theme", ["textual-light", HIGH_CONTRAST.name, COLOUR_BLIND_SAFE.name])
+@pytest.mark.parametrize(
+    "theme",
+    [
+        COLOUR_BLIND_SAFE.name,
+        pytest.param("textual-light", marks=pytest.mark.long),
+        pytest.param(HIGH_CONTRAST.name, marks=pytest.mark.long),
+    ],
+)
 def test_colours(snap_compare, app, theme):
     app.theme = theme
     assert snap_compare(app, terminal_size=(80, 24), run_before=SCREENS["good"])

@@ -222,6 +222,7 @@ TOGETHER = [
     [ports], [running], [resting], [replay], [alarm], [welcome],
 ]  # fmt: skip
 STATES = [state for states in TOGETHER for state in states]
+STUDIES = [session, resting, replay]
 
 
 async def type_in(bed, state, keys, rng, starts):
@@ -261,7 +262,15 @@ async def type_in_each(bedside, states, keys, seed):
             await type_in(bed, state, keys, rng, starts)
 
 
-@pytest.mark.parametrize("states", TOGETHER, ids=lambda states: states[0].__name__)
+@pytest.mark.parametrize(
+    "states",
+    [
+        pytest.param(
+            states, id=states[0].__name__, marks=pytest.mark.long if states[0] in STUDIES else ()
+        )
+        for states in TOGETHER
+    ],
+)
 async def test_words_start_nothing(bedside, states):
     await type_in_each(bedside, states, KEYS_OF_A_STATE, seed=14)
 
@@ -463,6 +472,7 @@ async def stands(bed):
     await bed.until(lambda: "suction" in bed.text("#suction").lower())
 
 
+@pytest.mark.long
 async def test_every_screen_says_how_the_probe_is_and_is_closed_by_a_key(bedside):
     async with bedside("sim://?seed=1&speed=20", explain=Searching()) as bed:
         await main_screen(bed)

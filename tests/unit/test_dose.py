@@ -92,16 +92,23 @@ def test_another_session_of_the_same_site_goes_on(tmp_path, capsys):
     assert measure(tmp_path / "c.h5", *elsewhere) == 0
 
 
+@pytest.fixture(scope="module")
+def visit(tmp_path_factory):
+    """A folder with a measured session and a file that is none."""
+    folder = tmp_path_factory.mktemp("visit")
+    measure(folder / "a.h5", "--subject", "P-7", "--site", "forearm")
+    (folder / "b.h5").write_text("no session")
+    return folder
+
+
 @pytest.mark.parametrize(
     ("subject", "site", "later_h", "simulated", "counts"),
     [("P-7", "forearm", 11, True, True), ("P-7", "forearm", 13, True, False),
      ("P-7", "forearm", 1, False, False), ("P-8", "forearm", 1, True, False),
      ("", "forearm", 1, True, False), ("P-7", "", 1, True, False)],
 )  # fmt: skip
-def test_what_belongs_to_one_visit(tmp_path, subject, site, later_h, simulated, counts):
-    measure(tmp_path / "a.h5", "--subject", "P-7", "--site", "forearm")
-    (tmp_path / "b.h5").write_text("no session")
-    begun = datetime.fromisoformat(read_session(tmp_path / "a.h5").meta["created_utc"])
+def test_what_belongs_to_one_visit(visit, subject, site, later_h, simulated, counts):
+    begun = datetime.fromisoformat(read_session(visit / "a.h5").meta["created_utc"])
     now_s = begun.timestamp() + 3600 * later_h
-    found, names = dose_before(tmp_path, subject, site, now_s, simulated=simulated)
+    found, names = dose_before(visit, subject, site, now_s, simulated=simulated)
     assert (found.suction_mbar_s > 100) == (names == ["a.h5"]) == counts

@@ -109,6 +109,7 @@ def _session(path: Path) -> None:
 GEOMETRY = ["--aperture-mm", "6", "--thickness-mm", "1"]
 RAMP = ["--program", "ramp:100@20"]
 CSV = f"{EVIL_FILE}.csv"
+HTML = ["export", "s.h5", "--to", "html", "html", "--reference", "reference.toml"]
 
 
 @pytest.mark.parametrize(
@@ -142,7 +143,7 @@ CSV = f"{EVIL_FILE}.csv"
         ["export", "s.h5", "--to", "svg", EVIL_FILE],
         ["export", "s.h5", "--to", "fhir", "fhir"],
         ["export", "s.h5", "--to", "parameters", "parameters"],
-        ["export", "s.h5", "--to", "html", "html", "--reference", "reference.toml"],
+        pytest.param(HTML, marks=pytest.mark.long),  # with its pictures, which are SVG as above
         ["export", "s.h5", "--to", "html", "html", "--reference", EVIL_FILE],
         ["study", "people", "--out", "study", "--workers", "1"],
         ["study", "people", "--out", EVIL_FILE + "s", "--workers", "1", "--json"],
@@ -181,6 +182,12 @@ def test_no_command_prints_or_writes_what_acts(folder, capfd, arguments):
     for path in set(folder.rglob("*")) - before:
         if path.suffix in {".csv", ".json", ".html", ".toml", ".svg", ".out"} and path.is_file():
             assert_inert(path.read_text(encoding="utf-8"), path)
+
+
+@pytest.mark.usefixtures("empty_pictures")
+def test_a_page_holds_nothing_that_acts(folder, capfd):
+    test_no_command_prints_or_writes_what_acts(folder, capfd, HTML)
+    assert list(Path("html").glob("*.html"))
 
 
 def test_the_simulated_probe_says_it_as_symbols(folder, capfd):

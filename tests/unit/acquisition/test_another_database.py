@@ -101,13 +101,22 @@ def test_a_database_that_is_gone_or_another_one_is_a_sentence(path, database, tm
     assert "identified with another database, sha256:1" in capsys.readouterr().err
 
 
-def test_the_report_speaks_of_that_law(path, tmp_path):
+def speaks_of_that_law(path, tmp_path):
     assert run(["export", str(path), str(tmp_path / "out"), "--to", "html"]) == 0
     text = next((tmp_path / "out").glob("*.html")).read_text("utf-8")
     for part in ("C1", "C2", "Law fung", LAW.formula):
         assert part in text
     assert "X1" not in text
     assert "from a file" not in text
+
+
+def test_the_report_speaks_of_that_law(path, tmp_path, empty_pictures):
+    speaks_of_that_law(path, tmp_path)
+
+
+@pytest.mark.long
+def test_the_reports_pictures_speak_of_that_law_too(path, tmp_path):
+    speaks_of_that_law(path, tmp_path)
 
 
 def test_a_comparison_is_of_that_law(path, capsys):

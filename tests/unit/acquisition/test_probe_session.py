@@ -209,6 +209,7 @@ def test_the_cut_repeat_is_taken_again_once_somebody_says_so(tmp_path, identifie
     assert check(path)[1] == []
 
 
+@pytest.mark.long
 def test_something_else_may_be_measured_in_the_same_session_instead(tmp_path, identifier):
     room = back_again(tmp_path, identifier)
     room.session.measure(order(), room.session.vents)
@@ -245,6 +246,7 @@ def measure(room, order_):
     room.until(lambda: len(room.messages(Identified)) > n and len(room.of(Over)) > over)
 
 
+@pytest.mark.long
 def test_a_session_goes_on_with_another_head(tmp_path, identifier):
     probes = []
 

@@ -214,6 +214,7 @@ def test_every_command_has_help_with_an_example():
             assert "Example: skinlab" in (each.help or ""), each.name
 
 
+@pytest.mark.long
 def test_every_method_can_be_asked_for(capsys, curve_csv):
     for method in method_names():
         status, out, _ = call(capsys, "identify", curve_csv, *SKIN, "--method", method, "--json")

@@ -132,6 +132,7 @@ def test_a_height_out_of_reach_is_flagged(tmp_path, capsys):
     ]
 
 
+@pytest.mark.long
 def test_memory_is_counted_with(tmp_path, capsys, coarse_skin):
     """A skin that creeps needs less pressure when it is pulled slowly."""
     (tmp_path / "skin.toml").write_text("[effects.viscoelasticity]\ng = 0.5\ntau_s = 0.5\n")

@@ -284,6 +284,7 @@ def test_a_fit_by_other_errors_tells_its_figures_by_its_own(table):
     assert moved.jacobian == pytest.approx(slopes, rel=1e-6, abs=1e-6 * np.abs(slopes).max())
 
 
+@pytest.mark.long
 def test_what_may_still_win_is_asked_for_its_errors_once(table):
     made = campaign(table, lambda t, per_log, rng: 0.03 + rng.normal(0, 2e-3, len(t)))
     records = records_of(made)
@@ -381,6 +382,7 @@ def test_a_wider_opening_is_what_the_finite_elements_say():
     np.testing.assert_allclose(one.deflection_mm, other.deflection_mm, atol=1e-12)
 
 
+@pytest.mark.long
 def test_placements_that_differ_are_no_missing_effect(table):
     """Three placements an opening, 3 % apart, correlated noise: the prototype's false alarms."""
 

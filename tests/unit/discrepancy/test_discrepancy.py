@@ -4,15 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hidden_effects import NU, RAMPS, SKIN, STAIRS, TRUE, X2, fitter_of, measured
 
 from skinlab.curves.campaign import Campaign
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
-from skinlab.discrepancy.adequacy import Residual, look
-from skinlab.discrepancy.discipline import Trial
-from skinlab.discrepancy.fit import Fit, Fitter, Misfit
-from skinlab.discrepancy.heldout import conditions_of, predict_held_out
+from skinlab.discrepancy.fit import Misfit
 from skinlab.discrepancy.misfit import (
     COMMON_FACTOR,
     MESH_COMMON,
@@ -20,58 +18,21 @@ from skinlab.discrepancy.misfit import (
     OWN_FACTOR,
     errors_of,
 )
-from skinlab.discrepancy.next_measurement import MENU, PlannedErrors, advise
 from skinlab.discrepancy.records import by_geometry, records_of
 from skinlab.discrepancy.screen import alike, signature
-from skinlab.discrepancy.search import Candidate, Found
 from skinlab.discrepancy.search_workers import fit_elsewhere, fit_from, fit_one
-from skinlab.discrepancy.settings import ERRORS, FITS
+from skinlab.discrepancy.settings import FITS
 from skinlab.discrepancy.space_mapping import MappedModel
 from skinlab.discrepancy.table_domes import TableDomes, relaxed_pressure
 from skinlab.discrepancy.unknowns import Unknowns
-from skinlab.discrepancy.verdict import Verdict, decide, disciplined
 from skinlab.errors import InputError
 from skinlab.inference.covariance import independent
 from skinlab.inference.noise import MESH_REST, legendre, pressure_error_mm, roughness
 from skinlab.mechanics.effects import all_effects
-from skinlab.mechanics.effects.model import Skin, response, solve_skin
+from skinlab.mechanics.effects.model import Skin, response
 from skinlab.mechanics.fem.skin import Prony, SkinProblem
 from skinlab.mechanics.fem.suction import MESH_OF_RECORD, SCREENING_MESH, Geometry
 from skinlab.workers import Pool
-
-SKIN = Skin((0.035, 1.2, 0.32))
-X1, X2, NU = SKIN.values
-TRUE = np.array([np.log(X1), np.log(X2 / X1), NU])
-RAMPS = (
-    (6.0, "ramp:100@20,ramp:0@20", 1),
-    (2.0, "ramp:300@60,ramp:0@60", 1),
-    (8.0, "ramp:100@20,ramp:0@20", 1),
-)
-STAIRS = (6.0, "ramp:100@80,hold:3,ramp:0@80", 1)
-
-
-def measured(effects, plan, *, noise_um=2.0, pressure_noise_mbar=0.1, seed=0, stated=True):
-    """Return a campaign of the mesh of record, with noise."""
-    rng = np.random.default_rng(seed)
-    curves = []
-    for i, (aperture, text, cycle) in enumerate(plan):
-        program = parse_program(text)
-        t = np.arange(int(program.duration_s * 20 + 1e-9) + 1) / 20
-        path = PressurePath.of_program(program)
-        w = response(SKIN, effects, Geometry(aperture, 1.1), path, t, cycle=cycle).deflection_mm
-        setup = Setup(aperture, 1.1, program, cycle)
-        w = w + rng.normal(0, 1e-3 * noise_um, len(t))
-        curves.append(
-            Curve(f"c{i}", setup, t, path(t) + rng.normal(0, pressure_noise_mbar, len(t)), w)
-        )
-    return Campaign(
-        "made", noise_um if stated else None, pressure_noise_mbar if stated else None, tuple(curves)
-    )  # fmt: skip
-
-
-def fitter_of(campaign, table, **options):
-    records = records_of(campaign)
-    return Fitter(records, errors_of(records), TableDomes(table), **options)
 
 
 @pytest.fixture(scope="module")
@@ -571,16 +532,12 @@ def test_wherever_a_fit_begins_it_comes_to_the_same_optimum(table, effect):
     np.testing.assert_allclose(other.u, third.u, atol=0.05)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("effect", "values", "plan"),
     [
         ("natural_tension", {"stretch": 1.04}, RAMPS[:2]),
-        pytest.param(
-            "viscoelasticity",
-            {"g": 0.3, "tau_s": 0.6},
-            (STAIRS, *RAMPS[1:]),
-            marks=pytest.mark.long,
-        ),
+        ("viscoelasticity", {"g": 0.3, "tau_s": 0.6}, (STAIRS, *RAMPS[1:])),
     ],
     ids=["natural_tension", "viscoelasticity"],
 )
@@ -683,203 +640,3 @@ def test_what_relaxes_is_followed_as_far_as_a_skin_goes_that_creases(table):
     assert model.anchor(u)
     (w,) = model.predict(u)
     assert np.isfinite(w).all()
-
-
-@pytest.fixture(scope="module")
-def looks(table):
-    """Return p-values of white noise on known deflections, and the fitter."""
-    fitter = fitter_of(measured({}, RAMPS, noise_um=2.0), table)
-    zero = [r.curve.deflection_mm for r in fitter.records]
-    rng = np.random.default_rng(5)
-    found = []
-    for _ in range(400):
-        noise = fitter.errors.split(rng.normal(size=fitter.errors.count) * fitter.errors.sigma_mm)
-        off = [w + n for w, n in zip(zero, noise, strict=True)]
-        found.append(look(fitter.records, fitter.errors, off, 0).p_value)
-    return fitter, np.array(found)
-
-
-def test_p_values_of_white_noise_are_no_smaller_than_uniform(looks):
-    _, p = looks
-    for level in (0.05, 0.2, 0.5):
-        spread = np.sqrt(level * (1 - level) / len(p))
-        assert np.mean(p < level) < level + 4 * spread
-    # Not blunt either: the mesh's share, taken off, and two tests cost some of it.
-    assert np.mean(p < 0.5) > 0.15
-
-
-def test_structure_is_seen_and_said_where(looks):
-    fitter, _ = looks
-    zero = [r.curve.deflection_mm for r in fitter.records]
-    rng = np.random.default_rng(6)
-    noise = fitter.errors.split(rng.normal(size=fitter.errors.count) * fitter.errors.sigma_mm)
-    off = [w + n for w, n in zip(zero, noise, strict=True)]
-    unload = fitter.records[0].curve.phase == "unload"
-    off[0] = off[0] - 0.006 * unload  # the model is 6 µm too low there
-    left = look(fitter.records, fitter.errors, off, 0)
-    assert left.p_value < 1e-6
-    place = left.places[0]
-    assert (place.file, place.phase) == ("c0", "unload")
-    assert place.mean_um == pytest.approx(6.0, abs=1.5)
-    assert place.p_value < 1e-3
-    others = [p for p in left.places if p.file == "c2"]
-    assert min(p.p_value for p in others) > 1e-3
-
-
-# ---- the verdict, on made-up candidates ----------------------------------------------------------
-
-
-def candidate(effects, evidence, p_value=0.5):
-    unknowns = Unknowns(tuple(effects))
-    k = len(unknowns)
-    fit = Fit(
-        unknowns, np.zeros(k), [], 0.0, 0.0, np.zeros((1, k)), 0.0, settled=True, corrected=False
-    )
-    return Candidate(fit, Residual(p_value, ()), evidence)
-
-
-def verdict(base_p, *candidates, plan=RAMPS):
-    ranked = sorted(candidates, key=lambda c: -c.log10_evidence)
-    records = records_of(measured({}, plan))
-    found = decide(Found(candidate((), 0.0, base_p), {}, ranked, records))
-    return found.name, [set(c.effects) for c in found.explanations]
-
-
-GOOD, BAD = 0.5, 1e-2 * ERRORS.adequate
-LAG, GAIN, SLIP = ("pressure_lag",), ("deflection_gain",), ("tape_slip",)
-
-
-def test_without_a_gap_nothing_is_missing():
-    assert verdict(GOOD) == ("none", [])
-    assert verdict(GOOD, candidate(LAG, 1.0)) == ("none", [])
-    assert verdict(GOOD, candidate(LAG, -1.0), candidate(GAIN, 1.2)) == ("none", [])
-
-
-def test_one_explanation_that_is_ahead_is_named():
-    assert verdict(BAD, candidate(LAG, 20.0), candidate(GAIN, 18.0)) == ("named", [{*LAG}])
-    # Even where the gap alone would not have been remarkable.
-    assert verdict(GOOD, candidate(LAG, 3.0), candidate(GAIN, 0.5)) == ("named", [{*LAG}])
-
-
-@pytest.mark.parametrize(
-    ("failed", "left"), [((), "named"), (("size",), "none"), (("size", "again"), "unknown")]
-)
-def test_what_is_there_and_too_small_to_matter_is_nothing(failed, left):
-    found = Found(candidate((), 0.0, BAD), {}, [candidate(LAG, 9.0)])
-    stood = [Trial(name, name not in failed, "") for name in ("size", "again")]
-    assert disciplined(Verdict("named", found.candidates), found, stood).name == left
-
-
-def test_a_tie_names_everything_that_is_tied():
-    found = verdict(BAD, candidate(LAG, 20.0), candidate(GAIN, 19.0), candidate(SLIP, 18.0))
-    assert found == ("ambiguous", [{*LAG}, {*GAIN}])
-
-
-def test_where_nothing_fits_it_is_unknown():
-    assert verdict(BAD) == ("unknown", [])
-    assert verdict(BAD, candidate(LAG, 50.0, BAD)) == ("unknown", [])
-
-
-def test_what_does_not_fit_is_no_explanation():
-    found = verdict(BAD, candidate(LAG, 20.0, BAD), candidate(GAIN, 19.5))
-    assert found == ("named", [{*GAIN}])
-
-
-def test_more_effects_where_fewer_do_are_no_other_explanation():
-    both = (*LAG, *GAIN)
-    assert verdict(BAD, candidate(LAG, 20.0), candidate(both, 20.5)) == ("named", [{*LAG}])
-    assert verdict(BAD, candidate(LAG, 20.0, BAD), candidate(both, 20.5)) == (
-        "named",
-        [{*both}],
-    )
-
-
-def test_one_condition_alone_has_to_be_surer():
-    lone = RAMPS[:1]
-    candidates = candidate(LAG, 20.0), candidate(GAIN, 18.0)
-    assert verdict(BAD, *candidates, plan=RAMPS) == ("named", [{*LAG}])
-    assert verdict(BAD, *candidates, plan=lone) == ("ambiguous", [{*LAG}, {*GAIN}])
-    assert verdict(BAD, candidate(LAG, 20.0), candidate(GAIN, 15.0), plan=lone) == (
-        "named",
-        [{*LAG}],
-    )
-    assert verdict(GOOD, candidate(LAG, 3.0), plan=lone) == ("none", [])
-
-
-# ---- held out ------------------------------------------------------------------------------------
-
-
-def test_the_gap_of_a_model_without_fault_is_the_one_that_is_expected(table):
-    squares, expected, noise = [], [], []
-    for seed in range(8):
-        fitter = fitter_of(measured({}, RAMPS, seed=seed), table)
-        fit = fitter.fit(Unknowns(()), TRUE)
-        found = predict_held_out(fitter, fit, conditions_of(fitter, [fit]))
-        squares.append(found.rms_um**2)
-        expected.append(found.expected_um**2)
-        noise.append(found.noise_um**2)
-    assert np.mean(noise) < np.mean(expected)
-    assert np.mean(squares) == pytest.approx(np.mean(expected), rel=0.1)
-
-
-# ---- what to measure next ------------------------------------------------------------------------
-
-
-def test_what_may_be_advised_is_what_a_driver_allows():
-    for aperture, text in MENU:
-        program = parse_program(text)
-        assert aperture in (2.0, 4.0, 6.0, 8.0)
-        assert program.max_pressure_mbar <= 500
-        assert program.duration_s <= 60
-
-
-def test_the_advice_separates_what_one_ramp_leaves_tied(table):
-    fitter = fitter_of(measured({}, [(6.0, "ramp:100@20", 1)]), table)
-    offset, drift = Unknowns(("deflection_offset",)), Unknowns(("baseline_drift",))
-    tied = [fitter.fit(offset, np.append(TRUE, 1.0)), fitter.fit(drift, np.append(TRUE, 3.0))]
-    base = fitter.fit(Unknowns(()), TRUE)
-    errors, rng = PlannedErrors(white_um=3.0), np.random.default_rng(0)
-    same = advise(fitter, [base, base], [0.0, 0.0], errors, rng)
-    assert same is None  # nothing tells a thing from itself
-    # Two explanations with sizes that one ramp cannot see, but a long hold can.
-    far = [replace(f, u=np.append(f.u[:3], s)) for f, s in zip(tied, (1.0, 10.0), strict=True)]
-    found = advise(fitter, far, [0.0, 0.5], errors, rng)
-    assert found is not None
-    assert found.separates == (("deflection_offset",), ("baseline_drift",))
-    assert found.expected_log10_evidence > 1.3
-    assert (found.aperture_mm, found.program) != (6.0, "ramp:100@20")
-    # What it is expected to lead to adds up, and a name is more probable with it than without.
-    alone = found.alone
-    assert alone is not None
-    assert alone.settled + alone.wrong + alone.tied == pytest.approx(1.0)
-    assert alone.settled > 0.5
-    assert alone.minutes > 0
-    # The shortest plan that settles it takes no longer than this one, where this one does.
-    assert found.plan is not None
-    assert found.plan.settled >= min(alone.settled, 0.8) - 1e-9
-    if alone.settled >= 0.8:
-        assert found.plan.minutes <= alone.minutes
-
-
-def test_placements_that_scatter_are_met_by_putting_the_probe_on_again(table):
-    """A zero that differs by placement hides an offset; a mean of several shows more of it."""
-    fitter = fitter_of(measured({}, [(6.0, "ramp:100@20", 1)]), table)
-    unknowns = Unknowns(("deflection_offset",))
-    one = fitter.fit(unknowns, np.append(TRUE, 1.0))
-    far = [replace(one, u=np.append(one.u[:3], s)) for s in (0.0, 2.0)]
-
-    def hoped(offset_um: float) -> float:
-        errors = PlannedErrors(white_um=3.0, offset_um=offset_um)
-        found = advise(fitter, far, [0.0, 0.0], errors, np.random.default_rng(0))
-        return 0.0 if found is None else found.plan.settled
-
-    assert hoped(0.0) > hoped(30.0)
-
-
-def test_the_finite_elements_and_the_table_agree_on_the_plain_skin(table):
-    geometry = Geometry(6.0, 1.1)
-    problem = SkinProblem(geometry, SKIN)
-    dome = TableDomes(table)([problem], [100.0])
-    p = np.linspace(5.0, 100.0, 20)
-    solved = solve_skin(problem, PressurePath((0.0, 1.0), (0.0, 100.0))).at(p / 100.0, p)
-    np.testing.assert_allclose(dome(p[None])[0], solved, rtol=5e-4, atol=1e-4)

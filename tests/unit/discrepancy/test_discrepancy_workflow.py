@@ -164,6 +164,7 @@ def test_curves_that_a_model_was_learned_from_count_once(table, off_zero, explai
     assert width(again) > 0.8 * width(first)
 
 
+@pytest.mark.long
 def test_who_interrupts_keeps_every_fit_that_was_done(table, off_zero):
     partial, said = Partial(), []
 
@@ -181,6 +182,7 @@ def test_who_interrupts_keeps_every_fit_that_was_done(table, off_zero):
     assert any(text.startswith("fitting ") and "deflection_offset" in text for text in said)
 
 
+@pytest.mark.long
 def test_where_nothing_is_hidden_nothing_is_found(table):
     outcome = explain(campaign({}), table, finite_elements=False)
     found = document(outcome)
@@ -240,6 +242,7 @@ class NoSurfaceLayer(Fitter):
         return "surface_layer" not in model.unknowns.effects
 
 
+@pytest.mark.long
 def test_an_effect_whose_model_does_not_hold_is_told_of(table):
     hidden = campaign({}, RAMP)
     records = records_of(hidden)
@@ -325,6 +328,7 @@ def test_what_the_library_does_not_have_is_unknown(table):
     assert "pulse of" in describe(outcome)  # and too large for one
 
 
+@pytest.mark.long
 def test_a_heartbeat_of_each_curve_its_own_is_learned_and_adopted(table):
     def heartbeat(t, rng):
         return 0.016 * np.sin(2 * np.pi * 1.1 * t + rng.uniform(0, 2 * np.pi))

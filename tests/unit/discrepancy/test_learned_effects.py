@@ -142,7 +142,7 @@ def learn(hidden, table, *, finite_elements=False):
 @pytest.mark.parametrize(
     ("family", "plan", "how"),
     [
-        ("sensor_curve", RAMPS, {"sensor": bump}),
+        pytest.param("sensor_curve", RAMPS, {"sensor": bump}, marks=pytest.mark.long),
         pytest.param(
             "pressure_curve",
             (*RAMPS, (6.0, "ramp:60@20,ramp:0@20")),
@@ -164,7 +164,7 @@ def learn(hidden, table, *, finite_elements=False):
         pytest.param("sensor_loop", RAMPS, {"loop": bulges}, marks=pytest.mark.long),
         pytest.param("play", RAMPS, {"felt": stuck}, marks=pytest.mark.long),
         pytest.param("sensor_range", RAMPS, {"sensor": clipped}, marks=pytest.mark.long),
-        ("periodic", RAMPS, {"moves": strokes}),
+        pytest.param("periodic", RAMPS, {"moves": strokes}, marks=pytest.mark.long),
     ],
     ids=[
         "sensor",
@@ -314,6 +314,7 @@ def test_a_true_name_needs_no_function_beside_it(table):
     assert against_families(search, base, Candidate(fit, base.left, 0.0)).passed
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("share", "passed"), [(0.005, True), (0.05, False)])
 def test_a_function_is_needed_beside_a_name_where_it_matters(table, share, passed):
     # A creep beside a gain: of 0.3 µm, though 10,000 times likelier than none, and of 3.
@@ -353,6 +354,7 @@ def test_a_forward_curve_has_what_was_learned():
     assert np.allclose(1e3 * (with_it - plain), 12.0 * np.sin(0.5 * np.pi * plain / 2.0))
 
 
+@pytest.mark.long
 def test_corners_that_a_function_follows_nearly_are_no_steps_of_tape(table):
     search, found = learn(campaign(RAMPS, felt=stuck), table)
     assert decide_learned(found).explanations[0].effects == ("learned_play",)

@@ -241,6 +241,7 @@ def test_any_bytes_give_events_or_blame_the_instrument(pieces):
     events_of(*pieces)
 
 
+@pytest.mark.long
 def test_twenty_thousand_broken_conversations():
     rng = random.Random(20_000)
     alphabet = b"$*,:%-0123456789ABCDEFHRSTVZ\r\n"

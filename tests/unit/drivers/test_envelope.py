@@ -213,15 +213,26 @@ def judge(dog, arrivals):
     return said
 
 
-@settings(max_examples=150)
-@given(program=programs, instrument=honest_ones)
-def test_no_honest_instrument_is_vented(program, instrument):
+def never_vents(program, instrument):
     dog = Watchdog(LIMITS)
     ready(dog, program)
     said = judge(dog, sorted(instrument.run(program), key=lambda each: each[0]))
     assert [each for each in said if isinstance(each[1], HostVented)] == []
     assert not dog.venting
     assert dog.alarm is None
+
+
+@settings(max_examples=40)
+@given(program=programs, instrument=honest_ones)
+def test_no_honest_instrument_is_vented(program, instrument):
+    never_vents(program, instrument)
+
+
+@pytest.mark.long
+@settings(max_examples=150)
+@given(program=programs, instrument=honest_ones)
+def test_no_honest_instrument_of_many_is_vented(program, instrument):
+    never_vents(program, instrument)
 
 
 # ---- any other ----------------------------------------------------------------------------------

@@ -82,6 +82,7 @@ def test_a_bundle_is_fhir_and_holds_the_curve_and_its_parameters(session_path, t
     assert again == text
 
 
+@pytest.mark.long
 def test_parameters_keep_their_schema_and_say_what_they_are_of(session_path, tmp_path):
     import jsonschema  # takes seconds, which every process of the tests would pay
 

@@ -99,6 +99,7 @@ def within(seeds):
     return held, half
 
 
+@pytest.mark.long
 def test_hidden_errors_come_back_within_their_intervals():
     held, half = within(range(3))
     # 15 intervals of 90 %: fewer than 10 of them would happen once in four hundred times
@@ -112,6 +113,7 @@ def test_hidden_errors_come_back_within_their_intervals():
     assert 0.015 < np.median(half["pressure_gain"]) < 0.04
 
 
+@pytest.mark.long
 def test_a_pressure_in_whole_mbar_makes_its_zero_uncertain():
     sensor = SensorSection(pressure_resolution_mbar=1.0)
     for offset_mbar in (-0.85, 0.3):
@@ -266,6 +268,7 @@ prior = {{ mean = {mean}, sd = 0.01 }}
 """
 
 
+@pytest.mark.long
 def test_a_model_with_effects_takes_the_calibration(folder, tmp_path, capsys):
     path = tmp_path / "m.toml"
     path.write_text(
@@ -281,6 +284,7 @@ def test_a_model_with_effects_takes_the_calibration(folder, tmp_path, capsys):
     assert one["low"] <= 0.025 <= one["high"]
 
 
+@pytest.mark.long
 def test_what_the_model_and_the_probe_file_both_know_counts_once(folder, tmp_path, capsys):
     path = tmp_path / "m.toml"
     path.write_text(

@@ -82,7 +82,8 @@ def test_the_same_skin_twice_is_no_change_and_a_stiffer_one_is(identifier):
     assert compare(stiffer, before).changes[0].sign == -1
 
 
-@pytest.mark.parametrize("pairs", [2, pytest.param(6, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("pairs", [2, 6])
 def test_one_skin_is_seldom_called_two(identifier, pairs):
     answers = [answer(identifier, (0.025, 2.9, 0.28), 10 + k) for k in range(2 * pairs)]
     p = [compare(a, b).p_value for a, b in zip(answers[::2], answers[1::2], strict=True)]

@@ -80,6 +80,7 @@ def test_what_is_no_covariance_is_an_error():
         products([one], np.ones((3, 1)))
 
 
+@pytest.mark.long
 @given(covariances(), st.randoms(use_true_random=False))
 def test_colouring_undoes_whitening(covariance, random):
     values = np.random.default_rng(random.randrange(2**32)).normal(size=(covariance.count, 2))

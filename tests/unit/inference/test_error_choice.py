@@ -141,6 +141,7 @@ def test_steps_are_found_in_the_readings():
     assert step_um(np.round(w, 6)) == 0.0  # as a file has it: nothing beside any noise
 
 
+@pytest.mark.long
 def test_rounding_of_a_quiet_curve_is_a_wave_over_the_deflection_and_no_error_that_lasts():
     """With noise below half a step; the truth must be as near as what is promised says."""
     held = lasting = 0
@@ -239,6 +240,7 @@ class TestOutliers:
         assert (self.probability(0.02 * np.sin(8 * X)) <= 0.5).all()
 
 
+@pytest.mark.long
 def test_sizes_and_durations_that_trade_for_each_other_are_integrated_as_on_a_grid():
     """In standard deviations, means and spreads were off by 0.13 (root mean square), 0.26 at worst.
 

@@ -31,7 +31,13 @@ def curve():
     return found
 
 
-@pytest.mark.parametrize("effects", [{}, OFFSET], ids=["plain", "with an effect"])
+@pytest.mark.parametrize(
+    "effects",
+    [
+        pytest.param({}, id="plain"),
+        pytest.param(OFFSET, id="with an effect", marks=pytest.mark.long),
+    ],
+)
 def test_bounds_of_the_laws_parameters_hold(table, curve, effects):
     model = Model(Header("m"), {"X2_MPa": Range(2.0, 5.0, "log-uniform")}, effects)
     found = with_model(Identifier(table, sensor=Sensor(3.0, 0.0)), model)(curve)
@@ -54,7 +60,13 @@ def test_the_databases_end_is_told_as_the_databases(table):
     assert "X1" in sentence
 
 
-@pytest.mark.parametrize("effects", [{}, OFFSET], ids=["plain", "with an effect"])
+@pytest.mark.parametrize(
+    "effects",
+    [
+        pytest.param({}, id="plain"),
+        pytest.param(OFFSET, id="with an effect", marks=pytest.mark.long),
+    ],
+)
 def test_a_normal_prior_of_the_laws_parameters_counts(table, curve, effects):
     model = Model(Header("m"), {"nu": Range(0.2, 0.49, Normal(0.4, 1e-3))}, effects)
     found = with_model(Identifier(table, sensor=Sensor(3.0, 0.0)), model)(curve)

@@ -48,6 +48,7 @@ def width(result, name):
     return value.high - value.low
 
 
+@pytest.mark.long
 def test_auto_finds_the_optimum_of_every_curve(table):
     """Against 100 polished starts; benchmarks/identification.py does it for 1,000 from the FE."""
     model = table.model(Geometry(6.0, 1.0), PRESSURE)
@@ -96,6 +97,7 @@ def test_more_noise_gives_wider_intervals(table):
     assert mean_width(30.0) > 1.3 * mean_width(5.0)
 
 
+@pytest.mark.long
 def test_an_uncertain_thickness_widens(table):
     at = [
         Identifier(table)(
@@ -377,6 +379,7 @@ class TestPlacement:
         assert held[None] >= 5
         assert held[0.0] < held[None]
 
+    @pytest.mark.long
     def test_a_stated_deviation_of_the_thickness_is_each_placements_too(self, table):
         stated = [
             replace(c, setup=replace(c.setup, thickness_sd_mm=0.06, placement=label))
@@ -403,6 +406,7 @@ class TestPlacement:
         assert found.placement[::51].tolist() == [0, 0, 1, 2, 2]
         assert found.curves == 5
 
+    @pytest.mark.long
     def test_is_asked_for_on_the_command_line(self, table, tmp_path, capsys):
         path = TestCommand().campaign(table, tmp_path)
         assert run(["identify", path, "--joint", "--placement-scatter", "0.03", "--json"]) == 0
@@ -412,6 +416,7 @@ class TestPlacement:
 
 
 class TestAdvice:
+    @pytest.mark.long
     def test_the_expected_narrowing_comes_true(self, table):
         identifier = Identifier(table, sensor=Sensor(3.0, 0.0, placement_scatter=0.0))
         first = curve_of(table, SKIN, noise_um=3.0, seed=3)
@@ -439,6 +444,7 @@ class TestAdvice:
         assert all(0 < r <= 1 + 1e-9 for a in advice for r in a.narrows.values())
         assert len(advice) > 10
 
+    @pytest.mark.long
     def test_a_further_measurement_is_a_placement_of_its_own(self, table):
         """What stiffness it shows is its own too: the more placements differ, the less it tells."""
         narrows = []
@@ -449,6 +455,7 @@ class TestAdvice:
             narrows.append(best.narrows["X1_MPa"])
         assert narrows[0] < narrows[1] < narrows[2] <= 1.0
 
+    @pytest.mark.long
     def test_learns_from_placements_how_much_a_further_one_tells(self, table):
         identifier = Identifier(table, sensor=Sensor(3.0, 0.0))
         alike, apart = (
@@ -510,6 +517,7 @@ class TestNoiseFromRepeats:
         )
 
 
+@pytest.mark.long
 def test_same_bits_for_any_number_of_workers(table):
     curves = [
         curve_of(table, truth, noise_um=3.0, seed=i) for i, truth in enumerate(drawn(table, 4, 3))
@@ -559,6 +567,7 @@ class TestCommand:
         assert set(document["advice"][0]) == {"aperture_mm", "program", "narrows"}
         assert set(document["advice"][0]["narrows"]) == {"X1_MPa", "X2_MPa", "nu"}
 
+    @pytest.mark.long
     def test_says_it_in_words(self, table, tmp_path, capsys):
         assert run(["identify", self.campaign(table, tmp_path), "--joint", "--advise"]) == 0
         out = capsys.readouterr().out
@@ -589,6 +598,7 @@ def test_a_probe_that_slips_is_a_misfit_and_no_crease(table):
         assert "crease" not in flags
 
 
+@pytest.mark.long
 def test_methods_without_intervals_say_what_a_curve_leaves_open(table):
     """`sto`, `hka` and `lm` answered a curve without any change of pressure as if it told all."""
     n = len(PRESSURE)

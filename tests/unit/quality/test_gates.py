@@ -497,6 +497,7 @@ def test_a_clock_that_goes_back_leaves_a_curve(caplog):
     assert len(curve) > 150
 
 
+@pytest.mark.long
 def test_a_long_curve_costs_no_more_a_sample_than_a_short_one():
     """What a gate sees of a growing curve does not grow with it."""
     (curve,) = play(Run("ramp:100@20,hold:50", rate_hz=100.0)).curves

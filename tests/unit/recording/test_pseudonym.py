@@ -57,6 +57,7 @@ def test_counters_are_not_taken_for_dates():
             assert check_subject(f"S{number:0{digits}d}")
 
 
+@pytest.mark.long
 def test_how_often_a_plain_number_is_taken_for_a_date():
     """One in two hundred at most, of any length that a pseudonym may have."""
     for digits in range(1, 9):

@@ -101,6 +101,7 @@ def test_the_same_figure_gives_the_same_valid_bytes(kind):
         assert b"<dc:date>" not in first
 
 
+@pytest.mark.long
 def test_drawing_needs_no_pyplot():
     code = (
         "import sys; from skinlab.report import pictures\n"

@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from empty_pictures import leave_pictures_empty
 from PIL import Image
 from pypdf import PdfReader
 
@@ -95,6 +96,13 @@ def report(session, identifier) -> SessionReport:
 
 @pytest.fixture(scope="module")
 def page(report) -> str:
+    with pytest.MonkeyPatch.context() as patch:
+        leave_pictures_empty(patch)
+        return report.html()
+
+
+@pytest.fixture(scope="module")
+def drawn_page(report) -> str:
     return report.html()
 
 
@@ -169,7 +177,9 @@ def test_hostile_names_stay_text(page):
     assert "P-1" in text_of(root.find("body"))
 
 
-def test_nothing_is_fetched(page):
+@pytest.mark.parametrize("made", ["page", pytest.param("drawn_page", marks=pytest.mark.long)])
+def test_nothing_is_fetched(made, request):
+    page = request.getfixturevalue(made)
     assert not re.search(r"https?:|url\(|@import", page)
     pictures = []
     for element in ET.fromstring(page).iter():
@@ -261,6 +271,7 @@ def test_a_method_without_intervals(session, identifier):
     assert "noise is unknown" in text_of(found)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["png", "svg"])
 def test_pictures_are_valid_and_the_same_twice(few, identifier, kind):
     drawn: list[None] = []
@@ -295,6 +306,7 @@ def pango():
         pytest.skip("the library Pango is not installed")
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("pango")
 def test_the_pdf_is_on_a4_and_begins_with_page_one_and_a_comparison(few, identifier):
     head = ("quantity", "answer", "change", "between", "smallest that could be shown")
@@ -382,6 +394,7 @@ def exported(path, out, *options):
     return text_of(first)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("empty_pictures")
 def test_page_one_compares_with_the_visit_before(table, session, identifier, tmp_path):
     same, later = (curve_of(table, "curve 1", seed) for seed in (1, 2))

@@ -91,6 +91,7 @@ class TestCases:
 
 
 class TestBlindTest:
+    @pytest.mark.long
     def test_gauss_newton_and_recursive_least_squares_reach_the_truth(self):
         """Table 1; a dozen passes are on the way, the 29 of the whole run at it."""
         gn = tables.gauss_newton(Blind())()
@@ -102,6 +103,7 @@ class TestBlindTest:
         assert len(rls.passes) == rls.iterations
         np.testing.assert_array_equal(rls.passes[-1], [*rls.parameters, rls.error_um])
 
+    @pytest.mark.long
     def test_more_samples_scatter_less_about_the_truth(self):
         def scatter(samples):
             runs = tables.stochastic(Study(), Blind(), samples, 8)
@@ -113,6 +115,7 @@ class TestBlindTest:
         # The mean of 8 is known to a third of a case's standard deviation.
         assert (np.abs(many.mean - BLIND_TRUTH) < 1.5 * many.sd + [0.0005, 0.05, 0.02]).all()
 
+    @pytest.mark.long
     def test_fewer_iterations_with_a_larger_ratio(self):
         """A box has about N_b / N of the volume of the one before."""
         counts = [
@@ -133,6 +136,7 @@ class TestStandIn:
         """And are as far from the stand-in there as Table 2 says, 43 µm, but for rounding."""
         assert tables.papers_end_um() == pytest.approx(46.0, abs=0.2)
 
+    @pytest.mark.long
     def test_no_statement_is_judged_that_the_stand_in_decides(self, small):
         parts, _ = small
         on_it = ("table_2", "figure_9", "figure_10", "figure_11", "figure_12")
@@ -150,6 +154,7 @@ class TestStandIn:
         assert (np.diff(x2) < 0).all()
         assert [f.parameters[2] for f in floor] == [0.22, 0.26, 0.34, 0.40]
 
+    @pytest.mark.long
     def test_recursive_least_squares_comes_near_soon_and_leaves_again(self):
         found = tables.recursive(Study(passes=30), StandIn(), 0.9)()
         assert not found.converged
@@ -206,6 +211,7 @@ class TestWhole:
         first = tables.stochastic(SMALL, Blind(), 50, 1)
         assert not np.array_equal(runs[0]().parameters, first[0]().parameters)
 
+    @pytest.mark.long
     def test_files(self, small, tmp_path):
         parts, times = small
         target = output.Target(tmp_path / "a")

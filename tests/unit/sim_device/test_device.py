@@ -94,7 +94,7 @@ def test_the_step_up_is_bounded_by_the_pump(make_bench):
     assert max(pressure) <= 500
 
 
-@pytest.mark.parametrize("rate", [20, 30, 333.3, 1000])
+@pytest.mark.parametrize("rate", [20, 30, 333.3, pytest.param(1000, marks=pytest.mark.long)])
 def test_the_same_bits_whatever_the_steps(make_bench, rate):
     load = dataclasses.replace(LOAD, rate_hz=rate)
     rng = random.Random(1)

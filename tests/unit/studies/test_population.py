@@ -80,6 +80,7 @@ def deviation_of_x2(result):
     return np.sqrt(draws.weight @ np.square(log_x2 - draws.weight @ log_x2))
 
 
+@pytest.mark.long
 def test_it_narrows_curves_of_the_population(identifier, knowing):
     true = dict(zip(NAMES, (0.032, 1.6, 0.31), strict=True))
     ratios = []

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 
+import pytest
 from studies import tenfold
 
 from skinlab.workers import on_processes
@@ -21,6 +22,7 @@ def test_where_nothing_is_to_do_no_process_starts(monkeypatch):
     assert list(on_processes(tenfold, 10, iter(()), 2)) == []
 
 
+@pytest.mark.long
 def test_tasks_are_taken_as_they_are_needed():
     taken = []
 
@@ -35,6 +37,7 @@ def test_tasks_are_taken_as_they_are_needed():
     results.close()
 
 
+@pytest.mark.long
 def test_a_study_killed_as_it_begins_leaves_no_traceback(cohort, tmp_path):
     out = tmp_path / "study"
     command = [sys.executable, "-m", "skinlab", "study", str(cohort), "--out", str(out)]

@@ -220,6 +220,7 @@ def test_files_of_other_kinds_are_listed_and_no_failure(cohort, tmp_path):
     assert [r["file"] for r in rows_of(tmp_path / "out" / "failures.csv")] == ["photo.jpg"]
 
 
+@pytest.mark.long
 def test_where_nothing_is_new_no_file_is_made_again(cohort, made, tmp_path):
     out, first = made
     marks = {path.name: path.stat().st_ino for path in out.iterdir()}
@@ -268,6 +269,7 @@ def test_a_folder_of_something_else_is_left_alone(cohort, tmp_path):
         study(cohort, "--out", tmp_path)
 
 
+@pytest.mark.long
 def test_sessions_campaigns_exports_and_paths_say_whose_curves_they_are(cohort, tmp_path):
     folder = tmp_path / "in"
     one = (cohort / "P001" / "forearm" / "v1_p1_c1.csv").read_text()

@@ -274,6 +274,7 @@ def test_pressures_beyond_are_left_out_and_flagged(tiny, tmp_path, capsys):
     assert answer["fitted_points"] < answer["points"]
 
 
+@pytest.mark.long
 def test_two_processes_give_the_same_bits(corners):
     spec, whole = corners
     seen = []
@@ -392,6 +393,7 @@ def relaxed_curve(spec, skin, g, off_mbar=0.0):
     return time, pressure, found.deflection_mm
 
 
+@pytest.mark.long
 def test_a_database_with_memory_holds_along_its_program(relaxing):
     spec = relaxing.spec
     corner = Skin((0.035, 0.8, 0.34))

@@ -176,6 +176,7 @@ def test_a_custom_table_of_it_with_an_effect(tmp_path, capsys):
         explain(campaign, read(path), model=Model(Header("fung", "fung")))
 
 
+@pytest.mark.long
 def test_a_model_of_it_with_an_effect_is_identified_and_bounded(dimensionless):
     table = read(dimensionless)
     effects = {"deflection_offset": {"offset_um": EffectRange(0.0)}}

@@ -119,7 +119,7 @@ def exports(draw):
 
 
 @given(exports())
-@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 def test_any_combination_of_forms_reads_back_to_the_same_numbers(export):
     data, (time_s, pressure_mbar, deflection_mm) = export
     curve = read(data).curve

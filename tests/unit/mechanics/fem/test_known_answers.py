@@ -98,6 +98,7 @@ def test_henckys_membrane():
     assert ratios[-1] == pytest.approx(1.0, abs=0.004)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("psi", [5.0, 20.0])
 def test_pressurised_rubber_disc(psi):
     """Hughes and Carnoy's disc; as it gets thinner, Adkins and Rivlin's membrane."""
