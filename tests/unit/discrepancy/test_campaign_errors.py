@@ -24,7 +24,7 @@ from skinlab.discrepancy.fit import Fitter
 from skinlab.discrepancy.heldout import HeldOut
 from skinlab.discrepancy.misfit import errors_of, mesh_columns
 from skinlab.discrepancy.records import by_condition, coarsened, records_of, without
-from skinlab.discrepancy.search import Candidate, Search, unknowns_of, with_thickness
+from skinlab.discrepancy.search import Candidate, Found, Search, unknowns_of, with_thickness
 from skinlab.discrepancy.settings import NAMES, SEARCH
 from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.discrepancy.unknowns import Unknowns
@@ -400,3 +400,51 @@ def test_placements_that_differ_are_no_missing_effect(table):
     assert learned.left.p_value > 1e-2
     assert isinstance(search.errors, CampaignErrors)
     assert replace(learned, log10_evidence=0.0).adequate
+
+
+def test_means_of_rounded_readings_keep_the_wave_of_the_rounding(table):
+    # 10 µm steps at 200 Hz: on a hold all readings are the same, and so far off is their mean.
+    plan = 3 * [(6.0, "ramp:100@80,hold:4,ramp:0@80,hold:2")]
+    site = iter((0.004, -0.006, 0.0))
+
+    def errors(t, per_log, rng):
+        return rng.normal(0, 1e-3, len(t)) + next(site) * np.nan_to_num(per_log)
+
+    made = campaign(table, errors, plan, rate_hz=200)
+    made = replace(
+        made,
+        curves=tuple(replace(c, deflection_mm=np.round(c.deflection_mm, 2)) for c in made.curves),
+    )
+    records = [coarsened(r, 25.0) for r in records_of(made)]
+    assert {r.step_um for r in records} == {10.0}
+    found = {}
+    for step_um in (10.0, 0.0):
+        known = [replace(r, step_um=step_um) for r in records]
+        fitter = Fitter(known, errors_of(known), TableDomes(table), finite_elements=False)
+        found[step_um] = Search(fitter).learned_base().left.p_value
+    assert found[10.0] > 0.01
+    assert found[0.0] < 1e-3
+
+
+def test_errors_that_nothing_repeats_are_no_gap_while_they_are_usual(table):
+    # A zero that walks by 1 µm in a second: polynomials of each phase take it up, and pure error
+    # knows of none. With repeats it would.
+    def errors(t, per_log, rng):
+        walk = 1e-3 * np.sqrt(t[1]) * rng.normal(0, 1, len(t)).cumsum()
+        return rng.normal(0, 1e-3, len(t)) + walk
+
+    verdicts = {}
+    for count, size in ((2, 1.0), (2, 8.0), (4, 1.0)):
+        made = campaign(
+            table, lambda t, s, rng, size=size: size * errors(t, s, rng), PLAN[:count], seed=4
+        )
+        records = records_of(made)
+        fitter = Fitter(records, errors_of(records), TableDomes(table), finite_elements=False)
+        search = Search(fitter)
+        base = search.learned_base()
+        base = replace(base, left=Residual(1e-9, ()))
+        found = search.by_its_own_errors(
+            Found(base, {}, [], search.fitter.records, errors=search.fitter.errors)
+        )
+        verdicts[count, size] = None if found is None else found.base.adequate
+    assert verdicts == {(2, 1.0): True, (2, 8.0): None, (4, 1.0): None}
