@@ -421,7 +421,8 @@ def learn(
     """
     looks = [] if before is None else list(before.looks)
     absent = ERRORS.placements_alike if _repeated(records) else 0.0
-    own: list[ErrorModel] = [one] if (one := _rounded(records)) else []
+    rounded = _rounded(records)
+    own: list[ErrorModel] = [] if rounded is None else [rounded]
     others = {Placement.name} | {model.name for model in own}
     models: list[ErrorModel] = [
         *(model for model in ERROR_MODELS.all() if model.name not in others),
