@@ -2,10 +2,10 @@
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/identification.py optimum [--curves 1000] [--seed 1]
     OPENBLAS_NUM_THREADS=1 python benchmarks/identification.py coverage [--curves 1000]
-        [--seed 20270715] [--rows white_3,ou_0.3s] [--processes 2]
+        [--seed 20290401] [--rows white_3,ou_0.3s] [--processes 2]
     OPENBLAS_NUM_THREADS=1 python benchmarks/identification.py sampler [--curves 50]
-        [--seed 20270715]
-    OPENBLAS_NUM_THREADS=1 python benchmarks/identification.py ranks [--seed 20270715]
+        [--seed 20290401]
+    OPENBLAS_NUM_THREADS=1 python benchmarks/identification.py ranks [--seed 20290401]
     OPENBLAS_NUM_THREADS=1 python benchmarks/identification.py rivals [--curves 40] [--seed 3]
 
 Each part prints and saves benchmarks/results/identification_PART.json; `coverage` runs some curves

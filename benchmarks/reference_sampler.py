@@ -1,7 +1,7 @@
 """The posterior beside a reference sampler: emcee over the skin's and the errors' parameters.
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/identification.py sampler [--curves 50]
-        [--seed 20261125]
+        [--seed 20290401]
 
 Curves are those of the row ou_0.3s of coverage.py. Both sides have white errors and errors that
 last, with the same priors; skinlab integrates the errors' parameters by a quadrature over a
