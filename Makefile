@@ -4,7 +4,7 @@ BIN := .venv/bin
 
 # More processes than two cores have: half of the tests' time is spent waiting for a probe or a terminal.
 # Their files come in turn with those that compute: tests/conftest.py.
-TESTS := -n 3 --dist loadfile --no-loadscope-reorder --durations=20
+TESTS := -n 4 --dist loadfile --no-loadscope-reorder --durations=20
 
 .PHONY: run setup test test-long check style types unit docs notebooks wheel lowest locked lock soak clean
 

@@ -17,6 +17,10 @@ CASES = [(kind, one, rule) for kind in KINDS for one in kind.registry.all() for 
 STUDIES = {
     ("rls", "it_explains_a_curve_of_the_model"),
     ("rls", "the_same_seed_gives_the_same_bits"),
+    ("rls", "what_it_says_of_its_answer_holds"),
+    ("rls", "a_curve_without_an_answer_is_no_crash"),
+    ("hka", "it_explains_a_curve_of_the_model"),
+    ("hka", "a_curve_without_an_answer_is_no_crash"),
     ("gn", "a_curve_without_an_answer_is_no_crash"),
 }
 

@@ -42,7 +42,7 @@ from drivers.events import (
 from drivers.incoming import MAX_BACKLOG_BYTES
 
 RESULTS = Path(__file__).parents[2] / "benchmarks" / "results" / "fuzz.json"
-SLICE = 100_000
+SLICE = 50_000
 MILLION = 1_000_000
 LONGEST_FRAME = 1 << 16  # a dialect that needs more than this for one frame is none
 

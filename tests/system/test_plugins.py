@@ -121,6 +121,7 @@ def package(folder: Path, name: str, points: dict[str, dict[str, str]], **module
 # ---- one of each kind ----------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_the_example_is_listed_with_its_package_and_obeys_the_rules_of_its_kinds(example):
     check = ["plugins", "check", *KINDS.values(), "--json"]
     listed, text, checked = example.each(["plugins", "--json"], ["plugins"], check)

@@ -277,13 +277,16 @@ def test_drifting_sensor(simulate):
 @pytest.mark.parametrize(
     "faults",
     [
-        fault("stall", at_s=0.5),
+        pytest.param(fault("stall", at_s=0.5), id="stalled"),
         # Later and later, with never more than 200 ms without one
-        fault("late_samples", at_s=0.5, for_s=0.5, size=0.2)
-        + fault("late_samples", at_s=1.0, for_s=0.5, size=0.4)
-        + fault("late_samples", at_s=1.5, size=0.6),
+        pytest.param(
+            fault("late_samples", at_s=0.5, for_s=0.5, size=0.2)
+            + fault("late_samples", at_s=1.0, for_s=0.5, size=0.4)
+            + fault("late_samples", at_s=1.5, size=0.6),
+            id="ever-later",
+            marks=pytest.mark.long,
+        ),
     ],
-    ids=["stalled", "ever-later"],
 )
 def test_stale_data(simulate, faults):
     simulated = simulate("--tcp", "0", faults=faults, patient=True)

@@ -156,6 +156,7 @@ def test_what_is_offered_can_be_measured():
     assert "●" not in body_map("")
 
 
+@pytest.mark.long
 async def test_a_site_a_program_and_an_opening_are_picked(bedside):
     async with bedside() as bed:
         await bed.connected()
@@ -197,6 +198,7 @@ def test_a_goal_says_how_far_it_is():
     assert "no interval" in Distance(goal, None, None).words
 
 
+@pytest.mark.long
 async def test_a_visit_with_a_goal_says_what_to_measure_next(bedside):
     async with bedside() as bed:
         await bed.connected()
@@ -245,6 +247,7 @@ async def test_the_palette_finds_and_starts_nothing(bedside):
         await bed.on(VisitsScreen)
 
 
+@pytest.mark.long
 async def test_messages_can_be_read_again(bedside):
     async with bedside() as bed:
         await bed.connected()

@@ -82,6 +82,7 @@ async def test_a_vent_in_a_repeat_ends_the_repeats(bedside):
 # ---- settings ----------------------------------------
 
 
+@pytest.mark.long
 async def test_the_last_settings_come_back_but_not_the_person(bedside, tmp_path):
     kept = tmp_path / "config" / "ui.json"
     async with bedside(settings=kept) as bed:
@@ -234,6 +235,7 @@ async def test_the_estimate_forms_in_grey_and_a_vent_ends_the_ramp(bedside, size
 # ---- the session ----------------------------------------
 
 
+@pytest.mark.long
 async def test_excluding_noting_fitting_and_undoing(bedside, session_files):
     async with bedside() as bed:
         await bed.connected()
@@ -292,6 +294,7 @@ async def test_comparing_with_an_earlier_session(bedside):
 # ---- replay, and the first minute ----------------------------------------
 
 
+@pytest.mark.long
 async def test_a_replay_plays_pauses_steps_and_ends(bedside):
     async with bedside(None, replay=example_session()) as bed:
         board = bed.board

@@ -128,6 +128,7 @@ async def test_giving_up_and_looking_again(bedside, named):
         await bed.on(MainScreen)
 
 
+@pytest.mark.long
 async def test_adopting_writes_a_model_and_goes_on_with_it(bedside, named, tmp_path):
     search = Search(named)
     search.go.set()

@@ -58,6 +58,7 @@ async def state(bed, *answers):
     return bed.app.screen
 
 
+@pytest.mark.long
 async def test_a_protocol_is_walked_through_marked_and_recorded(
     bedside, protocol, tmp_path, identifier, empty_pictures
 ):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 from streaming_instrument import AT_REST, TEXT, Wire, ramp
 
 from drivers.line_dialect import line_dialect
@@ -11,6 +12,7 @@ from skinlab.recording.session import read_session
 from skinlab.recording.stream import Identified
 
 
+@pytest.mark.long
 async def test_a_curve_that_somebody_starts(bedside, session_files):
     wire = Wire()
 

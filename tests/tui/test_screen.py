@@ -153,6 +153,7 @@ async def test_the_alarm_stays_until_it_is_acknowledged(bedside):
         await bed.connected()
 
 
+@pytest.mark.long
 async def test_ports_offers_the_simulated_probes(bedside):
     async with bedside() as bed:
         await bed.connected()

@@ -102,6 +102,7 @@ async def test_a_key_of_ones_own_works_beside_the_usual_one(bedside, tmp_path):
         await bed.quit()
 
 
+@pytest.mark.long
 async def test_a_further_key_to_confirm_is_guarded_like_the_usual_one(bedside, tmp_path):
     user = settings(tmp_path, "[keys]\nconfirm = 'f11'")
     async with bedside(user=user) as bed:

@@ -217,9 +217,9 @@ async def welcome(bed):
 
 # Those in a row need no app of their own
 TOGETHER = [
-    [summary, help_, palette, pick, goal, messages, quit_question, in_a_field, main_screen],
+    [summary, help_, palette, pick, goal, messages, quit_question, in_a_field, main_screen, ports],
     [session, prompt, missing, visits, search_of_visits],
-    [ports], [running], [resting], [replay], [alarm], [welcome],
+    [running], [resting], [replay], [alarm], [welcome],
 ]  # fmt: skip
 STATES = [state for states in TOGETHER for state in states]
 STUDIES = [session, resting, replay]

@@ -74,6 +74,7 @@ def test_the_header_says_it(monkeypatch):
     assert "1234 mbar·s in 25 s" in where_text(board)
 
 
+@pytest.mark.long
 def test_another_session_of_the_same_site_goes_on(tmp_path, capsys):
     who = ["--subject", "P-7", "--site", "forearm"]
     assert measure(tmp_path / "a.h5", *who) == 0

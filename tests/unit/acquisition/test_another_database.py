@@ -55,6 +55,7 @@ def path(folder, database):
     return out
 
 
+@pytest.mark.long
 def test_the_truth_is_inside_the_intervals(path):
     results = read_session(path).results
     assert len(results) == 2

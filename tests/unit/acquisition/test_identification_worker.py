@@ -72,13 +72,13 @@ def test_the_answers_are_those_of_the_identifier(process, identifier, curve):
     assert same(first, identifier.growing(curve))
     assert same(process.growing(curve, first), identifier.growing(curve, first))
     assert process.phases == identifier.phases
-    assert process.pid != os.getpid()
-
-
-def test_what_is_wrong_is_raised_here(process):
-    with pytest.raises(AttributeError):
+    number = process.pid
+    assert number != os.getpid()
+    with pytest.raises(AttributeError):  # here, and the process goes on
         process("no curve")
-    assert process.pid  # and the process goes on
+    assert process.pid == number
+    process.close()
+    assert is_gone(number)
 
 
 def test_where_the_process_is_killed_this_one_answers(process, identifier, curve):
@@ -86,12 +86,6 @@ def test_where_the_process_is_killed_this_one_answers(process, identifier, curve
     os.kill(process.pid, signal.SIGKILL)
     assert same(process(curve), identifier(curve))
     assert process.pid is None
-
-
-def test_closing_ends_the_process(process):
-    number = process.pid
-    process.close()
-    assert is_gone(number)
 
 
 def test_the_process_ends_with_the_one_that_asked():

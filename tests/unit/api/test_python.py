@@ -219,6 +219,7 @@ def test_several_curves_answer_together(curve):
     assert len(campaign.to_dict()["curves"]) == 3
 
 
+@pytest.mark.long
 def test_a_notebook_shows_no_markup_of_others(curve):
     named = replace(curve, name="<script>alert(1)</script>\x1b[2J")
     for one in (named, skinlab.identify(named), skinlab.Campaign("<b>", None, None, (named,))):

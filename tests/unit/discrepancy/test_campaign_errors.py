@@ -426,6 +426,7 @@ def test_means_of_rounded_readings_keep_the_wave_of_the_rounding(table):
     assert found[0.0] < 1e-3
 
 
+@pytest.mark.long
 def test_errors_that_nothing_repeats_are_no_gap_while_they_are_usual(table):
     # A zero that walks by 1 µm in a second: polynomials of each phase take it up, and pure error
     # knows of none. With repeats it would.

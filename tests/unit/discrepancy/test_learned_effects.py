@@ -208,6 +208,7 @@ def test_the_kind_of_what_is_hidden_is_found(table, family, plan, how):
     assert not found.base.adequate or CampaignErrors(search.errors.looks[:2]).implausible
 
 
+@pytest.mark.long
 def test_where_only_noise_is_nothing_is_learned(table):
     _, found = learn(campaign(RAMPS), table)
     assert decide_learned(found).name == "unknown"
@@ -351,6 +352,7 @@ def test_a_name_that_a_smooth_function_beats_is_none(table):
     assert "sensor curve" in trial.sentence
 
 
+@pytest.mark.long
 def test_a_true_name_needs_no_function_beside_it(table):
     hidden = campaign(RAMPS, sensor=lambda w: 1.06 * w)
     search = search_of(hidden, table, finite_elements=False)

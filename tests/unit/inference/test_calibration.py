@@ -153,6 +153,7 @@ def test_rigid_bodies_alone_say_nothing_of_the_pressure():
     assert found.check is None
 
 
+@pytest.mark.long
 def test_a_phantom_that_is_not_its_sheet_is_said_and_makes_intervals_wider(known, readings):
     assert known.misfit < 1.2
     assert known.phantoms_off == []

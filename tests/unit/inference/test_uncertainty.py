@@ -554,6 +554,7 @@ class TestCommand:
         path.write_text("\n".join(lines))
         return str(path)
 
+    @pytest.mark.long
     def test_joint_and_advice_are_in_the_json(self, table, tmp_path, capsys):
         path = self.campaign(table, tmp_path)
         assert run(["identify", path, "--joint", "--advise", "--json"]) == 0

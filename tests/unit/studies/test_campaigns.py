@@ -66,6 +66,7 @@ def test_scatter_between_campaigns_widens_the_interval():
     assert exact == pytest.approx(0.1 / np.sqrt(30))
 
 
+@pytest.mark.long
 def test_the_report_shows_what_holds_and_counts_the_rest():
     found = evidence([*campaigns(0.3, seed=1), *campaigns(0.0, seed=2, probe="b2")])
     shown = section(found)

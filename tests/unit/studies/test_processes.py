@@ -12,6 +12,7 @@ from studies import tenfold
 from skinlab.workers import on_processes
 
 
+@pytest.mark.long
 def test_a_process_that_dies_takes_one_task_with_it():
     found = dict(on_processes(tenfold, 10, iter(range(10, 20)), 2))
     assert found == {n: None if n == 13 else 10 * n for n in range(10, 20)}

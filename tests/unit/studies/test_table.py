@@ -67,6 +67,7 @@ def test_files_are_for_their_owner_only(made):
     assert all(path.stat().st_mode & 0o077 == 0 for path in out.iterdir())
 
 
+@pytest.mark.long
 def test_a_wanted_change_is_answered_with_the_number_of_repeats(cohort, made, tmp_path):
     out = tmp_path / "again"
     shutil.copytree(made[0], out)

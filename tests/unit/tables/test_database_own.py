@@ -408,6 +408,7 @@ def test_a_database_with_memory_holds_along_its_program(relaxing):
         relaxing.model(GEOMETRY, pressure)
 
 
+@pytest.mark.long
 def test_memory_is_identified_from_the_whole_curve(relaxing, tmp_path, capsys):
     time, pressure, deflection = relaxed_curve(relaxing.spec, Skin((0.03, 1.0, 0.32)), 0.29)
     curve = Curve("c", Setup(6.0, 1.0), time, pressure, deflection)
