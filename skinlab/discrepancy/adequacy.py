@@ -48,7 +48,7 @@ def look(
     a few apart (white noise has none; what goes up and down does at all of these). The mesh's
     probable share is taken off first.
     """
-    measured = [r.curve.deflection_mm for r in records]
+    measured = [r.straight_mm for r in records]
     off = np.concatenate([m - w for m, w in zip(measured, deflections_mm, strict=True)])
     z_all = errors.without_columns(off)
     raw_all = off

@@ -20,9 +20,9 @@ from scipy.special import logsumexp
 
 from skinlab.discrepancy.fit import Fit
 from skinlab.discrepancy.misfit import columns_of, pressure_errors_mm
+from skinlab.discrepancy.placement_curves import halfway_slopes
 from skinlab.discrepancy.records import Record, by_condition
 from skinlab.discrepancy.settings import ERRORS
-from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.inference.covariance import Covariance, gram_matrices, products
 from skinlab.inference.error_choice import ErrorChoice, Node, choose_errors
 from skinlab.inference.error_models import ERROR_MODELS
@@ -34,13 +34,10 @@ from skinlab.inference.noise import (
     MESH_REST,
     legendre,
     roughness,
-    slope_mm_per_mbar,
 )
 from skinlab.inference.outliers import outlier_probability
 from skinlab.inference.samples import Samples, alike
 from skinlab.inference.settings import KINDS, NOISE, POSTERIOR
-from skinlab.mechanics.fem.skin import SkinProblem
-from skinlab.mechanics.fem.suction import Geometry
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -363,45 +360,6 @@ def _rounded(records: Sequence[Record]) -> RoundedMeans | None:
     if not first.noise_is_stated:
         square = max(square - step_um**2 / 12.0, 0.0)
     return RoundedMeans(1e-3 * step_um, 1e-3 * math.sqrt(square), first.coarse)
-
-
-def halfway_slopes(records: Sequence[Record]) -> Array:
-    """Return dw/dp (u,), mm/mbar, halfway between each curve and the mean of its repeats.
-
-    A placement that is a tenth stiffer moves its curve by no straight line: with slopes halfway
-    along the way what is left is of third order. Of the mean alone, or of each curve alone, half
-    of the bend would look like something that the model misses.
-    """
-    found = [np.empty(0)] * len(records)
-    for members in by_condition(records):
-        curves = [records[i].curve.deflection_mm for i in members]
-        pressures = [records[i].pressure_mbar for i in members]
-        common = slope_mm_per_mbar(np.concatenate(pressures), np.concatenate(curves))
-        ends = np.cumsum([len(w) for w in curves])[:-1]
-        for i, p, w, mean in zip(members, pressures, curves, np.split(common, ends), strict=True):
-            found[i] = 0.5 * (mean + slope_mm_per_mbar(p, w))
-    return np.concatenate(found)
-
-
-def thickness_slopes(records: Sequence[Record], fit: Fit, domes: TableDomes) -> Array:
-    """Return dw/d(log thickness) (u,), mm, of the plain skin at a fit, where the table speaks."""
-    skin, change = fit.unknowns.skin(fit.u), 1.025
-    relative: dict[Geometry, tuple[Array, Array]] = {}
-    found = []
-    for record, deflection_mm in zip(records, fit.deflections_mm, strict=True):
-        at = record.geometry
-        if at not in relative:
-            top = max(r.path.top_mbar for r in records if r.geometry == at)
-            p = top * np.linspace(0.1, 1.0, 60) ** 2
-            each = [
-                SkinProblem(replace(at, thickness_mm=at.thickness_mm * factor), skin)
-                for factor in (1.0 / change, change)
-            ]
-            thinner, thicker = domes(each, [top] * 2)(p[None])
-            relative[at] = p, np.nan_to_num(np.log(thicker / thinner) / np.log(change**2))
-        # The model's deflection: the measured one's noise would explain the noise.
-        found.append(np.interp(record.pressure_mbar, *relative[at]) * deflection_mm)
-    return np.concatenate(found)
 
 
 def size_um(node: Node, name: str) -> float:

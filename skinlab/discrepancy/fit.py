@@ -89,13 +89,13 @@ class Fitter:
         """Without `finite_elements` effects that the table cannot answer stay approximate."""
         self.records, self.errors, self.domes = records, errors, domes
         self._finite_elements = finite_elements
-        self.measured = np.concatenate([r.curve.deflection_mm for r in records])
+        self.measured = np.concatenate([r.straight_mm for r in records])
 
     def with_errors(self, records: Sequence[Record], errors: Covariance) -> Fitter:
         """Return a fitter of these records with these errors."""
         found = copy(self)
         found.records, found.errors = records, errors
-        found.measured = np.concatenate([r.curve.deflection_mm for r in records])
+        found.measured = np.concatenate([r.straight_mm for r in records])
         return found
 
     def model(self, unknowns: Unknowns, mesh: Discretisation = MESH_OF_RECORD) -> MappedModel:

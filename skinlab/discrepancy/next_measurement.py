@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
-from skinlab.discrepancy.campaign_errors import thickness_slopes
 from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.misfit import mesh_columns
+from skinlab.discrepancy.placement_curves import thickness_slopes
 from skinlab.discrepancy.records import Record
 from skinlab.discrepancy.settings import PLANS
 from skinlab.discrepancy.space_mapping import MappedModel

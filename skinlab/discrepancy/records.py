@@ -44,11 +44,17 @@ class Record:
     step_um: float = 0.0  # and of what step their lattice was: means have none
     thickness_sd_mm: float = 0.0  # as stated
     creases_mbar: float = math.inf  # from where on the model's skin has no dome of its own
+    bend_mm: Array | float = 0.0  # (n,) of its placement, beyond slopes: see `placement_curves`
 
     @property
     def name(self) -> str:
         """The curve's file."""
         return self.curve.name
+
+    @property
+    def straight_mm(self) -> Array:
+        """The deflections (n,) as they would be if placements moved curves along slopes, mm."""
+        return self.curve.deflection_mm - self.bend_mm
 
     @cached_property
     def on_path_mbar(self) -> Array:

@@ -18,10 +18,11 @@ from skinlab.discrepancy.campaign_errors import (
     learn,
     likeliest,
     outliers,
+    pure_error,
     size_um,
-    thickness_slopes,
 )
 from skinlab.discrepancy.fit import Fit, Fitter
+from skinlab.discrepancy.placement_curves import bends_mm, thickness_slopes
 from skinlab.discrepancy.records import Record, by_condition, without
 from skinlab.discrepancy.screen import Signature
 from skinlab.discrepancy.search_workers import (
@@ -287,12 +288,28 @@ class Search:
         records = creased(without(before.records, self._kept), first, domes)
         self._thickness_mm = thickness_slopes(before.records, first, domes)[~bad]
         self.errors = self._learn(records, linear.only(~bad), None)
+        fit = self._refitted(before, records, first)
+        node = self.errors.pure.nodes[0]
+        pure = pure_error(records, self.linear(fit))
+        thickness_mm = thickness_slopes(records, fit, domes)
+        bends = bends_mm(records, fit, domes, pure, node, self._thickness_mm, thickness_mm)
+        if 1e3 * max(float(np.abs(bend).max()) for bend in bends) > ERRORS.bend_um:
+            records = [replace(r, bend_mm=b) for r, b in zip(records, bends, strict=True)]
+            self.fitter = self.fitter.with_errors(records, self.fitter.errors)
+            self._thickness_mm = thickness_mm
+            self.errors = self._learn(records, self.linear(fit), None)
+            fit = self._refitted(before, records, fit)
         self._first = self.errors.looks
+        return self._candidate(fit, None)
+
+    def _refitted(self, before: Fitter, records: Sequence[Record], first: Fit) -> Fit:
+        """Return a fit with the errors as learned, which is how all others are fitted from here."""
+        assert self.errors is not None
         self.fitter = before.with_errors(records, self.errors.working)
         fit = self.fitter.fit(first.unknowns, first.u)
         if fit is None:
             raise NotTrustworthyError("the model has no answer for these curves")
-        return self._candidate(fit, None)
+        return fit
 
     def _learn(
         self, records: Sequence[Record], one: Linearised, before: CampaignErrors | None

@@ -15,7 +15,6 @@ from skinlab.discrepancy.campaign_errors import (
     CampaignErrors,
     Linearised,
     WithoutCurves,
-    halfway_slopes,
     learn,
     log_evidences,
     outliers,
@@ -23,7 +22,7 @@ from skinlab.discrepancy.campaign_errors import (
 from skinlab.discrepancy.discipline import Discipline, repeats_um, smooth_shapes
 from skinlab.discrepancy.fit import Fitter
 from skinlab.discrepancy.heldout import HeldOut
-from skinlab.discrepancy.misfit import errors_of, mesh_columns, slopes_mm_per_mbar
+from skinlab.discrepancy.misfit import errors_of, mesh_columns
 from skinlab.discrepancy.records import by_condition, coarsened, records_of, without
 from skinlab.discrepancy.search import Candidate, Found, Search, unknowns_of, with_thickness
 from skinlab.discrepancy.settings import NAMES, SEARCH
@@ -450,32 +449,3 @@ def test_errors_that_nothing_repeats_are_no_gap_while_they_are_usual(table):
         )
         verdicts[count, size] = None if found is None else found.base.adequate
     assert verdicts == {(2, 1.0): True, (2, 8.0): None, (4, 1.0): None}
-
-
-def stiffer_places(table, log_stiffness):
-    """Return the records of places of these log stiffnesses at 8 mm, and the curve of none (n,)."""
-    program = parse_program("ramp:100@20,ramp:0@20")
-    t = np.arange(0.0, program.duration_s, 0.05)
-    p = PressurePath.of_program(program)(t)
-    domes = TableDomes(table)([SkinProblem(Geometry(8.0, 1.1), SKIN)], [150.0])
-    curves = [
-        Curve(f"c{i}", Setup(8.0, 1.1, program, 1, i + 1), t, p, domes(p[None] * np.exp(-s))[0])
-        for i, s in enumerate(log_stiffness)
-    ]
-    return records_of(Campaign("places", None, 0.0, tuple(curves))), domes(p[None])[0]
-
-
-def test_a_place_of_its_own_stiffness_lies_along_slopes_halfway(table):
-    sizes = (-0.2, 0.2)
-    records, plain = stiffer_places(table, sizes)
-
-    def left_um(slopes):
-        each = zip(records, sizes, np.split(slopes, 2), strict=True)
-        return [
-            1e3 * np.abs(r.curve.deflection_mm - plain + s * r.pressure_mbar * slope).max()
-            for r, s, slope in each
-        ]
-
-    bent, straight = left_um(slopes_mm_per_mbar(records)), left_um(halfway_slopes(records))
-    assert min(bent) > 4.0  # one sample's noise, and not of one sample
-    assert max(straight) < 0.15 * min(bent)

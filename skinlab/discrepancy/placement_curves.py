@@ -1,0 +1,170 @@
+"""What putting the probe on anew does to a curve: along slopes, and where these bend.
+
+Placements are random effects along straight lines (`error_models/placement.py`). A skin that is a
+tenth thinner at one place moves its curve by no straight line: what is left over, some micrometres,
+would look like something that the model misses. It is computed at what repeats say of each
+placement, and taken off: the first-order conditional method of nonlinear mixed-effects models
+(Lindstrom and Bates 1990, Biometrics 46:673).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinlab.discrepancy.fit import Fit
+from skinlab.discrepancy.records import Record, by_condition
+from skinlab.discrepancy.table_domes import TableDomes
+from skinlab.inference.error_choice import Node
+from skinlab.inference.likelihood import LinearModel
+from skinlab.inference.noise import slope_mm_per_mbar
+from skinlab.mechanics.fem.skin import SkinProblem
+from skinlab.mechanics.fem.suction import Geometry
+
+Array = NDArray[np.float64]
+
+_CHANGE = 1.025  # of a thickness, to either side
+_REACH = 1.8  # of the highest suction: a soft place is where the model is at more of it
+_SHARES = np.linspace(0.05, 1.0, 120) ** 2  # of the highest suction
+
+
+def halfway_slopes(records: Sequence[Record]) -> Array:
+    """Return dw/dp (u,), mm/mbar, halfway between each curve and the mean of its repeats.
+
+    With slopes halfway along the way to another stiffness what is left is of third order. Of the
+    mean alone, or of each curve alone, half of the bend would be left.
+    """
+    found = [np.empty(0)] * len(records)
+    for members in by_condition(records):
+        curves = [records[i].curve.deflection_mm for i in members]
+        pressures = [records[i].pressure_mbar for i in members]
+        common = slope_mm_per_mbar(np.concatenate(pressures), np.concatenate(curves))
+        ends = np.cumsum([len(w) for w in curves])[:-1]
+        for i, p, w, mean in zip(members, pressures, curves, np.split(common, ends), strict=True):
+            found[i] = 0.5 * (mean + slope_mm_per_mbar(p, w))
+    return np.concatenate(found)
+
+
+def thickness_slopes(records: Sequence[Record], fit: Fit, domes: TableDomes) -> Array:
+    """Return dw/d(log thickness) (u,), mm, of the plain skin at a fit, where the table speaks."""
+    relative: dict[Geometry, tuple[Array, Array]] = {}
+    found = []
+    for record, deflection_mm in zip(records, fit.deflections_mm, strict=True):
+        at = record.geometry
+        if at not in relative:
+            top = _top_mbar(records, at)
+            relative[at] = top * _SHARES, _thickness_share(fit, domes, at, top)
+        # The model's deflection: the measured one's noise would explain the noise.
+        found.append(np.interp(record.pressure_mbar, *relative[at]) * deflection_mm)
+    return np.concatenate(found)
+
+
+def bends_mm(
+    records: Sequence[Record],
+    fit: Fit,
+    domes: TableDomes,
+    pure: LinearModel,
+    node: Node,
+    learned_mm: Array,
+    thickness_mm: Array,
+) -> list[Array]:
+    """Return what each record's placement does (n,) beyond its slopes, mm.
+
+    `pure` is what repeats tell, whatever the model, with the errors of `node`, which were learned
+    with thickness slopes `learned_mm` (u,); `thickness_mm` (u,) are those of this fit.
+    """
+    softer, thicker = _deviations(records, pure, node, learned_mm, thickness_mm)
+    found = [np.zeros(len(r.curve)) for r in records]
+    for members in by_condition(records):
+        # What all places of a condition have in common no repeat tells from the skin.
+        softer[members] -= softer[members].mean()
+        thicker[members] -= thicker[members].mean()
+        at = records[members[0]].geometry
+        top = _top_mbar(records, at)
+        p = top * _SHARES
+        skin = fit.unknowns.skin(fit.u)
+        each = [
+            SkinProblem(replace(at, thickness_mm=at.thickness_mm * float(np.exp(thicker[i]))), skin)
+            for i in members
+        ]
+        places = domes([SkinProblem(at, skin), *each], [_REACH * top] * (1 + len(each)))
+        factor = np.exp([0.0, *(softer[i] for i in members)])
+        plain, *own = places(p[None] * factor[:, None])
+        slopes = [np.gradient(w, p) for w in own]
+        mean = np.mean(slopes, axis=0)
+        share = _thickness_share(fit, domes, at, top)
+        for i, w, slope in zip(members, own, slopes, strict=True):
+            straight = softer[i] * p * 0.5 * (mean + slope) + thicker[i] * share * plain
+            left = np.nan_to_num((w - plain - straight) / plain)
+            found[i] = np.interp(records[i].pressure_mbar, p, left) * fit.deflections_mm[i]
+    return found
+
+
+def _top_mbar(records: Sequence[Record], at: Geometry) -> float:
+    return max(r.path.top_mbar for r in records if r.geometry == at)
+
+
+def _thickness_share(fit: Fit, domes: TableDomes, at: Geometry, top_mbar: float) -> Array:
+    """Return d(log w)/d(log thickness) at `_SHARES` of a suction."""
+    skin = fit.unknowns.skin(fit.u)
+    each = [
+        SkinProblem(replace(at, thickness_mm=at.thickness_mm * factor), skin)
+        for factor in (1.0 / _CHANGE, _CHANGE)
+    ]
+    thinner, thicker = domes(each, [top_mbar] * 2)(top_mbar * _SHARES[None])
+    return np.asarray(np.nan_to_num(np.log(thicker / thinner) / np.log(_CHANGE**2)))
+
+
+def _deviations(
+    records: Sequence[Record], pure: LinearModel, node: Node, learned_mm: Array, thickness_mm: Array
+) -> tuple[Array, Array]:
+    """Return by how much each record's place is softer and thicker: logarithms (records,).
+
+    The errors were learned with thickness slopes `learned_mm` (u,).
+    """
+    placement = np.repeat([r.placement for r in records], [len(r.curve) for r in records])
+    numbers = np.unique(placement)
+    one = (placement[:, None] == numbers).astype(float)
+    pressure_mbar = np.concatenate([r.pressure_mbar for r in records])
+    along = {
+        "placement": (pressure_mbar * halfway_slopes(records))[:, None] * one,
+        "placement_thickness": thickness_mm[:, None] * one,
+    }
+    errors, k = node.covariance, pure.slopes_mm.shape[1]
+    columns = errors.columns_mm.copy()
+    at, where = node.combination.fixed_mm.shape[1], {}
+    for part in node.combination.parts:
+        own = part.terms([1.0] * len(part.parameters)).columns_mm
+        if own is None:
+            continue
+        if part.name in along:  # stiffnesses are the first columns of a placement
+            where[part.name] = slice(at, at + len(numbers))
+        at += own.shape[1]
+    if "placement_thickness" in where:
+        before = learned_mm[:, None] * one
+        now = along["placement_thickness"]
+        columns[:, where["placement_thickness"]] = now * _multiples(
+            columns[:, where["placement_thickness"]], before
+        )
+    white = errors.whiten_without_columns(
+        np.column_stack([pure.residual_mm, pure.slopes_mm, columns])
+    )
+    gram = white.T @ white
+    whole = gram[1:, 1:]
+    whole[:k, :k] += pure.precision
+    whole.flat[k * (len(whole) + 1) :: len(whole) + 1] += 1.0
+    did = columns * np.linalg.solve(whole, gram[1:, 0])[k:]
+    row = np.searchsorted(numbers, [r.placement for r in records])
+    softer, thicker = (
+        _multiples(did[:, where[name]], along[name])[row] if name in where else np.zeros(len(row))
+        for name in ("placement", "placement_thickness")
+    )
+    return softer, thicker
+
+
+def _multiples(columns: Array, units: Array) -> Array:
+    """Return of which multiples (m,) of other columns these (u, m) are."""
+    return np.asarray((columns * units).sum(axis=0) / np.maximum((units**2).sum(axis=0), 1e-30))

@@ -1,0 +1,72 @@
+"""Placements whose skin is softer or thinner, as the table has it, and what slopes make of them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from skinlab.curves.campaign import Campaign
+from skinlab.curves.curve import Curve, Setup
+from skinlab.curves.pressure_path import PressurePath
+from skinlab.curves.program import parse_program
+from skinlab.discrepancy.fit import Fitter
+from skinlab.discrepancy.misfit import errors_of, slopes_mm_per_mbar
+from skinlab.discrepancy.placement_curves import halfway_slopes
+from skinlab.discrepancy.records import records_of
+from skinlab.discrepancy.search import Search
+from skinlab.discrepancy.table_domes import TableDomes
+from skinlab.mechanics.effects.model import Skin
+from skinlab.mechanics.fem.skin import SkinProblem
+from skinlab.mechanics.fem.suction import Geometry
+
+SKIN = Skin((0.035, 1.2, 0.32))
+THICKNESS_MM = 1.1
+
+
+def places(table, deviations, *, noise_um=0.0, apertures_mm=(8.0,)):
+    """Return a campaign of places, each (log stiffness, log thickness) off, at these openings."""
+    program = parse_program("ramp:100@20,ramp:0@20")
+    t = np.arange(0.0, program.duration_s, 0.05)
+    p = PressurePath.of_program(program)(t)
+    rng = np.random.default_rng(5)
+    curves = []
+    for i, (stiffer, thicker) in enumerate(deviations):
+        at = Geometry(apertures_mm[i % len(apertures_mm)], THICKNESS_MM * np.exp(thicker))
+        dome = TableDomes(table)([SkinProblem(at, SKIN)], [150.0])
+        w = dome(p[None] * np.exp(-stiffer))[0] + 1e-3 * noise_um * rng.normal(size=len(t))
+        repeat = i // len(apertures_mm) + 1
+        setup = Setup(at.aperture_mm, THICKNESS_MM, program, 1, repeat)
+        curves.append(Curve(f"c{i}", setup, t, p, w))
+    return Campaign("places", None, 0.0, tuple(curves))
+
+
+def test_a_place_of_its_own_stiffness_lies_along_slopes_halfway(table):
+    sizes = (-0.2, 0.2)
+    records = records_of(places(table, [(s, 0.0) for s in sizes]))
+    (plain,) = records_of(places(table, [(0.0, 0.0)]))
+
+    def left_um(slopes):
+        moved = plain.curve.deflection_mm - np.outer(sizes, plain.pressure_mbar) * slopes
+        measured = [r.curve.deflection_mm for r in records]
+        return 1e3 * np.abs(measured - moved).max(axis=1)
+
+    bent = left_um(np.split(slopes_mm_per_mbar(records), 2))
+    straight = left_um(np.split(halfway_slopes(records), 2))
+    assert bent.min() > 4.0
+    assert straight.max() < 0.15 * bent.min()
+
+
+@pytest.mark.parametrize("scale", [0.05, 1.0])
+def test_places_of_other_stiffness_and_thickness_are_no_missing_effect(table, scale):
+    """What they do beyond slopes is taken off where it is more than two meshes differ."""
+    deviations = scale * np.random.default_rng(8).normal(0.0, [0.12, 0.05], (9, 2))
+    made = places(table, deviations, noise_um=2.0, apertures_mm=(8.0, 6.0, 2.0))
+    records = records_of(made)
+    fitter = Fitter(records, errors_of(records), TableDomes(table), finite_elements=False)
+    search = Search(fitter)
+    base = search.learned_base()
+    assert base.left.p_value > 1e-2
+    bends = [np.max(np.abs(r.bend_mm)) for r in search.fitter.records]
+    assert (1e3 * max(bends) > 3.0) == (scale == 1.0)
+    for one, before in zip(search.fitter.records, records, strict=True):  # the data stay
+        assert np.isin(one.curve.deflection_mm, before.curve.deflection_mm).all()
