@@ -28,7 +28,7 @@ from skinlab.inference.error_choice import ErrorChoice, Node, choose_errors
 from skinlab.inference.error_models import ERROR_MODELS
 from skinlab.inference.error_models.base import ErrorModel, Hyperparameter, Look, Part, Terms
 from skinlab.inference.error_models.placement import Placement
-from skinlab.inference.error_models.quantised import step_um
+from skinlab.inference.error_models.quantised import step_um, wave_sizes
 from skinlab.inference.likelihood import LinearModel
 from skinlab.inference.noise import (
     MESH_REST,
@@ -37,7 +37,7 @@ from skinlab.inference.noise import (
 )
 from skinlab.inference.outliers import outlier_probability
 from skinlab.inference.samples import Samples, alike
-from skinlab.inference.settings import KINDS, NOISE, POSTERIOR
+from skinlab.inference.settings import NOISE, POSTERIOR
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -137,17 +137,15 @@ class Linearised:
 
     def shares(self, errors: Covariance) -> Array:
         """Return what each of the errors' columns probably did (u, m), mm."""
-        columns = np.column_stack([self.residual_mm, self.slopes_mm[:, self.free]])
-        white = errors.whiten_without_columns(np.column_stack([columns, errors.columns_mm]))
-        gram = white.T @ white
-        whole = gram[1:, 1:].copy()
-        own = self.free.sum()
-        slopes = self.prior_slopes[:, self.free]
-        whole[:own, :own] += slopes.T @ slopes + self.flat[np.ix_(self.free, self.free)]
-        whole.flat[own * (len(whole) + 1) :: len(whole) + 1] += 1.0
-        right = gram[1:, 0].copy()
-        right[:own] -= slopes.T @ self.prior
-        return np.asarray(errors.columns_mm * np.linalg.solve(whole, right)[own:])
+        return self.of_free.shares(errors, self.prior_slopes[:, self.free].T @ self.prior)
+
+    @property
+    def of_free(self) -> LinearModel:
+        """The same of the unknowns that are at no bound, about the fit."""
+        precision = self.flat + self.prior_slopes.T @ self.prior_slopes
+        return LinearModel(
+            self.residual_mm, self.slopes_mm[:, self.free], _sub(precision, self.free)
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -327,11 +325,7 @@ class RoundedMeans:
         )
         own = (curve[:, None] == np.unique(curve)).astype(float)
         columns, taken = [], 0.0
-        for k in range(1, KINDS.step_waves + 1):
-            damped = np.exp(-2.0 * (np.pi * k * self.before_mm / self.step_mm) ** 2)
-            size = self.step_mm / (np.pi * k) * damped / np.sqrt(2.0)
-            if size <= KINDS.step_least_wave * self.step_mm / np.sqrt(12.0):
-                break
+        for k, size in wave_sizes(self.step_mm, self.before_mm**2):
             left = size * np.sinc(k * span / self.step_mm)
             angle = 2.0 * np.pi * k * w / self.step_mm
             columns += [own * (left * wave)[:, None] for wave in (np.sin(angle), np.cos(angle))]
@@ -415,9 +409,7 @@ def learn(
     kept = {part.name for part in looks[0].best.parts} | {"ou"}
     models = [m for m in models if m.name in kept]
     for one in fits:
-        precision = one.flat + one.prior_slopes.T @ one.prior_slopes
-        linear = LinearModel(one.residual_mm, one.slopes_mm[:, one.free], _sub(precision, one.free))
-        looks.append(_choose(records, linear, noise_um, placement_scatter, models))
+        looks.append(_choose(records, one.of_free, noise_um, placement_scatter, models))
     return CampaignErrors(tuple(looks))
 
 
@@ -433,16 +425,14 @@ def _sub(matrix: Array, kept: Mask) -> Array:
 
 def pure_error(records: Sequence[Record], base: Linearised) -> LinearModel:
     """Return the model as it is with free polynomials, common to repeats."""
-    waves = smooth_columns(records, ERRORS.smooth_degree)
-    k = int(base.free.sum())
+    waves, own = smooth_columns(records, ERRORS.smooth_degree), base.of_free
+    k = len(own.precision)
     precision = np.zeros((k + waves.shape[1],) * 2)
-    own = base.flat + base.prior_slopes.T @ base.prior_slopes
-    precision[:k, :k] = _sub(own, base.free)
+    precision[:k, :k] = own.precision
     precision.flat[k * (len(precision) + 1) :: len(precision) + 1] = (
         1e3 / ERRORS.smooth_sd_um
     ) ** 2
-    slopes = np.hstack([base.slopes_mm[:, base.free], waves])
-    return LinearModel(base.residual_mm, slopes, precision)
+    return LinearModel(own.residual_mm, np.hstack([own.slopes_mm, waves]), precision)
 
 
 def smooth_columns(records: Sequence[Record], degree: int) -> Array:

@@ -282,15 +282,8 @@ def by_part(node: Node, did_mm: Array) -> dict[str, Array]:
 
     "mesh" is what the columns do that are there whatever the errors are.
     """
-    at = node.combination.fixed_mm.shape[1]
-    found = {"mesh": did_mm[:, :at].sum(axis=1)}
-    for part in node.combination.parts:
-        columns = part.terms([1.0] * len(part.parameters)).columns_mm
-        if columns is not None:
-            end = at + columns.shape[1]
-            found[part.name] = did_mm[:, at:end].sum(axis=1)
-            at = end
-    return found
+    where = {"mesh": slice(node.combination.fixed_mm.shape[1])} | node.combination.columns
+    return {name: did_mm[:, columns].sum(axis=1) for name, columns in where.items()}
 
 
 def shares_of(

@@ -68,17 +68,20 @@ def bends_mm(
     domes: TableDomes,
     pure: LinearModel,
     node: Node,
-    learned_mm: Array,
+    before_mm: Array,
     thickness_mm: Array,
 ) -> list[Array]:
     """Return what each record's placement does (n,) beyond its slopes, mm.
 
     `pure` is what repeats tell, whatever the model, with the errors of `node`, which were learned
-    with thickness slopes `learned_mm` (u,); `thickness_mm` (u,) are those of this fit.
+    with thickness slopes `before_mm` (u,); `thickness_mm` (u,) are those of this fit.
     """
-    softer, thicker = _deviations(records, pure, node, learned_mm, thickness_mm)
     found = [np.zeros(len(r.curve)) for r in records]
-    for members in by_condition(records):
+    repeated = [members for members in by_condition(records) if len(members) > 1]
+    if not repeated:
+        return found
+    softer, thicker = _deviations(records, pure, node, before_mm, thickness_mm)
+    for members in repeated:
         # What all places of a condition have in common no repeat tells from the skin.
         softer[members] -= softer[members].mean()
         thicker[members] -= thicker[members].mean()
@@ -119,50 +122,29 @@ def _thickness_share(fit: Fit, domes: TableDomes, at: Geometry, top_mbar: float)
 
 
 def _deviations(
-    records: Sequence[Record], pure: LinearModel, node: Node, learned_mm: Array, thickness_mm: Array
+    records: Sequence[Record], pure: LinearModel, node: Node, before_mm: Array, thickness_mm: Array
 ) -> tuple[Array, Array]:
-    """Return by how much each record's place is softer and thicker: logarithms (records,).
-
-    The errors were learned with thickness slopes `learned_mm` (u,).
-    """
+    """Return by how much each record's place is softer and thicker: logarithms (records,)."""
     placement = np.repeat([r.placement for r in records], [len(r.curve) for r in records])
     numbers = np.unique(placement)
     one = (placement[:, None] == numbers).astype(float)
     pressure_mbar = np.concatenate([r.pressure_mbar for r in records])
-    along = {
-        "placement": (pressure_mbar * halfway_slopes(records))[:, None] * one,
-        "placement_thickness": thickness_mm[:, None] * one,
-    }
-    errors, k = node.covariance, pure.slopes_mm.shape[1]
-    columns = errors.columns_mm.copy()
-    at, where = node.combination.fixed_mm.shape[1], {}
-    for part in node.combination.parts:
-        own = part.terms([1.0] * len(part.parameters)).columns_mm
-        if own is None:
-            continue
-        if part.name in along:  # stiffnesses are the first columns of a placement
-            where[part.name] = slice(at, at + len(numbers))
-        at += own.shape[1]
+    softer = (pressure_mbar * halfway_slopes(records))[:, None] * one
+    thicker = thickness_mm[:, None] * one
+    columns, where = node.covariance.columns_mm.copy(), node.combination.columns
+    of_thickness = where.get("placement_thickness", slice(0))
     if "placement_thickness" in where:
-        before = learned_mm[:, None] * one
-        now = along["placement_thickness"]
-        columns[:, where["placement_thickness"]] = now * _multiples(
-            columns[:, where["placement_thickness"]], before
-        )
-    white = errors.whiten_without_columns(
-        np.column_stack([pure.residual_mm, pure.slopes_mm, columns])
-    )
-    gram = white.T @ white
-    whole = gram[1:, 1:]
-    whole[:k, :k] += pure.precision
-    whole.flat[k * (len(whole) + 1) :: len(whole) + 1] += 1.0
-    did = columns * np.linalg.solve(whole, gram[1:, 0])[k:]
+        sizes = _multiples(columns[:, of_thickness], before_mm[:, None] * one)
+        columns[:, of_thickness] = thicker * sizes
+    did = pure.shares(replace(node.covariance, shapes_mm=columns, sizes=None))
     row = np.searchsorted(numbers, [r.placement for r in records])
-    softer, thicker = (
-        _multiples(did[:, where[name]], along[name])[row] if name in where else np.zeros(len(row))
-        for name in ("placement", "placement_thickness")
+    none = np.zeros(len(row))
+    # Stiffnesses are the first columns of a placement
+    of_stiffness = did[:, where.get("placement", slice(0))][:, : len(numbers)]
+    return (
+        _multiples(of_stiffness, softer)[row] if "placement" in where else none,
+        _multiples(did[:, of_thickness], thicker)[row] if "placement_thickness" in where else none,
     )
-    return softer, thicker
 
 
 def _multiples(columns: Array, units: Array) -> Array:

@@ -288,7 +288,7 @@ class Search:
         records = creased(without(before.records, self._kept), first, domes)
         self._thickness_mm = thickness_slopes(before.records, first, domes)[~bad]
         self.errors = self._learn(records, linear.only(~bad), None)
-        fit = self._refitted(before, records, first)
+        fit = self._refitted(records, first)
         node = self.errors.pure.nodes[0]
         pure = pure_error(records, self.linear(fit))
         thickness_mm = thickness_slopes(records, fit, domes)
@@ -298,14 +298,14 @@ class Search:
             self.fitter = self.fitter.with_errors(records, self.fitter.errors)
             self._thickness_mm = thickness_mm
             self.errors = self._learn(records, self.linear(fit), None)
-            fit = self._refitted(before, records, fit)
+            fit = self._refitted(records, fit)
         self._first = self.errors.looks
         return self._candidate(fit, None)
 
-    def _refitted(self, before: Fitter, records: Sequence[Record], first: Fit) -> Fit:
+    def _refitted(self, records: Sequence[Record], first: Fit) -> Fit:
         """Return a fit with the errors as learned, which is how all others are fitted from here."""
         assert self.errors is not None
-        self.fitter = before.with_errors(records, self.errors.working)
+        self.fitter = self.fitter.with_errors(records, self.errors.working)
         fit = self.fitter.fit(first.unknowns, first.u)
         if fit is None:
             raise NotTrustworthyError("the model has no answer for these curves")

@@ -51,6 +51,17 @@ class Combination:
         return tuple(p.name for part in self.parts for p in part.parameters)
 
     @cached_property
+    def columns(self) -> dict[str, slice]:
+        """Where the columns of each part that has any stand among those of a covariance."""
+        at, found = self.fixed_mm.shape[1], {}
+        for part in self.parts:
+            own = part.terms([1.0] * len(part.parameters)).columns_mm
+            if own is not None:
+                found[part.name] = slice(at, at + own.shape[1])
+                at += own.shape[1]
+        return found
+
+    @cached_property
     def lasting(self) -> frozenset[str]:
         """Names of the parts that are correlated in time."""
         return frozenset(part.name for part in self.parts if part.lasting)

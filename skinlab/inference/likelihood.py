@@ -63,6 +63,19 @@ class LinearModel:
         whole[..., rest, rest] += 1.0
         return np.asarray(whole)
 
+    def shares(self, covariance: Covariance, pull: Array | float = 0.0) -> Array:
+        """Return what each of the covariance's columns probably did (u, m), mm.
+
+        `pull` (k,) is that of priors whose means are not at the fit.
+        """
+        columns, k = covariance.columns_mm, self.slopes_mm.shape[1]
+        values = np.column_stack([self.residual_mm, self.slopes_mm, columns])
+        white = covariance.whiten_without_columns(values)
+        gram = white.T @ white
+        right = gram[1:, 0].copy()
+        right[:k] -= pull
+        return np.asarray(columns * np.linalg.solve(self._information(gram), right)[k:])
+
     def left_out(self, covariance: Covariance) -> tuple[Array, Array]:
         """Return each sample's deviation (u,) from what all others predict, and its variance.
 

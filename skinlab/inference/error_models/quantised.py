@@ -74,18 +74,29 @@ class Quantised:
         )  # fmt: skip
 
 
+def wave_sizes(step_mm: float, before_mm2: float) -> list[tuple[int, float]]:
+    """Return number and standard deviation, mm, of the waves that matter.
+
+    `before_mm2` is the variance of the noise that the rounding met.
+    """
+    found = []
+    for k in range(1, KINDS.step_waves + 1):
+        damped = np.exp(-2.0 * (np.pi * k) ** 2 * before_mm2 / step_mm**2)
+        size = step_mm / (np.pi * k) * damped / np.sqrt(2.0)
+        if size > KINDS.step_least_wave * step_mm / np.sqrt(12.0):
+            found.append((k, float(size)))
+    return found
+
+
 def _waves(look: Look, step_mm: float) -> Array:
     """Return sine and cosine (u, 2 waves), each as large as its standard deviation, mm."""
     freedom = max(len(look.samples) - look.slopes.shape[1], 1)
     square = float(look.residual_mm @ look.residual_mm) / freedom
     before = max(square - step_mm**2 / 12.0, 0.0)  # noise that the rounding met
     columns = []
-    for k in range(1, KINDS.step_waves + 1):
-        damped = np.exp(-2.0 * (np.pi * k) ** 2 * before / step_mm**2)
-        size = step_mm / (np.pi * k) * damped / np.sqrt(2.0)
-        if size > KINDS.step_least_wave * step_mm / np.sqrt(12.0):
-            angle = 2.0 * np.pi * k * look.deflection_mm / step_mm
-            columns += [size * np.sin(angle), size * np.cos(angle)]
+    for k, size in wave_sizes(step_mm, before):
+        angle = 2.0 * np.pi * k * look.deflection_mm / step_mm
+        columns += [size * np.sin(angle), size * np.cos(angle)]
     return np.column_stack(columns) if columns else np.zeros((len(look.samples), 0))
 
 
