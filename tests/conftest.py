@@ -40,6 +40,7 @@ settings.load_profile("patient")
 
 # Of the processes of pytest-xdist
 _WORKER = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
+_WORKERS = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
 
 # `SOAK_DONE=FILE pytest -m soak …` goes on where it was stopped, by whatever
 _SOAK_DONE = Path(os.environ["SOAK_DONE"]) if os.environ.get("SOAK_DONE") else None
@@ -54,7 +55,7 @@ class _FromElsewhere(pytest.Dir):
 
     def collect(self) -> Iterable[pytest.Item | pytest.Collector]:
         nodes = list(super().collect())
-        begin = len(nodes) * (_WORKER % 3) // 3
+        begin = len(nodes) * _WORKER // _WORKERS
         return nodes[begin:] + nodes[:begin]
 
 

@@ -174,6 +174,7 @@ async def test_changed_says_what_could_have_been_shown(bedside):
 # ---- the verdict ----------------------------------------
 
 
+@pytest.mark.long
 async def test_the_verdict_says_what_is_wrong_and_the_next_step(bedside):
     async with bedside(size=(60, 20)) as bed:
         await bed.connected()

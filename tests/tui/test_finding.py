@@ -220,6 +220,7 @@ async def test_a_visit_with_a_goal_says_what_to_measure_next(bedside):
 # ---- palette, messages, help, colours ----------------------------------------
 
 
+@pytest.mark.long
 async def test_the_palette_finds_and_starts_nothing(bedside):
     async with bedside() as bed:
         await bed.connected()
@@ -259,6 +260,7 @@ async def test_messages_can_be_read_again(bedside):
         await bed.on(MainScreen)
 
 
+@pytest.mark.long
 async def test_help_begins_with_the_keys_of_the_screen_it_was_asked_for_on(bedside):
     async with bedside() as bed:
         await bed.connected()
@@ -483,6 +485,7 @@ async def test_what_is_open_can_be_left_by_a_click_on_its_keys(bedside):
         await bed.on(MainScreen)
 
 
+@pytest.mark.long
 async def test_suction_ends_by_a_click_where_it_says_so(bedside):
     async with bedside("sim://?seed=1&speed=2") as bed:
         await bed.connected()

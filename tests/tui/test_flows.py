@@ -65,6 +65,7 @@ async def test_a_vent_during_the_rest_ends_the_repeats(bedside):
         await bed.until(lambda: "vented" in bed.board.note)
 
 
+@pytest.mark.long
 async def test_a_vent_in_a_repeat_ends_the_repeats(bedside):
     async with bedside(SLOW) as bed:
         await bed.connected()
@@ -153,6 +154,7 @@ async def test_a_thickness_belongs_to_a_subject_and_a_site(bedside):
         await bed.until(lambda: thickness.value == "0.8")
 
 
+@pytest.mark.long
 async def test_without_a_subject_it_asks_once(bedside):
     async with bedside() as bed:
         await bed.connected()
@@ -213,7 +215,8 @@ async def test_what_is_not_of_now_says_when_it_was(bedside):
         assert f"mm, {bed.board.latest_at:%H:%M}" in bed.text("#reading-line")
 
 
-@pytest.mark.parametrize("size", [(60, 20), pytest.param((80, 24), marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("size", [(60, 20), (80, 24)])
 async def test_the_estimate_forms_in_grey_and_a_vent_ends_the_ramp(bedside, size, monkeypatch):
     monkeypatch.setenv("NO_COLOR", "1")
     async with bedside(SLOW, size=size) as bed:
@@ -354,6 +357,7 @@ def offers(bed, *words):
     return all(word in shown for word in words)
 
 
+@pytest.mark.long
 async def test_without_a_port_it_offers_what_there_is(bedside):
     def ports():
         return (PortInfo("/dev/ttyX9", "a bench probe"),)

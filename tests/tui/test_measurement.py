@@ -201,6 +201,7 @@ async def test_another_subject_begins_another_session(bedside, session_files):
     assert subjects == ["P01", "P02"]
 
 
+@pytest.mark.long
 async def test_a_link_that_is_lost_and_comes_back(bedside, tmp_path):
     faults = tmp_path / "faults" / "FAULTS.toml"
     faults.parent.mkdir()

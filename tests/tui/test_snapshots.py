@@ -28,12 +28,9 @@ def app(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("name", "size"),
     [
-        pytest.param(name, size, id=f"{name}-{kind}", marks=pytest.mark.long if later else ())
+        pytest.param(name, size, id=f"{name}-{size[0]}x{size[1]}", marks=marks)
         for name in SCREENS
-        for kind, size, later in (
-            ("80x24", (80, 24), False),
-            ("160x50", (160, 50), name != "good"),
-        )
+        for size, marks in (((80, 24), ()), ((160, 50), pytest.mark.long))
     ],
 )
 def test_screen(snap_compare, app, name, size):
@@ -41,14 +38,8 @@ def test_screen(snap_compare, app, name, size):
     assert app.failure is None  # else it would be the picture of nothing
 
 
-@pytest.mark.parametrize(
-    "theme",
-    [
-        COLOUR_BLIND_SAFE.name,
-        pytest.param("textual-light", marks=pytest.mark.long),
-        pytest.param(HIGH_CONTRAST.name, marks=pytest.mark.long),
-    ],
-)
+@pytest.mark.long
+@pytest.mark.parametrize("theme", [COLOUR_BLIND_SAFE.name, "textual-light", HIGH_CONTRAST.name])
 def test_colours(snap_compare, app, theme):
     app.theme = theme
     assert snap_compare(app, terminal_size=(80, 24), run_before=SCREENS["good"])

@@ -68,6 +68,7 @@ def test_the_truth_is_inside_the_intervals(path):
     assert sum(inside) >= 5
 
 
+@pytest.mark.long
 def test_a_replay_finds_the_database_that_the_session_names(path, database, capsys):
     assert read_session(path).meta["identification"]["database_path"] == str(database)
     assert run(["replay", str(path), "--verify"]) == 0
@@ -78,6 +79,7 @@ def test_a_replay_finds_the_database_that_the_session_names(path, database, caps
     assert "database" not in told.err
 
 
+@pytest.mark.long
 def test_a_database_that_is_gone_or_another_one_is_a_sentence(path, database, tmp_path, capsys):
     session = read_session(path)
     settings = session.meta["identification"]

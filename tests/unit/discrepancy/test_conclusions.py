@@ -173,6 +173,7 @@ def test_what_may_be_advised_is_what_a_driver_allows():
         assert program.duration_s <= 60
 
 
+@pytest.mark.long
 def test_the_advice_separates_what_one_ramp_leaves_tied(table):
     fitter = fitter_of(measured({}, [(6.0, "ramp:100@20", 1)]), table)
     offset, drift = Unknowns(("deflection_offset",)), Unknowns(("baseline_drift",))

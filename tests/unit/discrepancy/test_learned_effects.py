@@ -339,6 +339,7 @@ def test_a_dome_is_another_one_on_the_way_back_by_the_share_of_the_suction():
     np.testing.assert_allclose(bent_, one.read_along(t, path(t), plain, values), atol=1e-12)
 
 
+@pytest.mark.long
 def test_a_name_that_a_smooth_function_beats_is_none(table):
     # A bump of the sensor: a gain of 2 % is the nearest that has a name.
     hidden = campaign(RAMPS, sensor=bump)

@@ -56,7 +56,7 @@ def test_a_place_of_its_own_stiffness_lies_along_slopes_halfway(table):
     assert straight.max() < 0.15 * bent.min()
 
 
-@pytest.mark.parametrize("scale", [0.05, 1.0])
+@pytest.mark.parametrize("scale", [pytest.param(0.05, marks=pytest.mark.long), 1.0])
 def test_places_of_other_stiffness_and_thickness_are_no_missing_effect(table, scale):
     """What they do beyond slopes is taken off where it is more than two meshes differ."""
     deviations = scale * np.random.default_rng(8).normal(0.0, [0.12, 0.05], (9, 2))

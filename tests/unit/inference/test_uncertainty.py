@@ -88,6 +88,7 @@ def _deviation(result):
     return np.sqrt(draws.weight @ np.square(x1 - draws.weight @ x1))
 
 
+@pytest.mark.long
 def test_more_noise_gives_wider_intervals(table):
     def mean_width(noise):
         curves = [curve_of(table, SKIN, noise_um=noise, seed=seed) for seed in range(3)]
@@ -120,6 +121,7 @@ def test_the_noise_is_estimated_where_it_is_not_stated(table):
     assert np.mean(found) == pytest.approx(3.0, rel=0.1)
 
 
+@pytest.mark.long
 def test_pressure_noise_is_told_from_deflection_noise(table):
     rng = np.random.default_rng(5)
     found = []

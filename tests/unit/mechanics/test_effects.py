@@ -202,6 +202,7 @@ def test_a_rim_that_slips_is_that_of_the_verification_mesh(slip):
     np.testing.assert_allclose(dome(effects), dome(effects, mesh=VERIFICATION_MESH), rtol=2e-3)
 
 
+@pytest.mark.long
 def test_a_rim_that_slips_does_so_smoothly():
     """The mesh changes continuously with the slip, through the ends of its elements too."""
     slips = np.linspace(0.0, 0.3, 31)

@@ -180,6 +180,7 @@ def test_without_x2_soft_skin_gives_no_number_beyond_its_crease():
 
 
 class TestWhole:
+    @pytest.mark.long
     def test_every_part_is_there_in_the_papers_order(self, small):
         parts, _ = small
         assert [part.name for part in parts] == list(ORDER)
@@ -245,6 +246,7 @@ class TestTarget:
         with pytest.raises(InputError, match=r"figure_7\.csv: exists and is not"):
             output.Target(tmp_path).check(ORDER)
 
+    @pytest.mark.long
     def test_the_same_parts_are_the_same_bits(self, small, tmp_path):
         (part,) = [p for p in small[0] if p.name == "figure_9"]
         once, twice = (
@@ -312,6 +314,7 @@ class TestCommand:
         assert "Traceback" not in captured.err
         return status, captured.out, captured.err
 
+    @pytest.mark.long
     def test_prints_the_paths_that_it_wrote(self, small, capsys, tmp_path, monkeypatch):
         parts, times = small
         made = lambda study, workers, progress: (parts[:2], times)  # noqa: E731
