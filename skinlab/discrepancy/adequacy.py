@@ -8,14 +8,16 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtrc, ndtr
+from scipy.special import chdtrc, fdtrc, ndtr
 
-from skinlab.discrepancy.records import Record
+from skinlab.discrepancy.records import Record, by_condition
 from skinlab.discrepancy.settings import ERRORS
 from skinlab.inference.covariance import Covariance
 from skinlab.inference.error_models.quantised import step_um
 
 Array = NDArray[np.float64]
+
+_LAGS = range(1, ERRORS.neighbours + 1)
 
 
 @dataclass(frozen=True)
@@ -35,8 +37,9 @@ class Place:
 class Residual:
     """What a fit leaves."""
 
-    p_value: float  # that noise alone leaves as much structure
+    p_value: float  # that errors alone leave as much structure
     places: tuple[Place, ...]  # the most significant first
+    by_errors: float  # the same p value, whatever repeats say
 
 
 def look(
@@ -46,24 +49,20 @@ def look(
 
     Two tests: means over stretches of each phase (χ² of their squares), and the products of samples
     a few apart (white noise has none; what goes up and down does at all of these). The mesh's
-    probable share is taken off first.
+    probable share is taken off first. Structure that errors alone hardly have counts where repeats
+    have it in common: what each of them has for itself is no fault of the model, whatever it is.
     """
     measured = [r.straight_mm for r in records]
     off = np.concatenate([m - w for m, w in zip(measured, deflections_mm, strict=True)])
-    z_all = errors.without_columns(off)
-    raw_all = off
+    left = errors.split(errors.without_columns(off))
     total, count, pairs = 0.0, 0, 0
-    lags = range(1, ERRORS.neighbours + 1)
-    product = -sum(errors.expected_product(apart) for apart in lags)
+    product = -sum(errors.expected_product(apart) for apart in _LAGS)
     places: list[tuple[float, Place]] = []
-    for record, z, raw in zip(records, errors.split(z_all), errors.split(raw_all), strict=True):
-        for apart in lags:
-            product += float(z[apart:] @ z[:-apart])
-            pairs += len(z) - apart
+    for record, z, raw in zip(records, left, errors.split(off), strict=True):
+        product += _neighbours(z)
+        pairs += _pairs(z)
         for begin, end in _stretches(record):
-            n = end - begin
-            mean = float(z[begin:end].mean())
-            score = mean * np.sqrt(n)
+            score = _score(z, begin, end)
             total += score**2
             count += 1
             at = slice(begin, end)
@@ -85,11 +84,71 @@ def look(
     freedom = max(count - unknowns, 1)
     by_means = float(chdtrc(freedom, total))
     by_neighbours = float(ndtr(-product / np.sqrt(max(pairs, 1))))
+    chance = by_errors = min(1.0, 2.0 * min(by_means, by_neighbours))
+    if ERRORS.hardly <= by_errors < ERRORS.no_doubt:
+        means, neighbours = _in_common(records, left, unknowns)
+        chance = min(1.0, 2.0 * min(max(by_means, means), max(by_neighbours, neighbours)))
     places.sort(key=lambda item: -item[0])
     corrected = tuple(
         Place(**{**vars(p), "p_value": min(1.0, p.p_value * len(places))}) for _, p in places
     )
-    return Residual(min(1.0, 2.0 * min(by_means, by_neighbours)), corrected)
+    return Residual(chance, corrected, by_errors)
+
+
+def _in_common(
+    records: Sequence[Record], left: Sequence[Array], unknowns: int
+) -> tuple[float, float]:
+    """Return p values that repeats have no more structure in common than each for itself.
+
+    Of the means of stretches (analysis of variance) and of the products of neighbours. `left` is
+    white by the errors, a record each; both are 0 where nothing was repeated.
+    """
+    means, product, pairs, stretches = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
+    for members in by_condition(records):
+        places = _stretches(records[members[0]])
+        same = _same_moments(records, members, left)
+        common = np.sqrt(len(same)) * same.mean(axis=0)
+        for kind, rows in enumerate((common[None], same - same.mean(axis=0))):
+            more = 1 if kind == 0 else len(same) - 1
+            product[kind] += sum(_neighbours(row) for row in rows)
+            pairs[kind] += more * _pairs(common)
+            means[kind] += sum(_score(row, *at) ** 2 for row in rows for at in places)
+            stretches[kind] += more * len(places)
+    if not stretches[1] or not pairs[1]:
+        return 0.0, 0.0
+    freedom = max(stretches[0] - unknowns, 1.0)
+    ratio = (means[0] / freedom) / (means[1] / stretches[1])
+    usual = product[1] / pairs[1]
+    spread = np.sqrt(pairs[0] + pairs[0] ** 2 / pairs[1])
+    return (
+        float(fdtrc(freedom, stretches[1], ratio)),
+        float(ndtr(-(product[0] - pairs[0] * usual) / spread)),
+    )
+
+
+def _same_moments(
+    records: Sequence[Record], members: Sequence[int], left: Sequence[Array]
+) -> Array:
+    """Return what is left of repeats (repeats, n) at the moments of the first one's samples."""
+    first, *others = (records[i].curve.time_s - records[i].curve.time_s[0] for i in members)
+    rows = [left[members[0]]]
+    for time, i in zip(others, members[1:], strict=True):
+        after = np.clip(np.searchsorted(time, first), 1, len(time) - 1)
+        nearer = first - time[after - 1] < time[after] - first
+        rows.append(left[i][np.where(nearer, after - 1, after)])
+    return np.array(rows)
+
+
+def _neighbours(z: Array) -> float:
+    return sum(float(z[apart:] @ z[:-apart]) for apart in _LAGS)
+
+
+def _pairs(z: Array) -> int:
+    return sum(len(z) - apart for apart in _LAGS)
+
+
+def _score(z: Array, begin: int, end: int) -> float:
+    return float(z[begin:end].mean() * np.sqrt(end - begin))
 
 
 def judge(
@@ -104,12 +163,13 @@ def judge(
     those of the likeliest.
     """
     first = look(records, judged[0][0], deflections_mm, unknowns)
-    if first.p_value >= ERRORS.no_doubt:
+    if first.by_errors >= ERRORS.no_doubt:
         return first
-    p = judged[0][1] * first.p_value
+    p = judged[0][1] * np.array([first.p_value, first.by_errors])
     for errors, weight in judged[1:]:
-        p += weight * look(records, errors, deflections_mm, unknowns).p_value
-    return replace(first, p_value=p)
+        one = look(records, errors, deflections_mm, unknowns)
+        p += weight * np.array([one.p_value, one.by_errors])
+    return replace(first, p_value=float(p[0]), by_errors=float(p[1]))
 
 
 def steps(records: Sequence[Record], errors: Covariance, residual_mm: Array) -> float:

@@ -51,7 +51,8 @@ def find_motion(search: Search, found: Found) -> tuple[Candidate, tuple[Trial, .
     name = max(ratios, key=lambda n: ratios[n])
     linear = search.linear(base.fit)
     # What wanders smoothly is no error of any size: those of skins and sensors are rough.
-    smooth = not base.adequate and np.linalg.norm(list(ratios.values())) > NAMES.smooth_motion
+    doubtful = base.left.by_errors < ERRORS.adequate
+    smooth = doubtful and np.linalg.norm(list(ratios.values())) > NAMES.smooth_motion
     if not smooth and ratios[name] <= 1.0:
         name = next((n for n in NAMES.wave_um if _stands_out(looks, linear, n)), "")
     if not name:

@@ -74,6 +74,9 @@ class ErrorRules:
     """samples on either side of it."""
     adequate: float = 1e-3
     """Of a p value: a fit whose residual is less likely than this leaves more than noise."""
+    hardly: float = 1e-6
+    """Of a p value: what is less likely is missing, or moves in each curve for itself, even where
+    repeats do not have it in common; between the two they decide."""
     no_doubt: float = 0.05
     """Of a p value: what is likelier is not looked at with other errors."""
     wave_sure: float = 0.95

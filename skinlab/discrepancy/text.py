@@ -128,6 +128,12 @@ def doubt_words(outcome: Outcome) -> list[str]:
         lines += [f"  {t.sentence}" for t in outcome.trials if good or not t.passed]
     if outcome.found.implausible:
         lines.append(f"Too large for errors of a measurement: {outcome.found.implausible}.")
+    left = (outcome.verdict.explanations or [outcome.found.base])[0].left
+    if left.by_errors < ERRORS.adequate <= left.p_value:
+        lines.append(
+            "What is left is not quite noise, but each repeat has it for itself: it is not the "
+            "model's fault."
+        )
     own = set(outcome.found.base.effects)
     shown = [outcome.found.base, *outcome.found.candidates[:_SHOWN]]
     for candidate in shown:

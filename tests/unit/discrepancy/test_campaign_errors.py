@@ -203,7 +203,7 @@ def test_a_second_effect_has_to_be_there_again(table, curves, needed):
     off = replace(plain, residual_mm=plain.residual_mm + wave[:, 0])
     none = np.zeros(len(fitter.measured))
     errors = learn(fitter.records, [plain], none, noise_um=2.0, placement_scatter=0.0)
-    left = Residual(1.0, ())
+    left = Residual(1.0, (), 1.0)
     alone, pair = Candidate(fit, left, 10.0), Candidate(replace(fit), left, 10.0)
     linear = {id(alone): off, id(pair): off.beside(wave)}
     discipline = Discipline(fitter.records, errors, linear, {})
@@ -227,7 +227,7 @@ def test_a_name_is_there_again_though_a_second_effect_says_a_little_more(table):
     none = np.zeros(len(time))
     errors = learn(fitter.records, [plain], none, noise_um=2.0, placement_scatter=0.0)
     moved = replace(fit, deflections_mm=[w + 2e-3 for w in fit.deflections_mm])
-    left = Residual(1.0, ())
+    left = Residual(1.0, (), 1.0)
     base, one, both = (Candidate(replace(f), left, 0.0) for f in (fit, moved, moved))
     named = off.beside(strong)
     linear = {id(base): off, id(one): named, id(both): named.beside(weak)}
@@ -295,7 +295,7 @@ def test_what_may_still_win_is_asked_for_its_errors_once(table):
     for name, size in (("deflection_offset", 1.0), ("sensor_curve", 0.1)):
         unknowns = base.fit.unknowns.with_effect(name)
         fit = search.fitter.fit(unknowns, unknowns.start(base.fit.u, {name: size}))
-        ones.append(Candidate(fit, Residual(1.0, ()), 0.0))
+        ones.append(Candidate(fit, Residual(1.0, (), 1.0), 0.0))
     lead = [c.log10_evidence for c in search.weighed(base, ones)]
     assert lead[0] > lead[1]
     far = lead[0] - lead[1] > SEARCH.doubt
@@ -443,7 +443,7 @@ def test_errors_that_nothing_repeats_are_no_gap_while_they_are_usual(table):
         fitter = Fitter(records, errors_of(records), TableDomes(table), finite_elements=False)
         search = Search(fitter)
         base = search.learned_base()
-        base = replace(base, left=Residual(1e-9, ()))
+        base = replace(base, left=Residual(1e-9, (), 1e-9))
         found = search.by_its_own_errors(
             Found(base, {}, [], search.fitter.records, errors=search.fitter.errors)
         )

@@ -65,6 +65,55 @@ def test_structure_is_seen_and_said_where(looks):
     assert min(p.p_value for p in others) > 1e-3
 
 
+@pytest.fixture(scope="module")
+def repeats(table):
+    """Return a fitter of each ramp measured three times, and its curves without noise."""
+    fitter = fitter_of(measured({}, RAMPS * 3, noise_um=2.0), table)
+    return fitter, [r.curve.deflection_mm for r in fitter.records]
+
+
+def judged(fitter, zero, phases, rng):
+    """Return p values (as judged, by the errors alone) of noise and a breath of 0.55 µm."""
+    noise = fitter.errors.split(rng.normal(size=fitter.errors.count) * fitter.errors.sigma_mm)
+    off = [
+        w + n + 5.5e-4 * np.sin(2 * np.pi * 0.5 * record.curve.time_s + phase)
+        for w, n, record, phase in zip(zero, noise, fitter.records, phases, strict=True)
+    ]
+    left = look(fitter.records, fitter.errors, off, 0)
+    return left.p_value, left.by_errors
+
+
+def test_what_each_repeat_has_for_itself_is_no_fault_of_the_model(repeats):
+    fitter, zero = repeats
+    rng = np.random.default_rng(8)
+    p, by_errors = np.array(
+        [judged(fitter, zero, rng.uniform(0, 6, len(zero)), rng) for _ in range(60)]
+    ).T
+    assert np.mean(by_errors < ERRORS.adequate) > 0.2
+    level, decided = 0.05, by_errors >= ERRORS.hardly
+    assert np.mean(p[decided] < level) < level + 4 * np.sqrt(level / 60)
+    assert (p[~decided] == by_errors[~decided]).all()
+
+
+def test_what_repeats_have_in_common_stays_its_fault(repeats):
+    fitter, zero = repeats
+    rng = np.random.default_rng(8)
+    p, by_errors = np.array(
+        [judged(fitter, zero, np.tile(rng.uniform(0, 6, len(RAMPS)), 3), rng) for _ in range(60)]
+    ).T
+    assert np.mean(p < 0.05) > 0.35
+    assert (p >= by_errors).all()
+
+
+def test_without_repeats_nothing_says_whose_fault_it_is(looks):
+    fitter, _ = looks
+    zero = [r.curve.deflection_mm for r in fitter.records]
+    rng = np.random.default_rng(8)
+    for _ in range(20):
+        p, by_errors = judged(fitter, zero, rng.uniform(0, 6, len(zero)), rng)
+        assert p == by_errors
+
+
 # ---- the verdict, on made-up candidates ----------------------------------------------------------
 
 
@@ -74,7 +123,7 @@ def candidate(effects, evidence, p_value=0.5):
     fit = Fit(
         unknowns, np.zeros(k), [], 0.0, 0.0, np.zeros((1, k)), 0.0, settled=True, corrected=False
     )
-    return Candidate(fit, Residual(p_value, ()), evidence)
+    return Candidate(fit, Residual(p_value, (), p_value), evidence)
 
 
 def verdict(base_p, *candidates, plan=RAMPS):
