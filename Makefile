@@ -46,7 +46,7 @@ unit: setup
 test-long: setup
 	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest $(TESTS) -m long
 
-# The pages of docs/ as a site in site/, command line and Python API from the code; runs every command
+# The pages of docs/ as a site in site/, command line and Python API from the code; runs the commands
 # in them.
 docs: .venv/.docs
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict

@@ -1,4 +1,8 @@
-"""One test for each row of docs/safety.md, against a process whose true pressure is watched."""
+"""Tests for each row of docs/safety.md.
+
+Where parts fail, against a simulated probe whose true pressure is watched; where an instrument
+lies (`lying_instrument.py`), by when the host vents.
+"""
 
 from __future__ import annotations
 
