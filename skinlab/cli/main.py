@@ -70,8 +70,8 @@ class _LazyGroup(SuggestingGroup):
 def cli(ctx: click.Context) -> None:
     """Measure human skin at the bedside, identify its parameters, record and replay.
 
-    Without a command: the terminal UI, which offers the simulated probe; in a pipe, with no terminal, one
-    simulated measurement whose result is printed.
+    Without a command: the terminal UI, which offers the simulated probe; in a pipe, with no
+    terminal, one simulated measurement whose result is printed.
 
     \b
     Example: skinlab identify curve.csv --aperture-mm 6 --thickness-mm 1.0
