@@ -16,6 +16,7 @@ from skinlab.acquisition.messages import Connected, Heard
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.growing import GrowingCurve
 from skinlab.curves.program import parse_program
+from skinlab.discrepancy.adequacy import Residual
 from skinlab.discrepancy.discipline import Shares
 from skinlab.discrepancy.heldout import HeldOut
 from skinlab.discrepancy.verdict import Verdict
@@ -111,7 +112,14 @@ def outcome():
     before = SimpleNamespace(deflections_mm=[w + 0.02 * (c.time_s / 5 - 0.5) for c, w in curves])
     base = SimpleNamespace(effects=(), fit=before, at_bound=())
     best, second = (
-        SimpleNamespace(effects=(name,), fit=after, log10_evidence=e, adequate=ok, at_bound=())
+        SimpleNamespace(
+            effects=(name,),
+            fit=after,
+            left=Residual(0.4, (), 0.4),
+            log10_evidence=e,
+            adequate=ok,
+            at_bound=(),
+        )
         for name, e, ok in (("pressure_lag", 21.0, True), ("baseline_drift", 19.7, False))
     )
     law = {"X1_MPa": {"value": 0.02, "low": 0.019, "high": 0.021}}

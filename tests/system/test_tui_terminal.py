@@ -184,7 +184,9 @@ def open_terminal(tmp_path: Path) -> Iterator[Callable[..., Terminal]]:
         terminal.kill()
 
 
-@pytest.mark.parametrize("size", [(80, 24), (160, 50)], ids=["80x24", "160x50"])
+@pytest.mark.parametrize(
+    "size", [(80, 24), pytest.param((160, 50), marks=pytest.mark.long)], ids=["80x24", "160x50"]
+)
 def test_a_measurement_by_keys(open_terminal, size):
     terminal = open_terminal(size)
     terminal.until_all("READY", "SIMULATED", "connected;")

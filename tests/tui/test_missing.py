@@ -79,6 +79,7 @@ async def looking(bed):
     await bed.until(lambda: "now:  screening" in bed.text("#missing-text"))
 
 
+@pytest.mark.long
 async def test_the_search_blocks_nothing_and_the_next_measurement_is_one_key_away(
     bedside, ambiguous
 ):

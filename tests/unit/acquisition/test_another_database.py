@@ -113,6 +113,7 @@ def speaks_of_that_law(path, tmp_path):
     assert "from a file" not in text
 
 
+@pytest.mark.long
 def test_the_report_speaks_of_that_law(path, tmp_path, empty_pictures):
     speaks_of_that_law(path, tmp_path)
 
@@ -122,12 +123,14 @@ def test_the_reports_pictures_speak_of_that_law_too(path, tmp_path):
     speaks_of_that_law(path, tmp_path)
 
 
+@pytest.mark.long
 def test_a_comparison_is_of_that_law(path, capsys):
     assert run(["compare", str(path), str(path), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert "C1_MPa" in json.dumps(found)
 
 
+@pytest.mark.long
 def test_what_is_missing_is_looked_for_in_that_law_and_database(path, database, tmp_path):
     asked = []
 

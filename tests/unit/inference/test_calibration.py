@@ -224,6 +224,7 @@ def folder(tmp_path_factory):
     return at
 
 
+@pytest.mark.long
 def test_the_session_keeps_the_probe_and_replays_with_it(folder, capsys):
     assert run(["replay", str(folder / "s.h5"), "--speed", "max", "--verify", "--json"]) == 0
     again = json.loads(capsys.readouterr().out)

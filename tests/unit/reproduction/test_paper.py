@@ -207,6 +207,7 @@ class TestWhole:
         execute([tables.gauss_newton(Blind()), *many_curves.jobs(SMALL)], 1, shares.append)
         assert sum(shares) == pytest.approx(1.0)
 
+    @pytest.mark.long
     def test_another_seed_is_another_study(self, small):
         runs = tables.stochastic(replace(SMALL, seed=1), Blind(), 50, 1)
         first = tables.stochastic(SMALL, Blind(), 50, 1)
