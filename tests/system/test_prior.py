@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 
 import numpy as np
+import pytest
 
 from skinlab.cli.main import run
 from skinlab.inference.identify import Identifier
@@ -30,6 +31,7 @@ def population(folder):
     return path
 
 
+@pytest.mark.long
 def test_measured_with_a_prior_and_replayed_to_the_same_bits(tmp_path, capsys):
     prior = population(tmp_path)
     common = ["measure", "--port", "sim://?seed=1&speed=20", "--aperture-mm", "6"]

@@ -112,6 +112,7 @@ class Command:
             stream.close()
 
 
+@pytest.mark.long
 def test_two_curves_that_a_person_starts_and_their_replay(tmp_path, here, dialect):
     with (
         instrument("--pty") as (url, person),  # the others are behind --tcp

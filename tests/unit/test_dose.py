@@ -23,6 +23,7 @@ def measure(out, *options):
     return skinlab(["measure", "--port", PORT, *SETUP, "--out", str(out), *options])
 
 
+@pytest.mark.long
 def test_measured_recorded_and_said(tmp_path, capsys):
     path = tmp_path / "visit.h5"
     status = measure(path, "--repeats", "2", "--rest-s", "0", "--json")

@@ -140,10 +140,10 @@ HTML = ["export", "s.h5", "--to", "html", "html", "--reference", "reference.toml
         ["recover", CSV],
         ["export", "s.h5", "--to", "csv", "csv"],
         ["export", "s.h5", "--to", "json", "json"],
-        ["export", "s.h5", "--to", "svg", EVIL_FILE],
+        pytest.param(["export", "s.h5", "--to", "svg", EVIL_FILE], marks=pytest.mark.long),
         ["export", "s.h5", "--to", "fhir", "fhir"],
         ["export", "s.h5", "--to", "parameters", "parameters"],
-        pytest.param(HTML, marks=pytest.mark.long),  # with its pictures, which are SVG as above
+        pytest.param(HTML, marks=pytest.mark.long),  # with its pictures
         ["export", "s.h5", "--to", "html", "html", "--reference", EVIL_FILE],
         ["study", "people", "--out", "study", "--workers", "1"],
         ["study", "people", "--out", EVIL_FILE + "s", "--workers", "1", "--json"],

@@ -45,9 +45,14 @@ def database(folder, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def path(folder, database):
-    skin, out = folder / "skin.toml", folder / "visit.h5"
-    skin.write_text(SKIN, encoding="utf-8")
+def skin(folder):
+    (folder / "skin.toml").write_text(SKIN, encoding="utf-8")
+    return folder / "skin.toml"
+
+
+@pytest.fixture(scope="module")
+def path(folder, database, skin):
+    out = folder / "visit.h5"
     port = f"sim://?seed=3&speed=10&skin={skin}"
     program = ["--program", "ramp:60@20", "--repeats", "2", "--rest-s", "0"]
     told = ["measure", "--port", port, *GEOMETRY, *program, "--database", str(database)]
@@ -151,10 +156,9 @@ def test_what_is_missing_is_looked_for_in_that_law_and_database(path, database, 
     analysis.close()
 
 
-def test_without_a_screen_ui_measures_with_it(database, tmp_path, monkeypatch, capsys):
+def test_without_a_screen_ui_measures_with_it(database, skin, tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("TEXTUAL_DRIVER", "")
     told = ["ui", "--sessions", str(tmp_path), "--database", str(database)]
-    skin = database.with_name("skin.toml")
     assert run([*told, "--port", f"sim://?seed=1&speed=10&skin={skin}"]) in (0, 3)
     (saved,) = tmp_path.glob("*.h5")
     session = read_session(saved)

@@ -261,6 +261,7 @@ def test_an_effect_whose_model_does_not_hold_is_told_of(table):
     assert f"{effect_words('surface_layer')}: {not_screened['surface_layer']}" in said
 
 
+@pytest.mark.long
 def test_what_is_kept_comes_back_whole(off_zero, explained, tmp_path):
     outcome = explained
     cache.save("a", outcome, tmp_path)
