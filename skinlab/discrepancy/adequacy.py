@@ -18,6 +18,7 @@ from skinlab.inference.error_models.quantised import step_um
 Array = NDArray[np.float64]
 
 _LAGS = range(1, ERRORS.neighbours + 1)
+_LOST = 3.5  # last samples without which a repeat is not cut short yet
 
 
 @dataclass(frozen=True)
@@ -105,8 +106,8 @@ def _in_common(
     """
     means, product, pairs, stretches = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
     for members in by_condition(records):
-        places = _stretches(records[members[0]])
         same = _same_moments(records, members, left)
+        places = [at for at in _stretches(records[members[0]]) if at[1] <= same.shape[1]]
         common = np.sqrt(len(same)) * same.mean(axis=0)
         for kind, rows in enumerate((common[None], same - same.mean(axis=0))):
             more = 1 if kind == 0 else len(same) - 1
@@ -129,10 +130,12 @@ def _in_common(
 def _same_moments(
     records: Sequence[Record], members: Sequence[int], left: Sequence[Array]
 ) -> Array:
-    """Return what is left of repeats (repeats, n) at the moments of the first one's samples."""
-    first, *others = (records[i].curve.time_s - records[i].curve.time_s[0] for i in members)
-    rows = [left[members[0]]]
-    for time, i in zip(others, members[1:], strict=True):
+    """Return what is left of repeats (repeats, n) at the first one's samples, while all go on."""
+    times = [records[i].curve.time_s - records[i].curve.time_s[0] for i in members]
+    lost = _LOST * float(np.median(np.diff(times[0])))
+    first = times[0][times[0] <= min(time[-1] for time in times) + lost]
+    rows = []
+    for time, i in zip(times, members, strict=True):
         after = np.clip(np.searchsorted(time, first), 1, len(time) - 1)
         nearer = first - time[after - 1] < time[after] - first
         rows.append(left[i][np.where(nearer, after - 1, after)])

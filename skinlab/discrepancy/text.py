@@ -129,7 +129,8 @@ def doubt_words(outcome: Outcome) -> list[str]:
     if outcome.found.implausible:
         lines.append(f"Too large for errors of a measurement: {outcome.found.implausible}.")
     left = (outcome.verdict.explanations or [outcome.found.base])[0].left
-    if left.by_errors < ERRORS.adequate <= left.p_value:
+    moves = outcome.learned is not None and outcome.learned.family.own_of_each
+    if not moves and left.by_errors < ERRORS.adequate <= left.p_value:
         lines.append(
             "What is left is not quite noise, but each repeat has it for itself: it is not the "
             "model's fault."

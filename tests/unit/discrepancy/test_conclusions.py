@@ -12,8 +12,9 @@ from skinlab.discrepancy.adequacy import Residual, look
 from skinlab.discrepancy.discipline import Trial
 from skinlab.discrepancy.fit import Fit
 from skinlab.discrepancy.heldout import conditions_of, predict_held_out
+from skinlab.discrepancy.misfit import errors_of
 from skinlab.discrepancy.next_measurement import MENU, PlannedErrors, advise
-from skinlab.discrepancy.records import records_of
+from skinlab.discrepancy.records import records_of, without
 from skinlab.discrepancy.search import Candidate, Found
 from skinlab.discrepancy.settings import ERRORS
 from skinlab.discrepancy.table_domes import TableDomes
@@ -103,6 +104,32 @@ def test_what_repeats_have_in_common_stays_its_fault(repeats):
     ).T
     assert np.mean(p < 0.05) > 0.35
     assert (p >= by_errors).all()
+
+
+def test_a_repeat_that_was_cut_short_excuses_nothing(repeats):
+    """What it read last is no error of all that the others read after it."""
+    fitter, zero = repeats
+    cut = len(RAMPS)
+    long = [np.arange(len(w)) < (20 if i == cut else len(w)) for i, w in enumerate(zero)]
+    records = without(fitter.records, long)
+    errors = errors_of(records)
+    rng = np.random.default_rng(8)
+    seen = []
+    for _ in range(40):
+        noise = errors.split(rng.normal(size=errors.count) * errors.sigma_mm)
+        phases = np.tile(rng.uniform(0, 6, len(RAMPS)), 3)
+        off = [
+            w[kept] + n + 6e-4 * np.sin(2 * np.pi * 0.5 * record.curve.time_s + phase)
+            for w, kept, n, record, phase in zip(zero, long, noise, records, phases, strict=True)
+        ]
+        each = []
+        for last_mm in (0.0, 8e-3):
+            off[cut][-1] += last_mm
+            each.append(look(records, errors, off, 0).p_value)
+        seen.append(each)
+    plain, ends_badly = np.array(seen).T
+    assert np.mean(plain < 0.05) > 0.35
+    assert np.mean(ends_badly < 0.05) > 0.9 * np.mean(plain < 0.05)
 
 
 def test_without_repeats_nothing_says_whose_fault_it_is(looks):
