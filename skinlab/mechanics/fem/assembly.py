@@ -210,7 +210,9 @@ class Assembly:
 
     def full(self, unknowns: Array) -> Array:
         """Return displacements (2 nodes,) in mm, the fixed ones zero."""
-        return np.asarray(np.append(unknowns, 0.0)[self.equation])
+        with_fixed = np.zeros(self.n + 1)
+        with_fixed[:-1] = unknowns
+        return with_fixed[self.equation]
 
     def deformation_gradients(self, displacements: Array) -> Array:
         """Return F (5, m, q) at the quadrature points."""

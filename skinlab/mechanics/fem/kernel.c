@@ -22,7 +22,7 @@
 #define MOST_NODES 9
 #define SPAN (CHUNK * MOST_POINTS)
 #define BLOCK 8  /* columns that are factorised together */
-#define TILE 16  /* rows that are kept in registers */
+#define TILE 8   /* rows that are kept in registers */
 
 /* In one register of most processors: where there are none so wide, wider ones go through memory. */
 typedef double Four __attribute__((vector_size(32), aligned(8)));
@@ -58,7 +58,8 @@ typedef struct {
 INLINE void strain(const Mesh *s, const int q, const int a, int64_t e, const double *restrict u,
                    double *restrict f, double *restrict i1, double *restrict i2, double *restrict det) {
     const int64_t n = s->elements * q, at = e * q;
-    double value[6][MOST_POINTS] = {{0}};
+    double value[5][MOST_POINTS];
+    for (int p = 0; p < q; p++) value[0][p] = value[1][p] = value[2][p] = value[3][p] = value[4][p] = 0;
     for (int k = 0; k < a; k++) {
         const int64_t node = s->element[e * a + k];
         const double ur = u[2 * node], uz = u[2 * node + 1];
@@ -427,63 +428,70 @@ const char *skinlab_source(void) { return SKINLAB_SOURCE; }
  * are longer than the band by zeros, BLOCK + TILE of them, and there are whole blocks of columns, so
  * that no loop has to look where the band ends.
  */
-/* Takes from 8 rows of 4 columns what the columns k to `end` have in common with them: `rows` and `columns`
- * point at column k, row and column; eight sums stay in registers. */
+/* Takes from 8 rows of 4 columns, `here`, what the columns k to `end` have in common with them: `rows` and
+ * `columns` point at column k, row and column; eight sums stay in registers. */
 INLINE void eliminate(const double *rows, const double *columns, int64_t ld, int64_t k, int64_t end,
-                      double (*restrict sum)[TILE]) {
-    Four a0 = load4(sum[0]), a1 = load4(sum[1]), a2 = load4(sum[2]), a3 = load4(sum[3]);
-    Four b0 = load4(sum[0] + 4), b1 = load4(sum[1] + 4), b2 = load4(sum[2] + 4), b3 = load4(sum[3] + 4);
+                      Four sum[8]) {
+    Four a0 = sum[0], a1 = sum[1], a2 = sum[2], a3 = sum[3];
+    Four b0 = sum[4], b1 = sum[5], b2 = sum[6], b3 = sum[7];
     for (; k < end; k++, rows += ld, columns += ld) {
         const Four a = load4(rows), b = load4(rows + 4);
         a0 -= a * columns[0], a1 -= a * columns[1], a2 -= a * columns[2], a3 -= a * columns[3];
         b0 -= b * columns[0], b1 -= b * columns[1], b2 -= b * columns[2], b3 -= b * columns[3];
     }
-    *(Four *)sum[0] = a0, *(Four *)sum[1] = a1, *(Four *)sum[2] = a2, *(Four *)sum[3] = a3;
-    *(Four *)(sum[0] + 4) = b0, *(Four *)(sum[1] + 4) = b1;
-    *(Four *)(sum[2] + 4) = b2, *(Four *)(sum[3] + 4) = b3;
+    sum[0] = a0, sum[1] = a1, sum[2] = a2, sum[3] = a3;
+    sum[4] = b0, sum[5] = b1, sum[6] = b2, sum[7] = b3;
+}
+
+/* 8 rows from i0 on of 4 columns from j on: `k` is the first column that reaches the rows. `low` points at
+ * the factor of the columns themselves, `scale` at 1 / its diagonal. */
+INLINE void below(double *band, int64_t ld, int64_t k, int64_t i0, int64_t j, const double *scale) {
+    double *here = band + j * ld + i0;
+    const double *low = band + j * ld + j;
+    Four x[8];
+    for (int c = 0; c < 4; c++) x[c] = load4(here + c * ld), x[4 + c] = load4(here + c * ld + 4);
+    eliminate(band + k * ld + i0, band + k * ld + j, ld, k, j, x);
+    for (int c = 0; c < 4; c++) {
+        for (int d = 0; d < c; d++) {
+            const double common = low[d * ld + c];
+            x[c] -= x[d] * common, x[4 + c] -= x[4 + d] * common;
+        }
+        x[c] *= scale[c], x[4 + c] *= scale[c];
+        *(Four *)(here + c * ld) = x[c], *(Four *)(here + c * ld + 4) = x[4 + c];
+    }
 }
 
 FAST int64_t skinlab_factorise(int64_t unknowns, int64_t width, double *band, double *inverse) {
     const int64_t ld = width - 1, reach = width - 1 - BLOCK - TILE; /* of the band itself */
     for (int64_t j = unknowns; j % BLOCK; j++) band[j * width] = 1.0;
     for (int64_t j0 = 0; j0 < unknowns; j0 += BLOCK) {
-        double *diagonal = band + j0 * ld + j0;
-        double scale[BLOCK], low[BLOCK][BLOCK], x[BLOCK][TILE];
-        { /* the block on the diagonal */
+        for (int64_t j = j0; j < j0 + BLOCK; j += 4) { /* the block on the diagonal, and what is above it */
             const int64_t k = j0 - reach > 0 ? j0 - reach : 0;
-            const double *column = band + k * ld + j0;
-            for (int c = 0; c < BLOCK; c++) memcpy(x[c], diagonal + c * ld, BLOCK * sizeof *diagonal);
-            eliminate(column, column, ld, k, j0, x);
-            eliminate(column, column + 4, ld, k, j0, x + 4);
-            for (int c = 0; c < BLOCK; c++) {
-                for (int d = 0; d < c; d++)
-                    for (int i = 0; i < BLOCK; i++) x[c][i] -= x[d][i] * low[c][d];
-                const double square = x[c][c];
-                if (!(square > 0.0) || !isfinite(square)) return j0 + c + 1;
-                scale[c] = 1.0 / sqrt(square);
-                inverse[j0 + c] = scale[c];
-                for (int i = 0; i < BLOCK; i++) x[c][i] *= scale[c];
-                for (int i = c; i < BLOCK; i++) {
-                    low[i][c] = x[c][i];
-                    diagonal[c * ld + i] = low[i][c];
+            double *here = band + j * ld + j0;
+            double x[4][8];
+            Four sum[8];
+            for (int c = 0; c < 4; c++) sum[c] = load4(here + c * ld), sum[4 + c] = load4(here + c * ld + 4);
+            eliminate(band + k * ld + j0, band + k * ld + j, ld, k, j, sum);
+            for (int c = 0; c < 4; c++) *(Four *)x[c] = sum[c], *(Four *)(x[c] + 4) = sum[4 + c];
+            for (int c = 0; c < 4; c++) {
+                const int row = (int)(j - j0) + c;
+                const double square = x[c][row];
+                if (!(square > 0.0) || !isfinite(square)) return j + c + 1;
+                const double scale = 1.0 / sqrt(square);
+                inverse[j + c] = scale;
+                Four low = scale * load4(x[c]), high = scale * load4(x[c] + 4);
+                *(Four *)x[c] = low, *(Four *)(x[c] + 4) = high;
+                for (int d = c + 1; d < 4; d++) {
+                    const double common = x[c][row - c + d];
+                    *(Four *)x[d] -= low * common, *(Four *)(x[d] + 4) -= high * common;
                 }
+                for (int i = row; i < BLOCK; i++) here[c * ld + i] = x[c][i];
             }
         }
         for (int64_t i0 = j0 + BLOCK; i0 < j0 + BLOCK + reach; i0 += TILE) {
-            double *here = band + j0 * ld + i0;
             const int64_t k = i0 - reach > 0 ? i0 - reach : 0;
-            const double *column = band + k * ld;
-            for (int c = 0; c < BLOCK; c++) memcpy(x[c], here + c * ld, sizeof x[c]);
-            for (int c = 0; c < BLOCK; c += 4) {
-                eliminate(column + i0, column + j0 + c, ld, k, j0, x + c);
-                eliminate(column + i0 + 8, column + j0 + c, ld, k, j0, (double (*)[TILE])(x[c] + 8));
-            }
-            for (int c = 0; c < BLOCK; c++) {
-                for (int d = 0; d < c; d++)
-                    for (int i = 0; i < TILE; i++) x[c][i] -= x[d][i] * low[c][d];
-                for (int i = 0; i < TILE; i++) x[c][i] *= scale[c];
-                memcpy(here + c * ld, x[c], sizeof x[c]);
-            }
+            below(band, ld, k, i0, j0, inverse + j0);
+            below(band, ld, k, i0, j0 + 4, inverse + j0 + 4);
         }
     }
     return 0;
