@@ -319,52 +319,48 @@ class Assembly:
             least_acoustic=lambda: compiled.ellipticity(f, energy, stress_2pk),
         )
 
-    def internal_forces(
-        self, unknowns: Array, sums: Sequence[Sequence[tuple[float, Mapping[str, Any]]]]
+    def virtual_work(
+        self,
+        unknowns: Array,
+        direction: Array,
+        pressure_mpa: float,
+        sums: Sequence[Sequence[tuple[float, Mapping[str, Any]]]],
     ) -> Array | None:
-        """Return sums (k, dofs) of internal forces, N: of each a factor, and its parameters.
+        """Return the residual's work (k,) along a direction (dofs,), N mm per mm of it.
 
-        With the compiled loops parameters may be arrays (k, 1, 1): then a sum is k of them. None
-        where an element is turned inside out.
+        Of each of `sums`: internal forces, a factor and the energy's parameters of each, less the
+        suction's. With the compiled loops parameters may be arrays (k, 1, 1): then a sum is k of
+        them. None where an element is turned inside out.
         """
-        u = self.full(unknowns)
-        if self._kernel is not None:
-            rows: list[Array] = []
-            f, i1, i2, det = self._kernel.strain(u)
-            if not det.min() > 0.0:
-                return None
-            for terms in sums:
-                first: list[Any] = []
-                for factor, parameters in terms:
-                    by_invariants = self.law.first_derivatives(i1, i2, det, parameters)
-                    own = [x if factor == 1.0 else factor * x for x in by_invariants]
-                    first = [x + y for x, y in zip(first, own, strict=True)] if first else own
-                parts = [x.reshape(-1, *det.shape) for x in np.broadcast_arrays(*first)]
-                rows += [self._kernel.forces(u, f, one)[0] for one in zip(*parts, strict=True)]
-            return np.array(rows).reshape(-1, self.n)
-        found = np.zeros((len(sums), self.n))
-        for k, terms in enumerate(sums):
-            for factor, parameters in terms:
-                state = self.evaluate(unknowns, 0.0, parameters)
-                if state is None:
-                    return None
-                found[k] += factor * state.residual
-        return found
-
-    def unbalanced(
-        self, unknowns: Array, pressure_mpa: float, parameters: Mapping[str, Any]
-    ) -> Array | None:
-        """Return the residual (dofs,) alone, N; None where an element is turned inside out."""
         if self._kernel is None:
-            state = self.evaluate(unknowns, pressure_mpa, parameters)
-            return None if state is None else state.residual
+            found = np.zeros(len(sums))
+            for k, terms in enumerate(sums):
+                load = np.zeros(self.n)
+                for factor, parameters in terms:
+                    state = self.evaluate(unknowns, 0.0, parameters)
+                    if state is None:
+                        return None
+                    found[k] += factor * (state.residual @ direction)
+                    load = state.load
+                found[k] -= pressure_mpa * (load @ direction)
+            return found
         u = self.full(unknowns)
         f, i1, i2, det = self._kernel.strain(u)
         if not det.min() > 0.0:
             return None
-        by_invariants = self.law.first_derivatives(i1, i2, det, parameters)
-        internal, load = self._kernel.forces(u, f, by_invariants)
-        return internal - pressure_mpa * load
+        changes, load = self._kernel.rates(u, f, self.full(direction))
+        work = []
+        for terms in sums:
+            total: Any = -pressure_mpa * (load @ direction)
+            for factor, parameters in terms:
+                by_invariants = self.law.first_derivatives(i1, i2, det, parameters)
+                for slope, change in zip(by_invariants, changes, strict=True):
+                    if np.shape(slope) == change.shape:
+                        total = total + factor * np.vdot(slope, change)
+                    else:  # several, or a constant
+                        total = total + factor * (slope * change).sum(axis=(-2, -1))
+            work.append(np.atleast_1d(total))
+        return np.concatenate(work)
 
     def forces(self, f: Array, stress_2pk: Array) -> Array:
         """Return the internal forces (dofs,) of a second Piola-Kirchhoff stress (4, m, q), in N."""

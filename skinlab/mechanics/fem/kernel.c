@@ -55,10 +55,9 @@ typedef struct {
 #define AT(i, k) ((i) * ((i) + 1) / 2 + (k))
 #define PAIRS 15
 
-INLINE void strain(const Mesh *s, const int q, const int a, int64_t e, const double *restrict u,
-                   double *restrict f, double *restrict i1, double *restrict i2, double *restrict det) {
-    const int64_t n = s->elements * q, at = e * q;
-    double value[5][MOST_POINTS];
+/* The gradient of displacements `u` at the points of an element: rr, rz, zr, zz, hoop. */
+INLINE void gradient(const Mesh *s, const int q, const int a, int64_t e, const double *restrict u,
+                     double value[5][MOST_POINTS]) {
     for (int p = 0; p < q; p++) value[0][p] = value[1][p] = value[2][p] = value[3][p] = value[4][p] = 0;
     for (int k = 0; k < a; k++) {
         const int64_t node = s->element[e * a + k];
@@ -67,11 +66,18 @@ INLINE void strain(const Mesh *s, const int q, const int a, int64_t e, const dou
         for (int p = 0; p < q; p++) {
             value[0][p] += ur * g[p];
             value[1][p] += ur * g[a * q + p];
-            value[4][p] += ur * g[2 * a * q + p];
             value[2][p] += uz * g[p];
             value[3][p] += uz * g[a * q + p];
+            value[4][p] += ur * g[2 * a * q + p];
         }
     }
+}
+
+INLINE void strain(const Mesh *s, const int q, const int a, int64_t e, const double *restrict u,
+                   double *restrict f, double *restrict i1, double *restrict i2, double *restrict det) {
+    const int64_t n = s->elements * q, at = e * q;
+    double value[5][MOST_POINTS];
+    gradient(s, q, a, e, u, value);
     const double s0 = s->start[e], s1 = s->start[s->elements + e], s2 = s->start[2 * s->elements + e];
     for (int p = 0; p < q; p++) {
         const double rr = value[0][p] + s0, rz = value[1][p], zr = value[2][p];
@@ -366,25 +372,34 @@ FAST double skinlab_assemble(const Mesh *s, const double *u, const double *f, co
     return suction(s, u, pressure, band, load);
 }
 
-/* The same without the tangent; of the energy the first derivatives are enough. */
-FAST double skinlab_forces(const Mesh *s, const double *u, const double *f, const double *d_i1,
-                           const double *d_i2, const double *d_j, double *internal, double *load) {
-    const int q = (int)s->points, a = (int)s->nodes;
-    const int64_t n = s->elements * q;
-    const Energy w = {.i1 = d_i1, .i2 = d_i2, .j = d_j};
-    double stress[5][SPAN];
-    for (int64_t e0 = 0; e0 < s->elements; e0 += CHUNK) {
-        const int64_t left = s->elements - e0;
-        const int many = left < CHUNK ? (int)left : CHUNK;
-        stress_at(f, n, e0 * q, many * q, &w, 0, stress);
-        for (int k = 0; k < many; k++) {
-            if (q == 9 && a == 8)
-                force_of(s, 9, 8, e0 + k, 9 * k, (const double (*)[SPAN])stress, internal);
-            else
-                force_of(s, q, a, e0 + k, q * k, (const double (*)[SPAN])stress, internal);
-        }
+INLINE void rates(const Mesh *s, const int q, const int a, int64_t e, const double *restrict f,
+                  const double *restrict v, double *restrict i1, double *restrict i2,
+                  double *restrict det) {
+    const int64_t n = s->elements * q, at = e * q;
+    double value[5][MOST_POINTS];
+    gradient(s, q, a, e, v, value);
+    for (int p = 0; p < q; p++) {
+        const double rr = f[at + p], rz = f[n + at + p], zr = f[2 * n + at + p], zz = f[3 * n + at + p];
+        const double h = f[4 * n + at + p], w = s->volumes[at + p], dh = value[4][p];
+        const double plane = rr * rr + rz * rz + zr * zr + zz * zz, j = rr * zz - rz * zr;
+        const double d_plane = 2 * (rr * value[0][p] + rz * value[1][p] + zr * value[2][p] + zz * value[3][p]);
+        const double d_j = zz * value[0][p] - zr * value[1][p] - rz * value[2][p] + rr * value[3][p];
+        i1[at + p] = w * (d_plane + 2 * h * dh);
+        i2[at + p] = w * (2 * j * d_j + h * h * d_plane + 2 * h * plane * dh);
+        det[at + p] = w * (h * d_j + j * dh);
     }
-    return suction(s, u, 0.0, 0, load);
+}
+
+/* How I1, I2 and det F change along displacements `v`, times the points' volumes, and the load. */
+FAST void skinlab_rates(const Mesh *s, const double *u, const double *f, const double *v, double *i1,
+                        double *i2, double *det, double *load) {
+    for (int64_t e = 0; e < s->elements; e++) {
+        if (s->points == 9 && s->nodes == 8)
+            rates(s, 9, 8, e, f, v, i1, i2, det);
+        else
+            rates(s, (int)s->points, (int)s->nodes, e, f, v, i1, i2, det);
+    }
+    suction(s, u, 0.0, 0, load);
 }
 
 /* The least eigenvalue of the acoustic tensor over directions in the r-z plane and over all points. */

@@ -46,7 +46,7 @@ def load(path: Path, source: Path) -> ctypes.CDLL | None:
         return None
     found.skinlab_strain.argtypes = [_POINTER] * 6
     found.skinlab_assemble.argtypes = [*[_POINTER] * 5, _REAL, *[_POINTER] * 3]
-    found.skinlab_forces.argtypes = [_POINTER] * 8
+    found.skinlab_rates.argtypes = [_POINTER] * 8
     found.skinlab_ellipticity.argtypes = [_POINTER] * 4
     found.skinlab_factorise.argtypes = [_INTEGER, _INTEGER, _POINTER, _POINTER]
     found.skinlab_solve.argtypes = [
@@ -64,9 +64,8 @@ def load(path: Path, source: Path) -> ctypes.CDLL | None:
         _INTEGER, _INTEGER, *[_POINTER] * 4, _INTEGER, _POINTER, _INTEGER, _POINTER,
     ]  # fmt: skip
     found.skinlab_spline.restype = _INTEGER
-    found.skinlab_strain.restype = found.skinlab_solve.restype = None
-    found.skinlab_assemble.restype = found.skinlab_forces.restype = _REAL
-    found.skinlab_ellipticity.restype = _REAL
+    found.skinlab_strain.restype = found.skinlab_rates.restype = found.skinlab_solve.restype = None
+    found.skinlab_assemble.restype = found.skinlab_ellipticity.restype = _REAL
     found.skinlab_factorise.restype = _INTEGER
     return found
 
@@ -179,23 +178,18 @@ class Kernel:
         if len(self._spare) < _SPARES:
             self._spare.append(band)
 
-    def forces(
-        self, displacements: Array, f: Array, by_invariants: tuple[Array, Array, Array]
-    ) -> tuple[Array, Array]:
-        """Return internal forces and load per MPa (dofs,), of an energy's first derivatives."""
-        forces = np.zeros((2, self.unknowns + 1))
-        d_i1, d_i2, d_j = (self._whole(x) for x in by_invariants)
-        self.library.skinlab_forces(
-            self._at, _address(displacements), _address(f),
-            _address(d_i1), _address(d_i2), _address(d_j),
-            _address(forces[0]), _address(forces[1]),
-        )  # fmt: skip
-        return forces[0, :-1], forces[1, :-1]
+    def rates(self, displacements: Array, f: Array, direction: Array) -> tuple[Array, Array]:
+        """Return how I1, I2 and det F change along a direction, and the load per MPa (dofs,).
 
-    def _whole(self, values: Array) -> Array:
-        if np.shape(values) != self.shape:
-            values = np.broadcast_to(values, self.shape)
-        return np.ascontiguousarray(values, dtype=np.float64)
+        The changes (3, m, q) are times the points' volumes.
+        """
+        changes = np.empty((3, *self.shape))
+        load = np.zeros(self.unknowns + 1)
+        self.library.skinlab_rates(
+            self._at, _address(displacements), _address(f), _address(direction),
+            *(_address(change) for change in changes), _address(load),
+        )  # fmt: skip
+        return changes, load[:-1]
 
     def ellipticity(self, f: Array, energy: Energy, stress_2pk: Array | None) -> float:
         """Return the least of `admissibility.ellipticity` over all points."""

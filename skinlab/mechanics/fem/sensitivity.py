@@ -92,21 +92,24 @@ def solve_with_slopes(
     at: list[float] = []
 
     def look(pressure_mpa: float, point: Point) -> None:
-        rise = np.full((len(changes), assembly.n), np.nan)
-        law_rise = assembly.internal_forces(point.unknowns, rises)
-        if law_rise is not None:
-            rise[in_law] = law_rise
-        for i, (up, down) in enumerate(moved):
-            if i not in in_law:
-                ends = [
-                    each.assembly.unbalanced(point.unknowns, pressure_mpa, each.parameters())
-                    for each in (up, down)
-                ]
-                if ends[0] is not None and ends[1] is not None:
-                    rise[i] = ends[0] - ends[1]
         # The tangent's skew part is proportional to the pressure: with −p it is transposed.
         adjoint = solve_linear(point.factor, point.state, -pressure_mpa, by_apex)
-        columns.append(-(rise @ adjoint) / steps)
+        rise = np.full(len(changes), np.nan)
+        if in_law:
+            of_law = assembly.virtual_work(point.unknowns, adjoint, 0.0, rises)
+            if of_law is not None:
+                rise[in_law] = of_law
+        for i, pair in enumerate(moved):
+            if i not in in_law:
+                ends = [
+                    each.assembly.virtual_work(
+                        point.unknowns, adjoint, pressure_mpa, [[(1.0, each.parameters())]]
+                    )
+                    for each in pair
+                ]
+                if ends[0] is not None and ends[1] is not None:
+                    rise[i] = (ends[0] - ends[1])[0]
+        columns.append(-rise / steps)
         at.append(pressure_mpa / MBAR)
 
     curve = trace(
