@@ -25,6 +25,11 @@ class Verdict:
         """Whether there is one explanation, which a model may adopt."""
         return self.name in ("named", "learned")
 
+    def without(self, first: int) -> Verdict:
+        """Return the verdict without so many of its first explanations."""
+        left = self.explanations[first:]
+        return Verdict("named" if first and len(left) == 1 else self.name, left)
+
 
 def decide(found: Found) -> Verdict:
     """Return the verdict.

@@ -207,7 +207,10 @@ def _discipline(search: Search, candidates: Sequence[Candidate]) -> Discipline:
 
 
 def _tried(search: Search, found: Found, first: Verdict, progress: Callable[[str], None]) -> _Tried:
-    """Return what is left of a verdict after the trials of its first explanation."""
+    """Return what is left of a verdict after the trials of its first explanation.
+
+    Where that one of a tie fails, the others are none the less for it: the next one is tried.
+    """
     assert search.errors is not None
     fitter = search.fitter
     # From here on with the errors as the best explanation sees them: those by which explanations
@@ -225,10 +228,19 @@ def _tried(search: Search, found: Found, first: Verdict, progress: Callable[[str
     if not first.explanations:
         return tried
     progress("trying whether the explanation is there again in parts of the data")
-    best = first.explanations[0]
     serving = [c for c in found.candidates if c.adequate]
-    discipline = _discipline(search, (found.base, best, *serving[: NAMES.most_tied]))
-    stood = discipline.trials(best, found.base, serving, parts, held[best.effects])
-    if first.name != "learned" and all(trial.passed for trial in stood):
-        stood.append(against_families(search, found.base, best))
-    return replace(tried, verdict=disciplined(first, found, stood), trials=tuple(stood))
+    others = [*first.explanations[: NAMES.most_tied], *serving[: NAMES.most_tied]]
+    discipline = _discipline(search, (found.base, *others))
+
+    def trials(best: Candidate) -> tuple[Trial, ...]:
+        stood = discipline.trials(best, found.base, serving, parts, held[best.effects])
+        if first.name != "learned" and all(trial.passed for trial in stood):
+            stood.append(against_families(search, found.base, best))
+        return tuple(stood)
+
+    each: list[tuple[Trial, ...]] = []
+    for i, best in enumerate(first.explanations[: NAMES.most_tied]):
+        each.append(trials(best))
+        if all(trial.passed for trial in each[-1]):
+            return replace(tried, verdict=first.without(i), trials=each[-1])
+    return replace(tried, verdict=disciplined(first, found, each[0]), trials=each[0])

@@ -157,10 +157,11 @@ class Energy(ABC):
         kappa = parameters.get(KAPPA)
         if kappa is None:
             return iso
+        change = j - 1.0
         return replace(
             iso,
-            energy=iso.energy + 0.5 * kappa * (j - 1.0) ** 2,
-            d_j=iso.d_j + kappa * (j - 1.0),
+            energy=iso.energy + 0.5 * kappa * change**2,
+            d_j=iso.d_j + kappa * change,
             d_j_j=iso.d_j_j + kappa,
         )
 

@@ -11,6 +11,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from skinlab.mechanics.materials.base import KAPPA, Array, First, Law, Potential
 from skinlab.parameters import Nodes, Parameter, Search
 
@@ -69,15 +71,16 @@ class ExtendedNeoHookean(Law):
         j1_j, j2_j = a_j * i1, b_j * i2
         j1_jj = -5.0 / 3.0 * j1_j / j
         j2_jj = -7.0 / 3.0 * j2_j / j
+        x2_a, none = x2 * a, np.zeros_like(i1)
         return Potential(
-            energy=x1 * e1 + x2 * e1 * e2,
+            energy=x1 * e1 + w2 * e2,
             d_i1=w1 * a,
             d_i2=w2 * b,
             d_j=w1 * j1_j + w2 * j2_j,
-            d_i1_i1=0.0 * i1,
-            d_i1_i2=x2 * a * b,
-            d_i2_i2=0.0 * i1,
-            d_i1_j=w1 * a_j + x2 * a * j2_j,
+            d_i1_i1=none,
+            d_i1_i2=x2_a * b,
+            d_i2_i2=none,
+            d_i1_j=w1 * a_j + x2_a * j2_j,
             d_i2_j=w2 * b_j + x2 * b * j1_j,
             d_j_j=w1 * j1_jj + w2 * j2_jj + 2.0 * x2 * j1_j * j2_j,
         )
