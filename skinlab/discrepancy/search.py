@@ -483,9 +483,10 @@ class Search:
         So do all where what is `known` explains, and they will not.
         """
         found: list[Candidate] = []
-        for i in range(0, len(tasks), SEARCH.abreast):
+        # The likeliest alone: what it explains ends all others early.
+        for i in (0, *range(1, len(tasks), SEARCH.abreast)):
             limit = self._limit(base, [*known, *found])
-            found += self._fits(pool, base, tasks[i : i + SEARCH.abreast], limit)
+            found += self._fits(pool, base, tasks[i : i + SEARCH.abreast if i else 1], limit)
         return found
 
     @staticmethod

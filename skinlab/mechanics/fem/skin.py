@@ -112,27 +112,37 @@ class SkinProblem:
 
     def __post_init__(self) -> None:
         """Refuse what cannot be."""
-        for name, positive in (
-            ("stretch", True),
-            ("slip_mm", False),
-            ("stiffness", True),
-            ("preload_mbar", False),
+        # At once first: searches make thousands of problems.
+        inf = math.inf
+        if not (
+            0 < self.stretch < inf and 0 <= self.slip_mm < inf
+            and 0 < self.stiffness < inf and 0 <= self.preload_mbar < inf
+        ):  # fmt: skip
+            self._refuse()
+        if self.above:
+            inside = sum(layer.thickness_mm for layer in self.above)
+            if inside >= self.geometry.thickness_mm:
+                raise InputError(
+                    f"layers of {inside:g} mm inside a skin of {self.geometry.thickness_mm:g} mm: "
+                    "expected less than the skin"
+                )
+        if self.slip_mm:
+            room = self.geometry.outer_radius_mm - self.geometry.radius_mm
+            if self.slip_mm >= 0.5 * room:
+                raise InputError(f"slip_mm {self.slip_mm:g}: expected less than {0.5 * room:g} mm")
+        if self.prony and sum(term.g for term in self.prony) >= 1:
+            raise InputError("the shares g of the stress that relaxes: expected a sum below 1")
+
+    def _refuse(self) -> None:
+        for name, least in (
+            ("stretch", "positive"),
+            ("slip_mm", "zero or more"),
+            ("stiffness", "positive"),
+            ("preload_mbar", "zero or more"),
         ):
             value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0 and (value > 0 or not positive)):
-                wanted = "positive" if positive else "zero or more"
-                raise InputError(f"{name} {value:g}: expected a finite number, {wanted}")
-        inside = sum(layer.thickness_mm for layer in self.above)
-        if inside >= self.geometry.thickness_mm:
-            raise InputError(
-                f"layers of {inside:g} mm inside a skin of {self.geometry.thickness_mm:g} mm: "
-                "expected less than the skin"
-            )
-        room = self.geometry.outer_radius_mm - self.geometry.radius_mm
-        if self.slip_mm >= 0.5 * room:
-            raise InputError(f"slip_mm {self.slip_mm:g}: expected less than {0.5 * room:g} mm")
-        if sum(term.g for term in self.prony) >= 1:
-            raise InputError("the shares g of the stress that relaxes: expected a sum below 1")
+            if not (math.isfinite(value) and value >= 0 and (value > 0 or least != "positive")):
+                raise InputError(f"{name} {value:g}: expected a finite number, {least}")
 
     @property
     def elastic(self) -> SkinProblem:
@@ -170,15 +180,15 @@ class Body:
         self, i1: Array, i2: Array, j: Array, parameters: Mapping[str, Any]
     ) -> First:
         """Return first derivatives at invariants (m, q)."""
-        if self.own is not None:
-            found = self.potential(i1, i2, j, parameters)
-            return found.d_i1, found.d_i2, found.d_j
-        own, factor = parameters["own"], parameters["isochoric"]
-        total = self.law.first_derivatives(i1, i2, j, own[0], factor)
-        for term, each in zip(self.terms, own[1:], strict=True):
-            x, y, z = term.first_derivatives(i1, i2, j, each, factor)
-            total = total[0] + x, total[1] + y, total[2] + z
-        return total
+        own = self.own
+        if own is None:
+            return self._skin_first(i1, i2, j, parameters)
+        skin = self._skin_first(i1[own], i2[own], j[own], parameters)
+        other = LAYERS_LAW.first_derivatives(i1[~own], i2[~own], j[~own], parameters["layers"])
+        together = np.empty((3, *j.shape))
+        for values, mine, theirs in zip(together, skin, other, strict=True):
+            values[own], values[~own] = mine, theirs
+        return together[0], together[1], together[2]
 
     def rises(
         self, ends: Sequence[tuple[Mapping[str, Any], Mapping[str, Any]]], *, at_once: bool
@@ -221,6 +231,14 @@ class Body:
         for term, parameters in zip(self.terms, own[1:], strict=True):
             found = found + term.isochoric(i1, i2, j, parameters)
         return found
+
+    def _skin_first(self, i1: Array, i2: Array, j: Array, parameters: Mapping[str, Any]) -> First:
+        own, factor = parameters["own"], parameters["isochoric"]
+        total = self.law.first_derivatives(i1, i2, j, own[0], factor)
+        for term, each in zip(self.terms, own[1:], strict=True):
+            x, y, z = term.first_derivatives(i1, i2, j, each, factor)
+            total = total[0] + x, total[1] + y, total[2] + z
+        return total
 
     def _skin(self, i1: Array, i2: Array, j: Array, parameters: Mapping[str, Any]) -> Potential:
         own, factor = parameters["own"], parameters["isochoric"]

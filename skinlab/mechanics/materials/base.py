@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar, Protocol
 
@@ -158,12 +158,10 @@ class Energy(ABC):
         if kappa is None:
             return iso
         change = j - 1.0
-        return replace(
-            iso,
-            energy=iso.energy + 0.5 * kappa * change**2,
-            d_j=iso.d_j + kappa * change,
-            d_j_j=iso.d_j_j + kappa,
-        )
+        return Potential(
+            iso.energy + 0.5 * kappa * change**2, iso.d_i1, iso.d_i2, iso.d_j + kappa * change,
+            iso.d_i1_i1, iso.d_i1_i2, iso.d_i2_i2, iso.d_i1_j, iso.d_i2_j, iso.d_j_j + kappa,
+        )  # fmt: skip
 
 
 class Law(Energy):
