@@ -120,14 +120,18 @@ class Discipline:
         others: Sequence[Candidate],
         parts: Sequence[Mask],
         held: HeldOut,
+        tied: Sequence[Candidate] = (),
     ) -> list[Trial]:
-        """Return the tests of `best`; `parts` (u,) are what was held out, `held` what it left."""
+        """Return the tests of `best`; `parts` (u,) are what was held out, `held` what it left.
+
+        An explanation that is tied with it is told beside it, and may lead without a curve.
+        """
         rivals = [c for c in others if c is not best][: NAMES.tried_rivals]
         everything = np.ones(sum(len(r.curve) for r in self._records), dtype=bool)
         whole = self.ahead(best, base, everything)
         odds = best.log10_evidence - whole  # of the prior, and what fewer settings change
         found = [self._size(best, base), self._smooth(best, base), self._steps(best)]
-        found.append(self._again(best, base, rivals, odds))
+        found.append(self._again(best, base, [c for c in rivals if c not in tied], odds))
         if parts:
             found.append(self._chosen_again(best, base, rivals, parts, everything))
             ratio = held.rms_um / max(held.expected_um, 1e-9)

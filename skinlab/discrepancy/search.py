@@ -631,7 +631,8 @@ class Search:
     def _one_is_enough(self, candidates: Sequence[Candidate]) -> bool:
         """Return whether a single effect explains the curves, and no pair does far better.
 
-        One with a number for each opening is no simpler than a pair, and may stand for any.
+        One with a number for each opening is no simpler than a pair, and may stand for any. One
+        that is less likely than what leaves more than noise stands for something else.
         """
         pair = self._leading_pair(candidates)
         single = [
@@ -641,7 +642,7 @@ class Search:
             and sum(a.effect == c.effects[-1] for a in c.fit.unknowns.axes) < SEARCH.as_a_pair
         ]  # fmt: skip
         lead = 0.0 if pair is None else pair.log10_evidence - max(single, default=0.0)
-        return bool(single) and lead < SEARCH.not_enough
+        return bool(single) and lead < SEARCH.not_enough and not outdone(candidates)
 
     def _leading_pair(self, candidates: Sequence[Candidate]) -> Candidate | None:
         """Return the candidate that explains best, if it is a pair."""
@@ -693,6 +694,13 @@ class Search:
         if self._partial is not None:
             self._partial.add(found, base=base is None)
         return found
+
+
+def outdone(candidates: Sequence[Candidate]) -> bool:
+    """Return whether what leaves more than noise is 20 times likelier than all that do not."""
+    good = [c.log10_evidence for c in candidates if c.adequate]
+    others = [c.log10_evidence for c in candidates if not c.adequate]
+    return bool(good) and max(others, default=-math.inf) >= max(good) + NAMES.tie
 
 
 def _near(candidates: Sequence[Candidate]) -> list[Candidate]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from skinlab.discrepancy.discipline import Trial
-from skinlab.discrepancy.search import Candidate, Found
+from skinlab.discrepancy.search import Candidate, Found, outdone
 from skinlab.discrepancy.settings import NAMES
 
 Name = Literal["none", "named", "learned", "ambiguous", "unknown"]
@@ -37,7 +37,8 @@ def decide(found: Found) -> Verdict:
     `none`: the model's residual may be noise, and no effect's evidence is more than 20 : 1 against
     it, the many effects that were tried counted. Else the explanations whose residual may be noise
     are compared: `named` where one is at least 20 : 1 ahead of all others, `ambiguous` where
-    several are not; `unknown` where no explanation's residual may be noise. Where one condition
+    several are not; `unknown` where no explanation's residual may be noise, or where one that
+    leaves more is at least 20 : 1 ahead of all whose residual may be. Where one condition
     only was measured, 10,000 : 1 is asked for instead. Errors too large to be errors: `unknown`.
     """
     base, tie = found.base, found.tie
@@ -47,7 +48,7 @@ def decide(found: Found) -> Verdict:
     if base.adequate and not any(c.adequate for c in ahead):
         return Verdict("none", [])
     good = [c for c in ahead if c.adequate]
-    if not good:
+    if not good or outdone(found.candidates):
         return Verdict("unknown", [])
     best = max(c.log10_evidence for c in good)
     tied = [c for c in found.candidates if c.log10_evidence > best - tie and c.log10_evidence > 0]

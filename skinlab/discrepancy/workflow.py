@@ -232,15 +232,15 @@ def _tried(search: Search, found: Found, first: Verdict, progress: Callable[[str
     others = [*first.explanations[: NAMES.most_tied], *serving[: NAMES.most_tied]]
     discipline = _discipline(search, (found.base, *others))
 
-    def trials(best: Candidate) -> tuple[Trial, ...]:
-        stood = discipline.trials(best, found.base, serving, parts, held[best.effects])
+    def trials(best: Candidate, tied: Sequence[Candidate]) -> tuple[Trial, ...]:
+        stood = discipline.trials(best, found.base, serving, parts, held[best.effects], tied)
         if first.name != "learned" and all(trial.passed for trial in stood):
             stood.append(against_families(search, found.base, best))
         return tuple(stood)
 
     each: list[tuple[Trial, ...]] = []
     for i, best in enumerate(first.explanations[: NAMES.most_tied]):
-        each.append(trials(best))
+        each.append(trials(best, first.explanations[i + 1 :]))
         if all(trial.passed for trial in each[-1]):
             return replace(tried, verdict=first.without(i), trials=each[-1])
     return replace(tried, verdict=disciplined(first, found, each[0]), trials=each[0])

@@ -240,9 +240,10 @@ def test_a_name_is_there_again_though_a_second_effect_says_a_little_more(table):
     name, pair = (replace(c, log10_evidence=ahead - 1.3) for c in (one, both))
     linear |= {id(name): linear[id(one)], id(pair): linear[id(both)]}
     held = HeldOut(2.0, 2.0, 2.0, (), 2.0)
-    for odds, there in ((-1.3 - lead, True), (-1.3, False)):
+    # What is tied with it may lead without a curve: both are told.
+    for odds, tied, there in ((-1.3 - lead, [], True), (-1.3, [], False), (-1.3, [pair], True)):
         weighed = Discipline(fitter.records, errors, linear, {id(name): -1.3, id(pair): odds})
-        trials = weighed.trials(name, base, [name, pair], [], held)
+        trials = weighed.trials(name, base, [name, pair], [], held, tied)
         assert next(t for t in trials if t.name == "again").passed is there
 
 

@@ -200,6 +200,21 @@ def test_what_does_not_fit_is_no_explanation():
     assert found == ("named", [{*GAIN}])
 
 
+def test_what_is_outdone_by_what_does_not_fit_is_no_name():
+    found = verdict(BAD, candidate(LAG, 22.0, BAD), candidate(GAIN, 19.5))
+    assert found == ("unknown", [])
+    both = (*LAG, *GAIN)
+    found = verdict(BAD, candidate(LAG, 22.0, BAD), candidate(GAIN, 19.5), candidate(both, 24.0))
+    assert found == ("named", [{*both}])
+
+
+def test_of_a_tie_without_its_first_the_others_are_left():
+    tied = [candidate(LAG, 20.0), candidate(GAIN, 19.5), candidate(SLIP, 19.0)]
+    left = [(v.name, v.explanations) for v in map(Verdict("ambiguous", tied).without, range(3))]
+    assert left == [("ambiguous", tied), ("ambiguous", tied[1:]), ("named", tied[2:])]
+    assert Verdict("named", tied[:1]).without(0).name == "named"
+
+
 def test_more_effects_where_fewer_do_are_no_other_explanation():
     both = (*LAG, *GAIN)
     assert verdict(BAD, candidate(LAG, 20.0), candidate(both, 20.5)) == ("named", [{*LAG}])
