@@ -19,6 +19,7 @@ import ctypes
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -127,7 +128,6 @@ class Assembly:
         g[:, :, 3, 1::2] = gradient[..., 1]
         g[:, :, 4, 0::2] = values / radius[..., None]
         self.gradients = g  # ∂F/∂u, (m, q, 5, 2 a)
-        self._gradients_t = np.ascontiguousarray(g.reshape(m, q * 5, 2 * a).transpose(0, 2, 1))
         # F takes half of the products when u_r and u_z are kept apart: rows ∂N/∂r, ∂N/∂z, N/r.
         self._scalar_gradients = np.concatenate(
             [gradient[..., 0], gradient[..., 1], values / radius[..., None]], axis=1
@@ -142,6 +142,12 @@ class Assembly:
             weighted = basis.T * self.volumes[:, None]
             self._projection = basis @ np.linalg.solve(weighted @ basis, weighted)
 
+    @cached_property
+    def _gradients_t(self) -> Array:
+        m, q, _, dofs = self.gradients.shape
+        by_dof = self.gradients.reshape(m, q * 5, dofs).transpose(0, 2, 1)
+        return np.ascontiguousarray(by_dof)
+
     def prestrained(self, stretches: Array, factor: Array) -> Assembly:
         """Return the same problem for tissue that was strained before.
 
@@ -153,10 +159,8 @@ class Assembly:
         plane, through = stretches[:, :, None, None]
         rows = np.stack([plane, through, plane, through, plane], axis=2)[..., 0]  # (m, 1, 5)
         new.gradients = self.gradients * rows[..., None]
-        m, q, _, dofs = new.gradients.shape
-        new._gradients_t = np.ascontiguousarray(
-            new.gradients.reshape(m, q * 5, dofs).transpose(0, 2, 1)
-        )
+        new.__dict__.pop("_gradients_t", None)
+        m, q = self.volumes.shape
         new._scalar_gradients = self._scalar_gradients * np.repeat(
             np.stack([plane, through, plane], axis=1)[..., 0, 0], q, axis=1
         )[..., None]  # fmt: skip
@@ -164,7 +168,9 @@ class Assembly:
         det = (plane**2 * through)[..., 0]
         new.volumes = self.volumes * factor[:, None] / det
         if self._kernel is not None:
-            new._kernel = new._prepared_kernel(self._kernel.library)
+            new._kernel = self._kernel.of_tissue(
+                new._scalar_gradients.reshape(m, 3, q, -1), new.volumes, new._start[..., 0]
+            )
         return new
 
     def _set_edges(self) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
+from copy import copy
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -106,23 +107,32 @@ class Kernel:
         edge_equations: Index,
     ) -> None:
         """Keep copies in the layout that the library wants."""
-        m, _, q, a = gradients.shape
         self.library = found
-        self.shape, self.unknowns, self.band = (m, q), unknowns, band
+        self.shape, self.unknowns, self.band = volumes.shape, unknowns, band
         self.width = band + 1 + _PADDING
         self._columns = -(-unknowns // _BLOCK) * _BLOCK
-        real = [gradients, gradients.transpose(0, 1, 3, 2), volumes, start]
         whole = [element, equations, self._slots(equations)]
-        parts: list[NDArray[Any]] = [
-            *(np.ascontiguousarray(x, dtype=np.float64) for x in real),
+        self._rest: list[NDArray[Any]] = [
             *(np.ascontiguousarray(x, dtype=np.int32) for x in whole),
             *(np.ascontiguousarray(x, dtype=np.float64) for x in (edge_form, edge_place)),
             *(np.ascontiguousarray(x, dtype=np.int32) for x in (edge, edge_equations)),
         ]
+        self._set_tissue(gradients, volumes, start)
+
+    def of_tissue(self, gradients: Array, volumes: Array, start: Array) -> Kernel:
+        """Return the same mesh of other tissue: see `Assembly.prestrained`."""
+        new = copy(self)
+        new._set_tissue(gradients, volumes, start)
+        return new
+
+    def _set_tissue(self, gradients: Array, volumes: Array, start: Array) -> None:
+        real = (gradients, gradients.transpose(0, 1, 3, 2), volumes, start)
+        parts = [*(np.ascontiguousarray(x, dtype=np.float64) for x in real), *self._rest]
         self._spare: list[Array] = []
         self._parts = parts  # kept alive: the structure holds addresses only
+        m, _, q, a = gradients.shape
         self._mesh = _Mesh(
-            m, q, a, unknowns, self.width, len(edge), *(_address(part) for part in parts)
+            m, q, a, self.unknowns, self.width, len(self._rest[-1]), *map(_address, parts)
         )
         self._at = ctypes.addressof(self._mesh)
 

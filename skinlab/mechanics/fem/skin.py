@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.errors import InputError
-from skinlab.mechanics.fem.assembly import Assembly, stress_and_tangent
+from skinlab.mechanics.fem.assembly import Assembly
 from skinlab.mechanics.fem.roots import brentq
 from skinlab.mechanics.fem.suction import MESH_OF_RECORD, RIM_MM, Discretisation, Geometry
 from skinlab.mechanics.materials import DEFAULT_LAW, Energy, Law, Potential, get_law
@@ -328,9 +328,14 @@ def through_thickness(stretch: float, energy: HasPotential, parameters: Mapping[
     if stretch == 1.0:
         return 1.0
 
+    plane = stretch**2
+
     def stress(through: float) -> float:
-        f = np.array([stretch, 0.0, 0.0, through, stretch])[:, None]
-        return float(stress_and_tangent(f, energy, parameters)[1][3, 0])
+        square = through**2
+        i1, i2 = np.array([2 * plane + square]), np.array([plane * (2 * square + plane)])
+        j = np.array([plane * through])
+        by_i1, by_i2, by_j = energy.first_derivatives(i1, i2, j, parameters)
+        return float(np.ravel(2 * through * (by_i1 + 2 * plane * by_i2) + plane * by_j)[0])
 
     try:
         return brentq(stress, 0.2, 5.0, xtol=1e-15, rtol=1e-14)
