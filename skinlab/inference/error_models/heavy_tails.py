@@ -17,6 +17,7 @@ from functools import partial
 import numpy as np
 
 from skinlab.inference.error_models.base import Array, Look, Part, Terms
+from skinlab.inference.error_models.quantised import in_waves
 from skinlab.inference.settings import KINDS
 
 
@@ -32,6 +33,8 @@ class HeavyTails:
         """Return its part where the tails are heavier than Gaussian."""
         square = look.white_square
         if square is None or len(square) < KINDS.fewest_shapes or not square.mean() > 0.0:
+            return None
+        if in_waves(look):
             return None
         scaled = square / square.mean()
         if np.mean(scaled**2) < 3.0 + KINDS.tails_suspect * math.sqrt(96.0 / len(square)):

@@ -88,13 +88,23 @@ def wave_sizes(step_mm: float, before_mm2: float) -> list[tuple[int, float]]:
     return found
 
 
-def _waves(look: Look, step_mm: float) -> Array:
-    """Return sine and cosine (u, 2 waves), each as large as its standard deviation, mm."""
+def in_waves(look: Look) -> bool:
+    """Return whether rounding is in part a known function of the deflection."""
+    step_mm = 1e-3 * step_um(look.samples.deflection_mm)
+    return bool(step_mm) and bool(wave_sizes(step_mm, _before_mm2(look, step_mm)))
+
+
+def _before_mm2(look: Look, step_mm: float) -> float:
+    """Return the variance of the noise that the rounding met."""
     freedom = max(len(look.samples) - look.slopes.shape[1], 1)
     square = float(look.residual_mm @ look.residual_mm) / freedom
-    before = max(square - step_mm**2 / 12.0, 0.0)  # noise that the rounding met
+    return float(max(square - step_mm**2 / 12.0, 0.0))
+
+
+def _waves(look: Look, step_mm: float) -> Array:
+    """Return sine and cosine (u, 2 waves), each as large as its standard deviation, mm."""
     columns = []
-    for k, size in wave_sizes(step_mm, before):
+    for k, size in wave_sizes(step_mm, _before_mm2(look, step_mm)):
         angle = 2.0 * np.pi * k * look.deflection_mm / step_mm
         columns += [size * np.sin(angle), size * np.cos(angle)]
     return np.column_stack(columns) if columns else np.zeros((len(look.samples), 0))
