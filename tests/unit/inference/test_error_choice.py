@@ -167,6 +167,12 @@ def test_rounding_of_a_quiet_curve_is_a_wave_over_the_deflection_and_no_error_th
     assert np.median(narrower) < 0.9
 
 
+def test_what_rounding_leaves_between_its_waves_is_no_heavy_tail():
+    for seed in range(6):
+        w = COURSE + white(np.random.default_rng(seed), 1.0)
+        assert "heavy_tails" not in chosen(0.01 * np.round(w / 0.01) - COURSE).best.name
+
+
 def test_rounding_of_a_noisy_curve_is_independent():
     rng = np.random.default_rng(3)
     found = chosen(0.002 * np.round((COURSE + white(rng)) / 0.002) - COURSE)
