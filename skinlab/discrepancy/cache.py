@@ -17,6 +17,7 @@ import numpy as np
 import platformdirs
 from numpy.typing import NDArray
 
+from skinlab.discrepancy.candidates import Candidate, Found
 from skinlab.discrepancy.discipline import Shares, Trial
 from skinlab.discrepancy.heldout import HeldOut
 from skinlab.discrepancy.next_measurement import NextMeasurement
@@ -24,7 +25,6 @@ from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.posterior import Posterior
 from skinlab.discrepancy.records import Record, coarsened, without
 from skinlab.discrepancy.screen import Signature
-from skinlab.discrepancy.search import Candidate, Found
 from skinlab.discrepancy.settings import ERRORS
 from skinlab.discrepancy.verdict import Name, Verdict
 from skinlab.errors import InputError

@@ -23,10 +23,10 @@ from skinlab.discrepancy.campaign_errors import (
     WithoutCurves,
     log_evidences,
 )
+from skinlab.discrepancy.candidates import LOG10, Candidate
 from skinlab.discrepancy.heldout import HeldOut
 from skinlab.discrepancy.odds import odds_words
 from skinlab.discrepancy.records import Record, by_geometry
-from skinlab.discrepancy.search import LOG10, Candidate
 from skinlab.discrepancy.settings import NAMES, SEARCH
 from skinlab.inference.error_choice import Node
 from skinlab.inference.noise import legendre

@@ -18,14 +18,16 @@ from scipy.special import logsumexp
 
 from skinlab.discrepancy.adequacy import judge
 from skinlab.discrepancy.campaign_errors import CampaignErrors, Linearised
+from skinlab.discrepancy.candidates import LOG10, Candidate, Found
 from skinlab.discrepancy.discipline import Trial
 from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.odds import odds_words
 from skinlab.discrepancy.posterior import Posterior
 from skinlab.discrepancy.records import Record
 from skinlab.discrepancy.screen import Signature
-from skinlab.discrepancy.search import LOG10, Candidate, Found, Search, middle_of
+from skinlab.discrepancy.search import Search
 from skinlab.discrepancy.settings import ERRORS, NAMES, SEARCH
+from skinlab.discrepancy.starts import middle_of
 from skinlab.discrepancy.table_domes import has_features
 from skinlab.discrepancy.unknowns import Known, Unknowns
 from skinlab.inference.covariance import Covariance

@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 
 from skinlab.discrepancy.adequacy import steps
 from skinlab.discrepancy.campaign_errors import Linearised, size_um
+from skinlab.discrepancy.candidates import Candidate, Found
 from skinlab.discrepancy.discipline import Trial, by_part
 from skinlab.discrepancy.records import by_condition
-from skinlab.discrepancy.search import Candidate, Found, Search
+from skinlab.discrepancy.search import Search
 from skinlab.discrepancy.settings import ERRORS, NAMES
 from skinlab.discrepancy.unknowns import Known
 from skinlab.inference.error_choice import ErrorChoice, Node

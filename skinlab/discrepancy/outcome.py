@@ -8,13 +8,13 @@ from functools import cached_property
 from typing import Any
 
 from skinlab.discrepancy.adequacy import Place
+from skinlab.discrepancy.candidates import Candidate, Found
 from skinlab.discrepancy.discipline import Shares, Trial
 from skinlab.discrepancy.families import Learned, describe_learned
 from skinlab.discrepancy.heldout import HeldOut
 from skinlab.discrepancy.next_measurement import NextMeasurement, Plan
 from skinlab.discrepancy.posterior import Posterior, gaussian
 from skinlab.discrepancy.screen import Signature
-from skinlab.discrepancy.search import Candidate, Found
 from skinlab.discrepancy.settings import NAMES
 from skinlab.discrepancy.verdict import Verdict
 from skinlab.inference.error_judgement import ErrorModelSummary, PlacementSummary

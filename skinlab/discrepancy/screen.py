@@ -7,10 +7,11 @@ handful of elastic finite-element solutions an effect, and no fit; relaxation is
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
+from itertools import combinations, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -176,3 +177,45 @@ def alike(signatures: Mapping[str, Signature]) -> list[tuple[str, str]]:
             if cosine > 0.9995:
                 found.append((one, other))
     return found
+
+
+@dataclass(frozen=True, eq=False)
+class LinearPair:
+    """Two effects together, linearised."""
+
+    names: tuple[str, str]
+    gain: float  # by which χ² would fall
+    task: tuple[Unknowns, Array]  # where a fit begins
+
+
+def linear_pairs(fitter: Fitter, fit: Fit, signatures: Mapping[str, Signature]) -> list[LinearPair]:
+    """Return all pairs of effects that can be seen, linearised about a fit; the best first."""
+    residual = fitter.errors.whiten(fitter.measured - np.concatenate(fit.deflections_mm))
+    seen = [s for s in signatures.values() if math.isfinite(s.detectable)]
+    found = []
+    for one, other in combinations(seen, 2):
+        pair = (one, other)
+        directions = np.array([s.direction for s in pair])
+        score, gram = directions @ residual, directions @ directions.T
+        priors = np.diag([1.0 / s.axes[s.which].prior[1] ** 2 for s in pair])
+        bounds = np.array([s.axes[s.which].bounds for s in pair])
+        amounts = np.clip(np.linalg.solve(gram + priors, score), bounds[:, 0], bounds[:, 1])
+        gain = float(2.0 * amounts @ score - amounts @ (gram + priors) @ amounts)
+        unknowns = fit.unknowns.with_effect(one.effect).with_effect(other.effect)
+        own = [
+            np.array([amount if i == s.which else at for i, at in enumerate(s.beside)])
+            for s, amount in zip(pair, amounts, strict=True)
+        ]
+        low, high = unknowns.bounds
+        start = np.clip(np.concatenate([fit.u, *own]), low, high)
+        found.append(LinearPair((one.effect, other.effect), gain, (unknowns, start)))
+    return sorted(found, key=lambda pair: -pair.gain)
+
+
+def worth_fitting(signatures: Iterable[Signature]) -> list[Signature]:
+    """Return the effects that change enough to be fitted, the likeliest first."""
+    ranked = sorted(signatures, key=lambda s: -s.gain)
+    largest = ranked[0].gain if ranked else 0.0
+    return [s for s in ranked if s.gain > max(SEARCH.seen, SEARCH.seen_share * largest)][
+        : SEARCH.most_singles
+    ]

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
-from itertools import combinations, product
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.discrepancy.adequacy import Residual, judge, look
+from skinlab.discrepancy.adequacy import judge, look
 from skinlab.discrepancy.campaign_errors import (
     CampaignErrors,
     Linearised,
@@ -21,10 +20,20 @@ from skinlab.discrepancy.campaign_errors import (
     pure_error,
     size_um,
 )
+from skinlab.discrepancy.candidates import (
+    LOG10,
+    Candidate,
+    Found,
+    Partial,
+    best_of_each,
+    near_the_best,
+    nearest,
+    outdone,
+)
 from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.placement_curves import bends_mm, thickness_slopes
 from skinlab.discrepancy.records import Record, by_condition, without
-from skinlab.discrepancy.screen import Signature
+from skinlab.discrepancy.screen import Signature, linear_pairs, worth_fitting
 from skinlab.discrepancy.search_workers import (
     fit_by,
     fit_elsewhere,
@@ -33,131 +42,20 @@ from skinlab.discrepancy.search_workers import (
     signature_by,
     signature_of,
 )
-from skinlab.discrepancy.settings import ERRORS, FITS, NAMES, SEARCH
+from skinlab.discrepancy.settings import ERRORS, FITS, SEARCH
+from skinlab.discrepancy.starts import middle_of, starts, unknowns_of, with_thickness
 from skinlab.discrepancy.table_domes import TableDomes
-from skinlab.discrepancy.unknowns import BasePrior, Known, Unknowns
+from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.errors import NotTrustworthyError
-from skinlab.inference.covariance import Covariance, independent
+from skinlab.inference.covariance import Covariance
 from skinlab.inference.error_choice import ErrorChoice
 from skinlab.mechanics.effects import get_effect, library_names
 from skinlab.mechanics.fem.skin import SkinProblem
-from skinlab.mechanics.model_file import BASE, Model, Normal
+from skinlab.mechanics.model_file import BASE, Model
 from skinlab.workers import Pool
-
-THICKNESS = "thickness_error"  # the effect that the stated uncertainty of the thickness is about
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
-
-LOG10 = math.log(10.0)
-# Shares of the law's ranges from which the base model is fitted: of the scale, of other logarithms,
-# of what is none; and the middle, from which it is fitted with effects.
-_SCALES = (0.375803649418, 0.563705474127, 0.783536516671)
-_RATIOS, _VALUES = (0.538508052478, 0.749009372356), (0.275862068966, 0.758620689655)
-_MIDDLE = (0.563705474127, 0.617446047432, 0.448275862069)
-
-
-@dataclass(frozen=True, eq=False)
-class Candidate:
-    """An explanation with its fit, what it leaves, and its evidence against no effect."""
-
-    fit: Fit
-    left: Residual
-    log10_evidence: float  # of the data and the prior odds, relative to the base model
-    at_bound: tuple[str, ...] = ()  # unknowns that the fit has pushed to the end of their range
-
-    @property
-    def effects(self) -> tuple[str, ...]:
-        """The effects of the explanation beyond the model's own."""
-        return self.fit.effects
-
-    @property
-    def kind(self) -> str:
-        """The kind of function of a learned explanation; "" of others."""
-        return get_effect(self.effects[-1]).family if self.effects else ""
-
-    @property
-    def adequate(self) -> bool:
-        """Whether what it leaves may well be noise."""
-        return self.left.p_value >= ERRORS.adequate
-
-
-@dataclass(eq=False)
-class Partial:
-    """What is known so far, for whoever interrupts."""
-
-    base: Candidate | None = None
-    candidates: list[Candidate] = field(default_factory=list)
-
-    def add(self, one: Candidate, *, base: bool) -> None:
-        """Take what has just been fitted; of one explanation the better fit."""
-        if base:
-            self.base = one
-            return
-        same = [c for c in self.candidates if c.effects == one.effects]
-        if not same or one.fit.cost < same[0].fit.cost:
-            self.candidates = [c for c in self.candidates if c.effects != one.effects] + [one]
-
-
-def unknowns_of(model: Model) -> Unknowns:
-    """Return the unknowns of a model, with what it says of its effects as their priors."""
-    known, space = [], model.space
-    for name, ranges in model.effects.items():
-        for parameter, at in ranges.items():
-            sd = at.prior.sd if isinstance(at.prior, Normal) else 0.0
-            known.append(Known(name, parameter, at.value, sd))
-    priors = tuple(
-        BasePrior(i, prior.mean, prior.sd)
-        for i, name in enumerate(space.names)
-        if isinstance(prior := model.prior(name), Normal)
-    )
-    return Unknowns(
-        tuple(sorted(model.effects)), model.model.kappa, tuple(known), model.model.law,
-        space if model.parameters else None, priors,
-    )  # fmt: skip
-
-
-def _kinds(unknowns: Unknowns) -> list[int]:
-    """Return of each of the law's parameters: the scale 0, other logarithms 1, what is none 2."""
-    space = unknowns.space
-    return [
-        0 if i == space.scale else 1 if transform != "linear" else 2
-        for i, transform in enumerate(space.transforms)
-    ]
-
-
-def _starts(unknowns: Unknowns) -> list[Array]:
-    """Return coordinates of the law's parameters to begin from."""
-    shares = [(_SCALES, _RATIOS, _VALUES)[kind] for kind in _kinds(unknowns)]
-    every = [unknowns.at_share(np.array(share)) for share in product(*shares)]
-    # Far from one another first: their number has no factor but two and three.
-    return [every[5 * i % len(every)] for i in range(len(every))]
-
-
-def middle_of(unknowns: Unknowns) -> Array:
-    """Return coordinates of the law's parameters in the middle of where those of skins are."""
-    return unknowns.at_share(np.array([_MIDDLE[kind] for kind in _kinds(unknowns)]))
-
-
-@dataclass(frozen=True, eq=False)
-class Found:
-    """What the search came to."""
-
-    base: Candidate
-    signatures: dict[str, Signature]  # of single effects at the base fit
-    candidates: list[Candidate] = field(default_factory=list)  # the best first
-    records: Sequence[Record] = ()  # what was explained
-    not_screened: dict[str, str] = field(default_factory=dict)  # effect -> why it was not
-    # By which the explanations were fitted
-    errors: Covariance = field(default_factory=lambda: independent(np.zeros(0)))
-    kept: tuple[NDArray[np.bool_], ...] = ()  # of each record's samples; others are outliers
-    implausible: str = ""  # errors that are too large to be errors
-
-    @property
-    def tie(self) -> float:
-        """By how much log10 evidence an explanation has to lead."""
-        conditions = {record.condition for record in self.records}
-        return NAMES.lone_tie if len(conditions) == 1 else NAMES.tie
 
 
 class Search:
@@ -197,12 +95,12 @@ class Search:
         """
         unknowns = self._unknowns
         plain = unknowns.plain
-        fits = self._plainly(plain, _starts(unknowns))
+        fits = self._plainly(plain, starts(unknowns))
         if self._own:
             # Finite elements cost more: from the best of the plain fits, and from the middle.
             fits.sort(key=lambda f: f.cost)
-            starts = [*(f.u for f in fits[:1]), middle_of(unknowns)]
-            found = (self.fitter.fit(unknowns, unknowns.start(start)) for start in starts)
+            first = [*(f.u for f in fits[:1]), middle_of(unknowns)]
+            found = (self.fitter.fit(unknowns, unknowns.start(start)) for start in first)
             fits = [f for f in found if f is not None]
         if not fits:
             raise NotTrustworthyError("the model has no answer for these curves")
@@ -229,7 +127,7 @@ class Search:
         with Pool(self._workers, self.fitter) as pool:
             self._progress(f"screening {len(self._library)} effects")
             signatures, not_screened = self._screen(pool, base.fit, self._library)
-            chosen = _worth(signatures.values())
+            chosen = worth_fitting(signatures.values())
             if not chosen and not base.adequate:  # how close the best comes is told all the same
                 chosen = sorted(signatures.values(), key=lambda s: -s.gain)[:2]
             singles: list[Candidate] = []
@@ -254,10 +152,10 @@ class Search:
                     pool, base, singles, SEARCH.leaders, SEARCH.seen, signatures, candidates
                 )
                 candidates += self._members(pool, base, pairs) + pairs
-            candidates = _best_of_each(candidates)
+            candidates = best_of_each(candidates)
             candidates = self._rivals(pool, base, candidates)
             candidates += self._every_single(pool, base, chosen, singles, candidates)
-            candidates = _best_of_each(candidates)
+            candidates = best_of_each(candidates)
             candidates = self._weighed(base, candidates, SEARCH.looks)
             candidates = self._sharpened(pool, base, candidates)
         candidates.sort(key=lambda c: -c.log10_evidence)
@@ -353,7 +251,7 @@ class Search:
     def _doubtful(self, candidates: Sequence[Candidate]) -> list[Candidate]:
         """Return what may still win, and whose errors are not known; the nearest first."""
         known = {id(fit) for fit, _ in self._looks}
-        return [c for c in _near(candidates) if id(c.fit) not in known]
+        return [c for c in near_the_best(candidates) if id(c.fit) not in known]
 
     def _sharpened(
         self, pool: Pool, base: Candidate, candidates: list[Candidate]
@@ -363,7 +261,7 @@ class Search:
         By errors as wide as pure error leaves them a valley is flat, and a fit ends anywhere in it:
         what it is off by there counts by the errors of the best.
         """
-        near = _near(candidates)[: SEARCH.sharpened]
+        near = near_the_best(candidates)[: SEARCH.sharpened]
         if len(near) < 2:
             return candidates
         self._progress(f"fitting {len(near)} explanations by the errors of the best")
@@ -459,7 +357,7 @@ class Search:
         may end at a wall of skins that crease.
         """
         seen = {s.effect: s for s in chosen}
-        tasks = [(base.fit, seen[c.effects[-1]], c.fit.cost) for c in _nearest(found)]
+        tasks = [(base.fit, seen[c.effects[-1]], c.fit.cost) for c in nearest(found)]
         better = {}
         for fit in pool.map(fit_elsewhere, tasks):
             if fit is not None:
@@ -537,7 +435,7 @@ class Search:
         costs = {frozenset((f.effects[-1], s.effect)): f.cost - s.gain for f, s in ranked}
         linear: list[tuple[Unknowns, Array]] = []
         if signatures:
-            screened = _linear_pairs(self.fitter, base.fit, signatures)
+            screened = linear_pairs(self.fitter, base.fit, signatures)
             there = fitted_already | costs.keys()
             new = [pair for pair in screened if frozenset(pair.names) not in there]
             costs |= {frozenset(pair.names): base.fit.cost - pair.gain for pair in new}
@@ -602,7 +500,7 @@ class Search:
         self._progress(f"fitting its rivals: {told}")
         limit = best.fit.cost + SEARCH.far
         found = self._fits(pool, base, tasks[: SEARCH.rival_pairs], limit)
-        return _best_of_each([*candidates, *found])
+        return best_of_each([*candidates, *found])
 
     def _every_single(
         self,
@@ -622,7 +520,7 @@ class Search:
         ):
             return []
         self._progress("fitting every single effect from elsewhere")
-        begun = set() if base.adequate else {c.effects[-1] for c in _nearest(singles)}
+        begun = set() if base.adequate else {c.effects[-1] for c in nearest(singles)}
         tasks = [(base.fit, s, math.inf) for s in chosen if s.effect not in begun]
         fits = pool.map(fit_elsewhere, tasks)
         found = (self._candidate(fit, base) for fit in fits if fit is not None)
@@ -696,100 +594,8 @@ class Search:
         return found
 
 
-def outdone(candidates: Sequence[Candidate]) -> bool:
-    """Return whether what leaves more than noise is 20 times likelier than all that do not."""
-    good = [c.log10_evidence for c in candidates if c.adequate]
-    others = [c.log10_evidence for c in candidates if not c.adequate]
-    return bool(good) and max(others, default=-math.inf) >= max(good) + NAMES.tie
-
-
-def _near(candidates: Sequence[Candidate]) -> list[Candidate]:
-    """Return the explanations that may still win, the best first; none where nothing is seen.
-
-    The best one with another effect is no other explanation.
-    """
-    good = sorted((c for c in candidates if c.adequate), key=lambda c: -c.log10_evidence)
-    if not good or good[0].log10_evidence < NAMES.tie:
-        return []
-    least = good[0].log10_evidence - SEARCH.doubt
-    best = set(good[0].effects)
-    return [c for c in good if c.log10_evidence > least and not best < set(c.effects)]
-
-
-def _nearest(singles: Sequence[Candidate]) -> list[Candidate]:
-    """Return the single effects that are begun elsewhere as well."""
-    return sorted(singles, key=lambda c: c.fit.cost)[: SEARCH.again]
-
-
-def _best_of_each(candidates: Iterable[Candidate]) -> list[Candidate]:
-    """Return of each explanation the best fit."""
-    found: dict[frozenset[str], Candidate] = {}
-    for one in candidates:
-        names = frozenset(one.effects)
-        if names not in found or one.fit.cost < found[names].fit.cost:
-            found[names] = one
-    return list(found.values())
-
-
 def creased(records: Sequence[Record], fit: Fit, domes: TableDomes) -> list[Record]:
     """Return the records with the suctions at which the skin of a fit creases."""
     skin = fit.unknowns.skin(fit.u)
     known = {r.geometry: domes.creases_mbar(SkinProblem(r.geometry, skin)) for r in records}
     return [replace(r, creases_mbar=known[r.geometry]) for r in records]
-
-
-def with_thickness(unknowns: Unknowns, records: Sequence[Record]) -> Unknowns:
-    """Return the unknowns with the thickness among them, where it is stated with an uncertainty.
-
-    One skin has one thickness: its relative error is common to all curves.
-    """
-    sd = max((r.thickness_sd_mm / r.geometry.thickness_mm for r in records), default=0.0)
-    if sd <= 0.0 or THICKNESS in unknowns.effects:
-        return unknowns
-    known = Known(THICKNESS, "ratio", 1.0, sd, stated=True)
-    return replace(
-        unknowns,
-        effects=tuple(sorted((*unknowns.effects, THICKNESS))),
-        known=(*unknowns.known, known),
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class _LinearPair:
-    names: tuple[str, str]
-    gain: float  # by which χ² would fall
-    task: tuple[Unknowns, Array]  # where a fit begins
-
-
-def _linear_pairs(
-    fitter: Fitter, fit: Fit, signatures: Mapping[str, Signature]
-) -> list[_LinearPair]:
-    """Return all pairs of effects that can be seen, linearised about a fit; the best first."""
-    residual = fitter.errors.whiten(fitter.measured - np.concatenate(fit.deflections_mm))
-    seen = [s for s in signatures.values() if math.isfinite(s.detectable)]
-    found = []
-    for one, other in combinations(seen, 2):
-        pair = (one, other)
-        directions = np.array([s.direction for s in pair])
-        score, gram = directions @ residual, directions @ directions.T
-        priors = np.diag([1.0 / s.axes[s.which].prior[1] ** 2 for s in pair])
-        bounds = np.array([s.axes[s.which].bounds for s in pair])
-        amounts = np.clip(np.linalg.solve(gram + priors, score), bounds[:, 0], bounds[:, 1])
-        gain = float(2.0 * amounts @ score - amounts @ (gram + priors) @ amounts)
-        unknowns = fit.unknowns.with_effect(one.effect).with_effect(other.effect)
-        own = [
-            np.array([amount if i == s.which else at for i, at in enumerate(s.beside)])
-            for s, amount in zip(pair, amounts, strict=True)
-        ]
-        low, high = unknowns.bounds
-        start = np.clip(np.concatenate([fit.u, *own]), low, high)
-        found.append(_LinearPair((one.effect, other.effect), gain, (unknowns, start)))
-    return sorted(found, key=lambda pair: -pair.gain)
-
-
-def _worth(signatures: Iterable[Signature]) -> list[Signature]:
-    ranked = sorted(signatures, key=lambda s: -s.gain)
-    largest = ranked[0].gain if ranked else 0.0
-    return [s for s in ranked if s.gain > max(SEARCH.seen, SEARCH.seen_share * largest)][
-        : SEARCH.most_singles
-    ]

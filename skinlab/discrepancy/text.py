@@ -7,10 +7,10 @@ from collections.abc import Callable
 import numpy as np
 
 from skinlab.discrepancy.adequacy import Place
+from skinlab.discrepancy.candidates import Candidate, Partial
 from skinlab.discrepancy.next_measurement import Plan
 from skinlab.discrepancy.odds import behind_words, chance_words, odds_words
 from skinlab.discrepancy.outcome import Outcome
-from skinlab.discrepancy.search import Candidate, Partial
 from skinlab.discrepancy.settings import ERRORS, NAMES, PLANS
 from skinlab.inference.flags import CATALOGUE
 from skinlab.mechanics.names import effect_words, is_effects, parameter_of, plain

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from skinlab.discrepancy.candidates import Candidate, Found, outdone
 from skinlab.discrepancy.discipline import Trial
-from skinlab.discrepancy.search import Candidate, Found, outdone
 from skinlab.discrepancy.settings import NAMES
 
 Name = Literal["none", "named", "learned", "ambiguous", "unknown"]

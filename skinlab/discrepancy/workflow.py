@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from skinlab.curves.campaign import Campaign
+from skinlab.discrepancy.candidates import Candidate, Found, Partial
 from skinlab.discrepancy.discipline import Discipline, Trial, repeats_um, shares_of
 from skinlab.discrepancy.families import against_families, families, find_families
 from skinlab.discrepancy.fit import Fit, Fitter
@@ -19,7 +20,7 @@ from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.posterior import gaussian, sample
 from skinlab.discrepancy.records import by_condition, coarsened, records_of
 from skinlab.discrepancy.screen import alike
-from skinlab.discrepancy.search import Candidate, Found, Partial, Search
+from skinlab.discrepancy.search import Search
 from skinlab.discrepancy.settings import ERRORS, NAMES
 from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.discrepancy.verdict import Verdict, decide, decide_learned, disciplined

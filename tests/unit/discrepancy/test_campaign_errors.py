@@ -19,13 +19,15 @@ from skinlab.discrepancy.campaign_errors import (
     log_evidences,
     outliers,
 )
+from skinlab.discrepancy.candidates import Candidate, Found
 from skinlab.discrepancy.discipline import Discipline, repeats_um, smooth_shapes
 from skinlab.discrepancy.fit import Fitter
 from skinlab.discrepancy.heldout import HeldOut
 from skinlab.discrepancy.misfit import errors_of, mesh_columns
 from skinlab.discrepancy.records import by_condition, coarsened, records_of, without
-from skinlab.discrepancy.search import Candidate, Found, Search, unknowns_of, with_thickness
+from skinlab.discrepancy.search import Search
 from skinlab.discrepancy.settings import NAMES, SEARCH
+from skinlab.discrepancy.starts import unknowns_of, with_thickness
 from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.inference.covariance import Covariance, OrnsteinUhlenbeck

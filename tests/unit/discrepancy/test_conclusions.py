@@ -9,13 +9,13 @@ from hidden_effects import RAMPS, SKIN, TRUE, fitter_of, measured
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
 from skinlab.discrepancy.adequacy import Residual, look
+from skinlab.discrepancy.candidates import Candidate, Found
 from skinlab.discrepancy.discipline import Trial
 from skinlab.discrepancy.fit import Fit
 from skinlab.discrepancy.heldout import conditions_of, predict_held_out
 from skinlab.discrepancy.misfit import errors_of
 from skinlab.discrepancy.next_measurement import MENU, PlannedErrors, advise
 from skinlab.discrepancy.records import records_of, without
-from skinlab.discrepancy.search import Candidate, Found
 from skinlab.discrepancy.settings import ERRORS
 from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.discrepancy.unknowns import Unknowns

@@ -15,6 +15,7 @@ from skinlab.curves.program import parse_program
 from skinlab.discrepancy import cache
 from skinlab.discrepancy.adopt import adopted
 from skinlab.discrepancy.campaign_errors import CampaignErrors
+from skinlab.discrepancy.candidates import Candidate, Found
 from skinlab.discrepancy.discipline import Discipline
 from skinlab.discrepancy.families import against_families, families, find_families
 from skinlab.discrepancy.fit import Fitter
@@ -23,7 +24,8 @@ from skinlab.discrepancy.misfit import errors_of
 from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.posterior import gaussian
 from skinlab.discrepancy.records import records_of
-from skinlab.discrepancy.search import Candidate, Found, Search, unknowns_of
+from skinlab.discrepancy.search import Search
+from skinlab.discrepancy.starts import unknowns_of
 from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.discrepancy.text import describe
 from skinlab.discrepancy.verdict import decide_learned

@@ -10,7 +10,7 @@ import pytest
 from skinlab.curves.curve import Setup
 from skinlab.curves.program import parse_program
 from skinlab.discrepancy.model_identifier import with_model
-from skinlab.discrepancy.search import unknowns_of
+from skinlab.discrepancy.starts import unknowns_of
 from skinlab.errors import InputError
 from skinlab.inference.identify import Identifier
 from skinlab.inference.uncertainty import Sensor

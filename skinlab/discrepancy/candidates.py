@@ -1,0 +1,118 @@
+"""Explanations that were fitted, and what they are to one another: the leader, its rivals."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinlab.discrepancy.adequacy import Residual
+from skinlab.discrepancy.fit import Fit
+from skinlab.discrepancy.records import Record
+from skinlab.discrepancy.screen import Signature
+from skinlab.discrepancy.settings import ERRORS, NAMES, SEARCH
+from skinlab.inference.covariance import Covariance, independent
+from skinlab.mechanics.effects import get_effect
+
+LOG10 = math.log(10.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """An explanation with its fit, what it leaves, and its evidence against no effect."""
+
+    fit: Fit
+    left: Residual
+    log10_evidence: float  # of the data and the prior odds, relative to the base model
+    at_bound: tuple[str, ...] = ()  # unknowns that the fit has pushed to the end of their range
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """The effects of the explanation beyond the model's own."""
+        return self.fit.effects
+
+    @property
+    def kind(self) -> str:
+        """The kind of function of a learned explanation; "" of others."""
+        return get_effect(self.effects[-1]).family if self.effects else ""
+
+    @property
+    def adequate(self) -> bool:
+        """Whether what it leaves may well be noise."""
+        return self.left.p_value >= ERRORS.adequate
+
+
+@dataclass(eq=False)
+class Partial:
+    """What is known so far, for whoever interrupts."""
+
+    base: Candidate | None = None
+    candidates: list[Candidate] = field(default_factory=list)
+
+    def add(self, one: Candidate, *, base: bool) -> None:
+        """Take what has just been fitted; of one explanation the better fit."""
+        if base:
+            self.base = one
+            return
+        same = [c for c in self.candidates if c.effects == one.effects]
+        if not same or one.fit.cost < same[0].fit.cost:
+            self.candidates = [c for c in self.candidates if c.effects != one.effects] + [one]
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What the search came to."""
+
+    base: Candidate
+    signatures: dict[str, Signature]  # of single effects at the base fit
+    candidates: list[Candidate] = field(default_factory=list)  # the best first
+    records: Sequence[Record] = ()  # what was explained
+    not_screened: dict[str, str] = field(default_factory=dict)  # effect -> why it was not
+    # By which the explanations were fitted
+    errors: Covariance = field(default_factory=lambda: independent(np.zeros(0)))
+    kept: tuple[NDArray[np.bool_], ...] = ()  # of each record's samples; others are outliers
+    implausible: str = ""  # errors that are too large to be errors
+
+    @property
+    def tie(self) -> float:
+        """By how much log10 evidence an explanation has to lead."""
+        conditions = {record.condition for record in self.records}
+        return NAMES.lone_tie if len(conditions) == 1 else NAMES.tie
+
+
+def outdone(candidates: Sequence[Candidate]) -> bool:
+    """Return whether what leaves more than noise is 20 times likelier than all that do not."""
+    good = [c.log10_evidence for c in candidates if c.adequate]
+    others = [c.log10_evidence for c in candidates if not c.adequate]
+    return bool(good) and max(others, default=-math.inf) >= max(good) + NAMES.tie
+
+
+def near_the_best(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Return the explanations that may still win, the best first; none where nothing is seen.
+
+    The best one with another effect is no other explanation.
+    """
+    good = sorted((c for c in candidates if c.adequate), key=lambda c: -c.log10_evidence)
+    if not good or good[0].log10_evidence < NAMES.tie:
+        return []
+    least = good[0].log10_evidence - SEARCH.doubt
+    best = set(good[0].effects)
+    return [c for c in good if c.log10_evidence > least and not best < set(c.effects)]
+
+
+def nearest(singles: Sequence[Candidate]) -> list[Candidate]:
+    """Return the single effects that are begun elsewhere as well."""
+    return sorted(singles, key=lambda c: c.fit.cost)[: SEARCH.again]
+
+
+def best_of_each(candidates: Iterable[Candidate]) -> list[Candidate]:
+    """Return of each explanation the best fit."""
+    found: dict[frozenset[str], Candidate] = {}
+    for one in candidates:
+        names = frozenset(one.effects)
+        if names not in found or one.fit.cost < found[names].fit.cost:
+            found[names] = one
+    return list(found.values())
