@@ -62,15 +62,11 @@ from skinlab.tui.screens.visits import VisitsScreen
 from skinlab.tui.screens.welcome import EXAMPLE, SIMULATED, WelcomeScreen
 from skinlab.tui.session_keys import SessionKeys
 from skinlab.tui.settings_file import LOOKING, UserSettings
+from skinlab.tui.shown import Aimed, Playing
 from skinlab.tui.starting import Starting
 from skinlab.tui.themes import ORDER, OWN, WORDS, next_theme
 from skinlab.tui.typing_guard import TypingGuard, is_typing
-from skinlab.tui.ui_state import (
-    Aimed,
-    Board,
-    Level,
-    Playing,
-)
+from skinlab.tui.ui_state import Board, Level
 from skinlab.tui.widgets.fields import Fields
 from skinlab.tui.widgets.reading import Reading
 

@@ -19,11 +19,11 @@ from skinlab.report.rounding import best_words, interval_words
 from skinlab.tui.canvas import Bits, dots, runs, share
 from skinlab.tui.curve_drawing import Run
 from skinlab.tui.plot_data import round_up
-from skinlab.tui.text import digits, meaning, name_of, scaled_bar, shortened, value_scale
+from skinlab.tui.value_text import digits, meaning, name_of, scaled_bar, shortened, value_scale
 
 if TYPE_CHECKING:
     from skinlab.discrepancy.outcome import Outcome
-    from skinlab.tui.ui_state import Missing
+    from skinlab.tui.shown import Missing
 
 _MOST = 5  # places, and candidates, that are told
 _NOISE = 2.0  # standard deviations of the band

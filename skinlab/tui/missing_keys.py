@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 from skinlab.tui.part import Part
 from skinlab.tui.screens.missing import MissingScreen
 from skinlab.tui.screens.over import ConfirmScreen
+from skinlab.tui.shown import Missing
 from skinlab.tui.text import adoption_lines
-from skinlab.tui.ui_state import EXPLAINING, Level, Missing
+from skinlab.tui.ui_state import EXPLAINING, Level
 
 if TYPE_CHECKING:
     from skinlab.discrepancy.outcome import Outcome

@@ -15,8 +15,9 @@ if TYPE_CHECKING:
     from skinlab.acquisition.probe_session import ProbeSession
     from skinlab.acquisition.replayer import Replayer
     from skinlab.tui.screens.main import MainScreen
+    from skinlab.tui.shown import Aimed
     from skinlab.tui.typing_guard import TypingGuard
-    from skinlab.tui.ui_state import Aimed, Board
+    from skinlab.tui.ui_state import Board
     from skinlab.tui.widgets.fields import Fields
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.tui.canvas import Bits, dots, share
-from skinlab.tui.ui_state import Entry, Live
+from skinlab.tui.shown import Entry, Live
 
 Array = NDArray[np.float64]
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from skinlab.acquisition.replayer import Replayer, next_speed
 from skinlab.tui.part import Part, PartedApp
 from skinlab.tui.screens.line import LineScreen, seconds
+from skinlab.tui.shown import Playing
 from skinlab.tui.starting import Starting
-from skinlab.tui.ui_state import Level, Playing
+from skinlab.tui.ui_state import Level
 
 
 class ReplayKeys(Part):

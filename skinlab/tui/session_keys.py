@@ -14,8 +14,9 @@ from skinlab.recording.visit_index import visit_before
 from skinlab.tui.goal import ChangeGoal, change_distance, choices, distance
 from skinlab.tui.part import Part
 from skinlab.tui.screens.pick import PickScreen
+from skinlab.tui.shown import Aimed
 from skinlab.tui.text import undone_words
-from skinlab.tui.ui_state import Aimed, Level
+from skinlab.tui.ui_state import Level
 
 if TYPE_CHECKING:
     from skinlab.curves.curve import Curve

@@ -15,7 +15,8 @@ from skinlab.errors import InputError
 from skinlab.tui.part import Part, PartedApp
 from skinlab.tui.protocol_check import against_protocol
 from skinlab.tui.protocol_steps import ProtocolSteps
-from skinlab.tui.ui_state import MEASURING, WHOSE, Level, Review
+from skinlab.tui.shown import Review
+from skinlab.tui.ui_state import MEASURING, WHOSE, Level
 
 
 class Starting(Part):

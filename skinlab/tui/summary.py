@@ -15,10 +15,10 @@ import numpy as np
 from skinlab.mechanics.names import unit_of
 from skinlab.report.rounding import decimals, rounded
 from skinlab.report.verdict import Use
-from skinlab.tui.text import name_of
+from skinlab.tui.value_text import name_of
 
 if TYPE_CHECKING:
-    from skinlab.tui.ui_state import Entry
+    from skinlab.tui.shown import Entry
 
 _FORBIDS = ("not_identifiable", "at_bound")  # flags of a parameter over which there is no mean
 

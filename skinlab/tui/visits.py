@@ -13,7 +13,7 @@ from skinlab.mechanics.names import of_law, unit_of
 from skinlab.recording.visit_index import VisitRow
 from skinlab.report.rounding import interval_words
 from skinlab.text import counted
-from skinlab.tui.text import meaning, name_of, scaled_bar, value_scale
+from skinlab.tui.value_text import meaning, name_of, scaled_bar, value_scale
 
 if TYPE_CHECKING:
     from skinlab.studies.change import Changes

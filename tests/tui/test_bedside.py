@@ -18,8 +18,9 @@ from skinlab.curves.program import parse_program
 from skinlab.quality.gates.base import Finding
 from skinlab.recording.session import example_session, read_session
 from skinlab.recording.stream import CurveStarted, Happened, Sampled
+from skinlab.tui.card_text import verdict_text
 from skinlab.tui.summary import Repeats, left_out, repeats, repeats_lines
-from skinlab.tui.text import dose_text, verdict_text, where_text
+from skinlab.tui.text import dose_text, where_text
 from skinlab.tui.ui_state import Board, Level
 from skinlab.tui.widgets.card import Card
 from skinlab.tui.widgets.curve_plot import CurvePlot

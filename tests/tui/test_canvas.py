@@ -11,7 +11,7 @@ from skinlab.curves.program import parse_program
 from skinlab.inference.result import Identification
 from skinlab.tui.canvas import braille, dots, interval_bar, runs, share
 from skinlab.tui.plot_data import against_time, residual
-from skinlab.tui.ui_state import Entry, Live
+from skinlab.tui.shown import Entry, Live
 
 SETUP = Setup(6.0, 1.0, parse_program("ramp:100@20"))
 ANY = st.floats(-2, 2) | st.just(float("nan"))

@@ -33,7 +33,7 @@ from skinlab.tui.missing import (
 from skinlab.tui.screens.main import MainScreen
 from skinlab.tui.screens.missing import MissingScreen
 from skinlab.tui.screens.over import ConfirmScreen
-from skinlab.tui.ui_state import Missing
+from skinlab.tui.shown import Missing
 
 
 @pytest.fixture(scope="module")

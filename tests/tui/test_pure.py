@@ -20,6 +20,7 @@ from skinlab.recording.recorder import new_session_path
 from skinlab.recording.stream import CurveCompleted, CurveStarted, Happened, Identified, Sampled
 from skinlab.report.rounding import interval_words
 from skinlab.studies.reference import Range
+from skinlab.tui.card_text import result_lines, row_texts
 from skinlab.tui.plot_data import (
     Trace,
     box_around,
@@ -30,8 +31,9 @@ from skinlab.tui.plot_data import (
     spaced,
     thin,
 )
-from skinlab.tui.text import digits, flag_words, interval_text, result_lines, row_texts
-from skinlab.tui.ui_state import Board, Entry, Level
+from skinlab.tui.shown import Entry
+from skinlab.tui.ui_state import Board, Level
+from skinlab.tui.value_text import digits, flag_words, interval_text
 
 HELLO = Hello("reference", 1, "rig", "1.0", "7", 6.0, 500.0, 60.0, 1.0, 1000.0, simulated=False)
 SETUP = Setup(6.0, 1.0, parse_program("ramp:100@20"))

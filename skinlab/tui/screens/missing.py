@@ -14,7 +14,8 @@ from textual.widgets import Static
 
 from skinlab.tui.missing import hints, missing_rows
 from skinlab.tui.screens.board_screen import BoardScreen
-from skinlab.tui.ui_state import Board, Missing
+from skinlab.tui.shown import Missing
+from skinlab.tui.ui_state import Board
 
 _USUAL_COLUMNS = 76  # before the first layout
 _STYLES = ("text", "strong", "quiet", "before", "after", "band")

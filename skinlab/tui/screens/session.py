@@ -17,20 +17,13 @@ from skinlab.errors import InputError
 from skinlab.recording.curve_selection import Deed
 from skinlab.recording.pseudonym import check_note
 from skinlab.text import counted
+from skinlab.tui.card_text import ROW_AFTER, ROW_BEFORE, result_lines, row_texts
 from skinlab.tui.screens.board_screen import BoardScreen
 from skinlab.tui.summary import left_out, repeats, repeats_lines
-from skinlab.tui.text import (
-    ROW_AFTER,
-    ROW_BEFORE,
-    clock,
-    column_title,
-    result_lines,
-    row_texts,
-    value_columns,
-    who_text,
-)
+from skinlab.tui.text import clock, who_text
 from skinlab.tui.typing_guard import CHECK_KEY
 from skinlab.tui.ui_state import Board, Level
+from skinlab.tui.value_text import column_title, value_columns
 
 
 class SessionScreen(BoardScreen):

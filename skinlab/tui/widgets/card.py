@@ -6,7 +6,7 @@ from textual.app import ComposeResult
 from textual.containers import VerticalScroll
 from textual.widgets import Static
 
-from skinlab.tui.text import CardText, card_text
+from skinlab.tui.card_text import CardText, card_text
 from skinlab.tui.ui_state import Board
 
 _USUAL_COLUMNS = 33  # before the first layout

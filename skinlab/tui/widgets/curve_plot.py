@@ -6,7 +6,8 @@ from typing import ClassVar
 
 from skinlab.tui.curve_drawing import Layers, curve_rows
 from skinlab.tui.plot_data import box_around, fit_band, fitted, measured, thin
-from skinlab.tui.ui_state import Board, Entry, Live
+from skinlab.tui.shown import Entry, Live
+from skinlab.tui.ui_state import Board
 from skinlab.tui.widgets.rows import BoardRows
 
 _EARLIER_POINTS = 150

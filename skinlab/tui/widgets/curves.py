@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from textual.widgets import DataTable
 
-from skinlab.tui.text import ROW_AFTER, ROW_BEFORE, column_title, row_texts, value_columns
+from skinlab.tui.card_text import ROW_AFTER, ROW_BEFORE, row_texts
 from skinlab.tui.ui_state import Board
+from skinlab.tui.value_text import column_title, value_columns
 
 # Widths of columns whose cells are filled later: a table does not always make room.
 _WIDTHS = {"whose": 20, "time": 5, "use": 6, "rms µm": 7, "remarks": 60}

@@ -9,8 +9,9 @@ from textual.containers import VerticalScroll
 from textual.widgets import Static
 
 from skinlab.mechanics.names import unit_of
-from skinlab.tui.text import meaning, name_of, scaled_bar, value_columns, value_scale
-from skinlab.tui.ui_state import Board, Entry
+from skinlab.tui.shown import Entry
+from skinlab.tui.ui_state import Board
+from skinlab.tui.value_text import meaning, name_of, scaled_bar, value_columns, value_scale
 
 if TYPE_CHECKING:
     from textual.app import ComposeResult

@@ -8,7 +8,8 @@ from rich.style import Style
 
 from skinlab.tui.canvas import runs
 from skinlab.tui.plot_data import Drawing, against_time, residual
-from skinlab.tui.ui_state import Board, Entry, Live
+from skinlab.tui.shown import Entry, Live
+from skinlab.tui.ui_state import Board
 from skinlab.tui.widgets.rows import BoardRows
 
 _LEFT = 7  # as the plot above

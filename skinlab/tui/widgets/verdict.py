@@ -10,7 +10,7 @@ from textual.containers import Vertical
 from textual.widgets import Static
 
 from skinlab.report.verdict import Use
-from skinlab.tui.text import VerdictText, verdict_text
+from skinlab.tui.card_text import VerdictText, verdict_text
 from skinlab.tui.ui_state import Board
 
 # A letter is a key where it begins a clause: "s, then j", "v vents", and no "2 s on"
