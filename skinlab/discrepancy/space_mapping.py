@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
@@ -221,11 +222,15 @@ class MappedModel:
         return found
 
     def _top_mbar(self, candidate: _Candidate, key: Key) -> float:
-        problem = candidate.problems[key]
-        share = sum(term.g for term in problem.prony)
+        problem, terms = candidate.problems[key], candidate.problems[key].prony
+        paths = [candidate.felt[i] for i in self._under[key[0]]]
+        lasts_s = max(path.time_s[-1] - path.time_s[0] for path in paths)
+        # Of the stress, as far as it can have relaxed by the end of a curve; before it, for good.
+        share = -sum(term.g * math.expm1(-lasts_s / term.tau_s) for term in terms)
+        before_mbar = problem.preload_mbar / (1.0 - sum(term.g for term in terms))
         # In coarse steps: what is solved is kept by it.
-        wanted = 1.02 * self._needed_mbar(candidate, key) + problem.preload_mbar
-        return float(np.ceil(wanted / (1.0 - share) / 20.0) * 20.0)
+        wanted = 1.02 * self._needed_mbar(candidate, key) / (1.0 - share) + before_mbar
+        return float(np.ceil(wanted / 20.0) * 20.0)
 
     def _height_in_time(
         self,

@@ -302,6 +302,22 @@ def test_a_path_in_many_pieces_is_the_same_path():
     np.testing.assert_allclose(few[0][:, 0], few[1])
 
 
+def test_what_has_no_time_to_relax_is_not_asked_for(table):
+    # A quarter of what relaxes is still there when a curve ends: without it the skin creases.
+    creep = {"amplitude": 0.57, "exponent": 0.218}
+    skin = Skin((0.0542, 0.54, 0.385))
+    (curve,) = measured({}, RAMPS[1:2]).curves
+    path = PressurePath.of_program(curve.setup.program)
+    geometry = Geometry(curve.setup.aperture_mm, curve.setup.thickness_mm)
+    solved = response(skin, {"power_law_creep": creep}, geometry, path, curve.time_s).deflection_mm
+    model = fitter_of(measured({}, RAMPS), table).model(Unknowns(("power_law_creep",)))
+    x1, x2, nu = skin.values
+    u = np.array([np.log(x1), np.log(x2 / x1), nu, 0.57 / 0.2, np.log(0.218)])
+    found = model.predict(u)
+    assert all(np.isfinite(w).all() for w in found)
+    assert np.abs(found[1] - solved).max() < 0.15 * solved.max()  # anchors take up the rest
+
+
 @pytest.mark.parametrize(
     "effects",
     [
