@@ -90,7 +90,7 @@ def outdone(candidates: Sequence[Candidate]) -> bool:
     return bool(good) and max(others, default=-math.inf) >= max(good) + NAMES.tie
 
 
-def near_the_best(candidates: Sequence[Candidate]) -> list[Candidate]:
+def may_still_win(candidates: Sequence[Candidate]) -> list[Candidate]:
     """Return the explanations that may still win, the best first; none where nothing is seen.
 
     The best one with another effect is no other explanation.
@@ -103,7 +103,7 @@ def near_the_best(candidates: Sequence[Candidate]) -> list[Candidate]:
     return [c for c in good if c.log10_evidence > least and not best < set(c.effects)]
 
 
-def nearest(singles: Sequence[Candidate]) -> list[Candidate]:
+def best_fitting(singles: Sequence[Candidate]) -> list[Candidate]:
     """Return the single effects that are begun elsewhere as well."""
     return sorted(singles, key=lambda c: c.fit.cost)[: SEARCH.again]
 

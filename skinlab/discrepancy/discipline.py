@@ -134,7 +134,15 @@ class Discipline:
         found.append(self._again(best, base, [c for c in rivals if c not in tied], odds))
         if parts:
             found.append(self._chosen_again(best, base, rivals, parts, everything))
-            found.append(_predicts(held))
+            ratio = held.rms_um / max(held.expected_um, 1e-9)
+            found.append(
+                Trial(
+                    "predicts",
+                    ratio <= NAMES.held_out_ratio,
+                    f"what was left out is predicted to {held.rms_um:.1f} µm, "
+                    f"{ratio:.2f} times what is expected",
+                )
+            )
         return found
 
     def _size(self, best: Candidate, base: Candidate) -> Trial:
@@ -235,14 +243,6 @@ class Discipline:
             "for what is chosen without them, the conditions left out are "
             f"{odds_words(gain)} likelier than for the model as it is",
         )
-
-
-def _predicts(held: HeldOut) -> Trial:
-    ratio = held.rms_um / max(held.expected_um, 1e-9)
-    told = f"is predicted to {held.rms_um:.1f} µm, {ratio:.2f} times what is expected"
-    if not np.isfinite(ratio):
-        told = "cannot be predicted: fitted without it, the model ends before it"
-    return Trial("predicts", bool(ratio <= NAMES.held_out_ratio), f"what was left out {told}")
 
 
 def smooth_shapes(records: Sequence[Record], degree: int) -> Array:

@@ -115,11 +115,12 @@ class Fitter:
     def residuals_of_many(self, model: MappedModel, u: Array, keep: Kept | None = None) -> Array:
         """Return whitened residuals (candidates, n) of unknowns (candidates, k)."""
         off = np.hstack(model.predict_many(u)) - self.measured
+        # What was measured was no crease: also where it is left out.
+        held = np.isfinite(off).all(axis=1)
         errors = self.errors
         if keep is not None:
             off, errors = off[:, keep.samples], keep.errors
         found = np.full((len(u), errors.count), NO_MODEL)
-        held = np.isfinite(off).all(axis=1)
         if held.any():
             found[held] = errors.whiten(off[held].T).T
         return found

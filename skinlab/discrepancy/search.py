@@ -25,9 +25,9 @@ from skinlab.discrepancy.candidates import (
     Candidate,
     Found,
     Partial,
+    best_fitting,
     best_of_each,
-    near_the_best,
-    nearest,
+    may_still_win,
     outdone,
 )
 from skinlab.discrepancy.fit import Fit, Fitter
@@ -251,7 +251,7 @@ class Search:
     def _doubtful(self, candidates: Sequence[Candidate]) -> list[Candidate]:
         """Return what may still win, and whose errors are not known; the nearest first."""
         known = {id(fit) for fit, _ in self._looks}
-        return [c for c in near_the_best(candidates) if id(c.fit) not in known]
+        return [c for c in may_still_win(candidates) if id(c.fit) not in known]
 
     def _sharpened(
         self, pool: Pool, base: Candidate, candidates: list[Candidate]
@@ -261,7 +261,7 @@ class Search:
         By errors as wide as pure error leaves them a valley is flat, and a fit ends anywhere in it:
         what it is off by there counts by the errors of the best.
         """
-        near = near_the_best(candidates)[: SEARCH.sharpened]
+        near = may_still_win(candidates)[: SEARCH.sharpened]
         if len(near) < 2:
             return candidates
         self._progress(f"fitting {len(near)} explanations by the errors of the best")
@@ -357,7 +357,7 @@ class Search:
         may end at a wall of skins that crease.
         """
         seen = {s.effect: s for s in chosen}
-        tasks = [(base.fit, seen[c.effects[-1]], c.fit.cost) for c in nearest(found)]
+        tasks = [(base.fit, seen[c.effects[-1]], c.fit.cost) for c in best_fitting(found)]
         better = {}
         for fit in pool.map(fit_elsewhere, tasks):
             if fit is not None:
@@ -520,7 +520,7 @@ class Search:
         ):
             return []
         self._progress("fitting every single effect from elsewhere")
-        begun = set() if base.adequate else {c.effects[-1] for c in nearest(singles)}
+        begun = set() if base.adequate else {c.effects[-1] for c in best_fitting(singles)}
         tasks = [(base.fit, s, math.inf) for s in chosen if s.effect not in begun]
         fits = pool.map(fit_elsewhere, tasks)
         found = (self._candidate(fit, base) for fit in fits if fit is not None)

@@ -13,9 +13,7 @@ from skinlab.curves.curve import Curve, Setup
 from skinlab.errors import InputError
 from skinlab.inference.result import Identification
 from skinlab.mechanics.materials.base import NU_CONSISTENT
-from skinlab.mechanics.names import (
-    is_poisson,
-)
+from skinlab.mechanics.names import is_poisson
 from skinlab.quality.gates.base import Finding
 from skinlab.report.rounding import decimals, interval_words, rounded
 from skinlab.report.text import explain

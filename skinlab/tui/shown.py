@@ -8,9 +8,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from drivers.events import (
-    Sample,
-)
+from drivers.events import Sample
 from skinlab.acquisition.measurement_request import Order
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.growing import GrowingCurve

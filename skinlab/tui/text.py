@@ -12,10 +12,7 @@ from drivers.events import Sample
 from skinlab.curves.curve import Setup
 from skinlab.curves.program import Hold, Program, Ramp, Release, Segment, Until
 from skinlab.inference.result import Value
-from skinlab.mechanics.names import (
-    effect_words,
-    unit_of,
-)
+from skinlab.mechanics.names import effect_words, unit_of
 from skinlab.recording.curve_selection import Deed
 from skinlab.report.rounding import interval_words
 from skinlab.tui.shown import Live, Playing
