@@ -400,7 +400,7 @@ def learn(
     models: list[ErrorModel] = [
         *(model for model in ERROR_MODELS.all() if model.name not in others),
         *own,
-        Placement(absent),
+        Placement(absent, lone_zero=True),
         ThicknessScatter(thickness_mm, absent),
     ]
     if not looks:

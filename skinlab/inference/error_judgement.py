@@ -104,7 +104,7 @@ def _beside(errors: ErrorChoice, found_um: Array, stated_um: float) -> tuple[flo
 
 def _placement(errors: ErrorChoice) -> PlacementSummary | None:
     part = next((p for p in errors.best.parts if p.name == "placement"), None)
-    if part is None:
+    if part is None or "placement_count" not in part.stated:  # nothing is told of a curve alone
         return None
 
     def interval(name: str) -> dict[str, float]:

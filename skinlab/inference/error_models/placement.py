@@ -37,10 +37,12 @@ def expected_sizes(stated_scatter: float | None) -> tuple[float, float]:
 class Placement:
     """Random effects of stiffness and zero, common to all samples of a placement.
 
-    `absent` is the share of their priors with which placements hardly differ.
+    `absent` is the share of their priors with which placements hardly differ. With `lone_zero` the
+    zero of a curve alone is off as well (its stiffness is the skin's, as far as it can tell).
     """
 
     absent: float = 0.0
+    lone_zero: bool = False
     name: str = "placement"
     meaning: str = (
         "how each putting-on of the probe differs: a stiffness, a zero and, where its deviation "
@@ -51,8 +53,16 @@ class Placement:
     def part(self, look: Look) -> Part | None:
         """Return its part for several curves together, unless there is said to be no scatter."""
         samples, stated = look.samples, look.placement_scatter
-        if stated == 0.0 or samples.curves < 2:
+        alone = samples.curves < 2
+        if stated == 0.0 or (alone and not self.lone_zero):
             return None
+        if alone:
+            zero = np.ones((len(samples), 1))
+
+            def off(values: Sequence[float]) -> Terms:
+                return Terms(columns_mm=zero, sizes=1e-3 * np.array(values))
+
+            return Part("placement", (_OFFSET,), off, always=True)
         numbers = np.unique(samples.placement)
         one = (samples.placement[:, None] == numbers).astype(float)
         thickness = np.zeros((len(samples), 0))

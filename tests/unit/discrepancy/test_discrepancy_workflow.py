@@ -311,6 +311,17 @@ def test_any_number_of_workers_says_the_same(table, off_zero, explained):
     assert document(two) == document(explained)
 
 
+@pytest.mark.parametrize(("offset_um", "verdict"), [(13.0, "none"), (80.0, "named")])
+def test_a_zero_of_one_curve_is_an_effect_where_no_placement_does_it(table, offset_um, verdict):
+    """Contact moves zeros by 3 to 10 µm; a curve alone was named from 13 µm on before."""
+    hidden = campaign({"deflection_offset": {"offset_um": offset_um}}, PLAN[1:2])
+    said = explain(hidden, table, finite_elements=False).verdict
+    assert (said.name, [c.effects for c in said.explanations]) == (
+        verdict,
+        [("deflection_offset",)] if verdict == "named" else [],
+    )
+
+
 @pytest.mark.soak
 def test_one_ramp_names_nothing_by_the_finite_elements_either(table):
     names_nothing(explain(campaign({"natural_tension": {"stretch": 1.04}}, RAMP), table, workers=1))
