@@ -64,7 +64,8 @@ def status(url: str, headers: dict[str, str] | None = None) -> int:
         with urllib.request.urlopen(urllib.request.Request(url, headers=headers or {})) as answer:
             return answer.status
     except urllib.error.HTTPError as error:
-        return error.code
+        with error:
+            return error.code
 
 
 def test_only_the_token_opens_the_page(served):
