@@ -9,6 +9,7 @@ from collections.abc import Callable
 from skinlab.errors import InputError
 
 _NAP_S = 0.05  # how long a pause, a step or a stop may go unnoticed
+_DUE_S = 1e-6  # less is not waited for: a nap too short for a clock to show would be taken for ever
 
 
 class ReplayControl:
@@ -119,7 +120,7 @@ class ReplayControl:
         while not self._stopped:
             with self._lock:
                 nap_s = self._left(record_time_s, sample)
-            if nap_s <= 0:
+            if nap_s <= _DUE_S:
                 return True
             self._sleep(min(nap_s, _NAP_S))
         return False

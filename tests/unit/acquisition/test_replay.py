@@ -45,7 +45,7 @@ class Clock:
         return self.now
 
     def sleep(self, seconds: float) -> None:
-        assert seconds > 0
+        assert self.now + seconds > self.now, "a nap that the clock does not show never ends"
         self.now += seconds
         self.naps += 1
         for action in self.at_nap.pop(self.naps, ()):
@@ -148,6 +148,15 @@ def test_a_pause_stands_still_and_what_was_left_to_wait_is_waited(session):
     late = [a - b for a, b in zip(told, without, strict=True)]
     assert late[0] == pytest.approx(0.0, abs=1e-6) or late[0] == pytest.approx(paused_s, abs=1e-6)
     assert late[-1] == pytest.approx(paused_s, abs=1e-6)
+
+
+def test_what_is_due_in_less_than_the_clock_shows_is_due():
+    clock = Clock()
+    control = ReplayControl(10.0, clock=clock, sleep=clock.sleep)
+    assert control.wait(414.4, sample=True)
+    clock.now += 0.1
+    assert control.wait(415.4 + 5e-14, sample=True)
+    assert clock.naps == 0
 
 
 def test_a_step_lets_one_sample_through(session):
