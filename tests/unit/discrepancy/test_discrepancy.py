@@ -539,12 +539,12 @@ def test_residuals_and_slopes_out_of_one_batch_are_those_alone(plain):
     there = np.array([fit.u, fit.u + 0.02])
     residuals = misfit.differences(there)
     slopes = misfit.slopes(there)
-    assert slopes == pytest.approx(Misfit(fitter, model).slopes(there), rel=1e-9)
+    assert slopes == pytest.approx(Misfit(fitter, model).slopes(there), rel=1e-9, abs=1e-9)
     assert np.square(residuals).sum(axis=1) == pytest.approx(misfit(there), rel=1e-9)
     assert slopes[0] == pytest.approx(fitter.jacobian(model, fit.u), rel=1e-6, abs=1e-3)
     # Asked for elsewhere, they are those of elsewhere.
     misfit.differences(there)
-    assert misfit.slopes(there[1:])[0] == pytest.approx(slopes[1], rel=1e-9)
+    assert misfit.slopes(there[1:])[0] == pytest.approx(slopes[1], rel=1e-9, abs=1e-9)
 
 
 @pytest.mark.parametrize("effect", ["thickness_error", "contact_preload"])
