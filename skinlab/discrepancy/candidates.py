@@ -90,17 +90,22 @@ def outdone(candidates: Sequence[Candidate]) -> bool:
     return bool(good) and max(others, default=-math.inf) >= max(good) + NAMES.tie
 
 
-def may_still_win(candidates: Sequence[Candidate]) -> list[Candidate]:
+def may_still_win(candidates: Sequence[Candidate], added: float = math.inf) -> list[Candidate]:
     """Return the explanations that may still win, the best first; none where nothing is seen.
 
-    The best one with another effect is no other explanation.
+    The best one with another effect is no other explanation, unless that takes off so much of the
+    cost: the errors of the best may then be what it does.
     """
     good = sorted((c for c in candidates if c.adequate), key=lambda c: -c.log10_evidence)
     if not good or good[0].log10_evidence < NAMES.tie:
         return []
-    least = good[0].log10_evidence - SEARCH.doubt
-    best = set(good[0].effects)
-    return [c for c in good if c.log10_evidence > least and not best < set(c.effects)]
+    best, least = good[0], good[0].log10_evidence - SEARCH.doubt
+    return [
+        c
+        for c in good
+        if c.log10_evidence > least
+        and (not set(best.effects) < set(c.effects) or c.fit.cost < best.fit.cost - added)
+    ]
 
 
 def best_fitting(singles: Sequence[Candidate]) -> list[Candidate]:

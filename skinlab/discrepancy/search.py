@@ -251,7 +251,7 @@ class Search:
     def _doubtful(self, candidates: Sequence[Candidate]) -> list[Candidate]:
         """Return what may still win, and whose errors are not known; the nearest first."""
         known = {id(fit) for fit, _ in self._looks}
-        return [c for c in may_still_win(candidates) if id(c.fit) not in known]
+        return [c for c in may_still_win(candidates, SEARCH.behind) if id(c.fit) not in known]
 
     def _sharpened(
         self, pool: Pool, base: Candidate, candidates: list[Candidate]
@@ -420,6 +420,10 @@ class Search:
             others = [n for n in self._library if n != mine]
             errors = next((e.mode for fit, e in self._looks if fit is leader.fit), None)
             found, _ = self._screen(pool, leader.fit, others, errors)
+            if errors is not None:
+                # These may have taken up what the partner does; what repeats say has not.
+                by_repeats, _ = self._screen(pool, leader.fit, others)
+                found = {n: max(s, found.get(n, s), key=_gain) for n, s in by_repeats.items()}
             for s in sorted(found.values(), key=lambda s: -s.gain)[: SEARCH.partners]:
                 expected = leader.fit.cost - s.gain
                 names = frozenset((mine, s.effect))
@@ -592,6 +596,10 @@ class Search:
         if self._partial is not None:
             self._partial.add(found, base=base is None)
         return found
+
+
+def _gain(one: Signature) -> float:
+    return one.gain
 
 
 def creased(records: Sequence[Record], fit: Fit, domes: TableDomes) -> list[Record]:
