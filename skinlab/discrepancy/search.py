@@ -151,6 +151,8 @@ class Search:
                 pairs = self._pairs(
                     pool, base, singles, SEARCH.leaders, SEARCH.seen, signatures, candidates
                 )
+                pairs += self._nested(pool, base, singles, pairs)
+                pairs += self._further(pool, base, singles, [*candidates, *pairs])
                 candidates += self._members(pool, base, pairs) + pairs
             candidates = best_of_each(candidates)
             candidates = self._rivals(pool, base, candidates)
@@ -405,11 +407,12 @@ class Search:
         least: float,
         signatures: Mapping[str, Signature] | None = None,
         known: Sequence[Candidate] = (),
+        partners: int = SEARCH.partners,
     ) -> list[Candidate]:
         """Return pairs of the best singles, at most so many, with partners that gain so much.
 
         With the signatures of single effects all their pairs are screened as well. What is `known`
-        is not fitted again.
+        is not fitted again. Each single gets so many `partners` at most.
         """
         fitted_already = {frozenset(c.effects[len(self._own) :]) for c in known}
         leaders = sorted(singles, key=lambda c: -c.log10_evidence)[:most]
@@ -417,23 +420,21 @@ class Search:
         for leader in leaders:
             mine = leader.effects[-1]
             self._progress(f"looking for a partner of {mine}")
-            others = [n for n in self._library if n != mine]
+            library = [n for n in self._library if n != mine]
             errors = next((e.mode for fit, e in self._looks if fit is leader.fit), None)
-            found, _ = self._screen(pool, leader.fit, others, errors)
+            found, _ = self._screen(pool, leader.fit, library, errors)
             if errors is not None:
                 # These may have taken up what the partner does; what repeats say has not.
-                by_repeats, _ = self._screen(pool, leader.fit, others)
+                by_repeats, _ = self._screen(pool, leader.fit, library)
                 found = {n: max(s, found.get(n, s), key=_gain) for n, s in by_repeats.items()}
-            for s in sorted(found.values(), key=lambda s: -s.gain)[: SEARCH.partners]:
+            new = [
+                s for s in sorted(found.values(), key=lambda s: -s.gain)
+                if s.gain > least and frozenset((mine, s.effect)) not in fitted_already
+            ]  # fmt: skip
+            for s in new[:partners]:
                 expected = leader.fit.cost - s.gain
                 names = frozenset((mine, s.effect))
-                if (
-                    s.gain > least
-                    and names not in fitted_already
-                    and (
-                        names not in tasks or expected < tasks[names][0].cost - tasks[names][1].gain
-                    )
-                ):
+                if names not in tasks or expected < tasks[names][0].cost - tasks[names][1].gain:
                     tasks[names] = leader.fit, s
         ranked = sorted(tasks.values(), key=lambda t: t[0].cost - t[1].gain)[: SEARCH.most_pairs]
         costs = {frozenset((f.effects[-1], s.effect)): f.cost - s.gain for f, s in ranked}
@@ -441,11 +442,11 @@ class Search:
         if signatures:
             screened = linear_pairs(self.fitter, base.fit, signatures)
             there = fitted_already | costs.keys()
-            new = [pair for pair in screened if frozenset(pair.names) not in there]
-            costs |= {frozenset(pair.names): base.fit.cost - pair.gain for pair in new}
+            others = [pair for pair in screened if frozenset(pair.names) not in there]
+            costs |= {frozenset(pair.names): base.fit.cost - pair.gain for pair in others}
             chosen = sorted(costs, key=lambda names: costs[names])[: SEARCH.most_pairs]
             ranked = [t for t in ranked if frozenset((t[0].effects[-1], t[1].effect)) in chosen]
-            linear = [pair.task for pair in new if frozenset(pair.names) in chosen]
+            linear = [pair.task for pair in others if frozenset(pair.names) in chosen]
         if not ranked and not linear:
             return []
         told = [f"{f.effects[-1]} and {s.effect}" for f, s in ranked]
@@ -458,6 +459,52 @@ class Search:
             fits = pool.map(fit_from, [(*task, limit) for task in linear[i : i + SEARCH.abreast]])
             fitted += [self._candidate(fit, base) for fit in fits if fit is not None]
         return fitted
+
+    def _nested(
+        self,
+        pool: Pool,
+        base: Candidate,
+        singles: Sequence[Candidate],
+        pairs: Sequence[Candidate],
+    ) -> list[Candidate]:
+        """Return those pairs again that fit worse than one of their members alone, begun at that.
+
+        With a second effect nothing fits worse: such a fit has not found its optimum.
+        """
+        found = []
+        for pair in pairs:
+            names = pair.effects[len(self._own) :]
+            alone = [c for c in singles if c.effects[-1] in names]
+            member = min(alone, key=lambda c: c.fit.cost, default=pair)
+            if member.fit.cost >= pair.fit.cost - FITS.gain:
+                continue
+            partner = [n for n in names if n != member.effects[-1]]
+            self._progress(f"fitting {' and '.join(names)} again, from {member.effects[-1]} alone")
+            seen, _ = self._screen(pool, member.fit, partner)
+            found += self._fits(pool, base, [(member.fit, s) for s in seen.values()])
+        return found
+
+    def _further(
+        self,
+        pool: Pool,
+        base: Candidate,
+        singles: Sequence[Candidate],
+        known: Sequence[Candidate],
+    ) -> list[Candidate]:
+        """Return more pairs where none explains: of the better half of the best one.
+
+        What the screen expects of a strong partner may be far off; of that half the next best
+        partners are fitted.
+        """
+        pairs = [c for c in known if len(c.effects) - len(self._own) > 1]
+        if not pairs or any(c.adequate for c in known):
+            return []
+        best = min(pairs, key=lambda c: c.fit.cost)
+        halves = [c for c in singles if c.effects[-1] in best.effects]
+        halves = sorted(halves, key=lambda c: c.fit.cost)[:1]
+        return self._pairs(
+            pool, base, halves, 1, SEARCH.seen, known=known, partners=SEARCH.most_pairs
+        )
 
     def _members(self, pool: Pool, base: Candidate, pairs: Sequence[Candidate]) -> list[Candidate]:
         """Return fits of the single effects of pairs that explain, begun where the pair ended.
