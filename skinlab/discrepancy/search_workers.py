@@ -167,17 +167,20 @@ def _agree(found: Fit | None, cost: float) -> bool:
 
 
 def _off_the_wall(fitter: Fitter, best: Fit, limit: float) -> Fit:
-    """Return the fit; where the law ends at a bound, from the middle of its range, if better.
+    """Return the fit; where the law is near the end of a range, from the middle of it, if better.
 
-    A model that lacks something may end there, and what is then added keeps it there.
+    A model that lacks something may end there, and what is then added keeps it there. A logarithm
+    counts where it is at its bound alone.
     """
     unknowns = best.unknowns
-    walled = ~best.free[: unknowns.count]
+    low, high = unknowns.bounds
+    law = slice(0, unknowns.count)
+    linear = np.array([t == "linear" for t in unknowns.space.transforms])
+    margin = np.minimum(best.u - low, high - best.u)[law] / (high - low)[law]
+    walled = (linear & (margin < FITS.near_end)) | ~best.free[law]
     if not walled.any():
         return best
-    low, high = unknowns.bounds
     start = best.u.copy()
-    law = slice(0, unknowns.count)
     start[law] = np.where(walled, 0.5 * (low + high)[law], start[law])
     again = fitter.fit(unknowns, start, limit, best.cost)
     return best if again is None or again.cost >= best.cost else again
