@@ -131,7 +131,7 @@ class Discipline:
         whole = self.ahead(best, base, everything)
         odds = best.log10_evidence - whole  # of the prior, and what fewer settings change
         found = [self._size(best, base), self._smooth(best, base), self._steps(best)]
-        found.append(self._again(best, base, [c for c in rivals if c not in tied], odds))
+        found.append(self._again(best, base, self._rivals(best, others, tied), odds))
         if parts:
             found.append(self._chosen_again(best, base, rivals, parts, everything))
             ratio = held.rms_um / max(held.expected_um, 1e-9)
@@ -199,15 +199,10 @@ class Discipline:
         odds: float,
     ) -> Trial:
         """Return whether it is there with every second sample dropped, and with any one curve."""
-        failed = []
-        # What is learned is a kind: another function of the same kind is no other answer.
-        rivals = [r for r in rivals if not best.kind or r.kind != best.kind]
-        for what, kept in self._drops.items():
-            lead = self.ahead(best, base, kept)
-            behind = [self._weighed(r, kept) - self._weighed(best, kept) for r in rivals]
-            needed = NAMES.tie - odds if what == _SECOND else 0.0
-            if lead < needed or max(behind, default=0.0) > NAMES.tie:
-                failed.append(what)
+        failed = [
+            what for what, (there, ahead) in self._without(best, base, rivals, odds).items()
+            if not there or ahead
+        ]  # fmt: skip
         return Trial(
             "again",
             not failed,
@@ -215,6 +210,45 @@ class Discipline:
             if not failed
             else "it is not there without " + ", ".join(failed),
         )
+
+    def _without(
+        self, best: Candidate, base: Candidate, rivals: Sequence[Candidate], odds: float
+    ) -> dict[str, tuple[bool, list[Candidate]]]:
+        """Return by what is left out whether it is there, and what is then ahead of it."""
+        # What is learned is a kind: another function of the same kind is no other answer.
+        rivals = [r for r in rivals if not best.kind or r.kind != best.kind]
+        found = {}
+        for what, kept in self._drops.items():
+            needed = NAMES.tie - odds if what == _SECOND else 0.0
+            mine = self._weighed(best, kept)
+            ahead = [r for r in rivals if self._weighed(r, kept) - mine > NAMES.tie]
+            found[what] = self.ahead(best, base, kept) >= needed, ahead
+        return found
+
+    def ahead_in_parts(
+        self,
+        best: Candidate,
+        base: Candidate,
+        others: Sequence[Candidate],
+        tied: Sequence[Candidate],
+    ) -> list[Candidate]:
+        """Return what is ahead of an explanation where data are left out.
+
+        None where there it is no better than the model as it is: then it stands for nothing.
+        """
+        everything = np.ones(sum(len(r.curve) for r in self._records), dtype=bool)
+        odds = best.log10_evidence - self.ahead(best, base, everything)
+        parts = self._without(best, base, self._rivals(best, others, tied), odds).values()
+        if not all(there for there, _ in parts):
+            return []
+        return list({id(c): c for _, ahead in parts for c in ahead}.values())
+
+    @staticmethod
+    def _rivals(
+        best: Candidate, others: Sequence[Candidate], tied: Sequence[Candidate]
+    ) -> list[Candidate]:
+        rivals = [c for c in others if c is not best][: NAMES.tried_rivals]
+        return [c for c in rivals if c not in tied]
 
     def _chosen_again(
         self,

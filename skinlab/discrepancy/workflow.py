@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
@@ -89,8 +90,9 @@ def explain(
         more = find_families(search, found)
         kind = decide_learned(more)
         learned = _tried(search, more, kind, progress) if kind.explanations else tried
-        if learned.verdict.name == "learned":
-            both = [*more.candidates, *search.weighed(found.base, found.candidates)]
+        named = search.weighed(found.base, found.candidates)
+        if learned.verdict.name == "learned" and not _outdone(learned.verdict, named):
+            both = [*more.candidates, *named]
             both.sort(key=lambda c: -c.log10_evidence)
             tried = replace(learned, found=replace(more, candidates=both))
         else:
@@ -108,6 +110,8 @@ def explain(
             )
     if tried.verdict.name == "unknown" and (noise := search.by_its_own_errors(found)):
         tried = replace(tried, verdict=Verdict("none", []), found=noise)
+    if tried.verdict.name == "unknown" and tried.open is not None:
+        tried = replace(tried, verdict=tried.open)
     verdict, found = tried.verdict, tried.found
     assert search.errors is not None
     progress("working out the intervals")
@@ -161,6 +165,16 @@ def _moves(one: Candidate) -> bool:
     return any(f.own_of_each for f in families() if f.name in one.effects)
 
 
+def _outdone(learned: Verdict, named: Sequence[Candidate]) -> bool:
+    """Return whether effects that have a name explain, and a learned one that does not is behind.
+
+    Then it is one of these that is missing, though not which one can be told.
+    """
+    (one,) = learned.explanations
+    best = max((c.log10_evidence for c in named if c.adequate), default=-math.inf)
+    return not one.adequate and best >= one.log10_evidence + NAMES.tie
+
+
 @dataclass(frozen=True, eq=False)
 class _Tried:
     """A verdict after its trials, with what these took."""
@@ -172,6 +186,8 @@ class _Tried:
     before: HeldOut
     held: dict[tuple[str, ...], HeldOut]
     trials: tuple[Trial, ...] = ()
+    # What could not be told apart in parts of the data; None where that is not why it failed
+    open: Verdict | None = None
 
     @property
     def failed(self) -> set[str]:
@@ -244,4 +260,14 @@ def _tried(search: Search, found: Found, first: Verdict, progress: Callable[[str
         each.append(trials(best, first.explanations[i + 1 :]))
         if all(trial.passed for trial in each[-1]):
             return replace(tried, verdict=first.without(i), trials=each[-1])
-    return replace(tried, verdict=disciplined(first, found, each[0]), trials=each[0])
+    tried = replace(tried, verdict=disciplined(first, found, each[0]), trials=each[0])
+    if first.name == "learned" or tried.failed != {"again"}:
+        return tried
+    best, *tied = first.explanations
+    ahead = discipline.ahead_in_parts(best, found.base, serving, tied)
+    every = [*first.explanations, *(c for c in ahead if c not in first.explanations)]
+    if len(every) == 1:
+        return tried
+    every.sort(key=lambda c: -c.log10_evidence)
+    held |= {c.effects: predict_held_out(final, again(c.fit), parts) for c in ahead}
+    return replace(tried, open=Verdict("ambiguous", every))
