@@ -80,10 +80,11 @@ def with_family(before: Unknowns, one: LearnedEffect, seen: Seen, scale: float) 
     return replace(before, effects=effects, known=tuple(known))
 
 
-def find_families(search: Search, found: Found) -> Found:
+def find_families(search: Search, found: Found, least: float = 0.0) -> Found:
     """Return the families that were fitted, the best first, with errors as the best sees them.
 
-    `search.errors` are those that were learned with them from then on.
+    `search.errors` are those that were learned with them from then on. None is fitted where none
+    promises `least` (log10 evidence over the model as it is), linearised.
     """
     assert search.errors is not None
     base = found.base
@@ -95,6 +96,8 @@ def find_families(search: Search, found: Found) -> Found:
     promising = sorted((p for p in promises if p is not None), key=lambda p: -p.log_evidence)
     plain = float(search.errors.log_evidences([search.linear(base.fit)])[0])
     worth = [p for p in promising[: SEARCH.families] if p.log_evidence > plain]
+    if not worth or worth[0].log_evidence - plain < least * LOG10:
+        return replace(found, candidates=[])
     fitted = [(p, fit) for p in worth if (fit := _fit(search, base.fit, p, seen)) is not None]
     if not fitted:
         return replace(found, candidates=[])

@@ -84,11 +84,15 @@ def explain(
     found = search.run()
     tried = _tried(search, found, _each_needed(search, found, decide(found)), progress)
     doubtful = found.base.left.p_value < ERRORS.no_doubt
-    if tried.verdict.name == "unknown" or (doubtful and tried.failed == {"families"}):
+    # Where errors would do, a kind is asked for only by evidence that no chance gives.
+    least = NAMES.unasked if tried.verdict.name == "none" else 0.0
+    if least or tried.verdict.name == "unknown" or (doubtful and tried.failed == {"families"}):
         progress("finding out what kind of thing is missing")
         before = search.errors
-        more = find_families(search, found)
+        more = find_families(search, found, least)
         kind = decide_learned(more)
+        if kind.explanations and kind.explanations[0].log10_evidence < least:
+            kind = Verdict("unknown", [])
         learned = _tried(search, more, kind, progress) if kind.explanations else tried
         named = search.weighed(found.base, found.candidates)
         if learned.verdict.name == "learned" and not _outdone(learned.verdict, named):
