@@ -28,6 +28,7 @@ from skinlab.discrepancy.heldout import HeldOut
 from skinlab.discrepancy.odds import odds_words
 from skinlab.discrepancy.records import Record, by_geometry
 from skinlab.discrepancy.settings import NAMES, SEARCH
+from skinlab.inference.covariance import Covariance
 from skinlab.inference.error_choice import Node
 from skinlab.inference.noise import legendre
 
@@ -130,7 +131,7 @@ class Discipline:
         everything = np.ones(sum(len(r.curve) for r in self._records), dtype=bool)
         whole = self.ahead(best, base, everything)
         odds = best.log10_evidence - whole  # of the prior, and what fewer settings change
-        found = [self._size(best, base), self._smooth(best, base), self._steps(best)]
+        found = [self._size(best, base), self._smooth(best, base), self._steps(best, base)]
         found.append(self._again(best, base, self._rivals(best, others, tied), odds))
         if parts:
             found.append(self._chosen_again(best, base, rivals, parts, everything))
@@ -172,15 +173,22 @@ class Discipline:
             f"{size:g} µm",
         )
 
-    def _steps(self, best: Candidate) -> Trial:
+    def _steps(self, best: Candidate, base: Candidate) -> Trial:
         # A learned function follows corners nearly: by its own errors what it leaves there stands
         # out, though pure error may be larger; where that knows of none that last, by its own.
         looks = self._errors.looks[-1:] + ((self._errors.pure,) if best.kind else ())
-        # At its optimum by these errors: its fit ended near that by wider ones, and what a refit
-        # would take off is no step.
-        linear = self._linear[id(best)]
+
+        def left(one: Candidate, errors: Covariance) -> float:
+            # At its optimum by these errors: its fit ended near that by wider ones, and what a
+            # refit would take off is no step.
+            linear = self._linear[id(one)]
+            residual_mm = linear.residual_mm - linear.explained_mm(errors)
+            return steps(self._records, errors, residual_mm)
+
+        # Of a corner that it does follow, some share is left; of steps it takes off half at most.
         passed = any(
-            steps(self._records, e, linear.residual_mm - linear.explained_mm(e)) < NAMES.steps
+            (size := left(best, e)) < NAMES.steps
+            or (best.kind and size < NAMES.steps_left * left(base, e))
             for e in (one.mode for one in looks)
         )
         return Trial(
