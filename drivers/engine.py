@@ -428,11 +428,13 @@ class Engine:
         """
         self._tap("mark", now, lost_mark(reason))
         connection.mark(lost_mark(reason))
+        behind: list[Event] = []
         while (event := connection.next_event()) is not None:
-            if event == State(InstrumentState.IDLE, reason):
-                return [event, *iter(connection.next_event, None)]
-            self._deliver(event, now)
-        return []
+            if behind or event == State(InstrumentState.IDLE, reason):
+                behind.append(event)
+            else:
+                self._deliver(event, now)
+        return behind
 
     def _end(self, reason: str) -> None:
         with self._lock:

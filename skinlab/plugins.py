@@ -26,7 +26,7 @@ from importlib.machinery import PathFinder
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
-from skinlab.errors import InputError
+from skinlab.errors import BrokenPluginError, InputError, SkinlabError
 from skinlab.text import did_you_mean, inert
 
 if TYPE_CHECKING:
@@ -114,6 +114,28 @@ class Registry(Generic[T]):
         """Return where the one of that name comes from; None: it is built in."""
         self._all()
         return self._origins.get(name)
+
+    def who(self, name: str) -> str | None:
+        """Return how a sentence names an installed one; None: it is built in."""
+        origin = self.origin(name)
+        return None if origin is None else f"plugin {origin.distribution}, {self.kind} {name!r}"
+
+    @contextlib.contextmanager
+    def at_work(self, name: str) -> Iterator[None]:
+        """Name an installed one that breaks down while this lasts.
+
+        Raises:
+            BrokenPluginError: it did; an error of what is built in comes through as it is.
+        """
+        try:
+            yield
+        except SkinlabError:
+            raise  # a sentence already
+        except Exception as error:
+            who = self.who(name)
+            if who is None:
+                raise
+            raise BrokenPluginError(f"{who}: broke down: {_reason(error)}") from error
 
     def refused(self) -> dict[str, str]:
         """Return why, by name, installed extensions are not there."""

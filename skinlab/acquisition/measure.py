@@ -69,8 +69,10 @@ def measure(
                         acknowledged(alarm)
                     runner.ask(Acknowledge(), Continue())
         finally:
-            runner.close()
-            pipeline.end()
+            try:
+                runner.close()
+            finally:
+                pipeline.end()
     _raise(ends[0])
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from skinlab.plugins import Registry, needs
+from skinlab.plugins import Registry, needs, warn
 
 if TYPE_CHECKING:
-    from skinlab.inference.error_models.base import ErrorModel
+    from skinlab.inference.error_models.base import ErrorModel, Look, Part
 
 
 def check_error_model(one: object) -> None:
@@ -22,3 +22,26 @@ def check_error_model(one: object) -> None:
 ERROR_MODELS: Registry[ErrorModel] = Registry(
     "error model", __name__, "ERROR_MODEL", "skinlab.error_models", check_error_model
 )
+
+
+def part_of(model: ErrorModel, look: Look) -> Part | None:
+    """Return a model's part for these samples; an installed one that breaks down has none.
+
+    It is told of once, and everything else goes on.
+    """
+    who = ERROR_MODELS.who(model.name)
+    if who is None:
+        return model.part(look)
+    from skinlab.inference.error_models.base import Part
+
+    try:
+        part: object = model.part(look)
+        if part is None:
+            return None
+        if not isinstance(part, Part):
+            raise TypeError(f"it returned a {type(part).__name__}; expected a Part or None")
+        part.is_process  # noqa: B018 -- its terms are asked for, which may break down as well
+    except Exception as error:  # noqa: BLE001 -- no plugin may end what others can answer
+        warn(f"{who}: broke down, and is left out: {type(error).__name__}: {error}")
+        return None
+    return part
