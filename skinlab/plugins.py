@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
 GROUPS = "skinlab."  # what the names of all groups begin with
 _METADATA = (".dist-info", ".egg-info")
+_OURS = {"skinlab", "drivers"}
 
 
 class Named(Protocol):
@@ -323,9 +324,21 @@ def installed() -> dict[str, str]:
     }
 
 
+def blamed(error: BaseException) -> str | None:
+    """Return in words which plugin an error came through; None: through none."""
+    import traceback  # slow to import
+
+    files = {Path(frame.filename) for frame in traceback.extract_tb(error.__traceback__)}
+    for entry in entries():
+        top = str(entry.value).partition(":")[0].partition(".")[0].strip()
+        if top not in _OURS and files & set(_sources(top)):
+            return f"plugin {origin_of(entry).distribution}: broke down: {_reason(error)}"
+    return None
+
+
 def _hash(modules: set[str]) -> str:
     digest = hashlib.sha256()
-    for name in sorted(modules - {"skinlab", "drivers"}):
+    for name in sorted(modules - _OURS):
         for path in _sources(name):
             digest.update(f"{name} {path.name} ".encode())
             with contextlib.suppress(OSError):

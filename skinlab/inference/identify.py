@@ -203,7 +203,10 @@ class Identifier:
         start: Array | None = None,
     ) -> Identification:
         started = self.clock()
-        answer = self._fitted(curves, blank, intervals=intervals, start=start)
+        try:
+            answer = self._fitted(curves, blank, intervals=intervals, start=start)
+        except BrokenPluginError as error:  # the next curve may do without it
+            return replace(blank, error=str(error), seconds=self.clock() - started)
         if (
             {"crease", "misfit_above_noise"} & set(answer.flags)
             and answer.uncertainty is not None
@@ -239,11 +242,8 @@ class Identifier:
         if start is not None:
             estimate = auto.identify(problem, self.options, rng, start=start)
         else:
-            try:
-                with METHODS.at_work(method.name):
-                    estimate = _checked(method(problem, self.options, rng), problem)
-            except BrokenPluginError as error:
-                return replace(blank, error=str(error))
+            with METHODS.at_work(method.name):
+                estimate = _checked(method(problem, self.options, rng), problem)
         kept = np.ones(problem.points, dtype=bool)
         judged = intervals and estimate.minima is not None and len(estimate.minima) > 0
         if judged:

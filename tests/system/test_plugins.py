@@ -528,11 +528,12 @@ def test_what_breaks_down_at_work_is_named_and_everything_else_goes_on(at_work, 
     program = ["--program", "ramp:50@20"]
     assert run([*FORWARD, *program, "--csv", str(csv)]) == 0
     measure = ["measure", "--port", "sim://?seed=1&speed=50", *program, *SKIN, "--json"]
-    plain, by_lost, by_silent, effect, measured, again = at_work.each(
+    plain, by_lost, by_silent, effect, of_model, measured, again = at_work.each(
         ["identify", csv, *SKIN, "--json"],
         ["identify", csv, *SKIN, "--method", "lost"],
         ["identify", csv, *SKIN, "--method", "silent"],
         [*FORWARD, *program, "--direct", "--model", model],
+        ["identify", csv, *SKIN, "--model", model],
         [*measure, "--method", "lost", "--repeats", "2", "--rest-s", "0", "--out", "s.h5"],
         ["replay", "s.h5", "--verify", "--speed", "max"],
         cwd=tmp_path,
@@ -552,11 +553,52 @@ def test_what_breaks_down_at_work_is_named_and_everything_else_goes_on(at_work, 
     assert (by_lost.returncode, by_lost.stderr) == (3, f"skinlab: {lost}\n")
     assert by_silent.returncode == 3
     assert "method 'silent': broke down: TypeError: it returned a NoneType" in by_silent.stderr
-    assert effect.returncode == 3
-    assert effect.stderr.startswith("skinlab: plugin works, effect 'mine': broke down: ZeroDivisi")
+    for done in (effect, of_model):
+        assert done.returncode == 3
+        assert done.stderr.startswith("skinlab: plugin works, effect 'mine': broke down: ZeroDiv")
     curves = json.loads(measured.stdout)["curves"]
     assert [curve["error"] for curve in curves] == [lost, lost]
     assert again.returncode == 0, again.stderr
+
+
+LATER = """
+from skinlab.inference.error_models.base import Hyperparameter, Part, Terms
+from skinlab_example.fung import Fung
+class Late:
+    name, meaning, prior = "late", "m", "p"
+    def part(self, look):
+        def terms(values):
+            return Terms({1.0: 1e-6}[values[0]])
+        return Part(self.name, (Hyperparameter("x_um", 1.0, 1.0),), terms)
+class Torn(Fung):
+    name = "torn"
+    def isochoric(self, i1, i2, j, parameters):
+        return {}["energy"]
+ERRORS, LAW = Late(), Torn()
+"""
+
+
+def test_what_breaks_down_late_is_named_too(example, tmp_path):
+    csv = tmp_path / "c.csv"
+    program = ["--program", "ramp:50@20"]
+    assert run([*FORWARD, *program, "--csv", str(csv)]) == 0
+    points = {
+        "skinlab.error_models": {"late": "later:ERRORS"},
+        "skinlab.laws": {"torn": "later:LAW"},
+    }
+    later = package(tmp_path / "site", "later", points, later=LATER)
+    place = Place(later, Path(example.environment["PYTHONPATH"]))
+    of_the_law = ["forward", "--direct", "--law", "torn", "--c1-mpa", "0.066", "--c2", "11"]
+    errors, law = place.each(
+        ["identify", csv, *SKIN, "--json"], [*of_the_law, "--nu", "0.33", *SKIN, *program]
+    )
+    assert errors.returncode == 3
+    (curve,) = json.loads(errors.stdout)["curves"]
+    assert curve["error"].startswith("plugin later, error model 'late': broke down: KeyError: ")
+    assert law.returncode == 3
+    assert law.stderr.startswith(
+        "skinlab: plugin later: broke down: KeyError: 'energy' (later.py line 13); details are in"
+    )
 
 
 def test_a_gate_that_breaks_down_ends_no_measurement(tmp_path):

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from skinlab.plugins import Registry, needs, warn
 
 if TYPE_CHECKING:
-    from skinlab.inference.error_models.base import ErrorModel, Look, Part
+    from skinlab.inference.error_models.base import ErrorModel, Look, Part, Terms
 
 
 def check_error_model(one: object) -> None:
@@ -44,4 +46,14 @@ def part_of(model: ErrorModel, look: Look) -> Part | None:
     except Exception as error:  # noqa: BLE001 -- no plugin may end what others can answer
         warn(f"{who}: broke down, and is left out: {type(error).__name__}: {error}")
         return None
-    return part
+    return replace(part, terms=_named(model.name, part.terms))
+
+
+def _named(name: str, terms: Callable[[Sequence[float]], Terms]) -> Callable[..., Terms]:
+    """Return the terms, whose errors name the model."""
+
+    def named(values: Sequence[float]) -> Terms:
+        with ERROR_MODELS.at_work(name):
+            return terms(values)
+
+    return named
