@@ -408,12 +408,33 @@ class Engine:
 
     def _lost(self, reason: str) -> None:
         now = self._lost_at = self._clock()
-        self._post(LinkLost(reason), now)
-        for event in self._watchdog.link_lost():
-            if isinstance(event, Alarm):
-                self._post(event, now)
-        if isinstance(self._connection, StreamConnection):
-            self._mark(lost_mark(reason), now)
+        behind: list[Event] = []
+        try:
+            if isinstance(self._connection, StreamConnection):
+                behind = self._end_stream(self._connection, reason, now)
+        finally:
+            self._post(LinkLost(reason), now)
+            for event in self._watchdog.link_lost():
+                if isinstance(event, Alarm):
+                    self._post(event, now)
+            for other in behind:
+                self._deliver(other, now)
+
+    def _end_stream(self, connection: StreamConnection, reason: str, now: float) -> list[Event]:
+        """Mark the loss, and deliver what comes before it: readings that were held back.
+
+        Returns what comes behind it, from where the run is said to be cut. A replay, which has the
+        mark only, ends the curve with the same reading.
+        """
+        self._tap("mark", now, lost_mark(reason))
+        connection.mark(lost_mark(reason))
+        behind: list[Event] = []
+        while (event := connection.next_event()) is not None:
+            if behind or event == State(InstrumentState.IDLE, reason):
+                behind.append(event)
+            else:
+                self._deliver(event, now)
+        return behind
 
     def _end(self, reason: str) -> None:
         with self._lock:

@@ -411,14 +411,22 @@ class Probe:
 def choose_dialect(url: str, dialect: str | Dialect | None = None) -> tuple[str, Dialect]:
     """Give a port without its `dialect=NAME`, and the dialect that is meant.
 
-    Raises UnknownDialectError (none, or two different ones), DialectFileError.
+    Raises UnknownDialectError (none, two different ones, or one that is not spoken there),
+    DialectFileError.
     """
     port, named = split_dialect(url)
     if dialect is not None and not isinstance(dialect, str):
-        return port, dialect
-    if named is not None and dialect is not None and named != dialect:
+        found = dialect
+    elif named is not None and dialect is not None and named != dialect:
         raise UnknownDialectError(f"{url} says dialect {named!r}, and {dialect!r} was asked for")
-    return port, get_dialect(dialect or named or DEFAULT)
+    else:
+        found = get_dialect(dialect or named or DEFAULT)
+    if port.startswith("sim:") and found.name != DEFAULT:
+        raise UnknownDialectError(
+            f"{port}: the simulated probe speaks {DEFAULT}, and not dialect {found.name!r}; leave "
+            "the dialect out, or name the instrument's port"
+        )
+    return port, found
 
 
 def _identity(hello: Hello) -> tuple[str, str, float | None]:

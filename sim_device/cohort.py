@@ -98,6 +98,8 @@ class CohortFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     def __post_init__(self) -> None:
         """Refuse what cannot be measured."""
+        if self.skin.law is not None:
+            raise ValueError("skin.law: a cohort has the paper's; expected X1_MPa, X2_MPa and nu")
         if not self.cohort.sites or len(set(self.cohort.sites)) < len(self.cohort.sites):
             raise ValueError("cohort.sites must name at least one site, each once")
         for site in self.cohort.sites:

@@ -29,8 +29,13 @@ class SkinSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     parameters: dict[str, float] = {}  # of that law
 
     def __post_init__(self) -> None:
-        """Refuse what is not finite."""
+        """Refuse what is not finite, and parameters of no law."""
         _finite(self)
+        if self.parameters and self.law is None:
+            raise ValueError(
+                f"parameters.{next(iter(self.parameters))} is of no law; expected law beside it, "
+                "or X1_MPa, X2_MPa and nu in [skin]"
+            )
 
 
 class SensorSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -105,11 +110,24 @@ def load_toml(path: str | Path, form: type[Form]) -> Form:
     if any(line.count(b".") > _MOST_DOTS for line in raw.split(b"\n")):
         raise ValueError(f"{path}: nested too deeply")
     try:
-        return msgspec.toml.decode(raw, type=form)
+        found = msgspec.toml.decode(raw, type=form)
+        _check_law(msgspec.toml.decode(raw).get("skin"))
+        return found
     except RecursionError:
         raise ValueError(f"{path}: nested too deeply") from None
     except ValueError as error:  # msgspec's, tomllib's and Unicode's all are
         raise ValueError(f"{path}: {_plain(str(error))}") from error
+
+
+def _check_law(skin: Any) -> None:
+    """Refuse parameters of the paper's law beside another law, which does not read them."""
+    if isinstance(skin, dict) and "law" in skin:
+        for name in ("X1_MPa", "X2_MPa", "nu"):
+            if name in skin:
+                raise ValueError(
+                    f"skin.{name}: not read where skin.law is; expected the parameters of law "
+                    f"{skin['law']!r} in [skin.parameters]"
+                )
 
 
 def _finite(section: msgspec.Struct) -> None:

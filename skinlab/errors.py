@@ -15,6 +15,10 @@ class InputError(SkinlabError, ValueError):
     """Bad input data: names the file, the line or field, and what was expected."""
 
 
+class BrokenPluginError(SkinlabError):
+    """An installed extension broke down at work: names it, and its own error."""
+
+
 class AcquisitionError(SkinlabError):
     """The probe or its link failed; says what is known of the vent; what was measured is saved."""
 

@@ -26,7 +26,7 @@ from importlib.machinery import PathFinder
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
-from skinlab.errors import InputError
+from skinlab.errors import BrokenPluginError, InputError, SkinlabError
 from skinlab.text import did_you_mean, inert
 
 if TYPE_CHECKING:
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
 GROUPS = "skinlab."  # what the names of all groups begin with
 _METADATA = (".dist-info", ".egg-info")
+_OURS = {"skinlab", "drivers"}
 
 
 class Named(Protocol):
@@ -114,6 +115,28 @@ class Registry(Generic[T]):
         """Return where the one of that name comes from; None: it is built in."""
         self._all()
         return self._origins.get(name)
+
+    def who(self, name: str) -> str | None:
+        """Return how a sentence names an installed one; None: it is built in."""
+        origin = self.origin(name)
+        return None if origin is None else f"plugin {origin.distribution}, {self.kind} {name!r}"
+
+    @contextlib.contextmanager
+    def at_work(self, name: str) -> Iterator[None]:
+        """Name an installed one that breaks down while this lasts.
+
+        Raises:
+            BrokenPluginError: it did; an error of what is built in comes through as it is.
+        """
+        try:
+            yield
+        except SkinlabError:
+            raise  # a sentence already
+        except Exception as error:
+            who = self.who(name)
+            if who is None:
+                raise
+            raise BrokenPluginError(f"{who}: broke down: {_reason(error)}") from error
 
     def refused(self) -> dict[str, str]:
         """Return why, by name, installed extensions are not there."""
@@ -301,9 +324,21 @@ def installed() -> dict[str, str]:
     }
 
 
+def blamed(error: BaseException) -> str | None:
+    """Return in words which plugin an error came through; None: through none."""
+    import traceback  # slow to import
+
+    files = {Path(frame.filename) for frame in traceback.extract_tb(error.__traceback__)}
+    for entry in entries():
+        top = str(entry.value).partition(":")[0].partition(".")[0].strip()
+        if top not in _OURS and files & set(_sources(top)):
+            return f"plugin {origin_of(entry).distribution}: broke down: {_reason(error)}"
+    return None
+
+
 def _hash(modules: set[str]) -> str:
     digest = hashlib.sha256()
-    for name in sorted(modules - {"skinlab", "drivers"}):
+    for name in sorted(modules - _OURS):
         for path in _sources(name):
             digest.update(f"{name} {path.name} ".encode())
             with contextlib.suppress(OSError):

@@ -99,6 +99,7 @@ class Wire:
     def __init__(self) -> None:
         self.sent: list[bytes] = []
         self.unplugged = False
+        self.hangs_up = False  # behind its last line
         self._lines = bytearray()
         self._count = 0
         self._lock = threading.Lock()
@@ -112,14 +113,14 @@ class Wire:
     def read(self, max_bytes: int, timeout_s: float) -> bytes:
         threading.Event().wait(0.001)
         with self._lock:
-            if self.unplugged:
+            if self.unplugged or (self.hangs_up and not self._lines):
                 raise LinkError("unplugged")
             data = bytes(self._lines[:200])
             del self._lines[:200]
         return data
 
     def open(self, _: str) -> Wire:
-        if self.unplugged:
+        if self.unplugged or self.hangs_up:
             raise LinkError("still unplugged")
         return self
 

@@ -32,13 +32,15 @@ def measure(
     clock: Callable[[], float] = time.monotonic,
     policy: Policy | None = None,
     acknowledged: Callable[[str], None] = lambda _: None,
+    waits: Callable[[], None] = lambda: None,
 ) -> None:
     """Run the plan; curves and results go to the pipeline's listeners.
 
     The rules are those of the screen (`Measurement`). What a person decides there is decided here
     by having begun: an alarm for a lost link is acknowledged once the vent was seen, and the repeat
-    that was cut is taken again; `acknowledged` gets the alarm's text. Whatever goes wrong, the
-    probe is told to vent and what was measured has reached the pipeline.
+    that was cut is taken again; `acknowledged` gets the alarm's text. `waits` is called many times
+    a second. Whatever goes wrong, the probe is told to vent and what was measured has reached the
+    pipeline.
 
     Raises:
         AcquisitionError: the probe or its link failed, or the driver had to vent.
@@ -64,13 +66,16 @@ def measure(
             while not ends:
                 runner.step()
                 held.check()
+                waits()
                 if runner.phase is Phase.INTERRUPTED:
                     if (alarm := source.probe.alarm) is not None:
                         acknowledged(alarm)
                     runner.ask(Acknowledge(), Continue())
         finally:
-            runner.close()
-            pipeline.end()
+            try:
+                runner.close()
+            finally:
+                pipeline.end()
     _raise(ends[0])
 
 

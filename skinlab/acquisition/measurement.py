@@ -344,7 +344,10 @@ class Measurement:
                     self.wake_at = self._patient_till_s
             case Phase.CHECKING if self._restored and (self._confirmed or not self._unseen):
                 self.wake_at, self._vented_s = None, now
-                self.phase = Phase.READY if self._plan is None else Phase.INTERRUPTED
+                if self._plan is not None and self._left:
+                    self.phase = Phase.INTERRUPTED
+                else:  # no plan, or all of it was measured before the link was lost
+                    self._end_series("", Phase.READY)
             case _ if self.wake_at is None or now < self.wake_at:
                 pass
             case Phase.RESTING:

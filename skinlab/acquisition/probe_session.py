@@ -407,10 +407,11 @@ class ProbeSession:
     def _finish(self, source: LiveSource) -> None:
         visit = self._visit
         try:
-            for item in source.come_by_now():
-                self._deliver(item)
-            if visit is not None:
-                visit.end_connection()
+            try:
+                self._deliver_all(source)
+            finally:
+                if visit is not None:
+                    visit.end_connection()
         finally:
             self._outbox.flush()
             if self._keep and visit is not None:
@@ -418,6 +419,21 @@ class ProbeSession:
                     self._save(visit)
             else:
                 self._end_visit()
+
+    def _deliver_all(self, source: LiveSource) -> None:
+        """Deliver what has come by now, the vent with it, whatever a listener does.
+
+        Raises:
+            Exception: the first that came of it.
+        """
+        failed: Exception | None = None
+        for item in source.come_by_now():
+            try:
+                self._deliver(item)
+            except Exception as error:  # noqa: BLE001 -- raised once all is in the record
+                failed = failed or error
+        if failed is not None:
+            raise failed
 
     def _end_visit(self) -> None:
         """Finish the session, if there is one; whoever comes second waits until it is done."""

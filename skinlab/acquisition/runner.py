@@ -75,6 +75,8 @@ class Runner:
         self._lock = threading.RLock()
         self._vents = 0  # ordered ...
         self._vents_taken = 0  # ... of which the rules know
+        self._closing = False
+        self._failed: Exception | None = None  # of `deliver`, while it closes
 
     @property
     def measurement(self) -> Measurement:
@@ -149,9 +151,12 @@ class Runner:
     def close(self) -> None:
         """Vent where something is under way, and wait for the vent; then take what is left.
 
+        All of it is delivered, so that the record has the vent, whatever `deliver` raises.
+
         Raises:
-            Exception: of `deliver` or `report`.
+            Exception: of `report`, or the first of `deliver`.
         """
+        self._closing = True
         if self.phase is not Phase.READY:
             self.ask(Close())
             self._take_requests()
@@ -159,7 +164,9 @@ class Runner:
                 self.step()
         self.stop()
         for item in self.source.come_by_now():
-            self._deliver(item)
+            self._pass_on(item)
+        if self._failed is not None:
+            raise self._failed
 
     def stop(self) -> None:
         """Wait until no command is under way; none is begun any more."""
@@ -186,8 +193,18 @@ class Runner:
             self._handle(request)
 
     def _take(self, item: Item) -> None:
-        self._deliver(item)
-        self._handle(item.event if isinstance(item, TimedEvent) else None)
+        try:
+            self._pass_on(item)
+        finally:  # the rules know of it in any case
+            self._handle(item.event if isinstance(item, TimedEvent) else None)
+
+    def _pass_on(self, item: Item) -> None:
+        try:
+            self._deliver(item)
+        except Exception as error:
+            if not self._closing:
+                raise
+            self._failed = self._failed or error
 
     def _handle(self, given: Request | Event | Outcome | None) -> None:
         before = self.phase

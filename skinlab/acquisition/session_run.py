@@ -66,6 +66,7 @@ def run_session(
     listener: Listener = lambda _: None,
     opened: Callable[[Hello], None] = lambda _: None,
     ready: Callable[[], None] = lambda: None,
+    waits: Callable[[], None] = lambda: None,
     say: Callable[[str], None] = lambda _: None,
 ) -> None:
     """Measure by the plan into a session; curves are identified as they complete.
@@ -73,7 +74,8 @@ def run_session(
     `trail` are entries for the audit trail, written before anything is measured.
     `ready` is called once all is checked, before the journal is begun; `opened` with what the
     instrument says of itself; `saved` with the session and its dose once it is written, also where
-    the measurement failed; `say` with a sentence where a failed one could not be written either.
+    the measurement failed; `waits` many times a second while it is measured; `say` with a sentence
+    where a failed one could not be written either.
 
     Raises:
         InputError: the plan needs more than the dose limit; nothing was begun.
@@ -108,7 +110,7 @@ def run_session(
                 probe.carry_dose(before)
             source = LiveSource(probe, recording.journal)
             pipeline = Pipeline(identifier, [recording, listener])
-            measure(source, plan, pipeline, acknowledged=recording.acknowledged)
+            measure(source, plan, pipeline, acknowledged=recording.acknowledged, waits=waits)
     except BaseException as error:
         failed = error
         raise

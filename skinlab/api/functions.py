@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from skinlab.api.arguments import checked
 from skinlab.api.explaining import base_model, hashes_of, outcome_of
 from skinlab.api.identifiers import compose_identifier, find_table
 from skinlab.api.paths import PathLike, as_path
@@ -40,8 +41,10 @@ from skinlab.tables.table import Table
 from skinlab.text import counted
 
 _log = logging.getLogger("skinlab")
+_CALLER = 3  # of a function behind `checked`: whose line a warning names
 
 
+@checked
 def read_curve(
     path: PathLike,
     *,
@@ -66,6 +69,7 @@ def read_curve(
     return Curve.of(csv.read_curve(as_path(path), setup))
 
 
+@checked
 def read_session(path: PathLike) -> Session:
     """Return what is in a session file.
 
@@ -76,6 +80,7 @@ def read_session(path: PathLike) -> Session:
     return Session(file, sessions.read_session(file))
 
 
+@checked
 def read_campaign(path: PathLike) -> Campaign:
     """Return the curves of a campaign's TOML (or its folder), or of a session.
 
@@ -88,6 +93,7 @@ def read_campaign(path: PathLike) -> Campaign:
     return Campaign(found.title, *noise, named, found.placement_scatter)
 
 
+@checked
 def identify(
     curve: curves.Curve,
     *,
@@ -115,8 +121,6 @@ def identify(
         InputError: a setting is wrong, or the curve has nothing to identify.
         NotTrustworthyError: the curve is outside the database.
     """
-    if not isinstance(curve, curves.Curve):
-        raise InputError(f"{curve!r}: expected a curve, such as skinlab.read_curve returns")
     identifier = compose_identifier(
         method=method,
         model=model,
@@ -133,6 +137,7 @@ def identify(
     return Identification(_usable(identifier(curve)), [curve], identifier)
 
 
+@checked
 def identify_joint(
     given: Sequence[curves.Curve] | campaigns.Campaign,
     *,
@@ -159,7 +164,7 @@ def identify_joint(
     """
     stated = given if isinstance(given, campaigns.Campaign) else None
     several = tuple(given.curves if isinstance(given, campaigns.Campaign) else given)
-    if not several or not all(isinstance(one, curves.Curve) for one in several):
+    if not several or not all(isinstance(one, curves.Curve) for one in several):  # of a generator
         raise InputError("expected one curve or more, such as skinlab.read_curve returns")
     if placement_scatter is not None and not 0 <= placement_scatter < 1:
         raise InputError(f"placement_scatter {placement_scatter:g}: expected 0 to below 1")
@@ -183,11 +188,12 @@ def identify_joint(
     sensor = replace(knowing.sensor, placement_scatter=placement_scatter)
     if len(chosen) < len(several):
         left = len(several) - len(chosen)
-        warnings.warn(f"{counted(left, 'curve')} of later cycles left out", stacklevel=2)
+        warnings.warn(f"{counted(left, 'curve')} of later cycles left out", stacklevel=_CALLER)
     found = replace(knowing, sensor=sensor).joint(chosen)
     return Identification(_usable(found), chosen, identifier.of_probe(chosen))
 
 
+@checked
 def forward(
     *,
     aperture_mm: float,
@@ -238,10 +244,11 @@ def forward(
         database=database,
     )
     if warning is not None:
-        warnings.warn(warning, stacklevel=2)
+        warnings.warn(warning, stacklevel=_CALLER)
     return Curve.of(curve)
 
 
+@checked
 def explain(
     campaign: PathLike | campaigns.Campaign,
     *,
@@ -267,6 +274,7 @@ def explain(
     return Explanation(outcome, base, table, data)
 
 
+@checked
 def measure(
     url: str,
     *,
@@ -366,6 +374,7 @@ def measure(
     return Measurement(whole, answers, recorded, describe_dose(dose))
 
 
+@checked
 def study(
     folder: PathLike | Sequence[PathLike],
     *,

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
 
+from skinlab.api.arguments import checked
 from skinlab.api.paths import PathLike, as_path
 from skinlab.curves.probe_file import check_counted_once, read_probe
 from skinlab.curves.program import Phase
@@ -70,6 +71,7 @@ def settle_options(
     return options
 
 
+@checked
 def compose_identifier(
     *,
     method: str = "auto",

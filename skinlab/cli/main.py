@@ -134,8 +134,11 @@ def _explain(error: Exception) -> int:
     if isinstance(error, OSError):
         return _say(str(error), 3)
     from skinlab.io.log import log_exception
+    from skinlab.plugins import blamed
 
-    where = log_exception(error)
+    where, why = log_exception(error), blamed(error)
+    if why is not None:
+        return _say(f"{why}; details are in {where}", SkinlabError.exit_status)
     return _say(
         f"internal error ({type(error).__name__}: {error}); details are in {where}", INTERNAL
     )

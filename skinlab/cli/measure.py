@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from drivers.capabilities import CANNOT_VENT, READ_ONLY
-from drivers.events import Damaged, InstrumentState, Sample, State
+from drivers.capabilities import READ_ONLY
 from drivers.limits import DEFAULT_DOSE_MBAR_S
-from drivers.line_dialect import IGNORED
+from skinlab.cli.awaited import Awaited
 from skinlab.cli.method_options import MethodCommand
 from skinlab.cli.options import (
     database_option,
@@ -36,8 +35,6 @@ if TYPE_CHECKING:
     from skinlab.acquisition.measurement_messages import Plan
     from skinlab.curves.program import Program
     from skinlab.recording.stream import Message
-
-_NOT_UNDERSTOOD = 10  # lines, after which it is said
 
 
 @click.command(cls=MethodCommand)
@@ -194,7 +191,7 @@ def run(
     from skinlab.report.text import describe, describe_dose
 
     results: list[Identification] = []
-    onlooker = None if dialect.capabilities.controllable else _Onlooker(plan.repeats, dialect.name)
+    onlooker = None if dialect.capabilities.controllable else Awaited(plan.repeats, dialect.name)
     limit_mbar_s = DEFAULT_DOSE_MBAR_S if dose_limit_mbar_s is None else dose_limit_mbar_s
 
     def show(message: Message) -> None:
@@ -236,43 +233,7 @@ def run(
         listener=show,
         opened=opened,
         ready=shorten_pauses,
+        waits=lambda: None if onlooker is None else onlooker.wait(),
         say=lambda sentence: echo(f"skinlab: {sentence}", err=True),
     )
     return 0
-
-
-class _Onlooker:
-    """Says on standard error what is waited for, where somebody else starts the instrument."""
-
-    def __init__(self, repeats: int, dialect: str) -> None:
-        self._repeats = repeats
-        self._dialect = dialect
-        self._curves = 0
-        self._readings = self._damaged = 0
-
-    def begin(self) -> None:
-        """Say what this is."""
-        echo(f"skinlab: read-only: {READ_ONLY}; {CANNOT_VENT}", err=True)
-
-    def __call__(self, message: Message) -> None:
-        from skinlab.recording.stream import CurveCompleted, CurveStarted, Happened, Sampled
-
-        match message:
-            case Sampled() | Happened(Sample()):
-                self._readings += 1
-            case Happened(Damaged(reason, data)) if reason != IGNORED:
-                self._damaged += 1
-                if self._damaged == _NOT_UNDERSTOOD and not self._readings:
-                    what = (
-                        f"{_NOT_UNDERSTOOD} lines came, and dialect {self._dialect!r} understands"
-                    )
-                    echo(f"skinlab: {what} none ({reason}), the last one {data[:60]!r}", err=True)
-            case CurveStarted(index):
-                echo(f"skinlab: curve {index}: the pressure left zero", err=True)
-            case CurveCompleted(_, _, None):
-                self._curves += 1
-            case Happened(State(InstrumentState.ARMED)):
-                of = f"curve {self._curves + 1} of {self._repeats}"
-                echo(f"skinlab: {of}: start the instrument; Ctrl-C ends and saves", err=True)
-            case _:
-                pass

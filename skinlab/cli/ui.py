@@ -96,6 +96,10 @@ def command(
     from drivers.dialects import DEFAULT, get_dialect
 
     get_dialect(dialect or DEFAULT)
+    if port is not None:
+        from drivers.probe import choose_dialect
+
+        choose_dialect(port, dialect)
     said = None
     if any((model_path, database_path, probe_path, prior_path)):
         said = _identifier(model_path, database_path, probe_path, prior_path)

@@ -15,6 +15,7 @@ from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.screen import NO_MODEL, Signature, signature
 from skinlab.discrepancy.settings import FITS
 from skinlab.discrepancy.unknowns import Unknowns
+from skinlab.errors import BrokenPluginError
 from skinlab.inference.covariance import Covariance
 from skinlab.mechanics.effects import EFFECTS
 
@@ -33,7 +34,8 @@ def signature_of(fitter: Fitter, task: tuple[Fit, str]) -> Signature | str:
         origin = EFFECTS.origin(effect)
         if origin is None:
             raise
-        return f"plugin {origin.distribution} broke down: {type(error).__name__}: {error}"
+        why = error.__cause__ if isinstance(error, BrokenPluginError) else error
+        return f"plugin {origin.distribution} broke down: {type(why).__name__}: {why}"
     return NO_MODEL if found is None else found
 
 

@@ -57,6 +57,16 @@ def resists_shear(law: Law) -> None:
     expect(modulus > 0, f"its shear modulus at rest, 2 (W1 + W2), is {modulus:g} MPa")
 
 
+def resists_a_change_of_volume(law: Law) -> None:
+    """At rest it resists a change of volume."""
+    modulus = law.bulk_modulus(_parameters(law))
+    expect(
+        modulus > 0,
+        f"its bulk modulus at rest is {modulus:g} MPa; expected more than 0, by Poisson's ratio "
+        "(poisson) or in its own energy",
+    )
+
+
 def derivatives_are_the_energys(law: Law) -> None:
     """Its derivatives by I1, I2 and J are those of its energy."""
     rng = np.random.default_rng(0)
@@ -107,6 +117,7 @@ KIND = Kind(
         it_says_what_it_is,
         nothing_at_rest,
         resists_shear,
+        resists_a_change_of_volume,
         derivatives_are_the_energys,
         parameters_may_be_arrays,
     ),

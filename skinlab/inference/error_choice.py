@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from skinlab.inference.covariance import Covariance
 from skinlab.inference.error_combination import Combination
-from skinlab.inference.error_models import ERROR_MODELS
+from skinlab.inference.error_models import ERROR_MODELS, part_of
 from skinlab.inference.error_models.base import ErrorModel, Look, Part
 from skinlab.inference.error_quadrature import find_mode, log_student, normal_points, student_points
 from skinlab.inference.likelihood import LinearModel
@@ -117,7 +117,7 @@ def choose_errors(
     them apart.
     """
     models = ERROR_MODELS.all() if models is None else models
-    offered = [part for model in models if (part := model.part(look)) is not None]
+    offered = [part for model in models if (part := part_of(model, look)) is not None]
     always = tuple(sorted((p for p in offered if p.always), key=lambda p: p.name != "white"))
     others = [p for p in offered if not p.always]
     processes = {part.name for part in offered if part.is_process}
@@ -328,7 +328,7 @@ def _scale_mixture(
     """
     plain, at = best.combination.parts, best.log_mode
     seen = replace(look, white_square=linear.white_square(best.mode_covariance))
-    mixtures = (model.part(seen) for model in models)
+    mixtures = (part_of(model, seen) for model in models)
     part = next((p for p in mixtures if p is not None and p.again is not None), None)
     if part is None or part.again is None:
         return None

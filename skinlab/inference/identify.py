@@ -15,7 +15,7 @@ from skinlab.curves.corrected import as_read
 from skinlab.curves.curve import Curve
 from skinlab.curves.heights import heights_of
 from skinlab.curves.probe_file import check_counted_once
-from skinlab.errors import InputError, NotTrustworthyError
+from skinlab.errors import BrokenPluginError, InputError, NotTrustworthyError
 from skinlab.inference import flags
 from skinlab.inference.advice import advise
 from skinlab.inference.covariance import OnKept, independent
@@ -29,7 +29,7 @@ from skinlab.inference.intervals import (
     summary,
 )
 from skinlab.inference.joint import GaussianPrior, JointMisfit
-from skinlab.inference.methods import auto, get_method
+from skinlab.inference.methods import METHODS, auto, get_method
 from skinlab.inference.noise import jumps
 from skinlab.inference.optimise import polish
 from skinlab.inference.posterior import Draws
@@ -203,7 +203,10 @@ class Identifier:
         start: Array | None = None,
     ) -> Identification:
         started = self.clock()
-        answer = self._fitted(curves, blank, intervals=intervals, start=start)
+        try:
+            answer = self._fitted(curves, blank, intervals=intervals, start=start)
+        except BrokenPluginError as error:  # the next curve may do without it
+            return replace(blank, error=str(error), seconds=self.clock() - started)
         if (
             {"crease", "misfit_above_noise"} & set(answer.flags)
             and answer.uncertainty is not None
@@ -236,10 +239,11 @@ class Identifier:
             return replace(blank, error=str(error), flags=flags)
         problem = self._problem(groups, models)
         rng = np.random.default_rng(self.seed)
-        if start is None:
-            estimate = method(problem, self.options, rng)
-        else:
+        if start is not None:
             estimate = auto.identify(problem, self.options, rng, start=start)
+        else:
+            with METHODS.at_work(method.name):
+                estimate = _checked(method(problem, self.options, rng), problem)
         kept = np.ones(problem.points, dtype=bool)
         judged = intervals and estimate.minima is not None and len(estimate.minima) > 0
         if judged:
@@ -426,6 +430,20 @@ class Identifier:
             *flags.of_curves(curves, [m.beyond for m in members]),
             *(f"thinned:{m.every}" for m in members if m.every > 1),
         ]
+
+
+def _checked(estimate: object, problem: Problem) -> Estimate:
+    """Return what a method answers.
+
+    Raises:
+        TypeError: it is no answer.
+    """
+    if not isinstance(estimate, Estimate):
+        raise TypeError(f"it returned a {type(estimate).__name__}; expected an Estimate")
+    shape, expected = np.shape(estimate.parameters), (len(problem.space.names),)
+    if shape != expected:
+        raise TypeError(f"its parameters have the shape {shape}; expected {expected}")
+    return estimate
 
 
 def _residuals(

@@ -15,12 +15,17 @@ import shlex
 import subprocess
 import sys
 import tomllib
+from dataclasses import fields
+from functools import cached_property
 from pathlib import Path
 
 import click
 import pytest
 
 from skinlab.cli.main import cli
+from skinlab.inference.error_models.base import Look
+from skinlab.inference.samples import Samples
+from skinlab.quality.gates.base import CurveSoFar
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted(
@@ -229,3 +234,16 @@ def test_make_has_what_the_readme_says():
     rules = (ROOT / "Makefile").read_text(encoding="utf-8")
     assert said == ["run", "test"]
     assert all(re.search(rf"^{name}:", rules, re.MULTILINE) for name in said)
+
+
+def test_a_plugin_learns_all_that_it_is_shown():
+    page = (ROOT / "docs" / "extending.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"`([\w.]+)`", "\n".join(re.findall(r"^\| .*$", page, re.MULTILINE))))
+
+    def shown(kind: type) -> set[str]:
+        own = {n for n, v in vars(kind).items() if isinstance(v, property | cached_property)}
+        return {f.name for f in fields(kind)} | own
+
+    assert shown(CurveSoFar) <= named
+    assert {f"samples.{name}" for name in shown(Samples)} <= named
+    assert shown(Look) - {"samples"} <= named

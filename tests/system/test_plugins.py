@@ -476,21 +476,144 @@ GATE = """
 from skinlab.quality.gates.base import Gate
 def check(view):
     return [][1]
+def oops(view):
+    return "oops"
 GATE = Gate("breaks", check, meaning="never", threshold="none")
+OOPS = Gate("oops", oops, meaning="never", threshold="none")
+"""
+AT_WORK = """
+from skinlab.inference.error_models.base import Hyperparameter, Part
+from skinlab.inference.methods.base import Method
+from skinlab.mechanics.effects.base import Effect, Parameter
+class Errors:
+    name, meaning, prior = "boo", "m", "p"
+    def part(self, look):
+        raise KeyError("boo")
+class Parts(Errors):
+    name = "no_part"
+    def part(self, look):
+        return 3
+class Terms(Errors):
+    name = "no_terms"
+    def part(self, look):
+        return Part(self.name, (Hyperparameter("x_um", 1.0, 1.0),), lambda values: values[7])
+def identify(problem, options, rng):
+    return {}["start"]
+class Mine(Effect):
+    name, meaning, formula, source, physical = "mine", "m", "f", "s", False
+    parameters = (Parameter("size_um", "µm", "m", 0.0, 9.0, 0.0, 1.0, "s"),)
+    def read(self, since_s, deflection_mm, values):
+        return 1 // 0
+ERRORS, PARTS, TERMS, EFFECT = Errors(), Parts(), Terms(), Mine()
+SEARCH = Method("lost", identify, "nothing")
+NO_ANSWER = Method("silent", lambda problem, options, rng: None, "nothing")
 """
 
 
+@pytest.fixture
+def at_work(tmp_path) -> Place:
+    """What is well declared, and breaks down when it is used."""
+    points = {
+        "error_models": {"boo": "ERRORS", "no_part": "PARTS", "no_terms": "TERMS"},
+        "methods": {"lost": "SEARCH", "silent": "NO_ANSWER"},
+        "effects": {"mine": "EFFECT"},
+    }
+    groups = {f"skinlab.{g}": {n: f"works:{o}" for n, o in p.items()} for g, p in points.items()}
+    return Place(package(tmp_path / "site", "works", groups, works=AT_WORK))
+
+
+def test_what_breaks_down_at_work_is_named_and_everything_else_goes_on(at_work, tmp_path):
+    csv, model = tmp_path / "c.csv", tmp_path / "m.toml"
+    model.write_text('[model]\nname = "m"\n[effects.mine.size_um]\nvalue = 1.0\n')
+    program = ["--program", "ramp:50@20"]
+    assert run([*FORWARD, *program, "--csv", str(csv)]) == 0
+    measure = ["measure", "--port", "sim://?seed=1&speed=50", *program, *SKIN, "--json"]
+    plain, by_lost, by_silent, effect, of_model, measured, again = at_work.each(
+        ["identify", csv, *SKIN, "--json"],
+        ["identify", csv, *SKIN, "--method", "lost"],
+        ["identify", csv, *SKIN, "--method", "silent"],
+        [*FORWARD, *program, "--direct", "--model", model],
+        ["identify", csv, *SKIN, "--model", model],
+        [*measure, "--method", "lost", "--repeats", "2", "--rest-s", "0", "--out", "s.h5"],
+        ["replay", "s.h5", "--verify", "--speed", "max"],
+        cwd=tmp_path,
+    )
+    assert plain.returncode == 0, plain.stderr
+    assert json.loads(plain.stdout)["curves"][0]["parameters"]
+    left_out = {
+        "boo": "KeyError: 'boo'",
+        "no_part": "TypeError: it returned a int; expected a Part or None",
+        "no_terms": "IndexError: list index out of range",
+    }
+    assert plain.stderr.splitlines() == [
+        f"skinlab: plugin works, error model {name!r}: broke down, and is left out: {why}"
+        for name, why in left_out.items()
+    ]
+    lost = "plugin works, method 'lost': broke down: KeyError: 'start' (works.py line 18)"
+    assert (by_lost.returncode, by_lost.stderr) == (3, f"skinlab: {lost}\n")
+    assert by_silent.returncode == 3
+    assert "method 'silent': broke down: TypeError: it returned a NoneType" in by_silent.stderr
+    for done in (effect, of_model):
+        assert done.returncode == 3
+        assert done.stderr.startswith("skinlab: plugin works, effect 'mine': broke down: ZeroDiv")
+    curves = json.loads(measured.stdout)["curves"]
+    assert [curve["error"] for curve in curves] == [lost, lost]
+    assert again.returncode == 0, again.stderr
+
+
+LATER = """
+from skinlab.inference.error_models.base import Hyperparameter, Part, Terms
+from skinlab_example.fung import Fung
+class Late:
+    name, meaning, prior = "late", "m", "p"
+    def part(self, look):
+        def terms(values):
+            return Terms({1.0: 1e-6}[values[0]])
+        return Part(self.name, (Hyperparameter("x_um", 1.0, 1.0),), terms)
+class Torn(Fung):
+    name = "torn"
+    def isochoric(self, i1, i2, j, parameters):
+        return {}["energy"]
+ERRORS, LAW = Late(), Torn()
+"""
+
+
+def test_what_breaks_down_late_is_named_too(example, tmp_path):
+    csv = tmp_path / "c.csv"
+    program = ["--program", "ramp:50@20"]
+    assert run([*FORWARD, *program, "--csv", str(csv)]) == 0
+    points = {
+        "skinlab.error_models": {"late": "later:ERRORS"},
+        "skinlab.laws": {"torn": "later:LAW"},
+    }
+    later = package(tmp_path / "site", "later", points, later=LATER)
+    place = Place(later, Path(example.environment["PYTHONPATH"]))
+    of_the_law = ["forward", "--direct", "--law", "torn", "--c1-mpa", "0.066", "--c2", "11"]
+    errors, law = place.each(
+        ["identify", csv, *SKIN, "--json"], [*of_the_law, "--nu", "0.33", *SKIN, *program]
+    )
+    assert errors.returncode == 3
+    (curve,) = json.loads(errors.stdout)["curves"]
+    assert curve["error"].startswith("plugin later, error model 'late': broke down: KeyError: ")
+    assert law.returncode == 3
+    assert law.stderr.startswith(
+        "skinlab: plugin later: broke down: KeyError: 'energy' (later.py line 13); details are in"
+    )
+
+
 def test_a_gate_that_breaks_down_ends_no_measurement(tmp_path):
-    points = {"skinlab.gates": {"breaks": "breaks:GATE"}}
+    points = {"skinlab.gates": {"breaks": "breaks:GATE", "oops": "breaks:OOPS"}}
     place = Place(package(tmp_path / "site", "breaks", points, breaks=GATE))
     measure = ["measure", "--port", "sim://?seed=1&speed=50", "--program", "ramp:50@100", *SKIN]
     done = place.skinlab(*measure, "--out", "s.h5", "--json", cwd=tmp_path)
     assert done.returncode == 0
-    (warning,) = [line for line in done.stderr.splitlines() if "plugin" in line]
-    assert warning == (
-        "skinlab: plugin breaks, gate 'breaks': broke down, and judges nothing: "
-        "IndexError: list index out of range"
-    )
+    assert [line for line in done.stderr.splitlines() if "plugin" in line] == [
+        f"skinlab: plugin breaks, gate {name!r}: broke down, and judges nothing: {why}"
+        for name, why in (
+            ("breaks", "IndexError: list index out of range"),
+            ("oops", "TypeError: it returned a str; expected a Finding or None"),
+        )
+    ]
     assert json.loads(done.stdout)["curves"][0]["parameters"]
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skinlab.curves.pressure_path import PressurePath
-from skinlab.mechanics.effects import checked, get_effect
+from skinlab.mechanics.effects import EFFECTS, checked, get_effect
 from skinlab.mechanics.effects.base import Effect, Effects
 from skinlab.mechanics.fem.hermite import CubicHermite
 from skinlab.mechanics.fem.relaxation import RelaxingCurve, relax
@@ -111,7 +111,8 @@ def changed(skin: Skin, effects: Chosen, geometry: Geometry, cycle: int) -> Skin
     """
     problem = SkinProblem(geometry, skin)
     for effect, values in effects:
-        problem = effect.change(problem, values, cycle)
+        with EFFECTS.at_work(effect.name):
+            problem = effect.change(problem, values, cycle)
     return problem
 
 
@@ -127,7 +128,8 @@ def felt_path(effects: Effects, path: PressurePath) -> PressurePath:
 def felt_along(effects: Chosen, path: PressurePath) -> PressurePath:
     """Return the same of effects that are checked."""
     for effect, values in sorted(effects, key=lambda pair: (pair[0].order, pair[0].name)):
-        path = effect.felt(path, values)
+        with EFFECTS.at_work(effect.name):
+            path = effect.felt(path, values)
     return path
 
 
@@ -247,7 +249,8 @@ class Sensors:
     def when(self, time_s: Array) -> Array:
         """Return the times (n,) whose deflection is recorded at these times (n,)."""
         for effect, values in self.chain:
-            time_s = effect.when(time_s, values)
+            with EFFECTS.at_work(effect.name):
+                time_s = effect.when(time_s, values)
         return time_s
 
     def read(
@@ -256,7 +259,8 @@ class Sensors:
         """Return what is recorded (n,); `first_s` is the time of the curve's first sample."""
         since_s = time_s - first_s
         for effect, values in self.chain:
-            deflection_mm = effect.read_along(since_s, pressure_mbar, deflection_mm, values)
+            with EFFECTS.at_work(effect.name):
+                deflection_mm = effect.read_along(since_s, pressure_mbar, deflection_mm, values)
         return deflection_mm
 
 

@@ -25,6 +25,7 @@ from skinlab.mechanics.materials.compressibility import (
     nu_consistent,
 )
 from skinlab.parameters import Parameter, Search, Space
+from skinlab.plugins import needs
 
 Array = NDArray[np.float64]
 
@@ -244,10 +245,24 @@ class Law(Energy):
         return {**values, KAPPA: self.half_shear_modulus(values) * ratio}
 
     def dilatation_ratio(self, values: Mapping[str, float], convention: KappaConvention) -> float:
-        """Return κ/(μ/2) of the parameters by name."""
+        """Return κ/(μ/2) of the parameters by name.
+
+        Without Poisson's ratio κ is what resists a change of volume at rest, however the law says
+        it.
+        """
         if self.poisson is not None:
             return float(kappa_ratio(values[self.poisson], convention))
-        return float(values[KAPPA] / self.half_shear_modulus(values))
+        kappa = values[KAPPA] if KAPPA in values else self.bulk_modulus(values)
+        return float(kappa / self.half_shear_modulus(values))
+
+    def bulk_modulus(self, values: Mapping[str, Any]) -> float:
+        """Return d²W/dJ² at rest, MPa, of what the potential takes: equal stretches in all ways."""
+        three, one = np.array([3.0]), np.array([1.0])
+        p = self.potential(three, three, one, values)
+        # Along J, I1 = 3 J^(2/3) and I2 = 3 J^(4/3): slopes 2 and 4, curvatures −2/3 and 4/3
+        second = p.d_j_j + 4.0 * p.d_i1_i1 + 16.0 * p.d_i2_i2 + 16.0 * p.d_i1_i2
+        second = second + 4.0 * p.d_i1_j + 8.0 * p.d_i2_j
+        return float((second - 2.0 / 3.0 * p.d_i1 + 4.0 / 3.0 * p.d_i2)[0])
 
     def derived(self, values: Mapping[str, float], convention: KappaConvention) -> dict[str, float]:
         """Return what a report shows besides: the ν of linear elasticity, and κ."""
@@ -288,15 +303,51 @@ def search_of(parameter: Parameter) -> Search:
     return Search(parameter.low, parameter.high, "log" if log else "linear")
 
 
-def check_law(law: Law) -> None:
-    """Refuse a law whose declaration cannot work.
+_NOT_MPA = frozenset({"Pa", "hPa", "kPa", "GPa", "bar", "mbar", "mmHg", "psi", "N/m²", "N/mm²"})
+
+
+def check_law(one: object) -> None:
+    """Refuse what is no law, or one whose declaration cannot work.
 
     Raises:
-        ValueError: says what is wrong with it.
+        TypeError, ValueError: says what is wrong with it.
     """
+    if not isinstance(one, Law):
+        kind = one.__name__ if isinstance(one, type) else type(one).__name__
+        made = "the class itself, " if isinstance(one, type) else "a "
+        raise TypeError(
+            f"it is {made}{kind}; expected an object of a subclass of "
+            "skinlab.mechanics.materials.base.Law"
+        )
+    needs(one, "formula", "source")
+    declared = getattr(one, "parameters", ())
+    if not declared or not all(isinstance(p, Parameter) for p in declared):
+        raise TypeError(
+            "its parameters are not skinlab.parameters.Parameter; expected at least one, of which "
+            "the first is the stiffness that the energy is proportional to"
+        )
+    _check_parameters(one)
+
+
+def _check_parameters(law: Law) -> None:
+    for p in law.parameters:
+        if p.unit in _NOT_MPA:
+            raise ValueError(
+                f"law {law.name!r}: {p.name} is in {p.unit}; expected MPa, as all stiffness is"
+            )
+    if law.poisson not in (None, *law.names):
+        raise ValueError(
+            f"law {law.name!r}: poisson is {law.poisson!r}; expected one of: "
+            f"{', '.join(law.names)}, or None"
+        )
     if len(set(law.names)) != len(law.names):
         raise ValueError(f"law {law.name!r}: two of its parameters have one name")
     unit = law.parameter(law.scale).unit
+    if unit != "MPa":
+        raise ValueError(
+            f"law {law.name!r}: its first parameter, {law.scale}, is in {unit or 'no unit'}; "
+            "expected MPa, because the energy is proportional to it"
+        )
     for one in law.parameters:
         search = search_of(one)
         if one.name == law.scale and search.transform != "log":

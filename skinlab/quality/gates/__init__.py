@@ -17,14 +17,18 @@ all_gates = GATES.all
 
 def judge(gate: Gate, view: CurveSoFar) -> Finding | None:
     """Return what a gate finds; an installed one that breaks down finds nothing, and is told of."""
-    origin = GATES.origin(gate.name)
-    if origin is None:
+    who = GATES.who(gate.name)
+    if who is None:
         return gate.check(view)
     try:
-        return gate.check(view)
+        found: object = gate.check(view)
+        if found is None:
+            return None
+        if not isinstance(found, Finding):
+            raise TypeError(f"it returned a {type(found).__name__}; expected a Finding or None")
+        if found.gate != gate.name:  # it would be said again and again
+            raise ValueError(f"it calls itself {found.gate!r} where it finds")
     except Exception as error:  # noqa: BLE001 -- no plugin may end a measurement
-        warn(
-            f"plugin {origin.distribution}, gate {gate.name!r}: broke down, and judges nothing: "
-            f"{type(error).__name__}: {error}"
-        )
+        warn(f"{who}: broke down, and judges nothing: {type(error).__name__}: {error}")
         return None
+    return found

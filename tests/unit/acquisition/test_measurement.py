@@ -310,6 +310,14 @@ class TestLostLink:
         self.back(bed)
         assert bed.phase is Phase.INTERRUPTED
 
+    def test_a_link_that_is_lost_behind_the_last_repeat_brings_no_other_one(self, bed):
+        bed.give(Arm(replace(PLAN, repeats=1)), Start())
+        bed.run()
+        bed.give(ENDED, LinkLost("pulled out"))
+        self.back(bed, VentConfirmed(1.0))
+        assert bed.phase is Phase.READY
+        assert [over.failed for over in bed.of(Over)] == [None]
+
     def test_without_a_vent_that_was_seen_nothing_goes_on(self, bed):
         self.lost(bed)
         self.back(bed)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from contextlib import nullcontext
 
 import pytest
 from streaming_instrument import AT_REST, TEXT, Wire, ramp
@@ -11,12 +12,15 @@ from drivers.errors import LocalProtocolError
 from drivers.events import Alarm, InstrumentState, LinkLost, LinkRestored, Segment, State
 from drivers.line_dialect import line_dialect
 from drivers.probe import Probe
+from drivers.reconnect import Backoff
 from skinlab.acquisition.measure import measure
+from skinlab.acquisition.measurement import Policy
 from skinlab.acquisition.measurement_messages import Plan
 from skinlab.acquisition.pipeline import Pipeline
 from skinlab.acquisition.replay import differences, identifier_of, replay
 from skinlab.acquisition.sources import LiveSource
 from skinlab.curves.curve import Setup
+from skinlab.curves.program import parse_program
 from skinlab.errors import AcquisitionError, InputError
 from skinlab.inference.identify import Identifier
 from skinlab.recording.recorder import Recording
@@ -53,7 +57,7 @@ def runs(message):
     return isinstance(message, CurveStarted)
 
 
-def measured(tmp_path, wire, person, *, repeats, dialect=DIALECT):
+def measured(tmp_path, wire, person, *, repeats, dialect=DIALECT, setup=None, policy=None):
     identifier = Identifier(shipped_table())
     path = tmp_path / "s.h5"
     recording = Recording(path, identifier, dialect=dialect)
@@ -63,8 +67,8 @@ def measured(tmp_path, wire, person, *, repeats, dialect=DIALECT):
         ) as probe:
             probe.open()
             source = LiveSource(probe, recording.journal)
-            plan = Plan(Setup(6.0, 1.0), repeats=repeats)
-            measure(source, plan, Pipeline(identifier, [recording, person]))
+            plan = Plan(setup or Setup(6.0, 1.0), repeats=repeats)
+            measure(source, plan, Pipeline(identifier, [recording, person]), policy=policy)
     finally:
         recording.finish()
     assert wire.sent == []
@@ -107,6 +111,38 @@ def test_a_link_that_is_lost_cuts_a_curve_which_is_taken_again(tmp_path):
     assert [e for e in happened if isinstance(e, LinkRestored)]
     (alarm,) = [e for e in happened if isinstance(e, Alarm)]
     assert "the link is lost under suction" in alarm.text
+    assert agrees(session)
+
+
+BACK_AT_ZERO = ROUND[:-AT_REST]
+
+
+@pytest.mark.parametrize(
+    ("readings", "program", "partial"),
+    [
+        (BACK_AT_ZERO, None, False),
+        ([*BACK_AT_ZERO, 0.0, 0.0, 0.0], None, False),
+        (BACK_AT_ZERO[:-10], None, True),
+        (BACK_AT_ZERO, "ramp:40@20,ramp:0@20,rest:10", True),  # in the midst of its rest
+        ([*BACK_AT_ZERO, 0.0, 0.0], "ramp:40@20,ramp:0@20,rest:10", True),
+    ],
+)
+def test_an_instrument_that_hangs_up_when_it_is_done_is_replayed_as_it_was(
+    tmp_path, readings, program, partial
+):
+    wire = Wire()
+
+    def run():
+        wire.put(readings)
+        wire.hangs_up = True
+
+    setup = Setup(6.0, 1.0, None if program is None else parse_program(program))
+    soon = Policy(Backoff(0.01, 1.0, 0.01, 0.01))
+    with pytest.raises(AcquisitionError, match="unplugged") if partial else nullcontext():
+        measured(tmp_path, wire, Person(wire, (waits, run)), repeats=1, setup=setup, policy=soon)
+    session = read_session(tmp_path / "s.h5")
+    (curve,) = session.curves
+    assert curve.partial == partial
     assert agrees(session)
 
 

@@ -5,11 +5,18 @@ import threading
 
 import pytest
 
+from drivers.dialects import get_dialect
 from drivers.passthrough import listen
+from skinlab.acquisition.session_run import plan_of, run_session
 from skinlab.acquisition.shutdown import INTERRUPTED, HeldInterrupt, Lifeline
 from skinlab.cli.main import run
+from skinlab.curves.curve import Setup
+from skinlab.curves.program import parse_program
+from skinlab.inference.identify import Identifier
 from skinlab.recording.audit import entries
 from skinlab.recording.session import read_session
+from skinlab.recording.stream import CurveCompleted, CurveStarted, Sampled
+from skinlab.tables.store import shipped_table
 
 PATIENCE_S = 120.0
 
@@ -124,6 +131,27 @@ def test_an_alarm_that_is_acknowledged_without_a_person_is_in_the_audit_trail(tm
     acknowledged = next(e for e in trail if e.what == "alarm acknowledged")
     assert acknowledged.number > alarm.number
     assert acknowledged.detail["text"] == alarm.detail["text"]
+
+
+@pytest.mark.parametrize("seen", [CurveStarted, Sampled, CurveCompleted])
+def test_whatever_a_listener_does_the_probe_is_vented_and_the_record_has_it(tmp_path, seen):
+    heard = []
+
+    def bad(message):
+        heard.append(message)
+        if any(isinstance(one, seen) for one in heard):  # from then on, whatever comes
+            raise ZeroDivisionError("a bug")
+
+    path = tmp_path / "s.h5"
+    plan = plan_of(Setup(6.0, 1.0, parse_program("ramp:50@20")), 2, 0.0, None)
+    with pytest.raises(ZeroDivisionError):
+        run_session(
+            "sim://?seed=1&speed=20", plan, path, Identifier(shipped_table()),
+            dialect=get_dialect("reference"), saved=lambda *_: None, listener=bad,
+        )  # fmt: skip
+    session = read_session(path)
+    assert any(e.what == "vent ordered" for e in entries(session.records))
+    assert len(session.curves) == 1
 
 
 def test_an_interrupt_is_the_caller_s_again_afterwards():

@@ -179,6 +179,54 @@ def test_what_cannot_be_is_refused_in_a_sentence(curve, settings, sentence):
     assert "--" not in str(told.value)
 
 
+class TestTypes:
+    """What a type checker would have found is one sentence for whoever has none."""
+
+    @pytest.mark.parametrize(
+        ("ask", "sentence"),
+        [
+            (lambda c: skinlab.read_curve("c.csv", aperture_mm="6", thickness_mm=1),
+             "aperture_mm '6': expected a number"),
+            (lambda c: skinlab.read_curve("c.csv", aperture_mm=True, thickness_mm=1),
+             "aperture_mm True: expected a number"),
+            (lambda c: skinlab.read_curve(5, **OPENING), "path 5: expected a path, as str or Path"),
+            (lambda c: skinlab.read_curve("c.csv", **OPENING, program=5),
+             "program 5: expected a text or a Program or None"),
+            (lambda c: skinlab.identify(c, seed="a"), "seed 'a': expected a whole number"),
+            (lambda c: skinlab.identify(c, seed=0.5), "seed 0.5: expected a whole number"),
+            (lambda c: skinlab.identify(c, samples="1000"),
+             "samples '1000': expected a whole number or None"),
+            (lambda c: skinlab.identify(c, method=None), "method None: expected a text"),
+            (lambda c: skinlab.identify(c, phases=[1]), "phases [1]: expected a text or a list"),
+            (skinlab.identify_joint, "expected a list, each of it a curve"),
+            (lambda c: skinlab.identify_joint([c, 3]), "expected a list, each of it a curve"),
+            (lambda c: skinlab.forward(**SKIN, **OPENING, program="ramp:100@20", rate_hz="20"),
+             "rate_hz '20': expected a number"),
+            (lambda c: skinlab.measure("sim://", **OPENING, program="ramp:50@20", out="s.h5",
+                                       repeats="2"), "repeats '2': expected a whole number"),
+            (lambda c: skinlab.measure("sim://", **OPENING, program="ramp:50@20", out="s.h5",
+                                       on_result=3), "on_result 3: expected"),
+            (lambda c: skinlab.explain(7), "campaign 7: expected"),
+            (lambda c: skinlab.study([7], out="there"), "folder [7]: expected"),
+            (lambda c: skinlab.study("here", out="there", workers="2"), "workers '2': expected"),
+        ],
+    )  # fmt: skip
+    def test_another_type_is_refused_in_a_sentence(self, curve, ask, sentence):
+        with pytest.raises(skinlab.InputError) as told:
+            ask(curve)
+        assert sentence in str(told.value)
+        assert "\n" not in str(told.value)
+
+    def test_numbers_of_numpy_are_numbers(self, curve):
+        found = skinlab.identify(curve, seed=np.int64(1), noise_um=np.float32(3.0))
+        assert found.seed == 1
+
+    def test_a_warning_names_the_line_of_the_caller(self):
+        with pytest.warns(UserWarning, match="crease") as told:
+            skinlab.forward(X1_MPa=0.01, X2_MPa=0.1, nu=0.3, **OPENING, program="ramp:100@20")
+        assert told[0].filename == __file__
+
+
 def test_identify_wants_a_curve(path):
     with pytest.raises(skinlab.InputError, match="read_curve"):
         skinlab.identify(str(path))

@@ -349,7 +349,9 @@ def test_readings_that_no_probe_gives_are_refused(capsys, tmp_path):
         (["--port", "sim://?dialect=reference", "--dialect", "mine.toml"], 2, "was asked for"),
         (["--port", "sim://", "--dialect", "none.toml"], 3, "none.toml: cannot be read"),
         (["--port", "sim://", "--dialect", "bad.toml"], 3, "bad.toml: dialect.nmae is not known"),
-        (["--port", "sim://", "--dialect", "mine.toml", "--rate-hz", "20"], 2, "own limits hold"),
+        (["--port", "COM99", "--dialect", "mine.toml", "--rate-hz", "20"], 2, "own limits hold"),
+        (["--port", "sim://", "--dialect", "mine.toml"], 2, "the simulated probe speaks reference"),
+        (["--port", "sim://?seed=1&dialect=mine.toml"], 2, "and not dialect 'plain_line'"),
         (["--port", "sim://"], 2, "Missing option '--program'"),
     ],
 )

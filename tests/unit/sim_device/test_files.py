@@ -1,9 +1,14 @@
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import pytest
 
 from sim_device.build import build_device
-from sim_device.files import SensorSection, SkinFile, SkinSection, load_skin_file
+from sim_device.cohort import CohortFile
+from sim_device.files import SensorSection, SkinFile, SkinSection, load_skin_file, load_toml
+from sim_device.skin import make_skin
 
 WHOLE = """
 [skin]
@@ -48,6 +53,8 @@ def test_the_defaults(tmp_path):
         ("[skin]\nX1_MPa = nan", "X1_MPa"),
         ("[skin]\nthickness_mm = inf", "thickness_mm"),
         ("[skin]\nkappa = 'other'", "skin.kappa"),
+        ("[skin.parameters]\nX1_MPa = 0.2\nbanana = 9", "skin: parameters.X1_MPa is of no law"),
+        ("[skin]\nlaw = 'fung'\nX1_MPa = 0.025", "skin.X1_MPa: not read where skin.law is"),
         ("[skin]\nthickness_mm = true", "skin.thickness_mm"),
         ("[sensor]\nrate_hz = 0", "sensor.rate_hz"),
         ("[sensor]\nnoise_um = -1", "sensor.noise_um"),
@@ -90,3 +97,23 @@ def test_files_that_cannot_be_read(tmp_path):
 def test_what_no_probe_can_be(change, match):
     with pytest.raises(ValueError, match=match):
         build_device(None, **({"seed": 0, "speed": 1, "aperture_mm": 6} | change))
+
+
+def test_the_page_on_the_simulator_lists_all_fields_with_their_defaults(tmp_path):
+    page = (Path(__file__).parents[3] / "docs" / "simulator.md").read_text("utf-8")
+    plain, other = re.findall(r"```toml\n(\[skin\].*?)```", page, re.DOTALL)
+    path = tmp_path / "SKIN.toml"
+    path.write_text(plain)
+    found = load_skin_file(path)
+    assert (found.skin, found.sensor) == (SkinSection(), SensorSection())
+    fields = {*SkinSection.__struct_fields__, *SensorSection.__struct_fields__}
+    assert fields - {"law", "parameters"} <= set(re.findall(r"^(\w+) =", plain, re.MULTILINE))
+    path.write_text(other)
+    make_skin(load_skin_file(path).skin, {})
+
+
+def test_a_cohort_is_of_the_papers_law(tmp_path):
+    path = tmp_path / "COHORT.toml"
+    path.write_text("[skin]\nlaw = 'mooney_rivlin'\n")
+    with pytest.raises(ValueError, match=r"COHORT.toml: skin.law: a cohort has the paper's"):
+        load_toml(path, CohortFile)

@@ -4,8 +4,12 @@ import numpy as np
 import pytest
 
 from skinlab.errors import InputError
-from skinlab.mechanics.materials import get_law
+from skinlab.extensions.laws import resists_a_change_of_volume
+from skinlab.extensions.rules import BrokenRuleError
+from skinlab.mechanics.materials import LAWS, Law, Potential, get_law
+from skinlab.mechanics.materials.base import potential_of_j1
 from skinlab.mechanics.materials.compressibility import kappa_ratio, nu_consistent, nu_from_ratio
+from skinlab.parameters import Parameter, Search
 
 
 def test_the_papers_law_by_hand():
@@ -45,3 +49,74 @@ def test_the_papers_026_is_a_true_0313():
 def test_nu_out_of_range_is_refused(nu):
     with pytest.raises(InputError):
         kappa_ratio(nu, "paper")
+
+
+def stiffness(name, unit="MPa", transform="log"):
+    return Parameter(
+        name, unit, "m", 1e-3, 1e3, None, 1.0, "s", "log", search=Search(0.1, 9.0, transform)
+    )
+
+
+class NeoHookean(Law):
+    """μ/2 (J1 − 3) + K/2 (J − 1)², all of it the law's own."""
+
+    name, formula, source = "own_bulk", "f", "s"
+    parameters = (stiffness("mu_MPa"), stiffness("K_MPa", transform="ratio"))
+
+    def half_shear_modulus(self, values):
+        return 0.5 * values["mu_MPa"]
+
+    def isochoric(self, i1, i2, j, parameters):
+        half, bulk = 0.5 * parameters["mu_MPa"], parameters["K_MPa"]
+        shear = potential_of_j1(i1, j, lambda e: (half * e, half + 0.0 * e, 0.0 * e))
+        nothing = 0.0 * i1
+        others = dict.fromkeys(Potential.__slots__, nothing)
+        own = {"energy": 0.5 * bulk * (j - 1) ** 2, "d_j": bulk * (j - 1), "d_j_j": bulk + nothing}
+        return shear + Potential(**{**others, **own})
+
+
+def test_a_law_without_poissons_ratio_resists_volume_by_any_name():
+    derived = NeoHookean().derived({"mu_MPa": 0.06, "K_MPa": 0.2}, "paper")
+    assert derived["kappa_MPa"] == pytest.approx(0.2)
+    assert derived["nu_consistent"] == pytest.approx((3 * 0.2 - 2 * 0.06) / (6 * 0.2 + 2 * 0.06))
+    resists_a_change_of_volume(NeoHookean())
+
+
+def test_the_bulk_modulus_of_any_law_is_its_kappa():
+    law = get_law("mooney_rivlin")
+    values = law.coefficients(law.named(law.space.from_unit(np.full(len(law.names), 0.4))), "paper")
+    assert law.bulk_modulus(values) == pytest.approx(values["kappa_MPa"], rel=1e-9)
+
+
+def test_a_law_that_volume_costs_nothing_is_no_law():
+    class Soft(NeoHookean):
+        def isochoric(self, i1, i2, j, parameters):
+            return super().isochoric(i1, i2, j, {**parameters, "K_MPa": 0.0})
+
+    with pytest.raises(BrokenRuleError, match="its bulk modulus at rest is 0 MPa"):
+        resists_a_change_of_volume(Soft())
+
+
+def law(**declared):
+    return type("Mine", (NeoHookean,), declared)()
+
+
+@pytest.mark.parametrize(
+    ("one", "says"),
+    [
+        ({"name": "mine"}, "it is a dict; expected an object of a subclass of"),
+        (NeoHookean, "it is the class itself, NeoHookean; expected an object"),
+        (law(parameters=()), "expected at least one"),
+        (law(parameters=({"name": "x"},)), "expected at least one"),
+        (law(parameters=(stiffness("mu_kPa", "kPa"),)), "mu_kPa is in kPa; expected MPa"),
+        (
+            law(parameters=(stiffness("mu_MPa"), stiffness("K_kPa", "kPa", "linear"))),
+            "K_kPa is in kPa; expected MPa, as all stiffness is",
+        ),
+        (law(parameters=(stiffness("a", ""),)), "its first parameter, a, is in no unit"),
+        (law(poisson="v"), "poisson is 'v'; expected one of: mu_MPa, K_MPa, or None"),
+    ],
+)
+def test_what_is_declared_wrongly_is_refused_in_a_sentence(one, says):
+    with pytest.raises((TypeError, ValueError), match=says), LAWS.lent(one):
+        pass

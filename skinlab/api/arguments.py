@@ -1,0 +1,97 @@
+"""What a function says of its arguments' types, held to where a user calls it."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import os
+import types
+from collections.abc import Callable, Iterable, Sequence
+from numbers import Integral, Real
+from typing import Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin, get_type_hints
+
+from skinlab.curves import curve as curves
+from skinlab.errors import InputError
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+_WORDS: dict[object, str] = {
+    bool: "True or False",
+    int: "a whole number",
+    float: "a number",
+    str: "a text",
+    os.PathLike: "a path, as str or Path",
+    curves.Curve: "a curve, such as skinlab.read_curve returns",
+    type(None): "None",
+}
+_LISTS = (Sequence, list, tuple)
+_LONGEST = 60  # of a value that is shown
+
+
+def checked(function: Callable[P, R]) -> Callable[P, R]:
+    """Refuse values of another type than the function's hints say, before it is called.
+
+    Options by any name (`**options`) are the function's own to check.
+
+    Raises:
+        InputError: names the argument, and what was expected.
+    """
+    signature = inspect.signature(function)
+
+    @functools.wraps(function)
+    def call(*args: P.args, **kwargs: P.kwargs) -> R:
+        hints = _hints(function)
+        for name, value in signature.bind(*args, **kwargs).arguments.items():
+            if signature.parameters[name].kind is inspect.Parameter.VAR_KEYWORD:
+                continue
+            if not _fits(value, hints[name]):
+                raise InputError(f"{name} {_short(value)}: expected {_words(hints[name])}")
+        return function(*args, **kwargs)
+
+    return call
+
+
+@functools.cache
+def _hints(function: Callable[..., Any]) -> dict[str, Any]:
+    return get_type_hints(function)
+
+
+def _fits(value: Any, hint: Any) -> bool:
+    origin = get_origin(hint)
+    if origin in (Union, types.UnionType):
+        return any(_fits(value, one) for one in get_args(hint))
+    if hint is Any or origin is Literal:  # names are refused with those that there are
+        return True
+    if hint in (int, float):
+        return isinstance(value, Integral if hint is int else Real) and not isinstance(value, bool)
+    if origin in _LISTS:
+        if isinstance(value, str | bytes) or not isinstance(value, Iterable):
+            return False
+        of = get_args(hint)[0]
+        return not isinstance(value, list | tuple) or all(_fits(one, of) for one in value)
+    if origin is Callable:
+        return callable(value)
+    return isinstance(value, origin or hint)
+
+
+def _words(hint: Any) -> str:
+    origin = get_origin(hint)
+    if origin in (Union, types.UnionType):
+        each = [one for one in get_args(hint) if one is not str or not _has_path(hint)]
+        return " or ".join(dict.fromkeys(_words(one) for one in each))
+    if origin in _LISTS:
+        return f"a list, each of it {_words(get_args(hint)[0])}"
+    if origin is Literal:
+        return " or ".join(map(repr, get_args(hint)))
+    name = getattr(origin or hint, "__name__", str(hint))
+    return _WORDS.get(origin or hint, f"a {name}")
+
+
+def _has_path(hint: Any) -> bool:
+    return any(get_origin(one) is os.PathLike for one in get_args(hint))
+
+
+def _short(value: object) -> str:
+    text = " ".join(repr(value).split())
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1]}…"
