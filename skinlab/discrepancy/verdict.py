@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -85,6 +86,16 @@ def _learns(one: Candidate, found: Found) -> bool:
     little = left <= NAMES.learned_left * noise and left <= NAMES.learned_share * whole
     nearly_all = left <= NAMES.learned_rest * noise and left <= NAMES.learned_tail * whole
     return one.adequate or little or nearly_all
+
+
+def outdone_by_names(learned: Verdict, named: Sequence[Candidate]) -> bool:
+    """Return whether effects with a name explain, and a learned one that leaves more is behind.
+
+    Then it is one of these that is missing, though nobody can tell which.
+    """
+    (one,) = learned.explanations
+    best = max((c.log10_evidence for c in named if c.adequate), default=-math.inf)
+    return not one.adequate and best >= one.log10_evidence + NAMES.tie
 
 
 def disciplined(verdict: Verdict, found: Found, trials: Sequence[Trial]) -> Verdict:

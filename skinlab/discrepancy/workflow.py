@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
@@ -24,7 +23,13 @@ from skinlab.discrepancy.screen import alike
 from skinlab.discrepancy.search import Search
 from skinlab.discrepancy.settings import ERRORS, NAMES
 from skinlab.discrepancy.table_domes import TableDomes
-from skinlab.discrepancy.verdict import Verdict, decide, decide_learned, disciplined
+from skinlab.discrepancy.verdict import (
+    Verdict,
+    decide,
+    decide_learned,
+    disciplined,
+    outdone_by_names,
+)
 from skinlab.errors import InputError
 from skinlab.inference.error_judgement import judge_errors
 from skinlab.mechanics.model_file import BASE, Model
@@ -95,7 +100,7 @@ def explain(
             kind = Verdict("unknown", [])
         learned = _tried(search, more, kind, progress) if kind.explanations else tried
         named = search.weighed(found.base, found.candidates)
-        if learned.verdict.name == "learned" and not _outdone(learned.verdict, named):
+        if learned.verdict.name == "learned" and not outdone_by_names(learned.verdict, named):
             both = [*more.candidates, *named]
             both.sort(key=lambda c: -c.log10_evidence)
             tried = replace(learned, found=replace(more, candidates=both))
@@ -167,16 +172,6 @@ def explain(
 def _moves(one: Candidate) -> bool:
     """Return whether an explanation is a motion, of which these curves tell no course to refine."""
     return any(f.own_of_each for f in families() if f.name in one.effects)
-
-
-def _outdone(learned: Verdict, named: Sequence[Candidate]) -> bool:
-    """Return whether effects that have a name explain, and a learned one that does not is behind.
-
-    Then it is one of these that is missing, though not which one can be told.
-    """
-    (one,) = learned.explanations
-    best = max((c.log10_evidence for c in named if c.adequate), default=-math.inf)
-    return not one.adequate and best >= one.log10_evidence + NAMES.tie
 
 
 @dataclass(frozen=True, eq=False)

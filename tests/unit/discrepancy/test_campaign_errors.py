@@ -247,6 +247,8 @@ def test_a_name_is_there_again_though_a_second_effect_says_a_little_more(table):
         weighed = Discipline(fitter.records, errors, linear, {id(name): -1.3, id(pair): odds})
         trials = weighed.trials(name, base, [name, pair], [], held, tied)
         assert next(t for t in trials if t.name == "again").passed is there
+        ahead = weighed.ahead_in_parts(name, base, [name, pair], tied)
+        assert ahead == ([] if there else [pair])
 
 
 @pytest.mark.parametrize("process", [None, OrnsteinUhlenbeck(2e-3, 0.3)], ids=["white", "lasting"])

@@ -9,17 +9,17 @@ from hidden_effects import RAMPS, SKIN, TRUE, fitter_of, measured
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
 from skinlab.discrepancy.adequacy import Residual, look
-from skinlab.discrepancy.candidates import Candidate, Found
+from skinlab.discrepancy.candidates import Candidate, Found, may_still_win
 from skinlab.discrepancy.discipline import Trial
 from skinlab.discrepancy.fit import Fit
 from skinlab.discrepancy.heldout import conditions_of, predict_held_out
 from skinlab.discrepancy.misfit import errors_of
 from skinlab.discrepancy.next_measurement import MENU, PlannedErrors, advise
 from skinlab.discrepancy.records import records_of, without
-from skinlab.discrepancy.settings import ERRORS
+from skinlab.discrepancy.settings import ERRORS, SEARCH
 from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.discrepancy.unknowns import Unknowns
-from skinlab.discrepancy.verdict import Verdict, decide, disciplined
+from skinlab.discrepancy.verdict import Verdict, decide, disciplined, outdone_by_names
 from skinlab.mechanics.effects.model import solve_skin
 from skinlab.mechanics.fem.skin import SkinProblem
 from skinlab.mechanics.fem.suction import Geometry
@@ -188,6 +188,25 @@ def test_what_is_there_and_too_small_to_matter_is_nothing(failed, left):
 def test_a_tie_names_everything_that_is_tied():
     found = verdict(BAD, candidate(LAG, 20.0), candidate(GAIN, 19.0), candidate(SLIP, 18.0))
     assert found == ("ambiguous", [{*LAG}, {*GAIN}])
+
+
+@pytest.mark.parametrize(("gain", "asked"), [(0.9, False), (1.1, True)])
+def test_the_best_with_another_effect_may_win_where_it_takes_off_much(gain, asked):
+    """Errors as the best alone needs them may be what the second effect does."""
+    alone, pair = candidate(LAG, 215.2), candidate((*LAG, *SLIP), 214.3)
+    pair = replace(pair, fit=replace(pair.fit, cost=-gain * SEARCH.behind))
+    assert may_still_win([pair, alone]) == [alone]
+    assert may_still_win([pair, alone], SEARCH.behind) == ([alone, pair] if asked else [alone])
+
+
+@pytest.mark.parametrize(
+    ("left", "behind", "outdone"),
+    [(BAD, 65.0, True), (BAD, 1.0, False), (GOOD, 65.0, False)],
+)
+def test_what_is_learned_and_leaves_more_gives_way_to_names_that_do_not(left, behind, outdone):
+    learned = Verdict("learned", [candidate(("learned_creep",), 81.0, left)])
+    named = [candidate((*LAG, *SLIP), 81.0 + behind), candidate(GAIN, 200.0, BAD)]
+    assert outdone_by_names(learned, named) is outdone
 
 
 def test_where_nothing_fits_it_is_unknown():

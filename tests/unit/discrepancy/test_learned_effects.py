@@ -25,6 +25,7 @@ from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.posterior import gaussian
 from skinlab.discrepancy.records import records_of
 from skinlab.discrepancy.search import Search
+from skinlab.discrepancy.settings import NAMES
 from skinlab.discrepancy.starts import unknowns_of
 from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.discrepancy.text import describe
@@ -212,9 +213,11 @@ def test_the_kind_of_what_is_hidden_is_found(table, family, plan, how):
 
 @pytest.mark.long
 def test_where_only_noise_is_nothing_is_learned(table):
-    _, found = learn(campaign(RAMPS), table)
+    search, found = learn(campaign(RAMPS), table)
     assert decide_learned(found).name == "unknown"
     assert all(c.log10_evidence < 1.3 for c in found.candidates)
+    # Where errors would do anyway, none is even fitted.
+    assert find_families(search, found, NAMES.unasked).candidates == []
 
 
 def plain_text(rows):
@@ -419,14 +422,22 @@ def test_corners_that_a_function_follows_nearly_are_no_steps_of_tape(table):
         left = 0.0 * steps if one is found.base else search.linear(best.fit).residual_mm
         linear[id(one)] = replace(search.linear(one.fit), residual_mm=left + steps)
     wide = replace(pure.mode, variance_mm2=25.0 * pure.mode.variance_mm2)
-    errors = CampaignErrors((replace(pure, mode=wide), search.errors.looks[-1]))
-    odds = dict.fromkeys(linear, 0.0)
-    discipline = Discipline(search.fitter.records, errors, linear, odds)
-    held = HeldOut(3.0, 3.0, 3.0, (), 3.0)
-    passed = [
-        trial.passed
-        for one in (found.base, best)
-        for trial in discipline.trials(one, found.base, [], [], held)
-        if trial.name == "steps"
-    ]
-    assert passed == [False, True]
+    own, odds = search.errors.looks[-1], dict.fromkeys(linear, 0.0)
+
+    def passed(first):
+        errors = CampaignErrors((first, own))
+        discipline = Discipline(search.fitter.records, errors, linear, odds)
+        held = HeldOut(3.0, 3.0, 3.0, (), 3.0)
+        return [
+            trial.passed
+            for one in (found.base, best)
+            for trial in discipline.trials(one, found.base, [], [], held)
+            if trial.name == "steps"
+        ]
+
+    assert passed(replace(pure, mode=wide)) == [False, True]
+    # By narrow errors too, where it takes off nearly all of the steps that there were.
+    assert passed(own) == [False, False]
+    base = linear[id(found.base)]
+    linear[id(found.base)] = replace(base, residual_mm=base.residual_mm + 19.0 * steps)
+    assert passed(own) == [False, True]
