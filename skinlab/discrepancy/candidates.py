@@ -108,9 +108,9 @@ def may_still_win(candidates: Sequence[Candidate], added: float = math.inf) -> l
     ]
 
 
-def best_fitting(singles: Sequence[Candidate]) -> list[Candidate]:
-    """Return the single effects that are begun elsewhere as well."""
-    return sorted(singles, key=lambda c: c.fit.cost)[: SEARCH.again]
+def best_fitting(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Return what comes nearest, and is begun elsewhere as well."""
+    return sorted(candidates, key=lambda c: c.fit.cost)[: SEARCH.again]
 
 
 def best_of_each(candidates: Iterable[Candidate]) -> list[Candidate]:

@@ -152,6 +152,7 @@ class Search:
                     pool, base, singles, SEARCH.leaders, SEARCH.seen, signatures, candidates
                 )
                 pairs += self._nested(pool, base, singles, pairs)
+                pairs += self._gone_on(pool, base, [*candidates, *pairs])
                 pairs += self._further(pool, base, singles, [*candidates, *pairs])
                 candidates += self._members(pool, base, pairs) + pairs
             candidates = best_of_each(candidates)
@@ -483,6 +484,19 @@ class Search:
             seen, _ = self._screen(pool, member.fit, partner)
             found += self._fits(pool, base, [(member.fit, s) for s in seen.values()])
         return found
+
+    def _gone_on(self, pool: Pool, base: Candidate, known: Sequence[Candidate]) -> list[Candidate]:
+        """Return the pairs that come nearest, begun where they ended, where none explains.
+
+        A narrow valley takes more anchors than a fit has while others are in the race.
+        """
+        pairs = [c for c in known if len(c.effects) - len(self._own) > 1]
+        if not pairs or any(c.adequate for c in known):
+            return []
+        self._progress("going on with the pairs that come nearest")
+        near = best_fitting(pairs)
+        fits = pool.map(fit_from, [(c.fit.unknowns, c.fit.u, math.inf) for c in near])
+        return [self._candidate(fit, base) for fit in fits if fit is not None]
 
     def _further(
         self,

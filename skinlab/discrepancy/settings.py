@@ -198,7 +198,7 @@ class SearchRules:
     most_pairs: int = 8
     """and so many pairs are fitted in all."""
     again: int = 2
-    """Effects that explain nothing, but most: fitted from elsewhere too."""
+    """Effects that explain nothing, but most: fitted from elsewhere too; of pairs, gone on with."""
     members: int = 4
     """Of pairs that explain: tried alone."""
     rivals: int = 3
