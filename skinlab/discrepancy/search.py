@@ -154,8 +154,9 @@ class Search:
                 pairs += self._nested(pool, base, singles, pairs)
                 pairs += self._gone_on(pool, base, [*candidates, *pairs])
                 pairs += self._further(pool, base, singles, [*candidates, *pairs])
-                candidates += self._members(pool, base, pairs) + pairs
+                candidates += pairs
             candidates = best_of_each(candidates)
+            candidates = best_of_each([*candidates, *self._members(pool, base, candidates)])
             candidates = self._rivals(pool, base, candidates)
             candidates += self._every_single(pool, base, chosen, singles, candidates)
             candidates = best_of_each(candidates)
@@ -520,15 +521,20 @@ class Search:
             pool, base, halves, 1, SEARCH.seen, known=known, partners=SEARCH.most_pairs
         )
 
-    def _members(self, pool: Pool, base: Candidate, pairs: Sequence[Candidate]) -> list[Candidate]:
+    def _members(
+        self, pool: Pool, base: Candidate, candidates: Sequence[Candidate]
+    ) -> list[Candidate]:
         """Return fits of the single effects of pairs that explain, begun where the pair ended.
 
-        A strong effect changes the skin as well: from the base model's optimum its fit may not find
-        there, and then needs a partner that it has not.
+        Where a pair leads. A strong effect changes the skin as well: from the base model's optimum
+        its fit may not find there, and then needs a partner that it has not; one that the screen
+        passed over was not fitted at all.
         """
+        if self._leading_pair(candidates) is None:
+            return []
         tasks: dict[tuple[str, ...], tuple[Unknowns, Array]] = {}
-        for pair in sorted(pairs, key=lambda c: c.fit.cost):
-            if pair.adequate:
+        for pair in sorted(candidates, key=lambda c: c.fit.cost):
+            if pair.adequate and len(pair.effects) - len(self._own) > 1:
                 for name in pair.effects[len(self._own) :]:
                     alone = self._unknowns.with_effect(name)
                     start = alone.among(pair.fit.unknowns, pair.fit.u)
