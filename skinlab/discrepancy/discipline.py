@@ -127,7 +127,7 @@ class Discipline:
 
         An explanation that is tied with it is told beside it, and may lead without a curve.
         """
-        rivals = [c for c in others if c is not best][: NAMES.tried_rivals]
+        rivals = self._rivals(best, others, ())
         everything = np.ones(sum(len(r.curve) for r in self._records), dtype=bool)
         whole = self.ahead(best, base, everything)
         odds = best.log10_evidence - whole  # of the prior, and what fewer settings change

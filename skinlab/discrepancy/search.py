@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -428,7 +429,10 @@ class Search:
             if errors is not None:
                 # These may have taken up what the partner does; what repeats say has not.
                 by_repeats, _ = self._screen(pool, leader.fit, library)
-                found = {n: max(s, found.get(n, s), key=_gain) for n, s in by_repeats.items()}
+                found = {
+                    n: max(s, found.get(n, s), key=attrgetter("gain"))
+                    for n, s in by_repeats.items()
+                }
             new = [
                 s for s in sorted(found.values(), key=lambda s: -s.gain)
                 if s.gain > least and frozenset((mine, s.effect)) not in fitted_already
@@ -663,10 +667,6 @@ class Search:
         if self._partial is not None:
             self._partial.add(found, base=base is None)
         return found
-
-
-def _gain(one: Signature) -> float:
-    return one.gain
 
 
 def creased(records: Sequence[Record], fit: Fit, domes: TableDomes) -> list[Record]:

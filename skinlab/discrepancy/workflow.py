@@ -89,9 +89,10 @@ def explain(
     found = search.run()
     tried = _tried(search, found, _each_needed(search, found, decide(found)), progress)
     doubtful = found.base.left.p_value < ERRORS.no_doubt
+    beaten = doubtful and tried.failed == {"families"}
     # Where errors would do, a kind is asked for only by evidence that no chance gives.
-    least = NAMES.unasked if tried.verdict.name == "none" else 0.0
-    if least or tried.verdict.name == "unknown" or (doubtful and tried.failed == {"families"}):
+    least = NAMES.unasked if tried.verdict.name == "none" and not beaten else 0.0
+    if tried.verdict.name in ("none", "unknown"):
         progress("finding out what kind of thing is missing")
         before = search.errors
         more = find_families(search, found, least)
@@ -99,7 +100,7 @@ def explain(
         if kind.explanations and kind.explanations[0].log10_evidence < least:
             kind = Verdict("unknown", [])
         learned = _tried(search, more, kind, progress) if kind.explanations else tried
-        named = search.weighed(found.base, found.candidates)
+        named = search.weighed(found.base, found.candidates) if kind.explanations else []
         if learned.verdict.name == "learned" and not outdone_by_names(learned.verdict, named):
             both = [*more.candidates, *named]
             both.sort(key=lambda c: -c.log10_evidence)
