@@ -211,60 +211,81 @@ def gram_matrices(covariances: Sequence[Covariance], values_mm: Array) -> tuple[
     first = covariances[0]
     if first.shapes_mm.size > WORTH_SHARING and any(c.sizes is not None for c in covariances):
         return _gram_of_shapes(covariances, values_mm)
-    shared = all(one.columns_mm is first.columns_mm for one in covariances)
-    n, u = len(covariances), first.count
-    if len(first.ends) > 1:
-        return _gram_by_curve(covariances, values_mm)
-    at_once = max(1, _AT_ONCE // max(u * (values_mm.shape[1] + first.columns_mm.shape[1]), 1))
-    if n > at_once:
-        parts = [
-            gram_matrices(covariances[i : i + at_once], values_mm) for i in range(0, n, at_once)
-        ]
-        return np.concatenate([g for g, _ in parts]), np.concatenate([d for _, d in parts])
     variance = np.array([one.variance_mm2 for one in covariances])
-    columns = first.columns_mm[None] if shared else np.array([c.columns_mm for c in covariances])
-    square = decay = None
-    if first.ou is not None:
-        assert first.time_s is not None
-        processes = [one.ou for one in covariances if one.ou is not None]
-        square = np.array([ou.size_mm**2 for ou in processes])
-        times = np.array([[ou.time_s] for ou in processes])
-        decay = np.zeros((n, u))
-        decay[:, 1:] = np.exp(-np.maximum(np.diff(first.time_s), 0.0) / times)
-        decay[:, [end for end in first.ends if end < u]] = 0.0
-    found = kernel.gram(values_mm, columns, variance, square, decay)
-    if found is None:
-        return _gram(values_mm, columns, variance, square, decay)
-    if found[2]:
-        raise np.linalg.LinAlgError("the covariance of the errors is not positive definite")
-    return found[:2]
-
-
-def _gram_by_curve(covariances: Sequence[Covariance], values_mm: Array) -> tuple[Array, Array]:
-    """Return `gram_matrices` of several curves: most columns are of one, and zero in the others."""
-    first, m = covariances[0], values_mm.shape[1]
-    n, width = len(covariances), m + first.columns_mm.shape[1]
-    several = list({id(c.columns_mm): c.columns_mm for c in covariances}.values())
+    square, decay = _processes(covariances)
+    each = [one.columns_mm for one in covariances]
+    several = {id(columns): columns for columns in each}
+    places = {key: k for k, key in enumerate(several)}
+    which = None if len(several) == 1 else [places[id(columns)] for columns in each]
+    if len(first.ends) == 1:
+        return _products(values_mm, list(several.values()), which, variance, square, decay)
+    # Most columns are of one curve, and zero in the others.
+    n, m = len(covariances), values_mm.shape[1]
+    width = m + first.shapes_mm.shape[1]
     whole, log_base = np.zeros((n, width, width)), np.zeros(n)
     for begin, end in pairwise((0, *first.ends)):
         if begin == end:
             continue
         here = slice(begin, end)
         own = np.flatnonzero(values_mm[here].any(axis=0))
-        of = np.flatnonzero(np.logical_or.reduce([v[here].any(axis=0) for v in several]))
-        cut = {id(v): np.ascontiguousarray(v[here][:, of]) for v in several}
-        parts = [
-            replace(
-                c, variance_mm2=c.variance_mm2[here], shapes_mm=cut[id(c.columns_mm)], sizes=None,
-                ends=(end - begin,), time_s=None if c.time_s is None else c.time_s[here],
-            )
-            for c in covariances
-        ]  # fmt: skip
-        gram, log_determinant = gram_matrices(parts, np.ascontiguousarray(values_mm[here][:, own]))
+        of = np.flatnonzero(np.logical_or.reduce([v[here].any(axis=0) for v in several.values()]))
+        gram, log_determinant = _products(
+            values_mm[here][:, own], [v[here][:, of] for v in several.values()], which,
+            variance[:, here], square, None if decay is None else decay[:, here],
+        )  # fmt: skip
         at = np.concatenate([own, m + of])
         whole[:, at[:, None], at] += gram
         log_base += log_determinant
     return whole, log_base
+
+
+def _processes(covariances: Sequence[Covariance]) -> tuple[Array | None, Array | None]:
+    """Return the variances (n,) of Ornstein-Uhlenbeck processes, and their φ (n, u), if any."""
+    first = covariances[0]
+    if first.ou is None:
+        return None, None
+    assert first.time_s is not None
+    processes = [one.ou for one in covariances if one.ou is not None]
+    times = np.array([[ou.time_s] for ou in processes])
+    decay = np.zeros((len(covariances), first.count))
+    decay[:, 1:] = np.exp(-np.maximum(np.diff(first.time_s), 0.0) / times)
+    decay[:, [end for end in first.ends if end < first.count]] = 0.0
+    return np.array([ou.size_mm**2 for ou in processes]), decay
+
+
+def _products(
+    values_mm: Array,
+    several: Sequence[Array],
+    which: Sequence[int] | None,
+    variance: Array,
+    square: Array | None,
+    decay: Array | None,
+) -> tuple[Array, Array]:
+    """Return `gram_matrices` of one curve.
+
+    `several` are the columns (u, m) that there are; `which` (n,) of them each covariance has, by
+    its position, None where all have the same.
+    """
+    n, u = variance.shape
+    at_once = max(1, _AT_ONCE // max(u * (values_mm.shape[1] + several[0].shape[1]), 1))
+    grams, determinants = [], []
+    for i in range(0, n, at_once):
+        here = slice(i, i + at_once)
+        stack = several[0][None] if which is None else np.array([several[k] for k in which[here]])
+        parts = (
+            values_mm, stack, variance[here], None if square is None else square[here],
+            None if decay is None else decay[here],
+        )  # fmt: skip
+        found = kernel.gram(*parts)
+        if found is None:
+            found = (*_gram(*parts), 0)
+        if found[2]:
+            raise np.linalg.LinAlgError("the covariance of the errors is not positive definite")
+        grams.append(found[0])
+        determinants.append(found[1])
+    if len(grams) == 1:
+        return grams[0], determinants[0]
+    return np.concatenate(grams), np.concatenate(determinants)
 
 
 def _gram(

@@ -671,7 +671,7 @@ FAST void skinlab_bidiagonal(int64_t n, int64_t many, const double *below, int64
             for (int64_t k = 0; k < many; k++) right[i * many + k] -= below[i - 1] * right[(i - 1) * many + k];
 }
 
-#define MOST_COLUMNS 64
+#define MOST_COLUMNS 160
 #define SAMPLES 16 /* that are taken together */
 
 /* (W x)' (W x) of x = [values, columns] for `many` covariances of the same n samples, and the log
