@@ -114,6 +114,9 @@ class FitRules:
     """Share of what is left of χ²."""
     walks: int = 4
     """Times that a walk is begun anew, where something relaxes."""
+    rough_steps: float = 1e-3
+    """Of the opening's radius: what a step on the coarse mesh may be off its extrapolation, which
+    is ten times that of the mesh of record, and of interpolation far less;"""
     hopeless: float = 1.5
     """χ² a sample that no exact optimum will turn into an explanation."""
     gain: float = 0.3
@@ -130,6 +133,8 @@ class FitRules:
     """Of the range of a law's parameter that is no logarithm (Poisson's ratio): a fit that ends so
     near its end is begun from the middle as well. A lag whose partner was missing had led to 0.497;
     from there the pair of the truth ended at 0.496, 10^79 times less likely than at 0.36."""
+    by_chance: float = 3.0
+    """Standard deviations of χ²: a fit that leaves no more is not begun elsewhere for that."""
     least_held: float = 0.7
     """Of the suction that is needed: a skin that creases before has no answer;"""
     least_reach: float = 0.5

@@ -32,9 +32,16 @@ from skinlab.mechanics.effects.model import (
     felt_along,
     solve_skin,
 )
+from skinlab.mechanics.fem.newton import StepSettings
+from skinlab.mechanics.fem.relaxation import SETTINGS as RELAXING
 from skinlab.mechanics.fem.sensitivity import Change, Slopes, solve_with_slopes
 from skinlab.mechanics.fem.skin import Prony, SkinProblem
-from skinlab.mechanics.fem.suction import MESH_OF_RECORD, Discretisation, Geometry
+from skinlab.mechanics.fem.suction import (
+    MESH_OF_RECORD,
+    SCREENING_MESH,
+    Discretisation,
+    Geometry,
+)
 
 Array = NDArray[np.float64]
 Key = tuple[Geometry, int]  # as stated; the first cycle, or a later one
@@ -460,7 +467,8 @@ class MappedModel:
             return None
         time, path = record.curve.time_s, _simpler(here.felt[i])
         problem = here.problems[key]
-        exact = solve_skin(problem, path, self.discretisation).at(time, path(time))
+        steps = _steps(RELAXING, self.discretisation)
+        exact = solve_skin(problem, path, self.discretisation, steps).at(time, path(time))
         exact = exact * np.exp(-self._off(problem, key, self._top_mbar(here, key), exact))
         held = np.isfinite(exact)
         # Beyond a crease what they add stays as it was.
@@ -523,9 +531,17 @@ def _solve(
     Raises:
         InputError: a change alters the number of nodes.
     """
-    curve, slopes = solve_with_slopes(problem, changes, top, discretisation)
+    steps = _steps(StepSettings(), discretisation)
+    curve, slopes = solve_with_slopes(problem, changes, top, discretisation, steps)
     there = len(curve.pressure_mbar) >= 2 and curve.holds_to_mbar > 0
     return _Solved(Instant(curve.spline, 0.0, 0.0) if there else None, curve.holds_to_mbar, slopes)
+
+
+def _steps(settings: StepSettings, discretisation: Discretisation) -> StepSettings:
+    """Return the settings of steps on a mesh: on the coarse one, which leads the way, longer."""
+    if discretisation != SCREENING_MESH:
+        return settings
+    return replace(settings, extrapolation_error=FITS.rough_steps)
 
 
 def _between(nodes: Array, values: Array, at: Array) -> Array:

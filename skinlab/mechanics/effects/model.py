@@ -17,6 +17,8 @@ from skinlab.curves.pressure_path import PressurePath
 from skinlab.mechanics.effects import EFFECTS, checked, get_effect
 from skinlab.mechanics.effects.base import Effect, Effects
 from skinlab.mechanics.fem.hermite import CubicHermite
+from skinlab.mechanics.fem.newton import StepSettings
+from skinlab.mechanics.fem.relaxation import SETTINGS as RELAXING
 from skinlab.mechanics.fem.relaxation import RelaxingCurve, relax
 from skinlab.mechanics.fem.skin import Skin, SkinProblem, prepare
 from skinlab.mechanics.fem.suction import (
@@ -333,14 +335,19 @@ class SkinCurve:
 
 
 def solve_skin(
-    problem: SkinProblem, path: PressurePath, discretisation: Discretisation = MESH_OF_RECORD
+    problem: SkinProblem,
+    path: PressurePath,
+    discretisation: Discretisation = MESH_OF_RECORD,
+    settings: StepSettings = RELAXING,
 ) -> SkinCurve:
     """Return the solved skin along this path; solutions are kept, and shared.
+
+    `settings` are of the steps in time, where it relaxes.
 
     Raises:
         InputError: a value is out of its range.
     """
-    relaxing = _solve_relaxing(problem, discretisation, path) if problem.prony else None
+    relaxing = _solve_relaxing(problem, discretisation, path, settings) if problem.prony else None
     return SkinCurve(problem, path, discretisation, relaxing)
 
 
@@ -366,7 +373,7 @@ def _solve_elastic(
 
 @lru_cache(maxsize=128)  # a long program's takes some MB
 def _solve_relaxing(
-    problem: SkinProblem, discretisation: Discretisation, path: PressurePath
+    problem: SkinProblem, discretisation: Discretisation, path: PressurePath, settings: StepSettings
 ) -> RelaxingCurve:
     return relax(
         prepare(problem, discretisation),
@@ -374,7 +381,8 @@ def _solve_relaxing(
         np.array(path.time_s),
         np.array(path.pressure_mbar),
         problem.geometry.radius_mm,
-        preload_mbar=problem.preload_mbar,
+        settings,
+        problem.preload_mbar,
     )
 
 
