@@ -32,6 +32,7 @@ from skinlab.mechanics.effects.model import (
     felt_along,
     solve_skin,
 )
+from skinlab.mechanics.fem.admissibility import NO_LIMITS
 from skinlab.mechanics.fem.newton import StepSettings
 from skinlab.mechanics.fem.relaxation import SETTINGS as RELAXING
 from skinlab.mechanics.fem.sensitivity import Change, Slopes, solve_with_slopes
@@ -51,6 +52,8 @@ _SMALL = 1e-3  # of an unknown, for slopes: what is left out is its square
 _EFFECT_STEP = 0.15  # of an effect's unknown, where the mesh changes and there is no slope
 _COMPARED, _ALIKE_S, _ALIKE_MBAR = 100, 0.3, 2.0  # points, length and suction of repeats
 _CORNER = 1e-2  # of the highest suction: a corner so small changes no correction
+# Beyond a crease: the folded branch differs between meshes by little, and hardly in the dome.
+_FOLDED = replace(RELAXING, extrapolation_error=FITS.rough_steps, limits=NO_LIMITS)
 _TREND = 5  # nodes from which a correction goes on beyond
 
 
@@ -471,13 +474,29 @@ class MappedModel:
         exact = solve_skin(problem, path, self.discretisation, steps).at(time, path(time))
         exact = exact * np.exp(-self._off(problem, key, self._top_mbar(here, key), exact))
         held = np.isfinite(exact)
-        # Beyond a crease what they add stays as it was.
         if path(time)[held].max(initial=0.0) < FITS.least_held * path.top_mbar:
             return None
+        if not held.all():
+            rough = solve_skin(problem, path, SCREENING_MESH, _FOLDED).at(time, path(time))
+            exact = _going_on(exact, rough)
+            held = np.isfinite(exact)  # beyond, what they add stays as it was
         plain = replace(record, path=path, pressure_mbar=path(time))
         unread = replace(here, sensors=Sensors(()), felt=[path] * len(here.felt), felt_more=())
         at_anchor = self._height_in_time(i, plain, [unread], domes, np.zeros((1, count)))[0]
         return np.asarray(np.interp(time, time[held], (exact - at_anchor)[held]))
+
+
+def _going_on(exact_mm: Array, rough_mm: Array) -> Array:
+    """Return a dome (n,) in time that goes on as a rough one does, where it has ended.
+
+    A crease at the tape's edge may end a curve for one millibar, and with it all of the unloading:
+    that is as good as any.
+    """
+    both = np.flatnonzero(np.isfinite(exact_mm) & np.isfinite(rough_mm))
+    if not len(both) or rough_mm[both[-1]] == 0.0:
+        return exact_mm
+    ratio = exact_mm[both[-1]] / rough_mm[both[-1]]
+    return np.where(np.isfinite(exact_mm), exact_mm, rough_mm * ratio)
 
 
 def _relaxed_share(terms: Sequence[Prony], path: PressurePath) -> float:

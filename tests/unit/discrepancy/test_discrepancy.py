@@ -361,6 +361,31 @@ def test_the_model_is_exact_at_its_anchor(table, effects):
         np.testing.assert_allclose(found, exact, atol=1.5e-4, rtol=1e-4)
 
 
+def test_a_crease_near_the_top_does_not_end_the_unloading(table):
+    # All of it was 5 µm off, by which the fit of a creep ended 100 above the cost of its start.
+    t = np.linspace(0.0, 10.0, 200)
+    p = 300.0 * (1.0 - np.abs(t - 5.0) / 5.0)
+    curve = Curve("soft", Setup(2.0, 1.16), t, p, 1e-3 * p)
+    (record,) = records = records_of(Campaign("soft", 3.0, 0.1, (curve,)))
+    effects = {"power_law_creep": {"amplitude": 0.245, "exponent": 0.1385}}
+    unknowns = Unknowns(tuple(effects))
+    values = [effects[a.effect][a.parameter.name] for a in unknowns.axes]
+    law = [np.log(0.0187), np.log(0.94 / 0.0187), 0.353]
+    u = np.array([*law, *(a.to_u(v) for a, v in zip(unknowns.axes, values, strict=True))])
+    solved = [
+        response(unknowns.skin(u), effects, record.geometry, record.path, t, discretisation=mesh)
+        for mesh in (MESH_OF_RECORD, SCREENING_MESH)
+    ]
+    assert "creases" in solved[0].stopped
+    assert not solved[1].stopped
+    found = []
+    for mesh in (MESH_OF_RECORD, SCREENING_MESH):
+        model = MappedModel(records, unknowns, TableDomes(table), mesh)
+        assert model.anchor(u)
+        found.append(model.predict(u)[0])
+    np.testing.assert_allclose(*found, atol=0.5e-3)
+
+
 @pytest.mark.parametrize(
     "effects",
     [
