@@ -39,6 +39,20 @@ class PressurePath:
         return np.array(self.time_s, dtype=float), np.array(self.pressure_mbar, dtype=float)
 
     @cached_property
+    def pieces(self) -> tuple[Array, Array, Array, Array]:
+        """Times of the knots (k,), s; lengths, slopes (mbar/s) and jumps (mbar) after them."""
+        t, p = self._knots
+        length, rise = np.diff(t), np.diff(p)
+        slope = np.divide(rise, length, out=np.zeros_like(rise), where=length > 0)
+        return t, length, slope, np.where(length > 0, 0.0, rise)
+
+    @cached_property
+    def rise_s(self) -> float:
+        """Time from the beginning to the highest pressure, a millisecond at least."""
+        t, p = self._knots
+        return float(max(t[np.argmax(p)] - t[0], 1e-3))
+
+    @cached_property
     def top_mbar(self) -> float:
         """Highest pressure, or zero."""
         return max(0.0, *self.pressure_mbar)

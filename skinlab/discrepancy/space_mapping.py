@@ -15,10 +15,10 @@ from skinlab.discrepancy.records import Record
 from skinlab.discrepancy.settings import FITS
 from skinlab.discrepancy.table_domes import (
     Domes,
+    Relaxation,
     TableDomes,
     has_features,
     plain_part,
-    relaxed_pressure,
 )
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.errors import InputError
@@ -36,7 +36,7 @@ from skinlab.mechanics.fem.admissibility import NO_LIMITS
 from skinlab.mechanics.fem.newton import StepSettings
 from skinlab.mechanics.fem.relaxation import SETTINGS as RELAXING
 from skinlab.mechanics.fem.sensitivity import Change, Slopes, solve_with_slopes
-from skinlab.mechanics.fem.skin import Prony, SkinProblem
+from skinlab.mechanics.fem.skin import SkinProblem
 from skinlab.mechanics.fem.suction import (
     MESH_OF_RECORD,
     SCREENING_MESH,
@@ -54,6 +54,7 @@ _COMPARED, _ALIKE_S, _ALIKE_MBAR = 100, 0.3, 2.0  # points, length and suction o
 _CORNER = 1e-2  # of the highest suction: a corner so small changes no correction
 # Beyond a crease: the folded branch differs between meshes by little, and hardly in the dome.
 _FOLDED = replace(RELAXING, extrapolation_error=FITS.rough_steps, limits=NO_LIMITS)
+_FELT_KNOWN = 16  # paths of so many settings of effects that change them
 _TREND = 5  # nodes from which a correction goes on beyond
 
 
@@ -98,6 +99,7 @@ class MappedModel:
     _ratios: dict[Key, tuple[Array, _Learnt]] = field(default_factory=dict)
     _courses: dict[int, _Learnt] = field(default_factory=dict)
     _offs: dict[Key, tuple[Array, Array]] = field(default_factory=dict)  # heights, of a coarse mesh
+    _felt_known: dict[tuple[object, ...], list[PressurePath]] = field(default_factory=dict)
 
     def exact(self) -> MappedModel:
         """Return the model on the mesh of record, without an anchor.
@@ -157,13 +159,15 @@ class MappedModel:
         candidates = [one for one in every if one is not None]
         off = np.zeros_like(u) if self._anchor is None else u - self._anchor
         domes = self._domes_of_all(candidates) if candidates else {}
+        relaxations = {key: _relaxation([c.problems[key] for c in candidates]) for key in domes}
         found: dict[int, Array] = {}
         for i in set(self._twins):
             record = self.records[i]
             found[i] = np.full((len(u), len(record.curve)), np.nan)
             if not candidates:
                 continue
-            w = self._height_in_time(i, record, candidates, domes[_key(record)], off[some])
+            key = _key(record)
+            w = self._height_in_time(i, record, candidates, domes[key], off[some], relaxations[key])
             time = record.curve.time_s
             if any(c.sensors.chain for c in candidates):
                 rows = zip(candidates, w, strict=True)
@@ -193,16 +197,25 @@ class MappedModel:
         return [first.setdefault(r.path, i) for i, r in enumerate(self.records)]
 
     def _felt(self, effects: Chosen, more_mbar: float = 0.0) -> list[PressurePath]:
-        if not more_mbar and all(type(e).felt is Effect.felt for e, _ in effects):
+        changing = [(e, v) for e, v in effects if type(e).felt is not Effect.felt]
+        if not more_mbar and not changing:
             return [self.records[i].path for i in self._paths]
+        # Most candidates differ in something else: the same paths are recognised as such.
+        name = (more_mbar, *((e.name, tuple(v.values())) for e, v in changing))
+        if name in self._felt_known:
+            return self._felt_known[name]
         known: dict[int, PressurePath] = {}
         for i in sorted(set(self._paths)):
             path = self.records[i].path
             if more_mbar:
                 higher = tuple(p + more_mbar for p in path.pressure_mbar)
                 path = replace(path, pressure_mbar=higher)
-            known[i] = felt_along(effects, path)
-        return [known[i] for i in self._paths]
+            known[i] = felt_along(changing, path)
+        found = [known[i] for i in self._paths]
+        while len(self._felt_known) >= _FELT_KNOWN:
+            del self._felt_known[next(iter(self._felt_known))]
+        self._felt_known[name] = found
+        return found
 
     def _domes_of_all(self, candidates: Sequence[_Candidate]) -> dict[Key, Domes]:
         """Return the domes of candidates for each key: asked for at once."""
@@ -249,6 +262,7 @@ class MappedModel:
         candidates: Sequence[_Candidate],
         domes: Domes,
         off: Array,
+        relaxation: Relaxation | None,
     ) -> Array:
         """Return the deflections (candidates, n) before the sensors."""
         key, time = _key(record), record.curve.time_s
@@ -256,12 +270,10 @@ class MappedModel:
         moved = any(c.sensors.chain for c in candidates)
         when = np.array([c.sensors.when(time) for c in candidates]) if moved else time[None]
         own = self.records[self._paths[i]].path
-        shared = all(c.felt[i] is own for c in candidates)
-        if shared:
-            on_path = own(when) if moved else record.on_path_mbar[None]
-        else:
-            whens = np.broadcast_to(when, (len(candidates), len(time)))
-            on_path = np.array([c.felt[i](t) for c, t in zip(candidates, whens, strict=True)])
+        felt: dict[int, list[int]] = {}  # by what is felt: the candidates
+        for j, c in enumerate(candidates):
+            felt.setdefault(id(c.felt[i]), []).append(j)
+        groups = [(candidates[rows[0]].felt[i], tuple(rows)) for rows in felt.values()]
         # A reading's own noise stays with its sample whatever lags: read between two samples it
         # would be less, and half a sample of lag look better than none.
         off_path = record.off_path_mbar
@@ -271,23 +283,23 @@ class MappedModel:
             ]
             off_path = off_path * np.array([np.broadcast_to(m, time.shape) for m in more])
         zero = np.array([p.preload_mbar for p in problems])
-        if any(p.prony for p in problems):
-            terms = _as_many([p.prony for p in problems])
-            if shared:
-                relaxed, zero = relaxed_pressure(terms, record.path, when, zero)
-            else:
-                each = [
-                    relaxed_pressure([terms[j]], c.felt[i], whens[j : j + 1], zero[j : j + 1])
-                    for j, c in enumerate(candidates)
-                ]
-                relaxed = np.concatenate([r for r, _ in each])
-                zero = np.concatenate([z for _, z in each])
+        if relaxation is not None:
+            zero = zero / relaxation.rest
+            pressure = np.empty((len(candidates), len(time)))
+            for path, rows in groups:
+                pressure[list(rows)] = relaxation(path, when[list(rows)] if moved else when, rows)
             # It is worth what a smooth rise is: a skin that is stiff for an instant alone would
             # follow no noise, and be likelier than any other by that.
-            rest = [1.0 - _relaxed_share(p.prony, record.path) for p in problems]
-            pressure = relaxed + off_path / np.array(rest)[:, None]
+            rest = 1.0 - relaxation.relaxed_share(record.path.rise_s)
+            pressure += zero[:, None] + off_path / rest[:, None]
         else:
-            pressure = on_path + off_path + (zero if zero.any() else zero[:1])[:, None]
+            if len(groups) == 1 and groups[0][0] is own and not moved:
+                pressure = record.on_path_mbar[None]
+            else:
+                pressure = np.empty((len(candidates), len(time)))
+                for path, rows in groups:
+                    pressure[list(rows)] = path(when[list(rows)] if moved else when)
+            pressure = pressure + off_path + (zero if zero.any() else zero[:1])[:, None]
         stiffness = np.array([[p.stiffness] for p in problems])
         if (stiffness == stiffness[0]).all():
             stiffness = stiffness[:1]
@@ -297,8 +309,9 @@ class MappedModel:
         if i in self._courses:
             course = self._courses[i].at(off)
             if moved:
-                rows = zip(when, course, strict=True)
-                course = np.array([np.interp(t, time, row) for t, row in rows])
+                course = np.array(
+                    [np.interp(t, time, one) for t, one in zip(when, course, strict=True)]
+                )
             w = w + course
         return w
 
@@ -482,7 +495,9 @@ class MappedModel:
             held = np.isfinite(exact)  # beyond, what they add stays as it was
         plain = replace(record, path=path, pressure_mbar=path(time))
         unread = replace(here, sensors=Sensors(()), felt=[path] * len(here.felt), felt_more=())
-        at_anchor = self._height_in_time(i, plain, [unread], domes, np.zeros((1, count)))[0]
+        at_anchor = self._height_in_time(
+            i, plain, [unread], domes, np.zeros((1, count)), _relaxation([problem])
+        )[0]
         return np.asarray(np.interp(time, time[held], (exact - at_anchor)[held]))
 
 
@@ -499,11 +514,10 @@ def _going_on(exact_mm: Array, rough_mm: Array) -> Array:
     return np.where(np.isfinite(exact_mm), exact_mm, rough_mm * ratio)
 
 
-def _relaxed_share(terms: Sequence[Prony], path: PressurePath) -> float:
-    """Return the share of the stress that relaxes, on average, while the suction rises."""
-    top = int(np.argmax(path.pressure_mbar))
-    rise_s = max(path.time_s[top] - path.time_s[0], 1e-3)
-    return float(sum(t.g * (1.0 + np.expm1(-rise_s / t.tau_s) * t.tau_s / rise_s) for t in terms))
+def _relaxation(problems: Sequence[SkinProblem]) -> Relaxation | None:
+    """Return how the suction of these skins relaxes, None where nothing does."""
+    terms = [problem.prony for problem in problems]
+    return Relaxation.of(terms) if any(terms) else None
 
 
 def _simpler(path: PressurePath) -> PressurePath:
@@ -569,12 +583,6 @@ def _between(nodes: Array, values: Array, at: Array) -> Array:
     share = np.clip((at - nodes[cell]) / (nodes[cell + 1] - nodes[cell]), 0.0, 1.0)
     row = np.arange(len(values))[:, None]
     return np.asarray((1.0 - share) * values[row, cell] + share * values[row, cell + 1])
-
-
-def _as_many(terms: Sequence[tuple[Prony, ...]]) -> list[tuple[Prony, ...]]:
-    """Return as many terms each: one with a share of zero does nothing."""
-    most = max(len(each) for each in terms)
-    return [(*each, *(Prony(0.0, 1.0 + k) for k in range(most - len(each)))) for each in terms]
 
 
 def _read_on(nodes: Array, values: Array, held: NDArray[np.bool_]) -> Array:

@@ -14,7 +14,7 @@ Nothing here asks which effect it is.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 
 import numpy as np
@@ -138,39 +138,79 @@ class TableDomes:
         return float(holds_to[0] * values[0, 0] / MBAR)
 
 
-def relaxed_pressure(
-    prony: Sequence[tuple[Prony, ...]], path: PressurePath, time_s: Array, preload_mbar: Array
-) -> tuple[Array, Array]:
-    """Return the suctions (n, m) without memory that would dome skins as memory does, at times.
+@dataclass(frozen=True, eq=False)
+class Relaxation:
+    """The suctions without memory that would dome n skins as memory does.
 
-    `prony` (n) are as many terms each, `time_s` is (n, m), or (1, m) for all. As if the dome's
-    answer P(w) relaxed like the stress: p = (1 − Σg) P + Σ g H, dH/dt + H/τ = dP/dt. The second
-    value (n,) is that of the relaxed preload. In closed form, since the path is made of straight
-    lines: dH/dt = −A H + dp/dt with A = (I − 1 gᵀ) diag(1/τ).
+    As if the dome's answer P(w) relaxed like the stress: p = (1 − Σg) P + Σ g H, dH/dt + H/τ =
+    dP/dt. In closed form, since a path is made of straight lines: dH/dt = −A H + dp/dt with
+    A = (I − 1 gᵀ) diag(1/τ).
     """
-    g = np.array([[term.g for term in terms] for terms in prony])
-    tau = np.array([[term.tau_s for term in terms] for terms in prony])
-    rest = 1.0 - g.sum(axis=1)
-    start = preload_mbar / rest
-    rates, vectors = np.linalg.eig((np.eye(g.shape[1]) - g[:, None, :]) / tau[:, None, :])
-    # gᵀ H is a sum of modes, each of which forgets at a rate of its own.
-    ones = np.ones((*g.shape, 1))
-    modes = np.einsum("nq,nqr->nr", g, vectors) * np.linalg.solve(vectors, ones)[:, :, 0]
-    rates, modes = np.real(rates)[:, :, None], np.real(modes)[:, :, None]
-    t, p = np.array(path.time_s), np.array(path.pressure_mbar)
-    length, rise = np.diff(t), np.diff(p)
-    slope = np.divide(rise, length, out=np.zeros_like(rise), where=length > 0)
-    jump = np.where(length > 0, 0.0, rise)
-    first = np.broadcast_to(p[0], (*rates.shape[:2], 1))  # from zero
-    gained = jump - slope * np.expm1(-rates * length) / rates
-    at_knots = _remembered(np.exp(-rates * length), np.concatenate([first, gained], axis=2))
-    k = np.searchsorted(t, time_s, "right") - 1  # the knot before each sample
-    since = np.maximum(time_s - t[k], 0.0)[:, None]
-    left, grown = np.exp(-rates * since), -np.expm1(-rates * since) / rates
-    kept = np.take_along_axis(at_knots, np.maximum(k, 0)[:, None], axis=2)
-    each = left * kept + np.append(slope, 0.0)[k][:, None] * grown
-    held = np.where(k >= 0, (modes * each).sum(axis=1), 0.0)
-    return np.asarray(start[:, None] + (path(time_s) - held) / rest[:, None]), start
+
+    share: Array  # (n, q) g,
+    time_s: Array  # (n, q) and τ, of as many terms each
+    rates: Array  # (n, q, 1) gᵀ H is a sum of modes, each of which forgets at a rate of its own,
+    modes: Array  # (n, q, 1) and counts so much
+    _known: dict[tuple[int, tuple[int, ...]], tuple[PressurePath, Array]] = field(
+        default_factory=dict, repr=False
+    )
+
+    @classmethod
+    def of(cls, prony: Sequence[tuple[Prony, ...]]) -> Relaxation:
+        """Return that of skins with these terms (n)."""
+        most = max(len(each) for each in prony)
+        # A term with a share of zero does nothing.
+        even = [(*each, *(Prony(0.0, 1.0 + k) for k in range(most - len(each)))) for each in prony]
+        g = np.array([[term.g for term in terms] for terms in even])
+        tau = np.array([[term.tau_s for term in terms] for terms in even])
+        rates, vectors = np.linalg.eig((np.eye(most) - g[:, None, :]) / tau[:, None, :])
+        ones = np.ones((*g.shape, 1))
+        modes = np.einsum("nq,nqr->nr", g, vectors) * np.linalg.solve(vectors, ones)[:, :, 0]
+        return cls(g, tau, np.real(rates)[:, :, None], np.real(modes)[:, :, None])
+
+    @cached_property
+    def rest(self) -> Array:
+        """The share (n,) that never relaxes."""
+        return np.asarray(1.0 - self.share.sum(axis=1))
+
+    def relaxed_share(self, rise_s: float) -> Array:
+        """Return the share (n,) of the stress that relaxes, on average, while the suction rises."""
+        at = rise_s / self.time_s
+        return np.asarray((self.share * (1.0 + np.expm1(-at) / at)).sum(axis=1))
+
+    def __call__(self, path: PressurePath, time_s: Array, rows: tuple[int, ...]) -> Array:
+        """Return the suctions (r, m) of some of the skins at times (r, m), or (1, m) for all.
+
+        They count from the relaxed preload, which is that of the skin by `rest`.
+        """
+        of = slice(None) if len(rows) == len(self.rates) else list(rows)
+        rates, modes = self.rates[of], self.modes[of]
+        t, _, slope, _ = path.pieces
+        k = np.searchsorted(t, time_s, "right") - 1  # the knot before each sample
+        since = np.maximum(time_s - t[k], 0.0)[:, None]
+        left = np.exp(-rates * since)
+        kept = self._at_knots(path, rows, rates)
+        before = np.maximum(k, 0)
+        kept = (
+            kept[:, :, before[0]]
+            if len(before) == 1
+            else np.take_along_axis(kept, before[:, None], axis=2)
+        )
+        each = left * kept + np.append(slope, 0.0)[k][:, None] * ((1.0 - left) / rates)
+        held = np.where(k >= 0, (modes * each).sum(axis=1), 0.0)
+        return np.asarray((path(time_s) - held) / self.rest[of][:, None])
+
+    def _at_knots(self, path: PressurePath, rows: tuple[int, ...], rates: Array) -> Array:
+        """Return the modes' H (r, q, knots); known for curves that feel the same."""
+        known = self._known.get((id(path), rows))
+        if known is None:
+            _, length, slope, jump = path.pieces
+            first = np.full((*rates.shape[:2], 1), path.pressure_mbar[0])  # from zero
+            left = np.exp(-rates * length)
+            gained = jump - slope * np.expm1(-rates * length) / rates
+            known = path, _remembered(left, np.concatenate([first, gained], axis=2))
+            self._known[(id(path), rows)] = known  # with the path, whose name is kept so
+        return known[1]
 
 
 def _remembered(share: Array, gained: Array) -> Array:

@@ -24,7 +24,7 @@ from skinlab.discrepancy.screen import alike, signature
 from skinlab.discrepancy.search_workers import fit_elsewhere, fit_from, fit_one
 from skinlab.discrepancy.settings import FITS
 from skinlab.discrepancy.space_mapping import MappedModel
-from skinlab.discrepancy.table_domes import TableDomes, relaxed_pressure
+from skinlab.discrepancy.table_domes import Relaxation, TableDomes
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.errors import InputError
 from skinlab.inference.covariance import independent
@@ -262,6 +262,13 @@ def test_domes_of_the_same_suctions_are_read_as_each_alone(table):
 def test_outside_the_table_there_is_no_dome(table):
     problem = SkinProblem(Geometry(8.0, 0.11), SKIN)
     assert not TableDomes(table)([problem], [100.0]).hold[0]
+
+
+def relaxed_pressure(prony, path, time_s, preload_mbar):
+    """Return the suctions (n, m) that dome skins, and those (n,) that had come before."""
+    relaxation = Relaxation.of(prony)
+    start = preload_mbar / relaxation.rest
+    return start[:, None] + relaxation(path, time_s, tuple(range(len(prony)))), start
 
 
 def test_a_step_creeps_to_its_closed_form():
