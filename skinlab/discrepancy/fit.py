@@ -153,12 +153,13 @@ class Fitter:
         low: Array,
         high: Array,
         keep: Kept | None = None,
+        least_gain: float = FITS.least_gain,
     ) -> Array:
         """Return the optimum between bounds, of the model as it is now."""
         space = Space.box(model.unknowns.names, low.tolist(), high.tolist())
         found = polish(
             space, Misfit(self, model, keep), space.to_unit(start)[None],
-            least_gain=FITS.least_gain, most_iterations=FITS.steps,
+            least_gain=least_gain, most_iterations=FITS.steps,
         )  # fmt: skip
         return np.asarray(space.from_unit(found.unit)[0])
 
@@ -265,12 +266,14 @@ class Fitter:
         idle = 0
         for k in range(FITS.anchors):
             before = best.cost
-            least = FITS.gain + FITS.close_share * max(0.0, best.chi2 - self.errors.count)
+            missing = max(0.0, best.chi2 - self.errors.count)
+            least = FITS.gain + FITS.close_share * missing
             u = self.minimise(
                 model,
                 best.u,
                 np.maximum(low, best.u - radius),
                 np.minimum(high, best.u + radius),
+                least_gain=max(FITS.least_gain, FITS.least_gain_share * missing),
             )
             expected = model.predict(u)
             hoped = self._cost(unknowns, u, expected)
