@@ -146,7 +146,11 @@ def _strength(truth: Truth, made: Made, outcome: Outcome) -> dict[str, Any]:
         return 0.5 * float(np.square(r - q @ (q.T @ r)).sum()) / np.log(10.0)
 
     rival = found.signatures[closest].direction if closest else np.zeros(errors.count)
+    rest = true.whiten(clean - np.concatenate(best.deflections_mm))
+    q = np.linalg.qr(true.whiten(colour(best.jacobian[:, best.free])))[0]
     return {
+        # By how much a knower of the errors would see more than was named.
+        "knower_log10_left": 0.5 * float(np.square(rest - q @ (q.T @ rest)).sum()) / np.log(10.0),
         "knower_log10": [hoped(), hoped(rival)],
         "strength": left(base),
         "closest": closest,
@@ -209,6 +213,13 @@ def right(line: dict[str, Any]) -> bool:
     if named == line["hidden"]:
         return True
     return set(named) < set(line["hidden"]) and line["best_leaves"] < 1.0
+
+
+def all_that_is_seen(line: dict[str, Any]) -> bool:
+    """Return whether the truth was named, or all of it for which a knower would have 20 : 1."""
+    (named,) = line["effects"]
+    enough = set(named) < set(line["hidden"]) and line["knower_log10_left"] < 1.3
+    return bool(named == line["hidden"] or enough)
 
 
 def among(line: dict[str, Any]) -> bool:
@@ -274,6 +285,11 @@ def figures(lines: Sequence[dict[str, Any]]) -> dict[str, Any]:
             "target": ">= 0.85",
             **share(x["verdict"] == "named" and right(x) for x in life_double),
         },
+        "life_two_hidden_named_as_far_as_a_knower_of_the_errors_has_20_to_1": share(
+            x["verdict"] == "named" and all_that_is_seen(x)
+            for x in life_double
+            if min(x.get("knower_log10", [0.0])) >= 1.3 and "knower_log10_left" in x
+        ),
         "life_two_hidden_named_wrongly": {
             "target": "<= 0.02",
             **share(x["verdict"] == "named" and not right(x) for x in life_double),

@@ -117,6 +117,8 @@ class FitRules:
     """Share of what is left of χ²."""
     walks: int = 4
     """Times that a walk is begun anew, where something relaxes."""
+    leaps_mbar: tuple[float, ...] = (1.0, 2.0, 3.0, 5.0, 8.0, 12.0)
+    """Tried where a crease at the tape's edge snaps shut, and ends the path;"""
     rough_steps: float = 1e-3
     """Of the opening's radius: what a step on the coarse mesh may be off its extrapolation, which
     is ten times that of the mesh of record, and of interpolation far less;"""

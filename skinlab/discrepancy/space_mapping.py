@@ -483,7 +483,7 @@ class MappedModel:
             return None
         time, path = record.curve.time_s, _simpler(here.felt[i])
         problem = here.problems[key]
-        steps = _steps(RELAXING, self.discretisation)
+        steps = replace(_steps(RELAXING, self.discretisation), limits=RELAXING.limits)
         exact = solve_skin(problem, path, self.discretisation, steps).at(time, path(time))
         exact = exact * np.exp(-self._off(problem, key, self._top_mbar(here, key), exact))
         held = np.isfinite(exact)
@@ -572,6 +572,7 @@ def _solve(
 
 def _steps(settings: StepSettings, discretisation: Discretisation) -> StepSettings:
     """Return the settings of steps on a mesh: on the coarse one, which leads the way, longer."""
+    settings = replace(settings, limits=NO_LIMITS, leaps_mbar=FITS.leaps_mbar)
     if discretisation != SCREENING_MESH:
         return settings
     return replace(settings, extrapolation_error=FITS.rough_steps)

@@ -393,6 +393,19 @@ def test_a_crease_near_the_top_does_not_end_the_unloading(table):
     np.testing.assert_allclose(*found, atol=0.5e-3)
 
 
+def test_a_layer_that_snaps_shut_at_the_edge_does_not_end_the_dome(table):
+    # Newton's path ended at 62 of 120 mbar there, and at 103 a hundredth further on.
+    p = np.linspace(0.0, 100.0, 60)
+    curve = Curve("layer", Setup(8.0, 1.35), np.linspace(0.0, 5.0, 60), p, 1e-2 * p)
+    records = records_of(Campaign("layer", 3.0, 0.1, (curve,)))
+    unknowns = Unknowns(("thickness_error", "surface_layer"))
+    first = np.array([-4.147, 4.747, 0.239, 1.832, 1.099, -0.882])
+    last = np.array([-4.168, 4.667, 0.292, 1.736, 1.264, -0.939])
+    model = MappedModel(records, unknowns, TableDomes(table))
+    for share in np.linspace(0.0, 1.0, 5):
+        assert model.anchor(first + share * (last - first))
+
+
 @pytest.mark.parametrize(
     "effects",
     [
