@@ -11,6 +11,7 @@ from skinlab.curves import corrected
 from skinlab.discrepancy.records import Record, by_geometry
 from skinlab.inference.covariance import Covariance
 from skinlab.inference.noise import MESH_REST, legendre, pressure_error_mm, slope_mm_per_mbar
+from skinlab.tables.model_errors import crease_shapes
 
 Array = NDArray[np.float64]
 
@@ -22,9 +23,6 @@ MESH_OWN = (6.0e-4, 1.7e-4, 8.8e-5, 4.9e-5, 2.9e-5, 2.3e-5, 1.8e-5, 1.2e-5)
 # Another program deviates more, but at all openings alike: at the tops of eleven skins 0.15 % in
 # common and 0.025 % apart, where a fine mesh of ours does 0.063 and 0.073 % (the same command).
 COMMON_FACTOR = 2.4
-# Of the dome, per share of the suction beyond the crease, and from which share of it on: a dome of
-# 0.2 mm at 1.2 times the suction of its crease, 1.7 µm between two meshes.
-CREASE_ERROR, _CREASE_FROM = 0.04, 0.9
 OWN_FACTOR = 0.5
 
 
@@ -82,18 +80,18 @@ def mesh_columns(records: Sequence[Record]) -> Array:
 
 
 def _creased(records: Sequence[Record], starts: NDArray[np.intp]) -> list[Array]:
-    """Return a shape (u, 1) of each opening under which the skin creases, mm.
+    """Return shapes (u, m) of each opening, mm, in which meshes differ on the way to a crease.
 
-    Near there and beyond two good meshes differ by more than where the dome is smooth.
+    Those that an identification counts with (docs/decisions/0022-going-on-near-creases.md).
     """
     found = []
     for members in by_geometry(records):
-        at = records[members[0]].creases_mbar
-        block = np.zeros((int(starts[-1]), 1))
-        for i in members:
-            beyond = np.maximum(records[i].pressure_mbar / at - _CREASE_FROM, 0.0)
-            w = records[i].curve.deflection_mm
-            block[starts[i] : starts[i + 1], 0] = CREASE_ERROR * beyond * w
-        if block.any():
-            found.append(block)
+        share = np.concatenate(
+            [records[i].pressure_mbar / records[i].creases_mbar for i in members]
+        )
+        deflection_mm = np.concatenate([records[i].curve.deflection_mm for i in members])
+        shapes = crease_shapes(share) * deflection_mm[:, None]
+        block = np.zeros((int(starts[-1]), shapes.shape[1]))
+        block[np.concatenate([np.arange(starts[i], starts[i + 1]) for i in members])] = shapes
+        found.append(block[:, block.any(axis=0)])
     return found

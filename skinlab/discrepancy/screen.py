@@ -63,11 +63,23 @@ def signature(fitter: Fitter, fit: Fit, effect: str) -> Signature | None:
         else [a.to_u(v) for v in tried.get(a.parameter.name, (a.parameter.typical,))]
         for a in axes
     ]
-    tasks = [(own, which) for own in product(*beside) for which in sized]
+    sizes = {
+        i: (SEARCH.screened, *((v / axes[i].parameter.typical,) for v in larger))
+        for i in sized
+        for larger in (tried.get(axes[i].parameter.name, ()),)
+    }
+    tasks = [
+        (own, which, each) for own in product(*beside) for which in sized for each in sizes[which]
+    ]
     one = _Screened(fitter, fit, unknowns, effect)
     held = [found for found in one.signatures(here, tasks) if found is not None]
     # Where several of its parameters have a zero, it is the one that explains most.
     return max(held, key=lambda s: (s.gain, s.size)) if held else None
+
+
+Task = tuple[tuple[float, ...], int, tuple[float, ...]]
+"""The unknowns of an effect's axes, which of them is its size, and in typical sizes how large: the
+first that skins bear."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,10 +105,8 @@ class _Screened:
         """Directions (n, k) that the fit's unknowns absorb."""
         return np.asarray(np.linalg.qr(_with_priors(self.fit))[0][: self.fitter.errors.count])
 
-    def signatures(
-        self, here: Array, tasks: Sequence[tuple[tuple[float, ...], int]]
-    ) -> list[Signature | None]:
-        """Return those along each (its axes' unknowns, which of them is its size)."""
+    def signatures(self, here: Array, tasks: Sequence[Task]) -> list[Signature | None]:
+        """Return those along each."""
         there: list[tuple[Array, float] | None]
         if get_effect(self.effect).physical:
             there = [self._moved(*task) for task in tasks]
@@ -109,7 +119,8 @@ class _Screened:
         raw = self.fitter.errors.whiten(off)
         found: list[Signature | None] = [None] * len(tasks)
         for column, i in enumerate(known):
-            found[i] = self._along(raw[:, column], *tasks[i])
+            own, which, _ = tasks[i]
+            found[i] = self._along(raw[:, column], own, which)
         return found
 
     def _u(self, own: tuple[float, ...], which: int, size: float) -> tuple[Array, float]:
@@ -120,9 +131,11 @@ class _Screened:
         some[len(self.fit.u) + which] += step
         return some, step
 
-    def _moved(self, own: tuple[float, ...], which: int) -> tuple[Array, float] | None:
+    def _moved(
+        self, own: tuple[float, ...], which: int, sizes: tuple[float, ...]
+    ) -> tuple[Array, float] | None:
         """Return the curves with the effect, and its step; None where its model does not hold."""
-        for size in SEARCH.screened:
+        for size in sizes:
             some, step = self._u(own, which, size)
             model = self.fitter.model(self.unknowns, SCREENING_MESH)
             if self.fitter.prepare(model, some, memory=False):
@@ -131,12 +144,10 @@ class _Screened:
                     return there, step
         return None
 
-    def _read(
-        self, tasks: Sequence[tuple[tuple[float, ...], int]]
-    ) -> list[tuple[Array, float] | None]:
+    def _read(self, tasks: Sequence[Task]) -> list[tuple[Array, float] | None]:
         """Return the same of an effect on the record: the skin is solved once."""
         model = self.fitter.model(self.unknowns, SCREENING_MESH)
-        moved = [self._u(*task, SEARCH.screened[0]) for task in tasks]
+        moved = [self._u(own, which, sizes[0]) for own, which, sizes in tasks]
         if not self.fitter.prepare(model, moved[0][0], memory=False):
             return [None] * len(tasks)
         every = np.hstack(model.predict_many(np.array([u for u, _ in moved])))

@@ -50,7 +50,8 @@ class Effect:
 
     same_as: ClassVar[str] = ""  # what no curve can tell it from; such an effect is never named
     family: ClassVar[str] = ""  # of a learned effect (`learned.py`): no name, but a kind of thing
-    # Values of a parameter without a zero, at each of which it is screened; else at its typical one
+    # Values of a parameter without a zero, at each of which it is screened; else its typical one.
+    # Of one with a zero: larger ones, at which it is screened as well as near zero.
     tried: ClassVar[Mapping[str, tuple[float, ...]]] = {}
     order: ClassVar[int] = 0  # of `felt` and of `read`, on the way from the pump to the record
 

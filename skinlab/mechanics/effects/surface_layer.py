@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import ClassVar
 
 from skinlab.mechanics.effects.base import Effect, Parameter, Values
 from skinlab.mechanics.fem.skin import Layer, SkinProblem
@@ -17,6 +19,8 @@ class SurfaceLayer(Effect):
     formula = "inside the stated thickness, neo-Hookean, ν of the base"
     source = "Sachs et al. 2021: layers above the dermis strongly influence suction"
     physical = True
+    # What bends is a layer of another kind than what is stretched: the third power of thickness.
+    tried: ClassVar[Mapping[str, tuple[float, ...]]] = {"thickness_um": (60.0,)}
     parameters = (
         Parameter(
             "thickness_um", "µm", "of the layer, inside that of the skin", 0.0, 200.0, 0.0, 20.0,
