@@ -130,10 +130,10 @@ def against_families(search: Search, base: Candidate, best: Candidate) -> Trial:
     """Return whether no smooth function is 20 times likelier, or needed beside an explanation.
 
     Of the families that cost no finite elements, linearised about the explanation and about the
-    model as it is; their odds are alike. One that promises so much is fitted: shares that relax
-    are not linear where they are large, and may promise 10¹⁸ times what they keep. What changes the
-    curves by less than matters in practice is not needed: a path that is known to a tenth of a
-    millibar leaves as much.
+    model as it is; their odds are alike, and beside the explanation those of two effects. One
+    that promises so much is fitted: shares that relax are not linear where they are large, and
+    may promise 10¹⁸ times what they keep. What changes the curves by less than matters in
+    practice is not needed: a path that is known to a tenth of a millibar leaves as much.
     """
     errors, fits = search.errors, (base.fit, best.fit)
     assert errors is not None
@@ -153,11 +153,12 @@ def against_families(search: Search, base: Candidate, best: Candidate) -> Trial:
     plain, name, *each_scale = errors.log_evidences(ones, ERRORS.rough_nodes) / LOG10
     by_scale = np.reshape(each_scale, (len(named), len(fits), len(SEARCH.scales))) * LOG10
     mean = (logsumexp(by_scale, axis=2) - np.log(len(SEARCH.scales))) / LOG10
-    odds = -float(np.log10(max(len(offered), 2)))
+    in_place = -float(np.log10(max(len(offered), 2)))
+    beside = in_place + float(np.log10(SEARCH.pairs_odds))  # two things, as two effects are
     ahead = float(name - plain) + search.log10_odds(best.fit)
-    for which, against, what in (
-        (0, float(plain) + ahead, "in its place is"),
-        (1, float(name), "beside it makes the curves"),
+    for which, odds, against, what in (
+        (0, in_place, float(plain) + ahead, "in its place is"),
+        (1, beside, float(name), "beside it makes the curves"),
     ):
         gains = mean[:, which] + odds - against
         for i in np.argsort(-gains)[: int((gains >= NAMES.tie).sum())]:

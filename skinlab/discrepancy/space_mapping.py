@@ -32,7 +32,7 @@ from skinlab.mechanics.effects.model import (
     felt_along,
     solve_skin,
 )
-from skinlab.mechanics.fem.admissibility import NO_LIMITS
+from skinlab.mechanics.fem.admissibility import FOLDED
 from skinlab.mechanics.fem.newton import StepSettings
 from skinlab.mechanics.fem.relaxation import SETTINGS as RELAXING
 from skinlab.mechanics.fem.sensitivity import Change, Slopes, solve_with_slopes
@@ -53,7 +53,7 @@ _EFFECT_STEP = 0.15  # of an effect's unknown, where the mesh changes and there 
 _COMPARED, _ALIKE_S, _ALIKE_MBAR = 100, 0.3, 2.0  # points, length and suction of repeats
 _CORNER = 1e-2  # of the highest suction: a corner so small changes no correction
 # Beyond a crease: the folded branch differs between meshes by little, and hardly in the dome.
-_FOLDED = replace(RELAXING, extrapolation_error=FITS.rough_steps, limits=NO_LIMITS)
+_FOLDED = replace(RELAXING, extrapolation_error=FITS.rough_steps, limits=FOLDED)
 _FELT_KNOWN = 16  # paths of so many settings of effects that change them
 _TREND = 5  # nodes from which a correction goes on beyond
 
@@ -572,7 +572,7 @@ def _solve(
 
 def _steps(settings: StepSettings, discretisation: Discretisation) -> StepSettings:
     """Return the settings of steps on a mesh: on the coarse one, which leads the way, longer."""
-    settings = replace(settings, limits=NO_LIMITS, leaps_mbar=FITS.leaps_mbar)
+    settings = replace(settings, limits=FOLDED, leaps_mbar=FITS.leaps_mbar)
     if discretisation != SCREENING_MESH:
         return settings
     return replace(settings, extrapolation_error=FITS.rough_steps)

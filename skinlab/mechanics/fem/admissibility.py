@@ -32,6 +32,7 @@ class Limits:
 
 DEFAULT_LIMITS = Limits()
 NO_LIMITS = Limits(0.0, np.inf, np.inf, 0.0, elliptic=False)
+FOLDED = Limits(0.02, np.inf, np.inf, 0.0, elliptic=False)  # nothing is turned inside out
 
 
 def fault(assembly: Assembly, unknowns: Array, state: State, limits: Limits) -> str:
