@@ -40,6 +40,7 @@ from skinlab.discrepancy.search_workers import (
     fit_elsewhere,
     fit_from,
     fit_one,
+    off_the_wall,
     signature_by,
     signature_of,
 )
@@ -192,6 +193,12 @@ class Search:
         self._thickness_mm = thickness_slopes(before.records, first, domes)[~bad]
         self.errors = self._learn(records, linear.only(~bad), None)
         fit = self._refitted(records, first)
+        elsewhere = off_the_wall(self.fitter, fit, math.inf)
+        if elsewhere is not fit:
+            # By errors that knew of no places the law ended at a wall; these are of there.
+            self._thickness_mm = thickness_slopes(records, elsewhere, domes)
+            self.errors = self._learn(records, self.linear(elsewhere), None)
+            fit = self._refitted(records, elsewhere)
         node = self.errors.pure.nodes[0]
         pure = pure_error(records, self.linear(fit))
         thickness_mm = thickness_slopes(records, fit, domes)

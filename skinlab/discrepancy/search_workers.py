@@ -142,7 +142,7 @@ def fit_one(fitter: Fitter, task: tuple[Fit, Signature, float]) -> Fit | None:
         ):
             break
     best = _from_usual(fitter, fit, seen, best, limit)
-    return best if best is None else _off_the_wall(fitter, best, limit)
+    return best if best is None else off_the_wall(fitter, best, limit)
 
 
 def _from_usual(
@@ -168,7 +168,7 @@ def _agree(found: Fit | None, cost: float) -> bool:
     return found is not None and abs(found.cost - cost) < FITS.agree * cost
 
 
-def _off_the_wall(fitter: Fitter, best: Fit, limit: float) -> Fit:
+def off_the_wall(fitter: Fitter, best: Fit, limit: float) -> Fit:
     """Return the fit; where the law is near the end of a range, from the middle of it, if better.
 
     A model that lacks something may end there, and what is then added keeps it there; not where it

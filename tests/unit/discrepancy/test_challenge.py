@@ -83,6 +83,24 @@ def test_pairs_that_the_search_had_missed_are_named(table, seed, number):
     assert set(verdict.explanations[0].effects) == set(truth.effects)
 
 
+@pytest.mark.long
+def test_a_base_model_that_ended_at_a_wall_is_begun_elsewhere(table):
+    """By errors that knew of no places that differ it ended at ν = 0.497, 1,000 above its optimum.
+
+    A tie of three effects was told, 10^116 times likelier than that, where nothing is hidden.
+    """
+    _, made = make("life_none", 161911, 18)
+    assert explain(made.campaign, table).verdict.name == "none"
+
+
+@pytest.mark.long
+def test_a_layer_that_bends_is_no_other_opening(table):
+    """The screen saw what stretches: 10 of χ² of the 124 that its fit gains; it was not fitted."""
+    truth, made = make("life_single", 151911, 31)
+    verdict = explain(made.campaign, table).verdict
+    assert (verdict.name, verdict.explanations[0].effects) == ("named", tuple(truth.effects))
+
+
 def _truth(part, effects=(), families=()):
     return {"part": part, "effects": sorted(effects), "families": list(families)}
 
