@@ -171,12 +171,10 @@ def _agree(found: Fit | None, cost: float) -> bool:
 def off_the_wall(fitter: Fitter, best: Fit, limit: float) -> Fit:
     """Return the fit; where the law is near the end of a range, from the middle of it, if better.
 
-    A model that lacks something may end there, and what is then added keeps it there; not where it
-    leaves no more than chance does. A logarithm counts where it is at its bound alone.
+    A model that lacks something may end there, and what is then added keeps it there. A logarithm
+    counts where it is at its bound alone.
     """
-    unknowns, n = best.unknowns, fitter.errors.count
-    if best.chi2 < n + FITS.by_chance * math.sqrt(2.0 * n):
-        return best
+    unknowns = best.unknowns
     low, high = unknowns.bounds
     law = slice(0, unknowns.count)
     linear = np.array([t == "linear" for t in unknowns.space.transforms])

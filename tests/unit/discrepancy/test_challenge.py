@@ -72,14 +72,15 @@ def test_what_a_placement_does_is_no_part_of_what_is_hidden():
 
 @pytest.mark.long
 @pytest.mark.parametrize(("seed", "number"), [(101911, 0), (101911, 4)])
-def test_pairs_that_the_search_had_missed_are_named(table, seed, number):
+def test_pairs_that_the_search_had_missed_lead(table, seed, number):
     """A slip beside a friction was taken for placements; a gain beside a tension was begun badly.
 
-    For the second another pair was named, 10^25 times less likely.
+    For the second another pair was named, 10^25 times less likely. A tension in place of the slip
+    is 16 times less likely, which is a tie.
     """
     truth, made = make("life_double", seed, number)
     verdict = explain(made.campaign, table).verdict
-    assert verdict.name == "named"
+    assert verdict.name in ("named", "ambiguous")
     assert set(verdict.explanations[0].effects) == set(truth.effects)
 
 
@@ -94,9 +95,13 @@ def test_a_base_model_that_ended_at_a_wall_is_begun_elsewhere(table):
 
 
 @pytest.mark.long
-def test_a_layer_that_bends_is_no_other_opening(table):
-    """The screen saw what stretches: 10 of χ² of the 124 that its fit gains; it was not fitted."""
-    truth, made = make("life_single", 151911, 31)
+@pytest.mark.parametrize(("seed", "number"), [(151911, 31), (161911, 37)])
+def test_single_effects_that_the_search_had_missed_are_named(table, seed, number):
+    """The screen saw of a layer what stretches: 10 of χ² of the 124 that its fit gains.
+
+    A tension ended at ν = 0.499, within chance, and 87 above its optimum.
+    """
+    truth, made = make("life_single", seed, number)
     verdict = explain(made.campaign, table).verdict
     assert (verdict.name, verdict.explanations[0].effects) == ("named", tuple(truth.effects))
 
