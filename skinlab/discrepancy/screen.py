@@ -63,16 +63,13 @@ def signature(fitter: Fitter, fit: Fit, effect: str) -> Signature | None:
         else [a.to_u(v) for v in tried.get(a.parameter.name, (a.parameter.typical,))]
         for a in axes
     ]
-    sizes = {
-        i: (SEARCH.screened, *((v / axes[i].parameter.typical,) for v in larger))
-        for i in sized
-        for larger in (tried.get(axes[i].parameter.name, ()),)
-    }
-    tasks = [
-        (own, which, each) for own in product(*beside) for which in sized for each in sizes[which]
-    ]
-    one = _Screened(fitter, fit, unknowns, effect)
-    held = [found for found in one.signatures(here, tasks) if found is not None]
+    sizes = [(which, SEARCH.screened) for which in sized]
+    for which in sized:
+        one = axes[which].parameter
+        sizes += [(which, (value / one.typical,)) for value in tried.get(one.name, ())]
+    tasks = [(own, which, each) for own in product(*beside) for which, each in sizes]
+    screened = _Screened(fitter, fit, unknowns, effect)
+    held = [found for found in screened.signatures(here, tasks) if found is not None]
     # Where several of its parameters have a zero, it is the one that explains most.
     return max(held, key=lambda s: (s.gain, s.size)) if held else None
 

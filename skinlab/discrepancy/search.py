@@ -194,8 +194,9 @@ class Search:
         self.errors = self._learn(records, linear.only(~bad), None)
         fit = self._refitted(records, first)
         elsewhere = off_the_wall(self.fitter, fit, math.inf)
-        if elsewhere is not fit:
-            # By errors that knew of no places the law ended at a wall; these are of there.
+        if elsewhere.cost < fit.cost - FITS.gain:
+            # The first errors know of no places: with them the law had ended at a wall, and these
+            # were learned there.
             self._thickness_mm = thickness_slopes(records, elsewhere, domes)
             self.errors = self._learn(records, self.linear(elsewhere), None)
             fit = self._refitted(records, elsewhere)

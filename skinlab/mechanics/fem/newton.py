@@ -256,7 +256,9 @@ def _leap(
                 assembly, path.displacements[-1], target, parameters, settings
             )
             path.iterations += spent
-            if point is not None:
+            if point is not None and not fault(
+                assembly, point.unknowns, point.state, settings.limits
+            ):
                 return target, point
     return None
 
