@@ -183,6 +183,14 @@ class CampaignErrors:
                 found.append(f"{name} of {size:.1f} µm (more than {most:g} µm is no error)")
         return ", ".join(found)
 
+    def weights(self, ones: Sequence[Linearised]) -> list[tuple[Node, float]]:
+        """Return the settings of all looks, with how probable each is by these explanations."""
+        nodes = [node for look in self.looks for node in look.nodes[: ERRORS.judged_nodes]]
+        found = log_evidences(ones, [n.covariance for n in nodes])
+        found += np.array([[n.log_prior] for n in nodes])
+        share = np.exp(found - logsumexp(found, axis=0)).mean(axis=1)
+        return list(zip(nodes, share.tolist(), strict=True))
+
     def log_evidences(self, ones: Sequence[Linearised], most: int | None = None) -> Array:
         """Return log p(data) (explanations,), errors' parameters integrated out.
 
@@ -459,9 +467,10 @@ def outliers(records: Sequence[Record], base: Linearised) -> Mask:
     """Return which samples (u,) do not belong to their curve, whatever the model."""
     samples = samples_of(records)
     step_mm = 1e-3 * step_um(samples.deflection_mm)
-    probability = outlier_probability(
-        pure_error(records, base), samples, step_mm, pressure_errors_mm(records)
-    )
+    # Slopes of the model's curve: a glitch of the measured one would hide in its own slope.
+    model_mm = np.split(samples.deflection_mm - base.residual_mm, samples.ends[:-1])
+    known_mm = pressure_errors_mm(records, model_mm)
+    probability = outlier_probability(pure_error(records, base), samples, step_mm, known_mm)
     return np.asarray(probability > 0.5)
 
 

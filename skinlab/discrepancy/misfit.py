@@ -10,7 +10,13 @@ from numpy.typing import NDArray
 from skinlab.curves import corrected
 from skinlab.discrepancy.records import Record, by_geometry
 from skinlab.inference.covariance import Covariance
-from skinlab.inference.noise import MESH_REST, legendre, pressure_error_mm, slope_mm_per_mbar
+from skinlab.inference.noise import (
+    MESH_REST,
+    legendre,
+    pressure_error_mm,
+    slope_mm_per_mbar,
+    smooth_mm,
+)
 from skinlab.tables.model_errors import crease_shapes
 
 Array = NDArray[np.float64]
@@ -37,9 +43,18 @@ def errors_of(records: Sequence[Record]) -> Covariance:
 
 def columns_of(records: Sequence[Record]) -> Array:
     """Return the shapes (u, m), mm, in which all samples err: the mesh's, and the probe's."""
-    w = np.concatenate([r.curve.deflection_mm for r in records])
+    w = np.concatenate(_smoothed(records))
     left_open = corrected.columns_of([r.curve for r in records], w, slopes_mm_per_mbar(records))
     return np.hstack([mesh_columns(records), left_open])
+
+
+def _smoothed(records: Sequence[Record]) -> list[Array]:
+    """Return each record's deflections without their noise, which shapes of it would explain.
+
+    Shapes of opposite signs take off a share of every reading: of 4,000 samples' noise that is 270
+    in chi2 (docs/decisions/0129-shapes-without-noise.md).
+    """
+    return [smooth_mm(r.pressure_mbar, r.curve.deflection_mm) for r in records]
 
 
 def slopes_mm_per_mbar(records: Sequence[Record]) -> Array:
@@ -49,12 +64,16 @@ def slopes_mm_per_mbar(records: Sequence[Record]) -> Array:
     )
 
 
-def pressure_errors_mm(records: Sequence[Record]) -> Array:
-    """Return what the pressure readings' noise does to the deflections (u,)."""
+def pressure_errors_mm(
+    records: Sequence[Record], deflections_mm: Sequence[Array] | None = None
+) -> Array:
+    """Return what the pressure readings' noise does to the deflections (u,), measured or these."""
+    if deflections_mm is None:
+        deflections_mm = [r.curve.deflection_mm for r in records]
     found = []
-    for r in records:
+    for r, w in zip(records, deflections_mm, strict=True):
         sd_mbar = np.full(len(r.curve), r.pressure_sd_mbar)
-        found.append(pressure_error_mm(r.pressure_mbar, r.curve.deflection_mm, sd_mbar))
+        found.append(pressure_error_mm(r.pressure_mbar, w, sd_mbar))
     return np.concatenate(found)
 
 
@@ -64,22 +83,24 @@ def mesh_columns(records: Sequence[Record]) -> Array:
     starts = np.cumsum([0, *(len(r.curve) for r in records)])
     total = int(starts[-1])
     orders = len(MESH_OWN)
+    smooth = _smoothed(records)
     common = np.zeros((total, orders))
     for members in by_geometry(records):
         block = np.zeros((total, orders))
         top = max(1e-9, *(float(records[i].pressure_mbar.max()) for i in members))
         for i in members:
             x = np.clip(records[i].pressure_mbar / top, 0.0, 1.0)
-            w = records[i].curve.deflection_mm
-            shapes = legendre(x, orders) * w[:, None]
+            shapes = legendre(x, orders) * smooth[i][:, None]
             here = slice(starts[i], starts[i + 1])
             block[here] = OWN_FACTOR * np.array(MESH_OWN) * shapes
             common[here] = COMMON_FACTOR * np.array(MESH_COMMON) * shapes
         blocks.append(block)
-    return np.hstack([*blocks, common, *_creased(records, starts)])
+    return np.hstack([*blocks, common, *_creased(records, smooth, starts)])
 
 
-def _creased(records: Sequence[Record], starts: NDArray[np.intp]) -> list[Array]:
+def _creased(
+    records: Sequence[Record], smooth: Sequence[Array], starts: NDArray[np.intp]
+) -> list[Array]:
     """Return shapes (u, m) of each opening, mm, in which meshes differ on the way to a crease.
 
     Those that an identification counts with (docs/decisions/0022-going-on-near-creases.md).
@@ -89,7 +110,7 @@ def _creased(records: Sequence[Record], starts: NDArray[np.intp]) -> list[Array]
         share = np.concatenate(
             [records[i].pressure_mbar / records[i].creases_mbar for i in members]
         )
-        deflection_mm = np.concatenate([records[i].curve.deflection_mm for i in members])
+        deflection_mm = np.concatenate([smooth[i] for i in members])
         shapes = crease_shapes(share) * deflection_mm[:, None]
         block = np.zeros((int(starts[-1]), shapes.shape[1]))
         block[np.concatenate([np.arange(starts[i], starts[i + 1]) for i in members])] = shapes

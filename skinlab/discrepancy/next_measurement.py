@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
+from skinlab.discrepancy.campaign_errors import CampaignErrors, Linearised
 from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.misfit import mesh_columns
 from skinlab.discrepancy.placement_curves import thickness_slopes
@@ -27,7 +28,7 @@ from skinlab.discrepancy.records import Record
 from skinlab.discrepancy.settings import PLANS
 from skinlab.discrepancy.space_mapping import MappedModel
 from skinlab.inference.covariance import Covariance, OrnsteinUhlenbeck
-from skinlab.inference.error_choice import ErrorChoice, Node
+from skinlab.inference.error_choice import Node
 from skinlab.inference.noise import MESH_REST, slope_mm_per_mbar
 from skinlab.mechanics.fem.suction import Geometry
 
@@ -88,7 +89,7 @@ class NextMeasurement:
     """A measurement, which explanations it separates, and by how much evidence it may be hoped.
 
     `alone` is what it is expected to lead to by itself; `plan` the shortest plan that would settle
-    it, which need not begin with it, or the best that there is.
+    it, or the best that there is: it is one of that.
     """
 
     aperture_mm: float
@@ -116,18 +117,17 @@ class PlannedErrors:
     thickness: float = 0.0
 
     @classmethod
-    def of(cls, choice: ErrorChoice) -> PlannedErrors:
-        """Return them as learned from a campaign."""
-        known = choice.parameters()
-
-        def independent(node: Node) -> float:
-            lasting = node.combination.lasting | {"pressure"}
-            sizes = node.sizes_um.items()
-            alone = [v**2 for n, v in sizes if n not in lasting and not n.startswith("placement")]
-            return math.sqrt(sum(alone))
-
+    def of(cls, node: Node) -> PlannedErrors:
+        """Return them by one setting of a campaign's errors."""
+        values = np.exp(node.log_values).tolist()
+        known = dict(zip(node.combination.parameters, values, strict=True))
+        for part in node.combination.parts:
+            known |= part.stated
+        lasting = node.combination.lasting | {"pressure"}
+        sizes = node.sizes_um.items()
+        alone = [v**2 for n, v in sizes if n not in lasting and not n.startswith("placement")]
         return cls(
-            choice.median(independent),
+            math.sqrt(sum(alone)),
             known.get("ou_um", 0.0),
             known.get("ou_s", 1.0),
             known.get("placement_scatter", 0.0),
@@ -135,13 +135,29 @@ class PlannedErrors:
             known.get("placement_thickness", 0.0),
         )
 
+    @classmethod
+    def settings(
+        cls, errors: CampaignErrors, explanations: Sequence[Linearised]
+    ) -> list[PlannedErrors]:
+        """Return a few settings that stand for all by which these explanations explain.
+
+        Those that repeats prefer may not be those that an explanation needs: what it expects of a
+        new placement is as uncertain as by its own.
+        """
+        weighed = errors.weights(explanations)
+        weighed.sort(key=lambda one: sum(one[0].sizes_um.values()))
+        below = np.cumsum([w for _, w in weighed])
+        at = (np.arange(PLANS.settings) + 0.5) / PLANS.settings * below[-1]
+        return [cls.of(weighed[i][0]) for i in np.searchsorted(below, at).tolist()]
+
 
 @dataclass(frozen=True, eq=False)
 class _Look:
     """A measurement as the explanations see it, in inner products weighed by its errors."""
 
     planned: Planned
-    gram: Array  # (columns, columns): of what each explanation expects, and how that may give way
+    # (settings, columns, columns): of what each explanation expects, and how that may give way
+    gram: Array
     fresh: bool  # whether the campaign has no such condition
 
     @property
@@ -155,6 +171,7 @@ class _Odds:
 
     names: Sequence[Names]
     log10_evidence: Array
+    tied: int  # so many, the first ones; the others are behind, and may come back
     widths: Sequence[int]  # unknowns of each explanation
     tie: float
     normal: Array  # (draws, columns of all) of which outcomes are made
@@ -167,8 +184,18 @@ class _Odds:
 
     def plan(self, looks: Sequence[_Look]) -> Plan:
         """Return what these measurements together are expected to lead to."""
+        tie = self.tie if any(look.fresh for look in looks) else max(self.tie, PLANS.lone_tie)
+        grams = np.sum([look.gram for look in looks], axis=0)
+        right, wrong = np.mean([self._decided(gram, tie) for gram in grams], axis=0)
+        p = self.probability
+        named = tuple((n, float(s)) for n, s in zip(self.names, p * right, strict=True))
+        settled, failed = float(p @ right), float(p @ wrong)
+        measurements = tuple(look.planned for look in looks)
+        return Plan(measurements, named, failed, max(0.0, 1.0 - settled - failed))
+
+    def _decided(self, gram: Array, tie: float) -> Array:
+        """Return how often each explanation's outcomes give it the name, and another one (2, n)."""
         n = len(self.names)
-        gram = np.sum([look.gram for look in looks], axis=0)
         values, vectors = np.linalg.eigh(gram)
         kept = values > 1e-9 * max(float(values[-1]), 1.0)
         at = vectors[:, kept] * np.sqrt(values[kept])  # each column's coordinates (columns, d)
@@ -177,9 +204,8 @@ class _Odds:
         ways = [at[a:b].T for a, b in pairwise(ends.tolist())]  # (d, k)
         roots = [np.linalg.cholesky(np.eye(d) + w @ w.T) for w in ways]
         log_det = np.array([2.0 * np.log(np.diag(r)).sum() for r in roots])
-        tie = self.tie if any(look.fresh for look in looks) else max(self.tie, PLANS.lone_tie)
-        named, wrong = [], 0.0
-        for i, p in enumerate(self.probability):
+        found = np.empty((2, n))
+        for i in range(n):
             drawn = at[i] + self.normal[:, :d] @ roots[i].T
             each = np.empty((len(drawn), n))
             for j in range(n):
@@ -189,29 +215,27 @@ class _Odds:
             order = np.sort(total, axis=1)
             decided = order[:, -1] - order[:, -2] >= tie
             right = decided & (total.argmax(axis=1) == i)
-            named.append((self.names[i], float(p * right.mean())))
-            wrong += float(p * (decided & ~right).mean())
-        settled = sum(share for _, share in named)
-        measurements = tuple(look.planned for look in looks)
-        return Plan(measurements, tuple(named), wrong, max(0.0, 1.0 - settled - wrong))
+            found[:, i] = right.mean(), (decided & ~right).mean()
+        return found
 
     def expected_log10(self, look: _Look) -> float:
-        """Return the log10 evidence between the two that it separates least.
+        """Return the log10 evidence between the two of the tied that it separates least.
 
         Half the squared length of the difference of their curves, what either's unknowns may still
         give way by counted as an error.
         """
-        n, gram = len(self.names), look.gram
-        ends = np.cumsum([n, *self.widths])
+        ends = np.cumsum([len(self.names), *self.widths])
         least = math.inf
-        for i, j in combinations(range(n), 2):
+        for i, j in combinations(range(self.tied), 2):
             rows = [*range(ends[i], ends[i + 1]), *range(ends[j], ends[j + 1])]
-            apart = np.zeros(len(gram))
-            apart[i], apart[j] = 1.0, -1.0
-            across = gram[rows] @ apart
-            inner = np.eye(len(rows)) + gram[np.ix_(rows, rows)]
-            chi2 = float(apart @ gram @ apart - across @ np.linalg.solve(inner, across))
-            least = min(least, 0.5 * chi2 / math.log(10.0))
+            chi2 = 0.0
+            for gram in look.gram:
+                apart = np.zeros(len(gram))
+                apart[i], apart[j] = 1.0, -1.0
+                across = gram[rows] @ apart
+                inner = np.eye(len(rows)) + gram[np.ix_(rows, rows)]
+                chi2 += float(apart @ gram @ apart - across @ np.linalg.solve(inner, across))
+            least = min(least, 0.5 * chi2 / len(look.gram) / math.log(10.0))
         return least
 
 
@@ -219,32 +243,36 @@ def advise(
     fitter: Fitter,
     tied: Sequence[Fit],
     log10_evidence: Sequence[float],
-    errors: PlannedErrors,
+    errors: Sequence[PlannedErrors],
     rng: np.random.Generator,
+    behind: Sequence[Fit] = (),
 ) -> NextMeasurement | None:
     """Return the measurement that best tells explanations apart for its time, None if none does.
 
-    `log10_evidence` is that of each, the odds before the data counted.
+    It is one of the shortest plan that is expected to settle it. `log10_evidence` is that of each,
+    the odds before the data counted; first of those that are tied, then of those `behind` that may
+    come back. `errors` are settings as likely as each other.
     """
     own = set.intersection(*(set(f.effects) for f in tied))
-    names = [tuple(e for e in f.effects if e not in own) for f in tied]
-    widths = [len(f.u) for f in tied]
-    normal = rng.standard_normal((PLANS.outcomes, len(tied) + sum(widths)))
-    odds = _Odds(names, np.array(log10_evidence), widths, PLANS.tie, normal)
-    looks = _looks(fitter, tied, errors)
+    every = [*tied, *behind]
+    names = [tuple(e for e in f.effects if e not in own) for f in every]
+    widths = [len(f.u) for f in every]
+    normal = rng.standard_normal((PLANS.outcomes, len(every) + sum(widths)))
+    odds = _Odds(names, np.array(log10_evidence), len(tied), widths, PLANS.tie, normal)
+    looks = _looks(fitter, every, errors)
     if not looks:
         return None
     now = odds.plan([replace(looks[0], gram=np.zeros_like(looks[0].gram))]).settled
-    alone = {id(look): odds.plan([look]) for look in looks}
+    chosen, plan = _shortest(odds, looks)
+    alone = {id(look): odds.plan([look]) for look in chosen}
 
     def worth(look: _Look) -> float:
-        plan = alone[id(look)]
-        return (plan.settled - now - plan.wrong) / plan.minutes
+        own = alone[id(look)]
+        return (own.settled - now - own.wrong) / own.minutes
 
-    best = max(looks, key=worth)
-    gain = alone[id(best)].settled - now
+    best = max(chosen, key=worth)
     expected = odds.expected_log10(best)
-    if gain < PLANS.least_gain and expected < PLANS.useless:
+    if plan.settled - now < PLANS.least_gain and expected < PLANS.useless:
         return None
     return NextMeasurement(
         best.planned.aperture_mm,
@@ -252,19 +280,19 @@ def advise(
         tuple(fit.effects for fit in tied),
         expected,
         alone[id(best)],
-        _shortest(odds, looks),
+        plan,
     )
 
 
-def _shortest(odds: _Odds, looks: Sequence[_Look]) -> Plan:
+def _shortest(odds: _Odds, looks: Sequence[_Look]) -> tuple[list[_Look], Plan]:
     """Return the shortest plan that is expected to settle it, else the one that comes nearest."""
     plans = [([look], odds.plan([look])) for look in looks]
-    best = max((plan for _, plan in plans), key=lambda p: p.settled)
+    best = plans[0]
     for _ in range(PLANS.most_measurements):
-        enough = [plan for _, plan in plans if plan.settled >= PLANS.settled]
-        best = max((best, *(plan for _, plan in plans)), key=lambda p: p.settled)
+        best = max((best, *plans), key=lambda p: p[1].settled)
+        enough = [p for p in plans if p[1].settled >= PLANS.settled]
         if enough:
-            return min(enough, key=lambda p: p.minutes)
+            return min(enough, key=lambda p: p[1].minutes)
         leaders = sorted(plans, key=lambda p: -p[1].settled)[: PLANS.beam]
         plans = []
         for chosen, _ in leaders:
@@ -280,7 +308,9 @@ def _shortest(odds: _Odds, looks: Sequence[_Look]) -> Plan:
     return best
 
 
-def _looks(fitter: Fitter, tied: Sequence[Fit], errors: PlannedErrors) -> list[_Look]:
+def _looks(
+    fitter: Fitter, tied: Sequence[Fit], errors: Sequence[PlannedErrors]
+) -> list[_Look]:
     """Return the menu as the explanations see it; what one of them does not bear is left out."""
     have = {(r.geometry.aperture_mm, str(r.curve.setup.program or "")) for r in fitter.records}
     apertures = {r.geometry.aperture_mm for r in fitter.records}
@@ -299,13 +329,15 @@ def _looks(fitter: Fitter, tied: Sequence[Fit], errors: PlannedErrors) -> list[_
             )
             for placements in range(1, PLANS.most_placements + 1):
                 many = [replace(middle, placement=k) for k in range(placements)]
-                white = _errors(fitter, tied[0], many, errors)
-                whole = white.whiten(np.tile(columns, (placements, 1)))
+                whole = [
+                    _errors(fitter, tied[0], many, one).whiten(np.tile(columns, (placements, 1)))
+                    for one in errors
+                ]
                 program = str(record.curve.setup.program)
                 minutes = _minutes(record, placements, opened=aperture not in apertures)
                 planned = Planned(aperture, program, placements, minutes)
                 fresh = (aperture, program) not in have
-                found.append(_Look(planned, whole.T @ whole, fresh))
+                found.append(_Look(planned, np.array([x.T @ x for x in whole]), fresh))
     return found
 
 
@@ -318,15 +350,15 @@ def _minutes(record: Record, placements: int, *, opened: bool) -> float:
 
 
 def _planned(fitter: Fitter, aperture: float, program_text: str) -> Record:
-    """Return a record that was not measured, with the campaign's noise."""
+    """Return a record that was not measured, with the campaign's rate and noise."""
     like = fitter.records[0]
     program = parse_program(program_text)
-    samples = math.floor(program.duration_s * PLANS.rate_hz) + 1
-    time = np.arange(samples) / PLANS.rate_hz
+    step_s = float(np.median(np.diff(like.curve.time_s)))
+    time = np.arange(math.floor(program.duration_s / step_s) + 1) * step_s
     path = PressurePath.of_program(program)
     setup = Setup(aperture, like.geometry.thickness_mm, program)
     pressure = path(time)
-    curve = Curve(f"planned, {aperture:g} mm", setup, time, pressure, np.zeros(samples))
+    curve = Curve(f"planned, {aperture:g} mm", setup, time, pressure, np.zeros(len(time)))
     geometry = Geometry(aperture, like.geometry.thickness_mm)
     return Record(curve, geometry, path, pressure, like.pressure_sd_mbar, like.noise_um)
 

@@ -331,10 +331,14 @@ class PlanRules:
     meshes differ by more than is counted with."""
     slow_s: int = 25
     """Up, and again down: suction without a pause may last 60 s, and samples tell."""
-    rate_hz: float = 20.0
-    """At which a planned curve is sampled."""
+    settings: int = 3
+    """Of the errors, for which outcomes are drawn."""
     outcomes: int = 256
-    """Drawn of each explanation."""
+    """Drawn of each explanation, for each of these."""
+    behind: float = 3.0
+    """log10 evidence up to which an explanation behind the tied ones may come back."""
+    most: int = 6
+    """Explanations that are weighed."""
     beam: int = 6
     """Plans that are gone on with."""
 

@@ -21,7 +21,7 @@ from skinlab.discrepancy.posterior import gaussian, sample
 from skinlab.discrepancy.records import by_condition, coarsened, records_of
 from skinlab.discrepancy.screen import alike
 from skinlab.discrepancy.search import Search
-from skinlab.discrepancy.settings import ERRORS, NAMES
+from skinlab.discrepancy.settings import ERRORS, NAMES, PLANS
 from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.discrepancy.verdict import (
     Verdict,
@@ -142,12 +142,20 @@ def explain(
     if verdict.name == "ambiguous":
         progress("looking for the measurement that would tell them apart")
         tied = verdict.explanations[: NAMES.most_tied]
+        least = max(c.log10_evidence for c in tied) - PLANS.behind
+        known = {c.effects for c in verdict.explanations}
+        behind = [
+            c
+            for c in found.candidates
+            if c.adequate and c.log10_evidence >= least and c.effects not in known
+        ][: PLANS.most - len(tied)]
         following = advise(
             final,
             [tried.again(c.fit) for c in tied],
-            [c.log10_evidence for c in tied],
-            PlannedErrors.of(search.errors.looks[-1]),
+            [c.log10_evidence for c in (*tied, *behind)],
+            PlannedErrors.settings(search.errors, [search.linear(c.fit) for c in tied]),
             np.random.default_rng([seed, 1]),
+            [tried.again(c.fit) for c in behind],
         )
     after = held[chosen.effects] if verdict.explanations else tried.before
     said = judge_errors(search.errors.looks[-1], None)

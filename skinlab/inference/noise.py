@@ -119,6 +119,14 @@ def slope_mm_per_mbar(pressure_mbar: Array, deflection_mm: Array) -> Array:
     return np.asarray(smooth.deriv()(s) / np.hypot(pressure_mbar, scale))
 
 
+def smooth_mm(pressure_mbar: Array, deflection_mm: Array) -> Array:
+    """Return the deflections (u,) of a smooth curve of the pressure, without the samples' noise."""
+    scale, smooth = _smooth(pressure_mbar, deflection_mm)
+    if smooth is None:
+        return deflection_mm
+    return np.asarray(smooth(np.arcsinh(pressure_mbar / scale)))
+
+
 def pressure_error_mm(pressure_mbar: Array, deflection_mm: Array, sd_mbar: Array) -> Array:
     """Return the root mean square (u,) of what noise of the pressure readings does to deflections.
 

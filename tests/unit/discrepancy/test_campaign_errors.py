@@ -158,6 +158,45 @@ def test_a_glitch_is_left_out_and_the_rest_stays(table):
     assert records[0].curve.phase.tolist() == np.delete(fitter.records[0].curve.phase, 57).tolist()
 
 
+def test_a_glitch_of_the_first_sample_does_not_hide_in_its_own_slope(table):
+    """There a curve is steep: noise of the pressure would do as much, if slopes were measured."""
+
+    def errors(t, per_log, rng):
+        noise = rng.normal(0, 2e-3, len(t))
+        noise[0] += 0.06
+        return noise
+
+    records = [
+        replace(r, pressure_sd_mbar=0.6) for r in records_of(campaign(table, errors))
+    ]
+    fitter = Fitter(records, errors_of(records), TableDomes(table))
+    fit = fitter.fit(Unknowns(()), TRUE)
+    bad = outliers(records, Linearised.of(fit, fitter.errors, fitter.measured))
+    assert [np.flatnonzero(one).tolist() for one in fitter.errors.split(bad)] == 6 * [[0]]
+
+
+def test_shapes_of_the_mesh_have_no_noise_to_explain_noise_with(table):
+    """Shapes of the measured dome took 270 off chi2 where 4,000 samples were near a crease."""
+
+    def errors(t, per_log, rng):
+        return rng.normal(0, 5e-3, len(t))
+
+    def measured(e):
+        records = records_of(campaign(table, e, PLAN[:2], rate_hz=100))
+        return [replace(r, creases_mbar=1.05 * r.path.top_mbar) for r in records]
+
+    noisy, clean = measured(errors), measured(lambda t, per_log, rng: 0.0)
+    noise = np.concatenate(
+        [a.curve.deflection_mm - b.curve.deflection_mm for a, b in zip(noisy, clean, strict=True)]
+    )
+    found, exact = mesh_columns(noisy), mesh_columns(clean)
+    np.testing.assert_allclose(found, exact, atol=0.02 * np.abs(exact).max())
+    # What other shapes leave of them takes no more off than smooth functions would: 9 of a curve.
+    q = np.linalg.qr(np.hstack([exact, found - exact]))[0]
+    taken = float(np.square(q.T @ noise).sum() / np.square(noise).sum())
+    assert taken < 2.0 * (exact.shape[1] + 2 * 9) / len(noise)
+
+
 def test_fast_samples_are_averaged_within_phases_without_their_glitches(table):
     def errors(t, per_log, rng):
         noise = rng.normal(0, 2e-3, len(t))

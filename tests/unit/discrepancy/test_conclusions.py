@@ -289,7 +289,7 @@ def test_the_advice_separates_what_one_ramp_leaves_tied(table):
     offset, drift = Unknowns(("deflection_offset",)), Unknowns(("baseline_drift",))
     tied = [fitter.fit(offset, np.append(TRUE, 1.0)), fitter.fit(drift, np.append(TRUE, 3.0))]
     base = fitter.fit(Unknowns(()), TRUE)
-    errors, rng = PlannedErrors(white_um=3.0), np.random.default_rng(0)
+    errors, rng = [PlannedErrors(white_um=3.0)], np.random.default_rng(0)
     same = advise(fitter, [base, base], [0.0, 0.0], errors, rng)
     assert same is None  # nothing tells a thing from itself
     # Two explanations with sizes that one ramp cannot see, but a long hold can.
@@ -320,7 +320,7 @@ def test_placements_that_scatter_are_met_by_putting_the_probe_on_again(table):
     far = [replace(one, u=np.append(one.u[:3], s)) for s in (0.0, 2.0)]
 
     def hoped(offset_um: float) -> float:
-        errors = PlannedErrors(white_um=3.0, offset_um=offset_um)
+        errors = [PlannedErrors(white_um=3.0, offset_um=offset_um)]
         found = advise(fitter, far, [0.0, 0.0], errors, np.random.default_rng(0))
         return 0.0 if found is None else found.plan.settled
 

@@ -28,7 +28,7 @@ from skinlab.discrepancy.table_domes import Relaxation, TableDomes
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.errors import InputError
 from skinlab.inference.covariance import independent
-from skinlab.inference.noise import MESH_REST, legendre, pressure_error_mm, roughness
+from skinlab.inference.noise import MESH_REST, legendre, pressure_error_mm, smooth_mm, roughness
 from skinlab.mechanics.effects import all_effects
 from skinlab.mechanics.effects.model import Skin, response
 from skinlab.mechanics.fem.skin import Prony, SkinProblem
@@ -190,7 +190,8 @@ def test_whitening_is_that_of_the_dense_covariance():
         for i in members:
             r = records[i]
             x = np.clip(r.pressure_mbar / top, 0, 1)
-            shapes = legendre(x, orders) * r.curve.deflection_mm[:, None]
+            w = smooth_mm(r.pressure_mbar, r.curve.deflection_mm)
+            shapes = legendre(x, orders) * w[:, None]
             own[starts[i] : starts[i + 1]] = OWN_FACTOR * np.array(MESH_OWN) * shapes
             common[starts[i] : starts[i + 1]] = COMMON_FACTOR * np.array(MESH_COMMON) * shapes
         covariance += own @ own.T
