@@ -41,6 +41,7 @@ from peers import ask
 
 import skinlab
 from skinlab.discrepancy.misfit import mesh_columns
+from skinlab.discrepancy.next_measurement import Planned
 from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.records import records_of
 from skinlab.discrepancy.workflow import explain
@@ -96,18 +97,30 @@ def judge(part: str, seed: int, version: str, number: int, *, peers: bool = True
         line["peers"] = ask(made.campaign, shipped_table()).line()
     if verdict.name == "ambiguous" and outcome.next_measurement is not None:
         following = outcome.next_measurement
-        rng = np.random.default_rng([seed, PARTS.index(part), number, 2])
         line["next"] = [following.aperture_mm, following.program, following.placements]
         line["expected_log10_evidence"] = following.expected_log10_evidence
         line["expected_settled"] = None if following.alone is None else following.alone.settled
-        more = [
-            curve_of(truth, (following.aperture_mm, following.program, 1, 9 + k), rng)
-            for k in range(following.placements)
-        ]
-        if all(one is not None for one in more):
+
+        def after(measurements: Sequence[Planned]) -> list[Any] | None:
+            rng = np.random.default_rng([seed, PARTS.index(part), number, 2])
+            each = [(m.aperture_mm, m.program) for m in measurements for _ in range(m.placements)]
+            more = [curve_of(truth, (*one, 1, 9 + k), rng) for k, one in enumerate(each)]
+            if not all(one is not None for one in more):
+                return None
             curves = (*made.campaign.curves, *(one[0] for one in more if one is not None))
             second = explain(replace(made.campaign, curves=curves), shipped_table()).verdict
-            line["then"] = [second.name, [sorted(c.effects) for c in second.explanations]]
+            return [second.name, [sorted(c.effects) for c in second.explanations]]
+
+        plan, alone = following.plan, following.alone
+        if alone is not None and (then := after(alone.measurements)) is not None:
+            line["then"] = then
+        if plan is not None:
+            line["plan"] = [list(vars(m).values()) for m in plan.measurements]
+            line["plan_expected_settled"] = plan.settled
+            same = alone is not None and plan.measurements == alone.measurements
+            then = line.get("then") if same else after(plan.measurements)
+            if then is not None:
+                line["then_plan"] = then
     return line
 
 
@@ -278,6 +291,10 @@ def figures(lines: Sequence[dict[str, Any]]) -> dict[str, Any]:
             "target": ">= 0.80", **share(x["verdict"] == "named" and right(x) for x in visible),
         },
         "life_truth_among_tied": {"target": ">= 0.97", **share(among(x) for x in life_tied)},
+        "life_plan_settles": {
+            "target": ">= 0.80",
+            **share(_settled(x, "then_plan") for x in life_tied if "then_plan" in x),
+        },
         "life_advice_settles": {
             "target": ">= 0.80", **share(_settled(x) for x in life_tied if "then" in x),
         },
@@ -401,9 +418,12 @@ def by_program(lines: Sequence[dict[str, Any]]) -> dict[str, dict[str, Any]]:
     return table
 
 
-def _settled(line: dict[str, Any]) -> bool:
-    """Return whether a tie was resolved to the truth, or to all of it that can be seen."""
-    verdict, effects = line["then"]
+def _settled(line: dict[str, Any], after: str = "then") -> bool:
+    """Return whether a tie was resolved to the truth, or to all of it that can be seen.
+
+    After what was advised next, or ("then_plan") the whole plan.
+    """
+    verdict, effects = line[after]
     return verdict == "named" and among({**line, "effects": effects})
 
 

@@ -308,9 +308,7 @@ def _shortest(odds: _Odds, looks: Sequence[_Look]) -> tuple[list[_Look], Plan]:
     return best
 
 
-def _looks(
-    fitter: Fitter, tied: Sequence[Fit], errors: Sequence[PlannedErrors]
-) -> list[_Look]:
+def _looks(fitter: Fitter, tied: Sequence[Fit], errors: Sequence[PlannedErrors]) -> list[_Look]:
     """Return the menu as the explanations see it; what one of them does not bear is left out."""
     have = {(r.geometry.aperture_mm, str(r.curve.setup.program or "")) for r in fitter.records}
     apertures = {r.geometry.aperture_mm for r in fitter.records}
@@ -354,7 +352,7 @@ def _planned(fitter: Fitter, aperture: float, program_text: str) -> Record:
     like = fitter.records[0]
     program = parse_program(program_text)
     step_s = float(np.median(np.diff(like.curve.time_s)))
-    time = np.arange(math.floor(program.duration_s / step_s) + 1) * step_s
+    time: Array = np.arange(math.floor(program.duration_s / step_s) + 1) * step_s
     path = PressurePath.of_program(program)
     setup = Setup(aperture, like.geometry.thickness_mm, program)
     pressure = path(time)

@@ -166,9 +166,7 @@ def test_a_glitch_of_the_first_sample_does_not_hide_in_its_own_slope(table):
         noise[0] += 0.06
         return noise
 
-    records = [
-        replace(r, pressure_sd_mbar=0.6) for r in records_of(campaign(table, errors))
-    ]
+    records = [replace(r, pressure_sd_mbar=0.6) for r in records_of(campaign(table, errors))]
     fitter = Fitter(records, errors_of(records), TableDomes(table))
     fit = fitter.fit(Unknowns(()), TRUE)
     bad = outliers(records, Linearised.of(fit, fitter.errors, fitter.measured))

@@ -28,7 +28,7 @@ from skinlab.discrepancy.table_domes import Relaxation, TableDomes
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.errors import InputError
 from skinlab.inference.covariance import independent
-from skinlab.inference.noise import MESH_REST, legendre, pressure_error_mm, smooth_mm, roughness
+from skinlab.inference.noise import MESH_REST, legendre, pressure_error_mm, roughness, smooth_mm
 from skinlab.mechanics.effects import all_effects
 from skinlab.mechanics.effects.model import Skin, response
 from skinlab.mechanics.fem.skin import Prony, SkinProblem
