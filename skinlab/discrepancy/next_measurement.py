@@ -352,7 +352,7 @@ def _planned(fitter: Fitter, aperture: float, program_text: str) -> Record:
     like = fitter.records[0]
     program = parse_program(program_text)
     step_s = float(np.median(np.diff(like.curve.time_s)))
-    time: Array = np.arange(math.floor(program.duration_s / step_s) + 1) * step_s
+    time = step_s * np.arange(math.floor(program.duration_s / step_s) + 1, dtype=np.float64)
     path = PressurePath.of_program(program)
     setup = Setup(aperture, like.geometry.thickness_mm, program)
     pressure = path(time)

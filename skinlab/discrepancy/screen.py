@@ -224,6 +224,10 @@ def worth_fitting(signatures: Iterable[Signature]) -> list[Signature]:
     """Return the effects that change enough to be fitted, the likeliest first."""
     ranked = sorted(signatures, key=lambda s: -s.gain)
     largest = ranked[0].gain if ranked else 0.0
-    return [s for s in ranked if s.gain > max(SEARCH.seen, SEARCH.seen_share * largest)][
+
+    def least(one: Signature) -> float:
+        return SEARCH.seen_curved if get_effect(one.effect).curved else SEARCH.seen
+
+    return [s for s in ranked if s.gain > max(least(s), SEARCH.seen_share * largest)][
         : SEARCH.most_singles
     ]

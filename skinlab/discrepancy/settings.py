@@ -181,6 +181,8 @@ class SearchRules:
     """Odds before the data of two effects together, against one of the library."""
     seen: float = 8.0
     """Gain of χ² by which an effect is worth a fit."""
+    seen_curved: float = 4.0
+    """The same of one that is curved: layers of which the screen saw 4.8 were worth 30."""
     behind: float = 18.0
     """The same for a second one beside what explains: 20 : 1, the odds of pairs, and what a prior
     costs."""

@@ -53,6 +53,7 @@ class Effect:
     # Values of a parameter without a zero, at each of which it is screened; else its typical one.
     # Of one with a zero: larger ones, at which it is screened as well as near zero.
     tried: ClassVar[Mapping[str, tuple[float, ...]]] = {}
+    curved: ClassVar[bool] = False  # along its size: the screen is linear, and sees a part of it
     order: ClassVar[int] = 0  # of `felt` and of `read`, on the way from the pump to the record
 
     def felt(self, path: PressurePath, values: Values) -> PressurePath:

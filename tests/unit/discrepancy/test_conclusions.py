@@ -9,6 +9,7 @@ from hidden_effects import RAMPS, SKIN, TRUE, fitter_of, measured
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
 from skinlab.discrepancy.adequacy import Residual, look
+from skinlab.discrepancy.campaign_errors import Linearised, learn
 from skinlab.discrepancy.candidates import Candidate, Found, may_still_win
 from skinlab.discrepancy.discipline import Trial
 from skinlab.discrepancy.fit import Fit
@@ -16,7 +17,7 @@ from skinlab.discrepancy.heldout import conditions_of, predict_held_out
 from skinlab.discrepancy.misfit import errors_of
 from skinlab.discrepancy.next_measurement import MENU, PlannedErrors, advise
 from skinlab.discrepancy.records import records_of, without
-from skinlab.discrepancy.settings import ERRORS, SEARCH
+from skinlab.discrepancy.settings import ERRORS, PLANS, SEARCH
 from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.discrepancy.verdict import Verdict, decide, disciplined, outdone_by_names
@@ -325,6 +326,28 @@ def test_placements_that_scatter_are_met_by_putting_the_probe_on_again(table):
         return 0.0 if found is None else found.plan.settled
 
     assert hoped(0.0) > hoped(30.0)
+
+
+def test_what_is_planned_has_the_errors_by_which_explanations_explain(table):
+    """Repeats that hardly differ, and an explanation that needs places to differ by 10 %."""
+    fitter = fitter_of(measured({}, 2 * RAMPS, seed=3), table)
+    fit = fitter.fit(Unknowns(()), TRUE)
+    linear = Linearised.of(fit, fitter.errors, fitter.measured)
+    softer = TRUE - np.array([0.1, 0.0, 0.0])  # in all places alike: no repeat tells
+    elsewhere = fitter.model(fit.unknowns).predict(softer)
+    off = replace(linear, residual_mm=fitter.measured - np.concatenate(elsewhere))
+    off = replace(off, slopes_mm=1e-6 * off.slopes_mm)  # the law cannot give way
+    thickness = np.zeros(len(fitter.measured))
+
+    def scatter(one):
+        learned = learn(fitter.records, [one], thickness, noise_um=None, placement_scatter=None)
+        weights = learned.weights([one])
+        assert sum(w for _, w in weights) == pytest.approx(1.0)
+        planned = PlannedErrors.settings(learned, [one])
+        assert len(planned) == PLANS.settings
+        return [p.stiffness for p in planned]
+
+    assert min(scatter(off)) > 0.03 > max(scatter(linear))
 
 
 def test_the_finite_elements_and_the_table_agree_on_the_plain_skin(table):

@@ -20,7 +20,7 @@ from skinlab.discrepancy.misfit import (
     errors_of,
 )
 from skinlab.discrepancy.records import by_geometry, records_of
-from skinlab.discrepancy.screen import alike, signature
+from skinlab.discrepancy.screen import Signature, alike, signature, worth_fitting
 from skinlab.discrepancy.search_workers import fit_elsewhere, fit_from, fit_one
 from skinlab.discrepancy.settings import FITS
 from skinlab.discrepancy.space_mapping import MappedModel
@@ -169,6 +169,17 @@ def test_a_curve_of_a_few_samples_is_refused():
     short = Curve("short", c.setup, c.time_s[:19], c.pressure_mbar[:19], c.deflection_mm[:19])
     with pytest.raises(InputError, match=r"short: 19 samples"):
         records_of(replace(campaign, curves=(short,)))
+
+
+def test_layers_are_fitted_where_the_linear_screen_sees_little_of_them():
+    """A layer of which it saw 4.8 was worth 30."""
+
+    def seen(effect, gain):
+        return Signature(effect, (), np.zeros(1), 10.0, 0.2, gain, 0.9)
+
+    faint = [seen("deflection_gain", 5.0), seen("surface_layer", 5.0), seen("hypodermis", 3.0)]
+    assert [s.effect for s in worth_fitting(faint)] == ["surface_layer"]
+    assert worth_fitting([seen("surface_layer", 5.0), seen("tape_slip", 1e3)])[1:] == []
 
 
 # ---- errors --------------------------------------------------------------------------------------
