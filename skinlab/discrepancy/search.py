@@ -44,7 +44,7 @@ from skinlab.discrepancy.search_workers import (
     signature_by,
     signature_of,
 )
-from skinlab.discrepancy.settings import ERRORS, FITS, SEARCH
+from skinlab.discrepancy.settings import ERRORS, FITS, NAMES, SEARCH
 from skinlab.discrepancy.starts import middle_of, starts, unknowns_of, with_thickness
 from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.discrepancy.unknowns import Unknowns
@@ -612,18 +612,26 @@ class Search:
     def _one_is_enough(self, candidates: Sequence[Candidate]) -> bool:
         """Return whether a single effect explains the curves, and no pair does far better.
 
-        One with a number for each opening is no simpler than a pair, and may stand for any. One
-        that is less likely than what leaves more than noise stands for something else.
+        One with a number for each opening is no simpler than a pair, and may stand for any: it has
+        to lead by no more than a tie. One that is less likely than what leaves more than noise
+        stands for something else.
         """
-        pair = self._leading_pair(candidates)
-        single = [
-            c.log10_evidence for c in candidates
-            if c.adequate
-            and len(c.effects) - len(self._own) == 1
-            and sum(a.effect == c.effects[-1] for a in c.fit.unknowns.axes) < SEARCH.as_a_pair
-        ]  # fmt: skip
-        lead = 0.0 if pair is None else pair.log10_evidence - max(single, default=0.0)
-        return bool(single) and lead < SEARCH.not_enough and not outdone(candidates)
+        good = [c for c in candidates if c.adequate]
+
+        def numbers(one: Candidate) -> int:
+            return sum(a.effect == one.effects[-1] for a in one.fit.unknowns.axes)
+
+        alone = [c for c in good if len(c.effects) - len(self._own) == 1]
+        single = [c.log10_evidence for c in alone if numbers(c) < SEARCH.as_a_pair]
+        as_pairs = [c.log10_evidence for c in alone if numbers(c) >= SEARCH.as_a_pair]
+        pairs = [c.log10_evidence for c in good if len(c.effects) - len(self._own) > 1]
+        simplest = max(single, default=0.0)
+        return (
+            bool(single)
+            and max(pairs, default=0.0) - simplest < SEARCH.not_enough
+            and max(as_pairs, default=0.0) - simplest < NAMES.tie
+            and not outdone(candidates)
+        )
 
     def _leading_pair(self, candidates: Sequence[Candidate]) -> Candidate | None:
         """Return the candidate that explains best, if it is a pair."""
