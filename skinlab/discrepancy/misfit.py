@@ -52,7 +52,7 @@ def _smoothed(records: Sequence[Record]) -> list[Array]:
     """Return each record's deflections without their noise, which shapes of it would explain.
 
     Shapes of opposite signs take off a share of every reading: of 4,000 samples' noise that is 270
-    in chi2 (docs/decisions/0129-shapes-without-noise.md).
+    in chi2 (docs/decisions/0128-shapes-without-noise.md).
     """
     return [smooth_mm(r.pressure_mbar, r.curve.deflection_mm) for r in records]
 

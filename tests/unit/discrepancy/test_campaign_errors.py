@@ -195,6 +195,14 @@ def test_shapes_of_the_mesh_have_no_noise_to_explain_noise_with(table):
     assert taken < 2.0 * (exact.shape[1] + 2 * 9) / len(noise)
 
 
+def test_a_clock_that_jitters_leaves_fast_samples_fast(table):
+    """50 a second of which the median step was 20.2 ms stayed as they were: 1.98 is not 2."""
+    (record, _) = records_of(campaign(table, lambda t, per_log, rng: 0.0, PLAN[:2], rate_hz=49.6))
+    assert len(coarsened(record, 25.0).curve) == pytest.approx(len(record.curve) / 2, abs=2)
+    (slow, _) = records_of(campaign(table, lambda t, per_log, rng: 0.0, PLAN[:2], rate_hz=45))
+    assert coarsened(slow, 25.0) is slow
+
+
 def test_fast_samples_are_averaged_within_phases_without_their_glitches(table):
     def errors(t, per_log, rng):
         noise = rng.normal(0, 2e-3, len(t))
