@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from skinlab.discrepancy.fit import Fit
-from skinlab.discrepancy.misfit import columns_of, pressure_errors_mm
-from skinlab.discrepancy.placement_curves import halfway_slopes
+from skinlab.discrepancy.misfit import columns_of, pressure_errors_mm, slopes_mm_per_mbar
+from skinlab.discrepancy.placement_curves import softer_mm
 from skinlab.discrepancy.records import Record, by_condition
 from skinlab.discrepancy.settings import ERRORS
 from skinlab.inference.covariance import Covariance, gram_matrices, products
@@ -486,13 +486,14 @@ def _choose(
     look = Look(
         samples,
         model_mm,
-        halfway_slopes(records),
+        slopes_mm_per_mbar(records),
         linear.residual_mm,
         linear.slopes_mm,
         noise_um,
         np.repeat([r.pressure_sd_mbar for r in records], [len(r.curve) for r in records]),
         pressure_errors_mm(records),
         placement_scatter,
+        softer_mm=softer_mm(records),
     )
     columns = columns_of(records)
     least = POSTERIOR.small * max(roughness(linear.residual_mm), NOISE.least_mm)

@@ -20,7 +20,7 @@ from skinlab.discrepancy.records import Record, by_condition
 from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.inference.error_choice import Node
 from skinlab.inference.likelihood import LinearModel
-from skinlab.inference.noise import slope_mm_per_mbar
+from skinlab.inference.noise import slope_mm_per_mbar, smooth_mm
 from skinlab.mechanics.fem.skin import SkinProblem
 from skinlab.mechanics.fem.suction import Geometry
 
@@ -28,24 +28,58 @@ Array = NDArray[np.float64]
 
 _CHANGE = 1.025  # of a thickness, to either side
 _REACH = 1.8  # of the highest suction: a soft place is where the model is at more of it
+_LATE_S = np.geomspace(0.02, 2.0, 9)  # by which a dome may come late
+_LATE_GAIN = 0.7  # of what a function of the suction leaves: less is no lateness
 _SHARES = np.linspace(0.05, 1.0, 120) ** 2  # of the highest suction
 
 
-def halfway_slopes(records: Sequence[Record]) -> Array:
-    """Return dw/dp (u,), mm/mbar, halfway between each curve and the mean of its repeats.
+def softer_mm(records: Sequence[Record]) -> Array:
+    """Return dw/d(log softness) (u,), mm, halfway between each curve and the mean of its repeats.
 
     With slopes halfway along the way to another stiffness what is left is of third order. Of the
-    mean alone, or of each curve alone, half of the bend would be left.
+    mean alone, or of each curve alone, half of the bend would be left. A dome that comes late is a
+    function of the suction that it has come to: there p dw/dp is taken, not at its own time's.
     """
     found = [np.empty(0)] * len(records)
     for members in by_condition(records):
         curves = [records[i].curve.deflection_mm for i in members]
-        pressures = [records[i].pressure_mbar for i in members]
+        pressures = _felt_mbar([records[i] for i in members])
         common = slope_mm_per_mbar(np.concatenate(pressures), np.concatenate(curves))
         ends = np.cumsum([len(w) for w in curves])[:-1]
         for i, p, w, mean in zip(members, pressures, curves, np.split(common, ends), strict=True):
-            found[i] = 0.5 * (mean + slope_mm_per_mbar(p, w))
+            found[i] = p * 0.5 * (mean + slope_mm_per_mbar(p, w))
     return np.concatenate(found)
+
+
+def _felt_mbar(records: Sequence[Record]) -> list[Array]:
+    """Return the suctions (n,) of which these repeats are functions, most nearly: those, or later.
+
+    Of the first order, with the time that leaves least between ways up and down.
+    """
+    late = [_late_mbar(r.curve.time_s, r.pressure_mbar) for r in records]
+    left = np.zeros(1 + len(_LATE_S))
+    for record, each in zip(records, late, strict=True):
+        w = record.curve.deflection_mm
+        left += [float(np.square(w - smooth_mm(p, w)).sum()) for p in (record.pressure_mbar, *each)]
+    best = int(np.argmin(left))
+    if left[best] > _LATE_GAIN * left[0]:
+        best = 0
+    return [
+        r.pressure_mbar if best == 0 else p[best - 1] for r, p in zip(records, late, strict=True)
+    ]
+
+
+def _late_mbar(time_s: Array, pressure_mbar: Array) -> Array:
+    """Return the suction after lags of the first order of each time (lags, n)."""
+    found = np.empty((len(_LATE_S), len(time_s)))
+    found[:, 0] = pressure_mbar[0]
+    for k, (dt, dp) in enumerate(zip(np.diff(time_s), np.diff(pressure_mbar), strict=True)):
+        behind = _LATE_S * dp / max(dt, 1e-9)
+        decay = np.exp(-dt / _LATE_S)
+        found[:, k + 1] = (
+            pressure_mbar[k + 1] - behind + (found[:, k] - pressure_mbar[k] + behind) * decay
+        )
+    return found
 
 
 def thickness_slopes(records: Sequence[Record], fit: Fit, domes: TableDomes) -> Array:
@@ -128,8 +162,7 @@ def _deviations(
     placement = np.repeat([r.placement for r in records], [len(r.curve) for r in records])
     numbers = np.unique(placement)
     one = (placement[:, None] == numbers).astype(float)
-    pressure_mbar = np.concatenate([r.pressure_mbar for r in records])
-    softer = (pressure_mbar * halfway_slopes(records))[:, None] * one
+    softer = softer_mm(records)[:, None] * one
     thicker = thickness_mm[:, None] * one
     columns, where = node.covariance.columns_mm.copy(), node.combination.columns
     of_thickness = where.get("placement_thickness", slice(0))

@@ -171,7 +171,7 @@ class Fitted:
             self.pressure_sd_mbar()[kept],
             self.pressure_error_mm[kept],
             self.sensor.placement_scatter,
-            None if thickness_error_mm is None else thickness_error_mm[kept],
+            thickness_error_mm=None if thickness_error_mm is None else thickness_error_mm[kept],
         )
         rest = (MESH_REST * self.best_mm[kept]) ** 2
         columns = np.hstack([self.mesh_columns(), self.probe_columns()])[kept]

@@ -138,6 +138,8 @@ class Look:
     pressure_error_mm: Array  # (u,) root mean square of what these do to the deflections
     placement_scatter: float | None = 0.0
     """Standard deviation of log stiffness between placements; None: to be learned, 0: none."""
+    softer_mm: Array | None = None
+    """(u,) deflection per logarithm of a softer place; None: p dw/dp."""
     thickness_error_mm: Array | None = None
     """(u,) deflection that one standard deviation of a placement's own thickness makes."""
     white_square: Array | None = None

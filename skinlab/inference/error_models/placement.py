@@ -68,7 +68,10 @@ class Placement:
         thickness = np.zeros((len(samples), 0))
         if look.thickness_error_mm is not None:
             thickness = look.thickness_error_mm[:, None] * one
-        stiffness = (samples.pressure_mbar * look.slope_mm_per_mbar)[:, None] * one
+        softer = look.softer_mm
+        if softer is None:
+            softer = samples.pressure_mbar * look.slope_mm_per_mbar
+        stiffness = softer[:, None] * one
         columns = np.hstack([stiffness, one, thickness])
         counts = (len(numbers), len(numbers), thickness.shape[1])
 
