@@ -345,7 +345,7 @@ def test_a_heartbeat_of_each_curve_its_own_is_learned_and_adopted(table):
     def heartbeat(t, rng):
         return 0.016 * np.sin(2 * np.pi * 1.1 * t + rng.uniform(0, 2 * np.pi))
 
-    outcome = explain(campaign({}, 2 * RAMPS[:2], besides=heartbeat), table, finite_elements=False)
+    outcome = explain(campaign({}, 3 * RAMPS[:2], besides=heartbeat), table, finite_elements=False)
     found = document(outcome)
     assert (found["verdict"], found["effects"]) == ("learned", [["learned_motion"]])
     assert found["learned"]["family"] == "periodic"
