@@ -23,7 +23,7 @@ from skinlab.curves.program import parse_program
 from skinlab.discrepancy.campaign_errors import CampaignErrors, Linearised
 from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.misfit import mesh_columns
-from skinlab.discrepancy.placement_curves import thickness_slopes
+from skinlab.discrepancy.placement_curves import softer_mm, thickness_slopes
 from skinlab.discrepancy.records import Record
 from skinlab.discrepancy.settings import PLANS
 from skinlab.discrepancy.space_mapping import MappedModel
@@ -376,7 +376,7 @@ def _errors(
     variance = (
         (1e-3 * errors.white_um) ** 2 + (slope * first.pressure_sd_mbar) ** 2 + (MESH_REST * w) ** 2
     )
-    own = [errors.stiffness * p * slope, np.full(n, 1e-3 * errors.offset_um)]
+    own = [errors.stiffness * softer_mm([first]), np.full(n, 1e-3 * errors.offset_um)]
     if errors.thickness:
         thicker = thickness_slopes([first], replace(fit, deflections_mm=[w]), fitter.domes)
         own.append(errors.thickness * thicker)

@@ -70,7 +70,11 @@ def _felt_mbar(records: Sequence[Record]) -> list[Array]:
 
 
 def _late_mbar(time_s: Array, pressure_mbar: Array) -> Array:
-    """Return the suction after lags of the first order of each time (lags, n)."""
+    """Return the suction after lags of the first order of each time (lags, n).
+
+    Of the readings: a record's path, which the effect `regulator_lag` takes, is 1 to 2 mbar off
+    them where the channel is believed, and a lag was no longer told from a creep with it.
+    """
     found = np.empty((len(_LATE_S), len(time_s)))
     found[:, 0] = pressure_mbar[0]
     for k, (dt, dp) in enumerate(zip(np.diff(time_s), np.diff(pressure_mbar), strict=True)):
