@@ -104,14 +104,14 @@ class Discipline:
     def needs_both(self, pair: Candidate, alone: Candidate) -> bool:
         """Return whether a pair is there again beside one of its members, as a name has to be.
 
-        By what one curve says, or half of the samples, no second effect is told.
+        It has to be ahead without any one curve, and by half of the samples: not far, since these
+        say half as much.
         """
         lead = pair.log10_evidence - alone.log10_evidence
         everything = np.ones(sum(len(r.curve) for r in self._records), dtype=bool)
         odds = lead - self.ahead(pair, alone, everything)
-        return all(
-            self.ahead(pair, alone, kept) + odds >= (NAMES.tie if what == _SECOND else 0.0)
-            for what, kept in self._drops.items()
+        return lead >= NAMES.second and all(
+            self.ahead(pair, alone, kept) + odds >= 0.0 for kept in self._drops.values()
         )
 
     def trials(

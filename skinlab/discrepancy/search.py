@@ -148,7 +148,11 @@ class Search:
                 # Behind what is not there itself nothing hides that the base would not show.
                 if not base.adequate or max(c.log10_evidence for c in explaining) > 0.0:
                     candidates = singles + self._pairs(pool, base, explaining, 1, SEARCH.behind)
-            if not base.adequate and not self._one_is_enough(candidates):
+            # Errors that would do for the model as it is are no answer where something is ahead.
+            missing = not base.adequate or any(
+                c.adequate and c.log10_evidence >= NAMES.tie for c in candidates
+            )
+            if missing and not self._one_is_enough(candidates):
                 # What comes nearest alone need not be one of the two.
                 pairs = self._pairs(
                     pool, base, singles, SEARCH.leaders, SEARCH.seen, signatures, candidates

@@ -246,6 +246,9 @@ class NameRules:
     """log10 evidence by which the best has to lead: 20 to 1."""
     lone_tie: float = 4.0
     """The same where one condition only was measured: no other one bears an explanation out."""
+    second: float = 3.0
+    """log10 evidence by which a pair has to lead one of its members that explains alone: errors
+    that no model of them has were worth 2.3 (one hidden), second effects 3.2 and more."""
     held_out_ratio: float = 1.2
     """Of the gap on what was left out to what is expected there."""
     held_out_chance: float = 1.3

@@ -236,9 +236,16 @@ def test_the_stated_uncertainty_of_the_thickness_belongs_to_every_explanation(ta
     assert with_thickness(unknowns, records_of(made)) == unknowns
 
 
-@pytest.mark.parametrize(("curves", "needed"), [(range(6), True), ([2], False)])
-def test_a_second_effect_has_to_be_there_again(table, curves, needed):
-    """What one curve alone says is no effect beside the first, however likely it makes the pair."""
+@pytest.mark.parametrize(
+    ("curves", "size_um", "needed"),
+    [(range(6), 0.4, True), ([2], 4.0, False), (range(6), 0.35, False)],
+)
+def test_a_second_effect_has_to_be_there_again(table, curves, size_um, needed):
+    """What one curve alone says is no effect beside the first, however likely it makes the pair.
+
+    Nor is what all say, but hardly: errors that no model has were worth as much. Half of the
+    samples need not say all of it again.
+    """
     made = campaign(table, lambda t, per_log, rng: rng.normal(0, 2e-3, len(t)))
     fitter, fit = fitted(table, made)
     plain = Linearised.of(fit, fitter.errors, fitter.measured)
@@ -246,7 +253,7 @@ def test_a_second_effect_has_to_be_there_again(table, curves, needed):
     wave = np.zeros((ends[-1], 1))
     for i in curves:
         t = np.linspace(0.0, 1.0, ends[i + 1] - ends[i])
-        wave[ends[i] : ends[i + 1], 0] = 4e-3 * np.sin(6 * np.pi * t)
+        wave[ends[i] : ends[i + 1], 0] = 1e-3 * size_um * np.sin(6 * np.pi * t)
     off = replace(plain, residual_mm=plain.residual_mm + wave[:, 0])
     none = np.zeros(len(fitter.measured))
     errors = learn(fitter.records, [plain], none, noise_um=2.0, placement_scatter=0.0)
@@ -255,8 +262,8 @@ def test_a_second_effect_has_to_be_there_again(table, curves, needed):
     linear = {id(alone): off, id(pair): off.beside(wave)}
     discipline = Discipline(fitter.records, errors, linear, {})
     lead = discipline.ahead(pair, alone, np.ones(len(none), dtype=bool))
-    assert lead > 3.0
     odds = -1.7
+    assert lead + odds > NAMES.tie
     leading = replace(pair, log10_evidence=10.0 + lead + odds)
     linear[id(leading)] = linear[id(pair)]
     again = Discipline(fitter.records, errors, linear, {})
