@@ -29,9 +29,10 @@ class PressurePath:
         """Check once."""
         if len(self.time_s) < 2 or len(self.time_s) != len(self.pressure_mbar):
             raise InputError("a pressure path needs two knots or more, each a time and a pressure")
-        if not (np.isfinite(self.time_s).all() and np.isfinite(self.pressure_mbar).all()):
+        time_s, pressure_mbar = self._knots
+        if not (np.isfinite(time_s).all() and np.isfinite(pressure_mbar).all()):
             raise InputError("a pressure path needs finite times and pressures")
-        if np.any(np.diff(self.time_s) < 0):
+        if np.any(np.diff(time_s) < 0):
             raise InputError("a pressure path needs knots in order of time")
 
     @cached_property

@@ -99,7 +99,7 @@ class FitRules:
     least_gain: float = 1e-8
     """Of the cost: a step between two anchors that promises less is the last. With 1e-3 a fit that
     began at ν = 0 ended near there, 119 above its optimum;"""
-    least_gain_share: float = 1e-6
+    least_gain_share: float = 1e-5
     """or such a share of the χ² that is more than noise: the next anchor goes on from there. What
     explains nothing took half of its steps for the last digits;"""
     steps: int = 100

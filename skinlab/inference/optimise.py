@@ -60,15 +60,13 @@ def polish(
         iteration += 1
         at, down, curvature = unit[live], gradient[live], normal[live]
         stuck = keep[live] | ((at <= 0.0) & (down > 0.0)) | ((at >= 1.0) & (down < 0.0))
-        step = _damped_step(curvature, down, damping[live], stuck)
+        step = _damped_step(curvature, down, damping[live], stuck, at)
         trial = np.clip(at + step, 0.0, 1.0)
         step = trial - at
         longest = np.abs(step).max(axis=1)
         bent = (curvature @ step[..., None])[..., 0]
         promise = -np.einsum("nk,nk->n", step, 2.0 * down + bent)
         done = (promise < least_gain) | (longest < _SMALL_STEP)
-        # A step cut at the boundary may promise nothing though a shorter way goes on.
-        done &= ~((promise <= 0.0) & (longest >= _SMALL_STEP))
         found = _evaluate(space, problem, trial)
         evaluations += len(trial)
         better = found[0] < cost[live]
@@ -104,13 +102,36 @@ def _evaluate(
     return cost, products[:, :-1, -1].copy(), products[:, :-1, :-1].copy()
 
 
-def _damped_step(normal: Array, gradient: Array, damping: Array, stuck: NDArray[np.bool_]) -> Array:
-    """Return Marquardt's step (n, k), zero where stuck."""
-    free = ~stuck
-    matrix = np.where(free[:, :, None] & free[:, None, :], normal, 0.0)
-    diagonal = np.einsum("nkk->nk", matrix)
+def _damped_step(
+    normal: Array, gradient: Array, damping: Array, stuck: NDArray[np.bool_], at: Array
+) -> Array:
+    """Return Marquardt's step (n, k) from a place (n, k) in the cube, zero where stuck.
+
+    It ends at the first wall and goes on along it, to the least of the quadratic there: a step that
+    is merely cut at the cube is none for the other unknowns, and may lead up.
+    """
+    n, k = gradient.shape
+    held = stuck.copy()
+    diagonal = np.einsum("nkk->nk", np.where(held[:, :, None] | held[:, None, :], 0.0, normal))
     scale = np.maximum(diagonal, 1e-12 * diagonal.max(axis=1, keepdims=True))
-    add = np.where(free, damping[:, None] * scale + 1e-300, 1.0)
-    k = normal.shape[-1]
-    matrix = matrix + add[:, :, None] * np.eye(k)
-    return np.asarray(-np.linalg.solve(matrix, np.where(free, gradient, 0.0)[..., None])[..., 0])
+    damped = normal + (damping[:, None] * scale + 1e-300)[:, :, None] * np.eye(k)
+    step = np.zeros((n, k))
+    for _ in range(k + 1):
+        free = ~held
+        matrix = np.where(free[:, :, None] & free[:, None, :], damped, 0.0) + np.where(
+            held[:, :, None], np.eye(k), 0.0
+        )
+        along = (damped @ np.where(held, step, 0.0)[..., None])[..., 0]
+        goal = np.linalg.solve(matrix, np.where(free, -gradient - along, step)[..., None])[..., 0]
+        way = np.where(free, goal - step, 0.0)
+        room = np.where(way > 0.0, 1.0 - at, -at) - step
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = np.where(way == 0.0, np.inf, np.maximum(room / way, 0.0))
+        first = share.argmin(axis=1)
+        least = np.take_along_axis(share, first[:, None], axis=1)
+        step = step + np.minimum(least, 1.0) * way
+        walled = np.flatnonzero(least[:, 0] < 1.0)
+        if not walled.size:
+            break
+        held[walled, first[walled]] = True
+    return step

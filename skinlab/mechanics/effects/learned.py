@@ -78,25 +78,21 @@ def sines(at: Array, values: Values, names: tuple[str, ...]) -> Array:
 
 def bent(path: PressurePath, more: Callable[[Array], Array]) -> PressurePath:
     """Return the path with `more` added to its pressures, of which it is a smooth function."""
-    found = _cut(path)
-    p = np.array(found.pressure_mbar)
-    return replace(found, pressure_mbar=tuple((p + more(p)).tolist()))
+    t, p = _cut(path)
+    return replace(path, time_s=tuple(t.tolist()), pressure_mbar=tuple((p + more(p)).tolist()))
 
 
-def _cut(path: PressurePath) -> PressurePath:
-    """Return the path with knots so close in suction that a smooth function may bend it."""
+def _cut(path: PressurePath) -> tuple[Array, Array]:
+    """Return knots (k,) of the path, so close in suction that a smooth function may bend it."""
     t, p = np.array(path.time_s), np.array(path.pressure_mbar)
+    lasts, rise = np.diff(t), np.diff(p)
     step = max(path.top_mbar, 1.0) / _PIECES
-    times, pressures = [t[:1]], [p[:1]]
-    for i in range(1, len(t)):
-        pieces = 1 if t[i] == t[i - 1] else max(1, int(np.ceil(abs(p[i] - p[i - 1]) / step)))
-        share = np.arange(1, pieces + 1) / pieces
-        times.append(t[i - 1] + share * (t[i] - t[i - 1]))
-        pressures.append(p[i - 1] + share * (p[i] - p[i - 1]))
-    return replace(
-        path,
-        time_s=tuple(np.concatenate(times).tolist()),
-        pressure_mbar=tuple(np.concatenate(pressures).tolist()),
+    pieces = np.where(lasts == 0, 1, np.maximum(1, np.ceil(np.abs(rise) / step).astype(int)))
+    at = np.repeat(np.arange(len(pieces)), pieces)
+    share = (np.arange(1, len(at) + 1) - (np.cumsum(pieces) - pieces)[at]) / pieces[at]
+    return (
+        np.append(t[:1], t[at] + share * lasts[at]),
+        np.append(p[:1], p[at] + share * rise[at]),
     )
 
 
