@@ -511,15 +511,19 @@ def _version() -> str:
 
 
 # When a flag should come, and of which rows nobody can say: large errors of heavy tails are
-# outliers as well, and what is stated of proportional errors leaves these out.
+# outliers as well, spikes are in some of a row's curves only, and what is stated of proportional
+# errors leaves these out.
 _SHOULD_COME: dict[str, Callable[[Row], bool]] = {
-    "outliers": lambda row: row.errors.spikes + row.errors.glitch > 0.0,
+    "outliers": lambda row: row.errors.glitch > 0.0,
     "correlated_noise": lambda row: row.errors.ou + row.errors.breathing + row.errors.pulse > 0.0,
     "stated_noise_contradicted": lambda row: row is ROWS["white_3_stated_as_6"],
     "misfit_above_noise": lambda row: row.errors.jump > 0.0,
 }
 _CANNOT_SAY: dict[str, Callable[[Row], bool]] = {
-    "outliers": lambda row: row.errors.student + row.errors.jump > 0.0,
+    "outliers": lambda row: (
+        row.errors.student + row.errors.jump > 0.0
+        or (row.errors.spikes > 0.0 and not row.errors.glitch)
+    ),
     "correlated_noise": lambda row: row.errors.jump > 0.0,
     "stated_noise_contradicted": lambda row: row.stated_um is None or row.errors.proportional > 0.0,
     "misfit_above_noise": lambda row: row.stated_um is not None and (
@@ -529,35 +533,44 @@ _CANNOT_SAY: dict[str, Callable[[Row], bool]] = {
 
 
 def power(seed: int = SEED) -> str:
-    """Return how often flags came when they should, and when not, from the kept outcomes."""
-    came: dict[str, dict[bool, list[bool]]] = {f: {True: [], False: []} for f in _SHOULD_COME}
+    """Return how often flags came when they should, and when not, from the saved rows.
+
+    Of values that cannot be identified from the outcomes, where these are kept.
+    """
+    came = {flag: {True: [0, 0], False: [0, 0]} for flag in _SHOULD_COME}
+    for line in map(json.loads, _lines(RESULT)):
+        row = ROWS.get(line["row"])
+        if line["seed"] != seed or row is None or row.kind not in ("any", "ends"):
+            continue
+        curves = line["curves"] - line["failed"]
+        for flag, should in _SHOULD_COME.items():
+            if not _CANNOT_SAY[flag](row):
+                count = came[flag][should(row)]
+                count[0] += curves
+                count[1] += round(line["flags"].get(flag, 0.0) * curves)
+    lines = ["| flag | curves where it should come | came | where not | came |"]
+    lines.append("|---|---|---|---|---|")
+    for flag, (yes, no) in ((f, (c[True], c[False])) for f, c in came.items()):
+        lines.append(f"| `{flag}` | {yes[0]} | {yes[1]} | {no[0]} | {no[1]} |")
+    return "\n".join([*lines, "", *_not_identifiable(seed)])
+
+
+def _not_identifiable(seed: int) -> list[str]:
     off: dict[str, dict[bool, list[float]]] = {n: {True: [], False: []} for n in NAMES}
     for name, row in ROWS.items():
         if row.kind not in ("any", "ends"):
             continue
         for outcome in (json.loads(line) for line in _lines(_kept(name, seed))):
-            if "held" not in outcome:
-                continue
-            for flag, should in _SHOULD_COME.items():
-                wanted = should(row)
-                none_drawn = flag == "outliers" and wanted and not outcome["spikes"]
-                if not (none_drawn or _CANNOT_SAY[flag](row)):
-                    came[flag][wanted].append(flag in outcome["flags"])
-            for i, parameter in enumerate(NAMES):
+            for i, parameter in enumerate(NAMES if "held" in outcome else ()):
                 off[parameter][outcome["loose"][i]].append(outcome["off"][i])
-    lines = ["| flag | curves where it should come | came | where not | came |"]
-    lines.append("|---|---|---|---|---|")
-    for flag, (yes, no) in ((f, (c[True], c[False])) for f, c in came.items()):
-        lines.append(f"| `{flag}` | {len(yes)} | {sum(yes)} | {len(no)} | {sum(no)} |")
-    lines += [
-        "",
+    lines = [
         "| `not_identifiable` | flagged: curves | off by | not flagged: curves | off by |",
+        "|---|---|---|---|---|",
     ]
-    lines.append("|---|---|---|---|---|")
     for parameter, each in off.items():
         cells = [f"{len(each[k])} | {statistics.median(each[k] or [0]):.2f}" for k in (True, False)]
         lines.append(f"| {parameter} | {' | '.join(cells)} |")
-    return "\n".join(lines)
+    return lines
 
 
 def draw_ranks(seed: int = SEED) -> None:
