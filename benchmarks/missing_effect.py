@@ -209,7 +209,7 @@ def _lead_of_the_truth(truth: Truth, made: Made, outcome: Outcome) -> float | No
     for one in (*others[:1], replace(base, fit=fit)):
         search.errors = search.errors_with(one.fit)
     true, *rest = search.weighed(base, [replace(base, fit=fit), *others])
-    return true.log10_evidence - max((c.log10_evidence for c in rest), default=0.0)
+    return true.log10_evidence - max([0.0, *(c.log10_evidence for c in rest)])  # 0: nothing missing
 
 
 def _true_errors(truth: Truth, outcome: Outcome) -> Covariance:
