@@ -28,7 +28,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from challenge.campaigns import LIFE, PARTS, curve_of, make
 from challenge.score import share
-from missing_effect import RESULTS, among, read, version_of
+from missing_effect import RESULTS, read, version_of
 
 from skinlab.discrepancy.adopt import adopted
 from skinlab.discrepancy.outcome import Outcome
@@ -94,7 +94,7 @@ def figures(lines: Sequence[dict[str, Any]]) -> dict[str, Any]:
     return {
         "campaigns": len(lines),
         "adopted": len(taken),
-        "right": share(among(x) for x in taken),
+        "right": share(x["hidden"] in x["effects"] for x in taken),
         "gap_closed": share(closed),
         "gap_open_without": share(open_before),
         "no_second_name": share(x["with"]["verdict"] not in ("named", "learned") for x in taken),

@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 _FIRST_DAMPING = 1e-3
 _MOST_DAMPING = 1e12
 _SMALL_STEP = 1e-10  # of the unit cube
+_BEFORE_GIVING_UP = 2  # steps: by the first ones nothing can be told
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,11 +42,13 @@ def polish(
     held: NDArray[np.bool_] | None = None,
     least_gain: float = 1e-14,
     most_iterations: int = 100,
+    hopeless: float = np.inf,
 ) -> Polished:
     """Return the minima that starts (n, k) lead to.
 
     `held` (n, k) says which unknowns keep their value; a start has converged when its next step
-    promises less than `least_gain` (in the unit of the sum) or is below 1e-10 of the cube.
+    promises less than `least_gain` (in the unit of the sum) or is below 1e-10 of the cube. After two
+    steps a start whose next one promises to stay above a cost of `hopeless` is given up.
     """
     unit = np.clip(starts, 0.0, 1.0)
     n, k = unit.shape
@@ -67,6 +70,7 @@ def polish(
         bent = (curvature @ step[..., None])[..., 0]
         promise = -np.einsum("nk,nk->n", step, 2.0 * down + bent)
         done = (promise < least_gain) | (longest < _SMALL_STEP)
+        lost = (cost[live] - promise > hopeless) & (iteration > _BEFORE_GIVING_UP)
         found = _evaluate(space, problem, trial)
         evaluations += len(trial)
         better = found[0] < cost[live]
@@ -82,7 +86,7 @@ def polish(
         damping[no] *= growth[no]
         growth[no] *= 2.0
         converged[live[done]] = True
-        lost = damping[live] > _MOST_DAMPING
+        lost |= damping[live] > _MOST_DAMPING
         live = live[~(done | lost)]
     return Polished(unit, cost, normal, converged, iteration, evaluations)
 

@@ -185,6 +185,7 @@ def _valley(
         held=np.concatenate(held),
         least_gain=0.02,
         most_iterations=40,
+        hopeless=float(modes.cost[best]) + POSTERIOR.hopeless_chi2,
     )
     return points, np.concatenate(spacings)
 
