@@ -355,8 +355,8 @@ class Search:
         """Return fits of single effects: of the lesser ones only where the likely explain nothing.
 
         Where the misfit is large the screen's linear picture ranks them badly: a layer of which it
-        expected four tenths of what another opening takes away was right. Of what is curved it sees
-        a tenth: a layer that gained 161, of which it saw 17, was called a tension, which gained 138.
+        expected four tenths of what another opening takes away was right. Of what is curved it may
+        see a tenth: a layer that gained 161 was called a tension, which gained 138.
         """
         least = SEARCH.rival * chosen[0].gain
         likely = [s for s in chosen if s.gain >= least or get_effect(s.effect).curved]

@@ -47,8 +47,8 @@ def polish(
     """Return the minima that starts (n, k) lead to.
 
     `held` (n, k) says which unknowns keep their value; a start has converged when its next step
-    promises less than `least_gain` (in the unit of the sum) or is below 1e-10 of the cube. After two
-    steps a start whose next one promises to stay above a cost of `hopeless` is given up.
+    promises less than `least_gain` (in the unit of the sum) or is below 1e-10 of the cube. After
+    two steps a start whose next one promises to stay above a cost of `hopeless` is given up.
     """
     unit = np.clip(starts, 0.0, 1.0)
     n, k = unit.shape

@@ -110,7 +110,7 @@ def test_single_effects_that_the_search_had_missed_are_named(table, seed, number
 
 @pytest.mark.long
 def test_a_layer_is_fitted_though_the_screen_sees_a_tenth_of_it(table):
-    """A tension was named, that gains 138 of χ²; the layer gains 161, of which the screen saw 17."""
+    """A tension was named, that gains 138 of χ²; the layer gains 161, the screen saw 17 of it."""
     seed, number, part = 191911, 19, "life_single"
     truth, made = make(part, seed, number)
     rng = np.random.default_rng([seed, PARTS.index(part), number, 3])
