@@ -191,7 +191,16 @@ class Fitter:
                 best, _ = self._walked(self.model(unknowns), start, limit, known)
         if best is None or not best.corrected or best.chi2 > hopeless:
             return best
-        model = self.model(unknowns)
+        return self._anchored(best)
+
+    def near(self, fit: Fit) -> Fit | None:
+        """Return the best fit near one by other errors: no coarse mesh has to lead there."""
+        best = self._walk(self.model(fit.unknowns), fit.u, math.inf, math.inf, near=True)[0]
+        return best if best is None else self._anchored(best)
+
+    def _anchored(self, best: Fit) -> Fit:
+        """Return a fit with its curves and slopes as finite elements tell them there."""
+        model = self.model(best.unknowns)
         if not model.anchor(best.u):
             return best
         final = self._finish(model, best.u)
@@ -229,7 +238,7 @@ class Fitter:
     def sharpened(self, fit: Fit, errors: Covariance) -> Fit:
         """Return a fit moved to the optimum by other errors; its figures are by its own ones."""
         other = self.with_errors(self.records, errors)
-        found = other.fit(fit.unknowns, fit.u)
+        found = other.near(fit) if fit.corrected else other.fit(fit.unknowns, fit.u)
         if found is None:
             return fit
         jacobian = self.errors.whiten(errors.colour(found.jacobian))
