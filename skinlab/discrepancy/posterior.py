@@ -20,6 +20,9 @@ from skinlab.parameters import Space
 Array = NDArray[np.float64]
 
 _DRAWS = 600  # a round
+# Valley points that promise to stay so much above the best after two steps are not followed to
+# their end: of 381 that ended within 30 none did. Half of the evaluations.
+_HOPELESS_CHI2 = 100.0
 _GAUSSIAN_DRAWS = 2000
 
 
@@ -75,8 +78,9 @@ def sample(fitter: Fitter, fit: Fit, rng: np.random.Generator) -> Posterior:
     space = Space.box(unknowns.names, low.tolist(), high.tolist())
     try:
         draws = follow_the_valley(
-            space, Misfit(fitter, model), space.to_unit(fit.u)[None], rng, draws=_DRAWS
-        )
+            space, Misfit(fitter, model), space.to_unit(fit.u)[None], rng,
+            draws=_DRAWS, hopeless_chi2=_HOPELESS_CHI2,
+        )  # fmt: skip
     except ValueError:  # nothing can be drawn about this minimum
         return gaussian(fit)
     return Posterior(unknowns, fit.u, draws.parameters, draws.weight, draws.log_target)

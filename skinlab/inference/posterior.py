@@ -58,12 +58,14 @@ def sample(
     *,
     log_density: Callable[[Array], Array] | None = None,
     draws: int = POSTERIOR.draws,
+    hopeless_chi2: float = np.inf,
 ) -> Draws:
     """Return draws from exp(−χ²/2), flat in the space's unit cube otherwise.
 
     `misfit` is χ²: of whitened residuals, and of Gaussian priors if there are any; `modes` (m, k)
     are points of the cube near its minima. With `log_density`, a function of parameters (n, p), the
-    draws are from that, and χ² is what it resembles.
+    draws are from that, and χ² is what it resembles. Valley points that promise to stay
+    `hopeless_chi2` above the best are not followed to their end.
 
     Raises:
         ValueError: the model has no value at any of them, or no draw is within the bounds.
@@ -74,7 +76,7 @@ def sample(
         raise ValueError("there is no model at the minimum")
     least = misfit.rest + float(at_modes.cost[best])
     target = log_density or (lambda parameters: 0.5 * (least - misfit(parameters)))
-    valley, spacing = _valley(space, misfit, at_modes, best)
+    valley, spacing = _valley(space, misfit, at_modes, best, hopeless_chi2)
     mixtures = [_mixture(valley.unit, valley.normal, spacing, valley.cost - valley.cost.min())]
     evaluations = at_modes.evaluations + valley.evaluations
     units: list[Array] = []
@@ -150,7 +152,7 @@ def _resample(found: Draws, rng: np.random.Generator) -> Array:
 
 
 def _valley(
-    space: ParameterSpace, misfit: SquaredMisfit, modes: Polished, best: int
+    space: ParameterSpace, misfit: SquaredMisfit, modes: Polished, best: int, hopeless_chi2: float
 ) -> tuple[Polished, Array]:
     """Return points along the valley, and how far (n, k) each one speaks; 1 where free."""
     centre = modes.unit[best]
@@ -185,7 +187,7 @@ def _valley(
         held=np.concatenate(held),
         least_gain=0.02,
         most_iterations=40,
-        hopeless=float(modes.cost[best]) + POSTERIOR.hopeless_chi2,
+        hopeless=float(modes.cost[best]) + hopeless_chi2,
     )
     return points, np.concatenate(spacings)
 

@@ -244,9 +244,6 @@ class PosteriorRules:
     """Standard deviations from the optimum at which the valley is looked for, on both sides."""
     lost_chi2: float = 30.0
     """Of χ²: valley points so much worse than the best carry nothing."""
-    hopeless_chi2: float = 100.0
-    """Valley points that promise to stay so much above the best are not followed to their end: of
-    381 that ended within 30 none did."""
     freedom: int = 5
     """Degrees of the Student distributions that are drawn from,"""
     wider: float = 1.15
