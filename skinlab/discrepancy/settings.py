@@ -192,7 +192,8 @@ class SearchRules:
     """log10 evidence by which a pair leads a single effect that explains, from which on all pairs
     are looked for: a flexible effect may hide two others."""
     rival: float = 0.2
-    """Share of the largest gain below which an effect is fitted only if the likelier fail."""
+    """Share of the largest gain below which an effect is fitted only if the likelier fail, or if it
+    is curved."""
     far: float = 20.0
     """Of the cost: an explanation so much worse than one that serves is out of the race,"""
     far_share: float = 0.03
