@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -90,11 +90,14 @@ def outdone(candidates: Sequence[Candidate]) -> bool:
     return bool(good) and max(others, default=-math.inf) >= max(good) + NAMES.tie
 
 
-def may_still_win(candidates: Sequence[Candidate], added: float = math.inf) -> list[Candidate]:
+def may_still_win(
+    candidates: Sequence[Candidate],
+    gains: Callable[[Candidate, Candidate], float] = lambda one, best: 0.0,
+) -> list[Candidate]:
     """Return the explanations that may still win, the best first; none where nothing is seen.
 
-    The best one with another effect is no other explanation, unless that takes off so much of the
-    cost: the errors of the best may then be what it does.
+    The best one with another effect is no other explanation, unless it `gains` enough over the
+    best: the errors of that may then be what it does.
     """
     good = sorted((c for c in candidates if c.adequate), key=lambda c: -c.log10_evidence)
     if not good or good[0].log10_evidence < NAMES.tie:
@@ -104,7 +107,7 @@ def may_still_win(candidates: Sequence[Candidate], added: float = math.inf) -> l
         c
         for c in good
         if c.log10_evidence > least
-        and (not set(best.effects) < set(c.effects) or c.fit.cost < best.fit.cost - added)
+        and (not set(best.effects) < set(c.effects) or gains(c, best) > SEARCH.behind)
     ]
 
 

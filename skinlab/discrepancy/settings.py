@@ -186,6 +186,8 @@ class SearchRules:
     behind: float = 18.0
     """The same for a second one beside what explains: 20 : 1, the odds of pairs, and what a prior
     costs."""
+    partly: float = 3.0
+    """Or so much by errors that its leader alone needs: then it is weighed by those of both."""
     seen_share: float = 0.04
     """Or such a share of the largest gain, where the misfit is large."""
     not_enough: float = 4.0

@@ -79,6 +79,21 @@ class ErrorChoice:
         """Return a weighted quantile of a function of the nodes."""
         return self.quantile_of(np.array([function(node) for node in self.nodes]), share)
 
+    def roughly(self, linear: LinearModel) -> float:
+        """Return Laplace's log evidence of another model by errors like the best, learned anew.
+
+        What is not always there may be what the other model explains: without it as well.
+        """
+        best = self.best
+        values = next(n.log_values for n in self.nodes if n.combination is best)
+        starts = dict(zip(best.parameters, values.tolist(), strict=True))
+        plain = replace(best, parts=tuple(part for part in best.parts if part.always))
+        tried = [best, plain] if len(plain.parts) < len(best.parts) else [best]
+        return max(
+            _at_mode(c, linear, np.array([starts[n] for n in c.parameters])).log_evidence
+            for c in tried
+        )
+
     def quantile_of(self, values: Array, share: float) -> float:
         """Return a weighted quantile of values (nodes,)."""
         order = np.argsort(values, kind="stable")
@@ -243,13 +258,17 @@ def _explore(
     """Return the combination explored; from its mode alone if that is hopeless beside a rival."""
     each = [p for part in combination.parts for p in part.parameters]
     at = np.array([starts.get(p.name, math.log(p.start or p.median)) for p in each])
-    mode, root, here = find_mode(_density(combination, linear), at, combination.scales)
+    begun = _at_mode(combination, linear, at)
+    if not combination.bound and begun.log_evidence < rival - CHOICE.hopeless:
+        return begun
+    return _integrated(begun, *_draws(combination, begun.log_mode, begun.root), linear)
+
+
+def _at_mode(combination: Combination, linear: LinearModel, start: Array) -> _Explored:
+    """Return the combination at its mode, without nodes, and Laplace's evidence."""
+    mode, root, here = find_mode(_density(combination, linear), start, combination.scales)
     roughly = here + 0.5 * len(mode) * math.log(2.0 * math.pi) + float(np.linalg.slogdet(root)[1])
-    roughly += combination.log_odds
-    if not combination.bound and roughly < rival - CHOICE.hopeless:
-        return _Explored(combination, mode, root, here, (), roughly)
-    begun = _Explored(combination, mode, root, here, (), roughly)
-    return _integrated(begun, *_draws(combination, mode, root), linear)
+    return _Explored(combination, mode, root, here, (), roughly + combination.log_odds)
 
 
 def _integrated(one: _Explored, values: Array, log_drawn: Array, linear: LinearModel) -> _Explored:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -35,8 +36,8 @@ def samples_of(deflection_mm):
     return Samples(TIME, 100 * X, deflection_mm, np.full(N, "load"), zero, zero, zero, np.ones(N))
 
 
-def chosen(errors_mm, *, noise_um=None, models=None, pressure_sd=0.0):
-    linear = LinearModel(errors_mm, SLOPES, PRECISION)
+def chosen(errors_mm, *, noise_um=None, models=None, pressure_sd=0.0, linear=None):
+    linear = linear or LinearModel(errors_mm, SLOPES, PRECISION)
     slope = np.gradient(COURSE, 100 * X)
     look = Look(
         samples_of(COURSE + errors_mm), COURSE, slope, errors_mm, SLOPES,
@@ -244,6 +245,25 @@ class TestOutliers:
 
     def test_a_wave_is_no_outlier(self):
         assert (self.probability(0.02 * np.sin(8 * X)) <= 0.5).all()
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_what_errors_had_taken_up_is_seen_by_those_that_are_left(seed):
+    """A bend of 12 µm is an error that lasts, until a model has it; weighed to a factor ten."""
+    rng = np.random.default_rng(seed)
+    bend = 12e-3 * np.sin(7.0 * X)[:, None]
+    errors = bend[:, 0] + white(rng, 1.0)
+    found = chosen(errors)
+    alone = LinearModel(errors, SLOPES, PRECISION)
+    both = LinearModel(errors, np.hstack([SLOPES, bend]), np.diag([12.0, 12.0, 12.0, 1.0]))
+    learned = [
+        np.logaddexp.reduce([n.log_prior + n.log_marginal for n in choice.nodes])
+        for choice in (found, chosen(errors, linear=both))
+    ]
+    by_its_errors = both.log_marginals([found.mode])[0] - alone.log_marginals([found.mode])[0]
+    by_those_of_both = found.roughly(both) - found.roughly(alone)
+    assert by_its_errors < 0.4 * by_those_of_both
+    assert by_those_of_both == pytest.approx(learned[1] - learned[0], abs=math.log(10))
 
 
 @pytest.mark.long
