@@ -222,7 +222,7 @@ def kernel_and_floor(cases: Sequence[ReferenceCurve], rounds: int = 7) -> dict[s
         assert state is not None
         band = state.tangent.T
         eight = np.tile(plain.deformation_gradients(plain.full(u)), (1, 8, 1))
-        gradients = np.tile(plain.gradients, (8, 1, 1, 1))
+        gradients = np.tile(plain._gradients, (8, 1, 1, 1))
         m, q, _, dofs = gradients.shape
         across = np.ascontiguousarray(gradients.reshape(m, 5 * q, dofs).transpose(0, 2, 1))
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations, product
 
@@ -40,6 +40,7 @@ class Signature:
     absorbed: float  # share of the raw signature that the fit's unknowns absorb
     which: int = 0  # of the axes: the effect's size
     beside: tuple[float, ...] = ()  # the unknowns of all axes, as they were screened
+    corrected: bool = False  # whether finite elements have to correct the table: a fit takes longer
 
     @property
     def detectable(self) -> float:
@@ -112,13 +113,20 @@ class _Screened:
         known = [i for i, one in enumerate(there) if one is not None]
         if not known:
             return [None] * len(tasks)
+        own, which, sizes = tasks[known[0]]
+        corrected = self._corrected(self._u(own, which, sizes[0])[0])
         off = np.column_stack([(one[0] - here) / one[1] for one in there if one is not None])
         raw = self.fitter.errors.whiten(off)
         found: list[Signature | None] = [None] * len(tasks)
         for column, i in enumerate(known):
             own, which, _ = tasks[i]
-            found[i] = self._along(raw[:, column], own, which)
+            found[i] = replace(self._along(raw[:, column], own, which), corrected=corrected)
         return found
+
+    def _corrected(self, some: Array) -> bool:
+        """Return whether the table alone does not tell the curves with the effect."""
+        model = self.fitter.model(self.unknowns, SCREENING_MESH)
+        return model.needs_finite_elements(some)
 
     def _u(self, own: tuple[float, ...], which: int, size: float) -> tuple[Array, float]:
         """Return unknowns with so much of a typical size of the effect, and the step."""

@@ -127,10 +127,11 @@ def fit_one(fitter: Fitter, task: tuple[Fit, Signature, float]) -> Fit | None:
         known = math.inf if best is None else best.cost
         found = fitter.fit(unknowns, _start(fit, unknowns, seen, share), limit, known)
         # Two starts that come to the same: so would a third. Beside what explains, it is enough
-        # that the second one is no better.
+        # that the second one is no better, or that neither comes near.
         enough = best is not None and (
             _agree(found, best.cost)
             or (math.isfinite(limit) and (found is None or found.cost > FITS.again * best.cost))
+            or _far_off(fit, min((best, found or best), key=lambda f: f.cost), limit)
         )
         if found is not None and (best is None or found.cost < best.cost):
             best = found
@@ -142,7 +143,14 @@ def fit_one(fitter: Fitter, task: tuple[Fit, Signature, float]) -> Fit | None:
         ):
             break
     best = _from_usual(fitter, fit, seen, best, limit)
-    return best if best is None else off_the_wall(fitter, best, limit)
+    if best is None or _far_off(fit, best, limit):
+        return best
+    return off_the_wall(fitter, best, limit)
+
+
+def _far_off(base: Fit, best: Fit, limit: float) -> bool:
+    """Return whether an effect takes off so little of what another one explains that it may end."""
+    return best.cost - limit > FITS.far_off * (base.cost - limit)
 
 
 def _from_usual(

@@ -154,6 +154,8 @@ class FitRules:
     again: float = 0.9
     """Of the cost from the first one, what a second one has to come to for a third to be tried,
     where something explains already."""
+    far_off: float = 0.5
+    """Of what another effect takes off the cost: where two starts leave more, no third is tried;"""
     agree: float = 0.03
     """Of the cost: starts that come so near one another, and explain nothing, came to the same;"""
     alike: int = 2

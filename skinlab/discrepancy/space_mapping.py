@@ -22,6 +22,7 @@ from skinlab.discrepancy.table_domes import (
 )
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.errors import InputError
+from skinlab.mechanics.effects import get_effect
 from skinlab.mechanics.effects.base import Effect
 from skinlab.mechanics.effects.model import (
     Chosen,
@@ -55,6 +56,7 @@ _CORNER = 1e-2  # of the highest suction: a corner so small changes no correctio
 # Beyond a crease: the folded branch differs between meshes by little, and hardly in the dome.
 _FOLDED = replace(RELAXING, extrapolation_error=FITS.rough_steps, limits=FOLDED)
 _FELT_KNOWN = 16  # paths of so many settings of effects that change them
+_CURVED = 0.2  # in typical sizes, and of that at the anchor: below it is straight
 _TREND = 5  # nodes from which a correction goes on beyond
 
 
@@ -125,6 +127,13 @@ class MappedModel:
         candidate = self._candidate(u)
         return candidate is not None and any(p.prony for p in candidate.problems.values())
 
+    def needs_finite_elements(self, u: Array) -> bool:
+        """Return whether the table alone does not tell the curves there."""
+        candidate = self._candidate(u)
+        return candidate is not None and any(
+            p.prony or has_features(p) for p in candidate.problems.values()
+        )
+
     @cached_property
     def _twins(self) -> list[int]:
         """Return of each record the first one that no model can tell from it: repeats."""
@@ -154,10 +163,10 @@ class MappedModel:
 
     def predict_many(self, u: Array) -> list[Array]:
         """Return the deflections (candidates, n) of each record for unknowns (candidates, k)."""
-        every = [self._candidate(row) for row in u]
+        every = self._candidates(u)
         some = [i for i, one in enumerate(every) if one is not None]
         candidates = [one for one in every if one is not None]
-        off = np.zeros_like(u) if self._anchor is None else u - self._anchor
+        off = self._from_anchor(u)
         domes = self._domes_of_all(candidates) if candidates else {}
         relaxations = {key: _relaxation([c.problems[key] for c in candidates]) for key in domes}
         found: dict[int, Array] = {}
@@ -176,19 +185,65 @@ class MappedModel:
             found[i][some] = w
         return [found[i] for i in self._twins]
 
+    def _from_anchor(self, u: Array) -> Array:
+        """Return how far unknowns (n, k) are from the anchor, zero where there is none.
+
+        Along a layer's valley its thickness trades for its stiffness, which is a logarithm: what
+        they do together is straight where that of the thickness is taken too.
+        """
+        if self._anchor is None:
+            return np.zeros_like(u)
+        off = u - self._anchor
+        for j in self._curved:
+            at = self._anchor[j]
+            if at > _CURVED:
+                share = u[:, j] / at
+                low = np.maximum(share, _CURVED)
+                off[:, j] = at * (np.log(low) + (share - low) / _CURVED)
+        return off
+
+    @cached_property
+    def _curved(self) -> list[int]:
+        """Sizes of effects that bend with them."""
+        return [
+            j
+            for j, axis in enumerate(self.unknowns.axes, self.unknowns.count)
+            if get_effect(axis.effect).curved and axis.parameter.zero is not None
+        ]
+
     def _candidate(self, u: Array) -> _Candidate | None:
         """Return what unknowns are for the mechanics, None for values that cannot be."""
-        problems: dict[Key, SkinProblem] = {}
-        try:
-            skin, effects = self.unknowns.skin(u), chosen(self.unknowns.values(u))
-            for record in self.records:
-                key = _key(record)
-                if key not in problems:
-                    problems[key] = changed(skin, effects, *key)
-            more = self._felt(effects, 1.0) if any(e.bends for e, _ in effects) else ()
-            return _Candidate(problems, Sensors.among(effects), self._felt(effects), more)
-        except InputError:  # a combination of values that cannot be
-            return None
+        return self._candidates(u[None])[0]
+
+    def _candidates(self, u: Array) -> list[_Candidate | None]:
+        """Return the same of unknowns (n, k): most of them differ in the law's alone."""
+        keys = list(dict.fromkeys(_key(record) for record in self.records))
+        known: dict[bytes, tuple[Chosen, _Candidate] | None] = {}
+        found: list[_Candidate | None] = []
+        count = self.unknowns.count
+        for row, law in zip(u, self.unknowns.space.from_coordinates(u[:, :count]), strict=True):
+            name = row[count:].tobytes()
+            try:
+                if name not in known:
+                    known[name] = None
+                    effects = chosen(self.unknowns.values(row))
+                    known[name] = effects, self._with(effects)
+                own = known[name]
+                if own is None:
+                    found.append(None)
+                    continue
+                effects, like = own
+                skin = self.unknowns.skin_of(law)
+                problems = {key: changed(skin, effects, *key) for key in keys}
+                found.append(_Candidate(problems, like.sensors, like.felt, like.felt_more))
+            except InputError:  # a combination of values that cannot be
+                found.append(None)
+        return found
+
+    def _with(self, effects: Chosen) -> _Candidate:
+        """Return what effects are for the mechanics, whatever the skin."""
+        more = self._felt(effects, 1.0) if any(e.bends for e, _ in effects) else ()
+        return _Candidate({}, Sensors.among(effects), self._felt(effects), more)
 
     @cached_property
     def _paths(self) -> list[int]:
@@ -221,8 +276,16 @@ class MappedModel:
         """Return the domes of candidates for each key: asked for at once."""
         keys, n = list(candidates[0].problems), len(candidates)
         problems = [c.problems[key] for key in keys for c in candidates]
-        tops = [self._top_mbar(c, key) for key in keys for c in candidates]
-        every = self.domes(problems, [t / p.stiffness for t, p in zip(tops, problems, strict=True)])
+        known: dict[tuple[object, ...], float] = {}
+        tops = []
+        for key in keys:
+            for c in candidates:
+                problem = c.problems[key]
+                name = (key, id(c.felt), problem.prony, problem.preload_mbar)
+                if name not in known:
+                    known[name] = self._top_mbar(c, key)
+                tops.append(known[name] / problem.stiffness)
+        every = self.domes(problems, tops)
         return {key: every.some(slice(i * n, (i + 1) * n)) for i, key in enumerate(keys)}
 
     def _domes(self, candidates: Sequence[_Candidate], key: Key) -> Domes:
@@ -336,7 +399,7 @@ class MappedModel:
         here = self._candidate(u)
         if here is None:
             return False
-        off = np.zeros(len(u)) if self._anchor is None else u - self._anchor
+        off = self._from_anchor(u[None])[0]
         ratios: dict[Key, tuple[Array, _Learnt]] = {}
         for key, problem in here.problems.items():
             if has_features(problem):

@@ -194,7 +194,15 @@ class Unknowns:
 
     def skin(self, u: Array) -> Skin:
         """Return the law's parameters as a skin."""
-        return Skin(tuple(self.base(u).values()), self.kappa, self.law)
+        return self.skin_of(self.space.from_coordinates(u[: self.count]))
+
+    def skin_of(self, values: Array) -> Skin:
+        """Return the law's parameters (count,) as a skin.
+
+        Raises:
+            InputError: a value is out of its range.
+        """
+        return Skin(tuple(values.tolist()), self.kappa, self.law)
 
     def values(self, u: Array) -> Values:
         """Return the effects' parameters."""

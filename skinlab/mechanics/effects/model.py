@@ -113,8 +113,9 @@ def changed(skin: Skin, effects: Chosen, geometry: Geometry, cycle: int) -> Skin
     """
     problem = SkinProblem(geometry, skin)
     for effect, values in effects:
-        with EFFECTS.at_work(effect.name):
-            problem = effect.change(problem, values, cycle)
+        if type(effect).change is not Effect.change:
+            with EFFECTS.at_work(effect.name):
+                problem = effect.change(problem, values, cycle)
     return problem
 
 

@@ -34,6 +34,8 @@ from skinlab.mechanics.materials.base import HasPotential
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
+_EDGE_POINTS = np.polynomial.legendre.leggauss(3)  # exact: the integrand is of degree 5
+
 
 @dataclass(frozen=True, slots=True)
 class State:
@@ -115,24 +117,18 @@ class Assembly:
     def _set_gradients(self) -> None:
         at, weights = quadrature(self.element.points_1d)
         values, slopes = shape(self.element.nodes, at)
-        x = self.mesh.nodes[self.mesh.elements]  # (m, a, 2)
-        jacobian = np.einsum("mad,qae->mqde", x, slopes)
-        det = np.linalg.det(jacobian)
-        gradient = np.einsum("qae,mqed->mqad", slopes, np.linalg.inv(jacobian))
-        radius = np.einsum("qa,ma->mq", values, x[..., 0])
-        m, q, a = gradient.shape[:3]
-        g = np.zeros((m, q, 5, 2 * a))
-        g[:, :, 0, 0::2] = gradient[..., 0]
-        g[:, :, 1, 0::2] = gradient[..., 1]
-        g[:, :, 2, 1::2] = gradient[..., 0]
-        g[:, :, 3, 1::2] = gradient[..., 1]
-        g[:, :, 4, 0::2] = values / radius[..., None]
-        self.gradients = g  # ∂F/∂u, (m, q, 5, 2 a)
+        r, z = np.moveaxis(self.mesh.nodes[self.mesh.elements], 2, 0)  # (m, a) each
+        by_xi, by_eta = slopes[..., 0], slopes[..., 1]  # (q, a)
+        r_xi, r_eta, z_xi, z_eta = (
+            (x @ by.T)[..., None] for x in (r, z) for by in (by_xi, by_eta)
+        )  # (m, q, 1)
+        det, radius = r_xi * z_eta - r_eta * z_xi, (r @ values.T)[..., None]
+        by_r = (z_eta * by_xi - z_xi * by_eta) / det
+        by_z = (r_xi * by_eta - r_eta * by_xi) / det
         # F takes half of the products when u_r and u_z are kept apart: rows ∂N/∂r, ∂N/∂z, N/r.
-        self._scalar_gradients = np.concatenate(
-            [gradient[..., 0], gradient[..., 1], values / radius[..., None]], axis=1
-        )
-        self.volumes = 2 * np.pi * radius * det * weights  # (m, q)
+        self._scalar_gradients = np.concatenate([by_r, by_z, values / radius], axis=1)
+        self.volumes = 2 * np.pi * (radius * det)[..., 0] * weights  # (m, q)
+        m = len(r)
         self.dofs = np.stack([2 * self.mesh.elements, 2 * self.mesh.elements + 1], -1).reshape(
             m, -1
         )
@@ -143,9 +139,20 @@ class Assembly:
             self._projection = basis @ np.linalg.solve(weighted @ basis, weighted)
 
     @cached_property
+    def _gradients(self) -> Array:
+        """∂F/∂u (m, q, 5, 2 a)."""
+        m, q = self.volumes.shape
+        by_r, by_z, hoop = np.moveaxis(self._scalar_gradients.reshape(m, 3, q, -1), 1, 0)
+        g = np.zeros((m, q, 5, 2 * by_r.shape[-1]))
+        g[:, :, 0, 0::2] = g[:, :, 2, 1::2] = by_r
+        g[:, :, 1, 0::2] = g[:, :, 3, 1::2] = by_z
+        g[:, :, 4, 0::2] = hoop
+        return g
+
+    @cached_property
     def _gradients_t(self) -> Array:
-        m, q, _, dofs = self.gradients.shape
-        by_dof = self.gradients.reshape(m, q * 5, dofs).transpose(0, 2, 1)
+        m, q, _, dofs = self._gradients.shape
+        by_dof = self._gradients.reshape(m, q * 5, dofs).transpose(0, 2, 1)
         return np.ascontiguousarray(by_dof)
 
     def prestrained(self, stretches: Array, factor: Array) -> Assembly:
@@ -157,9 +164,8 @@ class Assembly:
         """
         new = copy(self)
         plane, through = stretches[:, :, None, None]
-        rows = np.stack([plane, through, plane, through, plane], axis=2)[..., 0]  # (m, 1, 5)
-        new.gradients = self.gradients * rows[..., None]
-        new.__dict__.pop("_gradients_t", None)
+        for known in ("_gradients", "_gradients_t"):
+            new.__dict__.pop(known, None)
         m, q = self.volumes.shape
         new._scalar_gradients = self._scalar_gradients * np.repeat(
             np.stack([plane, through, plane], axis=1)[..., 0, 0], q, axis=1
@@ -177,7 +183,7 @@ class Assembly:
         edges = self.mesh.loaded_edges
         self._edge_dofs = np.stack([2 * edges, 2 * edges + 1], -1).reshape(-1, 6)
         self._edge_x = self.mesh.nodes[edges]  # (k, 3, 2)
-        gauss, weights = np.polynomial.legendre.leggauss(3)  # exact: the integrand is of degree 5
+        gauss, weights = _EDGE_POINTS
         # Load f_a = (−∫ N_a r z', ∫ N_a r r'), bilinear in the nodal r and z: f_a = T_abc r_b x_c.
         self._edge_form = np.empty((len(edges), 3, 3, 3))
         self._rim: tuple[Array, Index] | None = None
@@ -199,18 +205,22 @@ class Assembly:
         edge_equations = self.equation[self._edge_dofs]
         span = equations.max(axis=1, where=equations < self.n, initial=0) - equations.min(axis=1)
         self.band = int(span.max())
+        self._equations, self._edge_equations = equations.ravel(), edge_equations.ravel()
+
+    @cached_property
+    def _pattern(self) -> tuple[Index, Index, Index]:
+        """Which entries of elements' and edges' matrices count, and where they go in the band."""
         rows, cols, picks = [], [], []
-        for eqs in (equations, edge_equations):
+        for dofs in (self.dofs, self._edge_dofs):
+            eqs = self.equation[dofs]
             i = np.repeat(eqs[:, :, None], eqs.shape[1], axis=2)
             j = i.transpose(0, 2, 1)
             pick = np.flatnonzero((i >= j) & (i < self.n) & (j < self.n))
             rows.append(i.ravel()[pick])
             cols.append(j.ravel()[pick])
             picks.append(pick)
-        self._pick_bulk, self._pick_edge = picks
         row, col = np.concatenate(rows), np.concatenate(cols)
-        self._slot = col * (self.band + 1) + (row - col)
-        self._equations, self._edge_equations = equations.ravel(), edge_equations.ravel()
+        return picks[0], picks[1], col * (self.band + 1) + (row - col)
 
     # ---- evaluation ----
 
@@ -264,7 +274,7 @@ class Assembly:
             stored, stress, consistent, rank = projected
             energy = energy + stored
         weighted = np.ascontiguousarray((w * consistent).reshape(25, -1).T).reshape(m, q, 5, 5)
-        products = np.matmul(weighted, self.gradients).reshape(m, q * 5, -1)
+        products = np.matmul(weighted, self._gradients).reshape(m, q * 5, -1)
         stiffness = np.matmul(self._gradients_t, products)
         if self.element.dilatation_modes:
             stiffness += rank
@@ -273,13 +283,14 @@ class Assembly:
         load, load_stiffness, volume = self._suction(u)
         internal = _gather(self._equations, force, self.n + 1)[:-1]
         external = _gather(self._edge_equations, load, self.n + 1)[:-1]
+        bulk, edge, slot = self._pattern
         entries = np.concatenate(
             [
-                stiffness.ravel()[self._pick_bulk],
-                -pressure_mpa * load_stiffness.ravel()[self._pick_edge],
+                stiffness.ravel()[bulk],
+                -pressure_mpa * load_stiffness.ravel()[edge],
             ]
         )
-        band = _gather(self._slot, entries, self.n * (self.band + 1))
+        band = _gather(slot, entries, self.n * (self.band + 1))
         return State(
             skew=self._rim_terms(u),
             energy=float((energy * w).sum()),
@@ -405,7 +416,7 @@ class Assembly:
         ):
             moduli[i, k] += pressure * second
             moduli[k, i] += pressure * second
-        by_u = np.einsum("imq,mqik->mqk", by_f, self.gradients)
+        by_u = np.einsum("imq,mqik->mqk", by_f, self._gradients)
         rows = np.matmul(self._projection, by_u)
         rank = np.matmul(rows.transpose(0, 2, 1), (weights * dd_there)[..., None] * rows)
         return there - here, stress, moduli, rank

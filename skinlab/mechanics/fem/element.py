@@ -7,6 +7,7 @@ Nodes 0–3 are the corners, counter-clockwise from (−1, −1); 4–7 the midd
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +40,7 @@ QUAD9_LINEAR_DILATATION = Element("quad9-linear-dilatation", 9, 3, dilatation_mo
 ELEMENTS = {e.name: e for e in (QUAD8_REDUCED, QUAD8_FULL, QUAD9_FULL, QUAD9_LINEAR_DILATATION)}
 
 
+@cache
 def quadrature(points_1d: int) -> tuple[Array, Array]:
     """Return Gauss points (n, 2) on [−1, 1]² and their weights (n,)."""
     x, w = np.polynomial.legendre.leggauss(points_1d)

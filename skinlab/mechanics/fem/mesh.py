@@ -201,7 +201,7 @@ def _to_quarter_points(mesh: Mesh, rim: int) -> None:
     element holds exactly that root (Henshell and Shaw 1975, Barsoum 1976), so that a coarse edge
     is accurate.
     """
-    for element in mesh.elements:
+    for element in mesh.elements[(mesh.elements[:, :4] == rim).any(axis=1)]:
         for k in np.flatnonzero(element[:4] == rim):
             for middle, other in (
                 (element[4 + k], element[(k + 1) % 4]),

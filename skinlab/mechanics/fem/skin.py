@@ -267,8 +267,12 @@ class Prepared:
         return self.body.isochoric(i1, i2, j, self._own)
 
 
-def prepare(problem: SkinProblem, discretisation: Discretisation = MESH_OF_RECORD) -> Prepared:
-    """Return the problem on its mesh."""
+def prepare(
+    problem: SkinProblem,
+    discretisation: Discretisation = MESH_OF_RECORD,
+    edge_mm: float | None = None,
+) -> Prepared:
+    """Return the problem on its mesh, or on that with elements of `edge_mm` at the tape's edge."""
     assembly, apex, body = _assembly(
         problem.geometry,
         discretisation,
@@ -277,7 +281,7 @@ def prepare(problem: SkinProblem, discretisation: Discretisation = MESH_OF_RECOR
         problem.slip_mm,
         tuple(layer.thickness_mm for layer in problem.above),
         tuple(layer.thickness_mm for layer in problem.below),
-        _rim_mm(problem),
+        edge_of(problem, discretisation) if edge_mm is None else edge_mm,
     )
     layer, own_layer = assembly.mesh.layer, len(problem.above)
     own = (problem.skin.coefficients, *(dict(term.parameters) for term in problem.terms))
@@ -306,17 +310,19 @@ def prepare(problem: SkinProblem, discretisation: Discretisation = MESH_OF_RECOR
     return Prepared(assembly, apex, body, own, layers)
 
 
-def _rim_mm(problem: SkinProblem) -> float:
-    """Return how sharp the edge is under layers on top: see `RIM_MM`.
+def edge_of(problem: SkinProblem, discretisation: Discretisation) -> float:
+    """Return the size in mm of the elements at the tape's edge; see `RIM_MM`.
 
     A layer that carries more than the skin does not crease, and needs to be resolved.
     """
     if not problem.above:
-        return 0.0
+        return discretisation.edge_mm(problem.geometry)
     skin = problem.skin
     own = get_law(skin.law).half_shear_modulus(skin.named) * problem.geometry.thickness_mm
     carried = sum(layer.thickness_mm * layer.half_shear_mpa for layer in problem.above)
-    return float(RIM_MM / (1.0 + (carried / own) ** 2))
+    rim_mm = RIM_MM / (1.0 + (carried / own) ** 2)
+    above_mm = tuple(layer.thickness_mm for layer in problem.above)
+    return float(discretisation.edge_mm(problem.geometry, above_mm, rim_mm))
 
 
 def through_thickness(stretch: float, energy: HasPotential, parameters: Mapping[str, Any]) -> float:
@@ -352,9 +358,9 @@ def _assembly(
     slip_mm: float,
     above_mm: tuple[float, ...],
     below_mm: tuple[float, ...],
-    rim_mm: float,
+    edge_mm: float,
 ) -> tuple[Assembly, int, Body]:
-    mesh = discretisation.mesh(geometry, slip_mm, above_mm, below_mm, rim_mm)
+    mesh = discretisation.mesh(geometry, slip_mm, above_mm, below_mm, edge_mm)
     fixed = [2 * mesh.axis, 2 * mesh.tape, 2 * mesh.tape + 1, 2 * mesh.outer]
     if below_mm:
         fixed += [2 * mesh.bottom, 2 * mesh.bottom + 1]

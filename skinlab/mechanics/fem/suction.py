@@ -89,29 +89,39 @@ class Discretisation:
     quarter_point: bool = False
     counts: tuple[int, int, int] | None = None  # elements inside, outside, through; see `Grading`
 
+    def edge_mm(
+        self, geometry: Geometry, above_mm: tuple[float, ...] = (), rim_mm: float = 0.0
+    ) -> float:
+        """Return the size of the elements at the tape's edge.
+
+        Under thin layers, `above_mm` thick, it is no shorter than `rim_mm`.
+        """
+        edge = self.edge * geometry.radius_mm
+        if above_mm:  # a stiff layer bends at the edge within about its own thickness
+            edge = min(edge, max(0.25 * edge, min(above_mm)))
+            if self.quarter_point:  # other elements are for comparisons in a sharp edge's limit
+                edge = max(edge, rim_mm)
+        return edge
+
     def mesh(
         self,
         geometry: Geometry,
         slip_mm: float = 0.0,
         above_mm: tuple[float, ...] = (),
         below_mm: tuple[float, ...] = (),
-        rim_mm: float = 0.0,
+        edge_mm: float | None = None,
     ) -> Mesh:
         """Return the mesh for this geometry.
 
         The tape holds from R + `slip_mm` on; `above_mm` and `below_mm` are the thicknesses of
-        layers inside the skin, from its top down, and of layers under it. Under thin layers the
-        edge's element is no shorter than `rim_mm`.
+        layers inside the skin, from its top down, and of layers under it; `edge_mm` is the size of
+        the elements at the edge, by itself that without layers.
         """
-        r = geometry.radius_mm
-        edge, counts = self.edge * r, self.counts
-        if above_mm:  # a stiff layer bends at the edge within about its own thickness
-            edge = min(edge, max(0.25 * edge, min(above_mm)))
-            if self.quarter_point:  # other elements are for comparisons in a sharp edge's limit
-                edge = max(edge, rim_mm)
+        r, counts = geometry.radius_mm, self.counts
+        if above_mm:
             counts = counts and (counts[0] + 2, counts[1] + 1, counts[2])
         grading = Grading(
-            edge=edge,
+            edge=self.edge_mm(geometry, above_mm) if edge_mm is None else edge_mm,
             ratio=self.ratio,
             inside=self.inside * r,
             outside=self.outside * (geometry.outer_radius_mm - r),

@@ -24,7 +24,7 @@ EFFECTS = {  # parameter, value, half a difference
     "preconditioning": ("softening", 0.2, 1e-4),
     "tape_slip": ("slip_mm", 0.2, 1e-4),
     "thickness_error": ("ratio", 1.1, 1e-4),
-    "surface_layer": ("thickness_um", 20.0, 0.01),
+    "surface_layer": ("thickness_um", 20.0, 0.001),
     "strain_stiffening": ("X3_MPa", 100.0, 0.1),
 }
 
