@@ -8,7 +8,6 @@ families that promise most are fitted with the whole model, and judged as names 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -20,7 +19,7 @@ from skinlab.discrepancy.adequacy import judge
 from skinlab.discrepancy.campaign_errors import CampaignErrors, Linearised
 from skinlab.discrepancy.candidates import LOG10, Candidate, Found
 from skinlab.discrepancy.discipline import Trial
-from skinlab.discrepancy.fit import Fit, Fitter
+from skinlab.discrepancy.fit import NO_LIMIT, Fit, Fitter, Limit
 from skinlab.discrepancy.odds import odds_words
 from skinlab.discrepancy.posterior import Posterior
 from skinlab.discrepancy.records import Record
@@ -192,7 +191,7 @@ def _fitted_log10(
     explanation's cost is no rival: its fit ends early.
     """
     assert search.errors is not None
-    found = _fit(search, fits[which], promise, seen, fits[1].cost + SEARCH.far)
+    found = _fit(search, fits[which], promise, seen, Limit.at(fits[1].cost + SEARCH.far))
     if found is None:
         return -np.inf
     plain = float(search.errors.log_evidences([search.linear(fits[0])])[0])
@@ -292,12 +291,12 @@ def _solved(fitter: Fitter, unknowns: Unknowns, u: Array) -> bool:
 
 
 def _fit(
-    search: Search, base: Fit, promise: _Promise, seen: Seen, limit: float = math.inf
+    search: Search, base: Fit, promise: _Promise, seen: Seen, limit: Limit = NO_LIMIT
 ) -> Fit | None:
     """Return the fit from where the linear picture leads, or from near the model as it is.
 
     Where the law's parameters are at an end of their range, as a wrong model drives them, also from
-    the middle of it. One that stays above a cost of `limit` ends early.
+    the middle of it. One that stays above its `limit` ends early.
     """
     unknowns = with_family(base.unknowns, promise.family, seen, promise.scale)
     k = base.unknowns.count

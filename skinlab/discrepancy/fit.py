@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,6 +74,21 @@ class Kept:
 
     samples: NDArray[np.bool_]
     errors: Covariance
+
+
+class Limit(NamedTuple):
+    """Costs above which a fit is out of the race, since others explain."""
+
+    first: float = math.inf  # once the finite elements were asked a few times
+    later: float = math.inf  # and once they were asked often: no first picture may be off any more
+
+    @classmethod
+    def at(cls, cost: float) -> Limit:
+        """Return the same one, early and late."""
+        return cls(cost, cost)
+
+
+NO_LIMIT = Limit()
 
 
 class Fitter:
@@ -167,21 +183,21 @@ class Fitter:
         self,
         unknowns: Unknowns,
         start: Array,
-        limit: float = math.inf,
+        limit: Limit = NO_LIMIT,
         known: float = math.inf,
     ) -> Fit | None:
         """Return the best fit near a start (k,), None where there is no model.
 
         How what relaxes changes is learnt from anchor to anchor, and leads to the valley, not to
         its bottom: from where that ended it is begun anew, until nothing is gained. A fit that will
-        not come below a cost of `limit` ends early and is not settled; so does one that, a little
-        later, will not come below that of a fit of the same explanation which is `known`.
+        not come below a `limit` ends early and is not settled; so does one that, a little later,
+        will not come below the cost of a fit of the same explanation which is `known`.
         """
         if not self._finite_elements:
             return self._walk(self.model(unknowns), start, limit, known)[0]
         # On a coarse mesh first: an effect is nearly the same there, at a quarter of the time.
         best, rough = self._walked(self.model(unknowns, SCREENING_MESH), start, limit, known)
-        hopeless = min(FITS.hopeless * self.errors.count, limit)
+        hopeless = min(FITS.hopeless * self.errors.count, limit.later)
         if best is None:
             best, _ = self._walked(self.model(unknowns), start, limit, known)
         elif best.corrected and best.chi2 <= hopeless:
@@ -195,7 +211,7 @@ class Fitter:
 
     def near(self, fit: Fit) -> Fit | None:
         """Return the best fit near one by other errors: no coarse mesh has to lead there."""
-        best = self._walk(self.model(fit.unknowns), fit.u, math.inf, math.inf, near=True)[0]
+        best = self._walk(self.model(fit.unknowns), fit.u, NO_LIMIT, math.inf, near=True)[0]
         return best if best is None else self._anchored(best)
 
     def _anchored(self, best: Fit) -> Fit:
@@ -207,12 +223,12 @@ class Fitter:
         return best if final is None else replace(final, settled=best.settled)
 
     def _walked(
-        self, model: MappedModel, start: Array, limit: float, known: float
+        self, model: MappedModel, start: Array, limit: Limit, known: float
     ) -> tuple[Fit | None, MappedModel]:
         """Return where a model leads, begun anew from where it ended until nothing is gained."""
         best, last = self._walk(model, start, limit, known)
         for _ in range(FITS.walks):
-            hopeless = min(FITS.hopeless * self.errors.count, limit)
+            hopeless = min(FITS.hopeless * self.errors.count, limit.later)
             if best is None or not best.corrected or best.chi2 > hopeless:
                 break
             if best.settled and not model.remembers(best.u):
@@ -249,7 +265,7 @@ class Fitter:
         self,
         model: MappedModel,
         start: Array,
-        limit: float,
+        limit: Limit,
         known: float,
         *,
         near: bool = False,
@@ -287,8 +303,8 @@ class Fitter:
             expected = model.predict(u)
             hoped = self._cost(unknowns, u, expected)
             lowest = min(best.cost, hoped)
-            if (k >= FITS.seen_anchors and lowest > limit) or (
-                k >= FITS.enough_anchors and lowest > known
+            if (k >= FITS.seen_anchors and lowest > limit.first) or (
+                k >= FITS.enough_anchors and lowest > min(known, limit.later)
             ):
                 settled = False
                 break

@@ -31,7 +31,7 @@ from skinlab.discrepancy.candidates import (
     may_still_win,
     outdone,
 )
-from skinlab.discrepancy.fit import Fit, Fitter
+from skinlab.discrepancy.fit import NO_LIMIT, Fit, Fitter, Limit
 from skinlab.discrepancy.placement_curves import bends_mm, thickness_slopes
 from skinlab.discrepancy.records import Record, by_condition, without
 from skinlab.discrepancy.screen import Signature, linear_pairs, worth_fitting
@@ -197,7 +197,7 @@ class Search:
         self._thickness_mm = thickness_slopes(before.records, first, domes)[~bad]
         self.errors = self._learn(records, linear.only(~bad), None)
         fit = self._refitted(records, first)
-        elsewhere = off_the_wall(self.fitter, fit, math.inf)
+        elsewhere = off_the_wall(self.fitter, fit, NO_LIMIT)
         if elsewhere.cost < fit.cost - FITS.gain:
             # The first errors know of no places: with them the law had ended at a wall, and these
             # were learned there.
@@ -419,13 +419,14 @@ class Search:
         return found
 
     @staticmethod
-    def _limit(base: Candidate, known: Iterable[Candidate]) -> float:
-        """Return the cost above which a fit is out of the race, because others explain."""
+    def _limit(base: Candidate, known: Iterable[Candidate]) -> Limit:
+        """Return the costs above which a fit is out of the race, because others explain."""
         serving = [c.fit.cost for c in known if c.adequate]
         if not serving:
-            return math.inf
+            return NO_LIMIT
         gained = max(0.0, base.fit.cost - min(serving))
-        return min(serving) + SEARCH.far + SEARCH.far_share * gained
+        first = min(serving) + SEARCH.far + SEARCH.far_share * gained
+        return Limit(first, min(first, min(serving) + SEARCH.far_later))
 
     def _pairs(
         self,
@@ -551,7 +552,7 @@ class Search:
             return []
         self._progress("going on with the pairs that come nearest")
         near = best_fitting(pairs)
-        fits = pool.map(fit_from, [(c.fit.unknowns, c.fit.u, math.inf) for c in near])
+        fits = pool.map(fit_from, [(c.fit.unknowns, c.fit.u, NO_LIMIT) for c in near])
         return [self._candidate(fit, base) for fit in fits if fit is not None]
 
     def _further(
@@ -597,7 +598,7 @@ class Search:
         found = list(tasks.values())[: SEARCH.members]
         if found:
             self._progress("fitting the members of pairs alone")
-        tried = pool.map(fit_from, [(*task, math.inf) for task in found])
+        tried = pool.map(fit_from, [(*task, NO_LIMIT) for task in found])
         fits = [fit for fit in tried if fit is not None]
         return [c for c in (self._candidate(fit, base) for fit in fits) if c.adequate]
 
@@ -624,7 +625,7 @@ class Search:
             return candidates
         told = ", ".join(f"{f.effects[-1]} and {s.effect}" for f, s in tasks[: SEARCH.rival_pairs])
         self._progress(f"fitting its rivals: {told}")
-        limit = best.fit.cost + SEARCH.far
+        limit = Limit.at(best.fit.cost + SEARCH.far)
         found = self._fits(pool, base, tasks[: SEARCH.rival_pairs], limit)
         return best_of_each([*candidates, *found])
 
@@ -702,7 +703,7 @@ class Search:
         pool: Pool,
         base: Candidate,
         tasks: Sequence[tuple[Fit, Signature]],
-        limit: float = math.inf,
+        limit: Limit = NO_LIMIT,
     ) -> list[Candidate]:
         found = []
         for fit in pool.map(fit_one, [(*task, limit) for task in tasks]):

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.discrepancy.fit import Fit, Fitter
+from skinlab.discrepancy.fit import Fit, Fitter, Limit
 from skinlab.discrepancy.screen import NO_MODEL, Signature, signature
 from skinlab.discrepancy.settings import FITS
 from skinlab.discrepancy.unknowns import Unknowns
@@ -46,7 +46,7 @@ def signature_by(fitter: Fitter, task: tuple[Fit, str, Covariance]) -> Signature
     return signature_of(other, (fit.with_errors(fitter.errors, errors), effect))
 
 
-def fit_from(fitter: Fitter, task: tuple[Unknowns, Array, float]) -> Fit | None:
+def fit_from(fitter: Fitter, task: tuple[Unknowns, Array, Limit]) -> Fit | None:
     """Return a fit from a start (k,), that ends early where it stays above a cost."""
     return fitter.fit(*task)
 
@@ -118,7 +118,7 @@ def _continued(
     return best
 
 
-def fit_one(fitter: Fitter, task: tuple[Fit, Signature, float]) -> Fit | None:
+def fit_one(fitter: Fitter, task: tuple[Fit, Signature, Limit]) -> Fit | None:
     """Return a fit with one more effect, from the size that the screen expects, or others."""
     fit, seen, limit = task
     unknowns = fit.unknowns.with_effect(seen.effect)
@@ -130,7 +130,10 @@ def fit_one(fitter: Fitter, task: tuple[Fit, Signature, float]) -> Fit | None:
         # that the second one is no better, or that neither comes near.
         enough = best is not None and (
             _agree(found, best.cost)
-            or (math.isfinite(limit) and (found is None or found.cost > FITS.again * best.cost))
+            or (
+                math.isfinite(limit.first)
+                and (found is None or found.cost > FITS.again * best.cost)
+            )
             or _far_off(fit, min((best, found or best), key=lambda f: f.cost), limit)
         )
         if found is not None and (best is None or found.cost < best.cost):
@@ -148,13 +151,13 @@ def fit_one(fitter: Fitter, task: tuple[Fit, Signature, float]) -> Fit | None:
     return off_the_wall(fitter, best, limit)
 
 
-def _far_off(base: Fit, best: Fit, limit: float) -> bool:
+def _far_off(base: Fit, best: Fit, limit: Limit) -> bool:
     """Return whether an effect takes off so little of what another one explains that it may end."""
-    return best.cost - limit > FITS.far_off * (base.cost - limit)
+    return best.cost - limit.first > FITS.far_off * (base.cost - limit.first)
 
 
 def _from_usual(
-    fitter: Fitter, fit: Fit, seen: Signature, best: Fit | None, limit: float
+    fitter: Fitter, fit: Fit, seen: Signature, best: Fit | None, limit: Limit
 ) -> Fit | None:
     """Return the fit; where the screen expects little of what has a shape, from its usual size.
 
@@ -176,7 +179,7 @@ def _agree(found: Fit | None, cost: float) -> bool:
     return found is not None and abs(found.cost - cost) < FITS.agree * cost
 
 
-def off_the_wall(fitter: Fitter, best: Fit, limit: float) -> Fit:
+def off_the_wall(fitter: Fitter, best: Fit, limit: Limit) -> Fit:
     """Return the fit; where the law is near the end of a range, from the middle of it, if better.
 
     A model that lacks something may end there, and what is then added keeps it there. A logarithm

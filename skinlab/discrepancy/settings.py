@@ -201,7 +201,9 @@ class SearchRules:
     far: float = 20.0
     """Of the cost: an explanation so much worse than one that serves is out of the race,"""
     far_share: float = 0.03
-    """with such a share of what that one gained on top."""
+    """with such a share of what that one gained on top,"""
+    far_later: float = 60.0
+    """and later without it: ten decades and more, of which other errors may give back eight."""
     most_singles: int = 8
     """Single effects that are fitted,"""
     abreast: int = 2

@@ -11,7 +11,7 @@ from skinlab.mechanics.effects.model import problem_of
 from skinlab.mechanics.fem import kernel
 from skinlab.mechanics.fem.newton import StepSettings
 from skinlab.mechanics.fem.sensitivity import solve_with_slopes
-from skinlab.mechanics.fem.skin import Skin
+from skinlab.mechanics.fem.skin import Skin, edge_of
 from skinlab.mechanics.fem.suction import SCREENING_MESH, Geometry
 
 GEOMETRY = Geometry(6.0, 1.0)
@@ -66,6 +66,22 @@ def test_by_an_effects_parameter(name):
 def test_a_skin_parameter_beside_layers_and_stretch():
     effects = {name: get_effect(name).typical for name in ("natural_tension", "hypodermis")}
     assert_slopes_are_differences(lambda x: of_skin([x, *SKIN[1:]], effects), 0.03, 1e-6)
+
+
+@pytest.mark.parametrize("parameter", ["X1 of the skin", "X1_MPa"])
+def test_what_moves_the_edge_under_a_layer_alone(parameter):
+    """How sharp the edge is depends on what the layer carries, and so on every stiffness."""
+    typical = get_effect("surface_layer").typical
+
+    def problem_at(x):
+        if parameter == "X1_MPa":
+            return of_skin(SKIN, {"surface_layer": {**typical, "X1_MPa": x}})
+        return of_skin([x, *SKIN[1:]], {"surface_layer": typical})
+
+    value = typical["X1_MPa"] if parameter == "X1_MPa" else SKIN[0]
+    ends = [edge_of(problem_at(x), SCREENING_MESH) for x in (value, 1.01 * value)]
+    assert ends[0] != ends[1]
+    assert_slopes_are_differences(problem_at, value, 5e-5 * value)
 
 
 def test_without_the_compiled_loops(monkeypatch):
