@@ -19,7 +19,7 @@ from skinlab.discrepancy.adequacy import judge
 from skinlab.discrepancy.campaign_errors import CampaignErrors, Linearised
 from skinlab.discrepancy.candidates import LOG10, Candidate, Found
 from skinlab.discrepancy.discipline import Trial
-from skinlab.discrepancy.fit import NO_LIMIT, Fit, Fitter, Limit
+from skinlab.discrepancy.fit import NO_LIMIT, Fit, Limit
 from skinlab.discrepancy.odds import odds_words
 from skinlab.discrepancy.posterior import Posterior
 from skinlab.discrepancy.records import Record
@@ -27,12 +27,10 @@ from skinlab.discrepancy.screen import Signature
 from skinlab.discrepancy.search import Search
 from skinlab.discrepancy.settings import ERRORS, NAMES, SEARCH
 from skinlab.discrepancy.starts import middle_of
-from skinlab.discrepancy.table_domes import has_features
 from skinlab.discrepancy.unknowns import Known, Unknowns
 from skinlab.inference.covariance import Covariance
 from skinlab.mechanics.effects import all_effects
 from skinlab.mechanics.effects.learned import PRIOR_SIZES, LearnedEffect, Seen
-from skinlab.mechanics.effects.model import problem_of
 from skinlab.mechanics.fem.suction import SCREENING_MESH
 
 Array = NDArray[np.float64]
@@ -266,7 +264,9 @@ def _shapes(search: Search, fit: Fit, one: LearnedEffect, seen: Seen) -> Array |
         there = np.array(rows)
     else:
         model = fitter.model(unknowns)
-        if _solved(fitter, unknowns, at) and not fitter.prepare(model, at, memory=False):
+        if model.needs_finite_elements(at, memory=False) and not fitter.prepare(
+            model, at, memory=False
+        ):
             return None
         here, *rows = np.hstack(model.predict_many(np.vstack([at, moved])))
         there = np.array(rows)
@@ -281,13 +281,9 @@ def _of_the_solid(search: Search, fit: Fit, one: LearnedEffect, seen: Seen) -> b
     unknowns = with_family(fit.unknowns, one, seen, 1.0)
     at = np.concatenate([fit.u, np.zeros(len(one.names))])
     moved = at + _STEP * (np.arange(len(at)) == len(fit.u))
-    return _solved(search.fitter, unknowns, moved) and not _solved(search.fitter, unknowns, at)
-
-
-def _solved(fitter: Fitter, unknowns: Unknowns, u: Array) -> bool:
-    """Return whether the finite elements have to correct the table there."""
-    at = fitter.records[0].geometry
-    return has_features(problem_of(unknowns.skin(u), unknowns.values(u), at))
+    model = search.fitter.model(unknowns)
+    before, after = (model.needs_finite_elements(u, memory=False) for u in (at, moved))
+    return after and not before
 
 
 def _fit(

@@ -127,11 +127,11 @@ class MappedModel:
         candidate = self._candidate(u)
         return candidate is not None and any(p.prony for p in candidate.problems.values())
 
-    def needs_finite_elements(self, u: Array) -> bool:
-        """Return whether the table alone does not tell the curves there."""
+    def needs_finite_elements(self, u: Array, *, memory: bool = True) -> bool:
+        """Return whether the table alone does not tell the curves there, or the elastic ones."""
         candidate = self._candidate(u)
         return candidate is not None and any(
-            p.prony or has_features(p) for p in candidate.problems.values()
+            has_features(p) or (memory and p.prony) for p in candidate.problems.values()
         )
 
     @cached_property
