@@ -65,13 +65,15 @@ class Plan:
     """Measurements, and the verdicts that they may be expected to lead to.
 
     `named` is the probability, of each explanation, that it is true and gets the name; `wrong` that
-    another one does, `tied` that none does.
+    another one does, `tied` that none does. `fair` is that of the right name if all that are tied
+    were as likely: what merely confirms the one that leads settles nothing.
     """
 
     measurements: tuple[Planned, ...]
     named: tuple[tuple[Names, float], ...]
     wrong: float
     tied: float
+    fair: float = 1.0
 
     @property
     def minutes(self) -> float:
@@ -82,6 +84,11 @@ class Plan:
     def settled(self) -> float:
         """Probability of the right name."""
         return sum(p for _, p in self.named)
+
+    @property
+    def sure(self) -> float:
+        """The same, whichever of the tied is true."""
+        return min(self.settled, self.fair)
 
 
 @dataclass(frozen=True)
@@ -191,7 +198,8 @@ class _Odds:
         named = tuple((n, float(s)) for n, s in zip(self.names, p * right, strict=True))
         settled, failed = float(p @ right), float(p @ wrong)
         measurements = tuple(look.planned for look in looks)
-        return Plan(measurements, named, failed, max(0.0, 1.0 - settled - failed))
+        fair = float(right[: self.tied].mean())
+        return Plan(measurements, named, failed, max(0.0, 1.0 - settled - failed), fair)
 
     def _decided(self, gram: Array, tie: float) -> Array:
         """Return how often each explanation's outcomes give it the name, and another one (2, n)."""
@@ -262,17 +270,17 @@ def advise(
     looks = _looks(fitter, every, errors)
     if not looks:
         return None
-    now = odds.plan([replace(looks[0], gram=np.zeros_like(looks[0].gram))]).settled
+    now = odds.plan([replace(looks[0], gram=np.zeros_like(looks[0].gram))]).sure
     chosen, plan = _shortest(odds, looks)
     alone = {id(look): odds.plan([look]) for look in chosen}
 
     def worth(look: _Look) -> float:
         own = alone[id(look)]
-        return (own.settled - now - own.wrong) / own.minutes
+        return (own.sure - now - own.wrong) / own.minutes
 
     best = max(chosen, key=worth)
     expected = odds.expected_log10(best)
-    if plan.settled - now < PLANS.least_gain and expected < PLANS.useless:
+    if plan.sure - now < PLANS.least_gain and expected < PLANS.useless:
         return None
     return NextMeasurement(
         best.planned.aperture_mm,
@@ -289,11 +297,11 @@ def _shortest(odds: _Odds, looks: Sequence[_Look]) -> tuple[list[_Look], Plan]:
     plans = [([look], odds.plan([look])) for look in looks]
     best = plans[0]
     for _ in range(PLANS.most_measurements):
-        best = max((best, *plans), key=lambda p: p[1].settled)
-        enough = [p for p in plans if p[1].settled >= PLANS.settled]
+        best = max((best, *plans), key=lambda p: p[1].sure)
+        enough = [p for p in plans if p[1].sure >= PLANS.settled]
         if enough:
             return min(enough, key=lambda p: p[1].minutes)
-        leaders = sorted(plans, key=lambda p: -p[1].settled)[: PLANS.beam]
+        leaders = sorted(plans, key=lambda p: -p[1].sure)[: PLANS.beam]
         plans = []
         for chosen, _ in leaders:
             for look in looks:

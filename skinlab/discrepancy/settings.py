@@ -321,7 +321,7 @@ class PlanRules:
     lone_tie: float = NameRules.lone_tie
     """The same where no other condition is measured."""
     settled: float = 0.8
-    """Probability of the right name from which on a plan settles it."""
+    """Probability of the right name, whichever is true, from which on a plan settles it."""
     least_gain: float = 0.05
     """Gain of that probability below which a measurement is not worth its time."""
     useless: float = 0.3

@@ -228,7 +228,7 @@ def next_words(outcome: Outcome) -> list[str]:
             f"{m.program} with the {m.aperture_mm:g} mm opening{_times(m.placements)}"
             for m in plan.measurements
         )
-        enough = plan.settled >= PLANS.settled
+        enough = plan.sure >= PLANS.settled
         said = "The shortest plan that would settle it" if enough else "No plan is sure; the best"
         lines.append(f"{said}: {steps}. It {_prospect(plan)}")
     return lines

@@ -15,7 +15,7 @@ from skinlab.discrepancy.discipline import Trial
 from skinlab.discrepancy.fit import Fit
 from skinlab.discrepancy.heldout import conditions_of, predict_held_out
 from skinlab.discrepancy.misfit import errors_of
-from skinlab.discrepancy.next_measurement import MENU, PlannedErrors, advise
+from skinlab.discrepancy.next_measurement import MENU, Planned, PlannedErrors, _Look, _Odds, advise
 from skinlab.discrepancy.records import records_of, without
 from skinlab.discrepancy.settings import ERRORS, PLANS, SEARCH
 from skinlab.discrepancy.table_domes import TableDomes
@@ -286,6 +286,19 @@ def test_what_may_be_advised_is_what_a_driver_allows():
         assert aperture in (2.0, 4.0, 6.0, 8.0)
         assert program.max_pressure_mbar <= 500
         assert program.duration_s <= 60
+
+
+def test_a_plan_that_confirms_the_leader_alone_settles_nothing():
+    """What leads by 18 : 1 has a name by a little more; what is behind would hardly ever have."""
+    normal = np.random.default_rng(0).standard_normal((4000, 2))
+    odds = _Odds([("LAG",), ("GAIN",)], np.array([1.25, 0.0]), 2, [0, 0], PLANS.tie, normal)
+    apart = np.array([[[0.0, 0.0], [0.0, 6.0]]])  # 2.4 standard deviations
+    plan = odds.plan([_Look(Planned(6.0, "ramp:100@20", 1, 2.0), apart, fresh=True)])
+    assert plan.settled > PLANS.settled
+    assert plan.fair == pytest.approx(0.5, abs=0.1)
+    assert plan.sure == plan.fair
+    far = odds.plan([_Look(Planned(6.0, "ramp:100@20", 1, 2.0), 8.0 * apart, fresh=True)])
+    assert far.sure > PLANS.settled
 
 
 @pytest.mark.long
