@@ -151,11 +151,15 @@ class FitRules:
     small: float = 0.5
     """In typical sizes: where less is expected of an effect with a shape, it is begun from its
     usual size too."""
+    little: float = 0.1
+    """Of a typical size, from which an effect is begun off a wall where nothing was left of it."""
     again: float = 0.9
     """Of the cost from the first one, what a second one has to come to for a third to be tried,
     where something explains already."""
     far_off: float = 0.5
-    """Of what another effect takes off the cost: where two starts leave more, no third is tried;"""
+    """Of what another effect takes off the cost: where two starts leave more, no third is tried,"""
+    far_off_times: float = 3.0
+    """if that is so many times the noise as well;"""
     agree: float = 0.03
     """Of the cost: starts that come so near one another, and explain nothing, came to the same;"""
     alike: int = 2

@@ -21,7 +21,7 @@ from skinlab.discrepancy.misfit import (
 )
 from skinlab.discrepancy.records import by_geometry, records_of
 from skinlab.discrepancy.screen import Signature, alike, signature, worth_fitting
-from skinlab.discrepancy.search_workers import fit_elsewhere, fit_from, fit_one
+from skinlab.discrepancy.search_workers import fit_elsewhere, fit_from, fit_one, off_the_wall
 from skinlab.discrepancy.settings import FITS
 from skinlab.discrepancy.space_mapping import MappedModel
 from skinlab.discrepancy.table_domes import Relaxation, TableDomes
@@ -699,6 +699,22 @@ def test_a_fit_that_ends_at_a_bound_of_the_law_is_begun_again_off_it(plain, nu, 
     assert (found.cost, found.u[2]) == ((600.0, 0.31) if again else (1e4, nu))
 
 
+def test_off_the_wall_begins_with_a_little_of_what_was_left_out(plain):
+    """At none of it the table answers: nothing tells what a little would do, and none was kept."""
+    _, base = plain
+    unknowns = base.unknowns.with_effect("strain_stiffening")
+    walled = np.array([*base.u[:2], 0.499, 0.0])
+    found = replace(base, unknowns=unknowns, u=walled, cost=900.0)
+
+    class Asked:
+        def fit(self, unknowns, start, limit=NO_LIMIT, known=np.inf):
+            assert 0.1 < start[2] < 0.4
+            assert start[3] == FITS.little
+            return replace(found, u=start, cost=600.0)
+
+    assert off_the_wall(Asked(), found, NO_LIMIT).cost == 600.0
+
+
 class Told:
     """Stands for a fitter: of each start it tells the cost that is said."""
 
@@ -719,6 +735,8 @@ class Told:
         ((5000.0, 4000.0, 1.0), np.inf, 3),
         ((5000.0, 4700.0, 1.0), 1200.0, 2),  # out of the race, and the second is hardly better
         ((5000.0, 3000.0, 1.0), 1200.0, 3),
+        ((70e3, 60e3, 1.0), 1200.0, 2),  # both leave more than half of what another one explains
+        ((2900.0, 2500.0, 1.0), 2490.0, 3),  # close by, whatever that took off
         ((1400.0, 1.0, 1.0), np.inf, 1),  # it explains
     ],
 )
