@@ -30,6 +30,9 @@ CURVES = (
     ("d6_hold.csv", 6.0, "ramp:100@80,hold:5,ramp:0@80"),
     ("d2_ramp60.csv", 2.0, "ramp:300@60,ramp:0@60"),
     ("d8_ramp20.csv", 8.0, "ramp:100@20,ramp:0@20"),
+    # The probe put on again: without these a thin layer on top is as likely.
+    ("d2_again.csv", 2.0, "ramp:300@60,ramp:0@60"),
+    ("d8_again.csv", 8.0, "ramp:100@20,ramp:0@20"),
 )
 
 

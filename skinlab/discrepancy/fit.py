@@ -210,8 +210,12 @@ class Fitter:
         return self._anchored(best)
 
     def near(self, fit: Fit) -> Fit | None:
-        """Return the best fit near one by other errors: no coarse mesh has to lead there."""
-        best = self._walk(self.model(fit.unknowns), fit.u, NO_LIMIT, math.inf, near=True)[0]
+        """Return the best fit near one by other errors: no coarse mesh has to lead there.
+
+        These are what is compared in the end: it goes on along a long valley.
+        """
+        model = self.model(fit.unknowns)
+        best = self._walk(model, fit.u, NO_LIMIT, math.inf, near=True, on=True)[0]
         return best if best is None else self._anchored(best)
 
     def _anchored(self, best: Fit) -> Fit:
@@ -269,10 +273,12 @@ class Fitter:
         known: float,
         *,
         near: bool = False,
+        on: bool = False,
     ) -> tuple[Fit | None, MappedModel]:
         """Return where one model, corrected from anchor to anchor, leads, and the model there.
 
-        `near`: it begins where a coarser mesh has led, and may end there.
+        `near`: it begins where a coarser mesh has led, and may end there. `on`: where a step came
+        out as expected it goes on all the same, as long as slopes from there promise more.
         """
         unknowns = model.unknowns
         low, high = unknowns.bounds
@@ -340,7 +346,8 @@ class Fitter:
             stuck = k >= FITS.enough_anchors and best.cost > before - FITS.worth * (
                 best.chi2 - self.errors.count
             )
-            if settled or (stuck and best.chi2 > 2.0 * FITS.hopeless * self.errors.count):
+            end = settled and not (on and well and idle < FITS.idle_anchors and model.sloped)
+            if end or (stuck and best.chi2 > 2.0 * FITS.hopeless * self.errors.count):
                 break
         return replace(best, settled=settled), model
 

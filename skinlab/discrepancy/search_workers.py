@@ -17,7 +17,7 @@ from skinlab.discrepancy.settings import FITS
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.errors import BrokenPluginError
 from skinlab.inference.covariance import Covariance
-from skinlab.mechanics.effects import EFFECTS
+from skinlab.mechanics.effects import EFFECTS, get_effect
 
 Array = NDArray[np.float64]
 
@@ -195,7 +195,9 @@ def off_the_wall(fitter: Fitter, best: Fit, limit: Limit) -> Fit:
     law = slice(0, unknowns.count)
     linear = np.array([t == "linear" for t in unknowns.space.transforms])
     margin = np.minimum(best.u - low, high - best.u)[law] / (high - low)[law]
-    walled = (linear & (margin < FITS.near_end)) | ~best.free[law]
+    bends = any(get_effect(axis.effect).curved for axis in unknowns.axes)
+    near = FITS.near_end_curved if bends else FITS.near_end
+    walled = (linear & (margin < near)) | ~best.free[law]
     if not walled.any():
         return best
     start = best.u.copy()

@@ -127,6 +127,11 @@ class MappedModel:
         candidate = self._candidate(u)
         return candidate is not None and any(p.prony for p in candidate.problems.values())
 
+    @property
+    def sloped(self) -> bool:
+        """Whether all that corrects the table is known with its slopes: nothing relaxes."""
+        return not self._courses
+
     def needs_finite_elements(self, u: Array, *, memory: bool = True) -> bool:
         """Return whether the table alone does not tell the curves there, or the elastic ones."""
         candidate = self._candidate(u)

@@ -775,3 +775,16 @@ def test_what_relaxes_is_followed_as_far_as_a_skin_goes_that_creases(table):
     assert model.anchor(u)
     (w,) = model.predict(u)
     assert np.isfinite(w).all()
+
+
+@pytest.mark.long
+def test_what_is_compared_in_the_end_has_gone_on_along_its_valley(table):
+    """A layer's fit had ended 6 of χ² above, where a step came out as expected."""
+    values = {"natural_tension": {"stretch": 1.025}}
+    fitter = fitter_of(measured(values, RAMPS), table)
+    unknowns = Unknowns(("surface_layer",))
+    first = fitter.fit(unknowns, np.array([-3.0, 2.7, 0.1, 1.0, 0.9]))
+    near = fitter.near(first)
+    again = fitter.near(near)
+    assert near.cost < first.cost + FITS.gain
+    assert again.cost > near.cost - 4.0 * FITS.gain  # there is nothing more to gain
