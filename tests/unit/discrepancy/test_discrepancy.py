@@ -663,7 +663,7 @@ def test_a_fit_by_way_of_the_coarse_mesh_ends_where_the_mesh_of_record_alone_lea
     unknowns = Unknowns((effect,))
     start = unknowns.start(TRUE)
     found = fitter.fit(unknowns, start)
-    alone, _ = fitter._walked(fitter.model(unknowns), start, np.inf, np.inf)
+    alone, _ = fitter._walked(fitter.model(unknowns), start, NO_LIMIT, np.inf)
     assert found.settled
     assert found.cost == pytest.approx(alone.cost, abs=2.0 * FITS.gain)
     # To a fraction of what the data tell: the valleys are flat to within `FITS.gain`.
