@@ -62,6 +62,12 @@ class Fit:
         edge = FITS.at_bound * (high - low)
         return np.asarray((self.u > low + edge) & (self.u < high - edge))
 
+    def is_near(self, u: Array) -> bool:
+        """Return whether unknowns (k,) are so near that a fit from there would end here."""
+        effects = np.ones(len(self.unknowns.axes))
+        far = np.abs(u - self.u) / np.concatenate([self.unknowns.reaches, effects])
+        return bool((far < FITS.near).all())
+
     @property
     def deviations(self) -> Array:
         """Standard deviations (k,) of the unknowns."""
@@ -184,27 +190,31 @@ class Fitter:
         unknowns: Unknowns,
         start: Array,
         limit: Limit = NO_LIMIT,
-        known: float = math.inf,
+        known: Fit | None = None,
     ) -> Fit | None:
         """Return the best fit near a start (k,), None where there is no model.
 
         How what relaxes changes is learnt from anchor to anchor, and leads to the valley, not to
         its bottom: from where that ended it is begun anew, until nothing is gained. A fit that will
         not come below a `limit` ends early and is not settled; so does one that, a little later,
-        will not come below the cost of a fit of the same explanation which is `known`.
+        will not come below the cost of a fit of the same explanation which is `known`. Where it
+        leads to that one, that one is returned.
         """
+        least = math.inf if known is None else known.cost
         if not self._finite_elements:
-            return self._walk(self.model(unknowns), start, limit, known)[0]
+            return self._walk(self.model(unknowns), start, limit, least)[0]
         # On a coarse mesh first: an effect is nearly the same there, at a quarter of the time.
-        best, rough = self._walked(self.model(unknowns, SCREENING_MESH), start, limit, known)
+        best, rough = self._walked(self.model(unknowns, SCREENING_MESH), start, limit, least)
         hopeless = min(FITS.hopeless * self.errors.count, limit.later)
         if best is None:
-            best, _ = self._walked(self.model(unknowns), start, limit, known)
+            best, _ = self._walked(self.model(unknowns), start, limit, least)
         elif best.corrected and best.chi2 <= hopeless:
+            if known is not None and known.settled and known.is_near(best.u):
+                return known
             near = best
-            best, _ = self._walk(rough.exact(), near.u, limit, known, near=True)
+            best, _ = self._walked(rough.exact(), near.u, limit, least, near=True)
             if best is None:  # a skin that creases on the finer mesh alone
-                best, _ = self._walked(self.model(unknowns), start, limit, known)
+                best, _ = self._walked(self.model(unknowns), start, limit, least)
         if best is None or not best.corrected or best.chi2 > hopeless:
             return best
         return self._anchored(best)
@@ -215,7 +225,7 @@ class Fitter:
         These are what is compared in the end: it goes on along a long valley.
         """
         model = self.model(fit.unknowns)
-        best = self._walk(model, fit.u, NO_LIMIT, math.inf, near=True, on=True)[0]
+        best = self._walked(model, fit.u, NO_LIMIT, math.inf, near=True)[0]
         return best if best is None else self._anchored(best)
 
     def _anchored(self, best: Fit) -> Fit:
@@ -227,18 +237,24 @@ class Fitter:
         return best if final is None else replace(final, settled=best.settled)
 
     def _walked(
-        self, model: MappedModel, start: Array, limit: Limit, known: float
+        self,
+        model: MappedModel,
+        start: Array,
+        limit: Limit,
+        known: float,
+        *,
+        near: bool = False,
     ) -> tuple[Fit | None, MappedModel]:
         """Return where a model leads, begun anew from where it ended until nothing is gained."""
-        best, last = self._walk(model, start, limit, known)
+        best, last = self._walk(model, start, limit, known, near=near)
         for _ in range(FITS.walks):
             hopeless = min(FITS.hopeless * self.errors.count, limit.later)
             if best is None or not best.corrected or best.chi2 > hopeless:
                 break
-            if best.settled and not model.remembers(best.u):
+            if best.settled and (model.coarse or not model.remembers(best.u)):
                 break
-            again, after = self._walk(model.anew(), best.u, limit, known)
-            least = FITS.gain + FITS.close_share * max(0.0, best.chi2 - self.errors.count)
+            again, after = self._walk(model.anew(), best.u, limit, known, near=near)
+            least = self._worth(best, model)
             if again is None or again.cost > best.cost - least:
                 break
             best, last = again, after
@@ -273,12 +289,11 @@ class Fitter:
         known: float,
         *,
         near: bool = False,
-        on: bool = False,
     ) -> tuple[Fit | None, MappedModel]:
         """Return where one model, corrected from anchor to anchor, leads, and the model there.
 
-        `near`: it begins where a coarser mesh has led, and may end there. `on`: where a step came
-        out as expected it goes on all the same, as long as slopes from there promise more.
+        `near`: it begins where a coarser mesh has led, and may end there. On the mesh of record it
+        goes on where a step came out as expected, as long as slopes from there promise more.
         """
         unknowns = model.unknowns
         low, high = unknowns.bounds
@@ -293,12 +308,12 @@ class Fitter:
         best = self._finish(model, start)
         if best is None:
             return None, model
-        settled = again = False
+        settled = False
         idle = 0
         for k in range(FITS.anchors):
             before = best.cost
             missing = max(0.0, best.chi2 - self.errors.count)
-            least = FITS.gain + FITS.close_share * missing
+            least = self._worth(best, model)
             u = self.minimise(
                 model,
                 best.u,
@@ -333,23 +348,32 @@ class Fitter:
             settled = well and not at_edge
             if found.cost > best.cost:
                 radius = 0.4 * radius
-                if not (well or again):
-                    again = model.anchor(best.u)
+                if not well:
+                    model.anchor(best.u)
             else:
                 best = found
                 if well:
                     radius = np.minimum(2.5 * radius, widest)
-            # A flat valley: another anchor moves along it and gains nothing.
-            idle = idle + 1 if abs(found.cost - before) < least else 0
+            # A flat valley: another anchor moves along it and gains nothing, whatever is promised:
+            # answers of meshes that differ by a hair differ by so much.
+            gains = before - found.cost
+            nothing = abs(gains) < least or (gains < least and before - hoped < FITS.hair)
+            idle = idle + 1 if nothing else 0
             if idle >= FITS.idle_anchors:
                 settled = True
             stuck = k >= FITS.enough_anchors and best.cost > before - FITS.worth * (
                 best.chi2 - self.errors.count
             )
-            end = settled and not (on and well and idle < FITS.idle_anchors and model.sloped)
+            more = model.sloped and not model.coarse and well and idle < FITS.idle_anchors
+            end = settled and not more
             if end or (stuck and best.chi2 > 2.0 * FITS.hopeless * self.errors.count):
                 break
         return replace(best, settled=settled), model
+
+    def _worth(self, best: Fit, model: MappedModel) -> float:
+        """Return the gain of the cost for which a fit goes on."""
+        least = FITS.hair if model.coarse else FITS.gain
+        return least + FITS.close_share * max(0.0, best.chi2 - self.errors.count)
 
     def _change(self, now: list[Array], before: list[Array]) -> float:
         off = self.errors.whiten(np.concatenate(now) - np.concatenate(before))

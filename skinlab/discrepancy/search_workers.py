@@ -70,10 +70,10 @@ def _start(
     return np.asarray(np.clip(start, low, high))
 
 
-def fit_elsewhere(fitter: Fitter, task: tuple[Fit, Signature, float]) -> Fit | None:
+def fit_elsewhere(fitter: Fitter, task: tuple[Fit, Signature, Fit | None]) -> Fit | None:
     """Return the best fit with one more effect from the starts that `fit_one` does not take.
 
-    What is told with the task is the cost of a fit that is known.
+    What is told with the task is a fit that is known.
     """
     fit, seen, known = task
     unknowns = fit.unknowns.with_effect(seen.effect)
@@ -82,9 +82,8 @@ def fit_elsewhere(fitter: Fitter, task: tuple[Fit, Signature, float]) -> Fit | N
     for share, stiffer in FITS.elsewhere:
         start = _start(fit, unknowns, seen, share, stiffer)
         found = fitter.fit(unknowns, start, known=known)
-        alike += _agree(found, known)
-        if found is not None and (best is None or found.cost < best.cost):
-            best, known = found, min(known, found.cost)
+        alike += known is not None and _agree(found, known.cost)
+        best, known = _better(found, best), _better(found, known)
         if best is not None and (
             best.chi2 < FITS.hopeless * fitter.errors.count or alike >= FITS.alike
         ):
@@ -93,7 +92,7 @@ def fit_elsewhere(fitter: Fitter, task: tuple[Fit, Signature, float]) -> Fit | N
 
 
 def _continued(
-    fitter: Fitter, fit: Fit, seen: Signature, best: Fit | None, known: float
+    fitter: Fitter, fit: Fit, seen: Signature, best: Fit | None, known: Fit | None
 ) -> Fit | None:
     """Return the best fit along the effect's amplitude, each begun where the last one ended.
 
@@ -111,9 +110,8 @@ def _continued(
         if found is None:
             continue
         at = found.u
-        if best is None or found.cost < best.cost:
-            best, known = found, min(known, found.cost)
-        if best.chi2 < FITS.hopeless * fitter.errors.count:
+        best, known = _better(found, best), _better(found, known)
+        if best is not None and best.chi2 < FITS.hopeless * fitter.errors.count:
             break
     return best
 
@@ -124,8 +122,7 @@ def fit_one(fitter: Fitter, task: tuple[Fit, Signature, Limit]) -> Fit | None:
     unknowns = fit.unknowns.with_effect(seen.effect)
     best: Fit | None = None
     for share in FITS.shares:
-        known = math.inf if best is None else best.cost
-        found = fitter.fit(unknowns, _start(fit, unknowns, seen, share), limit, known)
+        found = fitter.fit(unknowns, _start(fit, unknowns, seen, share), limit, best)
         # Two starts that come to the same: so would a third. Beside what explains, it is enough
         # that the second one is no better, or that neither comes near.
         enough = best is not None and (
@@ -136,8 +133,7 @@ def fit_one(fitter: Fitter, task: tuple[Fit, Signature, Limit]) -> Fit | None:
             )
             or _far_off(fitter, fit, min((best, found or best), key=lambda f: f.cost), limit)
         )
-        if found is not None and (best is None or found.cost < best.cost):
-            best = found
+        best = _better(found, best)
         # An effect that does not take away what the screen expected may have been misled.
         if best is not None and (
             best.chi2 < FITS.hopeless * fitter.errors.count
@@ -175,8 +171,12 @@ def _from_usual(
     unknowns = fit.unknowns.with_effect(seen.effect)
     size = math.copysign(FITS.levels[0], seen.amount)
     start = _start(fit, unknowns, replace(seen, amount=size), 1.0)
-    found = fitter.fit(unknowns, start, limit, math.inf if best is None else best.cost)
-    return found if best is None or (found is not None and found.cost < best.cost) else best
+    return _better(fitter.fit(unknowns, start, limit, best), best)
+
+
+def _better(found: Fit | None, known: Fit | None) -> Fit | None:
+    """Return the fit that costs less, the one that is known where neither does."""
+    return found if known is None or (found is not None and found.cost < known.cost) else known
 
 
 def _agree(found: Fit | None, cost: float) -> bool:
@@ -207,5 +207,5 @@ def off_the_wall(fitter: Fitter, best: Fit, limit: Limit) -> Fit:
     own = start[unknowns.count :]
     little = np.where(high[unknowns.count :] > 0.0, FITS.little, -FITS.little)
     own[:] = np.where(sizes & (own == 0.0), little, own)
-    again = fitter.fit(unknowns, start, limit, best.cost)
+    again = fitter.fit(unknowns, start, limit, best)
     return best if again is None or again.cost >= best.cost else again

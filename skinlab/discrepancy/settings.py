@@ -110,6 +110,8 @@ class FitRules:
     """After so many, a fit that expects to stay above its limit ends."""
     idle_anchors: int = 2
     """After so many in a row that gain less than `gain`, it ends: the valley is flat."""
+    hair: float = 3.0
+    """Of the cost: a promise of less that comes to nothing gains nothing either;"""
     enough_anchors: int = 3
     """After so many, one that explains nothing goes on only while it gains `worth`, and a second
     try only while it expects to come below the first."""
@@ -132,6 +134,8 @@ class FitRules:
     """Or so much of the χ² that is more than noise: such a fit decides nothing."""
     effect_radius: float = 1.0
     """How far from an anchor an effect is trusted, in typical sizes."""
+    near: float = 0.1
+    """Typical sizes, or reaches of the law: a start that has led so near a fit leads to it."""
     at_bound: float = 1e-4
     """Of the range: an unknown so near its end is at it."""
     near_end: float = 0.1

@@ -57,6 +57,7 @@ _CORNER = 1e-2  # of the highest suction: a corner so small changes no correctio
 _FOLDED = replace(RELAXING, extrapolation_error=FITS.rough_steps, limits=FOLDED)
 _FELT_KNOWN = 16  # paths of so many settings of effects that change them
 _CURVED = 0.2  # in typical sizes, and of that at the anchor: below it is straight
+_BENT = 0.1  # an anchor nearer than that tells of the mesh, not of the bend
 _TREND = 5  # nodes from which a correction goes on beyond
 
 
@@ -66,10 +67,25 @@ class _Learnt:
 
     value: Array  # (m,)
     slopes: Array  # (m, k)
+    bend: tuple[Array, Array] | None = None  # (k,) along which, and by how much (m,)
 
     def at(self, off: Array) -> Array:
         """Return the corrections (n, m) off the anchor by (n, k)."""
-        return np.asarray(self.value + off @ self.slopes.T)
+        found = np.asarray(self.value + off @ self.slopes.T)
+        if self.bend is not None:
+            along, much = self.bend
+            found += np.square(off @ along)[:, None] * much
+        return found
+
+    def bends(self, value: Array, off: Array) -> None:
+        """Take a value off the anchor by (k,): along the way there it is a parabola.
+
+        A second order of one direction is what follows a valley that turns (Schnabel and Frank
+        1984, SIAM J. Numer. Anal. 21:815).
+        """
+        length = float(off @ off)
+        if length > _BENT**2:
+            self.bend = off / length, value - self.at(off[None])[0]
 
     def move(self, value: Array, off: Array) -> None:
         """Take the next anchor, and learn from it how the correction changes (Broyden 1965)."""
@@ -131,6 +147,11 @@ class MappedModel:
     def sloped(self) -> bool:
         """Whether all that corrects the table is known with its slopes: nothing relaxes."""
         return not self._courses
+
+    @property
+    def coarse(self) -> bool:
+        """Whether the mesh is that which leads the way: its bottom is not that of the model."""
+        return self.discretisation == SCREENING_MESH
 
     def needs_finite_elements(self, u: Array, *, memory: bool = True) -> bool:
         """Return whether the table alone does not tell the curves there, or the elastic ones."""
@@ -412,7 +433,14 @@ class MappedModel:
                 if found is None:
                     return False
                 ratios[key] = found
+        before, last = self._ratios, self._anchor
         self._ratios, self._anchor = ratios, u.copy()
+        if last is not None:
+            back = self._from_anchor(last[None])[0]
+            for key, (nodes, learnt) in ratios.items():
+                if key in before:
+                    then, known = before[key]
+                    learnt.bends(_between(then, known.value[None], nodes[None])[0], back)
         return not memory or self._anchor_courses(here, off)
 
     def _ratio(
