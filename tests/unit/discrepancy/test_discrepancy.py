@@ -10,6 +10,8 @@ from skinlab.curves.campaign import Campaign
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
+from skinlab.discrepancy.adequacy import Residual
+from skinlab.discrepancy.candidates import Candidate
 from skinlab.discrepancy.fit import NO_LIMIT, Limit, Misfit
 from skinlab.discrepancy.heldout import conditions_of, predict_held_out
 from skinlab.discrepancy.misfit import (
@@ -19,10 +21,11 @@ from skinlab.discrepancy.misfit import (
     OWN_FACTOR,
     errors_of,
 )
+from skinlab.discrepancy.race import Race
 from skinlab.discrepancy.records import by_geometry, records_of
 from skinlab.discrepancy.screen import Signature, alike, signature, worth_fitting
 from skinlab.discrepancy.search_workers import fit_elsewhere, fit_from, fit_one, off_the_wall
-from skinlab.discrepancy.settings import FITS
+from skinlab.discrepancy.settings import FITS, SEARCH
 from skinlab.discrepancy.space_mapping import MappedModel, _Learnt
 from skinlab.discrepancy.table_domes import Relaxation, TableDomes
 from skinlab.discrepancy.unknowns import Unknowns
@@ -687,6 +690,34 @@ def test_a_start_that_leads_to_a_fit_that_is_known_is_that_fit(table):
     found = fitter.fit(unknowns, start, known=elsewhere)
     assert found is not elsewhere
     assert found.cost == pytest.approx(known.cost, abs=2.0 * FITS.gain)
+
+
+def test_what_the_table_answers_runs_first_and_ends_the_others_early(plain):
+    fitter, fit = plain
+    effects = ("surface_layer", "tape_slip", "natural_tension", "contact_preload")
+    seen = {name: signature(fitter, fit, name) for name in effects}
+    costs = dict(zip(effects, (700.0, 600.0, 650.0, 900.0), strict=True))
+    begun = {}
+
+    class Pools:
+        def map(self, function, tasks):
+            assert function is fit_one
+            for _, one, limit in tasks:
+                begun[one.effect] = limit
+                yield replace(fit, cost=costs[one.effect])
+
+    def judged(found):
+        return Candidate(found, Residual(0.5 if found.cost < 800.0 else 0.0, (), 0.5), 0.0)
+
+    base = judged(replace(fit, cost=1600.0))
+    race = Race(Pools(), base, judged)
+    found = race.run([(fit, seen[name]) for name in effects])
+    # Of the costly ones first the one of those with the fewest unknowns that is likeliest.
+    assert list(begun) == ["contact_preload", "tape_slip", "natural_tension", "surface_layer"]
+    assert [c.fit.cost for c in found] == [costs[name] for name in begun]
+    assert begun["contact_preload"] == begun["tape_slip"] == NO_LIMIT
+    first = 600.0 + SEARCH.far + SEARCH.far_share * 1000.0
+    assert begun["natural_tension"] == begun["surface_layer"] == Limit(first, first)
 
 
 @pytest.mark.long

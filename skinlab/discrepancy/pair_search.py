@@ -1,0 +1,289 @@
+"""Pairs of effects: which are worth a fit, where they are begun, and what else might be as good."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from operator import attrgetter
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinlab.discrepancy.candidates import Candidate, best_fitting, best_of_each, outdone
+from skinlab.discrepancy.fit import NO_LIMIT, Fit, Limit
+from skinlab.discrepancy.race import Race
+from skinlab.discrepancy.screen import Signature, linear_pairs
+from skinlab.discrepancy.search_workers import fit_elsewhere, fit_from
+from skinlab.discrepancy.settings import FITS, NAMES, SEARCH
+from skinlab.discrepancy.unknowns import Unknowns
+from skinlab.inference.error_choice import ErrorChoice
+
+if TYPE_CHECKING:
+    from skinlab.discrepancy.search import Search
+
+Array = NDArray[np.float64]
+
+
+class PairSearch:
+    """Pairs of effects beside a search's single ones."""
+
+    def __init__(self, search: Search, race: Race) -> None:
+        """Take the search whose single effects these are beside, and its race."""
+        self._search, self._race, self._own = search, race, search.own
+
+    def beside(
+        self,
+        singles: list[Candidate],
+        most: int,
+        least: float,
+        signatures: Mapping[str, Signature] | None = None,
+        known: Sequence[Candidate] = (),
+        partners: int = SEARCH.partners,
+    ) -> list[Candidate]:
+        """Return pairs of the best singles, at most so many, with partners that gain so much.
+
+        With the signatures of single effects all their pairs are screened as well. What is `known`
+        is not fitted again. Each single gets so many `partners` at most.
+        """
+        fitted_already = {frozenset(c.effects[len(self._own) :]) for c in known}
+        leaders = sorted(singles, key=lambda c: -c.log10_evidence)[:most]
+        tasks: dict[frozenset[str], tuple[Fit, Signature]] = {}
+        for leader in leaders:
+            mine = leader.effects[-1]
+            self._search.progress(f"looking for a partner of {mine}")
+            library = [n for n in self._search.library if n != mine]
+            look = next((e for fit, e in self._search.looks if fit is leader.fit), None)
+            found, _ = self._race.screen(leader.fit, library, None if look is None else look.mode)
+            if look is not None:
+                # These may have taken up what the partner does; what repeats say has not.
+                found = self._by_errors_of_both(leader.fit, look, found)
+                by_repeats, _ = self._race.screen(leader.fit, library)
+                found = {
+                    n: max(s, found.get(n, s), key=attrgetter("gain"))
+                    for n, s in by_repeats.items()
+                }
+            new = [
+                s for s in sorted(found.values(), key=lambda s: -s.gain)
+                if s.gain > least and frozenset((mine, s.effect)) not in fitted_already
+            ]  # fmt: skip
+            for s in new[:partners]:
+                expected = leader.fit.cost - s.gain
+                names = frozenset((mine, s.effect))
+                if names not in tasks or expected < tasks[names][0].cost - tasks[names][1].gain:
+                    tasks[names] = leader.fit, s
+        ranked = sorted(tasks.values(), key=lambda t: t[0].cost - t[1].gain)[: SEARCH.most_pairs]
+        costs = {frozenset((f.effects[-1], s.effect)): f.cost - s.gain for f, s in ranked}
+        linear: list[tuple[Unknowns, Array]] = []
+        if signatures:
+            screened = linear_pairs(self._search.fitter, self._race.base.fit, signatures)
+            there = fitted_already | costs.keys()
+            others = [pair for pair in screened if frozenset(pair.names) not in there]
+            costs |= {
+                frozenset(pair.names): self._race.base.fit.cost - pair.gain for pair in others
+            }
+            chosen = sorted(costs, key=lambda names: costs[names])[: SEARCH.most_pairs]
+            ranked = [t for t in ranked if frozenset((t[0].effects[-1], t[1].effect)) in chosen]
+            linear = [pair.task for pair in others if frozenset(pair.names) in chosen]
+        if not ranked and not linear:
+            return []
+        told = [f"{f.effects[-1]} and {s.effect}" for f, s in ranked]
+        told += [" and ".join(u.effects[len(self._own) :]) for u, _ in linear]
+        self._search.progress("fitting pairs: " + ", ".join(told))
+        served = [*singles, *known]
+        fitted = self._race.run(ranked, served)
+        for i in range(0, len(linear), SEARCH.abreast):
+            limit = self._race.limit([*served, *fitted])
+            here = linear[i : i + SEARCH.abreast]
+            fitted += self._race.fitted(fit_from, [(*task, limit) for task in here])
+        return fitted
+
+    def among(
+        self,
+        singles: list[Candidate],
+        signatures: Mapping[str, Signature],
+        candidates: Sequence[Candidate],
+    ) -> list[Candidate]:
+        """Return all pairs that are worth a fit.
+
+        What comes nearest alone need not be one of the two.
+        """
+        pairs = self.beside(singles, SEARCH.leaders, SEARCH.seen, signatures, candidates)
+        pairs += self._nested(singles, pairs)
+        pairs += self._gone_on([*candidates, *pairs])
+        return pairs + self._further(singles, [*candidates, *pairs])
+
+    def _by_errors_of_both(
+        self, leader: Fit, look: ErrorChoice, found: Mapping[str, Signature]
+    ) -> dict[str, Signature]:
+        """Return partners' signatures with what they gain by the errors that both need, if more.
+
+        Errors that one effect alone needs are wider than those of both: a slip of 41 µm gained 6
+        beside a thickness, and 33 by those of both.
+        """
+        alone = self._search.linear(leader)
+        seen = {n: s for n, s in found.items() if s.gain > SEARCH.partly}
+        columns = [s.axes[s.which].prior[1] * look.mode.colour(s.direction) for s in seen.values()]
+        gains = self._search.gains_by_its_own_errors(
+            leader, [alone.beside(c[:, None]) for c in columns]
+        )
+        told = {
+            n: replace(s, gain=max(s.gain, gain))
+            for (n, s), gain in zip(seen.items(), gains, strict=True)
+        }
+        return {**found, **told}
+
+    def _nested(
+        self,
+        singles: Sequence[Candidate],
+        pairs: Sequence[Candidate],
+    ) -> list[Candidate]:
+        """Return those pairs again that fit worse than one of their members alone, begun at that.
+
+        With a second effect nothing fits worse: such a fit has not found its optimum.
+        """
+        found = []
+        for pair in pairs:
+            names = pair.effects[len(self._own) :]
+            alone = [c for c in singles if c.effects[-1] in names]
+            member = min(alone, key=lambda c: c.fit.cost, default=pair)
+            if member.fit.cost >= pair.fit.cost - FITS.gain:
+                continue
+            partner = [n for n in names if n != member.effects[-1]]
+            self._search.progress(
+                f"fitting {' and '.join(names)} again, from {member.effects[-1]} alone"
+            )
+            seen, _ = self._race.screen(member.fit, partner)
+            found += self._race.fits([(member.fit, s) for s in seen.values()])
+        return found
+
+    def _gone_on(self, known: Sequence[Candidate]) -> list[Candidate]:
+        """Return the pairs that come nearest, begun where they ended, where none explains.
+
+        A narrow valley takes more anchors than a fit has while others are in the race.
+        """
+        pairs = [c for c in known if len(c.effects) - len(self._own) > 1]
+        if not pairs or any(c.adequate for c in known):
+            return []
+        self._search.progress("going on with the pairs that come nearest")
+        near = best_fitting(pairs)
+        return self._race.fitted(fit_from, [(c.fit.unknowns, c.fit.u, NO_LIMIT) for c in near])
+
+    def _further(
+        self,
+        singles: Sequence[Candidate],
+        known: Sequence[Candidate],
+    ) -> list[Candidate]:
+        """Return more pairs where none explains: of the better half of the best one.
+
+        What the screen expects of a strong partner may be far off; of that half the next best
+        partners are fitted.
+        """
+        pairs = [c for c in known if len(c.effects) - len(self._own) > 1]
+        if not pairs or any(c.adequate for c in known):
+            return []
+        best = min(pairs, key=lambda c: c.fit.cost)
+        halves = [c for c in singles if c.effects[-1] in best.effects]
+        halves = sorted(halves, key=lambda c: c.fit.cost)[:1]
+        return self.beside(halves, 1, SEARCH.seen, known=known, partners=SEARCH.most_pairs)
+
+    def members(self, candidates: Sequence[Candidate]) -> list[Candidate]:
+        """Return fits of the single effects of pairs that explain, begun where the pair ended.
+
+        Where a pair leads. A strong effect changes the skin as well: from the base model's optimum
+        its fit may not find there, and then needs a partner that it has not; one that the screen
+        passed over was not fitted at all.
+        """
+        if self._leading_pair(candidates) is None:
+            return []
+        tasks: dict[tuple[str, ...], tuple[Unknowns, Array]] = {}
+        for pair in sorted(candidates, key=lambda c: c.fit.cost):
+            if pair.adequate and len(pair.effects) - len(self._own) > 1:
+                for name in pair.effects[len(self._own) :]:
+                    alone = self._search.unknowns.with_effect(name)
+                    start = alone.among(pair.fit.unknowns, pair.fit.u)
+                    tasks.setdefault(alone.effects, (alone, start))
+        found = list(tasks.values())[: SEARCH.members]
+        if found:
+            self._search.progress("fitting the members of pairs alone")
+        fitted = self._race.fitted(fit_from, [(*task, NO_LIMIT) for task in found])
+        return [c for c in fitted if c.adequate]
+
+    def rivals(self, candidates: list[Candidate]) -> list[Candidate]:
+        """Return the candidates; where a pair leads, with pairs that its members make elsewhere.
+
+        Beside one member's fit the right partner may seem to gain nothing: what both change of the
+        skin lies around a bend. So each member is added to the fits of other single effects.
+        """
+        best = self._leading_pair(candidates)
+        if best is None:
+            return candidates
+        members = best.effects[len(self._own) :]
+        alone = [
+            c for c in candidates
+            if len(c.effects) - len(self._own) == 1 and c.effects[-1] not in members
+        ]  # fmt: skip
+        tasks = []
+        for other in sorted(alone, key=lambda c: -c.log10_evidence)[: SEARCH.rivals]:
+            seen, _ = self._race.screen(other.fit, members)
+            tasks += [(other.fit, s) for s in seen.values()]
+        tasks.sort(key=lambda t: t[0].cost - t[1].gain)
+        if not tasks:
+            return candidates
+        told = ", ".join(f"{f.effects[-1]} and {s.effect}" for f, s in tasks[: SEARCH.rival_pairs])
+        self._search.progress(f"fitting its rivals: {told}")
+        limit = Limit.at(best.fit.cost + SEARCH.far)
+        found = self._race.fits(tasks[: SEARCH.rival_pairs], limit)
+        return best_of_each([*candidates, *found])
+
+    def every_single(
+        self,
+        chosen: Sequence[Signature],
+        singles: Sequence[Candidate],
+        candidates: Sequence[Candidate],
+    ) -> list[Candidate]:
+        """Return single effects that explain, begun elsewhere, where a pair leads alone.
+
+        Two effects with many ways to bend fill in for a strong one whose fit ended at a wall. The
+        `singles` that came nearest were begun elsewhere before.
+        """
+        if self._leading_pair(candidates) is None or any(
+            c.adequate and len(c.effects) - len(self._own) == 1 for c in candidates
+        ):
+            return []
+        self._search.progress("fitting every single effect from elsewhere")
+        begun = (
+            set() if self._race.base.adequate else {c.effects[-1] for c in best_fitting(singles)}
+        )
+        tasks = [(self._race.base.fit, s, None) for s in chosen if s.effect not in begun]
+        return [c for c in self._race.fitted(fit_elsewhere, tasks) if c.adequate]
+
+    def one_is_enough(self, candidates: Sequence[Candidate]) -> bool:
+        """Return whether a single effect explains the curves, and no pair does far better.
+
+        One with a number for each opening is no simpler than a pair, and may stand for any: it has
+        to lead by no more than a tie. One that is less likely than what leaves more than noise
+        stands for something else.
+        """
+        good = [c for c in candidates if c.adequate]
+
+        def numbers(one: Candidate) -> int:
+            return sum(a.effect == one.effects[-1] for a in one.fit.unknowns.axes)
+
+        alone = [c for c in good if len(c.effects) - len(self._own) == 1]
+        single = [c.log10_evidence for c in alone if numbers(c) < SEARCH.as_a_pair]
+        as_pairs = [c.log10_evidence for c in alone if numbers(c) >= SEARCH.as_a_pair]
+        pairs = [c.log10_evidence for c in good if len(c.effects) - len(self._own) > 1]
+        simplest = max(single, default=0.0)
+        return (
+            bool(single)
+            and max(pairs, default=0.0) - simplest < SEARCH.not_enough
+            and max(as_pairs, default=0.0) - simplest < NAMES.tie
+            and not outdone(candidates)
+        )
+
+    def _leading_pair(self, candidates: Sequence[Candidate]) -> Candidate | None:
+        """Return the candidate that explains best, if it is a pair."""
+        good = (c for c in candidates if c.adequate)
+        best = max(good, key=lambda c: c.log10_evidence, default=None)
+        return best if best is not None and len(best.effects) - len(self._own) > 1 else None
