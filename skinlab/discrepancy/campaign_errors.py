@@ -388,37 +388,48 @@ def samples_of(records: Sequence[Record]) -> Samples:
 
 def learn(
     records: Sequence[Record],
-    fits: Sequence[Linearised],
+    base: Linearised,
     thickness_mm: Array,
     *,
     noise_um: float | None,
     placement_scatter: float | None,
-    before: CampaignErrors | None = None,
 ) -> CampaignErrors:
-    """Return the errors as pure error and each of these explanations see them.
+    """Return the errors as pure error sees them: repeats and roughness, whatever the model.
 
     `thickness_mm` (u,) are `thickness_slopes`. `noise_um` is that which was stated;
-    `placement_scatter` as in a campaign. `before` is what was learned already: looks are added.
+    `placement_scatter` as in a campaign.
     """
-    looks = [] if before is None else list(before.looks)
+    pure, models = pure_error(records, base), _models(records, thickness_mm)
+    return CampaignErrors((_choose(records, pure, noise_um, placement_scatter, models),))
+
+
+def look_at_errors(
+    before: CampaignErrors,
+    records: Sequence[Record],
+    one: Linearised,
+    thickness_mm: Array,
+    *,
+    noise_um: float | None,
+    placement_scatter: float | None,
+) -> ErrorChoice:
+    """Return the errors as an explanation sees them, of the kinds that pure error has."""
+    kept = {part.name for part in before.pure.best.parts} | {"ou"}
+    models = [m for m in _models(records, thickness_mm) if m.name in kept]
+    return _choose(records, one.of_free, noise_um, placement_scatter, models)
+
+
+def _models(records: Sequence[Record], thickness_mm: Array) -> list[ErrorModel]:
+    """Return the kinds of errors that a campaign may have."""
     absent = ERRORS.placements_alike if _repeated(records) else 0.0
     rounded = _rounded(records)
     own: list[ErrorModel] = [] if rounded is None else [rounded]
     others = {Placement.name} | {model.name for model in own}
-    models: list[ErrorModel] = [
+    return [
         *(model for model in ERROR_MODELS.all() if model.name not in others),
         *own,
         Placement(absent, lone_zero=True),
         ThicknessScatter(thickness_mm, absent),
     ]
-    if not looks:
-        linear = pure_error(records, fits[0])
-        looks.append(_choose(records, linear, noise_um, placement_scatter, models))
-    kept = {part.name for part in looks[0].best.parts} | {"ou"}
-    models = [m for m in models if m.name in kept]
-    for one in fits:
-        looks.append(_choose(records, one.of_free, noise_um, placement_scatter, models))
-    return CampaignErrors(tuple(looks))
 
 
 def _repeated(records: Sequence[Record]) -> bool:

@@ -16,6 +16,7 @@ from skinlab.discrepancy.campaign_errors import (
     Linearised,
     learn,
     likeliest,
+    look_at_errors,
     outliers,
     pure_error,
     size_um,
@@ -185,14 +186,14 @@ class Search:
         self.progress("learning how large the errors are")
         records = creased(without(before.records, self._kept), first, domes)
         self._thickness_mm = thickness_slopes(before.records, first, domes)[~bad]
-        self.errors = self._learn(records, linear.only(~bad), None)
+        self.errors = self._learn(records, linear.only(~bad))
         fit = self._refitted(records, first)
         elsewhere = off_the_wall(self.fitter, fit, NO_LIMIT)
         if elsewhere.cost < fit.cost - FITS.gain:
             # The first errors know of no places: with them the law had ended at a wall, and these
             # were learned there.
             self._thickness_mm = thickness_slopes(records, elsewhere, domes)
-            self.errors = self._learn(records, self.linear(elsewhere), None)
+            self.errors = self._learn(records, self.linear(elsewhere))
             fit = self._refitted(records, elsewhere)
         node = self.errors.pure.nodes[0]
         pure = pure_error(records, self.linear(fit))
@@ -202,8 +203,9 @@ class Search:
             records = [replace(r, bend_mm=b) for r, b in zip(records, bends, strict=True)]
             self.fitter = self.fitter.with_errors(records, self.fitter.errors)
             self._thickness_mm = thickness_mm
-            self.errors = self._learn(records, self.linear(fit), None)
+            self.errors = self._learn(records, self.linear(fit))
             fit = self._refitted(records, fit)
+        self.errors = self.errors_with(fit)
         self._first = self.errors.looks
         return self.candidate(fit, None)
 
@@ -216,17 +218,20 @@ class Search:
             raise NotTrustworthyError("the model has no answer for these curves")
         return fit
 
-    def _learn(
-        self, records: Sequence[Record], one: Linearised, before: CampaignErrors | None
-    ) -> CampaignErrors:
+    def _learn(self, records: Sequence[Record], one: Linearised) -> CampaignErrors:
         return learn(
-            records, [one], self._thickness_mm, noise_um=self._noise_um,
-            placement_scatter=self._placement_scatter, before=before,
+            records, one, self._thickness_mm, noise_um=self._noise_um,
+            placement_scatter=self._placement_scatter,
         )  # fmt: skip
 
     def errors_with(self, fit: Fit) -> CampaignErrors:
         """Return the errors that were learned, with the look that this explanation gives."""
-        return self._learn(self.fitter.records, self.linear(fit), self.errors)
+        assert self.errors is not None
+        found = look_at_errors(
+            self.errors, self.fitter.records, self.linear(fit), self._thickness_mm,
+            noise_um=self._noise_um, placement_scatter=self._placement_scatter,
+        )  # fmt: skip
+        return CampaignErrors((*self.errors.looks, found))
 
     def linear(self, fit: Fit) -> Linearised:
         """Return an explanation about its fit."""

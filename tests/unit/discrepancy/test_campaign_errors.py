@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hidden_effects import learned
 from scipy.stats import multivariate_normal
 
 from skinlab.curves.campaign import Campaign
@@ -79,8 +80,7 @@ def test_repeats_and_roughness_tell_the_errors_whatever_the_model_misses(table):
 
     fitter, fit = fitted(table, campaign(table, errors))
     linear = Linearised.of(fit, fitter.errors, fitter.measured)
-    none = np.zeros(len(fitter.measured))
-    found = learn(fitter.records, [linear], none, noise_um=None, placement_scatter=None)
+    found = learned(fitter.records, linear)
     told = found.pure.parameters()
     assert told["white_um"] == pytest.approx(2.0, abs=0.6)
     assert told["ou_um"] == pytest.approx(2.0, abs=0.8)
@@ -108,7 +108,7 @@ def test_repeats_tell_whether_placements_differ_at_all(table, scatter, plan, low
     fitter, fit = fitted(table, campaign(table, errors, plan))
     linear = Linearised.of(fit, fitter.errors, fitter.measured)
     none = np.zeros(len(fitter.measured))
-    found = learn(fitter.records, [linear], none, noise_um=None, placement_scatter=None)
+    found = learn(fitter.records, linear, none, noise_um=None, placement_scatter=None)
     assert low <= found.pure.parameters()["placement_scatter"] <= high
 
 
@@ -255,13 +255,12 @@ def test_a_second_effect_has_to_be_there_again(table, curves, size_um, needed):
         t = np.linspace(0.0, 1.0, ends[i + 1] - ends[i])
         wave[ends[i] : ends[i + 1], 0] = 1e-3 * size_um * np.sin(6 * np.pi * t)
     off = replace(plain, residual_mm=plain.residual_mm + wave[:, 0])
-    none = np.zeros(len(fitter.measured))
-    errors = learn(fitter.records, [plain], none, noise_um=2.0, placement_scatter=0.0)
+    errors = learned(fitter.records, plain, noise_um=2.0, placement_scatter=0.0)
     left = Residual(1.0, (), 1.0)
     alone, pair = Candidate(fit, left, 10.0), Candidate(replace(fit), left, 10.0)
     linear = {id(alone): off, id(pair): off.beside(wave)}
     discipline = Discipline(fitter.records, errors, linear, {})
-    lead = discipline.ahead(pair, alone, np.ones(len(none), dtype=bool))
+    lead = discipline.ahead(pair, alone, np.ones(len(fitter.measured), dtype=bool))
     odds = -1.7
     assert lead + odds > NAMES.tie
     leading = replace(pair, log10_evidence=10.0 + lead + odds)
@@ -278,8 +277,7 @@ def test_a_name_is_there_again_though_a_second_effect_says_a_little_more(table):
     time = np.concatenate([r.curve.time_s for r in fitter.records])
     strong, weak = (size * np.sin(k * time)[:, None] for size, k in ((4e-3, 2.0), (8e-4, 5.0)))
     off = replace(plain, residual_mm=plain.residual_mm + (strong + weak)[:, 0])
-    none = np.zeros(len(time))
-    errors = learn(fitter.records, [plain], none, noise_um=2.0, placement_scatter=0.0)
+    errors = learned(fitter.records, plain, noise_um=2.0, placement_scatter=0.0)
     moved = replace(fit, deflections_mm=[w + 2e-3 for w in fit.deflections_mm])
     left = Residual(1.0, (), 1.0)
     base, one, both = (Candidate(replace(f), left, 0.0) for f in (fit, moved, moved))

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hidden_effects import RAMPS, SKIN, TRUE, fitter_of, measured
+from hidden_effects import RAMPS, SKIN, TRUE, fitter_of, learned, measured
 
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
 from skinlab.discrepancy.adequacy import Residual, look
-from skinlab.discrepancy.campaign_errors import Linearised, learn
+from skinlab.discrepancy.campaign_errors import Linearised
 from skinlab.discrepancy.candidates import Candidate, Found, may_still_win
 from skinlab.discrepancy.discipline import Trial
 from skinlab.discrepancy.fit import Fit
@@ -354,13 +354,12 @@ def test_what_is_planned_has_the_errors_by_which_explanations_explain(table):
     elsewhere = fitter.model(fit.unknowns).predict(softer)
     off = replace(linear, residual_mm=fitter.measured - np.concatenate(elsewhere))
     off = replace(off, slopes_mm=1e-6 * off.slopes_mm)  # the law cannot give way
-    thickness = np.zeros(len(fitter.measured))
 
     def scatter(one):
-        learned = learn(fitter.records, [one], thickness, noise_um=None, placement_scatter=None)
-        weights = learned.weights([one])
+        errors = learned(fitter.records, one)
+        weights = errors.weights([one])
         assert sum(w for _, w in weights) == pytest.approx(1.0)
-        planned = PlannedErrors.settings(learned, [one])
+        planned = PlannedErrors.settings(errors, [one])
         assert len(planned) == PLANS.settings
         return [p.stiffness for p in planned]
 
