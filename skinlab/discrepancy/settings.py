@@ -186,6 +186,8 @@ class SearchRules:
     smaller ones `life_named_of_one_hidden` and `life_two_hidden_named_rightly` down.
     """
 
+    rounds: int = 2
+    """Times that errors are learned about a better fit of the model as it is."""
     agreeing: int = 4
     """Starts of the law alone that have to lead to the same fit."""
     as_a_pair: int = 3

@@ -11,6 +11,12 @@ import numpy as np
 import pytest
 
 from skinlab.curves.campaign import read_campaign
+from skinlab.discrepancy.fit import Fitter
+from skinlab.discrepancy.misfit import errors_of
+from skinlab.discrepancy.records import coarsened, records_of
+from skinlab.discrepancy.search import Search
+from skinlab.discrepancy.settings import ERRORS, FITS
+from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.discrepancy.workflow import explain
 
 sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
@@ -170,3 +176,16 @@ def test_scores_count_what_was_said():
 def test_what_is_no_answer_is_refused_by_its_name(answer):
     with pytest.raises(ValueError, match="c007: "):
         score.check("c007", answer)
+
+
+def test_the_model_as_it_is_is_fitted_to_its_optimum_by_the_errors_that_it_ends_with(table):
+    """By errors that know of no places it had ended at ν = 0.499: 76 above it, a tie of five."""
+    truth, made = make("life_none", 201911, 175)
+    records = [coarsened(r, ERRORS.coarse_hz) for r in records_of(made.campaign)]
+    search = Search(Fitter(records, errors_of(records), TableDomes(table)))
+    base = search.learned_base()
+    x1, x2, nu = truth.skin.values
+    true = search.fitter.fit(base.fit.unknowns, np.array([np.log(x1), np.log(x2 / x1), nu]))
+    assert base.fit.cost < true.cost + FITS.gain
+    assert base.adequate
+    assert base.fit.u[2] == pytest.approx(nu, abs=3.0 * base.fit.deviations[2])
