@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from operator import attrgetter
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from skinlab.discrepancy.campaign_errors import Linearised
 from skinlab.discrepancy.candidates import Candidate, best_fitting, best_of_each, outdone
-from skinlab.discrepancy.fit import NO_LIMIT, Fit, Limit
+from skinlab.discrepancy.fit import NO_LIMIT, Fit, Fitter, Limit
 from skinlab.discrepancy.race import Race
 from skinlab.discrepancy.screen import Signature, linear_pairs
 from skinlab.discrepancy.search_workers import fit_elsewhere, fit_from
@@ -19,16 +20,30 @@ from skinlab.discrepancy.settings import FITS, NAMES, SEARCH
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.inference.error_choice import ErrorChoice
 
-if TYPE_CHECKING:
-    from skinlab.discrepancy.search import Search
-
 Array = NDArray[np.float64]
+
+
+class Singles(Protocol):
+    """What pairs ask of the search whose single effects they are beside."""
+
+    fitter: Fitter
+    unknowns: Unknowns
+    own: tuple[str, ...]
+    library: list[str]
+    looks: list[tuple[Fit, ErrorChoice]]
+    progress: Callable[[str], None]
+
+    def linear(self, fit: Fit) -> Linearised:
+        """Return an explanation about its fit."""
+
+    def gains_by_its_own_errors(self, fit: Fit, others: Sequence[Linearised]) -> list[float]:
+        """Return twice the log evidence of others over a fit, each by errors like that one's."""
 
 
 class PairSearch:
     """Pairs of effects beside a search's single ones."""
 
-    def __init__(self, search: Search, race: Race) -> None:
+    def __init__(self, search: Singles, race: Race) -> None:
         """Take the search whose single effects these are beside, and its race."""
         self._search, self._race, self._own = search, race, search.own
 
