@@ -30,24 +30,31 @@ from skinlab.discrepancy.space_mapping import MappedModel
 from skinlab.inference.covariance import Covariance, OrnsteinUhlenbeck
 from skinlab.inference.error_choice import Node
 from skinlab.inference.noise import MESH_REST, slope_mm_per_mbar
+from skinlab.mechanics.effects.regulator_lag import RegulatorLag
+from skinlab.mechanics.fem.skin import SkinProblem
 from skinlab.mechanics.fem.suction import Geometry
 
 Array = NDArray[np.float64]
 
-# To suctions at which skins dome about alike: beyond, they crease, and two meshes differ by more
-# than is counted with.
-MENU = tuple(
-    (aperture, program)
-    for aperture, top in PLANS.tops_mbar.items()
-    for program in (
-        f"ramp:{top}@60,ramp:0@60",
-        f"ramp:{top}@80,hold:20,ramp:0@80,hold:8",
-        f"ramp:{top}@{top // PLANS.slow_s},ramp:0@{top // PLANS.slow_s}",
-    )
-)
 _STEP = 1e-3  # of an unknown, for slopes
+_BEHIND_S = (0.0, *np.geomspace(0.01, 2.0, 40).tolist())  # lags of a rig that are tried
+_RIG = RegulatorLag()  # between what is asked for and what the pressure sensor sees
 
 Names = tuple[str, ...]
+
+
+def menu(aperture_mm: float, holds_to_mbar: float = math.inf) -> tuple[str, ...]:
+    """Return the programs of an opening, for a skin that creases at a suction."""
+    least = int(PLANS.of_crease * min(holds_to_mbar, 1e4)) // 10 * 10
+    top = min(PLANS.tops_mbar[aperture_mm], least)
+    if top < PLANS.least_top_mbar:
+        return ()
+    slow = math.ceil(top / PLANS.slow_s)
+    return (
+        f"ramp:{top}@60,ramp:0@60",
+        f"ramp:{top}@80,hold:20,ramp:0@80,hold:8",
+        f"ramp:{top}@{slow},ramp:0@{slow}",
+    )
 
 
 @dataclass(frozen=True)
@@ -320,9 +327,18 @@ def _looks(fitter: Fitter, tied: Sequence[Fit], errors: Sequence[PlannedErrors])
     """Return the menu as the explanations see it; what one of them does not bear is left out."""
     have = {(r.geometry.aperture_mm, str(r.curve.setup.program or "")) for r in fitter.records}
     apertures = {r.geometry.aperture_mm for r in fitter.records}
+    creases = {r.geometry: r.creases_mbar for r in fitter.records}
+    lag_s = _lag_s(fitter.records)
     found = []
     for aperture in PLANS.tops_mbar:
-        records = [_planned(fitter, a, program) for a, program in MENU if a == aperture]
+        geometry = Geometry(aperture, fitter.records[0].geometry.thickness_mm)
+        each = [
+            fitter.domes.creases_mbar(SkinProblem(geometry, f.unknowns.skin(f.u))) for f in tied
+        ]
+        holds_to = creases.get(geometry, each[0])
+        if not (programs := menu(aperture, min(holds_to, *each))):
+            continue
+        records = [_planned(fitter, geometry, one, holds_to, lag_s) for one in programs]
         seen = [_expected(fitter, fit, records) for fit in tied]
         held = [one for one in seen if one is not None]
         if len(held) < len(tied):
@@ -330,13 +346,16 @@ def _looks(fitter: Fitter, tied: Sequence[Fit], errors: Sequence[PlannedErrors])
         for i, record in enumerate(records):
             curves = [curves[i] for curves, _ in held]
             middle = replace(record, curve=_with(record, np.mean(curves, axis=0)))
-            columns = np.column_stack(
-                [*(c - curves[0] for c in curves), *(slopes[i] for _, slopes in held)]
-            )
+            mesh = _Mesh.of(fitter, middle)
+            ways = [mesh.given(fit, slopes[i]) for fit, (_, slopes) in zip(tied, held, strict=True)]
+            curves = [c + mesh.expected_mm(fit) for fit, c in zip(tied, curves, strict=True)]
+            columns = np.column_stack([*(c - curves[0] for c in curves), *ways])
             for placements in range(1, PLANS.most_placements + 1):
                 many = [replace(middle, placement=k) for k in range(placements)]
                 whole = [
-                    _errors(fitter, tied[0], many, one).whiten(np.tile(columns, (placements, 1)))
+                    _errors(fitter, tied[0], many, mesh.left_mm, one).whiten(
+                        np.tile(columns, (placements, 1))
+                    )
                     for one in errors
                 ]
                 program = str(record.curve.setup.program)
@@ -347,6 +366,41 @@ def _looks(fitter: Fitter, tied: Sequence[Fit], errors: Sequence[PlannedErrors])
     return found
 
 
+@dataclass(frozen=True, eq=False)
+class _Mesh:
+    """In what the mesh errs in a planned curve, as far as the campaign does not tell it.
+
+    The mesh is that of the campaign: what each explanation needs of its errors there it expects
+    of them again. Two that are apart by what the mesh may do are not told apart by more of it.
+    """
+
+    shapes_mm: Array  # (n, m), a standard deviation each before the campaign
+    left_mm: Array  # (n, m), the same after it
+    white: Array  # (u, m), the same shapes of the campaign's samples, whitened
+    fitter: Fitter
+
+    @classmethod
+    def of(cls, fitter: Fitter, planned: Record) -> _Mesh:
+        """Return it for one curve."""
+        shapes = mesh_columns([*fitter.records, planned])
+        white = fitter.errors.whiten(shapes[: fitter.errors.count])
+        new = shapes[fitter.errors.count :]
+        values, vectors = np.linalg.eigh(np.eye(white.shape[1]) - white.T @ white)
+        # To a higher suction than before the shapes are stretched: none is known too well.
+        left = vectors * np.sqrt(np.maximum(values, 0.0))
+        return cls(new, new @ left, white, fitter)
+
+    def expected_mm(self, fit: Fit) -> Array:
+        """Return what the mesh is expected to add to the curve (n,) where this fit is right."""
+        left = self.fitter.measured - np.concatenate(fit.deflections_mm)
+        return np.asarray(self.shapes_mm @ (self.white.T @ self.fitter.errors.whiten(left)))
+
+    def given(self, fit: Fit, ways_mm: Array) -> Array:
+        """Return how the curve gives way (n, k), the mesh's errors with it."""
+        root = np.linalg.cholesky(np.linalg.inv(fit.information))
+        return np.asarray(ways_mm - self.shapes_mm @ (self.white.T @ fit.jacobian @ root))
+
+
 def _minutes(record: Record, placements: int, *, opened: bool) -> float:
     """Return what a measurement takes of a patient's time."""
     program = record.curve.setup.program
@@ -355,18 +409,40 @@ def _minutes(record: Record, placements: int, *, opened: bool) -> float:
     return round(placements * each + (PLANS.opening_min if opened else 0.0), 1)
 
 
-def _planned(fitter: Fitter, aperture: float, program_text: str) -> Record:
+def _lag_s(records: Sequence[Record]) -> float:
+    """Return how long the measured suction is behind its program, of the first order.
+
+    A rig does not make the corners that are asked for, and these are what tells lags apart.
+    """
+    left = np.zeros(len(_BEHIND_S))
+    for record in records:
+        program, time = record.curve.program_as_run, record.curve.time_s
+        if program is None:
+            continue
+        path = PressurePath.of_program(program)
+        for i, lag in enumerate(_BEHIND_S):
+            made = _RIG.felt(path, {"tau_s": lag})
+            # It began with the first sample, or that is lost and the clock tells.
+            off = [record.pressure_mbar - made(time - begin) for begin in (0.0, time[0])]
+            left[i] += min(float(np.square(one).sum()) for one in off)
+    return _BEHIND_S[int(left.argmin())]
+
+
+def _planned(
+    fitter: Fitter, at: Geometry, program_text: str, creases_mbar: float, lag_s: float
+) -> Record:
     """Return a record that was not measured, with the campaign's rate and noise."""
     like = fitter.records[0]
     program = parse_program(program_text)
     step_s = float(np.median(np.diff(like.curve.time_s)))
     time = step_s * np.arange(math.floor(program.duration_s / step_s) + 1, dtype=np.float64)
-    path = PressurePath.of_program(program)
-    setup = Setup(aperture, like.geometry.thickness_mm, program)
+    path = _RIG.felt(PressurePath.of_program(program), {"tau_s": lag_s})
+    setup = Setup(at.aperture_mm, at.thickness_mm, program)
     pressure = path(time)
-    curve = Curve(f"planned, {aperture:g} mm", setup, time, pressure, np.zeros(len(time)))
-    geometry = Geometry(aperture, like.geometry.thickness_mm)
-    return Record(curve, geometry, path, pressure, like.pressure_sd_mbar, like.noise_um)
+    curve = Curve(f"planned, {at.aperture_mm:g} mm", setup, time, pressure, np.zeros(len(time)))
+    return Record(
+        curve, at, path, pressure, like.pressure_sd_mbar, like.noise_um, creases_mbar=creases_mbar
+    )
 
 
 def _with(record: Record, deflection_mm: Array) -> Curve:
@@ -375,9 +451,12 @@ def _with(record: Record, deflection_mm: Array) -> Curve:
 
 
 def _errors(
-    fitter: Fitter, fit: Fit, records: Sequence[Record], errors: PlannedErrors
+    fitter: Fitter, fit: Fit, records: Sequence[Record], mesh_mm: Array, errors: PlannedErrors
 ) -> Covariance:
-    """Return the covariance of planned curves, each a placement of its own."""
+    """Return the covariance of planned curves, each a placement of its own.
+
+    `mesh_mm` (n, m) are the shapes in which the mesh may err in all of them.
+    """
     first, n = records[0], len(records[0].curve)
     w, p = first.curve.deflection_mm, first.pressure_mbar
     slope = slope_mm_per_mbar(p, w)
@@ -391,7 +470,7 @@ def _errors(
     placed = np.kron(np.eye(len(records)), np.column_stack(own))
     return Covariance(
         np.tile(variance, len(records)),
-        np.hstack([mesh_columns(records), placed]),
+        np.hstack([np.tile(mesh_mm, (len(records), 1)), placed]),
         tuple(n * (k + 1) for k in range(len(records))),
         OrnsteinUhlenbeck(1e-3 * errors.ou_um, errors.ou_s) if errors.ou_um else None,
         np.tile(first.curve.time_s, len(records)),

@@ -354,6 +354,10 @@ class PlanRules:
     )
     """By the opening in mm: suctions at which skins dome about alike. Beyond, they crease, and two
     meshes differ by more than is counted with."""
+    of_crease: float = 0.9
+    """Suctions go up to this share of that at which the skin creases: a placement may be softer."""
+    least_top_mbar: int = 30
+    """An opening whose skin does not bear as much is left out."""
     slow_s: int = 25
     """Up, and again down: suction without a pause may last 60 s, and samples tell."""
     settings: int = 3

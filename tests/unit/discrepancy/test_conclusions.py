@@ -14,14 +14,25 @@ from skinlab.discrepancy.candidates import Candidate, Found, may_still_win
 from skinlab.discrepancy.discipline import Trial
 from skinlab.discrepancy.fit import Fit
 from skinlab.discrepancy.heldout import conditions_of, predict_held_out
-from skinlab.discrepancy.misfit import errors_of
-from skinlab.discrepancy.next_measurement import MENU, Planned, PlannedErrors, _Look, _Odds, advise
+from skinlab.discrepancy.misfit import errors_of, mesh_columns
+from skinlab.discrepancy.next_measurement import (
+    Planned,
+    PlannedErrors,
+    _lag_s,
+    _Look,
+    _Mesh,
+    _Odds,
+    _planned,
+    advise,
+    menu,
+)  # fmt: skip
 from skinlab.discrepancy.records import records_of, without
 from skinlab.discrepancy.settings import ERRORS, PLANS, SEARCH
+from skinlab.discrepancy.space_mapping import MappedModel
 from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.discrepancy.verdict import Verdict, decide, disciplined, outdone_by_names
-from skinlab.mechanics.effects.model import solve_skin
+from skinlab.mechanics.effects.model import felt_path, solve_skin
 from skinlab.mechanics.fem.skin import SkinProblem
 from skinlab.mechanics.fem.suction import Geometry
 
@@ -281,11 +292,14 @@ def test_the_gap_of_a_model_without_fault_is_the_one_that_is_expected(table):
 
 
 def test_what_may_be_advised_is_what_a_driver_allows():
-    for aperture, text in MENU:
-        program = parse_program(text)
+    for aperture, top in PLANS.tops_mbar.items():
         assert aperture in (2.0, 4.0, 6.0, 8.0)
-        assert program.max_pressure_mbar <= 500
-        assert program.duration_s <= 60
+        assert not menu(aperture, 30.0)
+        for holds_to in (34.0, 77.0, 102.0, 311.0, float("inf")):
+            for text in menu(aperture, holds_to):
+                program = parse_program(text)
+                assert program.max_pressure_mbar <= min(500, top, 0.9 * holds_to)
+                assert program.duration_s <= 60
 
 
 def test_a_plan_that_confirms_the_leader_alone_settles_nothing():
@@ -328,6 +342,63 @@ def test_the_advice_separates_what_one_ramp_leaves_tied(table):
     assert found.plan.settled >= min(alone.settled, 0.8) - 1e-9
     if alone.settled >= 0.8:
         assert found.plan.minutes <= alone.minutes
+
+
+def test_what_the_mesh_does_in_the_campaign_it_does_again(table):
+    """Two explanations that are apart by what the mesh may do are not told apart by more of it."""
+    fitter = fitter_of(measured({}, RAMPS), table)
+    at = fitter.records[2].geometry
+    planned = _planned(fitter, at, "ramp:100@60,ramp:0@60", np.inf, 0.0)
+    one = fitter.fit(Unknowns(()), TRUE)
+    (curve,) = MappedModel([planned], one.unknowns, fitter.domes).predict(one.u)
+    mesh = _Mesh.of(fitter, replace(planned, curve=replace(planned.curve, deflection_mm=curve)))
+    shapes = mesh_columns(fitter.records)
+    j = int(np.abs(shapes[len(fitter.records[0].curve) :]).max(axis=0).argmax())
+    moved = np.split(shapes[:, j], np.cumsum([len(r.curve) for r in fitter.records])[:-1])
+    off = [w + 3.0 * m for w, m in zip(one.deflections_mm, moved, strict=True)]
+    found = mesh.expected_mm(replace(one, deflections_mm=off)) - mesh.expected_mm(one)
+    # The same shape of the planned curve is at most as far off; most of that is known.
+    share = float(found @ mesh.shapes_mm[:, j] / np.square(mesh.shapes_mm[:, j]).sum())
+    assert -3.0 <= share < -1.5
+    # Nothing that is known becomes less so.
+    before, after = (np.square(x).sum(axis=1) for x in (mesh.shapes_mm, mesh.left_mm))
+    assert (after <= before * (1 + 1e-9)).all()
+    assert after[-10] < 0.7 * before[-10]
+
+
+def test_corners_that_the_rig_does_not_make_are_not_planned_with(table):
+    """What tells lags apart is corners: a pump that rounds them tells less."""
+    campaign = measured({}, RAMPS)
+    assert _lag_s(records_of(campaign)) == 0.0
+    late = []
+    for curve in campaign.curves:
+        path = PressurePath.of_program(curve.setup.program)
+        made = felt_path({"regulator_lag": {"tau_s": 0.24}}, path)
+        late.append(replace(curve, pressure_mbar=made(curve.time_s)))
+    records = records_of(replace(campaign, curves=tuple(late)))
+    lag_s = _lag_s(records)
+    assert lag_s == pytest.approx(0.24, rel=0.15)
+    fitter = fitter_of(campaign, table).with_errors(records, errors_of(records))
+    planned = _planned(fitter, records[0].geometry, "ramp:100@60,ramp:0@60", np.inf, lag_s)
+    assert 80 < planned.path.top_mbar < 95
+    assert planned.pressure_mbar[3] < 0.5 * 60 * 0.15  # 0.15 s after it began
+
+
+def test_no_suction_is_advised_at_which_a_skin_creases(table):
+    """The table goes on beyond a crease; the skin of the person that it is advised for does not."""
+    fitter = fitter_of(measured({}, [(6.0, "ramp:60@20", 1)]), table)
+    soft = np.array([np.log(0.012), np.log(30.0), 0.2])
+    unknowns = Unknowns(("deflection_offset",))
+    one = fitter.fit(unknowns, np.append(TRUE, 1.0))
+    far = [replace(one, u=np.append(soft, s)) for s in (0.0, 6.0)]
+    errors = [PlannedErrors(white_um=1.0)]
+    found = advise(fitter, far, [0.0, 0.0], errors, np.random.default_rng(0))
+    assert found is not None
+    every = [*found.plan.measurements, *found.alone.measurements]
+    for each in every:
+        problem = SkinProblem(Geometry(each.aperture_mm, 1.1), unknowns.skin(far[0].u))
+        creases = fitter.domes.creases_mbar(problem)
+        assert parse_program(each.program).max_pressure_mbar <= 0.9 * creases
 
 
 def test_placements_that_scatter_are_met_by_putting_the_probe_on_again(table):
