@@ -129,6 +129,7 @@ class PlannedErrors:
     stiffness: float = 0.0  # standard deviations, of each placement
     offset_um: float = 0.0
     thickness: float = 0.0
+    sines: tuple[tuple[float, float], ...] = ()  # µm and Hz of breath and pulse, in each curve
 
     @classmethod
     def of(cls, node: Node) -> PlannedErrors:
@@ -147,6 +148,11 @@ class PlannedErrors:
             known.get("placement_scatter", 0.0),
             known.get("placement_offset_um", 0.0),
             known.get("placement_thickness", 0.0),
+            tuple(
+                (known[f"{part.name}_um"], known[hz])
+                for part in node.combination.parts
+                if (hz := f"{part.name}_hz") in known
+            ),
         )
 
     @classmethod
@@ -467,6 +473,9 @@ def _errors(
     if errors.thickness:
         thicker = thickness_slopes([first], replace(fit, deflections_mm=[w]), fitter.domes)
         own.append(errors.thickness * thicker)
+    for size_um, hz in errors.sines:
+        angle = 2.0 * np.pi * hz * first.curve.time_s
+        own += [1e-3 * size_um * np.sin(angle), 1e-3 * size_um * np.cos(angle)]
     placed = np.kron(np.eye(len(records)), np.column_stack(own))
     return Covariance(
         np.tile(variance, len(records)),

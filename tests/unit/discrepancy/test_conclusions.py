@@ -20,6 +20,7 @@ from skinlab.discrepancy.next_measurement import (
     PlannedErrors,
     _lag_s,
     _Look,
+    _looks,
     _Mesh,
     _Odds,
     _planned,
@@ -399,6 +400,21 @@ def test_no_suction_is_advised_at_which_a_skin_creases(table):
         problem = SkinProblem(Geometry(each.aperture_mm, 1.1), unknowns.skin(far[0].u))
         creases = fitter.domes.creases_mbar(problem)
         assert parse_program(each.program).max_pressure_mbar <= 0.9 * creases
+
+
+def test_a_breath_is_planned_with(table):
+    """A drift goes for some seconds as a breath does: a plan that forgets it promises too much."""
+    fitter = fitter_of(measured({}, [(6.0, "ramp:100@20", 1)]), table)
+    one = fitter.fit(Unknowns(("baseline_drift",)), np.append(TRUE, 3.0))
+    far = [replace(one, u=np.append(one.u[:3], s)) for s in (0.0, 0.5)]
+
+    def each(*sines: tuple[float, float]) -> list[float]:
+        looks = _looks(fitter, far, [PlannedErrors(white_um=3.0, sines=sines)])
+        return [look.gram[0, 1, 1] for look in looks]  # of the two curves' difference
+
+    quiet, breathing = np.array(each()), np.array(each((8.0, 0.05)))
+    assert (breathing < quiet).all()
+    assert (breathing / quiet).min() < 0.6  # of a curve that is over before the breath is
 
 
 def test_placements_that_scatter_are_met_by_putting_the_probe_on_again(table):
