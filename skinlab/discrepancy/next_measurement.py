@@ -24,7 +24,7 @@ from skinlab.discrepancy.campaign_errors import CampaignErrors, Linearised
 from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.misfit import mesh_columns
 from skinlab.discrepancy.placement_curves import softer_mm, thickness_slopes
-from skinlab.discrepancy.records import Record
+from skinlab.discrepancy.records import Record, fitted_lag_s
 from skinlab.discrepancy.settings import PLANS
 from skinlab.discrepancy.space_mapping import MappedModel
 from skinlab.inference.covariance import Covariance, OrnsteinUhlenbeck
@@ -37,8 +37,6 @@ from skinlab.mechanics.fem.suction import Geometry
 Array = NDArray[np.float64]
 
 _STEP = 1e-3  # of an unknown, for slopes
-_BEHIND_S = (0.0, *np.geomspace(0.01, 2.0, 40).tolist())  # lags of a rig that are tried
-_RIG = RegulatorLag()  # between what is asked for and what the pressure sensor sees
 
 Names = tuple[str, ...]
 
@@ -334,7 +332,7 @@ def _looks(fitter: Fitter, tied: Sequence[Fit], errors: Sequence[PlannedErrors])
     have = {(r.geometry.aperture_mm, str(r.curve.setup.program or "")) for r in fitter.records}
     apertures = {r.geometry.aperture_mm for r in fitter.records}
     creases = {r.geometry: r.creases_mbar for r in fitter.records}
-    lag_s = _lag_s(fitter.records)
+    late_s = _lag_s(fitter.records)
     found = []
     for aperture in PLANS.tops_mbar:
         geometry = Geometry(aperture, fitter.records[0].geometry.thickness_mm)
@@ -344,7 +342,7 @@ def _looks(fitter: Fitter, tied: Sequence[Fit], errors: Sequence[PlannedErrors])
         holds_to = creases.get(geometry, each[0])
         if not (programs := menu(aperture, min(holds_to, *each))):
             continue
-        records = [_planned(fitter, geometry, one, holds_to, lag_s) for one in programs]
+        records = [_planned(fitter, geometry, one, holds_to, late_s) for one in programs]
         seen = [_expected(fitter, fit, records) for fit in tied]
         held = [one for one in seen if one is not None]
         if len(held) < len(tied):
@@ -416,33 +414,27 @@ def _minutes(record: Record, placements: int, *, opened: bool) -> float:
 
 
 def _lag_s(records: Sequence[Record]) -> float:
-    """Return how long the measured suction is behind its program, of the first order.
+    """Return how long the measured suction is behind its program: the median of the curves.
 
     A rig does not make the corners that are asked for, and these are what tells lags apart.
     """
-    left = np.zeros(len(_BEHIND_S))
-    for record in records:
-        program, time = record.curve.program_as_run, record.curve.time_s
-        if program is None:
-            continue
-        path = PressurePath.of_program(program)
-        for i, lag in enumerate(_BEHIND_S):
-            made = _RIG.felt(path, {"tau_s": lag})
-            # It began with the first sample, or that is lost and the clock tells.
-            off = [record.pressure_mbar - made(time - begin) for begin in (0.0, time[0])]
-            left[i] += min(float(np.square(one).sum()) for one in off)
-    return _BEHIND_S[int(left.argmin())]
+    found = [
+        fitted_lag_s(PressurePath.of_program(program), r.curve.time_s, r.pressure_mbar)
+        for r in records
+        if r.pressure_sd_mbar and (program := r.curve.program_as_run) is not None
+    ]
+    return float(np.median(found)) if found else 0.0
 
 
 def _planned(
-    fitter: Fitter, at: Geometry, program_text: str, creases_mbar: float, lag_s: float
+    fitter: Fitter, at: Geometry, program_text: str, creases_mbar: float, late_s: float
 ) -> Record:
     """Return a record that was not measured, with the campaign's rate and noise."""
     like = fitter.records[0]
     program = parse_program(program_text)
     step_s = float(np.median(np.diff(like.curve.time_s)))
     time = step_s * np.arange(math.floor(program.duration_s / step_s) + 1, dtype=np.float64)
-    path = _RIG.felt(PressurePath.of_program(program), {"tau_s": lag_s})
+    path = RegulatorLag().felt(PressurePath.of_program(program), {"tau_s": late_s})
     setup = Setup(at.aperture_mm, at.thickness_mm, program)
     pressure = path(time)
     curve = Curve(f"planned, {at.aperture_mm:g} mm", setup, time, pressure, np.zeros(len(time)))

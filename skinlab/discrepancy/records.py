@@ -21,10 +21,13 @@ from skinlab.inference.error_models.quantised import step_of, step_um
 from skinlab.inference.noise import pressure_noise_mbar, roughness
 from skinlab.inference.pressure_course import smooth_course
 from skinlab.inference.samples import alike, placements_of
+from skinlab.mechanics.effects.regulator_lag import RegulatorLag
 from skinlab.mechanics.fem.suction import Geometry
 
 Array = NDArray[np.float64]
 
+_RIG = RegulatorLag()  # between what is asked for and what the pressure sensor sees
+_LAGS_S = (0.0, *np.geomspace(0.01, 2.0, 12).tolist())
 _SPREAD = 0.6745  # median of |z| of a Gaussian
 
 
@@ -109,21 +112,22 @@ def _record(curve: Curve, noise_um: float | None, pressure_noise: float | None) 
     # A channel that reads in whole mbar looks silent, and is off by up to half of one.
     noise = float(np.hypot(noise, step_of(measured, ERRORS.rounding_mbar) / np.sqrt(12.0)))
     program = curve.program_as_run
-    path = None
+    path, course = None, np.zeros(len(curve))
     if program is not None:
-        t, p = (np.asarray(v) for v in program.knots())
-        # It began with the first sample, or that is lost and the clock tells.
-        starts = {float(time[0]), 0.0}
-        asked = [PressurePath(tuple(t + start), tuple(p)) for start in sorted(starts)]
-        each = [float(np.sqrt(np.mean((measured - one(time)) ** 2))) for one in asked]
-        off, best = min(each), asked[int(np.argmin(each))]
+        asked = PressurePath.of_program(program)
+        path = behind(asked, time, measured, 0.0)
+        off = float(np.sqrt(np.mean((measured - path(time)) ** 2)))
         if off <= ERRORS.as_asked * max(noise, 0.05):
-            path, pressure, sd = best, best(time), 0.0
+            pressure, sd = path(time), 0.0
+        else:
+            course = behind(asked, time, measured, fitted_lag_s(asked, time, measured))(time)
+            path = None
     if path is None:
         # Each sample keeps its own reading: what smoothing leaves of the noise goes up and down
         # together, and through dw/dp it would look like a missing effect.
         pressure, sd = measured, noise
-        smooth = smooth_course(time, measured, noise, apart=ERRORS.course_apart)
+        # What a rig does to a program has no corners left, so that it can be smoothed far.
+        smooth = course + smooth_course(time, measured - course, noise, apart=ERRORS.course_apart)
         share, least = ERRORS.corners
         path = PressurePath.of_samples(time, smooth, max(share * noise, least))
     own = noise_um
@@ -139,6 +143,33 @@ def _record(curve: Curve, noise_um: float | None, pressure_noise: float | None) 
         noise_um is not None,
         thickness_sd_mm=curve.setup.thickness_sd_mm or 0.0,
     )
+
+
+def behind(asked: PressurePath, time_s: Array, measured_mbar: Array, lag_s: float) -> PressurePath:
+    """Return the path of a rig that follows a program by a lag of the first order.
+
+    It began with the first sample, or that is lost and the clock tells: what is nearer.
+    """
+    made = _RIG.felt(asked, {"tau_s": lag_s})
+    starts = sorted({float(time_s[0]), 0.0})
+    each = [replace(made, time_s=tuple(t + start for t in made.time_s)) for start in starts]
+    left = [float(np.square(measured_mbar - one(time_s)).sum()) for one in each]
+    return each[int(np.argmin(left))]
+
+
+def fitted_lag_s(asked: PressurePath, time_s: Array, measured_mbar: Array) -> float:
+    """Return the lag of the first order with which readings (n,) are nearest to a program."""
+    from scipy.optimize import minimize_scalar  # slow to import
+
+    def left(lag: float) -> float:
+        path = behind(asked, time_s, measured_mbar, lag)
+        return float(np.square(measured_mbar - path(time_s)).sum())
+
+    tried = [left(lag) for lag in _LAGS_S]
+    best = int(np.argmin(tried))
+    near = _LAGS_S[max(best - 1, 0)], _LAGS_S[min(best + 1, len(_LAGS_S) - 1)]
+    found = minimize_scalar(left, bounds=near, method="bounded", options={"xatol": 1e-4})
+    return float(found.x) if found.fun < tried[best] else _LAGS_S[best]
 
 
 def coarsened(record: Record, rate_hz: float) -> Record:

@@ -1,0 +1,96 @@
+"""The course of the pressure that a curve was measured with: a rig behind its program."""
+
+import numpy as np
+import pytest
+
+from skinlab.curves.campaign import Campaign
+from skinlab.curves.curve import Curve, Setup
+from skinlab.curves.pressure_path import PressurePath
+from skinlab.curves.program import parse_program
+from skinlab.discrepancy.records import fitted_lag_s, records_of
+from skinlab.discrepancy.settings import ERRORS
+from skinlab.inference.pressure_course import smooth_course
+from skinlab.mechanics.effects.model import felt_path
+
+PROGRAM = "ramp:100@80,hold:3,ramp:0@80,hold:2"
+
+
+def first_order(time_s, lag_s):
+    path = PressurePath.of_program(parse_program(PROGRAM))
+    return felt_path({"regulator_lag": {"tau_s": lag_s}}, path)(time_s)
+
+
+def second_order(time_s, period_s, damping):
+    """A regulator that overshoots: p'' = ω² (asked − p) − 2 ζ ω p', in small steps."""
+    asked = PressurePath.of_program(parse_program(PROGRAM))
+    step, omega = 1e-4, 2.0 * np.pi / period_s
+    fine = np.arange(0.0, time_s[-1] + step, step)
+    p, speed, found = 0.0, 0.0, np.empty(len(fine))
+    for i, aim in enumerate(asked(fine)):
+        speed += step * (omega**2 * (aim - p) - 2.0 * damping * omega * speed)
+        p += step * speed
+        found[i] = p
+    return np.interp(time_s, fine, found)
+
+
+def record_of(time_s, true_mbar, seed, step_mbar=1.0, program=PROGRAM):
+    """Return the record of a rig that reads in steps, and the root mean square of its path."""
+    rng = np.random.default_rng(seed)
+    read = true_mbar + rng.normal(0.0, 0.26, len(time_s))
+    read = step_mbar * np.round(read / step_mbar)
+    w = 0.05 * np.sqrt(np.maximum(true_mbar, 0.0)) + rng.normal(0.0, 1e-3, len(time_s))
+    setup = Setup(6.0, 1.1, parse_program(program))
+    curve = Curve("rig", setup, time_s, read, w)
+    (record,) = records_of(Campaign("made", 1.0, 0.26, (curve,)))
+    off = record.path(time_s) - true_mbar
+    return record, float(np.sqrt(np.mean(off**2))), off
+
+
+@pytest.mark.parametrize("rate_hz", [10, 50, 200])
+@pytest.mark.parametrize("lag_s", [0.05, 0.24, 0.8])
+def test_a_rig_that_lags_is_followed_more_closely_than_its_readings_alone_allow(rate_hz, lag_s):
+    time_s = np.arange(0.0, 7.5, 1.0 / rate_hz)
+    true = first_order(time_s, lag_s)
+    with_course, without = [], []
+    for seed in range(5):
+        record, off, _ = record_of(time_s, true, seed)
+        with_course.append(off)
+        noise = record.pressure_sd_mbar
+        plain = smooth_course(time_s, record.pressure_mbar, noise, apart=2.0)
+        path = PressurePath.of_samples(time_s, plain, ERRORS.corners[0] * noise)
+        without.append(float(np.sqrt(np.mean((path(time_s) - true) ** 2))))
+        assert record.pressure_sd_mbar > 0  # each sample keeps its own reading
+        found = fitted_lag_s(
+            PressurePath.of_program(parse_program(PROGRAM)), time_s, record.pressure_mbar
+        )
+        assert found == pytest.approx(lag_s, abs=0.15 / np.sqrt(rate_hz))
+    assert np.mean(with_course) < 1.02 * np.mean(without)
+    if rate_hz >= 50:
+        assert np.mean(with_course) < 0.75 * np.mean(without)
+
+
+def test_it_begins_where_the_rig_began():
+    """The first reading is as noisy as others, and dw/dp is largest there."""
+    time_s = np.arange(0.0, 7.5, 0.005)
+    true = first_order(time_s, 0.24)
+    assert np.mean([abs(record_of(time_s, true, s)[2][0]) for s in range(8)]) < 0.15
+
+
+@pytest.mark.parametrize(("period_s", "damping"), [(0.6, 0.3), (1.5, 0.7), (0.3, 0.15)])
+def test_another_rig_is_followed_as_it_is(period_s, damping):
+    """No lag of the first order is like it: the readings say what it does."""
+    time_s = np.arange(0.0, 7.5, 0.01)
+    true = second_order(time_s, period_s, damping)
+    noise = np.hypot(0.26, 1.0 / np.sqrt(12.0))
+    for seed in range(3):
+        _, off, each = record_of(time_s, true, seed)
+        assert off < 0.6 * noise
+        assert np.abs(each).max() < 4.0 * noise
+
+
+def test_a_program_that_another_ran_misleads_nobody():
+    """The header says one program, and the rig ran another one."""
+    time_s = np.arange(0.0, 7.5, 0.01)
+    true = first_order(time_s, 0.2)
+    _, off, _ = record_of(time_s, true, 0, program="ramp:60@10,hold:1,ramp:0@30")
+    assert off < 0.6 * np.hypot(0.26, 1.0 / np.sqrt(12.0))
