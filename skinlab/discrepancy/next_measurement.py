@@ -17,42 +17,23 @@ from itertools import combinations, pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.curves.curve import Curve, Setup
-from skinlab.curves.pressure_path import PressurePath
-from skinlab.curves.program import parse_program
-from skinlab.discrepancy.campaign_errors import CampaignErrors, Linearised
 from skinlab.discrepancy.fit import Fit, Fitter
-from skinlab.discrepancy.misfit import mesh_columns
-from skinlab.discrepancy.placement_curves import softer_mm, thickness_slopes
-from skinlab.discrepancy.records import Record, fitted_lag_s
+from skinlab.discrepancy.planned_curve import (
+    PlannedCurve,
+    PlannedErrors,
+    expected,
+    menu,
+    planned_record,
+    rig_lag_s,
+)
+from skinlab.discrepancy.records import Record
 from skinlab.discrepancy.settings import PLANS
-from skinlab.discrepancy.space_mapping import MappedModel
-from skinlab.inference.covariance import Covariance, OrnsteinUhlenbeck
-from skinlab.inference.error_choice import Node
-from skinlab.inference.noise import MESH_REST, slope_mm_per_mbar
-from skinlab.mechanics.effects.regulator_lag import RegulatorLag
 from skinlab.mechanics.fem.skin import SkinProblem
 from skinlab.mechanics.fem.suction import Geometry
 
 Array = NDArray[np.float64]
 
-_STEP = 1e-3  # of an unknown, for slopes
-
 Names = tuple[str, ...]
-
-
-def menu(aperture_mm: float, holds_to_mbar: float = math.inf) -> tuple[str, ...]:
-    """Return the programs of an opening, for a skin that creases at a suction."""
-    least = int(PLANS.of_crease * min(holds_to_mbar, 1e4)) // 10 * 10
-    top = min(PLANS.tops_mbar[aperture_mm], least)
-    if top < PLANS.least_top_mbar:
-        return ()
-    slow = math.ceil(top / PLANS.slow_s)
-    return (
-        f"ramp:{top}@60,ramp:0@60",
-        f"ramp:{top}@80,hold:20,ramp:0@80,hold:8",
-        f"ramp:{top}@{slow},ramp:0@{slow}",
-    )
 
 
 @dataclass(frozen=True)
@@ -115,58 +96,6 @@ class NextMeasurement:
     def placements(self) -> int:
         """How often the probe is put on for it."""
         return 1 if self.alone is None else self.alone.measurements[0].placements
-
-
-@dataclass(frozen=True)
-class PlannedErrors:
-    """The errors that a further measurement will have."""
-
-    white_um: float
-    ou_um: float = 0.0
-    ou_s: float = 1.0
-    stiffness: float = 0.0  # standard deviations, of each placement
-    offset_um: float = 0.0
-    thickness: float = 0.0
-    sines: tuple[tuple[float, float], ...] = ()  # µm and Hz of breath and pulse, in each curve
-
-    @classmethod
-    def of(cls, node: Node) -> PlannedErrors:
-        """Return them by one setting of a campaign's errors."""
-        values = np.exp(node.log_values).tolist()
-        known = dict(zip(node.combination.parameters, values, strict=True))
-        for part in node.combination.parts:
-            known |= part.stated
-        lasting = node.combination.lasting | {"pressure"}
-        sizes = node.sizes_um.items()
-        alone = [v**2 for n, v in sizes if n not in lasting and not n.startswith("placement")]
-        return cls(
-            math.sqrt(sum(alone)),
-            known.get("ou_um", 0.0),
-            known.get("ou_s", 1.0),
-            known.get("placement_scatter", 0.0),
-            known.get("placement_offset_um", 0.0),
-            known.get("placement_thickness", 0.0),
-            tuple(
-                (known[f"{part.name}_um"], known[hz])
-                for part in node.combination.parts
-                if (hz := f"{part.name}_hz") in known
-            ),
-        )
-
-    @classmethod
-    def settings(
-        cls, errors: CampaignErrors, explanations: Sequence[Linearised]
-    ) -> list[PlannedErrors]:
-        """Return a few settings that stand for all by which these explanations explain.
-
-        Those that repeats prefer may not be those that an explanation needs: what it expects of a
-        new placement is as uncertain as by its own.
-        """
-        weighed = errors.weights(explanations)
-        weighed.sort(key=lambda one: sum(one[0].sizes_um.values()))
-        below = np.cumsum([w for _, w in weighed])
-        at = (np.arange(PLANS.settings) + 0.5) / PLANS.settings * below[-1]
-        return [cls.of(weighed[i][0]) for i in np.searchsorted(below, at).tolist()]
 
 
 @dataclass(frozen=True, eq=False)
@@ -332,7 +261,7 @@ def _looks(fitter: Fitter, tied: Sequence[Fit], errors: Sequence[PlannedErrors])
     have = {(r.geometry.aperture_mm, str(r.curve.setup.program or "")) for r in fitter.records}
     apertures = {r.geometry.aperture_mm for r in fitter.records}
     creases = {r.geometry: r.creases_mbar for r in fitter.records}
-    late_s = _lag_s(fitter.records)
+    late_s = rig_lag_s(fitter.records)
     found = []
     for aperture in PLANS.tops_mbar:
         geometry = Geometry(aperture, fitter.records[0].geometry.thickness_mm)
@@ -342,67 +271,26 @@ def _looks(fitter: Fitter, tied: Sequence[Fit], errors: Sequence[PlannedErrors])
         holds_to = creases.get(geometry, each[0])
         if not (programs := menu(aperture, min(holds_to, *each))):
             continue
-        records = [_planned(fitter, geometry, one, holds_to, late_s) for one in programs]
-        seen = [_expected(fitter, fit, records) for fit in tied]
+        records = [planned_record(fitter, geometry, one, holds_to, late_s) for one in programs]
+        seen = [expected(fitter, fit, records) for fit in tied]
         held = [one for one in seen if one is not None]
         if len(held) < len(tied):
             continue
         for i, record in enumerate(records):
             curves = [curves[i] for curves, _ in held]
-            middle = replace(record, curve=_with(record, np.mean(curves, axis=0)))
-            mesh = _Mesh.of(fitter, middle)
-            ways = [mesh.given(fit, slopes[i]) for fit, (_, slopes) in zip(tied, held, strict=True)]
-            curves = [c + mesh.expected_mm(fit) for fit, c in zip(tied, curves, strict=True)]
+            planned = PlannedCurve.of(fitter, record, tied[0], curves)
+            curves = [c + planned.mesh_expected_mm(f) for f, c in zip(tied, curves, strict=True)]
+            ways = [planned.ways_mm(f, ws[i]) for f, (_, ws) in zip(tied, held, strict=True)]
             columns = np.column_stack([*(c - curves[0] for c in curves), *ways])
             for placements in range(1, PLANS.most_placements + 1):
-                many = [replace(middle, placement=k) for k in range(placements)]
-                whole = [
-                    _errors(fitter, tied[0], many, mesh.left_mm, one).whiten(
-                        np.tile(columns, (placements, 1))
-                    )
-                    for one in errors
-                ]
+                tiled = np.tile(columns, (placements, 1))
+                whole = [planned.errors(one, placements).whiten(tiled) for one in errors]
                 program = str(record.curve.setup.program)
                 minutes = _minutes(record, placements, opened=aperture not in apertures)
-                planned = Planned(aperture, program, placements, minutes)
                 fresh = (aperture, program) not in have
-                found.append(_Look(planned, np.array([x.T @ x for x in whole]), fresh))
+                one = Planned(aperture, program, placements, minutes)
+                found.append(_Look(one, np.array([x.T @ x for x in whole]), fresh))
     return found
-
-
-@dataclass(frozen=True, eq=False)
-class _Mesh:
-    """In what the mesh errs in a planned curve, as far as the campaign does not tell it.
-
-    The mesh is that of the campaign: what each explanation needs of its errors there it expects
-    of them again. Two that are apart by what the mesh may do are not told apart by more of it.
-    """
-
-    shapes_mm: Array  # (n, m), a standard deviation each before the campaign
-    left_mm: Array  # (n, m), the same after it
-    white: Array  # (u, m), the same shapes of the campaign's samples, whitened
-    fitter: Fitter
-
-    @classmethod
-    def of(cls, fitter: Fitter, planned: Record) -> _Mesh:
-        """Return it for one curve."""
-        shapes = mesh_columns([*fitter.records, planned])
-        white = fitter.errors.whiten(shapes[: fitter.errors.count])
-        new = shapes[fitter.errors.count :]
-        values, vectors = np.linalg.eigh(np.eye(white.shape[1]) - white.T @ white)
-        # To a higher suction than before the shapes are stretched: none is known too well.
-        left = vectors * np.sqrt(np.maximum(values, 0.0))
-        return cls(new, new @ left, white, fitter)
-
-    def expected_mm(self, fit: Fit) -> Array:
-        """Return what the mesh is expected to add to the curve (n,) where this fit is right."""
-        left = self.fitter.measured - np.concatenate(fit.deflections_mm)
-        return np.asarray(self.shapes_mm @ (self.white.T @ self.fitter.errors.whiten(left)))
-
-    def given(self, fit: Fit, ways_mm: Array) -> Array:
-        """Return how the curve gives way (n, k), the mesh's errors with it."""
-        root = np.linalg.cholesky(np.linalg.inv(fit.information))
-        return np.asarray(ways_mm - self.shapes_mm @ (self.white.T @ fit.jacobian @ root))
 
 
 def _minutes(record: Record, placements: int, *, opened: bool) -> float:
@@ -411,90 +299,3 @@ def _minutes(record: Record, placements: int, *, opened: bool) -> float:
     assert program is not None
     each = program.duration_s / 60.0 + PLANS.placement_min
     return round(placements * each + (PLANS.opening_min if opened else 0.0), 1)
-
-
-def _lag_s(records: Sequence[Record]) -> float:
-    """Return how long the measured suction is behind its program: the median of the curves.
-
-    A rig does not make the corners that are asked for, and these are what tells lags apart.
-    """
-    found = [
-        fitted_lag_s(PressurePath.of_program(program), r.curve.time_s, r.pressure_mbar)
-        for r in records
-        if r.pressure_sd_mbar and (program := r.curve.program_as_run) is not None
-    ]
-    return float(np.median(found)) if found else 0.0
-
-
-def _planned(
-    fitter: Fitter, at: Geometry, program_text: str, creases_mbar: float, late_s: float
-) -> Record:
-    """Return a record that was not measured, with the campaign's rate and noise."""
-    like = fitter.records[0]
-    program = parse_program(program_text)
-    step_s = float(np.median(np.diff(like.curve.time_s)))
-    time = step_s * np.arange(math.floor(program.duration_s / step_s) + 1, dtype=np.float64)
-    path = RegulatorLag().felt(PressurePath.of_program(program), {"tau_s": late_s})
-    setup = Setup(at.aperture_mm, at.thickness_mm, program)
-    pressure = path(time)
-    curve = Curve(f"planned, {at.aperture_mm:g} mm", setup, time, pressure, np.zeros(len(time)))
-    return Record(
-        curve, at, path, pressure, like.pressure_sd_mbar, like.noise_um, creases_mbar=creases_mbar
-    )
-
-
-def _with(record: Record, deflection_mm: Array) -> Curve:
-    curve = record.curve
-    return Curve(curve.name, curve.setup, curve.time_s, curve.pressure_mbar, deflection_mm)
-
-
-def _errors(
-    fitter: Fitter, fit: Fit, records: Sequence[Record], mesh_mm: Array, errors: PlannedErrors
-) -> Covariance:
-    """Return the covariance of planned curves, each a placement of its own.
-
-    `mesh_mm` (n, m) are the shapes in which the mesh may err in all of them.
-    """
-    first, n = records[0], len(records[0].curve)
-    w, p = first.curve.deflection_mm, first.pressure_mbar
-    slope = slope_mm_per_mbar(p, w)
-    variance = (
-        (1e-3 * errors.white_um) ** 2 + (slope * first.pressure_sd_mbar) ** 2 + (MESH_REST * w) ** 2
-    )
-    own = [errors.stiffness * softer_mm([first]), np.full(n, 1e-3 * errors.offset_um)]
-    if errors.thickness:
-        thicker = thickness_slopes([first], replace(fit, deflections_mm=[w]), fitter.domes)
-        own.append(errors.thickness * thicker)
-    for size_um, hz in errors.sines:
-        angle = 2.0 * np.pi * hz * first.curve.time_s
-        own += [1e-3 * size_um * np.sin(angle), 1e-3 * size_um * np.cos(angle)]
-    placed = np.kron(np.eye(len(records)), np.column_stack(own))
-    return Covariance(
-        np.tile(variance, len(records)),
-        np.hstack([np.tile(mesh_mm, (len(records), 1)), placed]),
-        tuple(n * (k + 1) for k in range(len(records))),
-        OrnsteinUhlenbeck(1e-3 * errors.ou_um, errors.ou_s) if errors.ou_um else None,
-        np.tile(first.curve.time_s, len(records)),
-    )
-
-
-def _expected(
-    fitter: Fitter, fit: Fit, records: Sequence[Record]
-) -> tuple[list[Array], list[Array]] | None:
-    """Return each curve expected (n,), and how it gives way (n, k), a standard deviation each."""
-    model = MappedModel(records, fit.unknowns, fitter.domes)
-    if not fitter.prepare(model, fit.u, slopes=True):
-        return None
-    low, high = fit.unknowns.bounds
-    k = len(fit.u)
-    up, down = np.minimum(_STEP, high - fit.u), np.minimum(_STEP, fit.u - low)
-    moved = [fit.u, *(fit.u + np.diag(up)), *(fit.u - np.diag(down))]
-    curves = model.predict_many(np.array(moved))
-    if not all(np.isfinite(c[0]).all() for c in curves):
-        return None
-    root = np.linalg.cholesky(np.linalg.inv(fit.information))
-    slopes = [
-        np.nan_to_num((c[1 : k + 1] - c[k + 1 :]) / np.maximum(up + down, 1e-12)[:, None]).T @ root
-        for c in curves
-    ]
-    return [c[0] for c in curves], slopes

@@ -15,8 +15,9 @@ from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.heldout import HeldOut, conditions_of, predict_held_out
 from skinlab.discrepancy.misfit import errors_of
 from skinlab.discrepancy.motion import find_motion
-from skinlab.discrepancy.next_measurement import PlannedErrors, advise
+from skinlab.discrepancy.next_measurement import advise
 from skinlab.discrepancy.outcome import Outcome
+from skinlab.discrepancy.planned_curve import PlannedErrors
 from skinlab.discrepancy.posterior import gaussian, sample
 from skinlab.discrepancy.records import by_condition, coarsened, records_of
 from skinlab.discrepancy.screen import alike
