@@ -278,13 +278,11 @@ def _integrated(one: _Explored, values: Array, log_drawn: Array, linear: LinearM
     log_prior = combination.log_priors(values)
     log_prior += combination.log_odds - math.log(len(values)) - log_drawn
     log_marginal = linear.log_marginals(covariances)
-    evidence = float(np.logaddexp.reduce(log_prior + log_marginal))
     if combination.bound:
-        # The evidence is that of the mixture's own variances; the nodes' are spread.
-        spread = _density(combination, linear, spread=True)(one.log_mode[None])[0]
-        right = one.here - float(spread) + combination.bound
-        log_prior += right
-        evidence += right
+        # Weights are those of the mixture's own variances; the nodes' are spread.
+        own = linear.log_marginals(combination.covariances(values, spread=False))
+        log_prior += own - log_marginal + combination.bound
+    evidence = float(np.logaddexp.reduce(log_prior + log_marginal))
     nodes = tuple(
         Node(combination, *one)
         for one in zip(values, covariances, log_prior.tolist(), log_marginal.tolist(), strict=True)

@@ -15,6 +15,7 @@ from skinlab.inference.error_choice import choose_errors
 from skinlab.inference.error_judgement import judge_errors
 from skinlab.inference.error_models import ERROR_MODELS
 from skinlab.inference.error_models.base import Hyperparameter, Look, Part, Terms
+from skinlab.inference.error_models.heavy_tails import ERROR_MODEL as HEAVY
 from skinlab.inference.error_models.ornstein_uhlenbeck import ERROR_MODEL as OU
 from skinlab.inference.error_models.placement import ERROR_MODEL as PLACEMENT
 from skinlab.inference.error_models.quantised import step_um
@@ -132,6 +133,24 @@ def test_proportional_errors_are_found():
 def test_heavy_tails_are_found():
     names = [chosen(3e-3 * np.random.default_rng(s).standard_t(2.5, N)).best.name for s in range(8)]
     assert sum("heavy_tails" in name for name in names) >= 6
+
+
+def test_of_heavy_tails_in_many_samples_no_one_setting_takes_all_weight():
+    """Weights are those of the mixture, not of the variances stretched to its information."""
+    n, rng = 4000, np.random.default_rng(1)
+    errors = 3e-3 * rng.standard_t(4.0, n)
+    zero, time = np.zeros(n, dtype=np.intp), np.arange(n) / HZ
+    course, slopes = 0.5 * np.ones(n), np.linspace(0.0, 1.0, n)[:, None]
+    samples = Samples(time, zero + 50.0, course + errors, np.full(n, "hold"), zero, zero, zero,
+                      np.ones(n))  # fmt: skip
+    look = Look(samples, course, np.zeros(n), errors, slopes, None, np.zeros(n), np.zeros(n))
+    linear = LinearModel(errors, slopes, np.eye(1))
+    found = choose_errors(look, linear, np.zeros((n, 0)), np.zeros(n), [WHITE, HEAVY])
+    assert "heavy_tails" in found.best.name
+    assert found.weight.max() < 0.6
+    log_um = np.array([float(node.log_values[0]) for node in found.nodes])
+    spread = np.sqrt(found.weight @ (log_um - found.weight @ log_um) ** 2)
+    assert spread == pytest.approx(1 / np.sqrt(2 * n), rel=0.5)  # of white noise of known weights
 
 
 def test_steps_are_found_in_the_readings():
