@@ -52,13 +52,12 @@ def decide(found: Found) -> Verdict:
     if not good or outdone(found.candidates):
         return Verdict("unknown", [])
     best = max(c.log10_evidence for c in good)
-    tied = [c for c in found.candidates if c.log10_evidence > best - tie and c.log10_evidence > 0]
+    near = [c for c in found.candidates if c.log10_evidence > best - tie and c.log10_evidence > 0]
+    # One whose residual is nearly as likely as that of one that may be noise is not out for it.
+    least = 10.0**-NAMES.tie * max(c.left.by_errors for c in good if c in near)
+    tied = [c for c in near if c.adequate or c.left.by_errors >= least]
     # More effects where fewer do as well are no other explanation.
-    minimal = [
-        c
-        for c in tied
-        if c.adequate and not any(set(o.effects) < set(c.effects) and o.adequate for o in tied)
-    ]
+    minimal = [c for c in tied if not any(set(o.effects) < set(c.effects) for o in tied)]
     minimal.sort(key=lambda c: -c.log10_evidence)
     return Verdict("named" if len(minimal) == 1 else "ambiguous", minimal)
 

@@ -194,6 +194,16 @@ def test_what_is_there_and_too_small_to_matter_is_nothing(failed, left):
     assert disciplined(Verdict("named", found.candidates), found, stood).name == left
 
 
+@pytest.mark.parametrize(
+    ("behind", "found"), [(2.0, ("ambiguous", [{*LAG}, {*GAIN}])), (1e3, ("named", [{*LAG}]))]
+)
+def test_a_hair_of_what_is_left_makes_no_name(behind, found):
+    """Where one of two that are tied may just be noise, and the other just not, both are told."""
+    just = 1.2 * ERRORS.adequate
+    made = verdict(BAD, candidate(LAG, 20.0, just), candidate(GAIN, 19.0, just / behind))
+    assert made == found
+
+
 def test_a_tie_names_everything_that_is_tied():
     found = verdict(BAD, candidate(LAG, 20.0), candidate(GAIN, 19.0), candidate(SLIP, 18.0))
     assert found == ("ambiguous", [{*LAG}, {*GAIN}])
