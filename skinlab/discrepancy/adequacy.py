@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc, fdtrc, ndtr
 
+from skinlab.discrepancy.campaign_error_models import walk_shapes
 from skinlab.discrepancy.records import Record, by_condition
 from skinlab.discrepancy.settings import ERRORS
-from skinlab.inference.covariance import Covariance
+from skinlab.inference.covariance import Covariance, block_diagonal
 from skinlab.inference.error_models.quantised import step_um
 
 Array = NDArray[np.float64]
@@ -180,8 +181,12 @@ def steps(records: Sequence[Record], errors: Covariance, residual_mm: Array) -> 
 
     Of each curve the one step that takes most off χ², all curves added up, against the same of
     errors that are drawn, and rounded as the readings are. Tape that lets go does this; what is
-    smooth, and what wanders as the errors do, does not.
+    smooth, and what wanders as the errors or as zeros do, does not: most of a long curve's walk
+    looks like one step.
     """
+    walks = block_diagonal([walk_shapes(r.curve.time_s) for r in records])
+    walks *= 1e-3 * ERRORS.wander_most
+    errors = replace(errors, shapes_mm=np.hstack([errors.columns_mm, walks]), sizes=None)
     drawn = errors.colour(np.random.default_rng(0).standard_normal((errors.count, ERRORS.drawn)))
     model = np.concatenate([r.curve.deflection_mm for r in records]) - residual_mm
     for record, part, own in zip(records, errors.split(drawn), errors.split(model), strict=True):

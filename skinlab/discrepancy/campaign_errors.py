@@ -9,7 +9,6 @@ weighed against every effect.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -18,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
+from skinlab.discrepancy.campaign_error_models import models_of
 from skinlab.discrepancy.fit import Fit
 from skinlab.discrepancy.misfit import columns_of, pressure_errors_mm, slopes_mm_per_mbar
 from skinlab.discrepancy.placement_curves import softer_mm
@@ -25,10 +25,8 @@ from skinlab.discrepancy.records import Record, by_condition
 from skinlab.discrepancy.settings import ERRORS
 from skinlab.inference.covariance import Covariance, gram_matrices, products
 from skinlab.inference.error_choice import ErrorChoice, Node, choose_errors
-from skinlab.inference.error_models import ERROR_MODELS
-from skinlab.inference.error_models.base import ErrorModel, Hyperparameter, Look, Part, Terms
-from skinlab.inference.error_models.placement import Placement
-from skinlab.inference.error_models.quantised import step_um, wave_sizes
+from skinlab.inference.error_models.base import ErrorModel, Look
+from skinlab.inference.error_models.quantised import step_um
 from skinlab.inference.likelihood import LinearModel
 from skinlab.inference.noise import (
     MESH_REST,
@@ -280,90 +278,6 @@ def _side_by_side(ones: Sequence[Linearised]) -> tuple[Array, list[slice]]:
     return np.column_stack(columns), [blocks[id(one.slopes_mm)][1] for one in ones]
 
 
-@dataclass(frozen=True, eq=False)
-class ThicknessScatter:
-    """Each site where the probe is put on is a little thicker or thinner: an error model."""
-
-    slope_mm: Array  # (u,) dw/d(log thickness)
-    absent: float = 0.0  # share of the prior with which sites hardly differ
-    name: str = "placement_thickness"
-    meaning: str = "the skin's thickness differs from placement to placement"
-    prior: str = "2 %, 0.8 below and 0.45 above; always there"
-
-    def part(self, look: Look) -> Part | None:
-        """Return its part for several placements, unless there is said to be no scatter."""
-        numbers = np.unique(look.samples.placement)
-        if look.placement_scatter == 0.0 or len(numbers) < 2:
-            return None
-        one = (look.samples.placement[:, None] == numbers).astype(float)
-        columns = self.slope_mm[:, None] * one
-
-        def terms(values: Sequence[float]) -> Terms:
-            return Terms(columns_mm=columns, sizes=np.full(columns.shape[1], values[0]))
-
-        median, below, above = ERRORS.thickness_scatter
-        size = Hyperparameter(self.name, median, below, log_sd_above=above, absent=self.absent)
-        return Part(self.name, (size,), terms, always=True)
-
-
-@dataclass(frozen=True, eq=False)
-class RoundedMeans:
-    """Rounding of samples that were averaged: a step they have no more, but its wave is left.
-
-    A mean of rounded readings is off by the wave of `quantised`, averaged over the heights that
-    went into it. Each curve has a phase of its own: placements differ by more than a step.
-    """
-
-    step_mm: float
-    before_mm: float  # noise of a reading that the rounding met
-    count: int  # readings of a mean
-    name: str = "quantised"
-    meaning: str = "rounding of readings that were averaged"
-    prior: str = "as that of single readings, averaged"
-
-    def part(self, look: Look) -> Part | None:
-        """Return its part."""
-        curve, w = look.samples.curve, look.deflection_mm
-        edges = np.flatnonzero(np.diff(curve)) + 1
-        span = np.concatenate(
-            [
-                np.abs(np.gradient(part)) if len(part) > 1 else 0.0 * part
-                for part in np.split(w, edges)
-            ]
-        )
-        own = (curve[:, None] == np.unique(curve)).astype(float)
-        columns, taken = [], 0.0
-        for k, size in wave_sizes(self.step_mm, self.before_mm**2):
-            left = size * np.sinc(k * span / self.step_mm)
-            angle = 2.0 * np.pi * k * w / self.step_mm
-            columns += [own * (left * wave)[:, None] for wave in (np.sin(angle), np.cos(angle))]
-            taken += size**2
-        variance = np.full(len(w), (self.step_mm**2 / 12.0 - taken) / self.count)
-        waves = np.hstack(columns) if columns else None
-
-        def terms(values: Sequence[float]) -> Terms:
-            del values
-            return Terms(variance, columns_mm=waves)
-
-        step_um = 1e3 * self.step_mm
-        return Part(
-            "quantised", (), terms, always=True, stated={"step_um": step_um},
-            why=f"readings come in steps of {step_um:g} µm",
-        )  # fmt: skip
-
-
-def _rounded(records: Sequence[Record]) -> RoundedMeans | None:
-    """Return the rounding of what was averaged; None where nothing was, or no step is known."""
-    first = max(records, key=lambda r: r.coarse)
-    step_um = min((r.step_um for r in records), default=0.0)
-    if first.coarse < 2 or not step_um:
-        return None
-    square = first.noise_um**2 * first.coarse
-    if not first.noise_is_stated:
-        square = max(square - step_um**2 / 12.0, 0.0)
-    return RoundedMeans(1e-3 * step_um, 1e-3 * math.sqrt(square), first.coarse)
-
-
 def size_um(node: Node, name: str) -> float:
     """Return the root mean square of a part of the errors, µm; 0 where they have none."""
     return node.sizes_um.get(name, 0.0)
@@ -399,7 +313,7 @@ def learn(
     `thickness_mm` (u,) are `thickness_slopes`. `noise_um` is that which was stated;
     `placement_scatter` as in a campaign.
     """
-    pure, models = pure_error(records, base), _models(records, thickness_mm)
+    pure, models = pure_error(records, base), models_of(records, thickness_mm)
     return CampaignErrors((_choose(records, pure, noise_um, placement_scatter, models),))
 
 
@@ -412,30 +326,13 @@ def look_at_errors(
     noise_um: float | None,
     placement_scatter: float | None,
 ) -> ErrorChoice:
-    """Return the errors as an explanation sees them, of the kinds that pure error has."""
-    kept = {part.name for part in before.pure.best.parts} | {"ou"}
-    models = [m for m in _models(records, thickness_mm) if m.name in kept]
+    """Return the errors as an explanation sees them, of the kinds that pure error may have."""
+    best, pure = {part.name for part in before.pure.best.parts} | {"ou"}, before.pure
+    models = [
+        m for m in models_of(records, thickness_mm)
+        if m.name in best or pure.probability(m.name) > ERRORS.kind_kept
+    ]  # fmt: skip
     return _choose(records, one.of_free, noise_um, placement_scatter, models)
-
-
-def _models(records: Sequence[Record], thickness_mm: Array) -> list[ErrorModel]:
-    """Return the kinds of errors that a campaign may have."""
-    absent = ERRORS.placements_alike if _repeated(records) else 0.0
-    rounded = _rounded(records)
-    own: list[ErrorModel] = [] if rounded is None else [rounded]
-    others = {Placement.name} | {model.name for model in own}
-    return [
-        *(model for model in ERROR_MODELS.all() if model.name not in others),
-        *own,
-        Placement(absent, lone_zero=True),
-        ThicknessScatter(thickness_mm, absent),
-    ]
-
-
-def _repeated(records: Sequence[Record]) -> bool:
-    """Return whether a condition was measured at several placements."""
-    groups = by_condition(records)
-    return any(len({records[i].placement for i in members}) > 1 for members in groups)
 
 
 def _sub(matrix: Array, kept: Mask) -> Array:
@@ -455,11 +352,21 @@ def pure_error(records: Sequence[Record], base: Linearised) -> LinearModel:
 
 
 def smooth_columns(records: Sequence[Record], degree: int) -> Array:
-    """Return polynomials in time (u, m) of each phase of each condition, of mean square 1."""
+    """Return what any model may leave (u, m), of mean square 1: columns of each condition.
+
+    Polynomials in time of each phase; and in the suction over all phases, since a rig that is late
+    brings its last part within a moment of a long hold.
+    """
     starts = np.cumsum([0, *(len(r.curve) for r in records)])
     columns = []
     for members in by_condition(records):
         phases = list(dict.fromkeys(str(p) for i in members for p in records[i].curve.phase))
+        top = max(1e-9, *(float(records[i].pressure_mbar.max()) for i in members))
+        along = np.zeros((starts[-1], degree + ERRORS.smooth_more))
+        for i in members:
+            x = np.clip(records[i].pressure_mbar / top, 0.0, 1.0)
+            along[starts[i] : starts[i + 1]] = legendre(x, along.shape[1] + 1)[:, 1:]
+        columns.append(along)
         for phase in phases:
             block = np.zeros((starts[-1], degree + 1))
             for i in members:

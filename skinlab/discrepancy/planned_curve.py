@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
+from skinlab.discrepancy.campaign_error_models import walk_shapes
 from skinlab.discrepancy.campaign_errors import CampaignErrors, Linearised
 from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.misfit import mesh_columns
@@ -54,6 +55,7 @@ class PlannedErrors:
     stiffness: float = 0.0  # standard deviations, of each placement
     offset_um: float = 0.0
     thickness: float = 0.0
+    wander: float = 0.0  # µm per root second
     sines: tuple[tuple[float, float], ...] = ()  # µm and Hz of breath and pulse, in each curve
 
     @classmethod
@@ -73,6 +75,7 @@ class PlannedErrors:
             known.get("placement_scatter", 0.0),
             known.get("placement_offset_um", 0.0),
             known.get("placement_thickness", 0.0),
+            known.get("wander_um_per_root_s", 0.0),
             tuple(
                 (known[f"{part.name}_um"], known[hz])
                 for part in node.combination.parts
@@ -205,6 +208,8 @@ class PlannedCurve:
         for size_um, hz in errors.sines:
             angle = 2.0 * np.pi * hz * curve.time_s
             own += [1e-3 * size_um * np.sin(angle), 1e-3 * size_um * np.cos(angle)]
+        if errors.wander:
+            own += list(1e-3 * errors.wander * walk_shapes(curve.time_s).T)
         placed = np.kron(np.eye(placements), np.column_stack(own))
         return Covariance(
             np.tile(variance, placements),

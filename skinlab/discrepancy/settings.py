@@ -13,6 +13,8 @@ class ErrorRules:
     smooth_degree: int = 3
     """Of the polynomials in time, of each phase of each condition, that any model may leave: what
     they take up is not counted as noise. A quartic fit leaves the noise of traction records."""
+    smooth_more: int = 2
+    """Degrees more of those in the suction."""
     smooth_sd_um: float = 100.0
     """Prior of their coefficients: larger than what any effect leaves after a refit (140 µm)."""
     bend_um: float = 0.5
@@ -25,11 +27,20 @@ class ErrorRules:
     placements_alike: float = 0.1
     """Share of the priors of stiffness, zero and thickness of placements with which these hardly
     differ, where a condition was measured at several placements: their repeats then tell."""
+    wander: tuple[float, float, float] = (0.7, 0.6, 0.45)
+    """Likewise of how a zero wanders during a curve, µm per root second: 0.5 to 1 are published
+    (weight of the probe, creep of the tape)."""
+    wander_terms: int = 2
+    """Of a random walk: they hold 90 % of its mean square."""
+    wander_most: float = 1.0
+    """µm per root second, up to which what looks like a sudden step may be such a walk."""
     coarse_hz: float = 25.0
     """Samples are averaged to about this rate: the shortest correlation time is 0.1 s."""
     weight_kept: float = 0.99
     """Of the probability of settings of the errors, over which evidence is integrated: the rest is
     0.004 in log10 evidence, and a third of the time."""
+    kind_kept: float = 0.1
+    """Probability by pure error, from which on an explanation is judged with a kind of errors."""
     rough_nodes: int = 12
     """Settings of each look by which explanations are ranked while the search goes on."""
     judged_nodes: int = 12

@@ -12,6 +12,7 @@ from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
 from skinlab.discrepancy.adequacy import Residual, steps
+from skinlab.discrepancy.campaign_error_models import walk_shapes
 from skinlab.discrepancy.campaign_errors import (
     CampaignErrors,
     Linearised,
@@ -32,7 +33,7 @@ from skinlab.discrepancy.starts import unknowns_of, with_thickness
 from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.inference.covariance import Covariance, OrnsteinUhlenbeck
-from skinlab.mechanics.effects.model import Skin, response, solve_skin
+from skinlab.mechanics.effects.model import Skin, felt_path, response, solve_skin
 from skinlab.mechanics.fem.skin import SkinProblem
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.mechanics.model_file import BASE
@@ -42,19 +43,24 @@ TRUE = np.array([np.log(0.035), np.log(1.2 / 0.035), 0.32])
 PLAN = 3 * [(6.0, "ramp:100@20,ramp:0@20"), (2.0, "ramp:300@60,ramp:0@60")]
 
 
-def campaign(table, errors, plan=PLAN, *, rate_hz=20, seed=3, thickness_sd_mm=None):
+def campaign(table, errors, plan=PLAN, *, rate_hz=20, seed=3, thickness_sd_mm=None, late_s=0.0):
     """Return curves of the table, with errors (time, dw/dlog stiffness, rng) -> mm added."""
     rng = np.random.default_rng(seed)
     curves = []
     for i, (aperture, text) in enumerate(plan):
         program = parse_program(text)
         t = np.arange(int(program.duration_s * rate_hz + 1e-9) + 1) / rate_hz
-        p = PressurePath.of_program(program)(t)
+        p = suction_of(program, late_s)(t)
         w = table.model(Geometry(aperture, 1.1), p).deflection_mm(np.array([SKIN.values]))[0]
         w = w + errors(t, -p * np.gradient(w, p + 1e-9 * t), rng)
         setup = Setup(aperture, 1.1, program, 1, i // 2 + 1, thickness_sd_mm)
         curves.append(Curve(f"c{i}", setup, t, p, w))
     return Campaign("made", None, 0.0, tuple(curves))
+
+
+def suction_of(program, late_s):
+    path = PressurePath.of_program(program)
+    return felt_path({"regulator_lag": {"tau_s": late_s}}, path) if late_s else path
 
 
 def wandering(t, size, time_s, rng):
@@ -64,6 +70,12 @@ def wandering(t, size, time_s, rng):
     for d in decay:
         found.append(d * found[-1] + size * np.sqrt(1 - d**2) * rng.normal())
     return np.array(found)
+
+
+def walking(t, um_per_root_s, rng):
+    """Return a random walk, mm."""
+    steps = rng.normal(size=len(t)) * np.sqrt(np.diff(t, prepend=t[0]))
+    return 1e-3 * um_per_root_s * np.cumsum(steps)
 
 
 def fitted(table, made):
@@ -92,6 +104,49 @@ def test_repeats_and_roughness_tell_the_errors_whatever_the_model_misses(table):
         for one in (found.looks[1], found.pure)
     )
     assert believed > 2.0 * pure
+
+
+def test_a_gap_within_the_first_moment_of_a_hold_is_no_scatter_of_placements(table):
+    """A late rig ends its ramp within a hold: no low polynomial in the time of that follows it."""
+    text = "ramp:100@80,hold:20,ramp:0@80,hold:8"
+    suction = suction_of(parse_program(text), 0.25)
+
+    def errors(t, per_log, rng):
+        misses = 0.04 * np.sin(np.pi * suction(t) / 100.0) ** 2
+        return misses + rng.normal(0, 2e-3, len(t)) + 0.01 * rng.normal() * np.nan_to_num(per_log)
+
+    made = campaign(table, errors, [(6.0, text), (8.0, text)] * 3, late_s=0.25)
+    records = records_of(made)
+    fitter = Fitter(records, errors_of(records), TableDomes(table), finite_elements=False)
+    search = Search(fitter)
+    search.learned_base()
+    told = search.errors.pure.parameters()
+    assert told["placement_scatter"] < 0.03
+    assert told["placement_thickness"] < 0.03
+
+
+@pytest.mark.parametrize(("um_per_root_s", "low", "high"), [(0.0, 0.0, 0.2), (1.0, 0.5, 1.0)])
+def test_zeros_that_wander_are_told_from_those_that_do_not(table, um_per_root_s, low, high):
+    plan = 3 * [(6.0, "ramp:100@4,ramp:0@4"), (2.0, "ramp:300@60,ramp:0@60")]
+
+    def errors(t, per_log, rng):
+        return rng.normal(0, 2e-3, len(t)) + walking(t, um_per_root_s, rng)
+
+    fitter, fit = fitted(table, campaign(table, errors, plan))
+    none = np.zeros(len(fitter.measured))
+    linear = Linearised.of(fit, fitter.errors, fitter.measured)
+    pure = learn(fitter.records, linear, none, noise_um=None, placement_scatter=None).pure
+    assert low <= pure.probability("wander") <= high
+
+
+def test_the_first_terms_of_a_walk_hold_nearly_all_of_it():
+    t = np.linspace(3.0, 28.0, 501)
+    shapes = walk_shapes(t)
+    assert np.mean(np.square(shapes).sum(axis=1)) == pytest.approx(0.9 * 25.0 / 2.0, rel=0.01)
+    since = t - t[0]
+    covariance = np.minimum(since[:, None], since)  # of a random walk
+    values = np.linalg.eigvalsh(covariance)[::-1][: shapes.shape[1]]
+    np.testing.assert_allclose(np.square(shapes).sum(axis=0), values, rtol=0.01)
 
 
 @pytest.mark.parametrize(
@@ -382,18 +437,28 @@ def test_smooth_errors_have_the_size_that_is_asked_for(table):
     assert np.mean(np.square(shapes).sum(axis=1)) == pytest.approx(1.0, rel=0.1)
 
 
-@pytest.mark.parametrize(("jump_um", "seen"), [(0.0, False), (12.0, True)])
-def test_steps_that_stay_are_told_from_noise_that_wanders(table, jump_um, seen):
+SLOW = 3 * [(6.0, "ramp:100@4,ramp:0@4"), (2.0, "ramp:300@60,ramp:0@60")]
+
+
+@pytest.mark.parametrize(
+    ("plan", "jump_um", "walk_um", "seen"),
+    [
+        (PLAN, 0.0, 0.0, False), (PLAN, 12.0, 0.0, True),
+        (SLOW, 0.0, 1.0, False), (SLOW, 12.0, 1.0, True),
+    ],
+)  # fmt: skip
+def test_steps_that_stay_are_told_from_what_wanders(table, plan, jump_um, walk_um, seen):
     def errors(t, per_log, rng):
         jumps = 1e-3 * jump_um * (t > rng.uniform(0.2, 0.8) * t[-1])
-        return rng.normal(0, 2e-3, len(t)) + wandering(t, 2e-3, 1.0, rng) + jumps
+        lasting = wandering(t, 2e-3, 1.0, rng) + walking(t, walk_um, rng)
+        return rng.normal(0, 2e-3, len(t)) + lasting + jumps
 
-    records = records_of(campaign(table, errors))
+    records = records_of(campaign(table, errors, plan))
     plain = errors_of(records)
     time_s = np.concatenate([r.curve.time_s for r in records])
     own = OrnsteinUhlenbeck(2e-3, 1.0)
     covariance = replace(plain, variance_mm2=plain.variance_mm2 + 4e-6, ou=own, time_s=time_s)
-    clean = records_of(campaign(table, lambda t, per_log, rng: 0.0))
+    clean = records_of(campaign(table, lambda t, per_log, rng: 0.0, plan))
     off = [
         r.curve.deflection_mm - c.curve.deflection_mm for r, c in zip(records, clean, strict=True)
     ]
@@ -482,7 +547,7 @@ def test_means_of_rounded_readings_keep_the_wave_of_the_rounding(table):
     for step_um in (10.0, 0.0):
         known = [replace(r, step_um=step_um) for r in records]
         fitter = Fitter(known, errors_of(known), TableDomes(table), finite_elements=False)
-        found[step_um] = Search(fitter).learned_base().left.p_value
+        found[step_um] = Search(fitter).learned_base().left.by_errors
     assert found[10.0] > 0.01
     assert found[0.0] < 1e-3
 
