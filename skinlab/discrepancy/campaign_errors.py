@@ -355,18 +355,15 @@ def smooth_columns(records: Sequence[Record], degree: int) -> Array:
     """Return what any model may leave (u, m), of mean square 1: columns of each condition.
 
     Polynomials in time of each phase; and in the suction over all phases, since a rig that is late
-    brings its last part within a moment of a long hold.
+    brings its last part within a moment of a long hold. These only where repeats tell of errors
+    what they differ by: of one curve they would take up the errors too.
     """
     starts = np.cumsum([0, *(len(r.curve) for r in records)])
     columns = []
     for members in by_condition(records):
         phases = list(dict.fromkeys(str(p) for i in members for p in records[i].curve.phase))
-        top = max(1e-9, *(float(records[i].pressure_mbar.max()) for i in members))
-        along = np.zeros((starts[-1], degree + ERRORS.smooth_more))
-        for i in members:
-            x = np.clip(records[i].pressure_mbar / top, 0.0, 1.0)
-            along[starts[i] : starts[i + 1]] = legendre(x, along.shape[1] + 1)[:, 1:]
-        columns.append(along)
+        if len(members) > 1:
+            columns.append(_along_suction(records, members, starts, degree + ERRORS.smooth_more))
         for phase in phases:
             block = np.zeros((starts[-1], degree + 1))
             for i in members:
@@ -379,6 +376,18 @@ def smooth_columns(records: Sequence[Record], degree: int) -> Array:
             few = np.count_nonzero(block[:, 0]) <= degree + 1
             columns.append(block[:, :1] if few else block)
     return np.hstack(columns)
+
+
+def _along_suction(
+    records: Sequence[Record], members: Sequence[int], starts: NDArray[np.intp], degree: int
+) -> Array:
+    """Return polynomials (u, degree) in p/p_max of some records, without a constant."""
+    found = np.zeros((starts[-1], degree))
+    top = max(1e-9, *(float(records[i].pressure_mbar.max()) for i in members))
+    for i in members:
+        x = np.clip(records[i].pressure_mbar / top, 0.0, 1.0)
+        found[starts[i] : starts[i + 1]] = legendre(x, degree + 1)[:, 1:]
+    return found
 
 
 def outliers(records: Sequence[Record], base: Linearised) -> Mask:

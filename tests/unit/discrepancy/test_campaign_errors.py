@@ -20,6 +20,7 @@ from skinlab.discrepancy.campaign_errors import (
     learn,
     log_evidences,
     outliers,
+    smooth_columns,
 )
 from skinlab.discrepancy.candidates import Candidate, Found
 from skinlab.discrepancy.discipline import Discipline, repeats_um, smooth_shapes
@@ -123,6 +124,18 @@ def test_a_gap_within_the_first_moment_of_a_hold_is_no_scatter_of_placements(tab
     told = search.errors.pure.parameters()
     assert told["placement_scatter"] < 0.03
     assert told["placement_thickness"] < 0.03
+
+
+def test_of_one_curve_nothing_follows_the_suction_but_the_time(table):
+    """It would take up the errors too: what is left of them is all that tells their size."""
+    plan = [(6.0, "ramp:100@20,ramp:0@20"), (2.0, "ramp:300@60,ramp:0@60")]
+    counts = [
+        smooth_columns(records_of(campaign(table, lambda t, p, rng: 0.0 * t, times * plan)), 3)
+        for times in (1, 2)
+    ]
+    once, twice = (c.shape[1] for c in counts)
+    assert once == 2 * 2 * 4  # a cubic of each phase
+    assert twice > once
 
 
 @pytest.mark.parametrize(("um_per_root_s", "low", "high"), [(0.0, 0.0, 0.2), (1.0, 0.5, 1.0)])
