@@ -290,13 +290,11 @@ def _integrated(one: _Explored, values: Array, log_drawn: Array, linear: LinearM
     return replace(one, nodes=nodes, log_evidence=evidence)
 
 
-def _density(
-    combination: Combination, linear: LinearModel, *, spread: bool = False
-) -> Callable[[Array], Array]:
+def _density(combination: Combination, linear: LinearModel) -> Callable[[Array], Array]:
     """Return the log density (n,) of logarithms (n, d) of the errors' parameters."""
 
     def density(log_values: Array) -> Array:
-        found = linear.log_marginals(combination.covariances(log_values, spread=spread))
+        found = linear.log_marginals(combination.covariances(log_values, spread=False))
         return np.asarray(found + combination.log_priors(log_values))
 
     return density
