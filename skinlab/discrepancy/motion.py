@@ -86,7 +86,7 @@ def _candidate(base: Candidate, found: Found, node: Node, name: str, moved_um: f
     """Return the model as it is with a motion of which no curve tells the next one's course."""
     one = get_effect("learned_motion" if name in NAMES.wave_um else "learned_wander")
     assert isinstance(one, LearnedMotion)
-    values = dict(zip(node.combination.parameters, np.exp(node.log_values).tolist(), strict=True))
+    values = node.values
     longest_s = max(float(np.ptp(r.curve.time_s)) for r in found.records)
     wave = name in NAMES.wave_um
     hz = values[f"{name}_hz"] if wave else 0.5 / longest_s

@@ -61,10 +61,7 @@ class PlannedErrors:
     @classmethod
     def of(cls, node: Node) -> PlannedErrors:
         """Return them by one setting of a campaign's errors."""
-        values = np.exp(node.log_values).tolist()
-        known = dict(zip(node.combination.parameters, values, strict=True))
-        for part in node.combination.parts:
-            known |= part.stated
+        known = node.values
         lasting = node.combination.lasting | {"pressure"}
         sizes = node.sizes_um.items()
         alone = [v**2 for n, v in sizes if n not in lasting and not n.startswith("placement")]

@@ -38,6 +38,15 @@ class Node:
     log_prior: float  # log weight without the data: prior and odds over the density it is from
     log_marginal: float  # of the linearised model
 
+    @property
+    def values(self) -> dict[str, float]:
+        """What the errors' parameters are, those included that were found and not fitted."""
+        values = np.exp(self.log_values).tolist()
+        found = dict(zip(self.combination.parameters, values, strict=True))
+        for part in self.combination.parts:
+            found |= part.stated
+        return found
+
     @cached_property
     def sizes_um(self) -> dict[str, float]:
         """Root mean square of each part's errors, µm, by its name."""

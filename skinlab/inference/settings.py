@@ -148,7 +148,9 @@ class KindRules:
     sine_most: int = 60
     """of so many at most."""
     sine_stands_out: float = 3.0
-    """Times what white noise gives to one frequency."""
+    """Times what white noise gives to one frequency;"""
+    sines_stand_out: float = 2.0
+    """the same for each curve of several, less what choosing its frequency costs."""
     step_um: float = 0.2
     """A smaller step of the readings is no error beside any sensor's noise. Rows `steps…`."""
     step_waves: int = 3

@@ -1,9 +1,13 @@
 """A sine of a found frequency, its amplitude and phase unknown: what breathing and pulse share.
 
-The search begins at the frequency whose sine and cosine, less what the skin's unknowns absorb, take
-most off the residuals' squares (a Lomb-Scargle periodogram with the model's slopes as nuisance:
-Scargle 1982, Astrophys. J. 263:835). From there it is a parameter like others, integrated out:
-sine and cosine are columns of the covariance, the model's size their common standard deviation.
+The frequency is looked for where sine and cosine, less what the skin's unknowns absorb, take most
+off the residuals' squares (a Lomb-Scargle periodogram with the model's slopes as nuisance: Scargle
+1982, Astrophys. J. 263:835). Sine and cosine are columns of the covariance, the model's size their
+common standard deviation.
+
+Of one curve the frequency is from there on a parameter like others, integrated out. Of several each
+curve has its own, for nobody breathes alike in all: found, and paid for by what share of the band
+it might have been in (Laplace).
 """
 
 from __future__ import annotations
@@ -12,44 +16,63 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
+from itertools import pairwise
 from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
 
+from skinlab.inference.covariance import block_diagonal
 from skinlab.inference.error_models.base import Hyperparameter, Look, Part, Terms
-from skinlab.inference.samples import Samples
 from skinlab.inference.settings import KINDS
 
 Array = NDArray[np.float64]
 
 _NINE_TENTHS = 1.645
+_ABSORBED = 0.02  # of a wave's square
 _KEPT = 160  # waves of frequencies: those of all settings of a combination, twice
 
 
-def spectrum(look: Look, frequencies_hz: Array) -> Array:
-    """Return the share (f,) of the residuals' squares that a sine of each frequency takes away."""
-    basis, _ = np.linalg.qr(look.slopes)
+def gains(look: Look, frequencies_hz: Array) -> Array:
+    """Return what a sine of each frequency gains in log likelihood (curves, f), for white errors.
+
+    Each curve's stiffness and zero may be its own where there are several.
+    """
+    samples = look.samples
+    basis, _ = np.linalg.qr(np.hstack([look.slopes, *_of_placements(look)]))
     left = look.residual_mm - basis @ (basis.T @ look.residual_mm)
-    total = float(left @ left)
-    found = np.zeros(len(frequencies_hz))
-    for i, frequency in enumerate(frequencies_hz):
-        waves = columns(look.samples, float(frequency))
-        q, _ = np.linalg.qr(waves - basis @ (basis.T @ waves))
-        found[i] = float(np.square(q.T @ left).sum()) / max(total, 1e-300)
+    variance = max(float(left @ left) / max(len(left) - basis.shape[1], 1), 1e-300)
+    found = np.zeros((samples.curves, len(frequencies_hz)))
+    edges = (0, *samples.ends)
+    for c, (begin, end) in enumerate(pairwise(edges)):
+        here = slice(begin, end)
+        waves = columns(samples.time_s[here], frequencies_hz)  # (n, f, 2)
+        taken = np.tensordot(basis[here].T, waves, 1)
+        square = np.einsum("nfi,nfj->fij", waves, waves) - np.einsum("kfi,kfj->fij", taken, taken)
+        product = np.tensordot(left[here], waves, 1)
+        # A wave that the unknowns absorb all of tells nothing.
+        square += _ABSORBED * np.einsum("nfi,nfi->f", waves, waves)[:, None, None] * np.eye(2)
+        amplitude = np.linalg.solve(square, product[:, :, None])[:, :, 0]
+        found[c] = 0.5 * (product * amplitude).sum(axis=1) / variance
     return found
 
 
-def columns(samples: Samples, frequency_hz: float) -> Array:
-    """Return sine and cosine (u, 2 × curves), of each curve alone: it has a phase of its own."""
-    angle = 2.0 * np.pi * frequency_hz * samples.time_s
-    if samples.curves == 1:
-        both = np.empty((len(angle), 2))
-        np.sin(angle, out=both[:, 0])
-        np.cos(angle, out=both[:, 1])
-        return both
+def _of_placements(look: Look) -> list[Array]:
+    """Return what the curves of a campaign may do each for itself (u, curves)."""
+    samples = look.samples
+    if samples.curves < 2:
+        return []
+    softer = look.softer_mm
+    if softer is None:
+        softer = samples.pressure_mbar * look.slope_mm_per_mbar
     one = samples.curve[:, None] == np.arange(samples.curves)
-    return np.hstack([np.sin(angle)[:, None] * one, np.cos(angle)[:, None] * one])
+    return [1.0 * one, softer[:, None] * one]
+
+
+def columns(time_s: Array, frequencies_hz: Array) -> Array:
+    """Return sine and cosine (n, f, 2)."""
+    angle = 2.0 * np.pi * np.multiply.outer(time_s, frequencies_hz)
+    return np.stack([np.sin(angle), np.cos(angle)], axis=-1)
 
 
 @dataclass(frozen=True)
@@ -94,20 +117,19 @@ class Periodic:
         steps = (self.high_hz - self.low_hz) * lasts / KINDS.sine_finest
         count = int(np.clip(steps + 2, 3, KINDS.sine_most))
         grid = np.linspace(self.low_hz, self.high_hz, count)
-        share = spectrum(look, grid)
-        best = int(np.argmax(share))
-        # White residuals: the largest of several shares, each of mean 2/u.
-        if share[best] * 0.5 * len(samples) < KINDS.sine_stands_out * samples.curves:
-            return None
-        frequency = float(grid[best])
+        gain = gains(look, grid)
         size = Hyperparameter(f"{self.name}_um", self.median_um, KINDS.sine_sd)
-
-        waves = lru_cache(maxsize=_KEPT)(partial(columns, samples))
+        if samples.curves > 1:
+            return self._of_each(look, size, grid, gain)
+        # White residuals: the largest of several, each of mean 1.
+        if gain.max() < KINDS.sine_stands_out:
+            return None
+        frequency = float(grid[np.argmax(gain)])
+        waves = lru_cache(maxsize=_KEPT)(partial(columns, samples.time_s))
 
         def terms(values: Sequence[float]) -> Terms:
             size_um, hz = values
-            found = waves(hz)
-            return Terms(columns_mm=found, sizes=np.full(found.shape[1], 1e-3 * size_um))
+            return Terms(columns_mm=waves(hz), sizes=np.full(2, 1e-3 * size_um))
 
         return Part(
             self.name,
@@ -117,4 +139,33 @@ class Periodic:
             lasting=True,
             why=f"{self.what} at {frequency:.2g} Hz",
             size_um=itemgetter(0),  # sin² + cos² = 1
+        )
+
+    def _of_each(self, look: Look, size: Hyperparameter, grid: Array, gain: Array) -> Part | None:
+        """Return the part of several curves, each with its own frequency, if these stand out."""
+        samples = look.samples
+        times = np.split(samples.time_s, samples.ends[:-1])
+        best, top = grid[gain.argmax(axis=1)], np.maximum(gain.max(axis=1), 1e-9)
+        lasts = np.array([max(np.ptp(t), 1e-9) if len(t) else 1e-9 for t in times])
+        # About its best frequency a sine's gain falls by (πTΔf)²/3 of itself.
+        spread = np.sqrt(1.5 / top) / (np.pi * lasts)
+        share = np.minimum(math.sqrt(2.0 * math.pi) * spread / (self.high_hz - self.low_hz), 1.0)
+        paid = float(np.log(share).sum())
+        if top.sum() + paid < KINDS.sines_stand_out * samples.curves:
+            return None
+        waves = block_diagonal([columns(t, hz) for t, hz in zip(times, best, strict=True)])
+
+        def terms(values: Sequence[float]) -> Terms:
+            return Terms(columns_mm=waves, sizes=np.full(waves.shape[1], 1e-3 * values[0]))
+
+        middle = float(np.median(best))
+        return Part(
+            self.name,
+            (size,),
+            terms,
+            math.log(KINDS.unusual_odds) + paid,
+            stated={f"{self.name}_hz": middle},
+            lasting=True,
+            why=f"{self.what} at about {middle:.2g} Hz",
+            size_um=itemgetter(0),
         )

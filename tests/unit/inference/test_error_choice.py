@@ -447,6 +447,44 @@ def test_lasting_errors_that_sines_explain_are_dropped():
     assert low < np.log(1.2) < high
 
 
+def of_several(errors_mm):
+    """Return what is chosen for curves one after the other, each with errors (N,) of a row."""
+    count = len(errors_mm)
+    number = np.repeat(np.arange(count), N)
+    course, slopes, time = np.tile(COURSE, count), np.tile(SLOPES, (count, 1)), np.tile(TIME, count)
+    errors, suction = errors_mm.ravel(), np.tile(100 * X, count)
+    slope = np.tile(np.gradient(COURSE, 100 * X), count)
+    samples = Samples(
+        time, suction, course + errors, np.full(len(time), "load"),
+        number, number, 0 * number, np.ones(len(time)),
+    )  # fmt: skip
+    look = Look(
+        samples, course, slope, errors, slopes, None, 0 * time, 0 * time, placement_scatter=0.0
+    )
+    linear = LinearModel(errors, slopes, PRECISION)
+    return choose_errors(look, linear, np.zeros((len(time), 0)), np.zeros(len(time)))
+
+
+def test_curves_have_a_breath_of_their_own_each():
+    rng = np.random.default_rng(3)
+    hz = np.array([[1.0], [1.2], [1.5], [1.1], [1.35]])  # a pulse: many periods in five seconds
+    waves = 3e-3 * np.sin(2 * np.pi * (hz * TIME + rng.uniform(size=(5, 1))))
+    noise = 1e-3 * rng.standard_normal((5, N))
+    found = of_several(waves + noise)
+    assert set(found.best.name.split("+")) == {"white", "pulse"}
+    assert found.parameters()["white_um"] == pytest.approx(1.0, rel=0.1)
+    assert found.parameters()["pulse_um"] == pytest.approx(3.0, rel=0.5)
+    assert found.parameters()["pulse_hz"] == pytest.approx(1.2, abs=0.05)
+
+
+def test_frequencies_of_several_curves_are_paid_for():
+    names = [
+        of_several(3e-3 * np.random.default_rng(s).standard_normal((4, N))).best.name
+        for s in range(12)
+    ]
+    assert sum("breathing" in name or "pulse" in name for name in names) <= 1
+
+
 def test_a_sine_outside_of_its_band_is_none_of_the_bands():
     rng = np.random.default_rng(2)
     choice = chosen(white(rng, 1.0) + 8e-3 * np.sin(2 * np.pi * 0.6 * TIME + 1.0))
