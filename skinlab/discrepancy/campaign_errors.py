@@ -218,7 +218,7 @@ def log_evidences(ones: Sequence[Linearised], covariances: Sequence[Covariance])
     for members in _alike(covariances):
         every, log_determinant = products([covariances[i] for i in members], values)
         for j, (one, own) in enumerate(zip(ones, widths, strict=True)):
-            found[members, j] = one.log_density(every[:, own, own], log_determinant)
+            found[members, j] = one.log_density(every[:, own[:, None], own], log_determinant)
     return found
 
 
@@ -249,7 +249,9 @@ class WithoutCurves:
             gram, log_base = sum(g for g, _ in kept), sum(d for _, d in kept)
             every, log_determinant = products_of(np.asarray(gram), np.asarray(log_base), self._m)
             for j, (one, own) in enumerate(zip(self._ones, self._widths, strict=True)):
-                found[members, j] = one.log_density(every[:, own, own], log_determinant, samples)
+                found[members, j] = one.log_density(
+                    every[:, own[:, None], own], log_determinant, samples
+                )
         return found
 
 
@@ -265,17 +267,21 @@ def _alike(covariances: Sequence[Covariance]) -> list[list[int]]:
     return alike([(c.shapes_mm.shape[1], c.ou is None) for c in covariances])
 
 
-def _side_by_side(ones: Sequence[Linearised]) -> tuple[Array, list[slice]]:
-    """Return residuals and slopes of explanations (u, m), and which columns are whose."""
-    blocks: dict[int, tuple[Linearised, slice]] = {}  # that differ in priors alone share one
-    width = 0
+def _side_by_side(ones: Sequence[Linearised]) -> tuple[Array, list[NDArray[np.intp]]]:
+    """Return residuals and slopes of explanations (u, m), each once, and which are whose."""
+    place: dict[bytes, int] = {}
+    columns: list[Array] = []
+    known: dict[int, NDArray[np.intp]] = {}  # those that differ in priors alone share their slopes
     for one in ones:
-        if id(one.slopes_mm) not in blocks:
-            end = width + 1 + one.slopes_mm.shape[1]
-            blocks[id(one.slopes_mm)] = one, slice(width, end)
-            width = end
-    columns = [c for one, _ in blocks.values() for c in (one.residual_mm, one.slopes_mm)]
-    return np.column_stack(columns), [blocks[id(one.slopes_mm)][1] for one in ones]
+        if id(one.slopes_mm) in known:
+            continue
+        own = []
+        for column in (one.residual_mm, *one.slopes_mm.T):
+            own.append(place.setdefault(column.tobytes(), len(place)))
+            if own[-1] == len(columns):
+                columns.append(column)
+        known[id(one.slopes_mm)] = np.array(own)
+    return np.column_stack(columns), [known[id(one.slopes_mm)] for one in ones]
 
 
 def size_um(node: Node, name: str) -> float:
