@@ -12,7 +12,7 @@ from scipy.special import chdtrc, fdtrc, ndtr
 
 from skinlab.discrepancy.campaign_error_models import walk_shapes
 from skinlab.discrepancy.records import Record, by_condition
-from skinlab.discrepancy.settings import ERRORS
+from skinlab.discrepancy.settings import ERRORS, NAMES
 from skinlab.inference.covariance import Covariance, block_diagonal
 from skinlab.inference.error_models.quantised import step_um
 
@@ -182,7 +182,8 @@ def steps(records: Sequence[Record], errors: Covariance, residual_mm: Array) -> 
     Of each curve the one step that takes most off χ², all curves added up, against the same of
     errors that are drawn, and rounded as the readings are. Tape that lets go does this; what is
     smooth, and what wanders as the errors or as zeros do, does not: most of a long curve's walk
-    looks like one step.
+    looks like one step. Of what is left of a step its first µm is no tape's, but what a model may
+    be off by: with little noise that is many deviations.
     """
     walks = block_diagonal([walk_shapes(r.curve.time_s) for r in records])
     walks *= 1e-3 * ERRORS.wander_most
@@ -200,7 +201,8 @@ def steps(records: Sequence[Record], errors: Covariance, residual_mm: Array) -> 
         if len(part) <= 2 * side:
             continue
         since = np.cumsum(part[::-1], axis=0)[::-1][side:-side]  # of steps there
-        usual = np.square(since[:, 1:]).mean(axis=1, keepdims=True)
+        usual = np.square(since[:, 1:]).mean(axis=1, keepdims=True)  # a step's information, too
+        since[:, 0] = np.maximum(np.abs(since[:, 0]) - 1e-3 * NAMES.practical_um * usual[:, 0], 0.0)
         total += (np.square(since) / usual).max(axis=0)
     chance = total[1:]
     return float((total[0] - chance.mean()) / max(float(chance.std()), 1e-9))

@@ -222,13 +222,18 @@ class Discipline:
     def _without(
         self, best: Candidate, base: Candidate, rivals: Sequence[Candidate], odds: float
     ) -> dict[str, tuple[bool, list[Candidate]]]:
-        """Return by what is left out whether it is there, and what is then ahead of it."""
+        """Return by what is left out whether it is there, and what is then ahead of it.
+
+        With something beside it, it is there as well: a zero that wanders in all curves but one.
+        """
         # What is learned is a kind: another function of the same kind is no other answer.
         rivals = [r for r in rivals if not best.kind or r.kind != best.kind]
+        with_more = [r for r in rivals if set(best.effects) < set(r.effects)]
+        rivals = [r for r in rivals if r not in with_more]
         found = {}
         for what, kept in self._drops.items():
             needed = NAMES.tie - odds if what == _SECOND else 0.0
-            mine = self._weighed(best, kept)
+            mine = max(self._weighed(one, kept) for one in (best, *with_more))
             ahead = [r for r in rivals if self._weighed(r, kept) - mine > NAMES.tie]
             found[what] = self.ahead(best, base, kept) >= needed, ahead
         return found

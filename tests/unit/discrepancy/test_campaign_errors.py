@@ -368,6 +368,20 @@ def test_a_name_is_there_again_though_a_second_effect_says_a_little_more(table):
         ahead = weighed.ahead_in_parts(name, base, [name, pair], tied)
         assert ahead == ([] if there else [pair])
 
+    # What is ahead with the name in it is no other name: the zero wandered in some curves.
+    def of(one, *effects):
+        return replace(
+            one, fit=replace(one.fit, unknowns=replace(one.fit.unknowns, effects=effects))
+        )
+
+    name = of(name, "tape_slip")
+    for effects, there in ((("baseline_drift", "tape_slip"), True), (("sensor_curve",), False)):
+        other = of(pair, *effects)
+        linear |= {id(name): linear[id(one)], id(other): linear[id(both)]}
+        weighed = Discipline(fitter.records, errors, linear, {id(name): -1.3, id(other): -1.3})
+        trials = weighed.trials(name, base, [name, other], [], held)
+        assert next(t for t in trials if t.name == "again").passed is there
+
 
 @pytest.mark.parametrize("process", [None, OrnsteinUhlenbeck(2e-3, 0.3)], ids=["white", "lasting"])
 def test_what_curves_say_adds_up_to_what_they_say_together(table, process):
@@ -451,6 +465,24 @@ def test_smooth_errors_have_the_size_that_is_asked_for(table):
 
 
 SLOW = 3 * [(6.0, "ramp:100@4,ramp:0@4"), (2.0, "ramp:300@60,ramp:0@60")]
+
+
+@pytest.mark.parametrize(("jump_um", "seen"), [(0.0, False), (0.7, False), (3.0, True)])
+def test_in_quiet_readings_a_step_below_a_micrometre_is_what_a_model_may_be_off_by(
+    table, jump_um, seen
+):
+    records = records_of(campaign(table, lambda t, per_log, rng: rng.normal(0, 2e-3, len(t))))
+    quiet = replace(errors_of(records), variance_mm2=np.full(sum(map(len_of, records)), 4e-8))
+    rng = np.random.default_rng(0)
+    off = [
+        rng.normal(0, 2e-4, len_of(r)) + 1e-3 * jump_um * (np.arange(len_of(r)) > 0.4 * len_of(r))
+        for r in records
+    ]
+    assert (steps(records, quiet, np.concatenate(off)) > NAMES.steps) == seen
+
+
+def len_of(record):
+    return len(record.curve)
 
 
 @pytest.mark.parametrize(
