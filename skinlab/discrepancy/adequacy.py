@@ -85,7 +85,8 @@ def look(
             )
     freedom = max(count - unknowns, 1)
     by_means = float(chdtrc(freedom, total))
-    by_neighbours = float(ndtr(-product / np.sqrt(max(pairs, 1))))
+    # Of very many samples a correlation that no effect makes is many deviations.
+    by_neighbours = float(ndtr((ERRORS.neighbours_left * pairs - product) / np.sqrt(max(pairs, 1))))
     chance = by_errors = min(1.0, 2.0 * min(by_means, by_neighbours))
     if ERRORS.hardly <= by_errors < ERRORS.no_doubt:
         means, neighbours = _in_common(records, left, unknowns)

@@ -130,7 +130,7 @@ class Wander:
     """The zero of each curve wanders: the weight of the probe, tape that creeps.
 
     A random walk (0.5 to 1 µm per root second): beside errors that last for a while it is what
-    grows with the time of a curve. Its first terms by Karhunen and Loève hold 90 % of it.
+    grows with the time of a curve. Its first terms by Karhunen and Loève hold 90 % of it and more.
     """
 
     name: str = "wander"
@@ -154,9 +154,11 @@ class Wander:
 def walk_shapes(time_s: Array) -> Array:
     """Return the first terms (n, m) of a random walk of 1 per root second from its first time on.
 
-    Each is as large as its standard deviation (Karhunen and Loève).
+    Each is as large as its standard deviation (Karhunen and Loève). A longer curve has more: what
+    is left out, 2/(π²m) of its mean square, grows with the time.
     """
     t = time_s - time_s[0]
     whole_s = max(float(t[-1]), 1e-9)
-    odd = (np.arange(ERRORS.wander_terms) + 0.5) * np.pi
+    terms = max(ERRORS.wander_terms, math.ceil(whole_s / ERRORS.wander_each_s))
+    odd = (np.arange(terms) + 0.5) * np.pi
     return np.asarray(math.sqrt(2.0 * whole_s) / odd * np.sin(np.outer(t / whole_s, odd)))

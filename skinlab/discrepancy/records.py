@@ -179,7 +179,7 @@ def coarsened(record: Record, rate_hz: float) -> Record:
     """
     curve = record.curve
     step = float(np.median(np.diff(curve.time_s)))
-    size = int(1.0 / (rate_hz * step) + 0.1)  # clocks jitter
+    size = int(1.0 / (rate_hz * step) + 0.15)  # clocks jitter, and samples are lost
     if size < 2:
         return record
     w, phase = curve.deflection_mm, curve.phase

@@ -31,7 +31,9 @@ class ErrorRules:
     """Likewise of how a zero wanders during a curve, µm per root second: 0.5 to 1 are published
     (weight of the probe, creep of the tape)."""
     wander_terms: int = 2
-    """Of a random walk: they hold 90 % of its mean square."""
+    """Of a random walk: they hold 90 % of its mean square. At least, or"""
+    wander_each_s: float = 10.0
+    """one for so much of a curve: of 50 s these two left swings of 1.3 µm, in all explanations."""
     wander_most: float = 1.0
     """µm per root second, up to which what looks like a sudden step may be such a walk."""
     coarse_hz: float = 25.0
@@ -83,6 +85,10 @@ class ErrorRules:
     """Residuals by chance, of which the largest step is the measure, with"""
     step_side: int = 4
     """samples on either side of it."""
+    neighbours_left: float = 0.02
+    """Correlation of neighbours in what is left, which counts as none: in 20 curves rounding and
+    tails that are nearly modelled left 0.04, 7 deviations, in all explanations alike. A gap of a
+    seventh of the noise does it, where 1 µm matters."""
     adequate: float = 1e-3
     """Of a p value: a fit whose residual is less likely than this leaves more than noise."""
     hardly: float = 1e-6

@@ -9,7 +9,7 @@ from typing import Literal
 
 from skinlab.discrepancy.candidates import Candidate, Found, outdone
 from skinlab.discrepancy.discipline import Trial
-from skinlab.discrepancy.settings import NAMES
+from skinlab.discrepancy.settings import ERRORS, NAMES
 
 Name = Literal["none", "named", "learned", "ambiguous", "unknown"]
 
@@ -55,6 +55,17 @@ def decide(found: Found) -> Verdict:
     near = [c for c in found.candidates if c.log10_evidence > best - tie and c.log10_evidence > 0]
     # One whose residual is nearly as likely as that of one that may be noise is not out for it.
     least = 10.0**-NAMES.tie * max(c.left.by_errors for c in good if c in near)
+    # Nor is one to which more effects are added that make the residual likelier, and not the whole.
+    spared = [
+        c.left.by_errors
+        for c in near
+        if c.left.by_errors >= ERRORS.hardly
+        and any(
+            g.adequate and set(c.effects) < set(g.effects) and g.log10_evidence <= c.log10_evidence
+            for g in near
+        )
+    ]
+    least = min([least, *spared])
     tied = [c for c in near if c.adequate or c.left.by_errors >= least]
     # More effects where fewer do as well are no other explanation.
     minimal = [c for c in tied if not any(set(o.effects) < set(c.effects) for o in tied)]

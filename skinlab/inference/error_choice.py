@@ -154,29 +154,41 @@ def choose_errors(
     starts = _starts(look, linear)
     sets = [(*plain, rival) for rival in rivals] or [plain]
     tried = [_explore(combine(parts), linear, starts) for parts in sets]
-    best = max(tried, key=lambda e: e.log_evidence)
-    for _ in range(CHOICE.most_models):
-        names = best.combination.names
-        taken = names | processes if names & processes else names
-        more = [p for p in others if p.name not in taken]
-        known = {e.combination.names for e in tried}
-        found = [
-            _explore(
-                combine((*best.combination.parts, part)),
-                linear,
-                {**starts, **best.mode},
-                best.log_evidence,
-            )
-            for part in more
-            if names | {part.name} not in known
-        ]
-        tried += found
-        if not found:
-            break
-        leader = max(found, key=lambda e: e.log_evidence)
-        if leader.log_evidence <= best.log_evidence:
-            break
-        best = leader
+
+    def grown(best: _Explored, others: Sequence[Part]) -> _Explored:
+        """Return the best combination with one more part each time, until none gains."""
+        for _ in range(CHOICE.most_models):
+            names = best.combination.names
+            taken = names | processes if names & processes else names
+            more = [p for p in others if p.name not in taken]
+            known = {e.combination.names for e in tried}
+            found = [
+                _explore(
+                    combine((*best.combination.parts, part)),
+                    linear,
+                    {**starts, **best.mode},
+                    best.log_evidence,
+                )
+                for part in more
+                if names | {part.name} not in known
+            ]
+            tried.extend(found)
+            leader = max(found, key=lambda e: e.log_evidence, default=best)
+            if leader.log_evidence <= best.log_evidence:
+                break
+            best = leader
+        return best
+
+    best = grown(max(tried, key=lambda e: e.log_evidence), others)
+    # What is seen below the others alone.
+    below, names = replace(look, covariance=best.mode_covariance), {part.name for part in offered}
+    later = [
+        part
+        for model in models
+        if model.name not in names and (part := part_of(model, below)) is not None
+    ]
+    if later:
+        best = grown(best, [*others, *later])
     # What came first may be needless beside what came later: lasting errors beside a sine.
     early = [p for p in best.combination.parts if not p.always]
     for part in early[:-1]:

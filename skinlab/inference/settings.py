@@ -146,7 +146,9 @@ class KindRules:
     sine_finest: float = 0.15
     """Of a period over the whole record: the grid of frequencies,"""
     sine_most: int = 60
-    """of so many at most."""
+    """of so many at most: from the best one it is looked for more closely;"""
+    sine_most_of_each: int = 400
+    """of each curve of several, whose frequency stays there."""
     sine_stands_out: float = 3.0
     """Times what white noise gives to one frequency;"""
     sines_stand_out: float = 2.0

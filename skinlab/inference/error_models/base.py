@@ -16,7 +16,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.inference.covariance import OrnsteinUhlenbeck
+from skinlab.inference.covariance import Covariance, OrnsteinUhlenbeck
 from skinlab.inference.samples import Samples
 from skinlab.inference.settings import KINDS
 
@@ -142,6 +142,8 @@ class Look:
     """(u,) deflection per logarithm of a softer place; None: p dw/dp."""
     thickness_error_mm: Array | None = None
     """(u,) deflection that one standard deviation of a placement's own thickness makes."""
+    covariance: Covariance | None = None
+    """Of the best combination so far, where one is known: what is looked for below it."""
     white_square: Array | None = None
     """(u,) expected squares of the white parts of the errors, in their own variances, by the best
     combination so far: what models of heavy tails look at."""

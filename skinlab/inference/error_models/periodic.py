@@ -6,8 +6,8 @@ off the residuals' squares (a Lomb-Scargle periodogram with the model's slopes a
 common standard deviation.
 
 Of one curve the frequency is from there on a parameter like others, integrated out. Of several each
-curve has its own, for nobody breathes alike in all: found, and paid for by what share of the band
-it might have been in (Laplace).
+curve has its own, for nobody breathes alike in all: found by the best errors without a sine, and
+paid for by what share of the band it might have been in (Laplace).
 """
 
 from __future__ import annotations
@@ -33,40 +33,37 @@ _ABSORBED = 0.02  # of a wave's square
 _KEPT = 160  # waves of frequencies: those of all settings of a combination, twice
 
 
-def gains(look: Look, frequencies_hz: Array) -> Array:
-    """Return what a sine of each frequency gains in log likelihood (curves, f), for white errors.
+def gains(look: Look, grids_hz: Sequence[Array]) -> list[Array]:
+    """Return what a sine gains in log likelihood: of each curve's frequencies (f,).
 
-    Each curve's stiffness and zero may be its own where there are several.
+    By the covariance of the best errors so far, where one is known; else for white ones.
     """
-    samples = look.samples
-    basis, _ = np.linalg.qr(np.hstack([look.slopes, *_of_placements(look)]))
-    left = look.residual_mm - basis @ (basis.T @ look.residual_mm)
-    variance = max(float(left @ left) / max(len(left) - basis.shape[1], 1), 1e-300)
-    found = np.zeros((samples.curves, len(frequencies_hz)))
-    edges = (0, *samples.ends)
-    for c, (begin, end) in enumerate(pairwise(edges)):
+    samples, known = look.samples, look.covariance
+    every = np.column_stack([look.residual_mm, look.slopes])
+    if known is not None:
+        every = known.whiten_without_columns(np.column_stack([every, known.columns_mm]))
+    basis, _ = np.linalg.qr(every[:, 1:])
+    left = every[:, 0] - basis @ (basis.T @ every[:, 0])
+    variance = 1.0
+    if known is None:
+        variance = max(float(left @ left) / max(len(left) - basis.shape[1], 1), 1e-300)
+    found = []
+    for grid, (begin, end) in zip(grids_hz, pairwise((0, *samples.ends)), strict=True):
         here = slice(begin, end)
-        waves = columns(samples.time_s[here], frequencies_hz)  # (n, f, 2)
+        waves = columns(samples.time_s[here], grid)  # (n, f, 2)
+        if known is not None:
+            own = np.zeros(known.count, dtype=bool)
+            own[here] = True
+            waves = known.only(own).whiten_without_columns(waves)
         taken = np.tensordot(basis[here].T, waves, 1)
-        square = np.einsum("nfi,nfj->fij", waves, waves) - np.einsum("kfi,kfj->fij", taken, taken)
+        whole = np.einsum("nfi,nfj->fij", waves, waves)
+        square = whole - np.einsum("kfi,kfj->fij", taken, taken)
         product = np.tensordot(left[here], waves, 1)
         # A wave that the unknowns absorb all of tells nothing.
-        square += _ABSORBED * np.einsum("nfi,nfi->f", waves, waves)[:, None, None] * np.eye(2)
+        square += _ABSORBED * np.trace(whole, axis1=1, axis2=2)[:, None, None] * np.eye(2)
         amplitude = np.linalg.solve(square, product[:, :, None])[:, :, 0]
-        found[c] = 0.5 * (product * amplitude).sum(axis=1) / variance
+        found.append(0.5 * (product * amplitude).sum(axis=1) / variance)
     return found
-
-
-def _of_placements(look: Look) -> list[Array]:
-    """Return what the curves of a campaign may do each for itself (u, curves)."""
-    samples = look.samples
-    if samples.curves < 2:
-        return []
-    softer = look.softer_mm
-    if softer is None:
-        softer = samples.pressure_mbar * look.slope_mm_per_mbar
-    one = samples.curve[:, None] == np.arange(samples.curves)
-    return [1.0 * one, softer[:, None] * one]
 
 
 def columns(time_s: Array, frequencies_hz: Array) -> Array:
@@ -114,13 +111,11 @@ class Periodic:
         sparse = spacing * self.low_hz * KINDS.sine_samples > 1.0
         if lasts * self.high_hz < KINDS.sine_periods or sparse:
             return None
-        steps = (self.high_hz - self.low_hz) * lasts / KINDS.sine_finest
-        count = int(np.clip(steps + 2, 3, KINDS.sine_most))
-        grid = np.linspace(self.low_hz, self.high_hz, count)
-        gain = gains(look, grid)
         size = Hyperparameter(f"{self.name}_um", self.median_um, KINDS.sine_sd)
-        if samples.curves > 1:
-            return self._of_each(look, size, grid, gain)
+        if samples.curves > 1:  # below errors of other kinds, once these are known
+            return None if look.covariance is None else self._of_each(look, size)
+        grid = self._grid_hz(lasts, KINDS.sine_most)
+        (gain,) = gains(look, [grid])
         # White residuals: the largest of several, each of mean 1.
         if gain.max() < KINDS.sine_stands_out:
             return None
@@ -141,12 +136,20 @@ class Periodic:
             size_um=itemgetter(0),  # sin² + cos² = 1
         )
 
-    def _of_each(self, look: Look, size: Hyperparameter, grid: Array, gain: Array) -> Part | None:
+    def _grid_hz(self, lasts_s: float, most: int) -> Array:
+        """Return frequencies that a record so long tells apart."""
+        steps = (self.high_hz - self.low_hz) * lasts_s / KINDS.sine_finest
+        return np.linspace(self.low_hz, self.high_hz, int(np.clip(steps + 2, 3, most)))
+
+    def _of_each(self, look: Look, size: Hyperparameter) -> Part | None:
         """Return the part of several curves, each with its own frequency, if these stand out."""
         samples = look.samples
         times = np.split(samples.time_s, samples.ends[:-1])
-        best, top = grid[gain.argmax(axis=1)], np.maximum(gain.max(axis=1), 1e-9)
         lasts = np.array([max(np.ptp(t), 1e-9) if len(t) else 1e-9 for t in times])
+        grids = [self._grid_hz(each, KINDS.sine_most_of_each) for each in lasts]
+        gain = gains(look, grids)
+        best = np.array([grid[g.argmax()] for grid, g in zip(grids, gain, strict=True)])
+        top = np.array([max(float(g.max()), 1e-9) for g in gain])
         # About its best frequency a sine's gain falls by (πTΔf)²/3 of itself.
         spread = np.sqrt(1.5 / top) / (np.pi * lasts)
         share = np.minimum(math.sqrt(2.0 * math.pi) * spread / (self.high_hz - self.low_hz), 1.0)

@@ -152,10 +152,13 @@ def test_zeros_that_wander_are_told_from_those_that_do_not(table, um_per_root_s,
     assert low <= pure.probability("wander") <= high
 
 
-def test_the_first_terms_of_a_walk_hold_nearly_all_of_it():
-    t = np.linspace(3.0, 28.0, 501)
+@pytest.mark.parametrize(("lasts_s", "terms"), [(5.0, 2), (19.0, 2), (50.0, 5)])
+def test_the_first_terms_of_a_walk_hold_nearly_all_of_it(lasts_s, terms):
+    t = np.linspace(3.0, 3.0 + lasts_s, 1001)
     shapes = walk_shapes(t)
-    assert np.mean(np.square(shapes).sum(axis=1)) == pytest.approx(0.9 * 25.0 / 2.0, rel=0.01)
+    assert shapes.shape[1] == terms
+    held = 1.0 - 2.0 / (np.pi**2 * terms)
+    assert np.mean(np.square(shapes).sum(axis=1)) == pytest.approx(held * lasts_s / 2.0, rel=0.01)
     since = t - t[0]
     covariance = np.minimum(since[:, None], since)  # of a random walk
     values = np.linalg.eigvalsh(covariance)[::-1][: shapes.shape[1]]

@@ -53,8 +53,9 @@ def test_p_values_of_white_noise_are_no_smaller_than_uniform(looks):
     for level in (0.05, 0.2, 0.5):
         spread = np.sqrt(level * (1 - level) / len(p))
         assert np.mean(p < level) < level + 4 * spread
-    # Not blunt either: the mesh's share, taken off, and two tests cost some of it.
-    assert np.mean(p < 0.5) > 0.15
+    # Not blunt either: the mesh's share, taken off, two tests, and a correlation of 0.02 that
+    # counts as none cost some of it.
+    assert np.mean(p < 0.5) > 0.05
 
 
 def test_structure_is_seen_and_said_where(looks):
@@ -83,10 +84,10 @@ def repeats(table):
 
 
 def judged(fitter, zero, phases, rng):
-    """Return p values (as judged, by the errors alone) of noise and a breath of 0.55 µm."""
+    """Return p values (as judged, by the errors alone) of noise and a breath of 0.6 µm."""
     noise = fitter.errors.split(rng.normal(size=fitter.errors.count) * fitter.errors.sigma_mm)
     off = [
-        w + n + 5.5e-4 * np.sin(2 * np.pi * 0.5 * record.curve.time_s + phase)
+        w + n + 6e-4 * np.sin(2 * np.pi * 0.5 * record.curve.time_s + phase)
         for w, n, record, phase in zip(zero, noise, fitter.records, phases, strict=True)
     ]
     left = look(fitter.records, fitter.errors, off, 0)
@@ -202,6 +203,26 @@ def test_a_hair_of_what_is_left_makes_no_name(behind, found):
     just = 1.2 * ERRORS.adequate
     made = verdict(BAD, candidate(LAG, 20.0, just), candidate(GAIN, 19.0, just / behind))
     assert made == found
+
+
+@pytest.mark.parametrize(
+    ("ahead", "left", "told"),
+    [
+        (-0.5, 0.4, ("ambiguous", [{*GAIN}, {*LAG}])), (0.5, 0.4, ("named", [{*LAG, *SLIP}])),
+        (-0.5, 1e-4, ("named", [{*LAG, *SLIP}])),
+    ],
+)  # fmt: skip
+def test_what_a_second_effect_makes_likelier_in_its_residual_alone_is_not_out(ahead, left, told):
+    """A lag left 0.4 of what may be noise, with a pulse beside it enough; of the two no data told.
+
+    What is as likely as that lag, and leaves as much, is told as well.
+    """
+    just = left * ERRORS.adequate
+    made = verdict(
+        BAD, candidate((*LAG, *SLIP), 20.0 + ahead), candidate(LAG, 20.0, just),
+        candidate(GAIN, 20.4, 1.1 * just),
+    )  # fmt: skip
+    assert made == told
 
 
 def test_a_tie_names_everything_that_is_tied():
