@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from skinlab.inference.covariance import block_diagonal
 from skinlab.inference.error_models.base import Hyperparameter, Look, Part, Terms
+from skinlab.inference.samples import Samples
 from skinlab.inference.settings import KINDS
 
 Array = NDArray[np.float64]
@@ -50,7 +51,7 @@ def gains(look: Look, grids_hz: Sequence[Array]) -> list[Array]:
     found = []
     for grid, (begin, end) in zip(grids_hz, pairwise((0, *samples.ends)), strict=True):
         here = slice(begin, end)
-        waves = columns(samples.time_s[here], grid)  # (n, f, 2)
+        waves = _waves(samples.time_s[here], grid)  # (n, f, 2)
         if known is not None:
             own = np.zeros(known.count, dtype=bool)
             own[here] = True
@@ -66,8 +67,14 @@ def gains(look: Look, grids_hz: Sequence[Array]) -> list[Array]:
     return found
 
 
-def columns(time_s: Array, frequencies_hz: Array) -> Array:
-    """Return sine and cosine (n, f, 2)."""
+def columns(samples: Samples, frequency_hz: float) -> Array:
+    """Return sine and cosine (u, 2 × curves), of each curve alone: it has a phase of its own."""
+    times = np.split(samples.time_s, samples.ends[:-1])
+    return block_diagonal([_waves(t, frequency_hz) for t in times])
+
+
+def _waves(time_s: Array, frequencies_hz: Array | float) -> Array:
+    """Return sine and cosine (n, ..., 2)."""
     angle = 2.0 * np.pi * np.multiply.outer(time_s, frequencies_hz)
     return np.stack([np.sin(angle), np.cos(angle)], axis=-1)
 
@@ -120,7 +127,7 @@ class Periodic:
         if gain.max() < KINDS.sine_stands_out:
             return None
         frequency = float(grid[np.argmax(gain)])
-        waves = lru_cache(maxsize=_KEPT)(partial(columns, samples.time_s))
+        waves = lru_cache(maxsize=_KEPT)(partial(columns, samples))
 
         def terms(values: Sequence[float]) -> Terms:
             size_um, hz = values
@@ -156,7 +163,7 @@ class Periodic:
         paid = float(np.log(share).sum())
         if top.sum() + paid < KINDS.sines_stand_out * samples.curves:
             return None
-        waves = block_diagonal([columns(t, hz) for t, hz in zip(times, best, strict=True)])
+        waves = block_diagonal([_waves(t, hz) for t, hz in zip(times, best, strict=True)])
 
         def terms(values: Sequence[float]) -> Terms:
             return Terms(columns_mm=waves, sizes=np.full(waves.shape[1], 1e-3 * values[0]))
