@@ -213,7 +213,7 @@ def test_a_pair_that_leads_is_tried_against_its_rivals(table):
     """Beside its partner an effect may seem to gain nothing: it is added to other fits as well."""
     brief = ((6.0, "ramp:100@80,hold:1,ramp:0@80"), (2.0, "ramp:300@200,ramp:0@200"))
     hidden = campaign(
-        {"deflection_offset": {"offset_um": 40.0}, "pressure_lag": {"lag_s": 0.1}}, brief
+        {"deflection_offset": {"offset_um": 50.0}, "pressure_lag": {"lag_s": 0.1}}, brief
     )
     records = records_of(hidden)
     fitter = Fitter(records, errors_of(records), TableDomes(table), finite_elements=False)
