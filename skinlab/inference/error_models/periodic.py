@@ -69,6 +69,8 @@ def gains(look: Look, grids_hz: Sequence[Array]) -> list[Array]:
 
 def columns(samples: Samples, frequency_hz: float) -> Array:
     """Return sine and cosine (u, 2 × curves), of each curve alone: it has a phase of its own."""
+    if samples.curves == 1:
+        return _waves(samples.time_s, frequency_hz)
     times = np.split(samples.time_s, samples.ends[:-1])
     return block_diagonal([_waves(t, frequency_hz) for t in times])
 
@@ -76,7 +78,10 @@ def columns(samples: Samples, frequency_hz: float) -> Array:
 def _waves(time_s: Array, frequencies_hz: Array | float) -> Array:
     """Return sine and cosine (n, ..., 2)."""
     angle = 2.0 * np.pi * np.multiply.outer(time_s, frequencies_hz)
-    return np.stack([np.sin(angle), np.cos(angle)], axis=-1)
+    both = np.empty((*angle.shape, 2))
+    np.sin(angle, out=both[..., 0])
+    np.cos(angle, out=both[..., 1])
+    return both
 
 
 @dataclass(frozen=True)
@@ -113,14 +118,16 @@ class Periodic:
     def part(self, look: Look) -> Part | None:
         """Return its part where the record lasts a period and a frequency stands out."""
         samples = look.samples
+        if (samples.curves > 1) == (look.covariance is None):
+            return None  # of several curves it is looked for below the other errors
         lasts = samples.longest_s
         spacing = lasts / max(len(samples) / max(samples.curves, 1) - 1, 1)
         sparse = spacing * self.low_hz * KINDS.sine_samples > 1.0
         if lasts * self.high_hz < KINDS.sine_periods or sparse:
             return None
         size = Hyperparameter(f"{self.name}_um", self.median_um, KINDS.sine_sd)
-        if samples.curves > 1:  # below errors of other kinds, once these are known
-            return None if look.covariance is None else self._of_each(look, size)
+        if samples.curves > 1:
+            return self._of_each(look, size)
         grid = self._grid_hz(lasts, KINDS.sine_most)
         (gain,) = gains(look, [grid])
         # White residuals: the largest of several, each of mean 1.
