@@ -271,17 +271,18 @@ def _side_by_side(ones: Sequence[Linearised]) -> tuple[Array, list[NDArray[np.in
     """Return residuals and slopes of explanations (u, m), each once, and which are whose."""
     place: dict[bytes, int] = {}
     columns: list[Array] = []
-    known: dict[int, NDArray[np.intp]] = {}  # those that differ in priors alone share their slopes
-    for one in ones:
-        if id(one.slopes_mm) in known:
+    known: dict[tuple[int, int], NDArray[np.intp]] = {}  # many differ in priors alone
+    keys = [(id(one.residual_mm), id(one.slopes_mm)) for one in ones]
+    for key, one in zip(keys, ones, strict=True):
+        if key in known:
             continue
         own = []
         for column in (one.residual_mm, *one.slopes_mm.T):
             own.append(place.setdefault(column.tobytes(), len(place)))
             if own[-1] == len(columns):
                 columns.append(column)
-        known[id(one.slopes_mm)] = np.array(own)
-    return np.column_stack(columns), [known[id(one.slopes_mm)] for one in ones]
+        known[key] = np.array(own)
+    return np.column_stack(columns), [known[key] for key in keys]
 
 
 def size_um(node: Node, name: str) -> float:

@@ -87,8 +87,8 @@ class ErrorRules:
     """samples on either side of it."""
     neighbours_left: float = 0.02
     """Correlation of neighbours in what is left, which counts as none: in 20 curves rounding and
-    tails that are nearly modelled left 0.04, 7 deviations, in all explanations alike. A gap of a
-    seventh of the noise does it, where 1 µm matters."""
+    tails that are nearly modelled left 0.04, 7 deviations, in all explanations alike. A smooth
+    gap of a seventh of the noise leaves as much."""
     adequate: float = 1e-3
     """Of a p value: a fit whose residual is less likely than this leaves more than noise."""
     hardly: float = 1e-6

@@ -143,7 +143,8 @@ class Look:
     thickness_error_mm: Array | None = None
     """(u,) deflection that one standard deviation of a placement's own thickness makes."""
     covariance: Covariance | None = None
-    """Of the best combination so far, where one is known: what is looked for below it."""
+    """That of the best errors so far, for kinds that are looked for below the others; None at
+    first."""
     white_square: Array | None = None
     """(u,) expected squares of the white parts of the errors, in their own variances, by the best
     combination so far: what models of heavy tails look at."""

@@ -50,6 +50,9 @@ def gains(look: Look, grids_hz: Sequence[Array]) -> list[Array]:
         variance = max(float(left @ left) / max(len(left) - basis.shape[1], 1), 1e-300)
     found = []
     for grid, (begin, end) in zip(grids_hz, pairwise((0, *samples.ends)), strict=True):
+        if begin == end:
+            found.append(np.zeros(len(grid)))
+            continue
         here = slice(begin, end)
         waves = _waves(samples.time_s[here], grid)  # (n, f, 2)
         if known is not None:

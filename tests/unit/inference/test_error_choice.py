@@ -18,6 +18,7 @@ from skinlab.inference.error_models.base import Hyperparameter, Look, Part, Term
 from skinlab.inference.error_models.heavy_tails import ERROR_MODEL as HEAVY
 from skinlab.inference.error_models.ornstein_uhlenbeck import ERROR_MODEL as OU
 from skinlab.inference.error_models.placement import ERROR_MODEL as PLACEMENT
+from skinlab.inference.error_models.pulse import ERROR_MODEL as PULSE
 from skinlab.inference.error_models.quantised import step_um
 from skinlab.inference.error_models.white import ERROR_MODEL as WHITE
 from skinlab.inference.likelihood import LinearModel
@@ -475,6 +476,25 @@ def test_curves_have_a_breath_of_their_own_each():
     assert found.parameters()["white_um"] == pytest.approx(1.0, rel=0.1)
     assert found.parameters()["pulse_um"] == pytest.approx(3.0, rel=0.5)
     assert found.parameters()["pulse_hz"] == pytest.approx(1.2, abs=0.05)
+
+
+def test_a_curve_of_which_no_sample_is_left_has_no_sine():
+    rng = np.random.default_rng(3)
+    kept = np.arange(3 * N) // N != 1
+    samples = Samples(
+        np.tile(TIME, 3), np.tile(100 * X, 3), np.tile(COURSE, 3), np.full(3 * N, "load"),
+        *3 * [np.arange(3 * N) // N], np.ones(3 * N),
+    ).only(kept)  # fmt: skip
+    n = len(samples)
+    wave = 3e-3 * np.sin(2 * np.pi * 1.2 * samples.time_s)
+    look = Look(
+        samples, samples.deflection_mm, np.zeros(n), wave + 1e-3 * rng.standard_normal(n),
+        np.tile(SLOPES, (2, 1)), None, np.zeros(n), np.zeros(n),
+        covariance=replace(independent(np.full(n, 1e-3)), ends=samples.ends),
+    )  # fmt: skip
+    part = PULSE.part(look)
+    assert part is not None
+    assert part.stated["pulse_hz"] == pytest.approx(1.2, abs=0.2)
 
 
 def test_frequencies_of_several_curves_are_paid_for():
