@@ -63,10 +63,17 @@ SUMMARY = RESULTS / "missing_effect.json"
 # ---- judging one campaign ------------------------------------------------------------------------
 
 
-def judge(part: str, seed: int, version: str, number: int, *, peers: bool = True) -> dict[str, Any]:
-    """Return the line of one campaign; peers are asked only where errors are as in life."""
+def judge(
+    part: str, seed: int, version: str, number: int, *, scatter: float | None, peers: bool = True
+) -> dict[str, Any]:
+    """Return the line of one campaign; peers are asked only where errors are as in life.
+
+    `scatter` of placements is stated, if given.
+    """
     forget()
     truth, made = make(part, seed, number)
+    if scatter is not None:
+        made = replace(made, campaign=replace(made.campaign, placement_scatter=scatter))
     forget()
     begin, cpu = time.monotonic(), time.process_time()
     outcome = explain(made.campaign, shipped_table())
@@ -578,6 +585,9 @@ def main() -> None:
     parser.add_argument(
         "--no-peers", action="store_true", help="ask the workflow alone: half the time"
     )
+    parser.add_argument(
+        "--placement-scatter", type=float, help="what campaigns state of it; 0 is none"
+    )
     parser.add_argument("--lines", type=Path, default=LINES)
     parser.add_argument("--save", type=Path, default=SUMMARY, help="where the figures go")
     parser.add_argument("--summary", action="store_true", help="of the lines that there are")
@@ -596,7 +606,8 @@ def main() -> None:
             if (part, arguments.seed, n) not in done
         ]
         with ProcessPoolExecutor(arguments.workers) as pool, arguments.lines.open("a") as out:
-            one = partial(judge, part, arguments.seed, version, peers=not arguments.no_peers)
+            asked = {"scatter": arguments.placement_scatter, "peers": not arguments.no_peers}
+            one = partial(judge, part, arguments.seed, version, **asked)
             work = [pool.submit(one, n) for n in numbers]
             for job in as_completed(work):
                 line = job.result()

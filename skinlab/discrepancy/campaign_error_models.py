@@ -77,7 +77,6 @@ class RoundedMeans:
 
     step_mm: float
     before_mm: float  # noise of a reading that the rounding met
-    count: int  # readings of a mean
     name: str = "quantised"
     meaning: str = "rounding of readings that were averaged"
     prior: str = "as that of single readings, averaged"
@@ -99,7 +98,7 @@ class RoundedMeans:
             angle = 2.0 * np.pi * k * w / self.step_mm
             columns += [own * (left * wave)[:, None] for wave in (np.sin(angle), np.cos(angle))]
             taken += size**2
-        variance = np.full(len(w), (self.step_mm**2 / 12.0 - taken) / self.count)
+        variance = (self.step_mm**2 / 12.0 - taken) * look.samples.relative_noise**2
         waves = np.hstack(columns) if columns else None
 
         def terms(values: Sequence[float]) -> Terms:
@@ -122,7 +121,7 @@ def _rounded(records: Sequence[Record]) -> RoundedMeans | None:
     square = first.noise_um**2 * first.coarse
     if not first.noise_is_stated:
         square = max(square - step_um**2 / 12.0, 0.0)
-    return RoundedMeans(1e-3 * step_um, 1e-3 * math.sqrt(square), first.coarse)
+    return RoundedMeans(1e-3 * step_um, 1e-3 * math.sqrt(square))
 
 
 @dataclass(frozen=True)

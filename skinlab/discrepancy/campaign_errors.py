@@ -303,7 +303,7 @@ def samples_of(records: Sequence[Record]) -> Samples:
         number,
         np.repeat([r.placement for r in records], counts),
         np.repeat([geometries.index(r.geometry) for r in records], counts),
-        np.repeat([r.coarse**-0.5 for r in records], counts),
+        np.concatenate([r.each(r.coarse**-0.5) for r in records]),
     )
 
 
@@ -424,7 +424,7 @@ def _choose(
         linear.residual_mm,
         linear.slopes_mm,
         noise_um,
-        np.repeat([r.pressure_sd_mbar for r in records], [len(r.curve) for r in records]),
+        np.concatenate([r.each(r.pressure_sd_mbar) for r in records]),
         pressure_errors_mm(records),
         placement_scatter,
         softer_mm=softer_mm(records),

@@ -34,7 +34,7 @@ OWN_FACTOR = 0.5
 
 def errors_of(records: Sequence[Record]) -> Covariance:
     """Return the errors: noise, pressure noise through dw/dp, and the discretisation's shapes."""
-    noise_mm = np.concatenate([np.full(len(r.curve), 1e-3 * r.noise_um) for r in records])
+    noise_mm = np.concatenate([r.each(1e-3 * r.noise_um) for r in records])
     w = np.concatenate([r.curve.deflection_mm for r in records])
     variance = noise_mm**2 + pressure_errors_mm(records) ** 2 + (MESH_REST * w) ** 2
     ends = tuple(int(v) for v in np.cumsum([len(r.curve) for r in records]))
@@ -72,8 +72,7 @@ def pressure_errors_mm(
         deflections_mm = [r.curve.deflection_mm for r in records]
     found = []
     for r, w in zip(records, deflections_mm, strict=True):
-        sd_mbar = np.full(len(r.curve), r.pressure_sd_mbar)
-        found.append(pressure_error_mm(r.pressure_mbar, w, sd_mbar))
+        found.append(pressure_error_mm(r.pressure_mbar, w, r.each(r.pressure_sd_mbar)))
     return np.concatenate(found)
 
 

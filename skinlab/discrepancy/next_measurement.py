@@ -275,7 +275,7 @@ def _looks(fitter: Fitter, tied: Sequence[Fit], errors: Sequence[PlannedErrors])
         held = [one for one in seen if one is not None]
         if len(held) < len(tied):
             continue
-        for i, record in enumerate(records):
+        for i, (program, record) in enumerate(zip(programs, records, strict=True)):
             curves = [curves[i] for curves, _ in held]
             planned = PlannedCurve.of(fitter, record, tied[0], curves)
             curves = [c + planned.mesh_expected_mm(f) for f, c in zip(tied, curves, strict=True)]
@@ -284,9 +284,8 @@ def _looks(fitter: Fitter, tied: Sequence[Fit], errors: Sequence[PlannedErrors])
             for placements in range(1, PLANS.most_placements + 1):
                 tiled = np.tile(columns, (placements, 1))
                 whole = [planned.errors(one, placements).whiten(tiled) for one in errors]
-                program = str(record.curve.setup.program)
                 minutes = _minutes(record, placements, opened=aperture not in apertures)
-                fresh = (aperture, program) not in have
+                fresh = (aperture, str(record.curve.setup.program)) not in have
                 one = Planned(aperture, program, placements, minutes)
                 found.append(_Look(one, np.array([x.T @ x for x in whole]), fresh))
     return found

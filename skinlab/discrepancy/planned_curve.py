@@ -32,7 +32,10 @@ _STEP = 1e-3  # of an unknown, for slopes
 
 
 def menu(aperture_mm: float, holds_to_mbar: float = math.inf) -> tuple[str, ...]:
-    """Return the programs of an opening, for a skin that creases at a suction."""
+    """Return the programs of an opening, for a skin that creases at a suction.
+
+    Pulses are last: where two programs tell as much in as much time, the gentler one is taken.
+    """
     least = int(PLANS.of_crease * min(holds_to_mbar, 1e4)) // 10 * 10
     top = min(PLANS.tops_mbar[aperture_mm], least)
     if top < PLANS.least_top_mbar:
@@ -42,6 +45,7 @@ def menu(aperture_mm: float, holds_to_mbar: float = math.inf) -> tuple[str, ...]
         f"ramp:{top}@60,ramp:0@60",
         f"ramp:{top}@80,hold:20,ramp:0@80,hold:8",
         f"ramp:{top}@{slow},ramp:0@{slow}",
+        f"mode1:{top},1,1,8",
     )
 
 

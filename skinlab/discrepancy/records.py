@@ -45,6 +45,7 @@ class Record:
     placement: int = 0  # which putting-on of the probe
     coarse: int = 1  # samples that each one is the mean of,
     step_um: float = 0.0  # and of what step their lattice was: means have none
+    noisier: Array | float = 1.0  # (n,) by this factor: about a jump fewer are averaged
     thickness_sd_mm: float = 0.0  # as stated
     creases_mbar: float = math.inf  # from where on the model's skin has no dome of its own
     bend_mm: Array | float = 0.0  # (n,) of its placement, beyond slopes: see `placement_curves`
@@ -68,6 +69,10 @@ class Record:
     def off_path_mbar(self) -> Array:
         """By how much the pressures (n,) are off the path."""
         return self.pressure_mbar - self.on_path_mbar
+
+    def each(self, size: float) -> Array:
+        """Return an error's size of each sample (n,); `size` is that of most."""
+        return np.asarray(np.full(len(self.curve), size) * self.noisier)
 
     @property
     def condition(self) -> tuple[float, str, bool]:
@@ -175,7 +180,8 @@ def fitted_lag_s(asked: PressurePath, time_s: Array, measured_mbar: Array) -> fl
 def coarsened(record: Record, rate_hz: float) -> Record:
     """Return the record with samples averaged to about this rate, glitches left out.
 
-    Only within a phase; what is left over at the end of one is averaged as well.
+    Only within a phase; what is left over at the end of one is averaged as well. While the suction
+    jumps none are averaged, and after it few: the mean of a bend does not lie on it.
     """
     curve = record.curve
     step = float(np.median(np.diff(curve.time_s)))
@@ -193,7 +199,10 @@ def coarsened(record: Record, rate_hz: float) -> Record:
     inside = np.arange(len(w)) - np.flatnonzero(begins)[run]
     length = np.bincount(run)[run]
     blocks = np.maximum(length // size, 1)
-    _, block = np.unique(run * len(w) + np.minimum(inside // size, blocks - 1), return_inverse=True)
+    regular = run * len(w) + np.minimum(inside // size, blocks - 1)
+    jumps = _about_jumps(record, step, size)
+    cut = jumps[1:] | (regular[1:] != regular[:-1])
+    block = np.concatenate([[0], np.cumsum(cut)])
     count = np.bincount(block, kept)
     held = count > 0
 
@@ -211,12 +220,36 @@ def coarsened(record: Record, rate_hz: float) -> Record:
     )  # fmt: skip
     if len(coarse) < ERRORS.fewest:
         return record
-    by = float(np.mean(count[held])) ** -0.5
+    each = float(size if jumps.any() else np.mean(count[held]))
+    by = each**-0.5
     return replace(
         record, curve=coarse, pressure_mbar=mean(record.pressure_mbar), coarse=size,
         pressure_sd_mbar=record.pressure_sd_mbar * by, noise_um=record.noise_um * by,
-        step_um=step_um(w),
+        step_um=step_um(w), noisier=np.sqrt(each / count[held]) if jumps.any() else 1.0,
     )  # fmt: skip
+
+
+def _about_jumps(record: Record, step_s: float, size: int) -> NDArray[np.bool_]:
+    """Return whether another mean begins with a sample (n,) for the sake of a jump of the suction.
+
+    Within one each sample is alone; after it a mean lasts a fifth of the time that is over since,
+    up to its usual length: of what fades by then, whatever its time, a mean is off by 0.3 %.
+    """
+    time = record.curve.time_s
+    knots, length, slope, jump = record.path.pieces
+    fast = (np.abs(slope) > ERRORS.jump_mbar_per_s) & (np.abs(slope) * length > ERRORS.jump_mbar)
+    fast |= np.abs(jump) > ERRORS.jump_mbar
+    if not fast.any():
+        return np.zeros(len(time), dtype=bool)
+    begins, ends = knots[:-1][fast], (knots[:-1] + length)[fast]
+    last = np.searchsorted(begins, time, side="right") - 1
+    since = (time - ends[last]) / step_s
+    near = (last >= 0) & (since < 5.0 * size)
+    alone = near & (since < 1.0)
+    number = np.where(near, np.floor(np.log(np.maximum(since, 1.0)) / np.log(1.2)), -1.0)
+    number[alone] = len(time) + np.flatnonzero(alone)
+    changed = (np.diff(number) != 0) | ((np.diff(last) != 0) & near[1:])
+    return np.concatenate([[False], changed])
 
 
 def without(records: Sequence[Record], kept: Sequence[NDArray[np.bool_]]) -> list[Record]:
@@ -234,7 +267,9 @@ def without(records: Sequence[Record], kept: Sequence[NDArray[np.bool_]]) -> lis
             c, time_s=c.time_s[mask], pressure_mbar=c.pressure_mbar[mask],
             deflection_mm=c.deflection_mm[mask], segment=None if segment is None else segment[mask],
         )  # fmt: skip
-        found.append(replace(record, curve=curve, pressure_mbar=record.pressure_mbar[mask]))
+        noisier = np.broadcast_to(record.noisier, mask.shape)[mask]
+        pressure = record.pressure_mbar[mask]
+        found.append(replace(record, curve=curve, pressure_mbar=pressure, noisier=noisier))
     return found
 
 

@@ -38,6 +38,10 @@ class ErrorRules:
     """µm per root second, up to which what looks like a sudden step may be such a walk."""
     coarse_hz: float = 25.0
     """Samples are averaged to about this rate: the shortest correlation time is 0.1 s."""
+    jump_mbar_per_s: float = 200.0
+    """From where on a suction jumps: up to it, means of so long are off by less than noise."""
+    jump_mbar: float = 5.0
+    """Less than that is no jump, however fast."""
     weight_kept: float = 0.99
     """Of the probability of settings of the errors, over which evidence is integrated: the rest is
     0.004 in log10 evidence, and a third of the time."""

@@ -153,5 +153,6 @@ def _smooth(pressure_mbar: Array, deflection_mm: Array) -> tuple[float, _Chebysh
     top = max(float(np.abs(pressure_mbar).max(initial=0.0)), 1e-9)
     scale = top / 20.0
     s = np.arcsinh(pressure_mbar / scale)
-    degree = min(8, len(np.unique(s)) - 2)
+    # Of a square wave pressures are the same but for rounding: these are one place.
+    degree = min(8, len(np.unique(s.round(6))) - 2)
     return scale, _Chebyshev.fit(s, deflection_mm, degree) if degree >= 1 else None
