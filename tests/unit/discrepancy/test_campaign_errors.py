@@ -305,12 +305,14 @@ def test_means_of_fast_samples_lie_on_the_curve_where_the_suction_jumps(table):
     pulses, ramp = coarse[:2]
     assert np.all(ramp.noisier == 1.0)
     assert len(pulses.curve) < 0.5 * len(records[0].curve)
-    exact = table.model(pulses.geometry, pulses.pressure_mbar).deflection_mm(np.array([SKIN.values]))
+    exact = table.model(pulses.geometry, pulses.pressure_mbar).deflection_mm(
+        np.array([SKIN.values])
+    )
     off = 1e3 * (pulses.curve.deflection_mm - exact[0])
     told = pulses.each(pulses.noise_um)
     assert np.std(off / told) * pulses.noise_um == pytest.approx(1.0, rel=0.2)  # 2 µm, of four
     # No reading is lost: the inverse variances add up to those of the readings.
-    assert np.sum(told**-2.0) == pytest.approx(len(records[0].curve) / records[0].noise_um**2)
+    assert np.sum(told**-2.0) == pytest.approx(len(records[0].curve) / records[0].noise_um ** 2)
     fitter = Fitter(coarse, errors_of(coarse), TableDomes(table), finite_elements=False)
     assert Search(fitter).learned_base().left.by_errors > 0.01
     kept = [np.arange(len(r.curve)) % 2 == 0 for r in coarse]
