@@ -225,9 +225,9 @@ def _true_errors(truth: Truth, outcome: Outcome) -> Covariance:
     w = [r.curve.deflection_mm for r in records]
     p = [r.pressure_mbar for r in records]
     slope = [slope_mm_per_mbar(a, b) for a, b in zip(p, w, strict=True)]
-    fewer = np.concatenate([np.full(len(r.curve), r.coarse**-0.5) for r in records])
+    fewer = np.concatenate([r.each(r.coarse**-0.5) for r in records])
     of_pressure = np.concatenate(
-        [s * r.pressure_sd_mbar for s, r in zip(slope, records, strict=True)]
+        [s * r.each(r.pressure_sd_mbar) for s, r in zip(slope, records, strict=True)]
     )
     variance = (
         (1e-3 * truth.noise_um * fewer) ** 2

@@ -117,7 +117,7 @@ def _record(curve: Curve, noise_um: float | None, pressure_noise: float | None) 
     # A channel that reads in whole mbar looks silent, and is off by up to half of one.
     noise = float(np.hypot(noise, step_of(measured, ERRORS.rounding_mbar) / np.sqrt(12.0)))
     program = curve.program_as_run
-    path, course = None, np.zeros(len(curve))
+    path, course = None, PressurePath((float(time[0]), float(time[-1])), (0.0, 0.0))
     if program is not None:
         asked = PressurePath.of_program(program)
         path = behind(asked, time, measured, 0.0)
@@ -125,16 +125,20 @@ def _record(curve: Curve, noise_um: float | None, pressure_noise: float | None) 
         if off <= ERRORS.as_asked * max(noise, 0.05):
             pressure, sd = path(time), 0.0
         else:
-            course = behind(asked, time, measured, fitted_lag_s(asked, time, measured))(time)
+            course = behind(asked, time, measured, fitted_lag_s(asked, time, measured))
             path = None
     if path is None:
         # Each sample keeps its own reading: what smoothing leaves of the noise goes up and down
         # together, and through dw/dp it would look like a missing effect.
         pressure, sd = measured, noise
         # What a rig does to a program has no corners left, so that it can be smoothed far.
-        smooth = course + smooth_course(time, measured - course, noise, apart=ERRORS.course_apart)
+        rest = smooth_course(time, measured - course(time), noise, apart=ERRORS.course_apart)
+        # Between samples the suction bends as the rig makes it: a chord is off by millibars.
+        inside = [t for t in course.time_s if time[0] < t < time[-1]]
+        knots = np.union1d(time, inside)
         share, least = ERRORS.corners
-        path = PressurePath.of_samples(time, smooth, max(share * noise, least))
+        smooth = course(knots) + np.interp(knots, time, rest)
+        path = PressurePath.of_samples(knots, smooth, max(share * noise, least))
     own = noise_um
     if own is None:
         own = max(1e3 * roughness(curve.deflection_mm), ERRORS.rounding_um)

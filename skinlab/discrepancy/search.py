@@ -299,9 +299,15 @@ class Search:
         """Return the candidates, those that may win fitted again by the errors of the best.
 
         By errors as wide as pure error leaves them a valley is flat, and a fit ends anywhere in it:
-        what it is off by there counts by the errors of the best.
+        what it is off by there counts by the errors of the best. So it is with what explains alone
+        and is a member of one of them: it may be far behind for that, and leave nothing to add.
         """
         near = may_still_win(candidates)[: SEARCH.sharpened]
+        whole = [set(c.effects) for c in near]
+        near += [
+            c for c in candidates if c.adequate and any(set(c.effects) < one for one in whole)
+            and all(c is not one for one in near)
+        ]  # fmt: skip
         if len(near) < 2:
             return candidates
         self.progress(f"fitting {len(near)} explanations by the errors of the best")
