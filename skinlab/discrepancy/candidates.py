@@ -111,6 +111,23 @@ def may_still_win(
     ]
 
 
+def with_members(leading: Sequence[Candidate], candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Return what leads, and what explains with a part of the effects of one of these.
+
+    It may be far behind for where its fit ended by other errors, and leave nothing to add: a lag
+    was so by 17 of log10 evidence behind itself with any second effect.
+    """
+    return [
+        *leading,
+        *(
+            c
+            for c in candidates
+            if c.adequate and any(set(c.effects) < set(one.effects) for one in leading)
+            and all(c is not one for one in leading)
+        ),
+    ]  # fmt: skip
+
+
 def best_fitting(candidates: Sequence[Candidate]) -> list[Candidate]:
     """Return what comes nearest, and is begun elsewhere as well."""
     return sorted(candidates, key=lambda c: c.fit.cost)[: SEARCH.again]

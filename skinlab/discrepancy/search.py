@@ -29,6 +29,7 @@ from skinlab.discrepancy.candidates import (
     best_fitting,
     best_of_each,
     may_still_win,
+    with_members,
 )
 from skinlab.discrepancy.fit import NO_LIMIT, Fit, Fitter
 from skinlab.discrepancy.pair_search import PairSearch
@@ -299,15 +300,9 @@ class Search:
         """Return the candidates, those that may win fitted again by the errors of the best.
 
         By errors as wide as pure error leaves them a valley is flat, and a fit ends anywhere in it:
-        what it is off by there counts by the errors of the best. So it is with what explains alone
-        and is a member of one of them: it may be far behind for that, and leave nothing to add.
+        what it is off by there counts by the errors of the best.
         """
-        near = may_still_win(candidates)[: SEARCH.sharpened]
-        whole = [set(c.effects) for c in near]
-        near += [
-            c for c in candidates if c.adequate and any(set(c.effects) < one for one in whole)
-            and all(c is not one for one in near)
-        ]  # fmt: skip
+        near = with_members(may_still_win(candidates)[: SEARCH.sharpened], candidates)
         if len(near) < 2:
             return candidates
         self.progress(f"fitting {len(near)} explanations by the errors of the best")

@@ -10,7 +10,7 @@ from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
 from skinlab.discrepancy.adequacy import Residual, look
 from skinlab.discrepancy.campaign_errors import Linearised
-from skinlab.discrepancy.candidates import Candidate, Found, may_still_win
+from skinlab.discrepancy.candidates import Candidate, Found, may_still_win, with_members
 from skinlab.discrepancy.discipline import Trial
 from skinlab.discrepancy.fit import Fit
 from skinlab.discrepancy.heldout import conditions_of, predict_held_out
@@ -228,6 +228,17 @@ def test_what_a_second_effect_makes_likelier_in_its_residual_alone_is_not_out(ah
 def test_a_tie_names_everything_that_is_tied():
     found = verdict(BAD, candidate(LAG, 20.0), candidate(GAIN, 19.0), candidate(SLIP, 18.0))
     assert found == ("ambiguous", [{*LAG}, {*GAIN}])
+
+
+def test_what_explains_alone_is_fitted_again_with_the_pair_that_leads():
+    """Its fit by wide errors may have ended elsewhere in a valley, far behind the pair's."""
+    alone, worse = candidate(LAG, 1033.0), candidate(GAIN, 40.0, p_value=1e-9)
+    pair, other = candidate((*LAG, *GAIN), 1050.0), candidate(SLIP, 1049.0)
+    every = [pair, other, alone, worse]
+    leading = may_still_win(every)
+    assert leading == [pair, other]
+    assert with_members(leading, every) == [pair, other, alone]
+    assert with_members([alone, pair], every) == [alone, pair]
 
 
 @pytest.mark.parametrize(("gain", "asked"), [(0.9, False), (1.1, True)])

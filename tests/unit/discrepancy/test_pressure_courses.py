@@ -94,3 +94,31 @@ def test_a_program_that_another_ran_misleads_nobody():
     true = first_order(time_s, 0.2)
     _, off, _ = record_of(time_s, true, 0, program="ramp:60@10,hold:1,ramp:0@30")
     assert off < 0.6 * np.hypot(0.26, 1.0 / np.sqrt(12.0))
+
+
+@pytest.mark.parametrize("rate_hz", [10, 20])
+def test_between_samples_a_late_rig_is_followed_too(rate_hz):
+    """After a jump the chord of two samples is off by millibars, and with it what lags behind."""
+    program, lag_s = "mode1:100,1,1,4", 0.12
+    asked = PressurePath.of_program(parse_program(program))
+    true = felt_path({"regulator_lag": {"tau_s": lag_s}}, asked)
+    time_s = np.arange(0.0, asked.time_s[-1], 1.0 / rate_hz)
+    fine_s = np.arange(0.0, time_s[-1], 0.005)
+    record, _, _ = record_of(time_s, true(time_s), 3, step_mbar=0.01, program=program)
+    chord = np.abs(np.interp(fine_s, time_s, true(time_s)) - true(fine_s)).max()
+    assert chord > (10.0 if rate_hz == 10 else 2.5)
+    assert np.abs(record.path(fine_s) - true(fine_s)).max() < 1.0
+
+
+def test_a_lag_of_the_first_order_is_followed_in_closed_form():
+    """After a corner: p − slope lag (1 − exp(−t / lag)); after a jump its share exp(−t / lag)."""
+    t = np.linspace(0.0, 3.0, 601)
+    for lag_s in (0.03, 0.1, 0.4):
+        fade = np.exp(-t / lag_s)
+        for path, exact in (
+            (PressurePath((0.0, 0.0, 3.0), (0.0, 100.0, 100.0)), 100.0 * (1.0 - fade)),
+            (PressurePath((0.0, 3.0), (0.0, 300.0)), 100.0 * (t - lag_s * (1.0 - fade))),
+        ):
+            felt = felt_path({"regulator_lag": {"tau_s": lag_s}}, path)(t)
+            bend = 100.0 if path.time_s[1] == 0.0 else 100.0 * lag_s
+            assert np.abs(felt - exact).max() < 0.0036 * bend
