@@ -45,7 +45,7 @@ def menu(aperture_mm: float, holds_to_mbar: float = math.inf) -> tuple[str, ...]
         f"ramp:{top}@60,ramp:0@60",
         f"ramp:{top}@80,hold:20,ramp:0@80,hold:8",
         f"ramp:{top}@{slow},ramp:0@{slow}",
-        f"mode1:{top},1,1,8",
+        f"mode1:{top},1,1,4",
     )
 
 
