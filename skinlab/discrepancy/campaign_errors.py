@@ -363,18 +363,20 @@ def smooth_columns(records: Sequence[Record], degree: int) -> Array:
 
     Polynomials in time of each phase; and in the suction over all phases, since a rig that is late
     brings its last part within a moment of a long hold. These only where repeats tell of errors
-    what they differ by: of one curve they would take up the errors too.
+    what they differ by: of one curve they would take up the errors too. So would those of each of
+    several pulses, which have them where they were repeated.
     """
     starts = np.cumsum([0, *(len(r.curve) for r in records)])
     columns = []
     for members in by_condition(records):
-        phases = list(dict.fromkeys(str(p) for i in members for p in records[i].curve.phase))
-        if len(members) > 1:
+        repeated = len(members) > 1
+        each = {i: records[i].segment if repeated else records[i].curve.phase for i in members}
+        if repeated:
             columns.append(_along_suction(records, members, starts, degree + ERRORS.smooth_more))
-        for phase in phases:
+        for part in dict.fromkeys(x for i in members for x in each[i].tolist()):
             block = np.zeros((starts[-1], degree + 1))
             for i in members:
-                here = np.flatnonzero(records[i].curve.phase == phase)
+                here = np.flatnonzero(each[i] == part)
                 if not len(here):
                     continue
                 t = records[i].curve.time_s[here]

@@ -70,6 +70,14 @@ class Record:
         """By how much the pressures (n,) are off the path."""
         return self.pressure_mbar - self.on_path_mbar
 
+    @cached_property
+    def segment(self) -> NDArray[np.generic]:
+        """Which segment of its program each sample (n,) is of; without one, its phase."""
+        c = self.curve
+        if c.segment is not None or c.setup.program is None:
+            return c.phase if c.segment is None else c.segment
+        return c.setup.program.segment_at(c.time_s - c.time_s[0])
+
     def each(self, size: float) -> Array:
         """Return an error's size of each sample (n,); `size` is that of most."""
         return np.asarray(np.full(len(self.curve), size) * self.noisier)
