@@ -73,10 +73,8 @@ class Record:
     @cached_property
     def segment(self) -> NDArray[np.generic]:
         """Which segment of its program each sample (n,) is of; without one, its phase."""
-        c = self.curve
-        if c.segment is not None or c.setup.program is None:
-            return c.phase if c.segment is None else c.segment
-        return c.setup.program.segment_at(c.time_s - c.time_s[0])
+        found = _segments(self.curve)
+        return self.curve.phase if found is None else found
 
     def each(self, size: float) -> Array:
         """Return an error's size of each sample (n,); `size` is that of most."""
@@ -221,9 +219,7 @@ def coarsened(record: Record, rate_hz: float) -> Record:
     def mean(values: Array) -> Array:
         return np.asarray(np.bincount(block, kept * values)[held] / count[held])
 
-    segment = curve.segment
-    if segment is None and curve.setup.program is not None:
-        segment = curve.setup.program.segment_at(curve.time_s - curve.time_s[0])
+    segment = _segments(curve)
     first = np.unique(block, return_index=True)[1][held]
     coarse = Curve(
         curve.name, curve.setup, mean(curve.time_s), mean(curve.pressure_mbar), mean(w),
@@ -239,6 +235,13 @@ def coarsened(record: Record, rate_hz: float) -> Record:
         pressure_sd_mbar=record.pressure_sd_mbar * by, noise_um=record.noise_um * by,
         step_um=step_um(w), noisier=np.sqrt(each / count[held]) if jumps.any() else 1.0,
     )  # fmt: skip
+
+
+def _segments(curve: Curve) -> NDArray[np.intp] | None:
+    """Return which segment of its program each sample (n,) is of, as recorded or by its time."""
+    if curve.segment is not None or curve.setup.program is None:
+        return curve.segment
+    return curve.setup.program.segment_at(curve.time_s - curve.time_s[0])
 
 
 def _about_jumps(record: Record, step_s: float, size: int) -> NDArray[np.bool_]:
@@ -272,9 +275,7 @@ def without(records: Sequence[Record], kept: Sequence[NDArray[np.bool_]]) -> lis
             found.append(record)
             continue
         c = record.curve
-        segment = c.segment
-        if segment is None and c.setup.program is not None:
-            segment = c.setup.program.segment_at(c.time_s - c.time_s[0])
+        segment = _segments(c)
         curve = replace(
             c, time_s=c.time_s[mask], pressure_mbar=c.pressure_mbar[mask],
             deflection_mm=c.deflection_mm[mask], segment=None if segment is None else segment[mask],
