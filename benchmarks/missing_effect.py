@@ -88,6 +88,7 @@ def judge(
         "pressure_noise_mbar": truth.pressure_noise_mbar, "stated": truth.stated,
         "verdict": verdict.name, "effects": [sorted(c.effects) for c in verdict.explanations],
         "seconds": seconds, "cpu_seconds": cpu,
+        "placement_scatter": scatter,
         "estimated_noise_um": records_of(made.campaign)[0].noise_um,
         "base_p": outcome.found.base.left.p_value,
         "life": None if truth.life is None else vars(truth.life),
@@ -595,7 +596,7 @@ def main() -> None:
     arguments = parser.parse_args()
     version = version_of()
     done = {
-        (x["part"], x["seed"], x["number"])
+        (x["part"], x["seed"], x["number"], x.get("placement_scatter"))
         for x in read(arguments.lines, None if arguments.any_version else version)
     }
     arguments.lines.parent.mkdir(exist_ok=True)
@@ -603,7 +604,7 @@ def main() -> None:
         numbers = [
             n
             for n in range(arguments.first, arguments.first + arguments.campaigns)
-            if (part, arguments.seed, n) not in done
+            if (part, arguments.seed, n, arguments.placement_scatter) not in done
         ]
         with ProcessPoolExecutor(arguments.workers) as pool, arguments.lines.open("a") as out:
             asked = {"scatter": arguments.placement_scatter, "peers": not arguments.no_peers}

@@ -117,15 +117,9 @@ def with_members(leading: Sequence[Candidate], candidates: Sequence[Candidate]) 
     It may be far behind for where its fit ended by other errors, and leave nothing to add: a lag
     was so by 17 of log10 evidence behind itself with any second effect.
     """
-    return [
-        *leading,
-        *(
-            c
-            for c in candidates
-            if c.adequate and any(set(c.effects) < set(one.effects) for one in leading)
-            and all(c is not one for one in leading)
-        ),
-    ]  # fmt: skip
+    others = [c for c in candidates if c.adequate and c not in leading]
+    members = [c for c in others if any(set(c.effects) < set(one.effects) for one in leading)]
+    return [*leading, *members]
 
 
 def best_fitting(candidates: Sequence[Candidate]) -> list[Candidate]:

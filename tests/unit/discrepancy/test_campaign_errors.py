@@ -320,6 +320,21 @@ def test_means_of_fast_samples_lie_on_the_curve_where_the_suction_jumps(table):
     np.testing.assert_array_equal(half.noisier, np.asarray(pulses.noisier)[::2])
 
 
+@pytest.mark.parametrize("rate_mbar_per_s", [80, 110, 190, 1000])
+def test_means_of_ramps_lie_on_the_curve_however_fast(table, rate_mbar_per_s):
+    """At 190 mbar/s means of four samples were off by 5 µm."""
+    soft = np.array([[0.02, 0.5, 0.3]])
+    program = parse_program(f"ramp:100@{rate_mbar_per_s},ramp:0@{rate_mbar_per_s}")
+    t = np.arange(int(program.duration_s * 100 + 1e-9) + 1) / 100.0
+    p = PressurePath.of_program(program)(t)
+    w = table.model(Geometry(8.0, 1.1), p).deflection_mm(soft)[0]
+    curve = Curve("ramp", Setup(8.0, 1.1, program), t, p, w)
+    (record,) = records_of(Campaign("made", 1.0, 0.0, (curve,)))
+    coarse = coarsened(record, 25.0)
+    exact = table.model(coarse.geometry, coarse.pressure_mbar).deflection_mm(soft)[0]
+    np.testing.assert_allclose(coarse.curve.deflection_mm, exact, atol=1e-3)
+
+
 def test_what_fades_after_a_jump_is_not_off_its_mean():
     """Of an exponential, of any time from 10 ms on, a mean is off by 0.3 % at most."""
     program = parse_program("mode1:100,2,2,3")
