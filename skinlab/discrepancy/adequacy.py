@@ -190,7 +190,7 @@ def steps(records: Sequence[Record], errors: Covariance, residual_mm: Array) -> 
     walks *= 1e-3 * ERRORS.wander_most
     errors = replace(errors, shapes_mm=np.hstack([errors.columns_mm, walks]), sizes=None)
     drawn = errors.colour(np.random.default_rng(0).standard_normal((errors.count, ERRORS.drawn)))
-    model = np.concatenate([r.curve.deflection_mm for r in records]) - residual_mm
+    model = np.concatenate([r.at_pressure_mm for r in records]) - residual_mm
     for record, part, own in zip(records, errors.split(drawn), errors.split(model), strict=True):
         lattice = 1e-3 * step_um(record.curve.deflection_mm)
         if lattice > 0.0:

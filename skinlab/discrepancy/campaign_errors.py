@@ -404,10 +404,14 @@ def outliers(records: Sequence[Record], base: Linearised) -> Mask:
     samples = samples_of(records)
     step_mm = 1e-3 * step_um(samples.deflection_mm)
     # Slopes of the model's curve: a glitch of the measured one would hide in its own slope.
-    model_mm = np.split(samples.deflection_mm - base.residual_mm, samples.ends[:-1])
+    model_mm = np.split(_model_mm(records, base.residual_mm), samples.ends[:-1])
     known_mm = pressure_errors_mm(records, model_mm)
     probability = outlier_probability(pure_error(records, base), samples, step_mm, known_mm)
     return np.asarray(probability > 0.5)
+
+
+def _model_mm(records: Sequence[Record], residual_mm: Array) -> Array:
+    return np.concatenate([r.at_pressure_mm for r in records]) - residual_mm
 
 
 def _choose(
@@ -418,10 +422,9 @@ def _choose(
     models: Sequence[ErrorModel],
 ) -> ErrorChoice:
     samples = samples_of(records)
-    model_mm = samples.deflection_mm - linear.residual_mm
     look = Look(
         samples,
-        model_mm,
+        _model_mm(records, linear.residual_mm),
         slopes_mm_per_mbar(records),
         linear.residual_mm,
         linear.slopes_mm,

@@ -57,7 +57,7 @@ def seen_in(records: Sequence[Record], fit: Fit) -> Seen:
         max(r.curve.setup.cycle for r in records),
         tuple(sorted({r.geometry.aperture_mm for r in records})),
         tuple(
-            (r.curve.time_s, r.curve.deflection_mm - w)
+            (r.curve.time_s, r.at_pressure_mm - w)
             for r, w in zip(records, fit.deflections_mm, strict=True)
         ),
     )

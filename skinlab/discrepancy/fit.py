@@ -120,6 +120,29 @@ class Fitter:
         found.measured = np.concatenate([r.straight_mm for r in records])
         return found
 
+    def on_paths(self, fit: Fit) -> Fitter | None:
+        """Return a fitter of the same records at their paths' pressures, None where they are there.
+
+        A model that is evaluated at readings follows their noise by dw/dp, and the skin does not:
+        what has a small slope would be likelier by that alone. So what the noise does to this fit's
+        curves stays with the deflections, as an error, and slopes of others do not know of it
+        (docs/decisions/0090-the-smooth-course-of-the-pressure.md).
+        """
+        if not any(r.off_path_mbar.any() for r in self.records):
+            return None
+        mirrored = [
+            replace(r, pressure_mbar=r.on_path_mbar - r.off_path_mbar) for r in self.records
+        ]
+        model = self.with_errors(mirrored, self.errors).model(fit.unknowns)
+        if not self.prepare(model, fit.u):
+            return None
+        found = []
+        for r, up, down in zip(self.records, fit.deflections_mm, model.predict(fit.u), strict=True):
+            # Half of the difference, so that the curve's bend does not add up.
+            off_mm = np.nan_to_num(0.5 * (up - down))
+            found.append(replace(r, pressure_mbar=r.on_path_mbar, off_path_mm=off_mm))
+        return self.with_errors(found, self.errors)
+
     def model(self, unknowns: Unknowns, mesh: Discretisation = MESH_OF_RECORD) -> MappedModel:
         """Return the model of an explanation, without an anchor."""
         return MappedModel(self.records, unknowns, self.domes, mesh)

@@ -115,8 +115,9 @@ class ModelIdentifier(Identifier):
         campaign = Campaign("", self.sensor.noise_um, self.sensor.pressure_noise_mbar, chosen)
         records = records_of(campaign)
         fitter = Fitter(records, errors_of(records), TableDomes(self.database))
-        base = Search(fitter, model=self.model).base()
-        return base.fit, fitter, base.left.p_value
+        search = Search(fitter, model=self.model)
+        base = search.base()
+        return base.fit, search.fitter, base.left.p_value
 
     def _answer_of(
         self,

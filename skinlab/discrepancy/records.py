@@ -49,6 +49,7 @@ class Record:
     thickness_sd_mm: float = 0.0  # as stated
     creases_mbar: float = math.inf  # from where on the model's skin has no dome of its own
     bend_mm: Array | float = 0.0  # (n,) of its placement, beyond slopes: see `placement_curves`
+    off_path_mm: Array | float = 0.0  # (n,) what noise off the path does: see `Fitter.on_paths`
 
     @property
     def name(self) -> str:
@@ -56,9 +57,14 @@ class Record:
         return self.curve.name
 
     @property
+    def at_pressure_mm(self) -> Array:
+        """The deflections (n,) that belong to `pressure_mbar`, mm."""
+        return self.curve.deflection_mm - self.off_path_mm
+
+    @property
     def straight_mm(self) -> Array:
-        """The deflections (n,) as they would be if placements moved curves along slopes, mm."""
-        return self.curve.deflection_mm - self.bend_mm
+        """The same as they would be if placements moved curves along slopes, mm."""
+        return self.at_pressure_mm - self.bend_mm
 
     @cached_property
     def on_path_mbar(self) -> Array:
@@ -281,8 +287,13 @@ def without(records: Sequence[Record], kept: Sequence[NDArray[np.bool_]]) -> lis
             deflection_mm=c.deflection_mm[mask], segment=None if segment is None else segment[mask],
         )  # fmt: skip
         noisier = np.broadcast_to(record.noisier, mask.shape)[mask]
+        off_mm = np.broadcast_to(record.off_path_mm, mask.shape)[mask]
         pressure = record.pressure_mbar[mask]
-        found.append(replace(record, curve=curve, pressure_mbar=pressure, noisier=noisier))
+        found.append(
+            replace(
+                record, curve=curve, pressure_mbar=pressure, noisier=noisier, off_path_mm=off_mm
+            )
+        )
     return found
 
 

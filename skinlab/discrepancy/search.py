@@ -102,7 +102,12 @@ class Search:
             fits = [f for f in found if f is not None]
         if not fits:
             raise NotTrustworthyError("the model has no answer for these curves")
-        return self.candidate(min(fits, key=lambda f: f.cost), None)
+        best = min(fits, key=lambda f: f.cost)
+        on_paths = self.fitter.on_paths(best)
+        if on_paths is not None:
+            self.fitter = on_paths
+            best = self._fitted(best)
+        return self.candidate(best, None)
 
     def _from_each(self, unknowns: Unknowns, starts: Sequence[Array]) -> list[Fit]:
         """Return fits from starts of the law, until so many have led to the best of them."""
@@ -237,6 +242,9 @@ class Search:
         """Return a fit with the errors as learned, which is how all others are fitted from here."""
         assert self.errors is not None
         self.fitter = self.fitter.with_errors(records, self.errors.working)
+        return self._fitted(first)
+
+    def _fitted(self, first: Fit) -> Fit:
         fit = self.fitter.fit(first.unknowns, first.u)
         if fit is None:
             raise NotTrustworthyError("the model has no answer for these curves")

@@ -238,7 +238,7 @@ def draw_residuals(outcome: Outcome) -> Figure:
         time = record.curve.time_s
         ax.axhspan(-2 * record.noise_um, 2 * record.noise_um, color="0.88", zorder=0)
         for name, fit in fits:
-            left = 1e3 * (record.curve.deflection_mm - fit.deflections_mm[i])
+            left = 1e3 * (record.at_pressure_mm - fit.deflections_mm[i])
             ax.plot(time, left, ".", markersize=2.5, label=name)
         ax.set_title(inert(record.name), parse_math=False)
         ax.set_xlabel("time (s)")

@@ -246,7 +246,7 @@ def _multiples(outcome: Outcome, columns: int, lines: int) -> Rows:
     height = min(max(room, _PANEL_ROWS[0]), _PANEL_ROWS[1])
     lefts = {
         name: [
-            1e3 * (record.curve.deflection_mm - w)
+            1e3 * (record.at_pressure_mm - w)
             for record, w in zip(records, fit.deflections_mm, strict=True)
         ]
         for name, fit in fits

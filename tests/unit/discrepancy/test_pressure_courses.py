@@ -7,10 +7,15 @@ from skinlab.curves.campaign import Campaign
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
-from skinlab.discrepancy.records import fitted_lag_s, records_of
+from skinlab.discrepancy.fit import Fitter
+from skinlab.discrepancy.misfit import errors_of
+from skinlab.discrepancy.records import fitted_lag_s, records_of, without
 from skinlab.discrepancy.settings import ERRORS
+from skinlab.discrepancy.table_domes import TableDomes
+from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.inference.pressure_course import smooth_course
 from skinlab.mechanics.effects.model import felt_path
+from skinlab.mechanics.fem.suction import Geometry
 
 PROGRAM = "ramp:100@80,hold:3,ramp:0@80,hold:2"
 
@@ -122,3 +127,73 @@ def test_a_lag_of_the_first_order_is_followed_in_closed_form():
             felt = felt_path({"regulator_lag": {"tau_s": lag_s}}, path)(t)
             bend = 100.0 if path.time_s[1] == 0.0 else 100.0 * lag_s
             assert np.abs(felt - exact).max() < 0.0036 * bend
+
+
+SOFT = (0.01, 0.5, 0.3)  # some 50 µm a mbar at 8 mm near zero
+
+
+def soft_skin_under_a_late_rig(table, seed, noise_mbar=0.3):
+    program = parse_program("ramp:60@60,hold:2,ramp:0@60,hold:4")
+    path = PressurePath.of_program(program)
+    t = np.arange(0.0, program.duration_s, 0.05)
+    felt = felt_path({"regulator_lag": {"tau_s": 0.25}}, path)(t)
+    w = table.model(Geometry(8.0, 1.1), felt).deflection_mm(np.array([SOFT]))[0]
+    rng = np.random.default_rng(seed)
+    w = w + rng.normal(0.0, 2e-3, len(t))
+    read = felt + rng.normal(0.0, noise_mbar, len(t))
+    curve = Curve("soft", Setup(8.0, 1.1, program), t, read, w)
+    records = records_of(Campaign("made", 2.0, noise_mbar, (curve,)))
+    return Fitter(records, errors_of(records), TableDomes(table), finite_elements=False)
+
+
+def test_no_fit_gains_by_following_the_readings_noise_less_than_the_skin_would(table):
+    """A fit of three unknowns gains χ² of three degrees over the truth, and no more."""
+    true = np.array([np.log(SOFT[0]), np.log(SOFT[1] / SOFT[0]), SOFT[2]])
+
+    def gains(fitter, fit):
+        known = fitter.model(Unknowns(()))
+        return float(np.square(fitter.residuals_of_many(known, true[None])).sum()) - fit.chi2
+
+    at_readings, on_paths = [], []
+    for seed in range(12):
+        fitter = soft_skin_under_a_late_rig(table, seed)
+        fit = fitter.fit(Unknowns(()), true)
+        at_readings.append(gains(fitter, fit))
+        fitter = fitter.on_paths(fit)
+        on_paths.append(gains(fitter, fitter.fit(Unknowns(()), fit.u)))
+    assert np.mean(at_readings) > 30.0  # what was wrong
+    assert np.mean(on_paths) < 8.0
+
+
+def test_what_readings_are_off_their_path_is_put_on_the_deflections(table):
+    fitter = soft_skin_under_a_late_rig(table, 1)
+    (old,) = fitter.records
+    fit = fitter.fit(Unknowns(()), np.array([np.log(SOFT[0]), np.log(50.0), SOFT[2]]))
+    moved = fitter.on_paths(fit)
+    (new,) = moved.records
+    np.testing.assert_array_equal(new.pressure_mbar, old.on_path_mbar)
+    assert new.pressure_sd_mbar == old.pressure_sd_mbar  # it stays an error
+    ramp = (old.curve.time_s > 0.5) & (old.curve.time_s < 0.9)
+    skin = np.array([fit.unknowns.skin(fit.u).values])
+    below, above = (
+        table.model(Geometry(8.0, 1.1), old.on_path_mbar[ramp] + way).deflection_mm(skin)[0]
+        for way in (-0.1, 0.1)
+    )
+    by_slope = (above - below) / 0.2 * old.off_path_mbar[ramp]
+    assert np.abs(by_slope).max() > 5e-3
+    np.testing.assert_allclose(new.off_path_mm[ramp], by_slope, atol=2e-4)
+    assert moved.on_paths(fit) is None
+    # Samples that are left out take theirs with them.
+    (kept,) = without(moved.records, [ramp])
+    np.testing.assert_array_equal(kept.straight_mm, new.straight_mm[ramp])
+
+
+def test_a_record_that_follows_its_program_is_on_its_path(table):
+    fitter = soft_skin_under_a_late_rig(table, 1)
+    (late,) = fitter.records
+    curve = late.curve
+    asked = PressurePath.of_program(curve.setup.program)(curve.time_s)
+    curve = Curve("prompt", curve.setup, curve.time_s, asked, curve.deflection_mm)
+    records = records_of(Campaign("made", 2.0, 0.05, (curve,)))
+    fitter = Fitter(records, errors_of(records), TableDomes(table), finite_elements=False)
+    assert fitter.on_paths(fitter.fit(Unknowns(()), np.array([-4.6, 3.9, 0.3]))) is None
