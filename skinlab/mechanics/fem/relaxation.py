@@ -70,6 +70,16 @@ class RelaxingCurve:
         return w
 
 
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """A converged step of so many seconds: the point, S_iso there, the known part of each H."""
+
+    point: Point
+    iso: Array
+    parts: list[Array]
+    dt: float
+
+
 @dataclass
 class _History:
     """Where the step starts from, and what of the past it depends on."""
@@ -111,20 +121,25 @@ class _Segment:
         return result
 
 
-def isochoric_stress(prepared: Prepared, unknowns: Array) -> Array:
-    """Return S_iso (4, m, q) of the skin's own tissue, MPa, in the order rr, rz, zz, θθ."""
+def isochoric_stress(prepared: Prepared, unknowns: Array) -> Array | None:
+    """Return S_iso (4, m, q) of the skin's own tissue, MPa, in the order rr, rz, zz, θθ.
+
+    None where an element is turned inside out, as the last correction of one at a crease may do.
+    """
     assembly = prepared.assembly
     f = assembly.deformation_gradients(assembly.full(unknowns))
     rr, rz, zr, zz, hoop = f
     det = (rr * zz - rz * zr) * hoop
+    if not det.min() > 0.0:
+        return None
     c = np.stack([rr * rr + zr * zr, rr * rz + zr * zz, rz * rz + zz * zz, hoop * hoop])
     minor = c[0] * c[2] - c[1] * c[1]
     i1 = c[0] + c[2] + c[3]
     i2 = minor + (c[0] + c[2]) * c[3]
-    p = prepared.isochoric(i1, i2, det)
+    by_i1, by_i2, by_j = prepared.isochoric_first(i1, i2, det)
     inverse = np.stack([c[2] / minor, -c[1] / minor, c[0] / minor, 1 / c[3]])
     identity = np.array([1.0, 0.0, 1.0, 1.0])[:, None, None]
-    s = 2 * ((p.d_i1 + p.d_i2 * i1) * identity - p.d_i2 * c) + det * p.d_j * inverse
+    s = 2 * ((by_i1 + by_i2 * i1) * identity - by_i2 * c) + det * by_j * inverse
     own = prepared.body.own
     return np.asarray(s if own is None else s * own[:, None])
 
@@ -239,6 +254,9 @@ class _Stepper:
                 return None
             unknowns = path.displacements[-1]
         iso = isochoric_stress(self.prepared, unknowns)
+        if iso is None:
+            self.reason = "an element is turned inside out"
+            return None
         return _History(unknowns, iso, [np.zeros_like(iso) for _ in self.prony])
 
     def _segment(self, history: _History, duration: float, p0: float, p1: float) -> _Segment:
@@ -260,16 +278,15 @@ class _Stepper:
             taken = left / n if n <= 2 else step
             theta = 1.0 if n == 1 else segment.at[-1] + taken
             guess = segment.predict(theta)
-            point, known = self._solve(
-                history, guess, taken * duration, (p0 + theta * (p1 - p0)) * MBAR
-            )
-            if point is None:
+            found = self._solve(history, guess, taken * duration, (p0 + theta * (p1 - p0)) * MBAR)
+            if found is None:
                 tries += 1
                 step = 0.35 * taken
                 if tries > self.settings.tries or step * abs(p1 - p0) < 1e-6 * (p1 != p0):
                     self.reason = "no convergence"
                     break
                 continue
+            point = found.point
             self.reason = fault(self.assembly, point.unknowns, point.state, self.settings.limits)
             if self.reason:
                 close = taken * abs(p1 - p0) <= self.settings.limit_mbar
@@ -287,7 +304,7 @@ class _Stepper:
             if error > 8.0 * wanted and taken > 1e-5:
                 continue
             tries = 0
-            self._accept(history, point, known, taken * duration)
+            self._accept(history, found)
             segment.at.append(theta)
             segment.unknowns.append(point.unknowns)
             self.steps += 1
@@ -316,24 +333,23 @@ class _Stepper:
 
     def _solve(
         self, history: _History, guess: Array, dt: float, pressure_mpa: float
-    ) -> tuple[Point | None, tuple[float, list[Array]]]:
+    ) -> _Step | None:
         factor, parts, stress = self._known(history, dt)
         point, spent = solve_point(
             self.assembly, guess, pressure_mpa, self.prepared.parameters(factor),
             self.settings, stress, self.contraction,
         )  # fmt: skip
         self.iterations += spent
-        if point is None:
+        iso = None if point is None else isochoric_stress(self.prepared, point.unknowns)
+        if point is None or iso is None:
             self.contraction = math.inf
-        elif point.contraction is not None:
+            return None
+        if point.contraction is not None:
             self.contraction = point.contraction
-        return point, (dt, parts)
+        return _Step(point, iso, parts, dt)
 
-    def _accept(
-        self, history: _History, point: Point, known: tuple[float, list[Array]], dt: float
-    ) -> None:
-        iso = isochoric_stress(self.prepared, point.unknowns)
-        _, parts = known
+    def _accept(self, history: _History, step: _Step) -> None:
+        iso, parts, dt = step.iso, step.parts, step.dt
         for k, term in enumerate(self.prony):
             _, phi, psi = step_factors(dt / term.tau_s)
             coefficient = phi
@@ -341,7 +357,7 @@ class _Stepper:
                 coefficient += psi * dt / (dt + history.dt_before)
             history.over[k] = parts[k] + coefficient * iso
         history.iso_before, history.dt_before = history.iso, dt
-        history.iso, history.unknowns = iso, point.unknowns
+        history.iso, history.unknowns = iso, step.point.unknowns
 
     def _rate(
         self, history: _History, duration: float, p0: float, p1: float, *, end: bool = False

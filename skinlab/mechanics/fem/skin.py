@@ -223,14 +223,15 @@ class Body:
         layers = less(up["layers"], down["layers"])
         return [(1.0, {"own": own, "isochoric": up["isochoric"], "layers": layers})]
 
-    def isochoric(
+    def isochoric_first(
         self, i1: Array, i2: Array, j: Array, own: Sequence[Mapping[str, float]]
-    ) -> Potential:
-        """Return the isochoric energy of the skin's own tissue and its derivatives."""
-        found = self.law.isochoric(i1, i2, j, own[0])
+    ) -> First:
+        """Return first derivatives of the isochoric energy of the skin's own tissue."""
+        total = self.law.isochoric_first(i1, i2, j, own[0])
         for term, parameters in zip(self.terms, own[1:], strict=True):
-            found = found + term.isochoric(i1, i2, j, parameters)
-        return found
+            x, y, z = term.isochoric_first(i1, i2, j, parameters)
+            total = total[0] + x, total[1] + y, total[2] + z
+        return total
 
     def _skin_first(self, i1: Array, i2: Array, j: Array, parameters: Mapping[str, Any]) -> First:
         own, factor = parameters["own"], parameters["isochoric"]
@@ -262,9 +263,9 @@ class Prepared:
         """Return what the body's energy needs, the skin's isochoric energy times a factor."""
         return {"own": self._own, "isochoric": float(isochoric), "layers": self._layers}
 
-    def isochoric(self, i1: Array, i2: Array, j: Array) -> Potential:
-        """Return the isochoric energy at invariants (m, q); it has a meaning in the skin alone."""
-        return self.body.isochoric(i1, i2, j, self._own)
+    def isochoric_first(self, i1: Array, i2: Array, j: Array) -> First:
+        """Return first derivatives of the isochoric energy (they are the skin's alone)."""
+        return self.body.isochoric_first(i1, i2, j, self._own)
 
 
 def prepare(

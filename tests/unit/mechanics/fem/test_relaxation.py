@@ -165,3 +165,12 @@ def test_where_it_does_not_hold_there_is_no_number():
 def test_a_path_runs_forward(times):
     with pytest.raises(InputError, match="in the order of time"):
         relax(prepare(SKIN, COARSE), (Prony(0.3, 1.0),), np.array(times), np.zeros(3), 3.0)
+
+
+def test_there_is_no_stress_of_an_element_that_is_turned_inside_out():
+    """The last correction may do that at a crease: the step is taken again, shorter."""
+    prepared = prepare(SKIN, COARSE)
+    nothing = np.zeros(prepared.assembly.n)
+    assert isochoric_stress(prepared, nothing) is not None
+    nothing[prepared.apex] = 5.0  # one node, through the element above it
+    assert isochoric_stress(prepared, nothing) is None
