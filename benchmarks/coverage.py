@@ -181,6 +181,9 @@ def _rows() -> dict[str, Row]:
         for count in (1, 2, 4):
             name = f"placed_{100 * scatter:g}_{count}"
             found[name] = Row(Errors(white=3.0), 10.0, None, "pairs", scatter, count)
+    noisy = Errors(white=3.0, pressure_mbar=0.3)
+    for count in (1, 4):
+        found[f"placed_6_{count}_pressure"] = Row(noisy, 10.0, None, "pairs", 0.06, count)
     return found
 
 

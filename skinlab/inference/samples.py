@@ -118,17 +118,23 @@ def placements_of(curves: Sequence[Curve]) -> list[int]:
 
 
 def samples_of(groups: Sequence[Group]) -> Samples:
-    """Return the samples of groups, in their order."""
+    """Return the samples of groups, in their order, at the pressures of these.
+
+    At readings a placement's stiffness would be p dw/dp with their noise, and explain it.
+    """
     rows: list[tuple[NDArray[np.generic], ...]] = []
-    members = [(k, m) for k, g in enumerate(groups) for m in g.members]
-    placements = placements_of([m.curve for _, m in members])
-    for number, (condition, member) in enumerate(members):
+    members = [
+        (k, *one)
+        for k, g in enumerate(groups)
+        for one in zip(g.members, g.split(g.pressure_mbar), strict=True)
+    ]
+    placements = placements_of([m.curve for _, m, _ in members])
+    for number, (condition, member, pressure) in enumerate(members):
         c, mask, n = member.curve, member.mask, member.count
         placement = placements[number]
         numbers = (np.full(n, i) for i in (number, placement, condition))
         time = c.time_s[mask] - c.time_s[0]
-        measured = c.pressure_mbar[mask], c.deflection_mm[mask], c.phase[mask]
-        rows.append((time, *measured, *numbers, np.ones(n)))
+        rows.append((time, pressure, c.deflection_mm[mask], c.phase[mask], *numbers, np.ones(n)))
     return Samples(*(np.concatenate(column) for column in zip(*rows, strict=True)))
 
 

@@ -368,6 +368,18 @@ class TestPlacement:
         assert set(entry) == {"scatter", "offset_um", "count"}
         assert entry["scatter"]["low"] < entry["scatter"]["value"] < entry["scatter"]["high"]
 
+    def test_the_readings_noise_is_nobodys_stiffness(self, table):
+        """At readings p dw/dp goes up and down with their noise, and explained it: X1 was halved."""
+        rng, curves = np.random.default_rng(2), []
+        for i in range(4):
+            setup = replace(STANDARD, aperture_mm=(2.0, 6.0)[i % 2])
+            c = curve_of(table, SKIN, setup, 3.0, i, np.linspace(0.0, 70.0, 141))
+            curves.append(replace_pressure(c, c.pressure_mbar + rng.normal(0.0, 0.3, len(c))))
+        found = Identifier(table, sensor=Sensor(3.0, None, None)).joint(curves)
+        assert found.placement.scatter["value"] < 0.1
+        for value, truth in zip(found.parameters.values(), SKIN, strict=True):
+            assert value.low <= truth <= value.high
+
     @pytest.mark.long
     def test_intervals_count_with_it(self, table):
         """Without it placements that differ by 12 % leave a narrow interval, and a wrong one."""
