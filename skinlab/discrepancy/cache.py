@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_origin
 
@@ -39,6 +40,31 @@ _SUFFIX = ".msgpack"
 _DIGEST_BYTES = 32  # in front: SHA-256 of the rest
 
 
+class _KeptRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What a search found out of a record."""
+
+    pressure_mbar: NDArray[np.float64]
+    off_path_mm: NDArray[np.float64]
+    bend_mm: NDArray[np.float64]
+    creases_mbar: float
+
+    @classmethod
+    def of(cls, record: Record) -> _KeptRecord:
+        each = np.zeros(len(record.curve))
+        return cls(
+            record.pressure_mbar, each + record.off_path_mm, each + record.bend_mm,
+            record.creases_mbar,
+        )  # fmt: skip
+
+    def back_to(self, record: Record) -> Record:
+        if len(self.pressure_mbar) != len(record.curve):
+            raise ValueError("of other samples")
+        return replace(
+            record, pressure_mbar=self.pressure_mbar, off_path_mm=self.off_path_mm,
+            bend_mm=self.bend_mm, creases_mbar=self.creases_mbar,
+        )  # fmt: skip
+
+
 class _Kept(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """An outcome without the measured curves, which whoever asks has at hand."""
 
@@ -63,6 +89,8 @@ class _Kept(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     seed: int
     alike: list[tuple[str, str]]
     posteriors: dict[tuple[str, ...], Posterior]
+    learned_from_these: bool
+    records: list[_KeptRecord]
 
 
 def key(parts: Iterable[str]) -> str:
@@ -89,6 +117,7 @@ def load(name: str, records: Sequence[Record], folder: Path | None = None) -> Ou
         kept = msgspec.msgpack.decode(content, type=_Kept, dec_hook=_array)
         chosen = [kept.candidates[i] for i in kept.explanations]
         explained = without([coarsened(r, ERRORS.coarse_hz) for r in records], kept.kept)
+        explained = [k.back_to(r) for k, r in zip(kept.records, explained, strict=True)]
     except (OSError, ValueError, IndexError):  # whatever is wrong with a cache: compute again
         return None
     return Outcome(
@@ -109,6 +138,7 @@ def load(name: str, records: Sequence[Record], folder: Path | None = None) -> Ou
         error_model=kept.error_model,
         placement=kept.placement,
         repeats_um=kept.repeats_um,
+        learned_from_these=kept.learned_from_these,
     )  # fmt: skip
 
 
@@ -138,6 +168,8 @@ def save(name: str, outcome: Outcome, folder: Path | None = None) -> None:
         outcome.seed,
         outcome.alike,
         outcome.posteriors,
+        outcome.learned_from_these,
+        [_KeptRecord.of(r) for r in found.records],
     )
     content = msgspec.msgpack.encode(kept, enc_hook=_plain)
     raw = hashlib.sha256(content).digest() + content

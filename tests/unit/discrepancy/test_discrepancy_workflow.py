@@ -263,10 +263,21 @@ def test_an_effect_whose_model_does_not_hold_is_told_of(table):
 
 @pytest.mark.long
 def test_what_is_kept_comes_back_whole(off_zero, explained, tmp_path):
-    outcome = explained
+    moved = [
+        replace(
+            r, pressure_mbar=r.pressure_mbar + 0.1, off_path_mm=1e-3 * r.curve.time_s, bend_mm=0.1
+        )
+        for r in explained.found.records
+    ]
+    found = replace(explained.found, records=moved)
+    outcome = replace(explained, found=found, learned_from_these=True)
     cache.save("a", outcome, tmp_path)
     again = cache.load("a", records_of(off_zero), tmp_path)
     assert document(again) == document(outcome)
+    for old, new in zip(moved, again.found.records, strict=True):
+        np.testing.assert_array_equal(new.straight_mm, old.straight_mm)
+        np.testing.assert_array_equal(new.pressure_mbar, old.pressure_mbar)
+        assert new.creases_mbar == old.creases_mbar
     assert describe(again) == describe(outcome)
     assert render(again) == render(outcome)
     (kept,) = tmp_path.iterdir()

@@ -369,7 +369,7 @@ class TestPlacement:
         assert entry["scatter"]["low"] < entry["scatter"]["value"] < entry["scatter"]["high"]
 
     def test_the_readings_noise_is_nobodys_stiffness(self, table):
-        """At readings p dw/dp goes up and down with their noise, and explained it: X1 was halved."""
+        """At readings p dw/dp goes up and down with their noise, and explains it: half of X1."""
         rng, curves = np.random.default_rng(2), []
         for i in range(4):
             setup = replace(STANDARD, aperture_mm=(2.0, 6.0)[i % 2])
