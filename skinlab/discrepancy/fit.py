@@ -458,7 +458,7 @@ class Misfit:
         """Return χ² (n,) with the priors; infinite where there is no model."""
         each = self.fitter.residuals_of_many(self.model, parameters, self.keep)
         cost = np.square(each).sum(axis=1) + np.square(self._priors(parameters)).sum(axis=1)
-        return np.where(cost < NO_MODEL**2, cost, np.inf)
+        return np.where((each == NO_MODEL).all(axis=1), np.inf, cost)
 
     def differences(self, parameters: Array) -> Array:
         """Return residuals (n, m); large where there is no model."""

@@ -21,11 +21,12 @@ from skinlab.discrepancy.settings import ERRORS
 from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.errors import InputError, NotTrustworthyError
 from skinlab.inference import flags
+from skinlab.inference.error_judgement import judge_errors
 from skinlab.inference.identify import Identifier
 from skinlab.inference.intervals import most_of_the_range
 from skinlab.inference.joint import GaussianPrior
 from skinlab.inference.result import Identification, Value
-from skinlab.inference.samples import EVERYTHING, choose
+from skinlab.inference.samples import EVERYTHING, Fitted, choose
 from skinlab.mechanics.effects import get_effect
 from skinlab.mechanics.materials import get_law
 from skinlab.mechanics.model_file import Model, Normal
@@ -97,83 +98,93 @@ class ModelIdentifier(Identifier):
             found = once._identify(curves, blank)
             return replace(found, flags=(*found.flags, "learned_from_these"))
         try:
-            fit, fitter, p_value = self._fit(curves, phases)
+            answer = self._answered(curves, blank)
         except (InputError, NotTrustworthyError) as error:
             outside = isinstance(error, NotTrustworthyError)
             flags = ("outside_database",) if outside else ()
             return replace(blank, error=str(error), flags=flags)
-        answer = self._answer_of(curves, blank, fit, fitter, p_value)
         return replace(answer, seconds=self.clock() - started)
 
-    def _fit(self, curves: Sequence[Curve], phases: tuple[str, ...]) -> tuple[Fit, Fitter, float]:
+    def _answered(self, curves: Sequence[Curve], blank: Identification) -> Identification:
         if self.database.fixed_geometry is not None:
             raise InputError(
                 "a model with effects needs a dimensionless database, or one of its own"
             )
-        true = self.corrected(curves)
-        chosen = tuple(choose(curve, phases, self.database).samples for curve in true)
-        campaign = Campaign("", self.sensor.noise_um, self.sensor.pressure_noise_mbar, chosen)
+        members = [choose(c, blank.phases, self.database) for c in self.corrected(curves)]
+        sensor = self.sensor
+        campaign = Campaign(
+            "", sensor.noise_um, sensor.pressure_noise_mbar, tuple(m.samples for m in members)
+        )
         records = records_of(campaign)
-        fitter = Fitter(records, errors_of(records), TableDomes(self.database))
-        search = Search(fitter, model=self.model)
-        base = search.base()
-        return base.fit, search.fitter, base.left.p_value
-
-    def _answer_of(
-        self,
-        curves: Sequence[Curve],
-        blank: Identification,
-        fit: Fit,
-        fitter: Fitter,
-        p_value: float,
-    ) -> Identification:
+        search = Search(
+            Fitter(records, errors_of(records), TableDomes(self.database)),
+            model=self.model,
+            noise_um=sensor.noise_um,
+            placement_scatter=sensor.placement_scatter,
+        )
+        base = search.learned_base()
+        assert search.errors is not None
+        # The errors as this model sees them: there is no other explanation.
+        errors = search.errors.looks[-1]
+        fitter = search.fitter.with_errors(search.fitter.records, errors.mode)
+        fit = fitter.near(base.fit) or base.fit.with_errors(search.fitter.errors, fitter.errors)
         left = sample(fitter, fit, np.random.default_rng(self.seed))
-        values = {n: Value(v["value"], v["low"], v["high"]) for n, v in left.parameters.items()}
         off = np.concatenate(fit.deflections_mm) - fitter.measured
-        n = len(off)
         rms_um = 1e3 * float(np.sqrt(np.mean(off**2)))
+        judged = judge_errors(errors, sensor.noise_um, rms_um)
+        said = (
+            *_flags(members, fit, left, self.seed),
+            *judged.flags,
+            *(["misfit_above_noise"] if base.left.p_value < ERRORS.adequate else []),
+            *([f"outliers:{n}"] if (n := sum(int((~k).sum()) for k in search.kept)) else []),
+        )
         law = get_law(self.model.model.law)
-        base = {n: v.value for n, v in values.items() if n in law.names}
-        noises = [r.noise_um**2 for r in fitter.records]
-        noise = float(np.sqrt(np.average(noises, weights=[len(r.curve) for r in fitter.records])))
-        mask, model_mm = None, None
-        if len(curves) == 1:
-            (true,) = self.corrected(curves)
-            mask = choose(true, blank.phases, self.database).mask
-            model_mm = np.full(len(curves[0]), np.nan)
-            (record,) = fitter.records
-            _, model_mm[mask] = as_read(record.curve, record.pressure_mbar, fit.deflections_mm[0])
-        return replace(
+        values = {n: Value(v["value"], v["low"], v["high"]) for n, v in left.parameters.items()}
+        own = {n: v.value for n, v in values.items() if n in law.names}
+        found = replace(
             blank,
             parameters=values,
             optimum=fit.unknowns.named(fit.u),
             correlation=left.correlation,
-            derived=dict(law.derived(base, self.kappa)),
+            derived=dict(law.derived(own, self.kappa)),
             own_bounds=tuple(self.model.parameters),
-            error_um=rms_um / math.sqrt(n),
+            error_um=rms_um / math.sqrt(len(off)),
             rms_um=rms_um,
-            noise_um=noise,
-            flags=_flags(curves, fit, left, p_value, self.seed),
-            fitted=mask,
-            fitted_points=n,
-            model_mm=model_mm,
+            noise_um=judged.noise_um,
+            error_model=judged.summary,
+            placement=judged.placement,
+            flags=tuple(dict.fromkeys(said)),
+            fitted_points=len(off),
         )
+        return found if len(curves) > 1 else _drawn(found, members[0], search.kept[0], fitter, fit)
 
 
-def _flags(
-    curves: Sequence[Curve], fit: Fit, left: Posterior, p_value: float, seed: int
-) -> tuple[str, ...]:
+def _drawn(
+    found: Identification, member: Fitted, kept: NDArray[np.bool_], fitter: Fitter, fit: Fit
+) -> Identification:
+    """Return the answer for one curve, with its fitted curve at all samples that were chosen."""
+    (record,) = fitter.records
+    pressure, deflection = as_read(record.curve, record.pressure_mbar, fit.deflections_mm[0])
+    del pressure
+    time = member.curve.time_s[member.mask]
+    fitted, outliers = member.mask.copy(), np.zeros(len(member.mask), dtype=bool)
+    fitted[member.mask], outliers[member.mask] = kept, ~kept
+    model_mm = np.full(len(member.mask), np.nan)
+    model_mm[member.mask] = np.interp(time, time[kept], deflection)
+    return replace(found, fitted=fitted, outliers=outliers, model_mm=model_mm)
+
+
+def _flags(members: Sequence[Fitted], fit: Fit, left: Posterior, seed: int) -> tuple[str, ...]:
     low, high = fit.unknowns.bounds
     found = flags.of_optimum(
         fit.unknowns.names, (fit.u - low) / (high - low), converged=fit.settled
     )
-    found += flags.of_curves(curves, [0])
+    found += flags.of_curves([m.curve for m in members], [m.beyond for m in members])
+    found += [f"thinned:{m.every}" for m in members if m.every > 1]
     space, count = fit.unknowns.space, fit.unknowns.count
     prior = space.from_unit(np.random.default_rng(seed).random((_PRIOR_DRAWS, count)))
     for j, name in enumerate(fit.unknowns.base_names):
         value = left.parameters[name]
         if most_of_the_range((value["low"], value["high"]), prior[:, j]):
             found.append(f"not_identifiable:{name}")
-    if p_value < ERRORS.adequate:
-        found.append("misfit_above_noise")
     return tuple(found)

@@ -78,7 +78,7 @@ class Search:
         self.errors: CampaignErrors | None = None  # None: those of the fitter, as they are
         self._first: tuple[ErrorChoice, ...] = ()  # pure error, and as the model as it is sees them
         self.looks: list[tuple[Fit, ErrorChoice]] = []  # and as explanations do
-        self._kept: tuple[NDArray[np.bool_], ...] = ()
+        self.kept: tuple[NDArray[np.bool_], ...] = ()  # samples (n,) of each curve
         self.unknowns = with_thickness(unknowns_of(model), fitter.records)
         self.own = self.unknowns.effects
         self._workers, self.progress, self._partial = workers, progress, partial
@@ -174,7 +174,7 @@ class Search:
             )
         return Found(
             base, signatures, candidates, self.fitter.records, not_screened, self.fitter.errors,
-            self._kept, "" if self.errors is None else self.errors.implausible,
+            self.kept, "" if self.errors is None else self.errors.implausible,
         )  # fmt: skip
 
     def learned_base(self) -> Candidate:
@@ -187,9 +187,9 @@ class Search:
         before, domes = self.fitter, self.fitter.domes
         linear = Linearised.of(first, before.errors, before.measured)
         bad = outliers(before.records, linear)
-        self._kept = tuple(before.errors.split(~bad))
+        self.kept = tuple(before.errors.split(~bad))
         self.progress("learning how large the errors are")
-        records = creased(without(before.records, self._kept), first, domes)
+        records = creased(without(before.records, self.kept), first, domes)
         self._thickness_mm = thickness_slopes(before.records, first, domes)[~bad]
         fit = self._learned(records, first, linear.only(~bad))
         for _ in range(SEARCH.rounds):

@@ -79,6 +79,7 @@ _ERRORS = {
     "pulse_um": "pulse {} µm",
     "pulse_hz": "at {} Hz",
     "freedom": "heavy tails (Student's t, {} degrees)",
+    "wander_um_per_root_s": "zero wandering, {} µm in a second",
 }
 
 

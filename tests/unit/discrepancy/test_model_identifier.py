@@ -1,0 +1,94 @@
+"""Identification with a model that has effects: errors, placements and outliers as without."""
+
+import numpy as np
+import pytest
+
+from skinlab.curves.curve import Curve, Setup
+from skinlab.curves.program import parse_program
+from skinlab.discrepancy.model_identifier import with_model
+from skinlab.inference.identify import Identifier
+from skinlab.inference.uncertainty import Sensor
+from skinlab.mechanics.fem.suction import Geometry
+from skinlab.mechanics.model_file import EffectRange, Header, Model
+
+TRUTH = (0.035, 1.2, 0.32)
+OFFSET = Model(Header("own"), effects={"deflection_offset": {"offset_um": EffectRange(1.0)}})
+RAMP = parse_program("ramp:100@20")
+
+
+def identifier(table, model=OFFSET, **known):
+    return with_model(Identifier(table, sensor=Sensor(**known), seed=1), model)
+
+
+def curve_of(table, added_um, aperture_mm=6.0, softer=0.0, name="c"):
+    """Return a curve to 100 mbar in 5 s with these errors (100,)."""
+    t = np.arange(len(added_um)) / 20.0
+    p = 20.0 * t
+    model = table.model(Geometry(aperture_mm, 1.1), p * np.exp(softer))
+    w = model.deflection_mm(np.array([TRUTH]))[0]
+    return Curve(name, Setup(aperture_mm, 1.1, RAMP), t, p, w + 1e-3 * added_um)
+
+
+def lasting(rng, size_um, time_s, n=100):
+    decay = np.exp(-0.05 / time_s)
+    found = [size_um * rng.normal()]
+    for _ in range(n - 1):
+        found.append(decay * found[-1] + size_um * np.sqrt(1.0 - decay**2) * rng.normal())
+    return np.array(found)
+
+
+def held(result):
+    return [v.low <= t <= v.high for v, t in zip(result.parameters.values(), TRUTH, strict=False)]
+
+
+def test_errors_that_last_are_counted_with(table):
+    """Intervals of white noise alone held X1, X2 and ν in 1, 0 and 0 of 12 such curves."""
+    rng = np.random.default_rng(4)
+    answers = [
+        identifier(table)(curve_of(table, lasting(rng, 4.0, 0.3) + rng.normal(0.0, 1.0, 100)))
+        for _ in range(3)
+    ]
+    assert np.sum([held(a) for a in answers], axis=0).min() >= 2
+    assert all("correlated_noise" in a.flags for a in answers)
+    assert all("ou" in a.error_model.name for a in answers)
+
+
+def test_placements_differ_with_effects_too(table):
+    rng = np.random.default_rng(3)
+    curves = [
+        curve_of(
+            table, rng.normal(4.0 * rng.normal(), 2.0, 100), aperture, 0.1 * rng.normal(), name
+        )
+        for name, aperture in (("a", 2.0), ("b", 6.0), ("c", 2.0), ("d", 6.0))
+    ]  # fmt: skip
+
+    def width(answer):
+        value = answer.parameters["X1_MPa"]
+        return np.log(value.high / value.low)
+
+    auto, plain = identifier(table).joint(curves), Identifier(table).joint(curves)
+    assert auto.placement.count == plain.placement.count == 4
+    assert width(auto) > 0.5 * width(plain)
+    none = identifier(table, placement_scatter=0.0).joint(curves)
+    assert none.placement is None
+    assert width(none) < width(auto)
+
+
+def test_a_glitch_is_left_out_and_drawn_as_such(table):
+    added = np.random.default_rng(5).normal(0.0, 1.0, 100)
+    added[40] += 300.0
+    answer = identifier(table)(curve_of(table, added))
+    assert "outliers:1" in answer.flags
+    assert np.flatnonzero(answer.outliers).tolist() == [40]
+    assert not answer.fitted[40]
+    assert np.isfinite(answer.model_mm).all()
+    assert answer.noise_um == pytest.approx(1.0, rel=0.3)
+
+
+def test_a_misfit_of_a_thousand_deviations_has_an_answer(table):
+    """χ² above that of one residual without a model was taken for no model at all: a traceback."""
+    added = 150.0 * np.sin(np.linspace(0.0, 9.0, 100))
+    answer = identifier(table, noise_um=1.0)(curve_of(table, added))
+    assert answer.error is None
+    assert "misfit_above_noise" in answer.flags
+    assert all(np.isfinite([v.low, v.high]).all() for v in answer.parameters.values())
