@@ -23,7 +23,8 @@ from skinlab.inference.error_models import ERROR_MODELS, part_of
 from skinlab.inference.error_models.base import ErrorModel, Look, Part
 from skinlab.inference.error_quadrature import find_mode, log_student, normal_points, student_points
 from skinlab.inference.likelihood import LinearModel
-from skinlab.inference.settings import CHOICE
+from skinlab.inference.noise import roughness
+from skinlab.inference.settings import CHOICE, NOISE
 
 Array = NDArray[np.float64]
 
@@ -151,9 +152,9 @@ def choose_errors(
     def combine(parts: tuple[Part, ...]) -> Combination:
         return Combination(parts, look.samples.time_s, look.samples.ends, fixed_mm, fixed_mm2)
 
-    starts = _starts(look, linear)
+    starts, slow = _starts(look, linear), _slow_starts(linear)
     sets = [(*plain, rival) for rival in rivals] or [plain]
-    tried = [_explore(combine(parts), linear, starts) for parts in sets]
+    tried = [_explore(combine(parts), linear, starts, slow) for parts in sets]
 
     def grown(best: _Explored, others: Sequence[Part]) -> _Explored:
         """Return the best combination with one more part each time, until none gains."""
@@ -167,6 +168,7 @@ def choose_errors(
                     combine((*best.combination.parts, part)),
                     linear,
                     {**starts, **best.mode},
+                    slow,
                     best.log_evidence,
                 )
                 for part in more
@@ -194,7 +196,8 @@ def choose_errors(
     for part in early[:-1]:
         fewer = combine(tuple(p for p in best.combination.parts if p is not part))
         if all(fewer.names != e.combination.names for e in tried):
-            tried.append(_explore(fewer, linear, {**starts, **best.mode}, best.log_evidence))
+            begin = {**starts, **best.mode}
+            tried.append(_explore(fewer, linear, begin, slow, best.log_evidence))
     best = max((e for e in tried if e.nodes), key=lambda e: e.log_evidence)
     mixture = _scale_mixture(look, linear, best, combine, models)
     if mixture is not None:
@@ -270,16 +273,40 @@ def _starts(look: Look, linear: LinearModel) -> dict[str, float]:
     return {"white_um": math.log(size)}
 
 
+def _slow_starts(linear: LinearModel) -> tuple[float, float] | None:
+    """Return logarithms of a noise and of a process's size, µm, where a residual is smooth.
+
+    From a noise as large as a smooth residual what lasts has no slope, and is not found.
+    """
+    left = linear.residual_mm
+    rough = max(roughness(left), NOISE.least_mm) if len(left) > 2 else math.inf
+    lasting = float(np.mean(np.square(left))) - rough**2
+    if not lasting > (CHOICE.smooth * rough) ** 2:
+        return None
+    return math.log(1e3 * rough), 0.5 * math.log(1e6 * lasting)
+
+
 def _explore(
     combination: Combination,
     linear: LinearModel,
     starts: dict[str, float],
+    slow: tuple[float, float] | None,
     rival: float = -math.inf,
 ) -> _Explored:
     """Return the combination explored; from its mode alone if that is hopeless beside a rival."""
     each = [p for part in combination.parts for p in part.parameters]
     at = np.array([starts.get(p.name, math.log(p.start or p.median)) for p in each])
     begun = _at_mode(combination, linear, at)
+    lasting = [
+        part.is_process and p.name.endswith("_um")
+        for part in combination.parts
+        for p in part.parameters
+    ]
+    if slow is not None and any(lasting):
+        at[lasting] = slow[1]
+        at[[p.name == "white_um" for p in each]] = slow[0]
+        other = _at_mode(combination, linear, at)
+        begun = max(begun, other, key=lambda e: e.log_evidence)
     if not combination.bound and begun.log_evidence < rival - CHOICE.hopeless:
         return begun
     return _integrated(begun, *_draws(combination, begun.log_mode, begun.root), linear)
@@ -379,4 +406,4 @@ def _scale_mixture(
         assert part.again is not None
     combination = combine((*plain, part))
     starts = dict(zip(combination.parameters, at.tolist(), strict=True))
-    return _explore(combination, linear, starts)
+    return _explore(combination, linear, starts, None)

@@ -177,6 +177,8 @@ class ChoiceRules:
 
     hopeless: float = 7.0
     """In log evidence: a combination so much worse is not integrated over."""
+    smooth: float = 3.0
+    """Times its roughness: a residual so large is looked at as one that lasts, too."""
     wider: float = 1.2
     """Times the curvature's width, of the Student distribution that is drawn from,"""
     freedom: float = 6.0

@@ -204,6 +204,15 @@ class TestErrorsAsTheyAre:
         assert model["parameters"]["ou_um"] == pytest.approx(3.0, rel=0.7)
         assert "errors: white" in describe(result)
 
+    @pytest.mark.parametrize(("n", "size_mm"), [(30, 0.4), (100, 0.8)])
+    def test_what_the_fit_misses_smoothly_is_no_noise_however_large(self, table, n, size_mm):
+        """From a noise as large as the residual nothing that lasts was found: "white 107 µm"."""
+        pressure = np.linspace(0.0, 100.0, n)
+        bump = size_mm * np.exp(-(((pressure - 40.0) / 12.0) ** 2))
+        result = Identifier(table)(curve_of(table, SKIN, STANDARD, 1.0, 1, pressure, bump))
+        assert "misfit_above_noise" in result.flags
+        assert result.noise_um < 10.0
+
     def test_a_statement_that_the_residuals_contradict(self, table):
         curve = curve_of(table, SKIN, noise_um=6.0, seed=6)
         result = Identifier(table, sensor=Sensor(2.0, 0.0))(curve)
