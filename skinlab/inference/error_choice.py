@@ -24,7 +24,7 @@ from skinlab.inference.error_models.base import ErrorModel, Look, Part
 from skinlab.inference.error_quadrature import find_mode, log_student, normal_points, student_points
 from skinlab.inference.likelihood import LinearModel
 from skinlab.inference.noise import roughness
-from skinlab.inference.settings import CHOICE, NOISE
+from skinlab.inference.settings import CHOICE, KINDS, NOISE
 
 Array = NDArray[np.float64]
 
@@ -358,24 +358,29 @@ def _draws(combination: Combination, mode: Array, root: Array) -> tuple[Array, A
     count = CHOICE.nodes.get(d, CHOICE.most_nodes)
     first = round((1.0 - CHOICE.from_prior) * count) if d > 1 else count
     wide = CHOICE.wider * root
-    near = mode + student_points(first, d) @ wide.T
-    values = near
-    share = first / count
-    if first < count:
-        # As wide as the prior, except where the mode is narrow: of white noise all is known.
-        sure = np.sqrt(np.square(root).sum(axis=1)) < 0.3 * sd
-        middle, width = np.where(sure, mode, median), np.where(sure, 1.0, sd)
-        other = normal_points(count - first, d) * width
-        own = np.sqrt(np.square(wide).sum(axis=1))
-        other = middle + np.where(sure, 1.5 * own * normal_points(count - first, d), other)
-        values = np.vstack([near, other])
-        width = np.where(sure, 1.5 * own, width)
-    log_near = log_student(values - mode, wide)
+    values = mode + student_points(first, d) @ wide.T
     if first == count:
-        return values, log_near
-    off = (values - middle) / width
-    log_far = -0.5 * np.square(off).sum(axis=1) - np.log(width * math.sqrt(2 * math.pi)).sum()
-    return values, np.logaddexp(math.log(share) + log_near, math.log(1.0 - share) + log_far)
+        return values, log_student(values - mode, wide)
+    # As wide as the prior, except where the mode is narrow: of white noise all is known.
+    sure = np.sqrt(np.square(root).sum(axis=1)) < 0.3 * sd
+    own = 1.5 * np.sqrt(np.square(wide).sum(axis=1))
+    far = [(np.where(sure, mode, median), np.where(sure, own, sd))]
+    # And where there is hardly any of what may be absent: from afar no mode leads there.
+    absent = np.array([p.absent > 0.0 for p in each]) & ~sure
+    if absent.any():
+        middle, width = far[0]
+        hardly = median - math.log(KINDS.hardly)
+        far.append((np.where(absent, hardly, middle), np.where(absent, KINDS.hardly_sd, width)))
+    shares = np.array_split(np.arange(count - first), len(far))
+    points = normal_points(count - first, d)
+    for part, (middle, width) in zip(shares, far, strict=True):
+        values = np.vstack([values, middle + width * points[part]])
+    each_log = [math.log(first / count) + log_student(values - mode, wide)]
+    for part, (middle, width) in zip(shares, far, strict=True):
+        off = (values - middle) / width
+        norm = np.log(width * math.sqrt(2.0 * math.pi)).sum()
+        each_log.append(math.log(len(part) / count) - 0.5 * np.square(off).sum(axis=1) - norm)
+    return values, np.logaddexp.reduce(each_log)
 
 
 def _scale_mixture(
