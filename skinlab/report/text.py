@@ -12,7 +12,7 @@ from skinlab.text import inert
 
 if TYPE_CHECKING:
     from drivers.dose import Dose
-    from skinlab.inference.error_judgement import ErrorModelSummary
+    from skinlab.inference.error_judgement import ErrorModelSummary, PlacementSummary
     from skinlab.inference.result import Advice, Identification
 
 _SENTENCES = ("outliers", "correlated_noise", "stated_noise_contradicted", "unlike_cohort")
@@ -61,6 +61,8 @@ def describe(result: Identification) -> str:
         )
     if result.error_model is not None:
         lines.append(f"  errors: {errors_in_words(result.error_model)}")
+    if result.placement is not None:
+        lines.append(f"  placements: {placements_in_words(result.placement)}")
     lines += [f"  {sentence}" for sentence in explain(result)]
     if result.flags:
         lines.append(f"  flags: {', '.join(result.flags)}")
@@ -87,6 +89,16 @@ def errors_in_words(model: ErrorModelSummary) -> str:
     """Return an error model in a few words, with its numbers."""
     parts = [_errors_number(name, f"{value:.2g}") for name, value in model.parameters.items()]
     return f"{', '.join(parts)} ({model.why})"
+
+
+def placements_in_words(placement: PlacementSummary) -> str:
+    """Return by how much placements differ, in a few words."""
+    share = {key: f"{100.0 * value:.2g}" for key, value in placement.scatter.items()}
+    said = "stated" if share["low"] == share["high"] else f"{share['low']} to {share['high']}"
+    return (
+        f"{placement.count}, their stiffnesses differ by {share['value']} % ({said}), "
+        f"their zeros by {placement.offset_um['value']:.2g} µm"
+    )
 
 
 def _errors_number(name: str, value: str) -> str:

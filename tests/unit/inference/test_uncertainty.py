@@ -374,6 +374,7 @@ class TestPlacement:
         assert much.placement.count == 8
         assert width(much, "X1_MPa") > 1.2 * width(none, "X1_MPa")
         entry = much.to_json()["placement"]
+        assert "placements: 8, their stiffnesses differ by" in describe(much)
         assert set(entry) == {"scatter", "offset_um", "count"}
         assert entry["scatter"]["low"] < entry["scatter"]["value"] < entry["scatter"]["high"]
 
