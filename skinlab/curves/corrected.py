@@ -51,21 +51,25 @@ def as_read(curve: Curve, pressure_mbar: Array, deflection_mm: Array) -> tuple[A
     )
 
 
-def columns_of(curves: Sequence[Curve], deflection_mm: Array, slope_mm_per_mbar: Array) -> Array:
+def columns_of(
+    curves: Sequence[Curve], pressure_mbar: Array, deflection_mm: Array, slope_mm_per_mbar: Array
+) -> Array:
     """Return what the calibrations of curves leave open, as columns (u, m) of errors in mm.
 
-    For true deflections and dw/dp (u,) of all samples, end to end; curves of one probe err alike.
+    For the pressures, deflections and dw/dp (u,) of a model, of all samples, end to end; curves of
+    one probe err alike. Readings of the pressure would have their noise in the columns.
     """
     probes = {c.corrected_by.hash: c.corrected_by for c in curves if c.corrected_by is not None}
     ends = np.cumsum([len(c) for c in curves])[:-1]
-    parts = list(zip(np.split(deflection_mm, ends), np.split(slope_mm_per_mbar, ends), strict=True))
+    each = (np.split(x, ends) for x in (pressure_mbar, deflection_mm, slope_mm_per_mbar))
+    parts = list(zip(*each, strict=True))
     blocks = [np.zeros((len(deflection_mm), 0))]
     for hashed, probe in probes.items():
         rows = [
-            probe.columns_mm(c.time_s, c.pressure_mbar, w, slope)
+            probe.columns_mm(c.time_s, *part)
             if c.corrected_by is not None and c.corrected_by.hash == hashed
             else np.zeros((len(c), len(PARAMETERS)))
-            for c, (w, slope) in zip(curves, parts, strict=True)
+            for c, part in zip(curves, parts, strict=True)
         ]
         blocks.append(np.vstack(rows))
     return np.hstack(blocks)

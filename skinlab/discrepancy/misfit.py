@@ -44,7 +44,11 @@ def errors_of(records: Sequence[Record]) -> Covariance:
 def columns_of(records: Sequence[Record]) -> Array:
     """Return the shapes (u, m), mm, in which all samples err: the mesh's, and the probe's."""
     w = np.concatenate(_smoothed(records))
-    left_open = corrected.columns_of([r.curve for r in records], w, slopes_mm_per_mbar(records))
+    curves, pressure = (
+        [r.curve for r in records],
+        np.concatenate([r.pressure_mbar for r in records]),
+    )
+    left_open = corrected.columns_of(curves, pressure, w, slopes_mm_per_mbar(records))
     return np.hstack([mesh_columns(records), left_open])
 
 

@@ -135,7 +135,8 @@ class Fitted:
         curves = [member.samples for g in self.groups for member in g.members]
         if not any(curve.corrected_by for curve in curves):
             return np.zeros((len(self.samples), 0))
-        return corrected.columns_of(curves, self.best_mm, self.slope_mm_per_mbar)
+        pressure = np.concatenate([g.pressure_mbar for g in self.groups])
+        return corrected.columns_of(curves, pressure, self.best_mm, self.slope_mm_per_mbar)
 
     def outlier_probability(self) -> Array:
         """Return each sample's probability (u,) of not belonging to its curve."""
