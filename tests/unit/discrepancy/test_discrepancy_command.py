@@ -14,6 +14,7 @@ from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
 from skinlab.discrepancy.fit import Fitter
+from skinlab.errors import InputError
 from skinlab.mechanics.effects.model import Skin, response
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.mechanics.model_file import read_model
@@ -152,6 +153,39 @@ def test_nothing_is_adopted_where_nothing_is_named(tmp_path, capsys, monkeypatch
     assert "Smallest sizes" in said.out
     assert "nothing to adopt" in said.err
     assert not model.exists()
+
+
+def test_a_scatter_of_placements_overrides_the_campaign(campaign, monkeypatch, capsys):
+    told, names = [], []
+
+    def stopped(curves, *_, **__):
+        told.append(curves.placement_scatter)
+        raise InputError("enough")
+
+    monkeypatch.setattr("skinlab.discrepancy.workflow.explain", stopped)
+    monkeypatch.setattr("skinlab.discrepancy.cache.load", lambda name, _: names.append(name))
+    for said in ([], ["0.05"], ["auto"]):
+        option = ["--placement-scatter", *said] if said else []
+        assert run(["discrepancy", str(campaign), *option]) == 3
+    assert told == [0.0, 0.05, None]
+    assert len(set(names)) == 3  # none of them is answered by what was kept of another
+    for wrong in ("much", "1", "-0.1", "nan"):
+        assert run(["discrepancy", str(campaign), "--placement-scatter", wrong]) == 2
+        assert "expected auto, or 0 to below 1" in capsys.readouterr().err
+
+
+def test_so_it_does_where_curves_are_identified_together(campaign, monkeypatch):
+    told = []
+
+    def stopped(identifier, _):
+        told.append(identifier.sensor.placement_scatter)
+        raise InputError("enough")
+
+    monkeypatch.setattr("skinlab.cli.identify._each", lambda *_: [])
+    monkeypatch.setattr("skinlab.inference.identify.Identifier.joint", stopped)
+    for option in ([], ["--placement-scatter", "0.05"], ["--placement-scatter", "auto"]):
+        assert run(["identify", str(campaign), "--joint", *option]) == 3
+    assert told == [0.0, 0.05, None]
 
 
 def test_bad_input_is_one_sentence(tmp_path, campaign, capsys):
