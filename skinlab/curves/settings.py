@@ -18,6 +18,18 @@ class SampleRules:
 
 
 @dataclass(frozen=True)
+class SuctionRules:
+    """When a suction is recorded as negative; `pytest tests/unit/curves/test_suction.py`."""
+
+    about_zero_mbar: float = 2.0
+    """Readings this close to zero say nothing: the model is evaluated there, too."""
+    fewest_below: int = 5
+    """Readings below that; fewer may be glitches."""
+    nearly_all: float = 0.9
+    """Of those that are not about zero."""
+
+
+@dataclass(frozen=True)
 class StepRules:
     """How the step of a Cutometer's mode 1 is found in a curve.
 
@@ -63,6 +75,7 @@ class ProbeRules:
 
 
 SAMPLES = SampleRules()
+SUCTION = SuctionRules()
 STEP = StepRules()
 HEIGHTS = HeightRules()
 PROBE = ProbeRules()

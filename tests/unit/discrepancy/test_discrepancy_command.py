@@ -188,6 +188,23 @@ def test_so_it_does_where_curves_are_identified_together(campaign, monkeypatch):
     assert told == [0.0, 0.05, None]
 
 
+def test_suction_that_is_recorded_as_negative_is_refused(campaign, capsys):
+    header, *rows = (campaign / "1.csv").read_text().splitlines()
+    cells = [row.split(",") for row in rows]
+    lines = [",".join((t, str(-float(p)), w)) for t, p, w in cells]
+    (campaign / "1.csv").write_text("\n".join([header, *lines]))
+    assert run(["discrepancy", str(campaign), "--workers", "1"]) == 3
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err == (
+        "skinlab: 1.csv: pressure_mbar goes down to -200; expected a suction, which is positive: "
+        "change its sign, or let `skinlab import` do so\n"
+    )
+    geometry = ["--aperture-mm", "2", "--thickness-mm", "1"]
+    assert run(["identify", str(campaign / "1.csv"), *geometry]) == 3
+    assert "goes down to -200" in capsys.readouterr().err
+
+
 def test_bad_input_is_one_sentence(tmp_path, campaign, capsys):
     assert run(["discrepancy", str(tmp_path / "nowhere.toml")]) == 3
     assert run(["discrepancy", str(campaign / "0.csv")]) == 3
