@@ -212,10 +212,12 @@ def _together(identifier: Identifier, read: list[Input], scatter: float | None) 
     """Return the joint answer: of first cycles, where there are any."""
     from dataclasses import replace
 
+    from skinlab.curves.distinct import check_distinct
     from skinlab.inference.batch import first_cycles, with_stated_noise
     from skinlab.text import counted
 
     everything = [curve for given in read for curve in given.curves]
+    check_distinct(everything)
     curves = first_cycles(everything)
     if len(curves) < len(everything):
         echo(
