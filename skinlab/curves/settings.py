@@ -11,10 +11,12 @@ from datetime import timedelta
 
 @dataclass(frozen=True)
 class SampleRules:
-    """Whether there is a curve at all."""
+    """Whether there is a curve at all, and how long a simulated one may be."""
 
     fewest: int = 5
     """Samples: of fewer nothing is fitted."""
+    most_simulated: int = 300_000
+    """Samples: they take 900 MB. A hundred cycles of a minute on and one off at 20 Hz are fewer."""
 
 
 @dataclass(frozen=True)

@@ -208,6 +208,8 @@ def test_suction_that_is_recorded_as_negative_is_refused(campaign, capsys):
 def test_bad_input_is_one_sentence(tmp_path, campaign, capsys):
     assert run(["discrepancy", str(tmp_path / "nowhere.toml")]) == 3
     assert run(["discrepancy", str(campaign / "0.csv")]) == 3
+    for workers in ("0", "-1"):
+        assert run(["discrepancy", str(campaign), "--workers", workers]) == 2
     taken = tmp_path / "taken.toml"
     taken.write_text("x")
     assert run(["discrepancy", str(campaign), "--adopt", str(taken)]) == 3
