@@ -213,13 +213,14 @@ def next_words(outcome: Outcome) -> list[str]:
     following = outcome.next_measurement
     if following is None:
         return []
+    own = set(outcome.found.base.effects)
     lines = [
         f"To tell them apart, measure {following.program} with the {following.aperture_mm:g} mm "
         f"opening{_times(following.placements)}: it is expected to make one of them "
         f"{odds_words(following.expected_log10_evidence)} likelier."
     ]
     if following.alone is not None:
-        lines.append("That " + _prospect(following.alone))
+        lines.append("That " + _prospect(following.alone, own))
     plan = following.plan
     if plan is not None and (
         following.alone is None or plan.measurements != following.alone.measurements
@@ -230,7 +231,7 @@ def next_words(outcome: Outcome) -> list[str]:
         )
         enough = plan.sure >= PLANS.settled
         said = "The shortest plan that would settle it" if enough else "No plan is sure; the best"
-        lines.append(f"{said}: {steps}. It {_prospect(plan)}")
+        lines.append(f"{said}: {steps}. It {_prospect(plan, own)}")
     return lines
 
 
@@ -244,10 +245,11 @@ def _times(placements: int) -> str:
     return "" if placements == 1 else f", putting the probe on {placements} times"
 
 
-def _prospect(plan: Plan) -> str:
+def _prospect(plan: Plan, own: set[str]) -> str:
     """Return what a plan costs and is expected to lead to."""
     each = ", ".join(
-        f"{' and '.join(names) or 'nothing missing'} {100 * p:.0f} %" for names, p in plan.named
+        f"{' and '.join(e for e in names if e not in own)} {100 * p:.0f} %"
+        for names, p in plan.named
     )
     return (
         f"takes {plan.minutes:.0f} min; chances of a name: {each}; of a wrong one "
