@@ -120,6 +120,7 @@ class Outcome:
             "detectable": self.detectable,
             "cannot_show": self.cannot_show,
             "not_screened": self.not_screened,
+            "left_out": self.found.left_out,
             "next_measurement": None
             if self.next_measurement is None
             else _next_json(self.next_measurement, own),

@@ -46,6 +46,7 @@ class Record:
     placement: int = 0  # which putting-on of the probe
     coarse: int = 1  # samples that each one is the mean of,
     step_um: float = 0.0  # and of what step their lattice was: means have none
+    glitches: int = 0  # samples that are in none of these means
     noisier: Array | float = 1.0  # (n,) by this factor: about a jump fewer are averaged
     thickness_sd_mm: float = 0.0  # as stated
     creases_mbar: float = math.inf  # from where on the model's skin has no dome of its own
@@ -241,7 +242,8 @@ def coarsened(record: Record, rate_hz: float) -> Record:
     return replace(
         record, curve=coarse, pressure_mbar=mean(record.pressure_mbar), coarse=size,
         pressure_sd_mbar=record.pressure_sd_mbar * by, noise_um=record.noise_um * by,
-        step_um=step_um(w), noisier=np.sqrt(each / count[held]) if jumps.any() else 1.0,
+        glitches=int((~kept).sum()), step_um=step_um(w),
+        noisier=np.sqrt(each / count[held]) if jumps.any() else 1.0,
     )  # fmt: skip
 
 

@@ -14,7 +14,7 @@ from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.settings import ERRORS, NAMES, PLANS
 from skinlab.inference.flags import CATALOGUE
 from skinlab.mechanics.names import effect_words, is_effects, parameter_of, plain
-from skinlab.text import inert
+from skinlab.text import counted, inert
 
 _SHOWN = 5
 _BY_CHANCE = 0.1  # from here on how often chance does as much says nothing
@@ -99,6 +99,14 @@ def repeats_words(outcome: Outcome) -> list[str]:
     ]
 
 
+def left_out_words(outcome: Outcome) -> list[str]:
+    """Return how many samples were left out, in a sentence; none where all count."""
+    each = [f"{counted(n, 'sample')} of {inert(f)}" for f, n in outcome.found.left_out.items()]
+    if not each:
+        return []
+    return [f"Left out, as glitches that belong to no curve: {', '.join(each)}."]
+
+
 def shares_words(outcome: Outcome) -> list[str]:
     """Return what the disagreement consists of."""
     shares = outcome.shares
@@ -165,11 +173,11 @@ def lead_words(outcome: Outcome) -> list[str]:
 
 def where_words(place: Place) -> str:
     """Return one place in a line."""
-    low, high = place.pressure_mbar
+    low, high = (round(p) for p in place.pressure_mbar)  # whole: there is no -0
     begin, end = place.time_s
     chance = f"; {chance_words(place.p_value)}" if place.p_value < _BY_CHANCE else ""
     return (
-        f"{inert(place.file)}, {place.phase}, {low:.0f}–{high:.0f} mbar, {begin:.1f}–{end:.1f} s: "
+        f"{inert(place.file)}, {place.phase}, {low}–{high} mbar, {begin:.1f}–{end:.1f} s: "
         f"{place.mean_um:+.1f} µm on average (noise {place.noise_um:.1f} µm a sample{chance})"
     )
 
@@ -305,6 +313,7 @@ def describe(outcome: Outcome) -> str:
     """Return the whole text."""
     own = set(outcome.found.base.effects)
     lines = [*repeats_words(outcome), verdict_words(outcome), gap_words(outcome)]
+    lines += left_out_words(outcome)
     lines += lead_words(outcome) + learned_words(outcome)
     lines += shares_words(outcome) + doubt_words(outcome)
     if outcome.learned is not None:
