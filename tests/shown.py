@@ -133,7 +133,7 @@ def outcome():
         learned=None,
         learned_from_these=(),
         found=SimpleNamespace(
-            base=base, candidates=[best, second], records=records, implausible=""
+            base=base, candidates=[best, second], records=records, implausible="", left_out={}
         ),
         repeats_um=2.2,
         shares=Shares(2.0, 0.4, 0.1, 5.8),

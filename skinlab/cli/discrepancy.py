@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from skinlab.cli.options import database_option, json_option, probe_option, read_by
+from skinlab.cli.options import (
+    database_option,
+    json_option,
+    placement_scatter_option,
+    probe_option,
+    read_by,
+    scatter_of,
+)
 from skinlab.cli.output import echo, echo_text, print_json
 
 if TYPE_CHECKING:
@@ -26,6 +33,7 @@ if TYPE_CHECKING:
 )
 @database_option()
 @probe_option(kept=True)
+@placement_scatter_option()
 @click.option(
     "--adopt", type=click.Path(path_type=Path), help="Write the model with the effect to this file."
 )
@@ -42,6 +50,7 @@ def command(
     model_path: Path | None,
     database_path: Path | None,
     probe_path: Path | None,
+    placement_scatter: float | str | None,
     adopt: Path | None,
     report: Path | None,
     workers: int | None,
@@ -77,7 +86,11 @@ def command(
     curves, files = read_campaign_or_session(campaign)
     table = find_table(database_path)
     base = base_model(model_path, table)
-    curves = replace(curves, curves=read_by(curves.curves, probe_path))
+    curves = replace(
+        curves,
+        curves=read_by(curves.curves, probe_path),
+        placement_scatter=scatter_of(placement_scatter, curves.placement_scatter),
+    )
     data = hashes(files)
     partial = Partial()
     try:

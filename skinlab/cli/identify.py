@@ -14,10 +14,12 @@ from skinlab.cli.options import (
     identification_options,
     json_option,
     make_identifier,
+    placement_scatter_option,
     prior_options,
     probe_option,
     read_by,
     reference_options,
+    scatter_of,
     with_prior_option,
 )
 from skinlab.cli.output import echo, echo_text, print_json
@@ -36,13 +38,7 @@ if TYPE_CHECKING:
 @prior_options(site=True)
 @reference_options()
 @click.option("--joint", is_flag=True, help="One answer for all curves, as of one skin.")
-@click.option(
-    "--placement-scatter",
-    default="auto",
-    show_default=True,
-    help="With --joint: how much stiffness scatters between placements of the probe, 0.05 for 5 %; "
-    "auto learns it, 0 is none.",
-)
+@placement_scatter_option("With --joint: how")
 @click.option("--advise", is_flag=True, help="Say which measurement would narrow the intervals.")
 @click.option(
     "--workers", default=1, show_default=True, help="Processes; the answers stay the same."
@@ -61,7 +57,7 @@ def command(
     reference_path: Path | None,
     sex: str | None,
     joint: bool,
-    placement_scatter: str,
+    placement_scatter: float | str | None,
     advise: bool,
     workers: int,
     strict: bool,
@@ -127,7 +123,8 @@ def command(
             results.append(Identification(str(path), geometry, str(error)))
             continue
         results += _each(identifier, read[-1], workers)
-    scatter = _scatter(placement_scatter)
+    stated = read[0].placement_scatter if len(read) == 1 else None
+    scatter = scatter_of(placement_scatter, stated)
     together = _together(identifier, read, scatter) if joint and read else None
     advice = None
     if advise and (source := together or next((r for r in results if r.uncertainty), None)):
@@ -211,28 +208,16 @@ def _each(identifier: Identifier, given: Input, workers: int) -> list[Any]:
     return identify_all(knowing, given.curves, workers)
 
 
-def _scatter(text: str) -> float | None:
-    if text == "auto":
-        return None
-    try:
-        value = float(text)
-    except ValueError:
-        value = -1.0
-    if not 0.0 <= value < 1.0:
-        raise click.BadParameter(
-            f"{text}: expected auto, or 0 to below 1", param_hint="--placement-scatter"
-        )
-    return value
-
-
 def _together(identifier: Identifier, read: list[Input], scatter: float | None) -> Any:
     """Return the joint answer: of first cycles, where there are any."""
     from dataclasses import replace
 
+    from skinlab.curves.distinct import check_distinct
     from skinlab.inference.batch import first_cycles, with_stated_noise
     from skinlab.text import counted
 
     everything = [curve for given in read for curve in given.curves]
+    check_distinct(everything)
     curves = first_cycles(everything)
     if len(curves) < len(everything):
         echo(
@@ -245,8 +230,7 @@ def _together(identifier: Identifier, read: list[Input], scatter: float | None) 
         knowing = with_stated_noise(
             identifier, curves, read[0].noise_um, read[0].pressure_noise_mbar
         )
-    stated = read[0].placement_scatter if len(read) == 1 and scatter is None else scatter
-    sensor = replace(knowing.sensor, placement_scatter=stated)
+    sensor = replace(knowing.sensor, placement_scatter=scatter)
     return replace(knowing, sensor=sensor).joint(curves)
 
 

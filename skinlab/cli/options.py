@@ -283,6 +283,38 @@ def was_said(option: str) -> bool:
     return context.get_parameter_source(option) not in (None, ParameterSource.DEFAULT)
 
 
+def placement_scatter_option(begin: str = "How") -> Callable[[F], F]:
+    """`--placement-scatter`; `scatter_of` takes it."""
+    return click.option(
+        "--placement-scatter",
+        metavar="auto|NUMBER",
+        callback=_read_scatter,
+        help=f"{begin} much stiffness scatters between placements of the probe, 0.05 for 5 %; "
+        "auto learns it, 0 is none  [default: as the campaign says, else auto].",
+    )
+
+
+def _read_scatter(
+    context: click.Context, option: click.Parameter, text: str | None
+) -> float | str | None:
+    if text in (None, "auto"):
+        return text
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0.0 <= value < 1.0:
+        raise click.BadParameter(f"{text}: expected auto, or 0 to below 1")
+    return value
+
+
+def scatter_of(said: float | str | None, stated: float | None) -> float | None:
+    """Return the scatter of `--placement-scatter`, else what a campaign states; None: learn it."""
+    if said is None:
+        return stated
+    return None if isinstance(said, str) else said
+
+
 def dialect_option() -> Callable[[F], F]:
     """`--dialect`: what the instrument speaks."""
     return click.option(

@@ -11,10 +11,24 @@ from datetime import timedelta
 
 @dataclass(frozen=True)
 class SampleRules:
-    """Whether there is a curve at all."""
+    """Whether there is a curve at all, and how long a simulated one may be."""
 
     fewest: int = 5
     """Samples: of fewer nothing is fitted."""
+    most_simulated: int = 300_000
+    """Samples: they take 900 MB. A hundred cycles of a minute on and one off at 20 Hz are fewer."""
+
+
+@dataclass(frozen=True)
+class SuctionRules:
+    """When a suction is recorded as negative; `pytest tests/unit/curves/test_suction.py`."""
+
+    about_zero_mbar: float = 2.0
+    """Readings this close to zero say nothing: the model is evaluated there, too."""
+    fewest_below: int = 5
+    """Readings below that; fewer may be glitches."""
+    nearly_all: float = 0.9
+    """Of those that are not about zero."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +77,7 @@ class ProbeRules:
 
 
 SAMPLES = SampleRules()
+SUCTION = SuctionRules()
 STEP = StepRules()
 HEIGHTS = HeightRules()
 PROBE = ProbeRules()

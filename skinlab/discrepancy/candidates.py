@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
@@ -75,6 +76,17 @@ class Found:
     errors: Covariance = field(default_factory=lambda: independent(np.zeros(0)))
     kept: tuple[NDArray[np.bool_], ...] = ()  # of each record's samples; others are outliers
     implausible: str = ""  # errors that are too large to be errors
+
+    @property
+    def left_out(self) -> dict[str, int]:
+        """How many samples of a curve were left out as glitches, by name, where there are any.
+
+        Where samples were averaged, all those of a mean that was left out count.
+        """
+        counts: Counter[str] = Counter()
+        for record, mask in zip(self.records, self.kept, strict=False):
+            counts[record.name] += record.glitches + record.coarse * int((~mask).sum())
+        return {name: count for name, count in counts.items() if count}
 
     @property
     def tie(self) -> float:

@@ -200,9 +200,8 @@ def advise(
     the odds before the data counted; first of those that are tied, then of those `behind` that may
     come back. `errors` are settings as likely as each other.
     """
-    own = set.intersection(*(set(f.effects) for f in tied))
     every = [*tied, *behind]
-    names = [tuple(e for e in f.effects if e not in own) for f in every]
+    names = [f.effects for f in every]
     widths = [len(f.u) for f in every]
     normal = rng.standard_normal((PLANS.outcomes, len(every) + sum(widths)))
     odds = _Odds(names, np.array(log10_evidence), len(tied), widths, PLANS.tie, normal)

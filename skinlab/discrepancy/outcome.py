@@ -120,6 +120,7 @@ class Outcome:
             "detectable": self.detectable,
             "cannot_show": self.cannot_show,
             "not_screened": self.not_screened,
+            "left_out": self.found.left_out,
             "next_measurement": None
             if self.next_measurement is None
             else _next_json(self.next_measurement, own),
@@ -232,16 +233,19 @@ def _next_json(following: NextMeasurement, own: set[str]) -> dict[str, Any]:
         "separates": [[e for e in names if e not in own] for names in following.separates],
         "expected_log10_evidence": following.expected_log10_evidence,
         "placements": following.placements,
-        "expected": None if following.alone is None else _plan_json(following.alone),
-        "plan": None if following.plan is None else _plan_json(following.plan),
+        "expected": None if following.alone is None else _plan_json(following.alone, own),
+        "plan": None if following.plan is None else _plan_json(following.plan, own),
     }
 
 
-def _plan_json(plan: Plan) -> dict[str, Any]:
+def _plan_json(plan: Plan, own: set[str]) -> dict[str, Any]:
     return {
         "measurements": [vars(m) for m in plan.measurements],
         "minutes": plan.minutes,
-        "named": [{"effects": list(names), "probability": p} for names, p in plan.named],
+        "named": [
+            {"effects": [e for e in names if e not in own], "probability": p}
+            for names, p in plan.named
+        ],
         "wrong": plan.wrong,
         "ambiguous": plan.tied,
     }

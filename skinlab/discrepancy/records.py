@@ -14,6 +14,7 @@ from skinlab.curves.campaign import Campaign
 from skinlab.curves.corrected import corrected
 from skinlab.curves.curve import Curve
 from skinlab.curves.pressure_path import PressurePath
+from skinlab.curves.suction import check_suction
 from skinlab.discrepancy.settings import ERRORS
 from skinlab.errors import InputError
 from skinlab.inference.batch import noise_from_repeats_um
@@ -45,6 +46,7 @@ class Record:
     placement: int = 0  # which putting-on of the probe
     coarse: int = 1  # samples that each one is the mean of,
     step_um: float = 0.0  # and of what step their lattice was: means have none
+    glitches: int = 0  # samples that are in none of these means
     noisier: Array | float = 1.0  # (n,) by this factor: about a jump fewer are averaged
     thickness_sd_mm: float = 0.0  # as stated
     creases_mbar: float = math.inf  # from where on the model's skin has no dome of its own
@@ -101,12 +103,13 @@ def records_of(campaign: Campaign) -> list[Record]:
     with its noise.
 
     Raises:
-        InputError: a curve is too short; names it.
+        InputError: a curve is too short, or its suction is recorded as negative; names it.
     """
     found = []
     for curve, placement in zip(campaign.curves, placements_of(campaign.curves), strict=True):
         if (count := len(curve)) < ERRORS.fewest:
             raise InputError(f"{curve.name}: {count} samples; expected {ERRORS.fewest} or more")
+        check_suction(curve)
         true = curve if curve.probe is None else corrected(curve, curve.probe)
         one = _record(true, campaign.noise_um, campaign.pressure_noise_mbar)
         found.append(replace(one, placement=placement))
@@ -239,7 +242,8 @@ def coarsened(record: Record, rate_hz: float) -> Record:
     return replace(
         record, curve=coarse, pressure_mbar=mean(record.pressure_mbar), coarse=size,
         pressure_sd_mbar=record.pressure_sd_mbar * by, noise_um=record.noise_um * by,
-        step_um=step_um(w), noisier=np.sqrt(each / count[held]) if jumps.any() else 1.0,
+        glitches=int((~kept).sum()), step_um=step_um(w),
+        noisier=np.sqrt(each / count[held]) if jumps.any() else 1.0,
     )  # fmt: skip
 
 

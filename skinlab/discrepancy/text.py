@@ -14,7 +14,7 @@ from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.settings import ERRORS, NAMES, PLANS
 from skinlab.inference.flags import CATALOGUE
 from skinlab.mechanics.names import effect_words, is_effects, parameter_of, plain
-from skinlab.text import inert
+from skinlab.text import counted, inert
 
 _SHOWN = 5
 _BY_CHANCE = 0.1  # from here on how often chance does as much says nothing
@@ -99,6 +99,14 @@ def repeats_words(outcome: Outcome) -> list[str]:
     ]
 
 
+def left_out_words(outcome: Outcome) -> list[str]:
+    """Return how many samples were left out, in a sentence; none where all count."""
+    each = [f"{counted(n, 'sample')} of {inert(f)}" for f, n in outcome.found.left_out.items()]
+    if not each:
+        return []
+    return [f"Left out, as glitches that belong to no curve: {', '.join(each)}."]
+
+
 def shares_words(outcome: Outcome) -> list[str]:
     """Return what the disagreement consists of."""
     shares = outcome.shares
@@ -165,11 +173,11 @@ def lead_words(outcome: Outcome) -> list[str]:
 
 def where_words(place: Place) -> str:
     """Return one place in a line."""
-    low, high = place.pressure_mbar
+    low, high = (round(p) for p in place.pressure_mbar)  # whole: there is no -0
     begin, end = place.time_s
     chance = f"; {chance_words(place.p_value)}" if place.p_value < _BY_CHANCE else ""
     return (
-        f"{inert(place.file)}, {place.phase}, {low:.0f}–{high:.0f} mbar, {begin:.1f}–{end:.1f} s: "
+        f"{inert(place.file)}, {place.phase}, {low}–{high} mbar, {begin:.1f}–{end:.1f} s: "
         f"{place.mean_um:+.1f} µm on average (noise {place.noise_um:.1f} µm a sample{chance})"
     )
 
@@ -213,13 +221,14 @@ def next_words(outcome: Outcome) -> list[str]:
     following = outcome.next_measurement
     if following is None:
         return []
+    own = set(outcome.found.base.effects)
     lines = [
         f"To tell them apart, measure {following.program} with the {following.aperture_mm:g} mm "
         f"opening{_times(following.placements)}: it is expected to make one of them "
         f"{odds_words(following.expected_log10_evidence)} likelier."
     ]
     if following.alone is not None:
-        lines.append("That " + _prospect(following.alone))
+        lines.append("That " + _prospect(following.alone, own))
     plan = following.plan
     if plan is not None and (
         following.alone is None or plan.measurements != following.alone.measurements
@@ -230,7 +239,7 @@ def next_words(outcome: Outcome) -> list[str]:
         )
         enough = plan.sure >= PLANS.settled
         said = "The shortest plan that would settle it" if enough else "No plan is sure; the best"
-        lines.append(f"{said}: {steps}. It {_prospect(plan)}")
+        lines.append(f"{said}: {steps}. It {_prospect(plan, own)}")
     return lines
 
 
@@ -244,10 +253,11 @@ def _times(placements: int) -> str:
     return "" if placements == 1 else f", putting the probe on {placements} times"
 
 
-def _prospect(plan: Plan) -> str:
+def _prospect(plan: Plan, own: set[str]) -> str:
     """Return what a plan costs and is expected to lead to."""
     each = ", ".join(
-        f"{' and '.join(names) or 'nothing missing'} {100 * p:.0f} %" for names, p in plan.named
+        f"{' and '.join(e for e in names if e not in own)} {100 * p:.0f} %"
+        for names, p in plan.named
     )
     return (
         f"takes {plan.minutes:.0f} min; chances of a name: {each}; of a wrong one "
@@ -303,6 +313,7 @@ def describe(outcome: Outcome) -> str:
     """Return the whole text."""
     own = set(outcome.found.base.effects)
     lines = [*repeats_words(outcome), verdict_words(outcome), gap_words(outcome)]
+    lines += left_out_words(outcome)
     lines += lead_words(outcome) + learned_words(outcome)
     lines += shares_words(outcome) + doubt_words(outcome)
     if outcome.learned is not None:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from skinlab.curves.curve import Curve
 from skinlab.curves.settings import SAMPLES
+from skinlab.curves.suction import check_suction
 from skinlab.errors import InputError
 from skinlab.inference.pressure_course import smooth_course
 from skinlab.inference.settings import STARTS
@@ -147,9 +148,10 @@ def choose(
     """Return the samples of the phases that the database speaks of, evenly some of very many.
 
     Raises:
-        InputError: they are too few.
+        InputError: they are too few, or the suction is recorded as negative.
         NotTrustworthyError: it does not speak of such a curve at all.
     """
+    check_suction(curve)
     asked = curve.in_phases(phases)
     mask = asked & database.covers(curve)
     if int(mask.sum()) < SAMPLES.fewest:

@@ -8,6 +8,7 @@ from pathlib import Path
 from skinlab.curves.campaign import Campaign, read_campaign
 from skinlab.curves.csv import read_curve
 from skinlab.curves.curve import Curve, Setup
+from skinlab.curves.distinct import check_distinct
 from skinlab.errors import InputError
 
 
@@ -57,7 +58,7 @@ def read_campaign_or_session(path: Path) -> tuple[Campaign, list[Path]]:
     """Return the curves that are explained together, and the files they are from.
 
     Raises:
-        InputError: the file cannot be read, or is neither.
+        InputError: the file cannot be read, is neither, or has a curve twice.
     """
     if path.is_dir():
         path = path / "campaign.toml"
@@ -69,8 +70,10 @@ def read_campaign_or_session(path: Path) -> tuple[Campaign, list[Path]]:
         named = tuple(
             replace(c, name=str(Path(c.name).relative_to(path.parent))) for c in campaign.curves
         )
+        check_distinct(named)
         return replace(campaign, curves=named), [path, *(path.parent / c.name for c in named)]
     if suffix in (".h5", ".hdf5"):
         given = read_input(path, None)
+        check_distinct(given.curves)
         return Campaign(path.stem, None, None, given.curves), [path]
     raise InputError(f"{path}: expected a campaign (.toml) or a session (.h5)")

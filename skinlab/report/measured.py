@@ -54,7 +54,7 @@ def measured_curves(session: Session, identifier: Identifier | str) -> tuple[Mea
 
 def _fit(curve: Curve, result: StoredResult | None, identifier: Identifier | str) -> Fit | str:
     if result is None:
-        return "Nothing was identified from this curve."
+        return "The session stores no values of this curve."
     if result.error is not None:
         return f"Not identified: {result.error}."
     if isinstance(identifier, str):

@@ -55,6 +55,8 @@ def page_one(
     reasons = why_left_out(session, curves, together.used)
     answer = together.answer
     paragraphs = [_in_one_sentence(curves, verdicts, reasons)]
+    if not any_stored(curves) and has_values(answer):
+        paragraphs.append("The session stores no values; these were computed for this page.")
     tables = []
     if isinstance(answer, str):
         paragraphs.append(f"No values of all curves together: {answer}.")
@@ -71,6 +73,16 @@ def page_one(
     if figures:
         sections.append(Section("The curves", figures=figures))
     return Section("Result", paragraphs, tables, sections=[*sections, *more])
+
+
+def any_stored(curves: Sequence[Measured]) -> bool:
+    """Return whether the session has an answer of any curve: an imported one has none."""
+    return any(m.result is not None for m in curves)
+
+
+def has_values(answer: Identification | str) -> bool:
+    """Return whether there is a joint answer."""
+    return isinstance(answer, Identification) and answer.error is None
 
 
 def verdict_of(measured: Measured) -> Verdict | None:
@@ -121,6 +133,8 @@ def _in_one_sentence(
         words = "it is good" if len(curves) == 1 else "all are good"
     elif good:
         words = f"{len(good)} good"
+    elif not any_stored(curves):
+        words = "not identified one by one" if len(curves) > 1 else "not identified before"
     else:
         words = "none is good"
     counted = [n for n in bad if n not in reasons]
@@ -153,7 +167,10 @@ def _interval(value: Interval) -> str:
 def next_step(verdicts: Mapping[str, Verdict | None], answer: Identification | str) -> str:
     """Return the one thing to do next, as a sentence."""
     known = [v for v in verdicts.values() if v is not None]
-    if not any(v.use is Use.GOOD for v in known):
+    good = sum(v.use is Use.GOOD for v in known)
+    if not known and has_values(answer):  # of an imported session: nothing speaks against it
+        good = len(verdicts)
+    if good == 0:
         return step_words(known[-1]) if known else "Measure again."
     if isinstance(answer, Identification) and answer.error is None:
         loose = [
@@ -165,5 +182,4 @@ def next_step(verdicts: Mapping[str, Verdict | None], answer: Identification | s
             return f"{opening}: these curves do not fix {joined}."
         if "misfit_above_noise" in answer.flags:
             return step_words(Verdict(Use.REPEAT, "", Step.LOOK_FOR_EFFECT))
-    good = sum(v.use is Use.GOOD for v in known)
     return "Repeat it to see how much it scatters." if good == 1 else "Nothing has to be done."

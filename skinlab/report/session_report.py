@@ -20,7 +20,7 @@ from skinlab.report.drawings import (
 from skinlab.report.measured import Measured, measured_curves
 from skinlab.report.methods import assumptions, how
 from skinlab.report.page import Illustration, Section, page
-from skinlab.report.page_one import Together, fit_together, page_one
+from skinlab.report.page_one import Together, any_stored, fit_together, has_values, page_one
 from skinlab.report.pictures import style, to_bytes, to_data_uri
 from skinlab.report.protocol import protocol_section
 from skinlab.report.provenance import provenance_section
@@ -149,6 +149,8 @@ class SessionReport:
         count = f"{len(self.curves)} curves, of which {done} with values"
         if len(self.curves) == 1:
             count = f"One curve, {'with' if done else 'without'} values"
+        if not any_stored(self.curves):
+            count += " that the session stores"
         return Section(
             "Curve by curve",
             (
@@ -163,7 +165,7 @@ class SessionReport:
         if isinstance(self.identifier, str):
             return [Section("How the numbers were found", (f"Not known: {self.identifier}.",))]
         phases = next((m.result.phases for m in self.curves if m.result), None)
-        if phases is None:
+        if phases is None and not has_values(self.together.answer):
             return [Section("How the numbers were found", ("Nothing was identified.",))]
         return [
             Section(

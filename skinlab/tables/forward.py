@@ -138,7 +138,14 @@ def _asked(setup: Setup, rate_hz: float) -> tuple[Array, Array]:
         raise InputError("a simulated curve needs a program")
     if not (math.isfinite(rate_hz) and rate_hz > 0):
         raise InputError(f"rate_hz must be positive, got {rate_hz}")
-    time_s = np.arange(math.floor(setup.program.duration_s * rate_hz + 1e-9) + 1) / rate_hz
+    duration_s = setup.program.duration_s
+    if duration_s * rate_hz > SAMPLES.most_simulated:
+        raise InputError(
+            f"rate_hz {rate_hz:g}: {duration_s * rate_hz:.0f} samples in the program's "
+            f"{duration_s:g} s; expected at most {SAMPLES.most_simulated}, "
+            f"{SAMPLES.most_simulated / duration_s:.0f} a second"
+        )
+    time_s = np.arange(math.floor(duration_s * rate_hz + 1e-9) + 1) / rate_hz
     return time_s, setup.program.pressure_mbar(time_s)
 
 

@@ -290,6 +290,7 @@ def test_fast_samples_are_averaged_within_phases_without_their_glitches(table):
     assert np.std(off[3:-3]) == pytest.approx(2.0 / np.sqrt(8), rel=0.35)
     assert coarse.noise_um == pytest.approx(record.noise_um / np.sqrt(8), rel=0.05)
     assert set(coarse.curve.phase) == set(record.curve.phase)
+    assert coarse.glitches == 1
     assert coarsened(slow, 25.0) is slow
 
 

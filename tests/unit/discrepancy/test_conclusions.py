@@ -433,6 +433,7 @@ def test_no_suction_is_advised_at_which_a_skin_creases(table):
     errors = [PlannedErrors(white_um=1.0)]
     found = advise(fitter, far, [0.0, 0.0], errors, np.random.default_rng(0))
     assert found is not None
+    assert [names for names, _ in found.plan.named] == 2 * [("deflection_offset",)]
     every = [*found.plan.measurements, *found.alone.measurements]
     for each in every:
         problem = SkinProblem(Geometry(each.aperture_mm, 1.1), unknowns.skin(far[0].u))

@@ -14,6 +14,7 @@ from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
 from skinlab.discrepancy.fit import Fitter
+from skinlab.errors import InputError
 from skinlab.mechanics.effects.model import Skin, response
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.mechanics.model_file import read_model
@@ -154,9 +155,61 @@ def test_nothing_is_adopted_where_nothing_is_named(tmp_path, capsys, monkeypatch
     assert not model.exists()
 
 
+def test_a_scatter_of_placements_overrides_the_campaign(campaign, monkeypatch, capsys):
+    told, names = [], []
+
+    def stopped(curves, *_, **__):
+        told.append(curves.placement_scatter)
+        raise InputError("enough")
+
+    monkeypatch.setattr("skinlab.discrepancy.workflow.explain", stopped)
+    monkeypatch.setattr("skinlab.discrepancy.cache.load", lambda name, _: names.append(name))
+    for said in ([], ["0.05"], ["auto"]):
+        option = ["--placement-scatter", *said] if said else []
+        assert run(["discrepancy", str(campaign), *option]) == 3
+    assert told == [0.0, 0.05, None]
+    assert len(set(names)) == 3  # none of them is answered by what was kept of another
+    for wrong in ("much", "1", "-0.1", "nan"):
+        assert run(["discrepancy", str(campaign), "--placement-scatter", wrong]) == 2
+        assert "expected auto, or 0 to below 1" in capsys.readouterr().err
+
+
+def test_so_it_does_where_curves_are_identified_together(campaign, monkeypatch):
+    told = []
+
+    def stopped(identifier, _):
+        told.append(identifier.sensor.placement_scatter)
+        raise InputError("enough")
+
+    monkeypatch.setattr("skinlab.cli.identify._each", lambda *_: [])
+    monkeypatch.setattr("skinlab.inference.identify.Identifier.joint", stopped)
+    for option in ([], ["--placement-scatter", "0.05"], ["--placement-scatter", "auto"]):
+        assert run(["identify", str(campaign), "--joint", *option]) == 3
+    assert told == [0.0, 0.05, None]
+
+
+def test_suction_that_is_recorded_as_negative_is_refused(campaign, capsys):
+    header, *rows = (campaign / "1.csv").read_text().splitlines()
+    cells = [row.split(",") for row in rows]
+    lines = [",".join((t, str(-float(p)), w)) for t, p, w in cells]
+    (campaign / "1.csv").write_text("\n".join([header, *lines]))
+    assert run(["discrepancy", str(campaign), "--workers", "1"]) == 3
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err == (
+        "skinlab: 1.csv: pressure_mbar goes down to -200; expected a suction, which is positive: "
+        "change its sign, or let `skinlab import` do so\n"
+    )
+    geometry = ["--aperture-mm", "2", "--thickness-mm", "1"]
+    assert run(["identify", str(campaign / "1.csv"), *geometry]) == 3
+    assert "goes down to -200" in capsys.readouterr().err
+
+
 def test_bad_input_is_one_sentence(tmp_path, campaign, capsys):
     assert run(["discrepancy", str(tmp_path / "nowhere.toml")]) == 3
     assert run(["discrepancy", str(campaign / "0.csv")]) == 3
+    for workers in ("0", "-1"):
+        assert run(["discrepancy", str(campaign), "--workers", workers]) == 2
     taken = tmp_path / "taken.toml"
     taken.write_text("x")
     assert run(["discrepancy", str(campaign), "--adopt", str(taken)]) == 3

@@ -287,6 +287,22 @@ def test_what_is_kept_comes_back_whole(off_zero, explained, tmp_path):
         assert cache.load("a", records_of(off_zero), tmp_path) is None
 
 
+def test_what_was_left_out_is_told_and_kept(off_zero, explained, tmp_path):
+    found = explained.found
+    first, *others = found.kept
+    missing = first.copy()
+    missing[57] = False
+    assert found.left_out == document(explained)["left_out"] == {}
+    outcome = replace(explained, found=replace(found, kept=(missing, *others)))
+    cache.save("a", outcome, tmp_path)
+    again = cache.load("a", records_of(off_zero), tmp_path)
+    name = off_zero.curves[0].name
+    assert document(again)["left_out"] == {name: 1}
+    assert f"Left out, as glitches that belong to no curve: 1 sample of {name}." in describe(again)
+    of_means = [replace(r, coarse=8, glitches=2) for r in found.records]
+    assert replace(again.found, records=of_means[:1]).left_out == {name: 10}
+
+
 def test_a_cache_runs_nothing(tmp_path):
     """It was a pickle: whoever could write there ran code."""
 

@@ -139,7 +139,7 @@ def test_every_curve_has_its_numbers_and_pictures_with_words(page, session):
     assert len(rows) == 1 + len(session.curves)
     assert "not identified" in text_of(rows[3])
     assert f"Not identified: {session.results[2]['error']}." in text_of(section(page, "Curve 3"))
-    assert "Nothing was identified" in text_of(section(page, "Curve 4"))
+    assert "The session stores no values of this curve" in text_of(section(page, "Curve 4"))
 
 
 def test_page_one_says_what_is_good_what_was_left_out_and_what_comes_next(page, session):
@@ -152,6 +152,20 @@ def test_page_one_says_what_is_good_what_was_left_out_and_what_comes_next(page, 
     assert "is left out: " in text
     assert "Next step: " in text
     assert "What the curves together leave open" in page  # the valley, pair by pair
+
+
+@pytest.mark.usefixtures("empty_pictures")
+@pytest.mark.parametrize("count", [1, 2])
+def test_page_one_of_an_imported_session_agrees_with_its_values(table, identifier, count):
+    curves = tuple(curve_of(table, f"curve {i}", i) for i in range(count))
+    page = SessionReport(Session({}, (), curves, (None,) * count), identifier).html()
+    text = text_of(next(ET.fromstring(page).iter("section")))
+    assert "stiffness at small stretch" in text
+    assert "The session stores no values; these were computed for this page." in text
+    assert "none is good" not in text
+    assert "Measure again" not in text
+    assert "Nothing was identified" not in page
+    assert "values that the session stores" in text_of(section(page, "Curve by curve"))
 
 
 @pytest.mark.usefixtures("empty_pictures")

@@ -7,6 +7,7 @@ import pytest
 
 from skinlab.curves.curve import Setup
 from skinlab.curves.program import parse_program
+from skinlab.errors import InputError
 from skinlab.mechanics.fem.skin import Skin
 from skinlab.tables.forward import simulate
 
@@ -40,6 +41,12 @@ def test_a_soft_layer_that_creases_ends_no_curve(thickness_um, x1_mpa):
     loaded = bare.pressure_mbar > 10
     ratio = layered.deflection_mm[loaded] / bare.deflection_mm[loaded]
     assert ((ratio > 0.93) & (ratio < 1.07)).all()
+
+
+@pytest.mark.parametrize("direct", [False, True])
+def test_more_samples_than_memory_holds_are_refused(direct):
+    with pytest.raises(InputError, match=r"50000000 samples in the program's 5 s; .* 60000 a"):
+        simulate(SOFT, SETUP, 1e7, direct=direct)
 
 
 def test_up_to_the_crease_the_curve_is_that_of_the_mesh_of_record():

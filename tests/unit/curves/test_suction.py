@@ -1,0 +1,34 @@
+"""Which curves are refused for a suction that is recorded as negative."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from skinlab.curves.curve import Curve, Setup
+from skinlab.curves.suction import check_suction
+from skinlab.errors import InputError
+
+
+def curve(pressure_mbar):
+    time = 0.05 * np.arange(len(pressure_mbar))
+    return Curve("c", Setup(6.0, 1.0), time, np.asarray(pressure_mbar), 0.0 * time)
+
+
+def test_a_suction_below_zero_is_refused_also_after_a_rest():
+    down = -np.linspace(0, 100, 50)
+    for pressure in (down, np.concatenate([np.zeros(500), down]), np.append(down, [80.0])):
+        with pytest.raises(InputError, match="c: pressure_mbar goes down to -100; expected"):
+            check_suction(curve(pressure))
+
+
+def test_noise_glitches_and_an_overshoot_of_the_vent_are_not():
+    rng = np.random.default_rng(0)
+    up = np.linspace(0, 100, 50)
+    for pressure in (
+        rng.normal(0, 0.5, 100),
+        np.append(up, [-80.0, -80.0]),
+        np.concatenate([up, np.full(10, -5.0)]),
+        np.concatenate([np.zeros(20), [-50.0]]),
+    ):
+        check_suction(curve(pressure))
