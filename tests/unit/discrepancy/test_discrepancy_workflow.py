@@ -21,7 +21,7 @@ from skinlab.discrepancy.heldout import HeldOut
 from skinlab.discrepancy.misfit import errors_of
 from skinlab.discrepancy.outcome import Outcome
 from skinlab.discrepancy.posterior import gaussian
-from skinlab.discrepancy.records import records_of
+from skinlab.discrepancy.records import records_of, without
 from skinlab.discrepancy.search import Search
 from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.discrepancy.text import describe, partial_words
@@ -293,7 +293,8 @@ def test_what_was_left_out_is_told_and_kept(off_zero, explained, tmp_path):
     missing = first.copy()
     missing[57] = False
     assert found.left_out == document(explained)["left_out"] == {}
-    outcome = replace(explained, found=replace(found, kept=(missing, *others)))
+    records = without(found.records, [missing, *others])
+    outcome = replace(explained, found=replace(found, records=records, kept=(missing, *others)))
     cache.save("a", outcome, tmp_path)
     again = cache.load("a", records_of(off_zero), tmp_path)
     name = off_zero.curves[0].name
