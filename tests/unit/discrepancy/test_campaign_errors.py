@@ -1,6 +1,7 @@
 """The errors of a campaign: learned without an explanation, integrated, and what a name needs."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
 from skinlab.discrepancy.adequacy import Residual, steps
-from skinlab.discrepancy.campaign_error_models import walk_shapes
+from skinlab.discrepancy.campaign_error_models import models_of, walk_shapes
 from skinlab.discrepancy.campaign_errors import (
     CampaignErrors,
     Linearised,
@@ -20,6 +21,7 @@ from skinlab.discrepancy.campaign_errors import (
     learn,
     log_evidences,
     outliers,
+    samples_of,
     smooth_columns,
 )
 from skinlab.discrepancy.candidates import Candidate, Found
@@ -655,6 +657,27 @@ def test_means_of_rounded_readings_keep_the_wave_of_the_rounding(table):
         found[step_um] = Search(fitter).learned_base().left.by_errors
     assert found[10.0] > 0.01
     assert found[0.0] < 1e-3
+
+
+def test_one_slow_curve_leaves_the_rounding_of_the_fast_ones(table):
+    """Under 6 µm of noise rounding is independent, step²/12 of a reading and less of a mean."""
+
+    def rounded(rate_hz, curves):
+        made = campaign(
+            table, lambda t, per_log, rng: rng.normal(0, 6e-3, len(t)), PLAN[:curves],
+            rate_hz=rate_hz,
+        )  # fmt: skip
+        return tuple(replace(c, deflection_mm=np.round(c.deflection_mm, 2)) for c in made.curves)
+
+    made = Campaign("made", None, 0.0, (*rounded(100, 2), *rounded(20, 1)))
+    records = [coarsened(r, 25.0) for r in records_of(made)]
+    assert [r.coarse for r in records] == [4, 4, 1]
+    samples = samples_of(records)
+    models = models_of(records, np.zeros(len(samples)))
+    look = SimpleNamespace(samples=samples, deflection_mm=samples.deflection_mm)
+    part = next(m for m in models if m.name == "quantised").part(look)
+    expected = [0.01**2 / 12 / r.coarse for r in records for _ in r.curve.time_s]
+    np.testing.assert_allclose(part.terms(()).variance_mm2, expected, rtol=0.02)
 
 
 @pytest.mark.long
