@@ -616,6 +616,20 @@ def test_the_gain_that_the_screen_expects_is_that_of_a_refit(table, name, values
     assert 5 * refit.deviations[3] == pytest.approx(seen.detectable, rel=0.1)
 
 
+def test_beside_its_twin_an_effect_tells_what_the_twins_prior_leaves(plain):
+    """Of a sum of two the data tell all, and of the one what a prior says of the other."""
+    fitter, base = plain
+    alone = signature(fitter, base, "deflection_offset")
+    twin = alone.direction[: fitter.errors.count, None]
+    assert alone.size == pytest.approx(np.linalg.norm(twin))
+    unknowns = Unknowns(("deflection_gain",))  # whose slope is taken for that of an offset
+    slopes = np.hstack([base.jacobian, twin])
+    fit = replace(base, unknowns=unknowns, u=np.append(base.u, 0.0), jacobian=slopes)
+    seen = signature(fitter, fit, "deflection_offset")
+    variance = alone.size**-2 + unknowns.axes[0].prior[1] ** 2
+    assert seen.size == pytest.approx(variance**-0.5, rel=1e-3)
+
+
 def test_what_no_data_of_this_kind_can_tell_apart_is_known(plain):
     fitter, base = plain
     seen = {n: signature(fitter, base, n) for n in ("deflection_offset", "pressure_lag")}
