@@ -136,17 +136,37 @@ def test_heavy_tails_are_found():
     assert sum("heavy_tails" in name for name in names) >= 6
 
 
-def test_of_heavy_tails_in_many_samples_no_one_setting_takes_all_weight():
-    """Weights are those of the mixture, not of the variances stretched to its information."""
-    n, rng = 4000, np.random.default_rng(1)
-    errors = 3e-3 * rng.standard_t(4.0, n)
+def with_heavy_tails(errors, noise_um=None):
+    """Return the errors of a long hold."""
+    n = len(errors)
     zero, time = np.zeros(n, dtype=np.intp), np.arange(n) / HZ
     course, slopes = 0.5 * np.ones(n), np.linspace(0.0, 1.0, n)[:, None]
     samples = Samples(time, zero + 50.0, course + errors, np.full(n, "hold"), zero, zero, zero,
                       np.ones(n))  # fmt: skip
-    look = Look(samples, course, np.zeros(n), errors, slopes, None, np.zeros(n), np.zeros(n))
+    look = Look(samples, course, np.zeros(n), errors, slopes, noise_um, np.zeros(n), np.zeros(n))
     linear = LinearModel(errors, slopes, np.eye(1))
-    found = choose_errors(look, linear, np.zeros((n, 0)), np.zeros(n), [WHITE, HEAVY])
+    return choose_errors(look, linear, np.zeros((n, 0)), np.zeros(n), [WHITE, HEAVY])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_noise_with_heavy_tails_is_a_standard_deviation(seed):
+    """That of Student's t is √(ν/(ν − 2)) of its scale: a right statement was contradicted."""
+    errors = 3e-3 * np.random.default_rng(seed).standard_t(3.0, 1500)
+    sd_um = 3.0 * math.sqrt(3.0)
+    found = with_heavy_tails(errors, sd_um)
+    node = next(n for n in found.nodes if n.combination is found.best)
+    own = node.values
+    size = own["white_um"] * math.sqrt(own["freedom"] / (own["freedom"] - 2.0))
+    assert node.sizes_um["white"] == pytest.approx(size, rel=1e-3)
+    judged = judge_errors(found, sd_um, 1e3 * float(errors.std()))
+    assert judged.noise_um == pytest.approx(sd_um, rel=0.25)
+    assert "stated_noise_contradicted" not in judged.flags
+
+
+def test_of_heavy_tails_in_many_samples_no_one_setting_takes_all_weight():
+    """Weights are those of the mixture, not of the variances stretched to its information."""
+    n, rng = 4000, np.random.default_rng(1)
+    found = with_heavy_tails(3e-3 * rng.standard_t(4.0, n))
     assert "heavy_tails" in found.best.name
     assert found.weight.max() < 0.6
     log_um = np.array([float(node.log_values[0]) for node in found.nodes])
