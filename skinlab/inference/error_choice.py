@@ -52,6 +52,12 @@ class Node:
         """Root mean square of each part's errors, µm, by its name."""
         return self.combination.sizes_um(self.log_values)
 
+    @property
+    def unrounded(self) -> Covariance | None:
+        """The errors before readings are rounded; None where they are not."""
+        unrounded = self.combination.unrounded
+        return None if unrounded is None else unrounded.covariance(self.log_values)
+
 
 @dataclass(frozen=True, eq=False)
 class ErrorChoice:
@@ -60,6 +66,7 @@ class ErrorChoice:
     nodes: tuple[Node, ...]
     mode: Covariance  # of the best combination
     weight: Array = field(repr=False)  # (nodes,) sums up to 1, by the linearised model
+    unrounded: Covariance | None = None  # `mode` before readings are rounded, where they are
 
     @cached_property
     def best(self) -> Combination:
@@ -239,7 +246,9 @@ def _collect(tried: Sequence[_Explored], best: _Explored) -> ErrorChoice:
     order = np.argsort(-weight, kind="stable")
     order = order[np.cumsum(weight[order]) - weight[order] < 1.0 - CHOICE.negligible]
     kept = weight[order] / weight[order].sum()
-    return ErrorChoice(tuple(nodes[i] for i in order), best.mode_covariance, kept)
+    plain = best.combination.unrounded
+    unrounded = None if plain is None else plain.covariance(best.log_mode)
+    return ErrorChoice(tuple(nodes[i] for i in order), best.mode_covariance, kept, unrounded)
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -75,6 +75,12 @@ class Combination:
     def bound(self) -> float:
         """What the parts that are scale mixtures add to the log evidence."""
         return sum(part.bound for part in self.parts)
+
+    @property
+    def unrounded(self) -> Combination | None:
+        """The same before readings are rounded; None where they are not."""
+        parts = tuple(part for part in self.parts if part.name != "quantised")
+        return replace(self, parts=parts) if len(parts) < len(self.parts) else None
 
     def log_priors(self, log_values: Array) -> Array:
         """Return the log prior densities (n,) of the parameters' logarithms (n, d)."""

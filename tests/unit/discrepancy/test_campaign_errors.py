@@ -12,6 +12,7 @@ from skinlab.curves.campaign import Campaign
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
+from skinlab.discrepancy import adequacy
 from skinlab.discrepancy.adequacy import Residual, steps
 from skinlab.discrepancy.campaign_error_models import models_of, walk_shapes
 from skinlab.discrepancy.campaign_errors import (
@@ -570,6 +571,31 @@ def test_steps_that_stay_are_told_from_what_wanders(table, plan, jump_um, walk_u
         r.curve.deflection_mm - c.curve.deflection_mm for r, c in zip(records, clean, strict=True)
     ]
     assert (steps(records, covariance, np.concatenate(off)) > NAMES.steps) == seen
+
+
+@pytest.mark.parametrize(
+    ("noise_um", "jump_um", "low", "high"),
+    [(2.0, 0.0, -2.0, 1.0), (4.0, 0.0, -2.0, 1.0), (2.0, 12.0, NAMES.steps, np.inf)],
+)
+def test_rounded_noise_has_the_steps_of_noise(table, monkeypatch, noise_um, jump_um, low, high):
+    """Errors were drawn with their rounding in them, and rounded once more."""
+    monkeypatch.setattr(adequacy, "NAMES", replace(NAMES, practical_um=0.0))
+    exact = records_of(campaign(table, lambda t, per_log, rng: 0.0))
+    ends = np.cumsum([len_of(r) for r in exact])
+    variance = np.full(ends[-1], 1e-6 * noise_um**2)
+    unrounded = Covariance(variance, np.zeros((ends[-1], 0)), tuple(ends.tolist()))
+    rounded = replace(unrounded, variance_mm2=variance + 0.01**2 / 12)
+    scores = []
+    for seed in range(12):
+        rng, records, off = np.random.default_rng(seed), [], []
+        for r in exact:
+            w, n = r.curve.deflection_mm, len_of(r)
+            errors = rng.normal(0, 1e-3 * noise_um, n) + 1e-3 * jump_um * (np.arange(n) > 0.4 * n)
+            read = 0.01 * np.round((w + errors) / 0.01)
+            records.append(replace(r, curve=replace(r.curve, deflection_mm=read)))
+            off.append(read - w)
+        scores.append(steps(records, rounded, np.concatenate(off), unrounded))
+    assert low < np.mean(scores) < high
 
 
 def test_where_a_skin_creases_two_meshes_may_differ(table):

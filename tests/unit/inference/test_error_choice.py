@@ -214,6 +214,17 @@ def test_what_rounding_leaves_between_its_waves_is_no_heavy_tail():
         assert "heavy_tails" not in chosen(0.01 * np.round(w / 0.01) - COURSE).best.name
 
 
+def test_errors_before_readings_are_rounded_are_those_without_the_step():
+    w = COURSE + white(np.random.default_rng(2), 1.0)
+    found = chosen(0.01 * np.round(w / 0.01) - COURSE, noise_um=1.0)
+    node, step_mm2 = found.nodes[0], 0.01**2 / 12
+    waves = node.covariance.columns_mm[:, node.combination.columns["quantised"]]
+    taken = node.covariance.variance_mm2 - node.unrounded.variance_mm2
+    np.testing.assert_allclose(taken + np.square(waves).sum(axis=1), step_mm2)
+    assert found.unrounded.variance_mm2.mean() == pytest.approx(1e-6, rel=0.2)
+    assert chosen(white(np.random.default_rng(2), 1.0)).unrounded is None
+
+
 def test_rounding_of_a_noisy_curve_is_independent():
     rng = np.random.default_rng(3)
     found = chosen(0.002 * np.round((COURSE + white(rng)) / 0.002) - COURSE)
