@@ -98,12 +98,14 @@ class ErrorChoice:
     def roughly(self, linear: LinearModel) -> float:
         """Return Laplace's log evidence of another model by errors like the best, learned anew.
 
-        What is not always there may be what the other model explains: without it as well.
+        What is not always there may be what the other model explains: without it as well. Heavy
+        tails stay, which no model explains.
         """
         best = self.best
         values = next(n.log_values for n in self.nodes if n.combination is best)
         starts = dict(zip(best.parameters, values.tolist(), strict=True))
-        plain = replace(best, parts=tuple(part for part in best.parts if part.always))
+        kept = tuple(part for part in best.parts if part.always or part.again is not None)
+        plain = replace(best, parts=kept)
         tried = [best, plain] if len(plain.parts) < len(best.parts) else [best]
         return max(
             _at_mode(c, linear, np.array([starts[n] for n in c.parameters])).log_evidence
@@ -298,7 +300,8 @@ def _at_mode(combination: Combination, linear: LinearModel, start: Array) -> _Ex
     """Return the combination at its mode, without nodes, and Laplace's evidence."""
     mode, root, here = find_mode(_density(combination, linear), start, combination.scales)
     roughly = here + 0.5 * len(mode) * math.log(2.0 * math.pi) + float(np.linalg.slogdet(root)[1])
-    return _Explored(combination, mode, root, here, (), roughly + combination.log_odds)
+    roughly += combination.log_odds + combination.bound
+    return _Explored(combination, mode, root, here, (), roughly)
 
 
 def _integrated(one: _Explored, values: Array, log_drawn: Array, linear: LinearModel) -> _Explored:

@@ -136,16 +136,20 @@ def test_heavy_tails_are_found():
     assert sum("heavy_tails" in name for name in names) >= 6
 
 
-def with_heavy_tails(errors, noise_um=None):
+def with_heavy_tails(errors, noise_um=None, models=(WHITE, HEAVY)):
     """Return the errors of a long hold."""
-    n = len(errors)
+    n, linear = len(errors), line_through(errors)
     zero, time = np.zeros(n, dtype=np.intp), np.arange(n) / HZ
-    course, slopes = 0.5 * np.ones(n), np.linspace(0.0, 1.0, n)[:, None]
+    course, slopes = 0.5 * np.ones(n), linear.slopes_mm
     samples = Samples(time, zero + 50.0, course + errors, np.full(n, "hold"), zero, zero, zero,
                       np.ones(n))  # fmt: skip
     look = Look(samples, course, np.zeros(n), errors, slopes, noise_um, np.zeros(n), np.zeros(n))
-    linear = LinearModel(errors, slopes, np.eye(1))
-    return choose_errors(look, linear, np.zeros((n, 0)), np.zeros(n), [WHITE, HEAVY])
+    return choose_errors(look, linear, np.zeros((n, 0)), np.zeros(n), models)
+
+
+def line_through(errors, known=None):
+    columns = [np.linspace(0.0, 1.0, len(errors)), *([] if known is None else [known])]
+    return LinearModel(errors, np.column_stack(columns), np.eye(len(columns)))
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -315,6 +319,27 @@ def test_what_errors_had_taken_up_is_seen_by_those_that_are_left(seed):
     by_those_of_both = found.roughly(both) - found.roughly(alone)
     assert by_its_errors < 0.4 * by_those_of_both
     assert by_those_of_both == pytest.approx(learned[1] - learned[0], abs=math.log(10))
+
+
+def test_under_heavy_tails_lasting_errors_give_way_to_what_explains_them():
+    """Laplace's evidence lacked the bound of the mixture: it was 60 too large in its logarithm."""
+    n, rng = 400, np.random.default_rng(1)
+    lasting = lfilter([1.0], [1.0, -np.exp(-2.0 / HZ)], rng.standard_normal(n))
+    lasting *= 6e-3 / lasting.std()
+    errors = 3e-3 * rng.standard_t(3.0, n) + lasting
+    found = with_heavy_tails(errors, models=(WHITE, HEAVY, OU))
+    assert found.best.names == {"white", "ou", "heavy_tails"}
+    each = [n.log_prior + n.log_marginal for n in found.nodes if n.combination is found.best]
+    learned = np.logaddexp.reduce(each)
+    assert found.roughly(line_through(errors)) == pytest.approx(learned, abs=0.5)
+    # What lasts explained, its tails are left: the same integral on a grid.
+    known = line_through(errors, lasting)
+    rest = replace(found.best, parts=tuple(p for p in found.best.parts if p.name != "ou"))
+    grid = np.log(np.geomspace(1.0, 10.0, 400))[:, None]
+    density = known.log_marginals(rest.covariances(grid, spread=False)) + rest.log_priors(grid)
+    whole = np.logaddexp.reduce(density) + math.log(grid[1, 0] - grid[0, 0])
+    expected = whole + rest.bound + rest.log_odds
+    assert found.roughly(known) == pytest.approx(expected, abs=0.1)
 
 
 @pytest.mark.long
