@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -129,12 +129,28 @@ class Curve:
             return None
         return program.as_run(self.segment, self.pressure_mbar, whole=not self.partial)
 
-    def _phases(self) -> list[Phase] | NDArray[np.str_]:
+    @property
+    def segments(self) -> NDArray[np.intp] | None:
+        """Which segment of its program each sample (n,) is of, as recorded or by its time."""
         program = self.program_as_run
-        if program is not None and len(self):
-            index = self.segment
-            if index is None:
-                index = program.segment_at(self.time_s - self.time_s[0])
+        if self.segment is not None or program is None:
+            return self.segment
+        return program.segment_at(self.time_s - self.time_s[:1])
+
+    def only(self, kept: NDArray[np.bool_]) -> Curve:
+        """Return some of the samples (n,): each is of the segment that it was of."""
+        segments = self.segments
+        return replace(
+            self,
+            time_s=self.time_s[kept],
+            pressure_mbar=self.pressure_mbar[kept],
+            deflection_mm=self.deflection_mm[kept],
+            segment=None if segments is None else segments[kept],
+        )
+
+    def _phases(self) -> list[Phase] | NDArray[np.str_]:
+        program, index = self.program_as_run, self.segments
+        if program is not None and index is not None and len(self):
             names = [*program.phases, "rest"]
             return [names[min(int(i), len(program.segments))] for i in index]
         return phases_from_pressure(self.pressure_mbar)

@@ -177,24 +177,31 @@ def judge(
     return replace(first, p_value=float(p[0]), by_errors=float(p[1]))
 
 
-def steps(records: Sequence[Record], errors: Covariance, residual_mm: Array) -> float:
+def steps(
+    records: Sequence[Record],
+    errors: Covariance,
+    residual_mm: Array,
+    unrounded: Covariance | None = None,
+) -> float:
     """Return by how much a residual (u,) has steps that stay, in standard deviations of chance.
 
     Of each curve the one step that takes most off χ², all curves added up, against the same of
-    errors that are drawn, and rounded as the readings are. Tape that lets go does this; what is
-    smooth, and what wanders as the errors or as zeros do, does not: most of a long curve's walk
-    looks like one step. Of what is left of a step its first µm is no tape's, but what a model may
-    be off by: with little noise that is many deviations.
+    errors that are drawn, and rounded as the readings are: where rounding is among the errors,
+    those without (`unrounded`). Tape that lets go does this; what is smooth, and what wanders as
+    the errors or as zeros do, does not: most of a long curve's walk looks like one step. Of what is
+    left of a step its first µm is no tape's, but what a model may be off by: with little noise that
+    is many deviations.
     """
-    walks = block_diagonal([walk_shapes(r.curve.time_s) for r in records])
-    walks *= 1e-3 * ERRORS.wander_most
-    errors = replace(errors, shapes_mm=np.hstack([errors.columns_mm, walks]), sizes=None)
-    drawn = errors.colour(np.random.default_rng(0).standard_normal((errors.count, ERRORS.drawn)))
+    errors = _with_walks(records, errors)
+    white = np.random.default_rng(0).standard_normal((errors.count, ERRORS.drawn))
+    drawn = errors.colour(white)
+    before = drawn if unrounded is None else _with_walks(records, unrounded).colour(white)
     model = np.concatenate([r.at_pressure_mm for r in records]) - residual_mm
-    for record, part, own in zip(records, errors.split(drawn), errors.split(model), strict=True):
+    parts = (errors.split(values) for values in (drawn, before, model))
+    for record, part, read, own in zip(records, *parts, strict=True):
         lattice = 1e-3 * step_um(record.curve.deflection_mm)
         if lattice > 0.0:
-            part[:] = lattice * np.round((own[:, None] + part) / lattice) - own[:, None]
+            part[:] = lattice * np.round((own[:, None] + read) / lattice) - own[:, None]
     every = np.column_stack([residual_mm, drawn])
     score = errors.transposed_without_columns(errors.without_columns(every))
     total, side = np.zeros(ERRORS.drawn + 1), ERRORS.step_side
@@ -207,6 +214,12 @@ def steps(records: Sequence[Record], errors: Covariance, residual_mm: Array) -> 
         total += (np.square(since) / usual).max(axis=0)
     chance = total[1:]
     return float((total[0] - chance.mean()) / max(float(chance.std()), 1e-9))
+
+
+def _with_walks(records: Sequence[Record], errors: Covariance) -> Covariance:
+    walks = block_diagonal([walk_shapes(r.curve.time_s) for r in records])
+    walks *= 1e-3 * ERRORS.wander_most
+    return replace(errors, shapes_mm=np.hstack([errors.columns_mm, walks]), sizes=None)
 
 
 def _stretches(record: Record) -> list[tuple[int, int]]:

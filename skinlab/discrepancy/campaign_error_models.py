@@ -15,7 +15,7 @@ from skinlab.inference.covariance import block_diagonal
 from skinlab.inference.error_models import ERROR_MODELS
 from skinlab.inference.error_models.base import ErrorModel, Hyperparameter, Look, Part, Terms
 from skinlab.inference.error_models.placement import Placement
-from skinlab.inference.error_models.quantised import wave_sizes
+from skinlab.inference.error_models.quantised import step_um, wave_sizes
 
 Array = NDArray[np.float64]
 
@@ -67,61 +67,84 @@ class ThicknessScatter:
         return Part(self.name, (size,), terms, always=True)
 
 
+@dataclass(frozen=True)
+class Rounding:
+    """Rounding of the readings of one curve."""
+
+    step_mm: float  # 0: there is none
+    before_mm: float  # noise of a reading that the rounding met
+    averaged: bool
+
+    @classmethod
+    def of(cls, record: Record) -> Rounding:
+        """Return it. Means have no step any more; readings that are still there have."""
+        averaged = record.coarse > 1
+        step = record.step_um if averaged else step_um(record.curve.deflection_mm)
+        square = record.noise_um**2 * record.coarse
+        if not record.noise_is_stated:
+            square = max(square - step**2 / 12.0, 0.0)
+        return cls(1e-3 * step, 1e-3 * math.sqrt(square), averaged)
+
+    def waves(self, deflection_mm: Array) -> tuple[Array, float]:
+        """Return what goes with the deflection (n, m), and the variance that this is of a reading.
+
+        A mean of readings is off by the wave averaged over the heights that went into it.
+        """
+        span = np.zeros_like(deflection_mm)
+        if self.averaged and len(span) > 1:
+            span = np.abs(np.gradient(deflection_mm))
+        columns, taken = [], 0.0
+        sizes = wave_sizes(self.step_mm, self.before_mm**2) if self.step_mm else []
+        for k, size in sizes:
+            left = size * np.sinc(k * span / self.step_mm)
+            angle = 2.0 * np.pi * k * deflection_mm / self.step_mm
+            columns += [left * np.sin(angle), left * np.cos(angle)]
+            taken += size**2
+        return np.array(columns).reshape(-1, len(span)).T, taken
+
+
 @dataclass(frozen=True, eq=False)
 class RoundedMeans:
-    """Rounding of samples that were averaged: a step they have no more, but its wave is left.
+    """Rounding of samples some of which were averaged: `quantised`, of each curve by itself.
 
-    A mean of rounded readings is off by the wave of `quantised`, averaged over the heights that
-    went into it. Each curve has a phase of its own: placements differ by more than a step.
+    Each curve has a phase of its own: placements differ by more than a step.
     """
 
-    step_mm: float
-    before_mm: float  # noise of a reading that the rounding met
+    each: tuple[Rounding, ...]  # of the curves
     name: str = "quantised"
     meaning: str = "rounding of readings that were averaged"
     prior: str = "as that of single readings, averaged"
 
-    def part(self, look: Look) -> Part | None:
+    def part(self, look: Look) -> Part:
         """Return its part."""
-        curve, w = look.samples.curve, look.deflection_mm
-        edges = np.flatnonzero(np.diff(curve)) + 1
-        span = np.concatenate(
-            [
-                np.abs(np.gradient(part)) if len(part) > 1 else 0.0 * part
-                for part in np.split(w, edges)
-            ]
-        )
-        own = (curve[:, None] == np.unique(curve)).astype(float)
-        columns, taken = [], 0.0
-        for k, size in wave_sizes(self.step_mm, self.before_mm**2):
-            left = size * np.sinc(k * span / self.step_mm)
-            angle = 2.0 * np.pi * k * w / self.step_mm
-            columns += [own * (left * wave)[:, None] for wave in (np.sin(angle), np.cos(angle))]
-            taken += size**2
-        variance = (self.step_mm**2 / 12.0 - taken) * look.samples.relative_noise**2
-        waves = np.hstack(columns) if columns else None
+        samples = look.samples
+        curves = np.split(look.deflection_mm, samples.ends[:-1])
+        found = [one.waves(w) for one, w in zip(self.each, curves, strict=True)]
+        alone = [
+            np.full(len(w), one.step_mm**2 / 12.0 - taken)
+            for one, w, (_, taken) in zip(self.each, curves, found, strict=True)
+        ]
+        variance = np.concatenate(alone) * samples.relative_noise**2
+        columns = block_diagonal([waves for waves, _ in found])
 
         def terms(values: Sequence[float]) -> Terms:
             del values
-            return Terms(variance, columns_mm=waves)
+            return Terms(variance, columns_mm=columns if columns.shape[1] else None)
 
-        step_um = 1e3 * self.step_mm
+        steps = sorted({float(f"{1e3 * one.step_mm:g}") for one in self.each if one.step_mm})
+        words = " and ".join(f"{step:g}" for step in steps)
         return Part(
-            "quantised", (), terms, always=True, stated={"step_um": step_um},
-            why=f"readings come in steps of {step_um:g} µm",
+            "quantised", (), terms, always=True, stated={"step_um": steps[0]},
+            why=f"readings come in steps of {words} µm",
         )  # fmt: skip
 
 
 def _rounded(records: Sequence[Record]) -> RoundedMeans | None:
     """Return the rounding of what was averaged; None where nothing was, or no step is known."""
-    first = max(records, key=lambda r: r.coarse)
-    step_um = min((r.step_um for r in records), default=0.0)
-    if first.coarse < 2 or not step_um:
+    each = tuple(Rounding.of(r) for r in records)
+    if not any(one.averaged for one in each) or not any(one.step_mm for one in each):
         return None
-    square = first.noise_um**2 * first.coarse
-    if not first.noise_is_stated:
-        square = max(square - step_um**2 / 12.0, 0.0)
-    return RoundedMeans(1e-3 * step_um, 1e-3 * math.sqrt(square))
+    return RoundedMeans(each)
 
 
 @dataclass(frozen=True)

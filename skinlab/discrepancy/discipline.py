@@ -28,8 +28,7 @@ from skinlab.discrepancy.heldout import HeldOut
 from skinlab.discrepancy.odds import odds_words
 from skinlab.discrepancy.records import Record, by_geometry
 from skinlab.discrepancy.settings import NAMES, SEARCH
-from skinlab.inference.covariance import Covariance
-from skinlab.inference.error_choice import Node
+from skinlab.inference.error_choice import ErrorChoice, Node
 from skinlab.inference.noise import legendre
 
 Array = NDArray[np.float64]
@@ -178,18 +177,18 @@ class Discipline:
         # out, though pure error may be larger; where that knows of none that last, by its own.
         looks = self._errors.looks[-1:] + ((self._errors.pure,) if best.kind else ())
 
-        def left(one: Candidate, errors: Covariance) -> float:
+        def left(one: Candidate, errors: ErrorChoice) -> float:
             # At its optimum by these errors: its fit ended near that by wider ones, and what a
             # refit would take off is no step.
             linear = self._linear[id(one)]
-            residual_mm = linear.residual_mm - linear.explained_mm(errors)
-            return steps(self._records, errors, residual_mm)
+            residual_mm = linear.residual_mm - linear.explained_mm(errors.mode)
+            return steps(self._records, errors.mode, residual_mm, errors.unrounded)
 
         # Of a corner that it does follow, some share is left; of steps it takes off half at most.
         passed = any(
             (size := left(best, e)) < NAMES.steps
             or (best.kind and size < NAMES.steps_left * left(base, e))
-            for e in (one.mode for one in looks)
+            for e in looks
         )
         return Trial(
             "steps",

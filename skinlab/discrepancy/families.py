@@ -401,7 +401,8 @@ def _nearest(base: Fit, found: Found, candidate: Candidate) -> tuple[str, ...]:
     )
 
     def cosine(s: Signature) -> float:
-        return abs(float(s.direction @ change)) / max(s.size * float(np.linalg.norm(change)), 1e-12)
+        along = abs(float(s.direction[: len(change)] @ change))
+        return along / max(s.size * float(np.linalg.norm(change)), 1e-12)
 
     near = [s for s in found.signatures.values() if s.size > 0 and cosine(s) >= NAMES.near]
     return tuple(s.effect for s in sorted(near, key=cosine, reverse=True)[:1])

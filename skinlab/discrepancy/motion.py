@@ -123,7 +123,8 @@ def _trials(search: Search, linear: Linearised, node: Node, squares: Array) -> I
         "it is there again with any one curve left out"
         if again else "it is not there whichever curve is left out",
     )  # fmt: skip
-    passed = steps(search.fitter.records, node.covariance, linear.residual_mm) < NAMES.steps
+    left = steps(search.fitter.records, node.covariance, linear.residual_mm, node.unrounded)
+    passed = left < NAMES.steps
     yield Trial(
         "steps", passed,
         "it leaves no sudden steps"

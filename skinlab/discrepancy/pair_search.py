@@ -138,7 +138,10 @@ class PairSearch:
         """
         alone = self._search.linear(leader)
         seen = {n: s for n, s in found.items() if s.gain > SEARCH.partly}
-        columns = [s.axes[s.which].prior[1] * look.mode.colour(s.direction) for s in seen.values()]
+        n = look.mode.count
+        columns = [
+            s.axes[s.which].prior[1] * look.mode.colour(s.direction[:n]) for s in seen.values()
+        ]
         gains = self._search.gains_by_its_own_errors(
             leader, [alone.beside(c[:, None]) for c in columns]
         )

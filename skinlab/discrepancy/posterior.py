@@ -1,6 +1,6 @@
 """How sure an explanation's parameters are: draws from its posterior, not a Gaussian at its best.
 
-The valley is followed as in the identification of a curve (identify/posterior.py); the model stays
+The valley is followed as in the identification of a curve (inference/posterior.py); the model stays
 anchored at the fit.
 """
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from skinlab.discrepancy.fit import Fit, Fitter, Misfit
 from skinlab.discrepancy.unknowns import Unknowns
-from skinlab.inference.intervals import correlation, summary
+from skinlab.inference.intervals import at_an_end, correlation, summary
 from skinlab.inference.posterior import sample as follow_the_valley
 from skinlab.parameters import Space
 
@@ -41,14 +41,17 @@ class Posterior:
         """Medians with the shortest 90 % intervals, by name."""
         low, high = (self.unknowns.named(u) for u in self.unknowns.bounds)
         space, found = self.unknowns.space, {}
+        first, last = self.unknowns.bounds
+        at_end = at_an_end((self.u - first) / (last - first))
         logarithmic = {
             n for n, t in zip(space.names, space.transforms, strict=True) if t != "linear"
         } | {axis.name for axis in self.unknowns.axes if axis.parameter.zero is None}
         for name, values in self._named().items():
             bounds = (low[name], high[name])
             middle, *ends = summary(
-                values, self.weight, self.log_density, bounds, logarithmic=name in logarithmic
-            )
+                values, self.weight, self.log_density, bounds,
+                logarithmic=name in logarithmic, at_end=at_end,
+            )  # fmt: skip
             found[name] = {"value": middle, "low": ends[0], "high": ends[1]}
         return found
 

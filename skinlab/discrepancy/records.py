@@ -81,7 +81,7 @@ class Record:
     @cached_property
     def segment(self) -> NDArray[np.generic]:
         """Which segment of its program each sample (n,) is of; without one, its phase."""
-        found = _segments(self.curve)
+        found = self.curve.segments
         return self.curve.phase if found is None else found
 
     def each(self, size: float) -> Array:
@@ -228,7 +228,7 @@ def coarsened(record: Record, rate_hz: float) -> Record:
     def mean(values: Array) -> Array:
         return np.asarray(np.bincount(block, kept * values)[held] / count[held])
 
-    segment = _segments(curve)
+    segment = curve.segments
     first = np.unique(block, return_index=True)[1][held]
     coarse = Curve(
         curve.name, curve.setup, mean(curve.time_s), mean(curve.pressure_mbar), mean(w),
@@ -245,13 +245,6 @@ def coarsened(record: Record, rate_hz: float) -> Record:
         glitches=int((~kept).sum()), step_um=step_um(w),
         noisier=np.sqrt(each / count[held]) if jumps.any() else 1.0,
     )  # fmt: skip
-
-
-def _segments(curve: Curve) -> NDArray[np.intp] | None:
-    """Return which segment of its program each sample (n,) is of, as recorded or by its time."""
-    if curve.segment is not None or curve.setup.program is None:
-        return curve.segment
-    return curve.setup.program.segment_at(curve.time_s - curve.time_s[0])
 
 
 def _about_jumps(record: Record, step_s: float, size: int) -> NDArray[np.bool_]:
@@ -284,20 +277,15 @@ def without(records: Sequence[Record], kept: Sequence[NDArray[np.bool_]]) -> lis
         if mask.all():
             found.append(record)
             continue
-        c = record.curve
-        segment = _segments(c)
-        curve = replace(
-            c, time_s=c.time_s[mask], pressure_mbar=c.pressure_mbar[mask],
-            deflection_mm=c.deflection_mm[mask], segment=None if segment is None else segment[mask],
-        )  # fmt: skip
         noisier = np.broadcast_to(record.noisier, mask.shape)[mask]
         off_mm = np.broadcast_to(record.off_path_mm, mask.shape)[mask]
         pressure = record.pressure_mbar[mask]
         found.append(
             replace(
-                record, curve=curve, pressure_mbar=pressure, noisier=noisier, off_path_mm=off_mm
+                record, curve=record.curve.only(mask), pressure_mbar=pressure, noisier=noisier,
+                off_path_mm=off_mm,
             )
-        )
+        )  # fmt: skip
     return found
 
 

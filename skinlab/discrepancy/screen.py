@@ -29,11 +29,14 @@ NO_MODEL = "its model does not hold for these skins, even at 3 % of a typical si
 
 @dataclass(frozen=True, eq=False)
 class Signature:
-    """What an effect would do to a fit's residual, linearised."""
+    """What an effect would do to a fit's residual, linearised.
+
+    Below the samples' are the rows of the priors: unknowns absorb no more than these let them.
+    """
 
     effect: str
     axes: tuple[Axis, ...]  # of the effect
-    direction: Array  # (n,) whitened, for one typical size, absorbed parts taken out
+    direction: Array  # (n + priors,) whitened, for one typical size, absorbed parts taken out
     size: float  # its length: standard deviations at a typical size
     amount: float  # best size, in typical ones
     gain: float  # by which χ² would fall
@@ -95,13 +98,12 @@ class _Screened:
 
     @cached_property
     def _residual(self) -> Array:
-        off = self.fitter.measured - np.concatenate(self.fit.deflections_mm)
-        return self.fitter.errors.whiten(off)
+        return _residual(self.fitter, self.fit)
 
     @cached_property
     def _absorbed(self) -> Array:
-        """Directions (n, k) that the fit's unknowns absorb."""
-        return np.asarray(np.linalg.qr(_with_priors(self.fit))[0][: self.fitter.errors.count])
+        """Directions (n + priors, k) that the fit's unknowns absorb."""
+        return np.linalg.qr(_with_priors(self.fit))[0]
 
     def signatures(self, here: Array, tasks: Sequence[Task]) -> list[Signature | None]:
         """Return those along each."""
@@ -163,6 +165,7 @@ class _Screened:
 
     def _along(self, raw: Array, own: tuple[float, ...], which: int) -> Signature:
         """Return the signature of what a typical size does (n,), whitened."""
+        raw = np.concatenate([raw, np.zeros(len(self._absorbed) - len(raw))])
         axes, axis, residual = self._axes, self._axes[which], self._residual
         direction = raw - self._absorbed @ (self._absorbed.T @ raw)
         length, whole = float(np.linalg.norm(direction)), float(np.linalg.norm(raw))
@@ -175,6 +178,12 @@ class _Screened:
             self.effect, axes, direction, length, amount, max(gain, 0.0),
             1.0 - length / max(whole, 1e-12), which, own,
         )  # fmt: skip
+
+
+def _residual(fitter: Fitter, fit: Fit) -> Array:
+    """Return what a fit leaves of the samples (n,), whitened, and of its priors."""
+    white = fitter.errors.whiten(fitter.measured - np.concatenate(fit.deflections_mm))
+    return np.concatenate([white, -fit.unknowns.prior_rows(fit.u)])
 
 
 def _with_priors(fit: Fit) -> Array:
@@ -206,7 +215,7 @@ class LinearPair:
 
 def linear_pairs(fitter: Fitter, fit: Fit, signatures: Mapping[str, Signature]) -> list[LinearPair]:
     """Return all pairs of effects that can be seen, linearised about a fit; the best first."""
-    residual = fitter.errors.whiten(fitter.measured - np.concatenate(fit.deflections_mm))
+    residual = _residual(fitter, fit)
     seen = [s for s in signatures.values() if math.isfinite(s.detectable)]
     found = []
     for one, other in combinations(seen, 2):

@@ -53,6 +53,12 @@ class Node:
         """Root mean square of each part's errors, µm, by its name."""
         return self.combination.sizes_um(self.log_values)
 
+    @property
+    def unrounded(self) -> Covariance | None:
+        """The errors before readings are rounded; None where they are not."""
+        unrounded = self.combination.unrounded
+        return None if unrounded is None else unrounded.covariance(self.log_values)
+
 
 @dataclass(frozen=True, eq=False)
 class ErrorChoice:
@@ -61,6 +67,7 @@ class ErrorChoice:
     nodes: tuple[Node, ...]
     mode: Covariance  # of the best combination
     weight: Array = field(repr=False)  # (nodes,) sums up to 1, by the linearised model
+    unrounded: Covariance | None = None  # `mode` before readings are rounded, where they are
 
     @cached_property
     def best(self) -> Combination:
@@ -92,12 +99,14 @@ class ErrorChoice:
     def roughly(self, linear: LinearModel) -> float:
         """Return Laplace's log evidence of another model by errors like the best, learned anew.
 
-        What is not always there may be what the other model explains: without it as well.
+        What is not always there may be what the other model explains: without it as well. Heavy
+        tails stay, which no model explains.
         """
         best = self.best
         values = next(n.log_values for n in self.nodes if n.combination is best)
         starts = dict(zip(best.parameters, values.tolist(), strict=True))
-        plain = replace(best, parts=tuple(part for part in best.parts if part.always))
+        kept = tuple(part for part in best.parts if part.always or part.again is not None)
+        plain = replace(best, parts=kept)
         tried = [best, plain] if len(plain.parts) < len(best.parts) else [best]
         return max(
             _at_mode(c, linear, np.array([starts[n] for n in c.parameters])).log_evidence
@@ -242,7 +251,9 @@ def _collect(tried: Sequence[_Explored], best: _Explored) -> ErrorChoice:
     order = np.argsort(-weight, kind="stable")
     order = order[np.cumsum(weight[order]) - weight[order] < 1.0 - CHOICE.negligible]
     kept = weight[order] / weight[order].sum()
-    return ErrorChoice(tuple(nodes[i] for i in order), best.mode_covariance, kept)
+    plain = best.combination.unrounded
+    unrounded = None if plain is None else plain.covariance(best.log_mode)
+    return ErrorChoice(tuple(nodes[i] for i in order), best.mode_covariance, kept, unrounded)
 
 
 @dataclass(frozen=True, eq=False)
@@ -316,7 +327,8 @@ def _at_mode(combination: Combination, linear: LinearModel, start: Array) -> _Ex
     """Return the combination at its mode, without nodes, and Laplace's evidence."""
     mode, root, here = find_mode(_density(combination, linear), start, combination.scales)
     roughly = here + 0.5 * len(mode) * math.log(2.0 * math.pi) + float(np.linalg.slogdet(root)[1])
-    return _Explored(combination, mode, root, here, (), roughly + combination.log_odds)
+    roughly += combination.log_odds + combination.bound
+    return _Explored(combination, mode, root, here, (), roughly)
 
 
 def _integrated(one: _Explored, values: Array, log_drawn: Array, linear: LinearModel) -> _Explored:

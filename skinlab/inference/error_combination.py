@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -76,6 +76,12 @@ class Combination:
         """What the parts that are scale mixtures add to the log evidence."""
         return sum(part.bound for part in self.parts)
 
+    @property
+    def unrounded(self) -> Combination | None:
+        """The same before readings are rounded; None where they are not."""
+        parts = tuple(part for part in self.parts if part.name != "quantised")
+        return replace(self, parts=parts) if len(parts) < len(self.parts) else None
+
     def log_priors(self, log_values: Array) -> Array:
         """Return the log prior densities (n,) of the parameters' logarithms (n, d)."""
         each = [p for part in self.parts for p in part.parameters]
@@ -85,18 +91,26 @@ class Combination:
         return found
 
     def sizes_um(self, log_values: Array) -> dict[str, float]:
-        """Return the root mean square over samples of each part's errors, µm, by its name."""
+        """Return the root mean square over samples of each part's errors, µm, by its name.
+
+        Where tails are heavy independent errors have these with them, and not their scale alone.
+        """
         values, found = np.exp(log_values).tolist(), dict(self._constant_um)
         for part, own in zip(self.parts, self._own, strict=True):
             if part.size_um is not None:
                 found[part.name] = part.size_um(values[own])
             elif part.parameters:
-                found[part.name] = _size_um(part.terms(values[own]))
+                found[part.name] = _size_um(part.terms(values[own]), self._tails)
         return found
 
     @cached_property
     def _constant_um(self) -> dict[str, float]:
-        return {p.name: _size_um(p.terms(())) for p in self.parts if not p.parameters}
+        alone = [part for part in self.parts if not part.parameters]
+        return {part.name: _size_um(part.terms(()), self._tails) for part in alone}
+
+    @cached_property
+    def _tails(self) -> float:
+        return math.prod(part.tails for part in self.parts)
 
     def covariances(self, log_values: Array, *, spread: bool = True) -> list[Covariance]:
         """Return the covariances (n,) at logarithms (n, d)."""
@@ -155,10 +169,10 @@ class Combination:
         return found
 
 
-def _size_um(terms: Terms) -> float:
+def _size_um(terms: Terms, tails: float) -> float:
     """Return the root mean square over samples, µm."""
     variance = np.asarray(terms.variance_mm2)
-    total = float(np.add.reduce(variance, axis=None)) / variance.size
+    total = tails * float(np.add.reduce(variance, axis=None)) / variance.size
     if terms.ou is not None:
         total += terms.ou.size_mm**2
     columns = terms.deviations_mm

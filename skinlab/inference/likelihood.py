@@ -19,7 +19,8 @@ from skinlab.inference.covariance import Covariance, gram_matrices
 Array = NDArray[np.float64]
 
 _LOG_2PI = float(np.log(2.0 * np.pi))
-_DENSE = 250  # samples that a dense inverse is taken of at once
+_DENSE = 250  # samples of which a dense inverse is kept at once,
+_MARGIN = 50  # and how many beside them it is taken of: what is farther says nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,10 +117,13 @@ def _inverse_diagonal(covariance: Covariance) -> Array:
     """Return the diagonal (u,) of (D + B)⁻¹; piece by piece, since what is far says nothing."""
     if covariance.ou is None:
         return 1.0 / covariance.variance_mm2
-    found = np.empty(covariance.count)
-    for begin in range(0, covariance.count, _DENSE):
-        here = np.zeros(covariance.count, dtype=bool)
-        here[begin : begin + _DENSE] = True
+    count, found = covariance.count, np.empty(covariance.count)
+    for begin in range(0, count, _DENSE):
+        end = min(begin + _DENSE, count)
+        first = max(begin - _MARGIN, 0)
+        here = np.zeros(count, dtype=bool)
+        here[first : end + _MARGIN] = True
         part = covariance.only(here)
-        found[here] = np.square(part.whiten_without_columns(np.eye(part.count))).sum(axis=0)
+        ones = np.eye(part.count)[:, begin - first : end - first]
+        found[begin:end] = np.square(part.whiten_without_columns(ones)).sum(axis=0)
     return found

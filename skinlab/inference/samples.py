@@ -43,14 +43,7 @@ class Fitted:
     @property
     def samples(self) -> Curve:
         """Those alone, as a curve."""
-        curve, mask = self.curve, self.mask
-        return replace(
-            curve,
-            time_s=curve.time_s[mask],
-            pressure_mbar=curve.pressure_mbar[mask],
-            deflection_mm=curve.deflection_mm[mask],
-            segment=None if curve.segment is None else curve.segment[mask],
-        )
+        return self.curve.only(self.mask)
 
 
 @dataclass(frozen=True, eq=False)

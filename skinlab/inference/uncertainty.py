@@ -249,11 +249,11 @@ def about(
     curves = np.hstack([model.deflection_mm(points) for model in models])
     here = curves[0]
     # Next to where the model ends a difference is one-sided.
-    above = np.where(np.isfinite(curves[1 : k + 1]), curves[1 : k + 1], here)
-    below = np.where(np.isfinite(curves[k + 1 :]), curves[k + 1 :], here)
-    reach = np.where(
-        np.isfinite(curves[1 : k + 1, :1]), np.diag(up)[:, None] - unit[:, None], 0.0
-    ) + np.where(np.isfinite(curves[k + 1 :, :1]), unit[:, None] - np.diag(down)[:, None], 0.0)
+    has_above, has_below = np.isfinite(curves[1 : k + 1]), np.isfinite(curves[k + 1 :])
+    above = np.where(has_above, curves[1 : k + 1], here)
+    below = np.where(has_below, curves[k + 1 :], here)
+    far_above, far_below = np.diag(up) - unit, unit - np.diag(down)
+    reach = has_above * far_above[:, None] + has_below * far_below[:, None]
     slopes = (above - below) / np.maximum(reach, 1e-12)
     precision = FLAT_PRECISION * np.eye(k)
     for prior in priors:

@@ -114,6 +114,7 @@ class Part:
     why: str = ""
     bound: float = 0.0  # what `stretch` costs or gains in log evidence (scale mixtures)
     spread: float = 1.0  # by which `stretch` is to be multiplied for the information to be right
+    tails: float = 1.0  # variance of a scale mixture, by that of its scale
     again: Callable[[Array], Part] | None = None  # a scale mixture, given other `white_square`
     variances: Callable[[Array], Array] | None = None
     size_um: Callable[[Sequence[float]], float] | None = None

@@ -45,7 +45,7 @@ class HeavyTails:
 
 
 def student(square: Array, freedom: float) -> Part:
-    """Return the part of so many degrees of freedom, given squares (u,) in units of σ²."""
+    """Return the part of so many degrees of freedom, above 2, given squares (u,) in units of σ²."""
     stretch = 1.0 / weights(square, freedom)
 
     def terms(values: Sequence[float]) -> Terms:
@@ -55,7 +55,8 @@ def student(square: Array, freedom: float) -> Part:
     return Part(
         "heavy_tails", (), terms, math.log(KINDS.unusual_odds), stated={"freedom": freedom},
         why="residuals have heavy tails", bound=float(bound(square, freedom).sum()),
-        spread=(freedom + 3.0) / (freedom + 1.0), again=partial(student, freedom=freedom),
+        spread=(freedom + 3.0) / (freedom + 1.0), tails=freedom / (freedom - 2.0),
+        again=partial(student, freedom=freedom),
     )  # fmt: skip
 
 

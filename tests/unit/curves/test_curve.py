@@ -61,6 +61,19 @@ def test_the_devices_own_segments_win_over_time():
     assert curve.phase.tolist() == ["load"] * 7 + ["unload"] * 3
 
 
+def test_samples_without_the_first_ones_keep_their_phases():
+    """They had counted their program from the first that is kept."""
+    program = parse_program("hold:3,ramp:100@20,hold:2")
+    t = np.arange(0.0, 10.01, 0.1)
+    p = program.pressure_mbar(t)
+    curve = Curve("c", Setup(6.0, 1.0, program), t, p, 0.01 * p)
+    kept = curve.phase == "load"
+    assert set(curve.only(kept).phase) == {"load"}
+    after = t > 5.0
+    np.testing.assert_array_equal(curve.only(after).phase, curve.phase[after])
+    np.testing.assert_array_equal(curve.only(after).only(kept[after]).time_s, t[after & kept])
+
+
 def test_arrays_are_copies_and_read_only():
     time_s = np.arange(6.0)
     curve = Curve("c", Setup(6, 1), time_s, time_s, time_s)

@@ -1,6 +1,7 @@
 """The errors of a campaign: learned without an explanation, integrated, and what a name needs."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,8 +12,9 @@ from skinlab.curves.campaign import Campaign
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
+from skinlab.discrepancy import adequacy
 from skinlab.discrepancy.adequacy import Residual, steps
-from skinlab.discrepancy.campaign_error_models import walk_shapes
+from skinlab.discrepancy.campaign_error_models import models_of, walk_shapes
 from skinlab.discrepancy.campaign_errors import (
     CampaignErrors,
     Linearised,
@@ -20,6 +22,7 @@ from skinlab.discrepancy.campaign_errors import (
     learn,
     log_evidences,
     outliers,
+    samples_of,
     smooth_columns,
 )
 from skinlab.discrepancy.candidates import Candidate, Found
@@ -571,6 +574,31 @@ def test_steps_that_stay_are_told_from_what_wanders(table, plan, jump_um, walk_u
     assert (steps(records, covariance, np.concatenate(off)) > NAMES.steps) == seen
 
 
+@pytest.mark.parametrize(
+    ("noise_um", "jump_um", "low", "high"),
+    [(2.0, 0.0, -2.0, 1.0), (4.0, 0.0, -2.0, 1.0), (2.0, 12.0, NAMES.steps, np.inf)],
+)
+def test_rounded_noise_has_the_steps_of_noise(table, monkeypatch, noise_um, jump_um, low, high):
+    """Errors were drawn with their rounding in them, and rounded once more."""
+    monkeypatch.setattr(adequacy, "NAMES", replace(NAMES, practical_um=0.0))
+    exact = records_of(campaign(table, lambda t, per_log, rng: 0.0))
+    ends = np.cumsum([len_of(r) for r in exact])
+    variance = np.full(ends[-1], 1e-6 * noise_um**2)
+    unrounded = Covariance(variance, np.zeros((ends[-1], 0)), tuple(ends.tolist()))
+    rounded = replace(unrounded, variance_mm2=variance + 0.01**2 / 12)
+    scores = []
+    for seed in range(12):
+        rng, records, off = np.random.default_rng(seed), [], []
+        for r in exact:
+            w, n = r.curve.deflection_mm, len_of(r)
+            errors = rng.normal(0, 1e-3 * noise_um, n) + 1e-3 * jump_um * (np.arange(n) > 0.4 * n)
+            read = 0.01 * np.round((w + errors) / 0.01)
+            records.append(replace(r, curve=replace(r.curve, deflection_mm=read)))
+            off.append(read - w)
+        scores.append(steps(records, rounded, np.concatenate(off), unrounded))
+    assert low < np.mean(scores) < high
+
+
 def test_where_a_skin_creases_two_meshes_may_differ(table):
     creases = Skin((0.0272, 0.543, 0.336))  # under 2 mm, below the 300 mbar of the program
     domes = TableDomes(table)
@@ -656,6 +684,27 @@ def test_means_of_rounded_readings_keep_the_wave_of_the_rounding(table):
         found[step_um] = Search(fitter).learned_base().left.by_errors
     assert found[10.0] > 0.01
     assert found[0.0] < 1e-3
+
+
+def test_one_slow_curve_leaves_the_rounding_of_the_fast_ones(table):
+    """Under 6 µm of noise rounding is independent, step²/12 of a reading and less of a mean."""
+
+    def rounded(rate_hz, curves):
+        made = campaign(
+            table, lambda t, per_log, rng: rng.normal(0, 6e-3, len(t)), PLAN[:curves],
+            rate_hz=rate_hz,
+        )  # fmt: skip
+        return tuple(replace(c, deflection_mm=np.round(c.deflection_mm, 2)) for c in made.curves)
+
+    made = Campaign("made", None, 0.0, (*rounded(100, 2), *rounded(20, 1)))
+    records = [coarsened(r, 25.0) for r in records_of(made)]
+    assert [r.coarse for r in records] == [4, 4, 1]
+    samples = samples_of(records)
+    models = models_of(records, np.zeros(len(samples)))
+    look = SimpleNamespace(samples=samples, deflection_mm=samples.deflection_mm)
+    part = next(m for m in models if m.name == "quantised").part(look)
+    expected = [0.01**2 / 12 / r.coarse for r in records for _ in r.curve.time_s]
+    np.testing.assert_allclose(part.terms(()).variance_mm2, expected, rtol=0.02)
 
 
 @pytest.mark.long

@@ -21,6 +21,7 @@ from skinlab.discrepancy.misfit import (
     OWN_FACTOR,
     errors_of,
 )
+from skinlab.discrepancy.posterior import Posterior
 from skinlab.discrepancy.race import Race
 from skinlab.discrepancy.records import by_geometry, records_of
 from skinlab.discrepancy.screen import Signature, alike, signature, worth_fitting
@@ -582,6 +583,21 @@ def test_unknowns_and_values_go_both_ways():
                 assert abs(axis.to_u(axis.parameter.typical)) == pytest.approx(1.0)
 
 
+def test_an_interval_contains_what_is_likely_where_another_unknown_is_at_its_end():
+    """As those of identify do (decision 0114): X1 is extreme where ν is."""
+    unknowns, rng = Unknowns(()), np.random.default_rng(0)
+    sd = np.array([0.02, 0.02, 0.01])
+    u = TRUE + sd * rng.standard_normal((500, 3))
+    log_density = -0.5 * np.square((u - TRUE) / sd).sum(axis=1)
+    corner = np.array([*(TRUE[:2] + 0.2), unknowns.bounds[1][2]])
+    weight = np.append(np.full(500, 1.0 / 500.0), 0.0)
+    for likely, inside in ((-0.5, True), (-1.0, False)):
+        known = np.append(log_density - log_density.max(), likely)
+        found = Posterior(unknowns, TRUE, np.vstack([u, corner]), weight, known)
+        (name, *_), x1 = unknowns.names, np.exp(corner[0])
+        assert (found.parameters[name]["high"] >= 0.999 * x1) == inside
+
+
 # ---- the screen ----------------------------------------------------------------------------------
 
 
@@ -614,6 +630,20 @@ def test_the_gain_that_the_screen_expects_is_that_of_a_refit(table, name, values
     assert seen.amount == pytest.approx(refit.u[3], rel=0.1)
     # A size that raises χ² by 25 is five standard deviations.
     assert 5 * refit.deviations[3] == pytest.approx(seen.detectable, rel=0.1)
+
+
+def test_beside_its_twin_an_effect_tells_what_the_twins_prior_leaves(plain):
+    """Of a sum of two the data tell all, and of the one what a prior says of the other."""
+    fitter, base = plain
+    alone = signature(fitter, base, "deflection_offset")
+    twin = alone.direction[: fitter.errors.count, None]
+    assert alone.size == pytest.approx(np.linalg.norm(twin))
+    unknowns = Unknowns(("deflection_gain",))  # whose slope is taken for that of an offset
+    slopes = np.hstack([base.jacobian, twin])
+    fit = replace(base, unknowns=unknowns, u=np.append(base.u, 0.0), jacobian=slopes)
+    seen = signature(fitter, fit, "deflection_offset")
+    variance = alone.size**-2 + unknowns.axes[0].prior[1] ** 2
+    assert seen.size == pytest.approx(variance**-0.5, rel=1e-3)
 
 
 def test_what_no_data_of_this_kind_can_tell_apart_is_known(plain):

@@ -136,17 +136,41 @@ def test_heavy_tails_are_found():
     assert sum("heavy_tails" in name for name in names) >= 6
 
 
+def with_heavy_tails(errors, noise_um=None, models=(WHITE, HEAVY)):
+    """Return the errors of a long hold."""
+    n, linear = len(errors), line_through(errors)
+    zero, time = np.zeros(n, dtype=np.intp), np.arange(n) / HZ
+    course, slopes = 0.5 * np.ones(n), linear.slopes_mm
+    samples = Samples(time, zero + 50.0, course + errors, np.full(n, "hold"), zero, zero, zero,
+                      np.ones(n))  # fmt: skip
+    look = Look(samples, course, np.zeros(n), errors, slopes, noise_um, np.zeros(n), np.zeros(n))
+    return choose_errors(look, linear, np.zeros((n, 0)), np.zeros(n), models)
+
+
+def line_through(errors, known=None):
+    columns = [np.linspace(0.0, 1.0, len(errors)), *([] if known is None else [known])]
+    return LinearModel(errors, np.column_stack(columns), np.eye(len(columns)))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_noise_with_heavy_tails_is_a_standard_deviation(seed):
+    """That of Student's t is √(ν/(ν − 2)) of its scale: a right statement was contradicted."""
+    errors = 3e-3 * np.random.default_rng(seed).standard_t(3.0, 1500)
+    sd_um = 3.0 * math.sqrt(3.0)
+    found = with_heavy_tails(errors, sd_um)
+    node = next(n for n in found.nodes if n.combination is found.best)
+    own = node.values
+    size = own["white_um"] * math.sqrt(own["freedom"] / (own["freedom"] - 2.0))
+    assert node.sizes_um["white"] == pytest.approx(size, rel=1e-3)
+    judged = judge_errors(found, sd_um, 1e3 * float(errors.std()))
+    assert judged.noise_um == pytest.approx(sd_um, rel=0.25)
+    assert "stated_noise_contradicted" not in judged.flags
+
+
 def test_of_heavy_tails_in_many_samples_no_one_setting_takes_all_weight():
     """Weights are those of the mixture, not of the variances stretched to its information."""
     n, rng = 4000, np.random.default_rng(1)
-    errors = 3e-3 * rng.standard_t(4.0, n)
-    zero, time = np.zeros(n, dtype=np.intp), np.arange(n) / HZ
-    course, slopes = 0.5 * np.ones(n), np.linspace(0.0, 1.0, n)[:, None]
-    samples = Samples(time, zero + 50.0, course + errors, np.full(n, "hold"), zero, zero, zero,
-                      np.ones(n))  # fmt: skip
-    look = Look(samples, course, np.zeros(n), errors, slopes, None, np.zeros(n), np.zeros(n))
-    linear = LinearModel(errors, slopes, np.eye(1))
-    found = choose_errors(look, linear, np.zeros((n, 0)), np.zeros(n), [WHITE, HEAVY])
+    found = with_heavy_tails(3e-3 * rng.standard_t(4.0, n))
     assert "heavy_tails" in found.best.name
     assert found.weight.max() < 0.6
     log_um = np.array([float(node.log_values[0]) for node in found.nodes])
@@ -192,6 +216,17 @@ def test_what_rounding_leaves_between_its_waves_is_no_heavy_tail():
     for seed in range(6):
         w = COURSE + white(np.random.default_rng(seed), 1.0)
         assert "heavy_tails" not in chosen(0.01 * np.round(w / 0.01) - COURSE).best.name
+
+
+def test_errors_before_readings_are_rounded_are_those_without_the_step():
+    w = COURSE + white(np.random.default_rng(2), 1.0)
+    found = chosen(0.01 * np.round(w / 0.01) - COURSE, noise_um=1.0)
+    node, step_mm2 = found.nodes[0], 0.01**2 / 12
+    waves = node.covariance.columns_mm[:, node.combination.columns["quantised"]]
+    taken = node.covariance.variance_mm2 - node.unrounded.variance_mm2
+    np.testing.assert_allclose(taken + np.square(waves).sum(axis=1), step_mm2)
+    assert found.unrounded.variance_mm2.mean() == pytest.approx(1e-6, rel=0.2)
+    assert chosen(white(np.random.default_rng(2), 1.0)).unrounded is None
 
 
 def test_rounding_of_a_noisy_curve_is_independent():
@@ -284,6 +319,27 @@ def test_what_errors_had_taken_up_is_seen_by_those_that_are_left(seed):
     by_those_of_both = found.roughly(both) - found.roughly(alone)
     assert by_its_errors < 0.4 * by_those_of_both
     assert by_those_of_both == pytest.approx(learned[1] - learned[0], abs=math.log(10))
+
+
+def test_under_heavy_tails_lasting_errors_give_way_to_what_explains_them():
+    """Laplace's evidence lacked the bound of the mixture: it was 60 too large in its logarithm."""
+    n, rng = 400, np.random.default_rng(1)
+    lasting = lfilter([1.0], [1.0, -np.exp(-2.0 / HZ)], rng.standard_normal(n))
+    lasting *= 6e-3 / lasting.std()
+    errors = 3e-3 * rng.standard_t(3.0, n) + lasting
+    found = with_heavy_tails(errors, models=(WHITE, HEAVY, OU))
+    assert found.best.names == {"white", "ou", "heavy_tails"}
+    each = [n.log_prior + n.log_marginal for n in found.nodes if n.combination is found.best]
+    learned = np.logaddexp.reduce(each)
+    assert found.roughly(line_through(errors)) == pytest.approx(learned, abs=0.5)
+    # What lasts explained, its tails are left: the same integral on a grid.
+    known = line_through(errors, lasting)
+    rest = replace(found.best, parts=tuple(p for p in found.best.parts if p.name != "ou"))
+    grid = np.log(np.geomspace(1.0, 10.0, 400))[:, None]
+    density = known.log_marginals(rest.covariances(grid, spread=False)) + rest.log_priors(grid)
+    whole = np.logaddexp.reduce(density) + math.log(grid[1, 0] - grid[0, 0])
+    expected = whole + rest.bound + rest.log_odds
+    assert found.roughly(known) == pytest.approx(expected, abs=0.1)
 
 
 @pytest.mark.long

@@ -12,6 +12,7 @@ from skinlab.inference.identify import Identifier
 from skinlab.inference.methods import get_method, method_names, stochastic
 from skinlab.inference.problem import Options, Problem, check
 from skinlab.inference.result import document
+from skinlab.inference.samples import choose
 from skinlab.mechanics.fem.skin import Skin
 from skinlab.parameters import Space
 from skinlab.tables.forward import simulate
@@ -203,3 +204,11 @@ def test_a_very_long_curve_is_thinned_and_says_so(grid, blind_curve):
     one_by_one = Identifier(grid, method="rls", options=once)(long)
     assert one_by_one.fitted_points == 500
     assert "thinned:60" in one_by_one.flags
+
+
+def test_what_is_fitted_after_a_hold_keeps_its_phases(table):
+    program = parse_program("hold:3,ramp:100@20,hold:2")
+    t = np.arange(0.0, 10.01, 0.1)
+    p = program.pressure_mbar(t)
+    chosen = choose(Curve("c", Setup(6.0, 1.1, program), t, p, 0.01 * p), ("load",), table)
+    assert set(chosen.samples.phase) == {"load"}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,9 +18,10 @@ from skinlab.inference.batch import identify_all, noise_from_repeats_um, with_st
 from skinlab.inference.identify import Identifier
 from skinlab.inference.optimise import polish
 from skinlab.inference.problem import Problem
-from skinlab.inference.samples import Fitted, group, samples_of
-from skinlab.inference.uncertainty import Sensor
+from skinlab.inference.samples import Fitted, choose, group, samples_of
+from skinlab.inference.uncertainty import Sensor, about
 from skinlab.mechanics.fem.suction import Geometry
+from skinlab.parameters import Space
 from skinlab.report.text import describe
 
 PRESSURE = np.linspace(0.0, 100.0, 51)
@@ -636,3 +637,26 @@ def test_methods_without_intervals_say_what_a_curve_leaves_open(table):
         assert "not_identifiable:nu" in Identifier(table, method=method)(rough).flags
         if method == "lm":
             assert Identifier(table, method=method)(clear).flags == ()
+
+
+@pytest.mark.parametrize("ends", [0, 1])
+def test_where_the_model_of_one_opening_ends_slopes_are_right_under_each(table, ends):
+    """They are one-sided there, and two-sided under the other opening."""
+
+    @dataclass
+    class Line:
+        slope: float
+        holds_to: float
+
+        def deflection_mm(self, parameters):
+            curves = self.slope * parameters * PRESSURE
+            return np.where(parameters > self.holds_to, np.nan, curves)
+
+    models = [Line(1.0, 2.0), Line(3.0, 2.0)]
+    models[ends].holds_to = 0.5
+    setups = [replace(STANDARD, aperture_mm=a) for a in (6.0, 8.0)]
+    chosen = [choose(curve_of(table, SKIN, setup), ("load",), table) for setup in setups]
+    space = Space.box(("a",), [0.0], [1.0])
+    fitted = about(group(chosen), models, space, np.array([0.5]), Sensor())
+    expected = np.concatenate([1.0 * PRESSURE, 3.0 * PRESSURE])
+    np.testing.assert_allclose(fitted.linear.slopes_mm[:, 0], expected, rtol=1e-6)
