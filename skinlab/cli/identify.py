@@ -95,6 +95,8 @@ def command(
         raise click.BadParameter("expected 1 or more", param_hint="--workers")
     if (site, age_years) != (None, None) and (prior_path, reference_path) == (None, None):
         raise click.UsageError("--site and --age-years are for --prior and --reference")
+    if sex is not None and reference_path is None:
+        raise click.UsageError("--sex is for --reference")
     if (reference_path is None) != (site is None) and prior_path is None:
         raise click.UsageError("--reference needs --site")
     identifier: Identifier = with_prior_option(
