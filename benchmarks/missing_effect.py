@@ -158,7 +158,7 @@ def _strength(truth: Truth, made: Made, outcome: Outcome) -> dict[str, Any]:
         return float(np.linalg.norm(r - q @ (q.T @ r)) / 5.0)
 
     others = {
-        name: left(base, s.direction)
+        name: left(base, s.direction[: errors.count])
         for name, s in outcome.found.signatures.items()
         if name not in truth.effects and s.size > 1e-2
     }
@@ -172,7 +172,9 @@ def _strength(truth: Truth, made: Made, outcome: Outcome) -> dict[str, Any]:
         r, q = true.whiten(off), np.linalg.qr(basis)[0]
         return 0.5 * float(np.square(r - q @ (q.T @ r)).sum()) / np.log(10.0)
 
-    rival = found.signatures[closest].direction if closest else np.zeros(errors.count)
+    rival = np.zeros(errors.count)
+    if closest:
+        rival = found.signatures[closest].direction[: errors.count]
     rest = true.whiten(clean - np.concatenate(best.deflections_mm))
     q = np.linalg.qr(true.whiten(colour(best.jacobian[:, best.free])))[0]
     return {

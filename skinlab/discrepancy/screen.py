@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from skinlab.discrepancy.fit import Fit, Fitter
 from skinlab.discrepancy.settings import SEARCH
 from skinlab.discrepancy.unknowns import Axis, Unknowns
+from skinlab.inference.covariance import Covariance
 from skinlab.mechanics.effects import get_effect
 from skinlab.mechanics.fem.suction import SCREENING_MESH
 
@@ -98,7 +99,7 @@ class _Screened:
 
     @cached_property
     def _residual(self) -> Array:
-        return _residual(self.fitter, self.fit)
+        return left_of(self.fit, self.fitter.errors, self.fitter.measured)
 
     @cached_property
     def _absorbed(self) -> Array:
@@ -180,9 +181,9 @@ class _Screened:
         )  # fmt: skip
 
 
-def _residual(fitter: Fitter, fit: Fit) -> Array:
-    """Return what a fit leaves of the samples (n,), whitened, and of its priors."""
-    white = fitter.errors.whiten(fitter.measured - np.concatenate(fit.deflections_mm))
+def left_of(fit: Fit, errors: Covariance, measured_mm: Array) -> Array:
+    """Return what a fit leaves of the samples (n,), whitened, and of its priors: as signatures."""
+    white = errors.whiten(measured_mm - np.concatenate(fit.deflections_mm))
     return np.concatenate([white, -fit.unknowns.prior_rows(fit.u)])
 
 
@@ -215,7 +216,7 @@ class LinearPair:
 
 def linear_pairs(fitter: Fitter, fit: Fit, signatures: Mapping[str, Signature]) -> list[LinearPair]:
     """Return all pairs of effects that can be seen, linearised about a fit; the best first."""
-    residual = _residual(fitter, fit)
+    residual = left_of(fit, fitter.errors, fitter.measured)
     seen = [s for s in signatures.values() if math.isfinite(s.detectable)]
     found = []
     for one, other in combinations(seen, 2):

@@ -25,6 +25,7 @@ from scipy.stats import t as t_distribution
 
 from skinlab.curves.campaign import Campaign
 from skinlab.discrepancy.outcome import Outcome
+from skinlab.discrepancy.screen import left_of
 from skinlab.discrepancy.workflow import explain
 from skinlab.errors import SkinlabError
 from skinlab.io.log import log_exception
@@ -153,9 +154,8 @@ def scores_of(outcome: Outcome) -> dict[str, Any]:
     The one place that knows the inside of the workflow's result.
     """
     found = outcome.found
-    measured = np.concatenate([r.curve.deflection_mm for r in found.records])
-    here = np.concatenate(list(found.base.fit.deflections_mm))
-    left = found.errors.whiten(measured - here)
+    measured = np.concatenate([r.straight_mm for r in found.records])
+    left = left_of(found.base.fit, found.errors, measured)
     seen = {n: s for n, s in found.signatures.items() if math.isfinite(s.detectable)}
     directions = np.array([s.direction for s in seen.values()]).reshape(len(seen), -1)
     return {

@@ -1,6 +1,7 @@
 """The parts of the missing-effect workflow against algebra, closed forms and statistics."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -37,6 +38,7 @@ from skinlab.mechanics.effects import all_effects
 from skinlab.mechanics.effects.model import Skin, response
 from skinlab.mechanics.fem.skin import Prony, SkinProblem
 from skinlab.mechanics.fem.suction import MESH_OF_RECORD, SCREENING_MESH, Geometry
+from skinlab.studies.campaigns import scores_of
 from skinlab.workers import Pool
 
 
@@ -644,6 +646,13 @@ def test_beside_its_twin_an_effect_tells_what_the_twins_prior_leaves(plain):
     seen = signature(fitter, fit, "deflection_offset")
     variance = alone.size**-2 + unknowns.axes[0].prior[1] ** 2
     assert seen.size == pytest.approx(variance**-0.5, rel=1e-3)
+    # So does what a study adds up of many campaigns.
+    found = SimpleNamespace(
+        records=fitter.records, base=SimpleNamespace(fit=fit), errors=fitter.errors,
+        signatures={seen.effect: seen},
+    )  # fmt: skip
+    scores = scores_of(SimpleNamespace(found=found))
+    assert scores["score"][0] / scores["gram"][0][0] == pytest.approx(seen.amount)
 
 
 def test_what_no_data_of_this_kind_can_tell_apart_is_known(plain):
@@ -853,9 +862,11 @@ def test_starts_that_come_to_the_same_end_the_search_for_others(plain, costs, li
 
 
 @pytest.mark.parametrize(
-    ("costs", "asked"), [((5010.0, 5020.0), 2), ((9e3, 8e3, 7e3, 6e3, 9e3, 9e3), 6)]
+    ("costs", "asked"),
+    [((5010.0, 5020.0, 4e3), 3), ((9e3, 8e3, 7e3, 6e3, 9e3, 9e3, 9e3), 7)],
 )
 def test_elsewhere_ends_where_starts_come_to_what_is_known(plain, costs, asked):
+    """The last one is begun in the middle of the law's ranges, whatever came before."""
     fitter, fit = plain
     seen = signature(fitter, fit, "thickness_error")
     told = Told(fit, costs)
