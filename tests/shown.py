@@ -107,7 +107,10 @@ def outcome():
     curves = [curve_of(1), curve_of(2)]
     geometry = SimpleNamespace(aperture_mm=6.0, thickness_mm=1.0)
     records = [
-        SimpleNamespace(name=c.name, curve=c, geometry=geometry, noise_um=2.0) for c, _ in curves
+        SimpleNamespace(
+            name=c.name, curve=c, at_pressure_mm=c.deflection_mm, geometry=geometry, noise_um=2.0
+        )
+        for c, _ in curves
     ]
     after = SimpleNamespace(deflections_mm=[w for _, w in curves])
     before = SimpleNamespace(deflections_mm=[w + 0.02 * (c.time_s / 5 - 0.5) for c, w in curves])
