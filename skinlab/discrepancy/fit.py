@@ -126,7 +126,7 @@ class Fitter:
         A model that is evaluated at readings follows their noise by dw/dp, and the skin does not:
         what has a small slope would be likelier by that alone. So what the noise does to this fit's
         curves stays with the deflections, as an error, and slopes of others do not know of it
-        (docs/decisions/0090-the-smooth-course-of-the-pressure.md).
+        (docs/decisions/0139-slopes-that-know-no-noise.md).
         """
         if not any(r.off_path_mbar.any() for r in self.records):
             return None

@@ -164,8 +164,7 @@ def _drawn(
 ) -> Identification:
     """Return the answer for one curve, with its fitted curve at all samples that were chosen."""
     (record,) = fitter.records
-    pressure, deflection = as_read(record.curve, record.pressure_mbar, fit.deflections_mm[0])
-    del pressure
+    _, deflection = as_read(record.curve, record.pressure_mbar, fit.deflections_mm[0])
     time = member.curve.time_s[member.mask]
     fitted, outliers = member.mask.copy(), np.zeros(len(member.mask), dtype=bool)
     fitted[member.mask], outliers[member.mask] = kept, ~kept
