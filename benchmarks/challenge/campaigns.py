@@ -31,7 +31,7 @@ Distortion = Callable[[Array, Array, Array, np.random.Generator], Array]
 
 PARTS = (
     "none", "single", "double", "outside", "ramp",
-    "life_none", "life_single", "life_double", "life_outside",
+    "life_none", "life_single", "life_double", "life_outside", "life_crossed",
 )  # fmt: skip
 
 FULL = (
@@ -269,6 +269,10 @@ def draw(part: str, seed: int, number: int, attempt: int) -> tuple[Truth, Any]:
         hidden = [names[number % len(names)]]
     elif part == "life_single":
         hidden = [LIFE_EFFECTS[number % len(LIFE_EFFECTS)]]
+    elif part == "life_crossed":
+        # Twelve effects, and all errors at each third number: in step, four of the effects have
+        # all errors always, and eight never. So each round of twelve is moved by one.
+        hidden = [LIFE_EFFECTS[(number + number // len(LIFE_EFFECTS)) % len(LIFE_EFFECTS)]]
     elif part == "life_double":
         hidden = sorted(rng.choice(LIFE_EFFECTS, 2, replace=False).tolist())
     elif part == "double":

@@ -291,6 +291,9 @@ class NameRules:
     second: float = 3.0
     """log10 evidence by which a pair has to lead one of its members that explains alone: errors
     that no model of them has were worth 2.3 (one hidden), second effects 3.2 and more."""
+    cancelling: float = 0.25
+    """Share of what one effect of a pair does alone, below which both cancel: a sensor that rings,
+    told as two lags, 0.18; 82 true pairs 0.64 and more."""
     held_out_ratio: float = 1.2
     """Of the gap on what was left out to what is expected there."""
     held_out_chance: float = 1.3

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from skinlab.curves.campaign import Campaign
+from skinlab.discrepancy.cancelling import against_cancelling
 from skinlab.discrepancy.candidates import Candidate, Found, Partial
 from skinlab.discrepancy.discipline import Discipline, Trial, repeats_um, shares_of
 from skinlab.discrepancy.families import against_families, families, find_families
@@ -261,7 +262,10 @@ def _tried(search: Search, found: Found, first: Verdict, progress: Callable[[str
     def trials(best: Candidate, tied: Sequence[Candidate]) -> tuple[Trial, ...]:
         stood = discipline.trials(best, found.base, serving, parts, held[best.effects], tied)
         if first.name != "learned" and all(trial.passed for trial in stood):
-            stood.append(against_families(search, found.base, best))
+            apart = against_cancelling(fitter, found.base, best)
+            stood += [] if apart is None else [apart]
+            if apart is None or apart.passed:
+                stood.append(against_families(search, found.base, best))
         return tuple(stood)
 
     each: list[tuple[Trial, ...]] = []

@@ -15,6 +15,7 @@ from skinlab.curves.program import parse_program
 from skinlab.discrepancy import cache
 from skinlab.discrepancy.adopt import adopted
 from skinlab.discrepancy.campaign_errors import CampaignErrors
+from skinlab.discrepancy.cancelling import against_cancelling
 from skinlab.discrepancy.candidates import Candidate, Found
 from skinlab.discrepancy.discipline import Discipline
 from skinlab.discrepancy.families import against_families, families, find_families
@@ -380,6 +381,35 @@ def test_a_function_is_needed_beside_a_name_where_it_matters(table, share, passe
     fit = search.fitter.fit(unknowns, unknowns.start(base.fit.u))
     trial = against_families(search, base, Candidate(fit, base.left, 100.0))
     assert trial.passed == passed
+
+
+def rings(path, t, w):
+    """A filter of the second order that delays nothing on average."""
+    return w + 0.1**2 * np.gradient(np.gradient(w, t), t)
+
+
+GAIN_UNDER_A_SPRING = {"sensor": lambda w: 1.06 * w, "felt": felt}
+
+
+@pytest.mark.parametrize(
+    ("hidden", "names", "passed"),
+    [
+        ({"loop": rings}, ("pressure_lag", "regulator_lag"), False),
+        (GAIN_UNDER_A_SPRING, ("deflection_gain", "contact_preload"), True),
+    ],
+)
+def test_two_effects_that_cancel_are_no_name(table, hidden, names, passed):
+    search = search_of(campaign(HOLDS, **hidden), table, finite_elements=False)
+    base = search.base()
+
+    def fitted(names):
+        unknowns = replace(base.fit.unknowns, effects=(*base.effects, *names))
+        sizes = dict.fromkeys(names, 1.0) | {"pressure_lag": -2.0}
+        fit = search.fitter.fit(unknowns, unknowns.start(base.fit.u, sizes))
+        return Candidate(fit, base.left, 0.0)
+
+    assert against_cancelling(search.fitter, base, fitted(names)).passed == passed
+    assert against_cancelling(search.fitter, base, fitted(names[:1])) is None
 
 
 def test_the_library_is_all_that_has_a_name():
