@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 
 _RIG = RegulatorLag()  # between what is asked for and what the pressure sensor sees
 _LAGS_S = (0.0, *np.geomspace(0.01, 2.0, 12).tolist())
-_SPREAD = 0.6745  # median of |z| of a Gaussian
+_TRIMMED = 0.572  # what `_usual_there` gives of a Gaussian of deviation 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,7 +212,7 @@ def coarsened(record: Record, rate_hz: float) -> Record:
 
     usual = median_filter(w, ERRORS.glitch_window, mode="nearest")
     off = np.abs(w - usual)
-    kept = off <= np.maximum(ERRORS.glitch * np.median(off) / _SPREAD, ERRORS.glitch_mm)
+    kept = off <= np.maximum(ERRORS.glitch * _usual_there(off), ERRORS.glitch_mm)
     begins = np.concatenate([[True], phase[1:] != phase[:-1]])
     run = np.cumsum(begins) - 1
     inside = np.arange(len(w)) - np.flatnonzero(begins)[run]
@@ -245,6 +245,20 @@ def coarsened(record: Record, rate_hz: float) -> Record:
         glitches=int((~kept).sum()), step_um=step_um(w),
         noisier=np.sqrt(each / count[held]) if jumps.any() else 1.0,
     )  # fmt: skip
+
+
+def _usual_there(off: Array) -> Array:
+    """Return usual deviations (n,) at each sample's place, of deviations (n,) from a median.
+
+    Noise in proportion to the dome is larger on top. Of readings in steps more than half may lie on
+    the median; so it is the mean, without the largest.
+    """
+    parts = np.array_split(off, max(1, round(len(off) / ERRORS.glitch_part)))
+    each = [
+        float(np.mean(np.sort(part)[: int(ERRORS.glitch_trimmed * len(part)) + 1])) / _TRIMMED
+        for part in parts
+    ]
+    return np.repeat(each, [len(part) for part in parts])
 
 
 def _about_jumps(record: Record, step_s: float, size: int) -> NDArray[np.bool_]:

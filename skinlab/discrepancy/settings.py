@@ -76,8 +76,12 @@ class ErrorRules:
     """and of a step of the pressure: less is none."""
     glitch_window: int = 5
     """Samples whose median a glitch is held against,"""
-    glitch: float = 8.0
-    """in usual deviations from it, and"""
+    glitch: float = 6.0
+    """in standard deviations from it, and"""
+    glitch_part: int = 100
+    """Samples of which these are estimated together,"""
+    glitch_trimmed: float = 0.95
+    """by this share of the smallest."""
     glitch_mm: float = 0.015
     """at least."""
     bins: int = 6

@@ -12,7 +12,8 @@ _HEAD = """\
 
 “A new stochastic inverse identification of the mechanical properties of human skin”: its tables
 and figures, computed again with the finite elements, the grid and the methods in this package.
-Written by `skinlab paper{seed}`; the same command writes the same page and numbers.
+Written by `skinlab paper{seed}`; the same command writes the same page, and on the same machine the
+same numbers: RLS and Gauss-Newton hang on the last digits, which processors round differently.
 
 The paper's grid (1,360 curves, 6 mm opening, 1 mm of skin), its box (X1 0.01–0.1 MPa, X2 0.1–4.9
 MPa, ν 0.2–0.48) and cubic Lagrange interpolation are used throughout. Only the paper's text and

@@ -297,6 +297,24 @@ def test_fast_samples_are_averaged_within_phases_without_their_glitches(table):
     assert coarsened(slow, 25.0) is slow
 
 
+@pytest.mark.parametrize("step_um", [0.1, 10.0])
+def test_noise_in_proportion_to_the_dome_is_no_glitch(table, step_um):
+    """It is 12 µm on top and 4 at the foot, where half of the readings agree."""
+
+    def errors(t, per_log, rng):
+        noise = 4e-3 * (1 + 2 * t / t[-1]) * rng.normal(size=len(t))
+        noise[::100] += 0.15
+        return noise
+
+    for record in records_of(campaign(table, errors, PLAN[:2], rate_hz=100)):
+        w = 1e-3 * step_um * np.round(1e3 * record.curve.deflection_mm / step_um)
+        curve = replace(record.curve, deflection_mm=w)
+        spikes = len(range(0, len(w), 100))
+        assert coarsened(replace(record, curve=curve), 25.0).glitches == pytest.approx(
+            spikes, abs=2
+        )
+
+
 def test_means_of_fast_samples_lie_on_the_curve_where_the_suction_jumps(table):
     """A mean over a jump is on no curve: pulses at 100 Hz were a gap of 300 µm."""
     plan = 2 * [(6.0, "mode1:100,1,1,4"), (6.0, "ramp:100@20,ramp:0@20")]
