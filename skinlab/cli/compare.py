@@ -97,10 +97,8 @@ def command(
     for line in change.in_words(judged):
         echo(line)
     echo("If nothing but the sensor's noise differed between the sessions:")
-    lines = in_words(found)
     if found.p_value is not None:
         echo(f"  one skin explains both with a probability of {found.p_value:.1g}.")
-        lines = lines[1:]  # it speaks of a change that is real, of noise alone
-    for line in lines[:-1]:
+    for line in in_words(found):
         echo(f"  {line}")
     return 0

@@ -158,19 +158,8 @@ def _least(space: Any, misfit: JointMisfit, starts: Array) -> float:
 
 
 def in_words(comparison: Comparison) -> list[str]:
-    """Return the answer in sentences."""
+    """Return what is said of each parameter, if nothing but the sensor's noise differs."""
     lines = []
-    if comparison.p_value is not None:
-        if comparison.real:
-            lines.append(
-                "The change is real: one skin explains both measurements with a probability of "
-                f"{comparison.p_value:.1g} only."
-            )
-        else:
-            lines.append(
-                "No change is shown: one skin explains both measurements within their noise "
-                f"(p = {comparison.p_value:.2g})."
-            )
     for change in comparison.changes:
         p = change.probability_higher
         likely, word = (p, "higher") if p >= 0.5 else (1 - p, "lower")
@@ -188,8 +177,4 @@ def in_words(comparison: Comparison) -> list[str]:
         )
     if comparison.real and not any(change.sign for change in comparison.changes):
         lines.append("These curves do not show which parameter changed.")
-    lines.append(
-        "This counts the sensor's noise only: placing the probe anew adds to it; repeats show how "
-        "much."
-    )
     return lines

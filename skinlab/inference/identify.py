@@ -248,7 +248,6 @@ class Identifier:
         judged = intervals and estimate.minima is not None and len(estimate.minima) > 0
         if judged:
             estimate, kept = self._without_outliers(groups, models, problem, estimate)
-        answer = self._answer(groups, models, problem, estimate, blank, kept)
         if judged:
             assert estimate.minima is not None
             left = assess(
@@ -263,10 +262,14 @@ class Identifier:
                 kept=kept,
                 priors=self.priors,
             )
-            answer = _with_uncertainty(
+            if len(curves) > 1:
+                estimate = _likeliest(groups, models, estimate, left, kept)
+            answer = self._answer(groups, models, problem, estimate, blank, kept)
+            return _with_uncertainty(
                 answer, self._space(models), left, self.database.law, self.kappa, self.seed
             )
-        elif intervals:
+        answer = self._answer(groups, models, problem, estimate, blank, kept)
+        if intervals:
             misses = misses_noise(_residuals(groups, models, estimate))
             loose = self._not_identifiable(groups, models, problem, estimate)
             said = ["misfit_above_noise"] * misses + [f"not_identifiable:{n}" for n in loose]
@@ -338,15 +341,10 @@ class Identifier:
         found = polish(problem.space, total, estimate.minima, least_gain=1e-9)
         best = np.argsort(found.cost, kind="stable")
         parameters = problem.space.from_unit(found.unit[best[0]])
-        left = [
-            m.misfit(g.deflection_mm, OnKept(k, independent(np.ones(int(k.sum())))))
-            for g, m, k in zip(groups, models, split_by_group(groups, kept), strict=True)
-        ]
-        squares = float(JointMisfit(left)(parameters[None])[0])
         return replace(
             estimate,
             parameters=parameters,
-            error_um=1e3 * math.sqrt(squares) / int(kept.sum()),
+            error_um=_error_um(groups, models, parameters, kept),
             iterations=estimate.iterations + found.iterations,
             evaluations=estimate.evaluations + found.evaluations,
             minima=found.unit[best[np.isfinite(found.cost[best])]],
@@ -444,6 +442,36 @@ def _checked(estimate: object, problem: Problem) -> Estimate:
     if shape != expected:
         raise TypeError(f"its parameters have the shape {shape}; expected {expected}")
     return estimate
+
+
+def _error_um(
+    groups: Sequence[Group],
+    models: Sequence[CurveModel],
+    parameters: Array,
+    kept: NDArray[np.bool_],
+) -> float:
+    """Return the paper's E of parameters (p,), of the samples (u,) that are kept."""
+    left = [
+        m.misfit(g.deflection_mm, OnKept(k, independent(np.ones(int(k.sum())))))
+        for g, m, k in zip(groups, models, split_by_group(groups, kept), strict=True)
+    ]
+    squares = float(JointMisfit(left)(parameters[None])[0])
+    return 1e3 * math.sqrt(squares) / int(kept.sum())
+
+
+def _likeliest(
+    groups: Sequence[Group],
+    models: Sequence[CurveModel],
+    estimate: Estimate,
+    left: Uncertainty,
+    kept: NDArray[np.bool_],
+) -> Estimate:
+    """Return the best fit of curves together, by the errors that were learned.
+
+    Least squares know of no placements, and may end far off what is likely, at a bound.
+    """
+    best = left.draws.parameters[np.argmax(left.draws.log_target), : len(left.names)]
+    return replace(estimate, parameters=best, error_um=_error_um(groups, models, best, kept))
 
 
 def _residuals(

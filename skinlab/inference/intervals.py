@@ -23,11 +23,12 @@ def summary(
 ) -> tuple[float, float, float]:
     """Return the median of weighted values (n,), and the shortest interval that may be said of it.
 
-    It has 90 % of the weight, in logarithms where the prior is flat in these. A corner of the prior
-    has next to no weight, though a true value may be there: what is likely enough of it (by
-    `log_density` (n,)) is inside as well. That holds for the value's own bounds, and for draws of
-    which another unknown is at an end of its range (`at_end`, (n,)). Such intervals are too wide
-    elsewhere, and need less of the weight (docs/decisions/0114-shortest-with-corners.md).
+    It has 90 % of the weight, in logarithms where the prior is flat in these. Where that leaves out
+    what is likely (by `log_density` (n,)), however little weight it has, the interval is the
+    shortest one about all that is: a valley's narrow end has next to no weight, and true values are
+    there. Of the ends of the ranges, the value's own `bounds` and those of other unknowns (draws
+    `at_end`, (n,)), more counts as likely. Intervals that were widened so are too wide elsewhere,
+    and need less of the weight (docs/decisions/0143-what-is-likely-is-inside.md).
     """
     scale, back = (np.log, np.exp) if logarithmic else (np.asarray, np.asarray)
     z = scale(values)
@@ -36,28 +37,28 @@ def summary(
     share = (share - 0.5 * weight[by_value]) / share[-1]
     sides = 0.5 + np.array([-0.5, 0.0, 0.5]) * INTERVALS.middle
     left, middle, right = np.interp(sides, share, z[by_value])
-    best = log_density[weight > 0.0].max()
-    likely = 2.0 * (best - log_density) <= INTERVALS.end_fall
-    low, high, level = left, right, INTERVALS.level
+    fall = 2.0 * (log_density[weight > 0.0].max() - log_density)
+    likely = z[fall <= INTERVALS.likely_fall]
+    at_an_end = fall <= INTERVALS.end_fall
     if at_end is not None:
-        low, high = _hull(low, high, z[at_end & likely])
-        if low < left or high > right:
-            level = INTERVALS.level_in_a_corner
+        likely = np.append(likely, z[at_end & at_an_end])
+    low, high = _shortest(*_with_share(INTERVALS.level, left, right, z[by_value], share))
     if np.isfinite(bounds).all():
-        ends = scale(np.array(bounds))
-        near = INTERVALS.at_end * float(ends[1] - ends[0])
-        reached = [end for end in ends if (likely & (np.abs(z - end) <= near)).any()]
-        if reached:
-            low, high = _hull(low, high, np.array(reached))
-            level = INTERVALS.level_at_end
-    lows, highs = _with_share(level, low, high, z[by_value], share)
-    low, high = _shortest(lows, highs)
-    first, last = back(np.array([low, high]))
-    return float(back(middle)), float(first), float(last)
-
-
-def _hull(low: float, high: float, values: Array) -> tuple[float, float]:
-    return min(low, *values.tolist(), high), max(high, *values.tolist(), low)
+        first, last = scale(np.array(bounds))
+        near = INTERVALS.at_end * float(last - first)
+        reached = [end for end in (first, last) if (at_an_end & (np.abs(z - end) <= near)).any()]
+        likely = np.append(likely, reached)
+        low = first if first in reached and low - first <= near else low
+        high = last if last in reached and last - high <= near else high
+    if likely.min() < low or likely.max() > high:
+        left, right = min(left, float(likely.min())), max(right, float(likely.max()))
+        low, high = _shortest(
+            *_with_share(INTERVALS.level_widened, left, right, z[by_value], share)
+        )
+    ends = back(np.array([low, high]))
+    if np.isfinite(bounds).all():  # a logarithm there and back may be off by the last digit
+        ends = np.clip(ends, *bounds)
+    return float(back(middle)), float(ends[0]), float(ends[1])
 
 
 def _with_share(

@@ -586,14 +586,14 @@ def test_unknowns_and_values_go_both_ways():
 
 
 def test_an_interval_contains_what_is_likely_where_another_unknown_is_at_its_end():
-    """As those of identify do (decision 0114): X1 is extreme where ν is."""
+    """As those of identify do (decision 0143): X1 is extreme where ν is."""
     unknowns, rng = Unknowns(()), np.random.default_rng(0)
     sd = np.array([0.02, 0.02, 0.01])
     u = TRUE + sd * rng.standard_normal((500, 3))
     log_density = -0.5 * np.square((u - TRUE) / sd).sum(axis=1)
     corner = np.array([*(TRUE[:2] + 0.2), unknowns.bounds[1][2]])
     weight = np.append(np.full(500, 1.0 / 500.0), 0.0)
-    for likely, inside in ((-0.5, True), (-1.0, False)):
+    for likely, inside in ((-1.0, True), (-1.2, False)):
         known = np.append(log_density - log_density.max(), likely)
         found = Posterior(unknowns, TRUE, np.vstack([u, corner]), weight, known)
         (name, *_), x1 = unknowns.names, np.exp(corner[0])

@@ -71,10 +71,8 @@ def test_the_same_skin_twice_is_no_change_and_a_stiffer_one_is(identifier):
     stiffer = answer(identifier, (0.035, 2.9, 0.28), 3)
     same, other = compare(before, again), compare(before, stiffer)
     assert not same.real
-    assert "No change is shown" in in_words(same)[0]
     assert other.real
     assert other.p_value < 1e-6
-    assert "The change is real" in in_words(other)[0]
     x1 = other.changes[0]
     assert x1.name == "X1_MPa"
     assert x1.sign == 1

@@ -391,6 +391,14 @@ class TestPlacement:
         for value, truth in zip(found.parameters.values(), SKIN, strict=True):
             assert value.low <= truth <= value.high
 
+    def test_the_best_fit_counts_with_it(self, table):
+        """Least squares took places that differ for an ν of 0, which no interval held."""
+        for seed in (1, 2, 3):
+            curves = self.curves(table, 0.12, seed=seed)
+            found = Identifier(table, sensor=Sensor(3.0, 0.0, None)).joint(curves)
+            for name, value in found.parameters.items():
+                assert value.low <= found.optimum[name] <= value.high
+
     @pytest.mark.long
     def test_intervals_count_with_it(self, table):
         """Without it placements that differ by 12 % leave a narrow interval, and a wrong one."""
