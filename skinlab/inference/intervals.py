@@ -23,12 +23,11 @@ def summary(
 ) -> tuple[float, float, float]:
     """Return the median of weighted values (n,), and the shortest interval that may be said of it.
 
-    It has 90 % of the weight, in logarithms where the prior is flat in these. Where that leaves out
-    what is likely (by `log_density` (n,)), however little weight it has, the interval is the
-    shortest one about all that is: a valley's narrow end has next to no weight, and true values are
-    there. Of the ends of the ranges, the value's own `bounds` and those of other unknowns (draws
-    `at_end`, (n,)), more counts as likely. Intervals that were widened so are too wide elsewhere,
-    and need less of the weight (docs/decisions/0143-what-is-likely-is-inside.md).
+    In logarithms where the prior is flat in these. It contains all that is likely (by `log_density`
+    (n,)), however little weight that has: a valley's narrow end has next to none, and true values
+    are there. Of the ends of the ranges, the value's own `bounds` and those of other unknowns
+    (draws `at_end`, (n,)), more counts as likely. For that 88 % of the weight are enough to hold 90
+    % of true values (docs/decisions/0143-what-is-likely-is-inside.md).
     """
     scale, back = (np.log, np.exp) if logarithmic else (np.asarray, np.asarray)
     z = scale(values)
@@ -38,33 +37,25 @@ def summary(
     sides = 0.5 + np.array([-0.5, 0.0, 0.5]) * INTERVALS.middle
     left, middle, right = np.interp(sides, share, z[by_value])
     fall = 2.0 * (log_density[weight > 0.0].max() - log_density)
-    likely = z[fall <= INTERVALS.likely_fall]
     at_an_end = fall <= INTERVALS.end_fall
+    likely = [np.array([left, right]), z[fall <= INTERVALS.likely_fall]]
     if at_end is not None:
-        likely = np.append(likely, z[at_end & at_an_end])
-    low, high = _shortest(*_with_share(INTERVALS.level, left, right, z[by_value], share))
+        likely.append(z[at_end & at_an_end])
     if np.isfinite(bounds).all():
-        first, last = scale(np.array(bounds))
-        near = INTERVALS.at_end * float(last - first)
-        reached = [end for end in (first, last) if (at_an_end & (np.abs(z - end) <= near)).any()]
-        likely = np.append(likely, reached)
-        low = first if first in reached and low - first <= near else low
-        high = last if last in reached and last - high <= near else high
-    if likely.min() < low or likely.max() > high:
-        left, right = min(left, float(likely.min())), max(right, float(likely.max()))
-        low, high = _shortest(
-            *_with_share(INTERVALS.level_widened, left, right, z[by_value], share)
-        )
-    ends = back(np.array([low, high]))
+        ends = scale(np.array(bounds))
+        near = INTERVALS.at_end * float(ends[1] - ends[0])
+        likely.append(ends[[(at_an_end & (np.abs(z - end) <= near)).any() for end in ends]])
+    inside = np.concatenate(likely)
+    low, high = float(inside.min()), float(inside.max())
+    found = back(np.array(_shortest(*_with_share(low, high, z[by_value], share))))
     if np.isfinite(bounds).all():  # a logarithm there and back may be off by the last digit
-        ends = np.clip(ends, *bounds)
-    return float(back(middle)), float(ends[0]), float(ends[1])
+        found = np.clip(found, *bounds)
+    return float(back(middle)), float(found[0]), float(found[1])
 
 
-def _with_share(
-    level: float, low: float, high: float, values: Array, share: Array
-) -> tuple[Array, Array]:
-    """Return the ends of intervals about low to high that have this share of sorted values (n,)."""
+def _with_share(low: float, high: float, values: Array, share: Array) -> tuple[Array, Array]:
+    """Return the ends of intervals about low to high that have enough of sorted values (n,)."""
+    level = INTERVALS.weight
     first = min(float(np.interp(low, values, share)), 1.0 - level) * _STARTS
     lows = np.minimum(np.interp(first, share, values), low)
     return lows, np.maximum(np.interp(first + level, share, values), high)

@@ -284,14 +284,14 @@ class IntervalRules:
     """
 
     level: float = 0.9
-    """Of the weight,"""
-    level_widened: float = 0.7
-    """and of an interval that was widened to all that is likely."""
-    likely_fall: float = 1.9
-    """Twice the fall of the log likelihood to which values are likely: 83 % of χ² of one degree;"""
-    end_fall: float = 2.2
-    """to which an end of a range is: there half of all falls are none, the other half χ² of one
-    degree (Self and Liang 1987); 93 % of both."""
+    """Of intervals, as it is told: of true values over the prior."""
+    weight: float = 0.88
+    """Of the posterior, that is inside at least,"""
+    likely_fall: float = 1.4
+    """and values to which twice the log likelihood falls by no more: 76 % of χ² of one degree,"""
+    end_fall: float = 2.0
+    """and ends of ranges, by no more than this: there half of all falls are none, the other half χ²
+    of one degree (Self and Liang 1987); 92 % of both."""
     middle: float = 0.2
     """Of the weight, about the median, which is inside whatever is shortest."""
     as_short: float = 0.01

@@ -593,7 +593,7 @@ def test_an_interval_contains_what_is_likely_where_another_unknown_is_at_its_end
     log_density = -0.5 * np.square((u - TRUE) / sd).sum(axis=1)
     corner = np.array([*(TRUE[:2] + 0.2), unknowns.bounds[1][2]])
     weight = np.append(np.full(500, 1.0 / 500.0), 0.0)
-    for likely, inside in ((-1.0, True), (-1.2, False)):
+    for likely, inside in ((-0.9, True), (-1.1, False)):
         known = np.append(log_density - log_density.max(), likely)
         found = Posterior(unknowns, TRUE, np.vstack([u, corner]), weight, known)
         (name, *_), x1 = unknowns.names, np.exp(corner[0])

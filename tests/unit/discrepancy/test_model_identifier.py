@@ -71,7 +71,9 @@ def test_placements_differ_with_effects_too(table):
     assert width(auto) > 0.5 * width(plain)
     none = identifier(table, placement_scatter=0.0).joint(curves)
     assert none.placement is None
-    assert width(none) < width(auto)
+    much = identifier(table, placement_scatter=0.5).joint(curves)
+    assert width(none) < width(much)
+    assert width(auto) < width(much)
 
 
 def test_a_glitch_is_left_out_and_drawn_as_such(table):

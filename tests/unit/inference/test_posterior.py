@@ -171,7 +171,7 @@ class TestSummary:
 
     def test_of_a_gaussian_is_the_textbooks(self):
         middle, low, high = summary(*self.drawn())
-        np.testing.assert_allclose([low, middle, high], [-1.645, 0, 1.645], atol=0.03)
+        np.testing.assert_allclose([low, middle, high], [-1.555, 0, 1.555], atol=0.03)  # 88 %
 
     def test_of_a_gaussian_at_a_bound_goes_to_the_bound(self):
         x, weight, log_density = (v[self.drawn()[0] > 0.3] for v in self.drawn())
@@ -179,13 +179,13 @@ class TestSummary:
         assert low == 0.3
         assert low < middle < high
         inside = (x >= low) & (x <= high)
-        assert inside.mean() == pytest.approx(0.9, abs=0.01)
+        assert inside.mean() == pytest.approx(0.88, abs=0.01)
 
     def test_of_a_skewed_density_it_is_the_shortest(self):
         x = np.random.default_rng(5).gamma(3.0, 1.0, 100_000)
         _, low, high = summary(x, np.full(len(x), 1e-5), 2.0 * np.log(x) - x)
         density = gamma(3.0)
-        assert density.cdf(high) - density.cdf(low) == pytest.approx(0.9, abs=0.005)
+        assert density.cdf(high) - density.cdf(low) == pytest.approx(0.88, abs=0.005)
         assert density.pdf(low) == pytest.approx(density.pdf(high), abs=0.02)
 
     def test_a_value_at_the_end_of_the_range_is_not_left_out(self):
@@ -198,7 +198,7 @@ class TestSummary:
         assert high == 0.49
 
     def test_an_end_of_the_range_holds_as_theory_says(self):
-        """Half of all falls at a bound are none, the other half χ²: 2.2 holds in 93 %."""
+        """Half of all falls at a bound are none, the other half χ²: 2.0 holds in 92 %."""
         rng = np.random.default_rng(8)
         held = []
         for off in rng.standard_normal(2000):  # one reading of a value that is 0, in 0 to 20
@@ -206,7 +206,7 @@ class TestSummary:
             log_density = -0.5 * (x - off) ** 2
             weight = np.exp(log_density - log_density.max())
             held.append(summary(x, weight, log_density, (0.0, 20.0))[1] == 0.0)
-        assert np.mean(held) == pytest.approx(0.93, abs=0.02)
+        assert np.mean(held) == pytest.approx(0.92, abs=0.02)
 
     def test_the_middle_is_inside_where_the_shortest_is_elsewhere(self):
         x = np.concatenate([np.linspace(0.0, 0.01, 950), np.linspace(5.0, 9.0, 51)])
@@ -219,7 +219,7 @@ class TestSummary:
 
     def test_where_another_unknown_is_at_its_end_a_value_counts_without_weight(self):
         x, weight, log_density = self.drawn(3)
-        corner = -2.5, 1e-12, -1.09
+        corner = -2.5, 1e-12, -0.99
         x, weight, log_density = (
             np.append(v, c) for v, c in zip((x, weight, log_density), corner, strict=True)
         )
@@ -229,7 +229,7 @@ class TestSummary:
         assert low == pytest.approx(corner[0], abs=0.03)
         assert low <= corner[0]
         assert low < without
-        log_density[-1] = -1.11  # just too unlikely
+        log_density[-1] = -1.01  # just too unlikely
         assert summary(x, weight, log_density, at_end=at_end)[1] == without
 
     def test_what_is_likely_is_inside_though_it_has_next_to_no_weight(self):
@@ -240,7 +240,7 @@ class TestSummary:
         _, low, high = summary(x, weight, log_density)
         assert high == x.max()
         inside = (x >= low) & (x <= high)
-        assert inside.mean() >= INTERVALS.level_widened - 0.01
+        assert inside.mean() >= INTERVALS.weight - 0.01
         likely = 2.0 * (log_density.max() - log_density) <= INTERVALS.likely_fall
         assert inside[likely].all()
 
