@@ -155,7 +155,7 @@ def identify_joint(
 ) -> Identification:
     """Return one answer for several curves of one skin, or for a campaign's.
 
-    Arguments as of `identify`. Noise that is not given is a campaign's, or what repeats show.
+    Arguments as of `identify`. Noise that is not given is a campaign's, else it is estimated.
     placement_scatter: deviation of log stiffness between placements of the probe; None: the
     campaign's, else learned. Curves of later cycles are left out where there are first ones.
 
@@ -184,7 +184,7 @@ def identify_joint(
     if placement_scatter is None and stated is not None:
         placement_scatter = stated.placement_scatter
     chosen = first_cycles(several)
-    knowing = with_stated_noise(identifier, chosen, *noise)
+    knowing = with_stated_noise(identifier, *noise)
     sensor = replace(knowing.sensor, placement_scatter=placement_scatter)
     if len(chosen) < len(several):
         left = len(several) - len(chosen)

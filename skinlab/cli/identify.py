@@ -206,7 +206,7 @@ def _each(identifier: Identifier, given: Input, workers: int) -> list[Any]:
 
     if given.measured_here:  # the same answers as when they were measured
         return identify_all(identifier, given.curves, workers)
-    knowing = with_stated_noise(identifier, given.curves, given.noise_um, given.pressure_noise_mbar)
+    knowing = with_stated_noise(identifier, given.noise_um, given.pressure_noise_mbar)
     return identify_all(knowing, given.curves, workers)
 
 
@@ -229,9 +229,7 @@ def _together(identifier: Identifier, read: list[Input], scatter: float | None) 
         )
     knowing = identifier
     if len(read) == 1:
-        knowing = with_stated_noise(
-            identifier, curves, read[0].noise_um, read[0].pressure_noise_mbar
-        )
+        knowing = with_stated_noise(identifier, read[0].noise_um, read[0].pressure_noise_mbar)
     sensor = replace(knowing.sensor, placement_scatter=scatter)
     return replace(knowing, sensor=sensor).joint(curves)
 

@@ -90,7 +90,7 @@ def _rows(identifier: Identifier, task: Task) -> list[Row]:
         return [_row(identifier, curve, known) for curve in session.curves]
     curve = curves_of(path, facts)[0]
     noise, pressure = facts.get("noise_um"), facts.get("pressure_noise_mbar")
-    knowing = with_stated_noise(identifier, [curve], noise or None, pressure)
+    knowing = with_stated_noise(identifier, noise or None, pressure)
     return [_row(knowing, curve, {})]
 
 

@@ -1,0 +1,70 @@
+"""`skinlab identify` of campaigns: what is stated, what is not, and what answers together."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from skinlab.cli.main import run
+from skinlab.curves.csv import write_curve
+from skinlab.curves.curve import Curve, Setup
+from skinlab.curves.program import parse_program
+from skinlab.mechanics.fem.suction import Geometry
+
+RAMP = "ramp:100@20"
+TRUTH = (0.035, 1.2, 0.32)
+
+
+def call(capsys, *arguments):
+    status = run([str(a) for a in arguments])
+    captured = capsys.readouterr()
+    assert "Traceback" not in captured.err
+    return status, captured.out, captured.err
+
+
+def lasting(rng, size_um, time_s, n=100):
+    """Errors (n,) at 20 Hz that are correlated for about `time_s`."""
+    decay = np.exp(-0.05 / time_s)
+    found = [size_um * rng.normal()]
+    for _ in range(n - 1):
+        found.append(decay * found[-1] + size_um * np.sqrt(1.0 - decay**2) * rng.normal())
+    return np.array(found)
+
+
+def campaign(folder, table, added_um, header="", cycles=None):
+    """Write a campaign of ramps in 6 mm with these errors; return its file."""
+    folder.mkdir()
+    lines = [f'[campaign]\ntitle = "t"\n{header}\n']
+    t = np.arange(len(added_um[0])) / 20.0
+    for i, added in enumerate(added_um):
+        cycle = 1 if cycles is None else cycles[i]
+        p = 20.0 * t
+        # A later cycle of a skin that is a fifth softer: W × 0.8.
+        model = table.model(Geometry(6.0, 1.1), p * (1.0 if cycle == 1 else 1.25))
+        w = model.deflection_mm(np.array([TRUTH]))[0]
+        name = f"c{i}.csv"
+        with (folder / name).open("w") as stream:
+            write_curve(stream, Curve(name, Setup(6.0, 1.1), t, p, w + 1e-3 * added))
+        lines.append(
+            f'[[curve]]\nfile = "{name}"\naperture_mm = 6.0\nthickness_mm = 1.1\n'
+            f'program = "{RAMP}"\ncycle = {cycle}\n'
+        )
+    path = folder / "campaign.toml"
+    path.write_text("".join(lines))
+    return path
+
+
+def test_what_repeats_show_is_no_statement(capsys, tmp_path, table):
+    """It was taken for a stated noise, which errors that last contradict in every campaign."""
+    rng = np.random.default_rng(3)
+    added = [lasting(rng, 4.0, 0.3) + rng.normal(0.0, 1.0, 100) for _ in range(3)]
+    path = campaign(tmp_path / "c", table, added)
+    status, out, _ = call(capsys, "identify", path, "--joint", "--json")
+    assert status == 0
+    document = json.loads(out)
+    for entry in (*document["curves"], document["joint"]):
+        assert "correlated_noise" in entry["flags"]
+        assert "stated_noise_contradicted" not in entry["flags"]
+        assert "misfit_above_noise" not in entry["flags"]
