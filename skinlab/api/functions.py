@@ -31,7 +31,7 @@ from skinlab.curves import curve as curves
 from skinlab.curves.program import Program, parse_program
 from skinlab.errors import InputError, NotTrustworthyError
 from skinlab.inference import result as identifications
-from skinlab.inference.batch import first_cycles, with_stated_noise
+from skinlab.inference.batch import fitted_together, with_stated_noise
 from skinlab.mechanics.materials import get_law, law_names
 from skinlab.mechanics.materials.compressibility import KappaConvention
 from skinlab.mechanics.model_file import Model
@@ -157,7 +157,8 @@ def identify_joint(
 
     Arguments as of `identify`. Noise that is not given is a campaign's, else it is estimated.
     placement_scatter: deviation of log stiffness between placements of the probe; None: the
-    campaign's, else learned. Curves of later cycles are left out where there are first ones.
+    campaign's, else learned. Curves of later cycles are left out where there are first ones,
+    unless the model has effects of rate or cycle.
 
     Raises:
         InputError, NotTrustworthyError: as `identify`.
@@ -183,7 +184,7 @@ def identify_joint(
     noise = (None, None) if stated is None else (stated.noise_um, stated.pressure_noise_mbar)
     if placement_scatter is None and stated is not None:
         placement_scatter = stated.placement_scatter
-    chosen = first_cycles(several)
+    chosen = fitted_together(identifier, several)
     knowing = with_stated_noise(identifier, *noise)
     sensor = replace(knowing.sensor, placement_scatter=placement_scatter)
     if len(chosen) < len(several):

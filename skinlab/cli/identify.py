@@ -211,16 +211,16 @@ def _each(identifier: Identifier, given: Input, workers: int) -> list[Any]:
 
 
 def _together(identifier: Identifier, read: list[Input], scatter: float | None) -> Any:
-    """Return the joint answer: of first cycles, where there are any."""
+    """Return the joint answer: of first cycles, or of all where the model has effects of those."""
     from dataclasses import replace
 
     from skinlab.curves.distinct import check_distinct
-    from skinlab.inference.batch import first_cycles, with_stated_noise
+    from skinlab.inference.batch import fitted_together, with_stated_noise
     from skinlab.text import counted
 
     everything = [curve for given in read for curve in given.curves]
     check_distinct(everything)
-    curves = first_cycles(everything)
+    curves = fitted_together(identifier, everything)
     if len(curves) < len(everything):
         echo(
             f"skinlab: {counted(len(everything) - len(curves), 'curve')} of later cycles left out "

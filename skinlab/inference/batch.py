@@ -13,13 +13,18 @@ from skinlab.inference.identify import Identifier
 from skinlab.inference.noise import roughness
 from skinlab.inference.result import Identification
 from skinlab.inference.settings import NOISE
+from skinlab.mechanics.effects import get_effect
 
 
-def first_cycles(curves: Sequence[Curve]) -> Sequence[Curve]:
+def fitted_together(identifier: Identifier, curves: Sequence[Curve]) -> Sequence[Curve]:
     """Return which curves answer together: first cycles, where there are any.
 
-    The law means those.
+    The law means those. A model with effects of rate or cycle means all; where it is that of a
+    database of its own, this holds for one cycle.
     """
+    history = any(get_effect(name).needs_history for name in identifier.model.effects)
+    if history and identifier.database.fixed_geometry is None:
+        return curves
     return [curve for curve in curves if curve.setup.cycle == 1] or curves
 
 

@@ -5,12 +5,11 @@ from __future__ import annotations
 import json
 
 import numpy as np
-import pytest
 
+import skinlab
 from skinlab.cli.main import run
 from skinlab.curves.csv import write_curve
 from skinlab.curves.curve import Curve, Setup
-from skinlab.curves.program import parse_program
 from skinlab.mechanics.fem.suction import Geometry
 
 RAMP = "ramp:100@20"
@@ -68,3 +67,24 @@ def test_what_repeats_show_is_no_statement(capsys, tmp_path, table):
         assert "correlated_noise" in entry["flags"]
         assert "stated_noise_contradicted" not in entry["flags"]
         assert "misfit_above_noise" not in entry["flags"]
+
+
+def test_by_a_model_with_an_effect_of_cycles_all_of_them_answer(capsys, tmp_path, table):
+    """Without later cycles nothing could be said of a softening."""
+    rng = np.random.default_rng(4)
+    added = [rng.normal(0.0, 1.0, 60) for _ in range(2)]
+    path = campaign(tmp_path / "c", table, added, cycles=[1, 2])
+    model = tmp_path / "m.toml"
+    model.write_text(
+        '[model]\nname = "m"\nlaw = "extended_neo_hookean"\nkappa = "paper"\n'
+        "[effects.preconditioning.softening]\nvalue = 0.1\nlow = 0.0\nhigh = 0.5\n"
+    )
+    found = skinlab.identify_joint(skinlab.read_campaign(path), model=model, placement_scatter=0.0)
+    joint = found.to_dict()["joint"]
+    softening = joint["parameters"]["preconditioning.softening"]
+    assert softening["low"] < 0.2 < softening["high"]
+    assert softening["high"] - softening["low"] < 0.05
+    assert len(joint["files"]) == 2
+    _, out, err = call(capsys, "identify", path, "--joint", "--json")
+    assert "1 curve of later cycles left out" in err
+    assert len(json.loads(out)["joint"]["files"]) == 1
