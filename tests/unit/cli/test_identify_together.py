@@ -88,3 +88,36 @@ def test_by_a_model_with_an_effect_of_cycles_all_of_them_answer(capsys, tmp_path
     _, out, err = call(capsys, "identify", path, "--joint", "--json")
     assert "1 curve of later cycles left out" in err
     assert len(json.loads(out)["joint"]["files"]) == 1
+
+
+def test_what_all_campaigns_state_is_used_and_else_it_is_said(capsys, tmp_path, table):
+    """It was ignored without a word."""
+    rng = np.random.default_rng(5)
+    states = "noise_um = 10.0\nplacement_scatter = 0.0"
+    one, two, other = [
+        campaign(tmp_path / name, table, [rng.normal(0.0, 2.0, 100)], header)
+        for name, header in (("a", states), ("b", states), ("c", ""))
+    ]
+    status, out, err = call(capsys, "identify", one, two, "--joint", "--json")
+    assert (status, err) == (0, "")
+    joint = json.loads(out)["joint"]
+    assert "stated_noise_contradicted" in joint["flags"]
+    assert joint["placement"] is None
+    status, out, err = call(capsys, "identify", one, other, "--joint", "--json")
+    assert status == 0
+    assert err == (
+        "skinlab: the files do not all state the same noise_um and placement_scatter: learned "
+        "from all curves together\n"
+    )
+    joint = json.loads(out)["joint"]
+    assert "stated_noise_contradicted" not in joint["flags"]
+    assert joint["placement"]["count"] == 2
+    said = ("--noise-um", "2", "--placement-scatter", "0")
+    assert call(capsys, "identify", one, other, "--joint", *said)[2] == ""
+
+
+def test_a_scatter_of_placements_is_of_curves_together(capsys, tmp_path, table):
+    path = campaign(tmp_path / "c", table, [np.zeros(100)])
+    status, out, err = call(capsys, "identify", path, "--placement-scatter", "0.05")
+    assert (status, out) == (2, "")
+    assert "--placement-scatter is for --joint" in err
