@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from skinlab.api.arguments import checked
 from skinlab.api.explaining import base_model, hashes_of, outcome_of
@@ -149,16 +149,16 @@ def identify_joint(
     phases: str | Sequence[str] | None = None,
     noise_um: float | None = None,
     pressure_noise_mbar: float | None = None,
-    placement_scatter: float | None = None,
+    placement_scatter: float | Literal["auto"] | None = None,
     database: PathLike | Table | None = None,
     **options: Any,
 ) -> Identification:
     """Return one answer for several curves of one skin, or for a campaign's.
 
     Arguments as of `identify`. Noise that is not given is a campaign's, else it is estimated.
-    placement_scatter: deviation of log stiffness between placements of the probe; None: the
-    campaign's, else learned. Curves of later cycles are left out where there are first ones,
-    unless the model has effects of rate or cycle.
+    placement_scatter: deviation of log stiffness between placements of the probe; "auto": learned;
+    None: the campaign's, else learned. Curves of later cycles are left out where there are first
+    ones, unless the model has effects of rate or cycle.
 
     Raises:
         InputError, NotTrustworthyError: as `identify`.
@@ -167,7 +167,10 @@ def identify_joint(
     several = tuple(given.curves if isinstance(given, campaigns.Campaign) else given)
     if not several or not all(isinstance(one, curves.Curve) for one in several):  # of a generator
         raise InputError("expected one curve or more, such as skinlab.read_curve returns")
-    if placement_scatter is not None and not 0 <= placement_scatter < 1:
+    if isinstance(placement_scatter, str):
+        if placement_scatter != "auto":
+            raise InputError(f"placement_scatter {placement_scatter!r}: expected auto or a number")
+    elif placement_scatter is not None and not 0 <= placement_scatter < 1:
         raise InputError(f"placement_scatter {placement_scatter:g}: expected 0 to below 1")
     identifier = compose_identifier(
         method=method,
@@ -186,7 +189,8 @@ def identify_joint(
         placement_scatter = stated.placement_scatter
     chosen = fitted_together(identifier, several)
     knowing = with_stated_noise(identifier, *noise)
-    sensor = replace(knowing.sensor, placement_scatter=placement_scatter)
+    scatter = None if isinstance(placement_scatter, str) else placement_scatter
+    sensor = replace(knowing.sensor, placement_scatter=scatter)
     if len(chosen) < len(several):
         left = len(several) - len(chosen)
         warnings.warn(f"{counted(left, 'curve')} of later cycles left out", stacklevel=_CALLER)

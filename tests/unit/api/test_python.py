@@ -263,6 +263,11 @@ def test_several_curves_answer_together(curve):
     assert found.parameters == same.parameters
     assert found.parameters != skinlab.identify_joint([curve, curve]).parameters
     assert found.parameters.X1_MPa.low < 0.03 < found.parameters.X1_MPa.high
+    stated = replace(campaign, curves=(curve, curve), placement_scatter=0.0)
+    assert skinlab.identify_joint(stated).placement is None
+    assert skinlab.identify_joint(stated, placement_scatter="auto").parameters == found.parameters
+    with pytest.raises(skinlab.InputError, match="'much': expected auto or a number"):
+        skinlab.identify_joint(stated, placement_scatter="much")
     assert "arm" in repr(campaign)
     assert len(campaign.to_dict()["curves"]) == 3
 
