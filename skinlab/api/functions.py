@@ -54,17 +54,19 @@ def read_curve(
     thickness_sd_mm: float | None = None,
     cycle: int = 1,
     repeat: int = 1,
+    placement: str | None = None,
 ) -> Curve:
     """Return the curve of a CSV with the columns time_s, pressure_mbar and deflection_mm.
 
     aperture_mm: the opening's diameter, 2, 4, 6 or 8. program: what the pump did, such as
     "ramp:100@20"; None: read from the pressure. cycle: 1 is the first loading of the site.
+    placement: a name for one putting-on of the probe; None: a curve of cycle 1 begins one.
 
     Raises:
         InputError: names the file, the line or field, and what was expected.
     """
     setup = curves.Setup(
-        aperture_mm, thickness_mm, _program(program), cycle, repeat, thickness_sd_mm
+        aperture_mm, thickness_mm, _program(program), cycle, repeat, thickness_sd_mm, placement
     )
     return Curve.of(csv.read_curve(as_path(path), setup))
 

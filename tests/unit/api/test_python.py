@@ -227,6 +227,11 @@ class TestTypes:
         assert told[0].filename == __file__
 
 
+def test_a_curve_that_is_read_knows_its_placement(path):
+    assert skinlab.read_curve(path, **OPENING).setup.placement is None
+    assert skinlab.read_curve(path, **OPENING, placement="a").setup.placement == "a"
+
+
 def test_identify_wants_a_curve(path):
     with pytest.raises(skinlab.InputError, match="read_curve"):
         skinlab.identify(str(path))
