@@ -141,6 +141,48 @@ def test_an_interrupted_run_says_what_it_knows(campaign, tmp_path, capsys, monke
     assert run(["discrepancy", str(campaign), "--workers", "1", "--report", str(report)]) == 130
     assert "more than noise" in capsys.readouterr().err
     assert "more than noise" in (report / "partial.txt").read_text()
+    (report / "partial.txt").unlink()
+    (report / "partial.txt").mkdir()
+    assert run(["discrepancy", str(campaign), "--workers", "1", "--report", str(report)]) == 130
+    said = capsys.readouterr().err
+    assert "more than noise" in said
+    assert "partial.txt: cannot be written" in said
+
+
+@pytest.mark.parametrize("option", ["--adopt", "--report"])
+def test_what_cannot_be_written_is_said_before_anything_is_computed(
+    campaign, tmp_path, capsys, monkeypatch, option
+):
+    def computed(*_, **__):
+        raise InputError("computed")
+
+    monkeypatch.setattr("skinlab.discrepancy.workflow.explain", computed)
+    (tmp_path / "file").write_text("")
+    at = tmp_path / "file" / "there"
+    assert run(["discrepancy", str(campaign), option, str(at)]) == 3
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.startswith(f"skinlab: {at}")
+    assert "cannot be written" in said.err
+    assert run(["discrepancy", str(campaign), option, str(tmp_path / "new" / "there")]) == 3
+    assert capsys.readouterr().err == "skinlab: computed\n"
+    assert not (tmp_path / "new").exists()  # nothing is left behind
+
+
+def test_an_answer_comes_also_where_its_files_can_no_longer_be_written(
+    campaign, tmp_path, capsys, monkeypatch
+):
+    folder = write_campaign(tmp_path / "none", {}, [(6.0, "ramp:100@20")])
+
+    def fails(*_):
+        raise InputError("out: cannot be written (No space left on device)")
+
+    monkeypatch.setattr("skinlab.report.missing_effect.write_report", fails)
+    report = ["--report", str(tmp_path / "out")]
+    assert run(["discrepancy", str(folder), "--workers", "1", "--json", *report]) == 3
+    said = capsys.readouterr()
+    assert json.loads(said.out)["verdict"] == "none"
+    assert said.err.endswith("skinlab: out: cannot be written (No space left on device)\n")
 
 
 def test_nothing_is_adopted_where_nothing_is_named(tmp_path, capsys, monkeypatch):
