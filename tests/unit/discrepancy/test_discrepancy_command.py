@@ -230,6 +230,19 @@ def test_so_it_does_where_curves_are_identified_together(campaign, monkeypatch):
     assert told == [0.0, 0.05, None]
 
 
+def test_a_sensor_that_is_dead_is_nothing_to_be_learned(campaign, capsys):
+    """It was a zero that wanders by 120 µm."""
+    header, *rows = (campaign / "1.csv").read_text().splitlines()
+    dead = [f"{row.rsplit(',', 1)[0]},0.1" for row in rows]
+    (campaign / "1.csv").write_text("\n".join([header, *dead]))
+    assert run(["discrepancy", str(campaign), "--workers", "1"]) == 3
+    said = capsys.readouterr()
+    assert (said.out, said.err) == (
+        "",
+        "skinlab: 1.csv: the deflection is 0.1 mm at every suction; expected a dome\n",
+    )
+
+
 def test_suction_that_is_recorded_as_negative_is_refused(campaign, capsys):
     header, *rows = (campaign / "1.csv").read_text().splitlines()
     cells = [row.split(",") for row in rows]
