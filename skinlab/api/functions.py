@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from skinlab.api.arguments import checked
 from skinlab.api.explaining import base_model, hashes_of, outcome_of
@@ -31,7 +31,7 @@ from skinlab.curves import curve as curves
 from skinlab.curves.program import Program, parse_program
 from skinlab.errors import InputError, NotTrustworthyError
 from skinlab.inference import result as identifications
-from skinlab.inference.batch import first_cycles, with_stated_noise
+from skinlab.inference.batch import fitted_together, with_stated_noise
 from skinlab.mechanics.materials import get_law, law_names
 from skinlab.mechanics.materials.compressibility import KappaConvention
 from skinlab.mechanics.model_file import Model
@@ -54,17 +54,19 @@ def read_curve(
     thickness_sd_mm: float | None = None,
     cycle: int = 1,
     repeat: int = 1,
+    placement: str | None = None,
 ) -> Curve:
     """Return the curve of a CSV with the columns time_s, pressure_mbar and deflection_mm.
 
     aperture_mm: the opening's diameter, 2, 4, 6 or 8. program: what the pump did, such as
     "ramp:100@20"; None: read from the pressure. cycle: 1 is the first loading of the site.
+    placement: a name for one putting-on of the probe; None: a curve of cycle 1 begins one.
 
     Raises:
         InputError: names the file, the line or field, and what was expected.
     """
     setup = curves.Setup(
-        aperture_mm, thickness_mm, _program(program), cycle, repeat, thickness_sd_mm
+        aperture_mm, thickness_mm, _program(program), cycle, repeat, thickness_sd_mm, placement
     )
     return Curve.of(csv.read_curve(as_path(path), setup))
 
@@ -149,15 +151,16 @@ def identify_joint(
     phases: str | Sequence[str] | None = None,
     noise_um: float | None = None,
     pressure_noise_mbar: float | None = None,
-    placement_scatter: float | None = None,
+    placement_scatter: float | Literal["auto"] | None = None,
     database: PathLike | Table | None = None,
     **options: Any,
 ) -> Identification:
     """Return one answer for several curves of one skin, or for a campaign's.
 
-    Arguments as of `identify`. Noise that is not given is a campaign's, or what repeats show.
-    placement_scatter: deviation of log stiffness between placements of the probe; None: the
-    campaign's, else learned. Curves of later cycles are left out where there are first ones.
+    Arguments as of `identify`. Noise that is not given is a campaign's, else it is estimated.
+    placement_scatter: deviation of log stiffness between placements of the probe; "auto": learned;
+    None: the campaign's, else learned. Curves of later cycles are left out where there are first
+    ones, unless the model has effects of rate or cycle.
 
     Raises:
         InputError, NotTrustworthyError: as `identify`.
@@ -166,7 +169,10 @@ def identify_joint(
     several = tuple(given.curves if isinstance(given, campaigns.Campaign) else given)
     if not several or not all(isinstance(one, curves.Curve) for one in several):  # of a generator
         raise InputError("expected one curve or more, such as skinlab.read_curve returns")
-    if placement_scatter is not None and not 0 <= placement_scatter < 1:
+    if isinstance(placement_scatter, str):
+        if placement_scatter != "auto":
+            raise InputError(f"placement_scatter {placement_scatter!r}: expected auto or a number")
+    elif placement_scatter is not None and not 0 <= placement_scatter < 1:
         raise InputError(f"placement_scatter {placement_scatter:g}: expected 0 to below 1")
     identifier = compose_identifier(
         method=method,
@@ -183,9 +189,10 @@ def identify_joint(
     noise = (None, None) if stated is None else (stated.noise_um, stated.pressure_noise_mbar)
     if placement_scatter is None and stated is not None:
         placement_scatter = stated.placement_scatter
-    chosen = first_cycles(several)
-    knowing = with_stated_noise(identifier, chosen, *noise)
-    sensor = replace(knowing.sensor, placement_scatter=placement_scatter)
+    chosen = fitted_together(identifier, several)
+    knowing = with_stated_noise(identifier, *noise)
+    scatter = None if isinstance(placement_scatter, str) else placement_scatter
+    sensor = replace(knowing.sensor, placement_scatter=scatter)
     if len(chosen) < len(several):
         left = len(several) - len(chosen)
         warnings.warn(f"{counted(left, 'curve')} of later cycles left out", stacklevel=_CALLER)

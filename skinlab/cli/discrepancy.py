@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -65,17 +66,22 @@ def command(
     Example: skinlab discrepancy forearm/campaign.toml --adopt forearm-model.toml --report out
     """
     from skinlab.discrepancy.text import describe
+    from skinlab.errors import InputError
+    from skinlab.io.files import check_can_write
 
     if workers is not None and workers < 1:
         raise click.BadParameter("expected 1 or more", param_hint="--workers")
-    if adopt is not None and adopt.exists():
-        from skinlab.errors import InputError
-
-        raise InputError(f"{adopt}: exists already; expected a new file")
+    # What cannot be written is said now, and not after the computation.
+    if adopt is not None:
+        if os.path.lexists(adopt):
+            raise InputError(f"{adopt}: exists already; expected a new file")
+        check_can_write(adopt)
     if report is not None:
+        from skinlab.report.missing_effect import check_report
         from skinlab.report.pictures import check_pictures
 
-        check_pictures()  # now, not after the computation
+        check_report(report)
+        check_pictures()
     from skinlab.api.explaining import adopt as write_adopted
     from skinlab.api.explaining import base_model, outcome_of
     from skinlab.api.identifiers import find_table
@@ -107,22 +113,32 @@ def command(
     except KeyboardInterrupt:
         _tell_partial(partial, report)
         raise
+    lost: list[str] = []  # why a file was not written: the answer comes all the same
     if adopt is not None and not outcome.verdict.explains:
         echo(f"skinlab: the verdict is {outcome.verdict.name}: there is nothing to adopt", err=True)
     elif adopt is not None:
-        write_adopted(outcome, adopt, base, table, data)
-        outcome = replace(outcome, adopted_model=str(adopt))
+        try:
+            write_adopted(outcome, adopt, base, table, data)
+        except InputError as error:
+            lost.append(str(error))
+        else:
+            outcome = replace(outcome, adopted_model=str(adopt))
     if report is not None:
         from skinlab.report.missing_effect import write_report
 
-        echo(f"report: {write_report(outcome, report)}", err=True)
+        try:
+            echo(f"report: {write_report(outcome, report)}", err=True)
+        except InputError as error:
+            lost.append(str(error))
     if as_json:
         print_json(outcome.to_json())
     else:
         echo_text(describe(outcome))
     if outcome.verdict.name == "ambiguous" and outcome.next_measurement is None:
         echo("skinlab: no measurement of the menu would tell the tied explanations apart", err=True)
-    return 0
+    for sentence in lost:
+        echo(f"skinlab: {sentence}", err=True)
+    return InputError.exit_status if lost else 0
 
 
 def _progress(text: str) -> None:
@@ -132,10 +148,14 @@ def _progress(text: str) -> None:
 
 def _tell_partial(partial: Partial, report: Path | None) -> None:
     from skinlab.discrepancy.text import partial_words
+    from skinlab.errors import InputError
     from skinlab.io.files import write_file
     from skinlab.text import inert_lines
 
     text = partial_words(partial)
     echo_text(text, err=True)
     if report is not None:
-        write_file(report / "partial.txt", inert_lines(text) + "\n", replace=True)
+        try:
+            write_file(report / "partial.txt", inert_lines(text) + "\n", replace=True)
+        except InputError as error:  # it was interrupted all the same
+            echo(f"skinlab: {error}", err=True)

@@ -91,6 +91,8 @@ def command(
         raise click.UsageError("--advise needs the intervals that only --method auto gives")
     if advise and options["database_path"] is not None:
         raise click.UsageError("--advise needs the shipped database, which speaks of all openings")
+    if placement_scatter is not None and not joint:
+        raise click.UsageError("--placement-scatter is for --joint")
     if workers < 1:
         raise click.BadParameter("expected 1 or more", param_hint="--workers")
     if (site, age_years) != (None, None) and (prior_path, reference_path) == (None, None):
@@ -125,9 +127,7 @@ def command(
             results.append(Identification(str(path), geometry, str(error)))
             continue
         results += _each(identifier, read[-1], workers)
-    stated = read[0].placement_scatter if len(read) == 1 else None
-    scatter = scatter_of(placement_scatter, stated)
-    together = _together(identifier, read, scatter) if joint and read else None
+    together = _together(identifier, read, placement_scatter) if joint and read else None
     advice = None
     if advise and (source := together or next((r for r in results if r.uncertainty), None)):
         advice = identifier.advise(source, _thickness_mm(read))
@@ -206,33 +206,49 @@ def _each(identifier: Identifier, given: Input, workers: int) -> list[Any]:
 
     if given.measured_here:  # the same answers as when they were measured
         return identify_all(identifier, given.curves, workers)
-    knowing = with_stated_noise(identifier, given.curves, given.noise_um, given.pressure_noise_mbar)
+    knowing = with_stated_noise(identifier, given.noise_um, given.pressure_noise_mbar)
     return identify_all(knowing, given.curves, workers)
 
 
-def _together(identifier: Identifier, read: list[Input], scatter: float | None) -> Any:
-    """Return the joint answer: of first cycles, where there are any."""
+def _together(identifier: Identifier, read: list[Input], scatter: float | str | None) -> Any:
+    """Return the joint answer: of first cycles, or of all where the model has effects of those."""
     from dataclasses import replace
 
     from skinlab.curves.distinct import check_distinct
-    from skinlab.inference.batch import first_cycles, with_stated_noise
+    from skinlab.inference.batch import fitted_together, with_stated_noise
     from skinlab.text import counted
 
     everything = [curve for given in read for curve in given.curves]
     check_distinct(everything)
-    curves = first_cycles(everything)
+    curves = fitted_together(identifier, everything)
     if len(curves) < len(everything):
         echo(
             f"skinlab: {counted(len(everything) - len(curves), 'curve')} of later cycles left out "
             "of the joint identification",
             err=True,
         )
-    knowing = identifier
-    if len(read) == 1:
-        knowing = with_stated_noise(
-            identifier, curves, read[0].noise_um, read[0].pressure_noise_mbar
+    sensor, differ = identifier.sensor, []
+    common: dict[str, float | None] = {}
+    for name, known in (
+        ("noise_um", sensor.noise_um),
+        ("pressure_noise_mbar", sensor.pressure_noise_mbar),
+        ("placement_scatter", scatter),
+    ):
+        stated = [getattr(given, name) for given in read]
+        same = len(set(stated)) == 1
+        common[name] = stated[0] if same else None
+        if not same and known is None:
+            differ.append(name)
+    if differ:
+        echo(
+            f"skinlab: the files do not all state the same {' and '.join(differ)}: learned from "
+            "all curves together",
+            err=True,
         )
-    sensor = replace(knowing.sensor, placement_scatter=scatter)
+    knowing = with_stated_noise(identifier, common["noise_um"], common["pressure_noise_mbar"])
+    sensor = replace(
+        knowing.sensor, placement_scatter=scatter_of(scatter, common["placement_scatter"])
+    )
     return replace(knowing, sensor=sensor).joint(curves)
 
 

@@ -43,6 +43,11 @@ def _show_answers(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
 @click.option("--program", multiple=True, help="What the pump did, e.g. ramp:100@20.")
 @click.option("--cycle", type=int, multiple=True, help="1: first loading of the site [default: 1].")
 @click.option("--repeat", type=int, multiple=True, help="Counts from 1 [default: 1].")
+@click.option(
+    "--placement",
+    multiple=True,
+    help="A name for one putting-on of the probe  [default: a curve of cycle 1 begins one].",
+)
 @form_options()
 @click.option("--ask-again", is_flag=True, help="Forget what was answered for such files before.")
 @click.option(
@@ -63,6 +68,7 @@ def command(
     program: tuple[str, ...],
     cycle: tuple[int, ...],
     repeat: tuple[int, ...],
+    placement: tuple[str, ...],
     subject: str,
     site: str,
     out: Path,
@@ -77,8 +83,8 @@ def command(
     pipe; an option answers it too. Answers are kept for files with the same headings. Without a
     column of the pressure, --program says what it was.
 
-    The options from --aperture-mm to --repeat hold for all files, or are given once a file, in the
-    files' order.
+    The options from --aperture-mm to --placement hold for all files, or are given once a file, in
+    the files' order.
 
     \b
     Example: skinlab import a.txt b.txt --aperture-mm 6 --thickness-mm 1 --cycle 1 --cycle 2 \\
@@ -94,6 +100,7 @@ def command(
 
     programs: list[Program | None] = [parse_program(text) for text in program]
     sds: tuple[float | None, ...] = thickness_sd_mm
+    placements: tuple[str | None, ...] = placement
     setups = [
         Setup(*values)
         for values in zip(
@@ -103,6 +110,7 @@ def command(
             _each("cycle", cycle, files, 1),
             _each("repeat", repeat, files, 1),
             _each("thickness-sd-mm", sds, files, None),
+            _each("placement", placements, files, None),
             strict=True,
         )
     ]

@@ -24,6 +24,10 @@ from skinlab.cli.output import echo, echo_text, print_json
 @click.option("--program", help="What the pump does, e.g. ramp:100@20.")
 @click.option("--cycle", default=1, show_default=True, help="1: first loading of the site.")
 @click.option("--repeat", default=1, show_default=True, help="Counts from 1.")
+@click.option(
+    "--placement",
+    help="A name for this putting-on of the probe  [default: a curve of cycle 1 begins one].",
+)
 @form_options()
 @click.option(
     "--settle-s", default=1.0, show_default=True, help="How long a file must be unchanged."
@@ -39,6 +43,7 @@ def command(
     program: str | None,
     cycle: int,
     repeat: int,
+    placement: str | None,
     subject: str,
     site: str,
     settle_s: float,
@@ -83,6 +88,7 @@ def command(
         cycle,
         repeat,
         thickness_sd_mm,
+        placement,
     )
     answers = Answers(stated(options), remembered=Remembered(default_path()))
     identifier = make_identifier(**options)

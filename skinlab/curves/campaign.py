@@ -12,6 +12,7 @@ from drivers.reading import read_whole
 from skinlab.curves.csv import read_curve
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.program import parse_program
+from skinlab.curves.program_check import check_program
 from skinlab.errors import InputError
 from skinlab.io.documents import decode, read_toml
 from skinlab.io.files import real_path
@@ -56,7 +57,7 @@ def read_campaign(path: Path) -> Campaign:
 
     Raises:
         InputError: the file or one of its curves is wrong; names file and field or line. A curve
-            outside the campaign's folder is refused.
+            outside the campaign's folder is refused, and one that was measured by another program.
     """
     try:
         data = decode(read_toml(read_whole(path)), _File)
@@ -100,6 +101,7 @@ def read_campaign(path: Path) -> Campaign:
         except InputError as error:
             raise InputError(f"{path}: curve {number}: {error}") from None
         curves.append(read_curve(path.parent / entry.file, setup))
+        check_program(curves[-1])
     return Campaign(
         data.campaign.title,
         data.campaign.noise_um,

@@ -57,6 +57,12 @@ def _rows(path: Path, text: str) -> list[tuple[float, ...]]:
             f"{path}: line 1: missing column {', '.join(missing)}; "
             f"expected the header {','.join(COLUMNS)}{_separator_hint(header)}"
         )
+    twice = [name for name in COLUMNS if header.count(name) > 1]
+    if twice:
+        raise InputError(
+            f"{path}: line 1: column {', '.join(twice)} is there twice; "
+            f"expected the header {','.join(COLUMNS)}"
+        )
     where = [header.index(name) for name in COLUMNS]
     rows: list[tuple[float, ...]] = []
     for fields in lines:

@@ -32,6 +32,26 @@ class SuctionRules:
 
 
 @dataclass(frozen=True)
+class AsStatedRules:
+    """When a pressure is not its program's; `pytest tests/unit/curves/test_program_check.py`."""
+
+    off: float = 0.25
+    """Of the program's highest suction: rms over the samples with suction."""
+    lags_s: tuple[float, ...] = (0.0, 0.1, 0.2, 0.4, 0.7, 1.0, 1.4, 2.0)
+    """How late a rig may be, to the first order: a tube and a regulator take 0.1 to 0.3 s."""
+    late_s: tuple[float, ...] = (0.0, 0.25, -0.25, 0.5, -0.5, 0.75, -0.75, 1.0, -1.0)
+    """By how much it may begin late or early."""
+    suction: float = 0.1
+    """Of the highest: where neither program nor reading is above it, there is no suction."""
+    glitches: float = 0.05
+    """So many of the samples, those that are furthest off, do not count."""
+    other_top: float = 0.15
+    """Of the highest: so far off, the sentence names the highest reading."""
+    most_samples: int = 400
+    """Of a longer curve evenly some: 144 courses take some milliseconds."""
+
+
+@dataclass(frozen=True)
 class StepRules:
     """How the step of a Cutometer's mode 1 is found in a curve.
 
@@ -78,6 +98,7 @@ class ProbeRules:
 
 SAMPLES = SampleRules()
 SUCTION = SuctionRules()
+AS_STATED = AsStatedRules()
 STEP = StepRules()
 HEIGHTS = HeightRules()
 PROBE = ProbeRules()

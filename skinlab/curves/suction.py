@@ -1,4 +1,4 @@
-"""Whether a curve's suction is counted as positive, as it is everywhere in this package."""
+"""Whether a curve is one of suction: counted as positive, and with a dome that follows it."""
 
 from __future__ import annotations
 
@@ -23,4 +23,20 @@ def check_suction(curve: Curve) -> None:
     raise InputError(
         f"{curve.name}: pressure_mbar goes down to {pressure.min():g}; expected a suction, which "
         "is positive: change its sign, or let `skinlab import` do so"
+    )
+
+
+def check_dome(curve: Curve) -> None:
+    """Refuse a curve whose deflection is the same all the time, however the suction changes.
+
+    Raises:
+        InputError: so it is, as of a sensor that is dead; names the curve.
+    """
+    if not len(curve) or np.ptp(curve.deflection_mm) > 0.0:
+        return
+    if np.ptp(curve.pressure_mbar) <= 2.0 * SUCTION.about_zero_mbar:
+        return
+    raise InputError(
+        f"{curve.name}: the deflection is {curve.deflection_mm[0]:g} mm at every suction; expected "
+        "a dome"
     )

@@ -14,7 +14,7 @@ from skinlab.curves.campaign import Campaign
 from skinlab.curves.corrected import corrected
 from skinlab.curves.curve import Curve
 from skinlab.curves.pressure_path import PressurePath
-from skinlab.curves.suction import check_suction
+from skinlab.curves.suction import check_dome, check_suction
 from skinlab.discrepancy.settings import ERRORS
 from skinlab.errors import InputError
 from skinlab.inference.batch import noise_from_repeats_um
@@ -103,13 +103,15 @@ def records_of(campaign: Campaign) -> list[Record]:
     with its noise.
 
     Raises:
-        InputError: a curve is too short, or its suction is recorded as negative; names it.
+        InputError: a curve is too short, its suction is recorded as negative, or its deflection is
+            the same at every suction; names it.
     """
     found = []
     for curve, placement in zip(campaign.curves, placements_of(campaign.curves), strict=True):
         if (count := len(curve)) < ERRORS.fewest:
             raise InputError(f"{curve.name}: {count} samples; expected {ERRORS.fewest} or more")
         check_suction(curve)
+        check_dome(curve)
         true = curve if curve.probe is None else corrected(curve, curve.probe)
         one = _record(true, campaign.noise_um, campaign.pressure_noise_mbar)
         found.append(replace(one, placement=placement))

@@ -25,10 +25,11 @@ _MAYBE = {"type": ["string", "null"]}
 _HASH = {"type": "string", "pattern": "^sha256:[0-9a-f]{64}$"}
 
 
-def _object(properties: dict[str, Any]) -> dict[str, Any]:
+def _object(properties: dict[str, Any], **open_: dict[str, Any]) -> dict[str, Any]:
+    """Return the schema of an object; what is `open_` may be missing."""
     return {
         "type": "object",
-        "properties": properties,
+        "properties": properties | open_,
         "required": list(properties),
         "additionalProperties": False,
     }
@@ -57,7 +58,8 @@ SCHEMA: dict[str, Any] = {
                                 "program": _MAYBE,
                                 "cycle": {"type": "integer", "minimum": 1},
                                 "repeat": {"type": "integer", "minimum": 1},
-                            }
+                            },
+                            placement=_TEXT,
                         ),
                         "law": _TEXT,
                         "kappa": {"enum": ["paper", "consistent"]},

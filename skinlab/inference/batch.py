@@ -1,4 +1,4 @@
-"""Many curves at once: noise from their repeats, and several processes with the same answers."""
+"""Many curves at once: what is stated of their noise, and several processes, the same answers."""
 
 from __future__ import annotations
 
@@ -13,33 +13,34 @@ from skinlab.inference.identify import Identifier
 from skinlab.inference.noise import roughness
 from skinlab.inference.result import Identification
 from skinlab.inference.settings import NOISE
+from skinlab.mechanics.effects import get_effect
 
 
-def first_cycles(curves: Sequence[Curve]) -> Sequence[Curve]:
+def fitted_together(identifier: Identifier, curves: Sequence[Curve]) -> Sequence[Curve]:
     """Return which curves answer together: first cycles, where there are any.
 
-    The law means those.
+    The law means those. A model with effects of rate or cycle means all; where it is that of a
+    database of its own, this holds for one cycle.
     """
+    history = any(get_effect(name).needs_history for name in identifier.model.effects)
+    if history and identifier.database.fixed_geometry is None:
+        return curves
     return [curve for curve in curves if curve.setup.cycle == 1] or curves
 
 
 def with_stated_noise(
-    identifier: Identifier,
-    curves: Sequence[Curve],
-    noise_um: float | None = None,
-    pressure_mbar: float | None = None,
+    identifier: Identifier, noise_um: float | None = None, pressure_mbar: float | None = None
 ) -> Identifier:
-    """Return the identifier with what is known of the sensors' noise.
+    """Return the identifier with what is stated of the sensors' noise.
 
-    The identifier's own statement comes first, then that of the file the curves are from, then what
-    repeats among the curves show; None is left to the residual of each curve.
+    The identifier's own statement comes first, then that of the file the curves are from. None is
+    left to the residual of each curve: what repeats show is no statement, and the residuals show it
+    again.
     """
     sensor = identifier.sensor
     pressure = sensor.pressure_noise_mbar
     pressure = pressure_mbar if pressure is None else pressure
     deflection = noise_um if sensor.noise_um is None else sensor.noise_um
-    if deflection is None:
-        deflection = noise_from_repeats_um(curves, identifier.phases)
     known = replace(sensor, noise_um=deflection, pressure_noise_mbar=pressure)
     return replace(identifier, sensor=known)
 

@@ -15,7 +15,8 @@ from skinlab.inference.settings import JUDGEMENT
 
 Array = NDArray[np.float64]
 
-_OTHER = frozenset({"pressure", "placement"})
+_PLACEMENT = frozenset({"placement", "placement_thickness"})  # told by themselves: of no sample
+_OTHER = frozenset({"pressure"}) | _PLACEMENT
 
 
 @dataclass(frozen=True)
@@ -78,7 +79,7 @@ def judge_errors(
         flags.append("misfit_above_noise")
     sentence = "; ".join(why) or "residuals are as white noise's"
     best = errors.best
-    name = "+".join(part.name for part in best.parts if part.name != "placement")
+    name = "+".join(part.name for part in best.parts if part.name not in _PLACEMENT)
     numbers = {k: v for k, v in errors.parameters().items() if not k.startswith("placement_")}
     summary = ErrorModelSummary(name, numbers, sentence)
     return Judged(summary, noise, tuple(flags), _placement(errors))
@@ -148,7 +149,8 @@ class _Sizes:
     def noise_um(self, *, lasting: bool = True, rounding: bool = True) -> Array:
         """Return the standard deviations (nodes,) of a deflection sample's errors.
 
-        The pressure's noise is not among them, nor, if so asked, are errors that last and rounding.
+        The pressure's noise and what placements do are not among them, nor, if so asked, are errors
+        that last and rounding.
         """
         without = _OTHER if lasting else _OTHER | self.lasting
         if not rounding:

@@ -263,8 +263,8 @@ def _mixture(centre: Array, precision: Array, spacing: Array, worse: Array) -> _
     """
     kept = worse < POSTERIOR.lost_chi2
     k = spacing.shape[1]
-    # A distance of none is that of neighbours at a bound, and says nothing of the width.
-    apart = np.where(spacing[kept] > 0.0, spacing[kept], 1.0)
+    # Next to no distance is that of neighbours at a bound, and says nothing of the width.
+    apart = np.where(spacing[kept] > POSTERIOR.no_distance, spacing[kept], 1.0)
     near = np.where(apart < 1.0, 1.0 / np.square(apart), 0.0)
     whole = precision[kept] + np.eye(k) * (FLAT_PRECISION + near)[:, None, :]
     root = np.linalg.cholesky(np.linalg.inv(whole)) * POSTERIOR.wider

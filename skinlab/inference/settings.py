@@ -262,6 +262,8 @@ class PosteriorRules:
     """Points from one of the valley to the next, which intervals ask for,"""
     no_weight: float = 1e-12
     """and what they weigh."""
+    no_distance: float = 1e-9
+    """Of the unit cube: points of the valley that are nearer to each other are one."""
     small: float = 0.07
     """Of the noise: columns of errors of so little length change nothing."""
     beyond: float = 2.0

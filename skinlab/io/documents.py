@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import json
 import re
 from collections.abc import Mapping, Sequence
@@ -52,6 +53,10 @@ def read_toml(raw: bytes | str) -> dict[str, Any]:
     """
     if len(raw) > _MOST_BYTES:
         raise ValueError(f"{len(raw) >> 20} MB of text; expected at most {_MOST_BYTES >> 20} MB")
+    # Editors of Windows begin a UTF-8 file with a mark that TOML does not know.
+    raw = (
+        raw.removeprefix(codecs.BOM_UTF8) if isinstance(raw, bytes) else raw.removeprefix("\ufeff")
+    )
     # A key of thousands of parts takes the parser a time that grows with their square.
     dots, line_end = (b".", b"\n") if isinstance(raw, bytes) else (".", "\n")
     if any(line.count(dots) > _MOST_DOTS for line in raw.split(line_end)):  # type: ignore[arg-type]

@@ -34,6 +34,19 @@ def write_file(path: Path, content: bytes | memoryview | str, *, replace: bool =
             file.write(raw)
 
 
+def check_can_write(path: Path) -> None:
+    """Make sure before long work that a file can be written there; nothing is left behind.
+
+    Raises:
+        InputError: its folder can be neither written nor made.
+    """
+    import tempfile  # slow to import
+
+    there = next(p for p in path.absolute().parents if os.path.lexists(p))
+    with cannot_write(path), tempfile.TemporaryFile(dir=there):
+        pass
+
+
 def real_path(path: Path) -> Path:
     """Return the path without links; of links in a circle as far as they go."""
     return Path(os.path.realpath(path))

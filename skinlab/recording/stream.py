@@ -13,6 +13,7 @@ from drivers.events import Event, Sample, TimedEvent
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.growing import GrowingCurve
 from skinlab.curves.program import parse_program
+from skinlab.errors import InputError
 from skinlab.quality.gates.base import Finding
 
 if TYPE_CHECKING:
@@ -83,9 +84,9 @@ Message = CurveStarted | Sampled | CurveCompleted | Identified | Happened | Flag
 
 
 def setup_to_json(setup: Setup) -> dict[str, Any]:
-    """Return the setup as plain data."""
+    """Return the setup as plain data; a placement only where it is stated, as in older sessions."""
     sd = setup.thickness_sd_mm
-    return {
+    data = {
         "aperture_mm": float(setup.aperture_mm),  # so that a 6 is hashed as it reads back
         "thickness_mm": float(setup.thickness_mm),
         "thickness_sd_mm": None if sd is None else float(sd),
@@ -93,6 +94,7 @@ def setup_to_json(setup: Setup) -> dict[str, Any]:
         "cycle": setup.cycle,
         "repeat": setup.repeat,
     }
+    return data if setup.placement is None else data | {"placement": setup.placement}
 
 
 def setup_from_json(data: dict[str, Any]) -> Setup:
@@ -103,6 +105,9 @@ def setup_from_json(data: dict[str, Any]) -> Setup:
     """
     program = data["program"]
     sd = data["thickness_sd_mm"]
+    placement = data.get("placement")
+    if not isinstance(placement, str | None):
+        raise InputError(f"setup: placement is {placement!r}, expected a text")
     return Setup(
         aperture_mm=float(data["aperture_mm"]),
         thickness_mm=float(data["thickness_mm"]),
@@ -110,4 +115,5 @@ def setup_from_json(data: dict[str, Any]) -> Setup:
         cycle=int(data["cycle"]),
         repeat=int(data["repeat"]),
         thickness_sd_mm=None if sd is None else float(sd),
+        placement=placement,
     )

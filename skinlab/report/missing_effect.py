@@ -27,7 +27,7 @@ from skinlab.discrepancy.text import (
     where_words,
 )
 from skinlab.errors import InputError
-from skinlab.io.files import cannot_write, write_file
+from skinlab.io.files import cannot_write, check_can_write, write_file
 from skinlab.mechanics.effects import get_effect
 from skinlab.mechanics.names import effect_words
 from skinlab.report.page import Illustration, Section, Table, page
@@ -43,8 +43,8 @@ _WIDE = 50.0  # a range that is drawn in its logarithm
 _MARK = "skinlab missing-effect report"
 
 
-def write_report(outcome: Outcome, folder: Path) -> Path:
-    """Write the page into the folder; return its path.
+def check_report(folder: Path) -> Path:
+    """Make sure that the page can be written into the folder; return its path.
 
     Raises:
         InputError: the folder cannot be written, or holds a file of this name that is not ours.
@@ -53,6 +53,17 @@ def write_report(outcome: Outcome, folder: Path) -> Path:
     with cannot_write(to):
         if to.exists() and _MARK not in to.read_text(encoding="utf-8", errors="replace"):
             raise InputError(f"{to}: exists and is not a report of ours; expected another folder")
+    check_can_write(to)
+    return to
+
+
+def write_report(outcome: Outcome, folder: Path) -> Path:
+    """Write the page into the folder; return its path.
+
+    Raises:
+        InputError: as `check_report`.
+    """
+    to = check_report(folder)
     write_file(to, render(outcome), replace=True)
     return to
 

@@ -87,10 +87,10 @@ def _rows(identifier: Identifier, task: Task) -> list[Row]:
     if path.suffix.lower() in SESSIONS:
         session = read_session(path)
         known = labels_of(session)
-        return [_row(identifier, curve, known) for curve in session.curves]
+        return [_row(identifier, one, known | _placement(one)) for one in session.curves]
     curve = curves_of(path, facts)[0]
     noise, pressure = facts.get("noise_um"), facts.get("pressure_noise_mbar")
-    knowing = with_stated_noise(identifier, [curve], noise or None, pressure)
+    knowing = with_stated_noise(identifier, noise or None, pressure)
     return [_row(knowing, curve, {})]
 
 
@@ -132,6 +132,11 @@ def labels_of(session: Session) -> dict[str, Any]:
         "probe": instrument.get("serial_number") if isinstance(instrument, dict) else None,
     }
     return {name: str(value) for name, value in known.items() if value}
+
+
+def _placement(curve: Curve) -> dict[str, Any]:
+    stated = curve.setup.placement
+    return {} if stated is None else {"placement": stated}
 
 
 def _row(identifier: Identifier, curve: Curve, known: dict[str, Any]) -> Row:

@@ -315,8 +315,25 @@ class DimensionlessSpec:
         return np.asarray((pressure_mbar >= -EXTENSION_BELOW_MBAR) & (pressure_mbar <= high))
 
     def covers(self, curve: Curve) -> NDArray[np.bool_]:
-        """Return which samples (n,) of a curve it speaks of."""
+        """Return which samples (n,) of a curve it speaks of.
+
+        Raises:
+            NotTrustworthyError: the thickness is outside the table; names the curve.
+        """
+        try:
+            self._check(Geometry(curve.setup.aperture_mm, curve.setup.thickness_mm))
+        except NotTrustworthyError as error:
+            raise NotTrustworthyError(f"{curve.name}: {error}") from None
         return self.covered(curve.pressure_mbar)
+
+    def _check(self, geometry: Geometry) -> None:
+        asked, ends = geometry.thickness_mm / geometry.radius_mm, self.thickness
+        if not ends.low * (1 - 1e-12) <= asked <= ends.high * (1 + 1e-12):
+            raise NotTrustworthyError(
+                f"thickness/radius {asked:.4g} is outside the database "
+                f"({ends.low:g}–{ends.high:g}): {geometry.thickness_mm:g} mm of skin under a "
+                f"{geometry.aperture_mm:g} mm opening"
+            )
 
     def point(self, base: Mapping[str, float], effects: Effects) -> Array:
         """Return the parameters (p,).
@@ -333,15 +350,8 @@ class DimensionlessSpec:
             NotTrustworthyError: the thickness is outside the table.
         """
         geometry, kappa, sd_mm = asked.geometry, asked.kappa, asked.thickness_sd_mm
-        ratio_asked = geometry.thickness_mm / geometry.radius_mm
-        ends = self.thickness
-        if not ends.low * (1 - 1e-12) <= ratio_asked <= ends.high * (1 + 1e-12):
-            raise NotTrustworthyError(
-                f"thickness/radius {ratio_asked:.4g} is outside the database "
-                f"({ends.low:g}–{ends.high:g}): {geometry.thickness_mm:g} mm of skin under a "
-                f"{geometry.aperture_mm:g} mm opening"
-            )
-        log_thickness = math.log(ratio_asked)
+        self._check(geometry)
+        log_thickness = math.log(geometry.thickness_mm / geometry.radius_mm)
         axes, space = self._axes(kappa), self.space(table, kappa)
         thicknesses = np.array([log_thickness])
         if sd_mm > 0.0:

@@ -227,6 +227,11 @@ class TestTypes:
         assert told[0].filename == __file__
 
 
+def test_a_curve_that_is_read_knows_its_placement(path):
+    assert skinlab.read_curve(path, **OPENING).setup.placement is None
+    assert skinlab.read_curve(path, **OPENING, placement="a").setup.placement == "a"
+
+
 def test_identify_wants_a_curve(path):
     with pytest.raises(skinlab.InputError, match="read_curve"):
         skinlab.identify(str(path))
@@ -263,6 +268,11 @@ def test_several_curves_answer_together(curve):
     assert found.parameters == same.parameters
     assert found.parameters != skinlab.identify_joint([curve, curve]).parameters
     assert found.parameters.X1_MPa.low < 0.03 < found.parameters.X1_MPa.high
+    stated = replace(campaign, curves=(curve, curve), placement_scatter=0.0)
+    assert skinlab.identify_joint(stated).placement is None
+    assert skinlab.identify_joint(stated, placement_scatter="auto").parameters == found.parameters
+    with pytest.raises(skinlab.InputError, match="'much': expected auto or a number"):
+        skinlab.identify_joint(stated, placement_scatter="much")
     assert "arm" in repr(campaign)
     assert len(campaign.to_dict()["curves"]) == 3
 

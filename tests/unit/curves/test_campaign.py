@@ -40,6 +40,12 @@ def test_reads_curves_with_their_setups(tmp_path):
     assert (curve.setup.cycle, curve.setup.repeat) == (1, 1)
 
 
+def test_a_mark_that_editors_put_in_front_is_no_error(tmp_path):
+    path = write(tmp_path, "\ufeff" + CAMPAIGN)
+    assert path.read_bytes().startswith(b"\xef\xbb\xbf")
+    assert read_campaign(path).title == "forearm"
+
+
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [

@@ -35,6 +35,10 @@ def test_other_columns_order_bom_and_blank_lines_are_fine(tmp_path):
 @pytest.mark.parametrize(
     ("text", "says"),
     [
+        (
+            "time_s,pressure_mbar,deflection_mm,pressure_mbar\n",
+            "line 1: column pressure_mbar is there twice; expected the header time_s,",
+        ),
         ("", "line 1: missing column time_s, pressure_mbar, deflection_mm"),
         ("time_s,pressure_mbar\n0,0\n", "line 1: missing column deflection_mm"),
         ("time_s;pressure_mbar;deflection_mm\n0;0;0\n", "separated by commas"),

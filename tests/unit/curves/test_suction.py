@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from skinlab.curves.curve import Curve, Setup
-from skinlab.curves.suction import check_suction
+from skinlab.curves.suction import check_dome, check_suction
 from skinlab.errors import InputError
 
 
@@ -32,3 +32,15 @@ def test_noise_glitches_and_an_overshoot_of_the_vent_are_not():
         np.concatenate([np.zeros(20), [-50.0]]),
     ):
         check_suction(curve(pressure))
+
+
+def test_a_sensor_that_reads_the_same_all_the_time_is_refused():
+    dead = curve(np.linspace(0.0, 100.0, 50))
+    with pytest.raises(InputError, match="c: the deflection is 0 mm at every suction; expected a"):
+        check_dome(dead)
+    nothing_happens = curve(np.full(50, 0.5))
+    moves = Curve(
+        "c", dead.setup, dead.time_s, dead.pressure_mbar, np.where(np.arange(50) < 40, 0.0, 0.01)
+    )
+    for good in (nothing_happens, moves):
+        check_dome(good)

@@ -141,6 +141,48 @@ def test_an_interrupted_run_says_what_it_knows(campaign, tmp_path, capsys, monke
     assert run(["discrepancy", str(campaign), "--workers", "1", "--report", str(report)]) == 130
     assert "more than noise" in capsys.readouterr().err
     assert "more than noise" in (report / "partial.txt").read_text()
+    (report / "partial.txt").unlink()
+    (report / "partial.txt").mkdir()
+    assert run(["discrepancy", str(campaign), "--workers", "1", "--report", str(report)]) == 130
+    said = capsys.readouterr().err
+    assert "more than noise" in said
+    assert "partial.txt: cannot be written" in said
+
+
+@pytest.mark.parametrize("option", ["--adopt", "--report"])
+def test_what_cannot_be_written_is_said_before_anything_is_computed(
+    campaign, tmp_path, capsys, monkeypatch, option
+):
+    def computed(*_, **__):
+        raise InputError("computed")
+
+    monkeypatch.setattr("skinlab.discrepancy.workflow.explain", computed)
+    (tmp_path / "file").write_text("")
+    at = tmp_path / "file" / "there"
+    assert run(["discrepancy", str(campaign), option, str(at)]) == 3
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.startswith(f"skinlab: {at}")
+    assert "cannot be written" in said.err
+    assert run(["discrepancy", str(campaign), option, str(tmp_path / "new" / "there")]) == 3
+    assert capsys.readouterr().err == "skinlab: computed\n"
+    assert not (tmp_path / "new").exists()  # nothing is left behind
+
+
+def test_an_answer_comes_also_where_its_files_can_no_longer_be_written(
+    campaign, tmp_path, capsys, monkeypatch
+):
+    folder = write_campaign(tmp_path / "none", {}, [(6.0, "ramp:100@20")])
+
+    def fails(*_):
+        raise InputError("out: cannot be written (No space left on device)")
+
+    monkeypatch.setattr("skinlab.report.missing_effect.write_report", fails)
+    report = ["--report", str(tmp_path / "out")]
+    assert run(["discrepancy", str(folder), "--workers", "1", "--json", *report]) == 3
+    said = capsys.readouterr()
+    assert json.loads(said.out)["verdict"] == "none"
+    assert said.err.endswith("skinlab: out: cannot be written (No space left on device)\n")
 
 
 def test_nothing_is_adopted_where_nothing_is_named(tmp_path, capsys, monkeypatch):
@@ -186,6 +228,19 @@ def test_so_it_does_where_curves_are_identified_together(campaign, monkeypatch):
     for option in ([], ["--placement-scatter", "0.05"], ["--placement-scatter", "auto"]):
         assert run(["identify", str(campaign), "--joint", *option]) == 3
     assert told == [0.0, 0.05, None]
+
+
+def test_a_sensor_that_is_dead_is_nothing_to_be_learned(campaign, capsys):
+    """It was a zero that wanders by 120 µm."""
+    header, *rows = (campaign / "1.csv").read_text().splitlines()
+    dead = [f"{row.rsplit(',', 1)[0]},0.1" for row in rows]
+    (campaign / "1.csv").write_text("\n".join([header, *dead]))
+    assert run(["discrepancy", str(campaign), "--workers", "1"]) == 3
+    said = capsys.readouterr()
+    assert (said.out, said.err) == (
+        "",
+        "skinlab: 1.csv: the deflection is 0.1 mm at every suction; expected a dome\n",
+    )
 
 
 def test_suction_that_is_recorded_as_negative_is_refused(campaign, capsys):

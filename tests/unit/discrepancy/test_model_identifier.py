@@ -94,3 +94,16 @@ def test_a_misfit_of_a_thousand_deviations_has_an_answer(table):
     assert answer.error is None
     assert "misfit_above_noise" in answer.flags
     assert all(np.isfinite([v.low, v.high]).all() for v in answer.parameters.values())
+
+
+def test_a_thickness_of_each_placement_is_no_noise(table):
+    """It counted as noise of each sample: 5 to 6 µm for 3, and a right statement contradicted."""
+    rng = np.random.default_rng(8)
+    curves = [
+        curve_of(table, rng.normal(0.0, 3.0, 100), aperture, 0.1 * rng.normal(), name)
+        for name, aperture in (("a", 2.0), ("b", 6.0), ("c", 2.0), ("d", 6.0), ("e", 8.0))
+    ]
+    answer = identifier(table, noise_um=3.0).joint(curves)
+    assert answer.noise_um == pytest.approx(3.0, rel=0.2)
+    assert "placement" not in answer.error_model.name
+    assert not {"misfit_above_noise", "stated_noise_contradicted"} & set(answer.flags)

@@ -32,7 +32,9 @@ def session(table):
         'a "quoted", name', Setup(6, 1.1, program, 1, 1, 0.1), time_s, 100 / 6 * time_s,
         np.cumsum(rng.random(40)) / 100, segment=np.zeros(40, dtype=np.intp),
     )  # fmt: skip
-    partial = replace(whole, name="µ", setup=Setup(2, 0.9, None, 3, 2), segment=None, partial=True)
+    partial = replace(
+        whole, name="µ", setup=Setup(2, 0.9, None, 3, 2, placement="a"), segment=None, partial=True
+    )
     results = (Identifier(table)(whole).to_json(), None)
     return Session({"site": 'fore"arm', "subject": "P-1"}, (), (whole, partial), results)
 

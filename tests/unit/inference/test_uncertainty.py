@@ -540,14 +540,12 @@ class TestNoiseFromRepeats:
         assert noise_from_repeats_um([one]) is None
         assert noise_from_repeats_um([one, moved]) is None
 
-    def test_what_is_stated_comes_first(self, table):
-        curves = self.repeats(table)
-        stated = with_stated_noise(Identifier(table, sensor=Sensor(7.0)), curves, 5.0)
-        assert stated.sensor.noise_um == 7.0
-        assert with_stated_noise(Identifier(table), curves, 5.0).sensor.noise_um == 5.0
-        assert with_stated_noise(Identifier(table), curves).sensor.noise_um == pytest.approx(
-            3, rel=1
-        )
+
+def test_what_is_stated_comes_first(table):
+    stated = with_stated_noise(Identifier(table, sensor=Sensor(7.0)), 5.0, 0.3)
+    assert (stated.sensor.noise_um, stated.sensor.pressure_noise_mbar) == (7.0, 0.3)
+    assert with_stated_noise(Identifier(table), 5.0).sensor.noise_um == 5.0
+    assert with_stated_noise(Identifier(table)).sensor.noise_um is None
 
 
 @pytest.mark.long

@@ -25,6 +25,7 @@ from skinlab.recording.records import Kind, Record
 from skinlab.recording.seal import SEAL_BYTES, Seal, read_seal
 from skinlab.recording.session import Session, content_hash, read_session, write_session
 from skinlab.recording.session_check import audit_head, check
+from skinlab.recording.stream import setup_from_json, setup_to_json
 
 
 @pytest.fixture(scope="module")
@@ -241,3 +242,18 @@ def test_the_hash_is_over_all_that_a_session_says(session):
         dataclasses.replace(session, results=(None, session.results[1])),
     ):
         assert content_hash(other) != content_hash(session)
+
+
+def test_a_placement_is_kept_where_it_is_stated_and_older_sessions_are_as_they_were(
+    session, tmp_path
+):
+    first, second = session.curves
+    assert "placement" not in setup_to_json(first.setup)
+    setup = dataclasses.replace(first.setup, placement="left arm")
+    stated = dataclasses.replace(session, curves=(dataclasses.replace(first, setup=setup), second))
+    assert content_hash(stated) != content_hash(session)
+    path = tmp_path / "s.h5"
+    write_session(path, stated)
+    assert [c.setup.placement for c in read_session(path).curves] == ["left arm", None]
+    with pytest.raises(InputError, match="placement is 3, expected a text"):
+        setup_from_json(setup_to_json(setup) | {"placement": 3})

@@ -297,7 +297,7 @@ def test_sessions_campaigns_exports_and_paths_say_whose_curves_they_are(cohort, 
     CliRunner().invoke(
         cli,
         f"import {tmp_path / 'x.csv'} --aperture-mm 6 --thickness-mm 1.1 --subject E5 --site leg "
-        f"--out {folder / 'visit.h5'}",
+        f"--placement left --out {folder / 'visit.h5'}",
     )
     assert read_session(folder / "visit.h5").meta["subject"] == "E5"
     out = tmp_path / "out"
@@ -310,6 +310,7 @@ def test_sessions_campaigns_exports_and_paths_say_whose_curves_they_are(cohort, 
     assert float(rows["camp/d.csv"]["thickness_mm"]) == 1.5
     assert (rows["visit.h5"]["subject"], rows["visit.h5"]["site"]) == ("E5", "leg")
     assert float(rows["visit.h5"]["thickness_mm"]) == 1.1
+    assert rows["visit.h5"]["placement"] == "left"
     same = float(rows["camp/d.csv"]["X1_MPa"]), float(rows["D1/export.txt"]["X1_MPa"])
     assert same[0] != same[1]  # another thickness
     assert rows["D1/export.txt"]["error"] == ""

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.errors import InputError, NotTrustworthyError
 from skinlab.inference.problem import Problem
@@ -172,6 +173,10 @@ def test_gradients_are_those_of_the_misfit(table):
 def test_a_thickness_outside_is_refused_by_name(table, aperture_mm, thickness_mm):
     with pytest.raises(NotTrustworthyError, match=r"thickness/radius .* outside the database"):
         table.model(Geometry(aperture_mm, thickness_mm), np.linspace(0, 100, 11))
+    at = np.linspace(0.0, 1.0, 11)
+    curve = Curve("c.csv", Setup(aperture_mm, thickness_mm), at, 100.0 * at, 0.1 * at)
+    with pytest.raises(NotTrustworthyError, match=r"^c.csv: thickness/radius .* outside"):
+        table.covers(curve)
 
 
 @pytest.mark.parametrize(

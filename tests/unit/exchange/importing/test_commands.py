@@ -42,7 +42,8 @@ def values(entries):
 def test_several_files_become_one_session(call):
     status, out, err = call(
         "import", "a.txt", "b.txt", "--aperture-mm", "6", "--aperture-mm", "2", "--thickness-mm",
-        "1", *RAMP, "--cycle", "1", "--cycle", "2", "--repeat", "3", "--out", "s.h5",
+        "1", *RAMP, "--cycle", "1", "--cycle", "2", "--repeat", "3",
+        "--placement", "left", "--out", "s.h5",
     )  # fmt: skip
     assert (status, out) == (0, "session: s.h5\n")
     assert "a.txt: UTF-8, separator semicolon, decimal point; time: column 't (s)' in s" in err
@@ -52,6 +53,7 @@ def test_several_files_become_one_session(call):
     assert (first.setup.aperture_mm, second.setup.aperture_mm) == (6.0, 2.0)
     assert (first.setup.cycle, second.setup.cycle) == (1, 2)
     assert (first.setup.repeat, second.setup.repeat) == (3, 3)
+    assert (first.setup.placement, second.setup.placement) == ("left", "left")
     assert str(second.setup.program) == "ramp:100@20"
     np.testing.assert_allclose(second.pressure_mbar, 2.0 * np.arange(51), atol=1e-9)
 

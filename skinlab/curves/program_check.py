@@ -1,0 +1,86 @@
+"""Whether a curve's pressure is that of the program that is stated of it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinlab.curves.curve import Curve
+from skinlab.curves.pressure_path import PressurePath
+from skinlab.curves.settings import AS_STATED, SAMPLES
+from skinlab.curves.suction import check_suction
+from skinlab.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+def check_program(curve: Curve) -> None:
+    """Refuse a curve whose pressure is another program's: its phases would be wrong.
+
+    A rig may be late, begin late or early, overshoot, leak a little, or be cut short: it is the
+    nearest of all these that counts. A rise until a height is left aside: when it ended is not
+    stated.
+
+    Raises:
+        InputError: the pressure is far off all the same; names the curve.
+    """
+    program = curve.program_as_run
+    if program is None or program.max_pressure_mbar <= 0:
+        return
+    try:
+        check_suction(curve)
+    except InputError:
+        return  # another mistake, of which whoever uses the curve speaks
+    top = program.max_pressure_mbar
+    some = slice(None, None, math.ceil(len(curve) / AS_STATED.most_samples))
+    time, pressure = curve.time_s[some], curve.pressure_mbar[some]
+    path = PressurePath.of_program(program)
+    best_mbar, best = math.inf, pressure
+    for lag in AS_STATED.lags_s:
+        for asked in _ends(path.late_by(lag), path, lag):
+            # The clock began with the first sample, or that is lost and the clock tells.
+            for begin in sorted({float(time[0]), 0.0}):
+                for late in AS_STATED.late_s:
+                    expected = asked(time - begin - late)
+                    off_mbar = _off_mbar(pressure, expected, top)
+                    if off_mbar <= AS_STATED.off * top:
+                        return
+                    if off_mbar < best_mbar:
+                        best_mbar, best = off_mbar, expected
+    raise InputError(
+        f"{curve.name}: the pressure does not follow its program {program}: "
+        f"{_where(time - time[0], pressure, best, top)}; correct or leave out `program`"
+    )
+
+
+def _ends(late: PressurePath, path: PressurePath, lag_s: float) -> list[PressurePath]:
+    """Return what may come after a program's end: it stays where it is, or is vented."""
+    if path.pressure_mbar[-1] <= 0:
+        return [late]
+    end = path.time_s[-1]
+    vented = PressurePath((*path.time_s, end), (*path.pressure_mbar, 0.0))
+    return [late, vented.late_by(lag_s)]
+
+
+def _off_mbar(pressure: Array, expected: Array, top: float) -> float:
+    """Return by how much readings (n,) are off where there is suction: rms without glitches."""
+    suction = np.maximum(pressure, expected) > AS_STATED.suction * top
+    if int(suction.sum()) < SAMPLES.fewest:
+        return 0.0
+    off = np.sort(np.abs(pressure - expected)[suction])
+    kept = off[: math.ceil((1.0 - AS_STATED.glitches) * len(off))]
+    return float(np.sqrt(np.mean(kept**2)))
+
+
+def _where(time_s: Array, pressure: Array, expected: Array, top: float) -> str:
+    highest = float(np.quantile(pressure, 1.0 - AS_STATED.glitches / 2.0))
+    if abs(highest - top) > AS_STATED.other_top * top:
+        return f"it goes to {highest:.0f} mbar"
+    off = np.abs(pressure - expected)
+    worst = int(np.argsort(off)[math.ceil((1.0 - AS_STATED.glitches) * len(off)) - 1])
+    return (
+        f"after {time_s[worst]:.3g} s it is at {pressure[worst]:.0f} mbar in the place of "
+        f"{expected[worst]:.0f}"
+    )
