@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -99,7 +99,7 @@ def read_campaign(path: Path) -> Campaign:
             )
         except InputError as error:
             raise InputError(f"{path}: curve {number}: {error}") from None
-        curves.append(read_curve(path.parent / entry.file, setup))
+        curves.append(replace(read_curve(path.parent / entry.file, setup), campaign=str(folder)))
     return Campaign(
         data.campaign.title,
         data.campaign.noise_um,

@@ -6,6 +6,7 @@ import pytest
 
 from skinlab.curves.campaign import read_campaign
 from skinlab.errors import InputError
+from skinlab.inference.samples import placements_of
 
 CURVE = "time_s,pressure_mbar,deflection_mm\n" + "".join(
     f"{0.1 * i:.1f},{2 * i},{0.01 * i:.2f}\n" for i in range(6)
@@ -38,6 +39,16 @@ def test_reads_curves_with_their_setups(tmp_path):
     assert curve.setup.aperture_mm == 6
     assert str(curve.setup.program) == "ramp:100@20"
     assert (curve.setup.cycle, curve.setup.repeat) == (1, 1)
+
+
+def test_a_label_of_a_placement_is_local_to_its_campaign(tmp_path):
+    entry = CAMPAIGN[CAMPAIGN.index("[[curve]]") :]
+    labelled = CAMPAIGN.rstrip() + '\nplacement = "1"\n' + entry.rstrip() + '\nplacement = "1"\n'
+    curves = []
+    for day in ("monday", "tuesday"):
+        (tmp_path / day).mkdir()
+        curves += read_campaign(write(tmp_path / day, labelled)).curves
+    assert placements_of(curves) == [0, 0, 1, 1]
 
 
 @pytest.mark.parametrize(

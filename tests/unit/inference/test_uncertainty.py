@@ -18,7 +18,7 @@ from skinlab.inference.batch import identify_all, noise_from_repeats_um, with_st
 from skinlab.inference.identify import Identifier
 from skinlab.inference.optimise import polish
 from skinlab.inference.problem import Problem
-from skinlab.inference.samples import Fitted, choose, group, samples_of
+from skinlab.inference.samples import Fitted, choose, group, placements_of, samples_of
 from skinlab.inference.uncertainty import Sensor, about
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.parameters import Space
@@ -430,6 +430,25 @@ class TestPlacement:
         found = samples_of(groups)
         assert found.placement[::51].tolist() == [0, 0, 1, 2, 2]
         assert found.curves == 5
+
+    @pytest.mark.parametrize(
+        ("cycles", "openings_mm", "placements"),
+        [
+            ((2, 2, 2), (6, 6, 6), [0, 1, 2]),  # preconditioned, the probe put on anew each time
+            ((2, 3, 2, 3), (6, 6, 6, 6), [0, 0, 1, 1]),
+            ((2, 3), (6, 8), [0, 1]),  # another opening is another probe
+            ((1, 2), (6, 8), [0, 1]),
+        ],
+    )
+    def test_curves_of_later_cycles_are_not_all_of_one_placement(
+        self, table, cycles, openings_mm, placements
+    ):
+        one = curve_of(table, SKIN)
+        setups = [
+            replace(STANDARD, cycle=c, aperture_mm=float(a))
+            for c, a in zip(cycles, openings_mm, strict=True)
+        ]
+        assert placements_of([replace(one, setup=s) for s in setups]) == placements
 
     @pytest.mark.long
     def test_is_asked_for_on_the_command_line(self, table, tmp_path, capsys):
