@@ -57,6 +57,11 @@ class NoiseRules:
     """Robust standard deviations: more is a step. Rows `jump` of the benchmark."""
     fewest: int = 12
     """Samples of a pressure channel whose noise can be told."""
+    levels: int = 10
+    """Different pressures: what is at fewer was held, and its samples do not tell dw/dp (a
+    polynomial of degree 8 needs as many);"""
+    level: float = 0.01
+    """of the way to the highest one, on which curves bend evenly: what is nearer is the same."""
     fewest_common: int = 20
     """Samples that two repeats share, whose difference tells of the noise."""
     course_half_widths: tuple[int, ...] = (1, 2, 4, 8, 16, 32)

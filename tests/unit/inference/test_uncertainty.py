@@ -16,10 +16,11 @@ from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.program import parse_program
 from skinlab.inference.batch import identify_all, noise_from_repeats_um, with_stated_noise
 from skinlab.inference.identify import Identifier
+from skinlab.inference.noise import slope_mm_per_mbar
 from skinlab.inference.optimise import polish
 from skinlab.inference.problem import Problem
 from skinlab.inference.samples import Fitted, choose, group, placements_of, samples_of
-from skinlab.inference.uncertainty import Sensor, about
+from skinlab.inference.uncertainty import Elsewhere, Sensor, about
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.parameters import Space
 from skinlab.report.text import describe
@@ -679,3 +680,60 @@ def test_where_the_model_of_one_opening_ends_slopes_are_right_under_each(table, 
     fitted = about(group(chosen), models, space, np.array([0.5]), Sensor())
     expected = np.concatenate([1.0 * PRESSURE, 3.0 * PRESSURE])
     np.testing.assert_allclose(fitted.linear.slopes_mm[:, 0], expected, rtol=1e-6)
+
+
+HELD = {
+    "one level": np.full(60, 60.0),
+    "a jump to one level": np.r_[0.0, np.full(60, 60.0)],
+    "one level, rounded": 60.0 + 0.1 * (np.arange(60) % 4),
+    "two levels": np.repeat([20.0, 60.0], 30),
+    "zero and noise": np.r_[0.0, 60.0 + 0.1 * np.random.default_rng(0).standard_normal(60)],
+    "three levels": np.repeat([20.0, 40.0, 60.0], 20),
+    "four levels": np.repeat([20.0, 40.0, 60.0, 80.0], 20),
+}
+
+
+def fit_of(table, pressure, pressure_noise_mbar=0.3):
+    """Return the linearised truth of one curve at these pressures."""
+    setup = replace(STANDARD, program=None)
+    curve = curve_of(table, SKIN, setup, pressure=pressure)
+    groups = group([Fitted(curve, np.ones(len(pressure), dtype=bool))])
+    models, sensor = [g.model(table, "paper") for g in groups], Sensor(1.0, pressure_noise_mbar)
+    space = models[0].space
+    unit = space.to_unit(SKIN)
+    return about(groups, models, space, unit, sensor, elsewhere=Elsewhere(table, "paper"))
+
+
+@pytest.mark.parametrize("pressure", HELD.values(), ids=HELD)
+def test_the_slope_by_a_pressure_that_was_held_is_the_models(table, pressure):
+    fit = fit_of(table, pressure)
+
+    def model(p):
+        return table.model(Geometry(6.0, 1.0), p).deflection_mm(SKIN[None])[0]
+
+    low, high = np.maximum(pressure - 0.2, 0.0), pressure + 0.2
+    slope = (model(high) - model(low)) / (high - low)
+    np.testing.assert_allclose(fit.slope_mm_per_mbar, slope, rtol=0.02)
+    at = pressure > 1.0  # nearer to zero a curve is not straight over the noise
+    np.testing.assert_allclose(fit.pressure_error_mm[at], 0.3 * slope[at], rtol=0.02)
+
+
+def test_where_a_pressure_goes_everywhere_samples_tell_the_slope(table):
+    fit = fit_of(table, PRESSURE)
+    assert (fit.slope_mm_per_mbar == slope_mm_per_mbar(PRESSURE, fit.best_mm)).all()
+
+
+def test_how_placements_of_a_square_wave_differ_is_learned(table):
+    """Nothing was: their column, p dw/dp, had vanished, and what they do was told as skin."""
+    pressure, time = np.repeat([0.0, 60.0], 20), np.arange(40) / 20.0
+    rng, found = np.random.default_rng(1), []
+    for scatter in (0.0, 0.12):
+        curves = []
+        for number, by in enumerate(scatter * np.array([-1.2, 0.9, 0.4, -0.9, 1.2, -0.4])):
+            setup = Setup(6.0 if number % 2 else 2.0, 1.0)
+            model = table.model(Geometry(setup.aperture_mm, 1.0), pressure * np.exp(by))
+            w = model.deflection_mm(SKIN[None])[0] + 1e-3 * rng.standard_normal(40)
+            curves.append(Curve(f"c{number}", setup, time, pressure, w))
+        identifier = Identifier(table, phases=("load", "hold"), sensor=Sensor(1.0))
+        found.append(identifier.joint(curves).placement.scatter)
+    assert found[0]["high"] < found[1]["low"] < 0.12 < found[1]["high"]
