@@ -21,6 +21,7 @@ from skinlab.inference.covariance import Covariance, OnKept, block_diagonal
 from skinlab.inference.error_choice import ErrorChoice, choose_errors
 from skinlab.inference.error_judgement import Judged, judge_errors
 from skinlab.inference.error_models.base import ErrorModel, Look
+from skinlab.inference.error_models.placement import expected_sizes
 from skinlab.inference.error_models.quantised import step_um
 from skinlab.inference.joint import GaussianPrior, JointMisfit
 from skinlab.inference.likelihood import LinearModel
@@ -194,9 +195,27 @@ class Fitted:
         return corrected.columns_of(curves, pressure, self.best_mm, self.slope_mm_per_mbar)
 
     def outlier_probability(self) -> Array:
-        """Return each sample's probability (u,) of not belonging to its curve."""
+        """Return each sample's probability (u,) of not belonging to its curve.
+
+        A placement that differs from the others is no outlier, however few its samples are.
+        """
         step_mm = 1e-3 * step_um(self.samples.deflection_mm)
-        return outlier_probability(self.linear, self.samples, step_mm, self.pressure_error_mm)
+        linear = self._with_placements()
+        return outlier_probability(linear, self.samples, step_mm, self.pressure_error_mm)
+
+    def _with_placements(self) -> LinearModel:
+        """Return the linear model with what placements of curves together are expected to do."""
+        linear, samples = self.linear, self.samples
+        scatter, zero_mm = expected_sizes(self.sensor.placement_scatter)
+        if samples.curves < 2 or not zero_mm:
+            return linear
+        one = (samples.placement[:, None] == np.unique(samples.placement)).astype(float)
+        softer = (samples.pressure_mbar * self.slope_mm_per_mbar)[:, None] * one
+        slopes = np.hstack([linear.slopes_mm, scatter * softer, zero_mm * one])
+        precision = np.eye(slopes.shape[1])  # columns as large as their standard deviations
+        k = len(linear.precision)
+        precision[:k, :k] = linear.precision
+        return LinearModel(linear.residual_mm, slopes, precision)
 
     def pressure_sd_mbar(self) -> Array:
         """Return the pressure readings' standard deviations (u,): stated, or each curve's own."""
