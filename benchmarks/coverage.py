@@ -72,6 +72,7 @@ class Errors:
     pressure_mbar: float = 0.0
     step: float = 0.0
     jump: float = 0.0  # in the middle of the curve, and for good: the probe slipped
+    walk: float = 0.0  # µm per root second: the zero wanders
 
     @property
     def sd_um(self) -> float:
@@ -91,12 +92,12 @@ class Measured:
 
 def measured(
     errors: Errors, skin: Skin, rate_hz: float, rng: Rng, top_mbar: float = TOP_MBAR,
-    softer: float = 0.0, zero_um: float = 0.0,
+    softer: float = 0.0, zero_um: float = 0.0, lasts_s: float = LASTS_S,
 ) -> Measured:  # fmt: skip
-    """Return a curve with these errors: a ramp in 5 s, of a placement this much softer (a log)."""
-    n = round(LASTS_S * rate_hz) + 1
+    """Return a curve with these errors: a ramp, of a placement this much softer (a log)."""
+    n = round(lasts_s * rate_hz) + 1
     t = np.arange(n) / rate_hz
-    true = top_mbar * t / LASTS_S
+    true = top_mbar * t / lasts_s
     w = 1e3 * skin.deflection(true * np.exp(softer))
     reading = true + errors.pressure_mbar * rng.standard_normal(n)
     added = errors.white * rng.standard_normal(n)
@@ -123,7 +124,10 @@ def measured(
             added = added + size * np.sin(2 * np.pi * (waves[-1] * t + rng.random()))
     if errors.proportional:
         added = added + errors.proportional * w * rng.standard_normal(n)
-    w = w + added + zero_um + errors.jump * (t > 0.5 * LASTS_S)
+    if errors.walk:
+        steps = rng.standard_normal(n - 1) / np.sqrt(rate_hz)
+        added[1:] += errors.walk * np.cumsum(steps)
+    w = w + added + zero_um + errors.jump * (t > 0.5 * lasts_s)
     if errors.step:
         w = errors.step * np.round(w / errors.step)
     curve = Curve(f"skin{skin.number}", skin.setup, t, reading, 1e-3 * w)
@@ -146,6 +150,7 @@ class Row:
     kind: str = "any"  # of skins
     scatter: float | None = None  # between placements, of log stiffness; None: one curve alone
     placements: int = 1  # at each opening
+    lasts_s: float = LASTS_S  # of one curve alone
 
 
 def _rows() -> dict[str, Row]:
@@ -184,6 +189,9 @@ def _rows() -> dict[str, Row]:
     noisy = Errors(white=3.0, pressure_mbar=0.3)
     for count in (1, 4):
         found[f"placed_6_{count}_pressure"] = Row(noisy, 10.0, None, "pairs", 0.06, count)
+    walking = Errors(white=2.0, walk=1.0)
+    found["walk_5s"] = Row(walking)
+    found["walk_20s"] = Row(walking, 10.0, lasts_s=20.0)
     return found
 
 
@@ -198,7 +206,7 @@ def errors_of(name: str, skin: Skin, seed: int) -> Rng:
 def one(name: str, skin: Skin, seed: int, beside: bool = True) -> dict[str, Any]:
     """Return what becomes of one curve, if so asked beside who knows the errors' parameters."""
     row, rng = ROWS[name], errors_of(name, skin, seed)
-    drawn = measured(row.errors, skin, row.rate_hz, rng)
+    drawn = measured(row.errors, skin, row.rate_hz, rng, lasts_s=row.lasts_s)
     identifier = Identifier(
         shipped_table(), sensor=Sensor(row.stated_um, None), seed=skin.number, kappa=skin.kappa
     )
@@ -325,7 +333,7 @@ def oracle(
     e, curve = row.errors, drawn.curve
     kept, t = ~drawn.off, curve.time_s
     model = shipped_table().model(_geometry(skin), curve.pressure_mbar, skin.kappa)
-    true = skin.deflection(TOP_MBAR * t / LASTS_S)
+    true = skin.deflection(TOP_MBAR * t / row.lasts_s)
     variance = e.white**2 + (1e3 * e.proportional * true) ** 2 + 3.0 * e.student**2
     if e.pressure_mbar:
         sd = np.full(len(t), e.pressure_mbar)
@@ -336,6 +344,10 @@ def oracle(
     for size, hz in zip([s for s in (e.breathing, e.pulse) if s], drawn.waves_hz, strict=True):
         angle = 2 * np.pi * hz * t
         columns.append(size / np.sqrt(2.0) * np.column_stack([np.sin(angle), np.cos(angle)]))
+    if e.walk:
+        walk = np.zeros((len(t), len(t) - 1))
+        walk[1:] = np.linalg.cholesky(np.minimum(t[1:, None], t[1:]))
+        columns.append(e.walk * walk)
     covariance = Covariance(
         1e-6 * (variance + e.step**2 / 12.0 + np.zeros(len(t)))[kept],
         1e-3 * np.hstack(columns)[kept],
@@ -527,7 +539,8 @@ _CANNOT_SAY: dict[str, Callable[[Row], bool]] = {
         row.errors.student + row.errors.jump > 0.0
         or (row.errors.spikes > 0.0 and not row.errors.glitch)
     ),
-    "correlated_noise": lambda row: row.errors.jump > 0.0,
+    # A walk of 1 µm per root second does not show in every curve.
+    "correlated_noise": lambda row: row.errors.jump + row.errors.walk > 0.0,
     "stated_noise_contradicted": lambda row: row.stated_um is None or row.errors.proportional > 0.0,
     "misfit_above_noise": lambda row: row.stated_um is not None and (
         row.errors.proportional > 0.0 or row is ROWS["white_3_stated_as_6"]

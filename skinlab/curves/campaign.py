@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -100,7 +100,7 @@ def read_campaign(path: Path) -> Campaign:
             )
         except InputError as error:
             raise InputError(f"{path}: curve {number}: {error}") from None
-        curves.append(read_curve(path.parent / entry.file, setup))
+        curves.append(replace(read_curve(path.parent / entry.file, setup), campaign=str(folder)))
         check_program(curves[-1])
     return Campaign(
         data.campaign.title,

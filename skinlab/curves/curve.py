@@ -50,7 +50,7 @@ class Setup:
     cycle: int = 1  # 1 = first loading of this site, or one after full rest
     repeat: int = 1
     thickness_sd_mm: float | None = None
-    placement: str | None = None  # one putting-on of the probe; None: a curve of cycle 1 begins one
+    placement: str | None = None  # one putting-on of the probe; None: by the cycles
 
     def __post_init__(self) -> None:
         """Refuse what cannot be."""
@@ -70,7 +70,8 @@ class Curve:
 
     `segment` (n,) is the index of the program's segment where it is known. `probe` is the
     calibration whose errors are in the readings; `corrected_by` the one whose errors were taken
-    off them, and who leaves open what it does not know.
+    off them, and who leaves open what it does not know. `campaign` is the folder of the campaign
+    that it is from: a label of a placement means nothing beyond.
 
     Raises:
         InputError: lengths differ, a value is not finite, or time does not increase.
@@ -86,6 +87,7 @@ class Curve:
     source: str | None = None  # `sha256:…` of the file that it was read from
     probe: ProbeErrors | None = None
     corrected_by: ProbeErrors | None = None
+    campaign: str | None = None
     _phase: NDArray[np.str_] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:

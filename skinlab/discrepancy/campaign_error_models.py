@@ -16,8 +16,11 @@ from skinlab.inference.error_models import ERROR_MODELS
 from skinlab.inference.error_models.base import ErrorModel, Hyperparameter, Look, Part, Terms
 from skinlab.inference.error_models.placement import Placement
 from skinlab.inference.error_models.quantised import step_um, wave_sizes
+from skinlab.inference.error_models.wander import Wander
 
 Array = NDArray[np.float64]
+
+WANDER = Wander(ERRORS.wander_terms, ERRORS.wander_each_s, most_terms=None, fewest_samples=0)
 
 
 def models_of(records: Sequence[Record], thickness_mm: Array) -> list[ErrorModel]:
@@ -25,13 +28,13 @@ def models_of(records: Sequence[Record], thickness_mm: Array) -> list[ErrorModel
     absent = ERRORS.placements_alike if _repeated(records) else 0.0
     rounded = _rounded(records)
     own: list[ErrorModel] = [] if rounded is None else [rounded]
-    others = {Placement.name} | {model.name for model in own}
+    others = {Placement.name, Wander.name} | {model.name for model in own}
     return [
         *(model for model in ERROR_MODELS.all() if model.name not in others),
         *own,
         Placement(absent, lone_zero=True),
         ThicknessScatter(thickness_mm, absent),
-        Wander(),
+        WANDER,
     ]
 
 
@@ -147,40 +150,6 @@ def _rounded(records: Sequence[Record]) -> RoundedMeans | None:
     return RoundedMeans(each)
 
 
-@dataclass(frozen=True)
-class Wander:
-    """The zero of each curve wanders: the weight of the probe, tape that creeps.
-
-    A random walk (0.5 to 1 µm per root second): beside errors that last for a while it is what
-    grows with the time of a curve. Its first terms by Karhunen and Loève hold 90 % of it and more.
-    """
-
-    name: str = "wander"
-    meaning: str = "the zero wanders during a curve, a random walk"
-    prior: str = "0.7 µm per root second, 0.6 below and 0.45 above; as likely there as not"
-
-    def part(self, look: Look) -> Part:
-        """Return its part."""
-        samples = look.samples
-        shapes = [walk_shapes(t) for t in np.split(samples.time_s, samples.ends[:-1])]
-        columns = 1e-3 * block_diagonal(shapes)
-
-        def terms(values: Sequence[float]) -> Terms:
-            return Terms(columns_mm=columns, sizes=np.full(columns.shape[1], values[0]))
-
-        median, below, above = ERRORS.wander
-        size = Hyperparameter("wander_um_per_root_s", median, below, log_sd_above=above)
-        return Part(self.name, (size,), terms, lasting=True, why="zeros wander during curves")
-
-
 def walk_shapes(time_s: Array) -> Array:
-    """Return the first terms (n, m) of a random walk of 1 per root second from its first time on.
-
-    Each is as large as its standard deviation (Karhunen and Loève). A longer curve has more: what
-    is left out, 2/(π²m) of its mean square, grows with the time.
-    """
-    t = time_s - time_s[0]
-    whole_s = max(float(t[-1]), 1e-9)
-    terms = max(ERRORS.wander_terms, math.ceil(whole_s / ERRORS.wander_each_s))
-    odd = (np.arange(terms) + 0.5) * np.pi
-    return np.asarray(math.sqrt(2.0 * whole_s) / odd * np.sin(np.outer(t / whole_s, odd)))
+    """Return the terms (n, m) of a random walk of 1 per root second that a campaign's curve has."""
+    return WANDER.shapes(time_s)

@@ -27,11 +27,8 @@ class ErrorRules:
     placements_alike: float = 0.1
     """Share of the priors of stiffness, zero and thickness of placements with which these hardly
     differ, where a condition was measured at several placements: their repeats then tell."""
-    wander: tuple[float, float, float] = (0.7, 0.6, 0.45)
-    """Likewise of how a zero wanders during a curve, µm per root second: 0.5 to 1 are published
-    (weight of the probe, creep of the tape)."""
     wander_terms: int = 2
-    """Of a random walk: they hold 90 % of its mean square. At least, or"""
+    """Of a zero that wanders as a random walk: they hold 90 % of its mean square. At least, or"""
     wander_each_s: float = 10.0
     """one for so much of a curve: of 50 s these two left swings of 1.3 µm, in all explanations."""
     wander_most: float = 1.0

@@ -200,14 +200,19 @@ def choose_errors(
     ]
     if later:
         best = grown(best, [*others, *later])
-    # What came first may be needless beside what came later: lasting errors beside a sine.
-    early = [p for p in best.combination.parts if not p.always]
-    for part in early[:-1]:
-        fewer = combine(tuple(p for p in best.combination.parts if p is not part))
-        if all(fewer.names != e.combination.names for e in tried):
-            begin = {**starts, **best.mode}
-            tried.append(_explore(fewer, linear, begin, slow, best.log_evidence))
-    best = max((e for e in tried if e.nodes), key=lambda e: e.log_evidence)
+    # What came first may be needless beside what came later: lasting errors beside a sine. Of one
+    # curve, what stays is looked at again: a walk beside these. Of several each try costs more.
+    early = [p for p in best.combination.parts if not p.always][:-1]
+    while True:
+        for part in early:
+            fewer = combine(tuple(p for p in best.combination.parts if p is not part))
+            if all(fewer.names != e.combination.names for e in tried):
+                begin = {**starts, **best.mode}
+                tried.append(_explore(fewer, linear, begin, slow, best.log_evidence))
+        before, best = best, max((e for e in tried if e.nodes), key=lambda e: e.log_evidence)
+        if best is before or look.samples.curves > 1:
+            break
+        early = [p for p in best.combination.parts if not p.always]
     mixture = _scale_mixture(look, linear, best, combine, models)
     if mixture is not None:
         tried.append(mixture)

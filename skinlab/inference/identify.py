@@ -38,6 +38,7 @@ from skinlab.inference.result import Advice, Identification, Provenance, Value
 from skinlab.inference.samples import Fitted, Group, choose, group
 from skinlab.inference.settings import INTERVALS, NOISE, OUTLIERS, STARTS
 from skinlab.inference.uncertainty import (
+    Elsewhere,
     Sensor,
     Uncertainty,
     about,
@@ -364,12 +365,14 @@ class Identifier:
     ) -> tuple[Estimate, NDArray[np.bool_]]:
         """Return the optimum without samples that do not belong, and which (u,) do."""
         kept = np.ones(problem.points, dtype=bool)
+        elsewhere = Elsewhere(self.database, self.kappa)
         weighted = len(groups) > 1 or len(groups[0].members) > 1 or bool(self.priors)
         for _ in range(OUTLIERS.fits):
             if weighted:
                 estimate = self._weighted(groups, models, problem, estimate, kept)
             assert estimate.minima is not None
-            fit = about(groups, models, problem.space, estimate.minima[0], self.sensor, self.priors)
+            best = estimate.minima[0]
+            fit = about(groups, models, problem.space, best, self.sensor, self.priors, elsewhere)
             belong = fit.outlier_probability() <= 0.5
             if (belong == kept).all():
                 break

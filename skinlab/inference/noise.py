@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 
 _QUARTILE = 0.6744897501960817  # the upper one of the normal distribution
 _Chebyshev = np.polynomial.Chebyshev
+_DEGREE = 8  # of a smooth curve
+_TOP_BY_SCALE = 20.0  # the highest pressure by that up to which a curve is taken for straight
 
 # Root mean squares of the relative deviation of the mesh of record from a fine mesh, by orders of
 # shifted Legendre polynomials of p/p_max, and of the rest: `python benchmarks/model_error.py`, of
@@ -111,12 +113,22 @@ def pressure_noise_mbar(time_s: Array, pressure_mbar: Array) -> float:
 
 
 def slope_mm_per_mbar(pressure_mbar: Array, deflection_mm: Array) -> Array:
-    """Return dw/dp (u,) of a smooth curve given at pressures in any order, within about 1 %."""
+    """Return dw/dp (u,) of a smooth curve given at pressures in any order, within about 1 %.
+
+    Where these are `held` samples do not tell it: 0 at fewer than three.
+    """
     scale, smooth = _smooth(pressure_mbar, deflection_mm)
     if smooth is None:
         return np.zeros(len(pressure_mbar))
     s = np.arcsinh(pressure_mbar / scale)
     return np.asarray(smooth.deriv()(s) / np.hypot(pressure_mbar, scale))
+
+
+def held(pressure_mbar: Array) -> bool:
+    """Return whether pressures (u,) are at a few places only, as those of a square wave."""
+    _, s = _places(pressure_mbar)
+    apart = NOISE.level * float(np.arcsinh(_TOP_BY_SCALE))
+    return len(np.unique(np.floor(s / apart))) < NOISE.levels
 
 
 def smooth_mm(pressure_mbar: Array, deflection_mm: Array) -> Array:
@@ -148,11 +160,21 @@ def pressure_error_mm(pressure_mbar: Array, deflection_mm: Array, sd_mbar: Array
     return np.asarray(np.sqrt(squares / 6.0))
 
 
+def _places(pressure_mbar: Array) -> tuple[float, Array]:
+    """Return a pressure and arcsinh(p / that) (u,), along which curves bend evenly."""
+    top = max(float(np.abs(pressure_mbar).max(initial=0.0)), 1e-9)
+    scale = top / _TOP_BY_SCALE
+    return scale, np.arcsinh(pressure_mbar / scale)
+
+
 def _smooth(pressure_mbar: Array, deflection_mm: Array) -> tuple[float, _Chebyshev | None]:
     """Return a pressure and a polynomial of arcsinh(p / that), close to the curve."""
-    top = max(float(np.abs(pressure_mbar).max(initial=0.0)), 1e-9)
-    scale = top / 20.0
-    s = np.arcsinh(pressure_mbar / scale)
+    scale, s = _places(pressure_mbar)
     # Of a square wave pressures are the same but for rounding: these are one place.
-    degree = min(8, len(np.unique(s.round(6))) - 2)
-    return scale, _Chebyshev.fit(s, deflection_mm, degree) if degree >= 1 else None
+    degree = min(_DEGREE, len(np.unique(s.round(6))) - 2)
+    while degree >= 1:
+        smooth, (_, rank, *_) = _Chebyshev.fit(s, deflection_mm, degree, full=True)
+        if int(rank) > degree:
+            return scale, smooth
+        degree = int(rank) - 1  # places so near to each other that they are fewer
+    return scale, None

@@ -245,13 +245,14 @@ class _Mixture:
 
 
 def _half_power(values: Array, n: int) -> Array:
-    """Return values ** (n / 2)."""
+    """Return values ** (n / 2); infinite where that is too large, which weighs nothing."""
     found, power, left = np.sqrt(values) if n % 2 else 1.0, values, n // 2
-    while left:
-        if left % 2:
-            found = found * power
-        left //= 2
-        power = power * power if left else power
+    with np.errstate(over="ignore"):
+        while left:
+            if left % 2:
+                found = found * power
+            left //= 2
+            power = power * power if left else power
     return np.asarray(found)
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.curves.curve import Curve
+from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.settings import SAMPLES
 from skinlab.curves.suction import check_suction
 from skinlab.errors import InputError
@@ -97,18 +97,28 @@ class Samples:
 def placements_of(curves: Sequence[Curve]) -> list[int]:
     """Return the number of the placement that each curve belongs to.
 
-    A curve says so; else one of cycle 1 begins one, and later cycles belong to the one before.
+    A curve says so, within its campaign; else each begins one, unless it is a later cycle of the
+    one before, through the same opening.
     """
-    placements: dict[str, int] = {}
-    found, begun = [], ""
+    placements: dict[Hashable, int] = {}
+    found: list[int] = []
+    begun: Hashable = None
     for number, curve in enumerate(curves):
         label = curve.setup.placement
         if label is not None:
-            begun = f"stated {label}"
-        elif curve.setup.cycle == 1 or not begun:
-            begun = f"curve {number}"
+            begun = (curve.campaign, label)
+        elif number == 0 or _begins_placement(curve.setup, curves[number - 1].setup):
+            begun = number
         found.append(placements.setdefault(begun, len(placements)))
     return found
+
+
+def _begins_placement(here: Setup, before: Setup) -> bool:
+    """Return whether a curve without a label is of another placement than the one before.
+
+    Within one the cycles go up: of preconditioned skin all curves may be of a later cycle.
+    """
+    return here.cycle <= before.cycle or here.aperture_mm != before.aperture_mm
 
 
 def samples_of(groups: Sequence[Group]) -> Samples:

@@ -57,6 +57,11 @@ class NoiseRules:
     """Robust standard deviations: more is a step. Rows `jump` of the benchmark."""
     fewest: int = 12
     """Samples of a pressure channel whose noise can be told."""
+    levels: int = 10
+    """Different pressures: what is at fewer was held, and its samples do not tell dw/dp (a
+    polynomial of degree 8 needs as many);"""
+    level: float = 0.01
+    """of the way to the highest one, on which curves bend evenly: what is nearer is the same."""
     fewest_common: int = 20
     """Samples that two repeats share, whose difference tells of the noise."""
     course_half_widths: tuple[int, ...] = (1, 2, 4, 8, 16, 32)
@@ -111,6 +116,18 @@ class KindRules:
     """Of a kind that is there in one curve of six: sines, heavy tails, shares of the deflection."""
     lasting_odds: float = 1.0
     """Of errors that last: as likely there as not (traction records all have them)."""
+    wander: tuple[float, float, float] = (0.7, 0.6, 0.45)
+    """Median and logarithmic standard deviations, below and above it, before the data of how a zero
+    wanders during a curve, µm per root second: 0.5 to 1 are published (weight of the probe, creep
+    of the tape)."""
+    wander_odds: float = 1.0
+    """Of that in a curve that is identified."""
+    wander_terms: int = 2
+    """Of such a walk in a curve that is identified, at least, or"""
+    wander_each_s: float = 2.5
+    """one for so much of it: of a walk of 1 µm per root second these leave 0.5 µm;"""
+    wander_most: int = 20
+    """but no more: of a longer curve errors that last take the rest. Rows `walk…`."""
     edge: float = 0.02
     """Of a logarithm: how soon what is beyond reach is impossible."""
     hardly: float = 50.0

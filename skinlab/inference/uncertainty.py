@@ -21,12 +21,14 @@ from skinlab.inference.covariance import Covariance, OnKept, block_diagonal
 from skinlab.inference.error_choice import ErrorChoice, choose_errors
 from skinlab.inference.error_judgement import Judged, judge_errors
 from skinlab.inference.error_models.base import ErrorModel, Look
+from skinlab.inference.error_models.placement import expected_sizes
 from skinlab.inference.error_models.quantised import step_um
 from skinlab.inference.joint import GaussianPrior, JointMisfit
 from skinlab.inference.likelihood import LinearModel
 from skinlab.inference.marginal import IntegratedLikelihood
 from skinlab.inference.noise import (
     MESH_REST,
+    held,
     locking_shapes,
     mesh_error_shapes,
     pressure_error_mm,
@@ -46,6 +48,7 @@ from skinlab.tables.base import CurveModel, Database
 Array = NDArray[np.float64]
 
 _SLOPE_STEP = 1e-4  # of the unit cube
+_PRESSURE_STEP = 1e-3  # of the highest pressure
 
 
 @dataclass(frozen=True)
@@ -79,6 +82,50 @@ class Uncertainty:
     relative_thickness_sd: float = 0.0
 
 
+@dataclass(frozen=True)
+class Elsewhere:
+    """Asks a database for the model of a group at other pressures than its samples'."""
+
+    database: Database
+    kappa: KappaConvention
+
+    def _deflections_mm(self, g: Group, parameters: Array, pressures_mbar: Array) -> Array:
+        """Return the deflections (m, u) of parameters (p,), at the samples' times.
+
+        A stated thickness stands behind the parameters of the model: the stated one is taken.
+        """
+        times = np.tile(g.time_s, len(pressures_mbar))
+        there = replace(g, pressure_mbar=pressures_mbar.ravel(), time_s=times)
+        model = there.model(self.database, self.kappa)
+        found = model.deflection_mm(parameters[None, : len(model.space)])
+        return np.asarray(found.reshape(pressures_mbar.shape))
+
+    def slope_mm_per_mbar(self, g: Group, parameters: Array) -> Array:
+        """Return dw/dp (u,) of the model there, a difference about each pressure.
+
+        One-sided at the top and at zero: there may be no model beyond.
+        """
+        p = g.pressure_mbar
+        ends = np.clip(p + _PRESSURE_STEP * p.max() * np.array([[-1.0], [1.0]]), *_reach(p))
+        low, high = self._deflections_mm(g, parameters, ends)
+        return np.asarray((high - low) / np.maximum(ends[1] - ends[0], 1e-12))
+
+    def pressure_error_mm(self, g: Group, parameters: Array, sd_mbar: Array) -> Array:
+        """Return what `noise.pressure_error_mm` does, of the model, straight beyond its ends."""
+        p = g.pressure_mbar
+        there = p + np.sqrt(3.0) * sd_mbar * np.array([[-1.0], [0.0], [1.0]])
+        near = np.clip(there, *_reach(p))
+        low, here, high = self._deflections_mm(g, parameters, near)
+        beyond = self.slope_mm_per_mbar(g, parameters) * (there - near)
+        squares = np.square(low + beyond[0] - here) + np.square(high + beyond[2] - here)
+        return np.asarray(np.sqrt(squares / 6.0))
+
+
+def _reach(pressure_mbar: Array) -> tuple[float, float]:
+    """Return from where to where a group's model has to hold."""
+    return min(float(pressure_mbar.min()), 0.0), float(pressure_mbar.max())
+
+
 @dataclass(frozen=True, eq=False)
 class Fitted:
     """All curves' samples with a fit to them, and which of the samples belong."""
@@ -91,13 +138,21 @@ class Fitted:
     best_mm: Array  # (u,) of the model there
     linear: LinearModel
     sensor: Sensor
+    elsewhere: Elsewhere | None = None
 
-    @property
+    @cached_property
     def slope_mm_per_mbar(self) -> Array:
-        """Return dw/dp (u,) at the fit."""
+        """Return dw/dp (u,) at the fit.
+
+        Of the curve through its values at the samples, or, where the pressure was held, of the
+        model itself: two levels of a square wave tell no slope.
+        """
         parts = []
         for g, w in zip(self.groups, split_by_group(self.groups, self.best_mm), strict=True):
-            parts.append(slope_mm_per_mbar(g.pressure_mbar, w))
+            if self.elsewhere is not None and held(g.pressure_mbar):
+                parts.append(self.elsewhere.slope_mm_per_mbar(g, self.parameters))
+            else:
+                parts.append(slope_mm_per_mbar(g.pressure_mbar, w))
         return np.concatenate(parts)
 
     @cached_property
@@ -106,13 +161,14 @@ class Fitted:
         sd = self.pressure_sd_mbar()
         if not sd.any():
             return sd
-        parts = [split_by_group(self.groups, v) for v in (self.best_mm, sd)]
-        return np.concatenate(
-            [
-                pressure_error_mm(g.pressure_mbar, *v)
-                for g, *v in zip(self.groups, *parts, strict=True)
-            ]
-        )
+        each = [split_by_group(self.groups, v) for v in (self.best_mm, sd)]
+        parts = []
+        for g, w, noise in zip(self.groups, *each, strict=True):
+            if self.elsewhere is not None and held(g.pressure_mbar):
+                parts.append(self.elsewhere.pressure_error_mm(g, self.parameters, noise))
+            else:
+                parts.append(pressure_error_mm(g.pressure_mbar, w, noise))
+        return np.concatenate(parts)
 
     def mesh_columns(self) -> Array:
         """Return the shapes (u, m) in which mesh and database err.
@@ -139,9 +195,27 @@ class Fitted:
         return corrected.columns_of(curves, pressure, self.best_mm, self.slope_mm_per_mbar)
 
     def outlier_probability(self) -> Array:
-        """Return each sample's probability (u,) of not belonging to its curve."""
+        """Return each sample's probability (u,) of not belonging to its curve.
+
+        A placement that differs from the others is no outlier, however few its samples are.
+        """
         step_mm = 1e-3 * step_um(self.samples.deflection_mm)
-        return outlier_probability(self.linear, self.samples, step_mm, self.pressure_error_mm)
+        linear = self._with_placements()
+        return outlier_probability(linear, self.samples, step_mm, self.pressure_error_mm)
+
+    def _with_placements(self) -> LinearModel:
+        """Return the linear model with what placements of curves together are expected to do."""
+        linear, samples = self.linear, self.samples
+        scatter, zero_mm = expected_sizes(self.sensor.placement_scatter)
+        if samples.curves < 2 or not zero_mm:
+            return linear
+        one = (samples.placement[:, None] == np.unique(samples.placement)).astype(float)
+        softer = (samples.pressure_mbar * self.slope_mm_per_mbar)[:, None] * one
+        slopes = np.hstack([linear.slopes_mm, scatter * softer, zero_mm * one])
+        precision = np.eye(slopes.shape[1])  # columns as large as their standard deviations
+        k = len(linear.precision)
+        precision[:k, :k] = linear.precision
+        return LinearModel(linear.residual_mm, slopes, precision)
 
     def pressure_sd_mbar(self) -> Array:
         """Return the pressure readings' standard deviations (u,): stated, or each curve's own."""
@@ -240,8 +314,12 @@ def about(
     unit: Array,
     sensor: Sensor,
     priors: Sequence[GaussianPrior] = (),
+    elsewhere: Elsewhere | None = None,
 ) -> Fitted:
-    """Return the curves with the fit at a point (k,) of the unit cube, linearised."""
+    """Return the curves with the fit at a point (k,) of the unit cube, linearised.
+
+    `elsewhere` says how the model goes on beside pressures that were held.
+    """
     k = len(unit)
     steps = _SLOPE_STEP * np.eye(k)
     up, down = np.clip(unit + steps, 0.0, 1.0), np.clip(unit - steps, 0.0, 1.0)
@@ -264,7 +342,7 @@ def about(
     residual = np.concatenate([g.deflection_mm for g in groups]) - here
     columns = _within(unit, residual, slopes.T)
     linear = LinearModel(residual, columns, precision)
-    return Fitted(groups, models, space, samples, points[0], here, linear, sensor)
+    return Fitted(groups, models, space, samples, points[0], here, linear, sensor, elsewhere)
 
 
 def _within(unit: Array, residual: Array, slopes: Array) -> Array:
@@ -325,7 +403,8 @@ def assess(
         priors.append(GaussianPrior(len(best), 1.0, relative_sd))
         stated = space.to_unit(np.append(best, 1.0))[-1]
         modes = np.column_stack([modes, np.full(len(modes), stated)])
-    fitted = about(groups, models, space, modes[0], sensor, priors)
+    elsewhere = Elsewhere(database, kappa)
+    fitted = about(groups, models, space, modes[0], sensor, priors, elsewhere)
     if kept is None:
         kept = np.ones(len(fitted.samples), dtype=bool)
     thickness_error_mm = None

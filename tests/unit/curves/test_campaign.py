@@ -6,6 +6,7 @@ import pytest
 
 from skinlab.curves.campaign import read_campaign
 from skinlab.errors import InputError
+from skinlab.inference.samples import placements_of
 
 CURVE = "time_s,pressure_mbar,deflection_mm\n" + "".join(
     f"{0.1 * i:.1f},{2 * i},{0.01 * i:.2f}\n" for i in range(6)
@@ -44,6 +45,16 @@ def test_a_mark_that_editors_put_in_front_is_no_error(tmp_path):
     path = write(tmp_path, "\ufeff" + CAMPAIGN)
     assert path.read_bytes().startswith(b"\xef\xbb\xbf")
     assert read_campaign(path).title == "forearm"
+
+
+def test_a_label_of_a_placement_is_local_to_its_campaign(tmp_path):
+    entry = CAMPAIGN[CAMPAIGN.index("[[curve]]") :]
+    labelled = CAMPAIGN.rstrip() + '\nplacement = "1"\n' + entry.rstrip() + '\nplacement = "1"\n'
+    curves = []
+    for day in ("monday", "tuesday"):
+        (tmp_path / day).mkdir()
+        curves += read_campaign(write(tmp_path / day, labelled)).curves
+    assert placements_of(curves) == [0, 0, 1, 1]
 
 
 @pytest.mark.parametrize(

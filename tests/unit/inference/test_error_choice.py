@@ -20,10 +20,12 @@ from skinlab.inference.error_models.ornstein_uhlenbeck import ERROR_MODEL as OU
 from skinlab.inference.error_models.placement import ERROR_MODEL as PLACEMENT
 from skinlab.inference.error_models.pulse import ERROR_MODEL as PULSE
 from skinlab.inference.error_models.quantised import step_um
+from skinlab.inference.error_models.wander import ERROR_MODEL as WANDER
 from skinlab.inference.error_models.white import ERROR_MODEL as WHITE
 from skinlab.inference.likelihood import LinearModel
 from skinlab.inference.outliers import outlier_probability
 from skinlab.inference.samples import Samples
+from skinlab.report.text import errors_in_words
 
 N, HZ = 101, 20.0
 TIME = np.arange(N) / HZ
@@ -53,6 +55,11 @@ def process(rng, size_um, time_s):
     steps = np.sqrt(1 - rho**2) * rng.standard_normal(N)
     steps[0] = rng.standard_normal()
     return 1e-3 * size_um * lfilter([1.0], [1.0, -rho], steps)
+
+
+def walk(rng, um_per_root_s, count=N, hz=HZ):
+    steps = rng.standard_normal(count) / math.sqrt(hz)
+    return 1e-3 * um_per_root_s * (np.cumsum(steps) - steps[0])
 
 
 def white(rng, size_um=3.0):
@@ -375,8 +382,18 @@ def test_sizes_and_durations_that_trade_for_each_other_are_integrated_as_on_a_gr
     assert np.sqrt(np.mean(np.square(off))) < 0.09
 
 
+def drawn_size(rng, prior):
+    """Return a parameter from its prior, whose halves may differ."""
+    below, above = prior.log_sd, prior.log_sd_above or prior.log_sd
+    off = abs(rng.standard_normal())
+    return prior.median * np.exp(
+        -below * off if rng.random() < below / (below + above) else above * off
+    )
+
+
 @pytest.mark.long
-def test_ranks_are_uniform_where_the_errors_are_drawn_from_their_priors():
+@pytest.mark.parametrize("other", [OU, WANDER], ids=["lasting", "wandering"])
+def test_ranks_are_uniform_where_the_errors_are_drawn_from_their_priors(other):
     """Simulation-based calibration (Talts et al. 2018) of an unknown, its errors being in doubt."""
     rng = np.random.default_rng(8)
     below = []
@@ -385,15 +402,19 @@ def test_ranks_are_uniform_where_the_errors_are_drawn_from_their_priors():
             samples_of(COURSE), COURSE, COURSE, COURSE, SLOPES, None, np.zeros(N), np.zeros(N)
         )
         size = {
-            p.name: p.median * np.exp(p.log_sd * rng.standard_normal())
-            for model in (WHITE, OU)
+            p.name: drawn_size(rng, p)
+            for model in (WHITE, other)
             for p in model.part(look).parameters
         }
         errors = white(rng, size["white_um"])
         if rng.random() < 0.5:
-            errors = errors + process(rng, size["ou_um"], size["ou_s"])
+            errors = errors + (
+                process(rng, size["ou_um"], size["ou_s"])
+                if other is OU
+                else walk(rng, size["wander_um_per_root_s"])
+            )
         truth = rng.standard_normal(3) / np.sqrt(12.0)
-        choice = chosen(SLOPES @ truth + errors, models=(WHITE, OU))
+        choice = chosen(SLOPES @ truth + errors, models=(WHITE, other))
         p = 0.0
         for node, weight in zip(choice.nodes, choice.weight, strict=True):
             W = node.covariance.whiten(np.column_stack([SLOPES @ truth + errors, SLOPES]))
@@ -403,6 +424,42 @@ def test_ranks_are_uniform_where_the_errors_are_drawn_from_their_priors():
             p += weight * norm.cdf((truth[1] - mean[1]) / sd)
         below.append(p)
     assert kstest(below, "uniform").pvalue > 1e-3
+
+
+@pytest.mark.parametrize(("lasts_s", "terms"), [(2.0, 2), (20.0, 8), (100.0, 20)])
+def test_the_terms_of_a_walk_are_its_covariance_but_for_what_is_small(lasts_s, terms):
+    time = np.sort(np.random.default_rng(0).uniform(0.0, lasts_s, 400))
+    shapes = WANDER.shapes(time)
+    since = time - time[0]
+    assert shapes.shape == (400, terms)
+    left = np.minimum(since[:, None], since) - shapes @ shapes.T
+    assert np.linalg.eigvalsh(left)[0] > -1e-9 * lasts_s * 400  # what is left is a covariance
+    assert np.trace(left) / 400 == pytest.approx(since[-1] / (np.pi**2 * terms), rel=0.15)
+
+
+def test_a_zero_that_wanders_is_found_and_told():
+    """Over 50 s, where it has grown: in a short curve nothing tells it from the skin."""
+    n, hz = 400, 8.0
+    zero, time = np.zeros(n, dtype=np.intp), np.arange(n) / hz
+    x = time / time[-1]
+    course = 0.5 * np.sqrt(x + 0.01)
+    slopes = np.column_stack([course, course * x, course * x**2])
+    sizes, there = [], []
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        errors = 1e-3 * rng.standard_normal(n) + walk(rng, 1.0, n, hz)
+        samples = Samples(time, 100 * x, course + errors, np.full(n, "load"), zero, zero, zero,
+                          np.ones(n))  # fmt: skip
+        look = Look(samples, course, np.zeros(n), errors, slopes, None, np.zeros(n), np.zeros(n))
+        linear = LinearModel(errors, slopes, PRECISION)
+        choice = choose_errors(look, linear, np.zeros((n, 0)), np.zeros(n), (WHITE, WANDER))
+        there.append(choice.probability("wander"))
+        sizes.append(choice.parameters()["wander_um_per_root_s"])
+        judged = judge_errors(choice, None)
+        assert "correlated_noise" in judged.flags
+        assert "zero wandering, " in errors_in_words(judged.summary)
+    assert min(there) > 0.99
+    assert np.mean(sizes) == pytest.approx(1.0, rel=0.2)
 
 
 def test_a_placement_has_a_stiffness_a_zero_and_where_stated_a_thickness():
@@ -524,7 +581,9 @@ def test_lasting_errors_that_sines_explain_are_dropped():
     rng = np.random.default_rng(1)
     waves = 8e-3 * np.sin(2 * np.pi * 0.3 * TIME + 1.0) + 4e-3 * np.sin(2 * np.pi * 1.2 * TIME)
     choice = chosen(white(rng, 1.0) + waves)
-    assert set(choice.best.name.split("+")) == {"white", "breathing", "pulse"}
+    # Whether a zero wanders beside two sines five seconds do not tell.
+    assert set(choice.best.name.split("+")) - {"wander"} == {"white", "breathing", "pulse"}
+    assert choice.probability("wander") < 0.6
     assert choice.parameters()["breathing_hz"] == pytest.approx(0.3, abs=0.05)
     low, high = (
         choice.quantile(lambda n: n.log_values[n.combination.parameters.index("pulse_hz")], q)

@@ -14,7 +14,7 @@ from skinlab.inference.intervals import (
 )
 from skinlab.inference.joint import GaussianPrior, JointMisfit
 from skinlab.inference.optimise import polish
-from skinlab.inference.posterior import sample
+from skinlab.inference.posterior import _half_power, sample
 from skinlab.inference.problem import Problem
 from skinlab.inference.settings import INTERVALS
 from skinlab.parameters import Space
@@ -304,3 +304,10 @@ def test_a_space_with_a_factor_goes_there_and_back():
     assert space.names[-1] == "ratio"
     assert space.bounds[1][-1] == 2.0
     assert space.from_unit(np.array([0.5, 0.5, 0.5, 0.5]))[-1] == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("n", [5, 8, 11])
+def test_what_is_beyond_all_numbers_weighs_nothing(n):
+    """Far draws: a warning of numpy would be an error here."""
+    values = np.array([1.0, 4.0, 1e200])
+    np.testing.assert_allclose(_half_power(values, n), [1.0, 2.0**n, np.inf])

@@ -16,10 +16,11 @@ from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.program import parse_program
 from skinlab.inference.batch import identify_all, noise_from_repeats_um, with_stated_noise
 from skinlab.inference.identify import Identifier
+from skinlab.inference.noise import slope_mm_per_mbar
 from skinlab.inference.optimise import polish
 from skinlab.inference.problem import Problem
-from skinlab.inference.samples import Fitted, choose, group, samples_of
-from skinlab.inference.uncertainty import Sensor, about
+from skinlab.inference.samples import Fitted, choose, group, placements_of, samples_of
+from skinlab.inference.uncertainty import Elsewhere, Sensor, about
 from skinlab.mechanics.fem.suction import Geometry
 from skinlab.parameters import Space
 from skinlab.report.text import describe
@@ -439,6 +440,25 @@ class TestPlacement:
         assert found.placement[::51].tolist() == [0, 0, 1, 2, 2]
         assert found.curves == 5
 
+    @pytest.mark.parametrize(
+        ("cycles", "openings_mm", "placements"),
+        [
+            ((2, 2, 2), (6, 6, 6), [0, 1, 2]),  # preconditioned, the probe put on anew each time
+            ((2, 3, 2, 3), (6, 6, 6, 6), [0, 0, 1, 1]),
+            ((2, 3), (6, 8), [0, 1]),  # another opening is another probe
+            ((1, 2), (6, 8), [0, 1]),
+        ],
+    )
+    def test_curves_of_later_cycles_are_not_all_of_one_placement(
+        self, table, cycles, openings_mm, placements
+    ):
+        one = curve_of(table, SKIN)
+        setups = [
+            replace(STANDARD, cycle=c, aperture_mm=float(a))
+            for c, a in zip(cycles, openings_mm, strict=True)
+        ]
+        assert placements_of([replace(one, setup=s) for s in setups]) == placements
+
     @pytest.mark.long
     def test_is_asked_for_on_the_command_line(self, table, tmp_path, capsys):
         path = TestCommand().campaign(table, tmp_path)
@@ -666,3 +686,77 @@ def test_where_the_model_of_one_opening_ends_slopes_are_right_under_each(table, 
     fitted = about(group(chosen), models, space, np.array([0.5]), Sensor())
     expected = np.concatenate([1.0 * PRESSURE, 3.0 * PRESSURE])
     np.testing.assert_allclose(fitted.linear.slopes_mm[:, 0], expected, rtol=1e-6)
+
+
+HELD = {
+    "one level": np.full(60, 60.0),
+    "a jump to one level": np.r_[0.0, np.full(60, 60.0)],
+    "one level, rounded": 60.0 + 0.1 * (np.arange(60) % 4),
+    "two levels": np.repeat([20.0, 60.0], 30),
+    "zero and noise": np.r_[0.0, 60.0 + 0.1 * np.random.default_rng(0).standard_normal(60)],
+    "three levels": np.repeat([20.0, 40.0, 60.0], 20),
+    "four levels": np.repeat([20.0, 40.0, 60.0, 80.0], 20),
+}
+
+
+def fit_of(table, pressure, pressure_noise_mbar=0.3):
+    """Return the linearised truth of one curve at these pressures."""
+    setup = replace(STANDARD, program=None)
+    curve = curve_of(table, SKIN, setup, pressure=pressure)
+    groups = group([Fitted(curve, np.ones(len(pressure), dtype=bool))])
+    models, sensor = [g.model(table, "paper") for g in groups], Sensor(1.0, pressure_noise_mbar)
+    space = models[0].space
+    unit = space.to_unit(SKIN)
+    return about(groups, models, space, unit, sensor, elsewhere=Elsewhere(table, "paper"))
+
+
+@pytest.mark.parametrize("pressure", HELD.values(), ids=HELD)
+def test_the_slope_by_a_pressure_that_was_held_is_the_models(table, pressure):
+    fit = fit_of(table, pressure)
+
+    def model(p):
+        return table.model(Geometry(6.0, 1.0), p).deflection_mm(SKIN[None])[0]
+
+    low, high = np.maximum(pressure - 0.2, 0.0), pressure + 0.2
+    slope = (model(high) - model(low)) / (high - low)
+    np.testing.assert_allclose(fit.slope_mm_per_mbar, slope, rtol=0.02)
+    at = pressure > 1.0  # nearer to zero a curve is not straight over the noise
+    np.testing.assert_allclose(fit.pressure_error_mm[at], 0.3 * slope[at], rtol=0.02)
+
+
+def test_where_a_pressure_goes_everywhere_samples_tell_the_slope(table):
+    fit = fit_of(table, PRESSURE)
+    assert (fit.slope_mm_per_mbar == slope_mm_per_mbar(PRESSURE, fit.best_mm)).all()
+
+
+def test_how_placements_of_a_square_wave_differ_is_learned(table):
+    """Nothing was: their column, p dw/dp, had vanished, and what they do was told as skin."""
+    pressure, time = np.repeat([0.0, 60.0], 20), np.arange(40) / 20.0
+    rng, found = np.random.default_rng(1), []
+    for scatter in (0.0, 0.12):
+        curves = []
+        for number, by in enumerate(scatter * np.array([-1.2, 0.9, 0.4, -0.9, 1.2, -0.4])):
+            setup = Setup(6.0 if number % 2 else 2.0, 1.0)
+            model = table.model(Geometry(setup.aperture_mm, 1.0), pressure * np.exp(by))
+            w = model.deflection_mm(SKIN[None])[0] + 1e-3 * rng.standard_normal(40)
+            curves.append(Curve(f"c{number}", setup, time, pressure, w))
+        identifier = Identifier(table, phases=("load", "hold"), sensor=Sensor(1.0))
+        found.append(identifier.joint(curves).placement.scatter)
+    assert found[0]["high"] < found[1]["low"] < 0.12 < found[1]["high"]
+
+
+def test_short_repeats_of_another_stiffness_are_no_outliers(table):
+    """One curve has most samples; others, softer as the probe was put on anew, are few."""
+    rng, curves = np.random.default_rng(3), []
+    for number, (softer, hz) in enumerate([(0.0, 100.0), (0.06, 4.0), (0.08, 4.0)]):
+        time = np.arange(round(5.0 * hz)) / hz
+        pressure = 70.0 * time / time[-1]
+        setup = Setup(6.0, 1.0, repeat=number + 1)
+        w = table.model(Geometry(6.0, 1.0), pressure * np.exp(softer)).deflection_mm(SKIN[None])[0]
+        if number == 1:
+            w[12] += 0.3  # off by more than any placement makes: left out as ever
+        w = w + 2e-3 * rng.standard_normal(len(time))
+        curves.append(Curve(f"c{number}", setup, time, pressure, w))
+    found = Identifier(table).joint(curves)
+    assert "outliers:1" in found.flags
+    assert found.placement.count == 3
