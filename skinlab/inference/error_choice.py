@@ -24,7 +24,7 @@ from skinlab.inference.error_models.base import ErrorModel, Look, Part
 from skinlab.inference.error_quadrature import find_mode, log_student, normal_points, student_points
 from skinlab.inference.likelihood import LinearModel
 from skinlab.inference.noise import roughness
-from skinlab.inference.settings import CHOICE, KINDS, NOISE
+from skinlab.inference.settings import CHOICE, JUDGEMENT, KINDS, NOISE
 
 Array = NDArray[np.float64]
 
@@ -72,11 +72,25 @@ class ErrorChoice:
     @cached_property
     def best(self) -> Combination:
         """The combination with most weight."""
-        total: dict[int, float] = {}
+        return max(self._weights, key=lambda each: each[1])[0]
+
+    @property
+    def told(self) -> Combination:
+        """The combination to tell of: of those that are about as likely as the best the simplest.
+
+        A part that is as likely there as not would else be told of by a hair.
+        """
+        least = JUDGEMENT.told * max(weight for _, weight in self._weights)
+        likely = [each for each in self._weights if each[1] >= least]
+        return min(likely, key=lambda each: (len(each[0].parts), -each[1]))[0]
+
+    @cached_property
+    def _weights(self) -> list[tuple[Combination, float]]:
+        total: dict[int, tuple[Combination, float]] = {}
         for node, w in zip(self.nodes, self.weight, strict=True):
-            total[id(node.combination)] = total.get(id(node.combination), 0.0) + float(w)
-        chosen = max(total, key=lambda key: total[key])
-        return next(n.combination for n in self.nodes if id(n.combination) == chosen)
+            one = node.combination
+            total[id(one)] = one, total.get(id(one), (one, 0.0))[1] + float(w)
+        return list(total.values())
 
     def probability(self, name: str) -> float:
         """Return the probability that the errors have a part of this name."""
@@ -120,17 +134,17 @@ class ErrorChoice:
         return float(np.interp(share, below, values[order]))
 
     def parameters(self) -> dict[str, float]:
-        """Return medians of the best combination's parameters, and what was found with them."""
-        best = self.best
-        own = np.array([node.combination is best for node in self.nodes])
+        """Return medians of the parameters of what is told, and what was found with them."""
+        told = self.told
+        own = np.array([node.combination is told for node in self.nodes])
         weight = self.weight[own] / self.weight[own].sum()
-        values = np.array([n.log_values for n in self.nodes if n.combination is best])
+        values = np.array([n.log_values for n in self.nodes if n.combination is told])
         found: dict[str, float] = {}
-        for i, name in enumerate(best.parameters):
+        for i, name in enumerate(told.parameters):
             order = np.argsort(values[:, i], kind="stable")
             below = np.cumsum(weight[order]) - 0.5 * weight[order]
             found[name] = float(np.exp(np.interp(0.5, below, values[order, i])))
-        for part in best.parts:
+        for part in told.parts:
             found.update(part.stated)
         return found
 

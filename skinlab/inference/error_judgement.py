@@ -62,7 +62,8 @@ def judge_errors(
     lasts = errors.weight[sizes.lasting_um > JUDGEMENT.shows * sizes.noise_um(lasting=False)].sum()
     if lasts >= JUDGEMENT.sure:
         flags.append("correlated_noise")
-    why = [part.why for part in errors.best.parts if part.why]
+    told = errors.told
+    why = [part.why for part in told.parts if part.why]
     if stated_um is not None:
         # A statement may or may not count the rounding as noise.
         found = [
@@ -78,8 +79,7 @@ def judge_errors(
     if misses:
         flags.append("misfit_above_noise")
     sentence = "; ".join(why) or "residuals are as white noise's"
-    best = errors.best
-    name = "+".join(part.name for part in best.parts if part.name not in _PLACEMENT)
+    name = "+".join(part.name for part in told.parts if part.name not in _PLACEMENT)
     numbers = {k: v for k, v in errors.parameters().items() if not k.startswith("placement_")}
     summary = ErrorModelSummary(name, numbers, sentence)
     return Judged(summary, noise, tuple(flags), _placement(errors))

@@ -232,6 +232,8 @@ class ChoiceRules:
 class JudgementRules:
     """What the errors of a curve mean for its flags (docs/intervals.md)."""
 
+    told: float = 0.5
+    """Of the likeliest combination's weight: a simpler one that has as much is told of."""
     sure: float = 0.95
     """Probability from which on errors last: `correlated_noise`."""
     shows: float = 0.3
