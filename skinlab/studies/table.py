@@ -118,12 +118,13 @@ def rows(state: State, layout: Layout, identifier: Identifier) -> Iterator[dict[
 class Placements:
     """Numbers the placements where nothing states them.
 
-    A curve of cycle 1 begins one and later cycles belong to it, within subject, visit, site,
-    operator, probe and opening, in the order of the files.
+    A curve begins one, unless its cycle is above that of the one before, within subject, visit,
+    site, operator, probe and opening, in the order of the files.
     """
 
     def __init__(self) -> None:
         self._count: dict[tuple[Cell, ...], int] = {}
+        self._cycle: dict[tuple[Cell, ...], int] = {}
 
     def of(self, row: Mapping[str, Cell]) -> str:
         """Return the placement of the next row."""
@@ -132,8 +133,10 @@ class Placements:
             return str(stated)
         names = ("subject", "visit", "site", "operator", "probe", "aperture_mm")
         key = tuple(row[n] for n in names)
-        if key not in self._count or row["cycle"] == 1:
+        cycle = int(row["cycle"] or 1)
+        if cycle <= self._cycle.get(key, cycle):
             self._count[key] = self._count.get(key, 0) + 1
+        self._cycle[key] = cycle
         return str(self._count[key])
 
 

@@ -359,11 +359,14 @@ def test_names_do_not_reach_the_table():
     assert code[1:].isdigit()
 
 
-def test_placements_begin_with_first_cycles_and_stated_ones_stay():
+def test_placements_begin_where_cycles_do_not_go_up_and_stated_ones_stay():
     one = {"subject": "P1", "visit": "1", "site": "a", "operator": "", "probe": ""}
     placements = Placements()
     rows = [{**one, "aperture_mm": 6.0, "cycle": c, "placement": None} for c in (1, 2, 1, 1, 2)]
     assert [placements.of(r) for r in rows] == ["1", "1", "2", "3", "3"]
+    # Of preconditioned skin no curve is of a first cycle.
+    later = [{**one, "aperture_mm": 2.0, "cycle": c, "placement": None} for c in (4, 5, 4, 4)]
+    assert [placements.of(r) for r in later] == ["1", "1", "2", "3"]
     assert placements.of({**rows[0], "placement": "x"}) == "x"
     assert placements.of({**rows[0], "subject": "P2"}) == "1"
 
