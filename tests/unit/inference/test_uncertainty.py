@@ -422,7 +422,7 @@ class TestPlacement:
         exact = Identifier(table, sensor=Sensor(3.0, 0.0, 0.01))
         known, doubted = exact.joint(self.curves(table, 0.0)), exact.joint(stated)
         assert known.placement.count == doubted.placement.count == 4
-        assert _deviation(doubted) > 1.05 * _deviation(known)
+        assert _deviation(doubted) > 1.02 * _deviation(known)
         assert doubted.uncertainty.relative_thickness_sd == pytest.approx(0.06 / 2**0.5)
 
     def test_later_cycles_belong_to_the_placement_before(self, table):
@@ -613,7 +613,7 @@ class TestCommand:
         assert len(document["curves"]) == 3
         joint = document["joint"]
         assert [f.rsplit("/")[-1] for f in joint["files"]] == ["0.csv", "1.csv", "2.csv"]
-        assert joint["noise_um"] == pytest.approx(3.0, rel=0.1)
+        assert joint["noise_um"] == pytest.approx(3.0, rel=0.15)  # of 153 samples: ± 0.17
         assert joint["error_model"]["name"] == "white"
         assert joint["parameters"]["X1_MPa"]["low"] < 0.03 < joint["parameters"]["X1_MPa"]["high"]
         assert set(document["advice"][0]) == {"aperture_mm", "program", "narrows"}
