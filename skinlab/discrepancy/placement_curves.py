@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from skinlab.discrepancy.fit import Fit
 from skinlab.discrepancy.records import Record, by_condition
 from skinlab.discrepancy.table_domes import TableDomes
-from skinlab.inference.error_choice import Node
+from skinlab.inference.covariance import Covariance
+from skinlab.inference.error_choice import ErrorChoice, Node
 from skinlab.inference.likelihood import LinearModel
 from skinlab.inference.noise import slope_mm_per_mbar, smooth_mm
 from skinlab.mechanics.fem.skin import SkinProblem
@@ -49,6 +50,25 @@ def softer_mm(records: Sequence[Record]) -> Array:
         for i, p, w, mean in zip(members, pressures, curves, np.split(common, ends), strict=True):
             found[i] = p * 0.5 * (mean + slope_mm_per_mbar(p, w))
     return np.concatenate(found)
+
+
+def with_stiffness_of(fit: Fit, errors: Covariance, look: ErrorChoice) -> Covariance:
+    """Return errors in which placements differ by what a stiffness does to this fit's own curves.
+
+    `errors` are those by which its slopes are whitened, and the mode of `look`. While explanations
+    are compared placements do p dw/dp of the measured curves, which all have in common. What
+    relaxes has no such slope: what it is off by would tell the skin's own stiffness from that of
+    the placements, and intervals would not count with these.
+    """
+    part = next((p for p in look.best.parts if p.name == "placement"), None)
+    if part is None or "placement_count" not in part.stated:  # of a curve alone a zero at most
+        return errors
+    begin, count = look.best.columns[part.name].start, round(part.stated["placement_count"])
+    stiffness, zero = (slice(begin + k * count, begin + (k + 1) * count) for k in (0, 1))
+    own_mm = errors.colour(fit.jacobian[:, fit.unknowns.space.scale])
+    shapes = errors.shapes_mm.copy()
+    shapes[:, stiffness] = own_mm[:, None] * (shapes[:, zero] != 0.0)
+    return replace(errors, shapes_mm=shapes)
 
 
 def _felt_mbar(records: Sequence[Record]) -> list[Array]:

@@ -18,6 +18,7 @@ from skinlab.discrepancy.misfit import errors_of
 from skinlab.discrepancy.motion import find_motion
 from skinlab.discrepancy.next_measurement import advise
 from skinlab.discrepancy.outcome import Outcome
+from skinlab.discrepancy.placement_curves import with_stiffness_of
 from skinlab.discrepancy.planned_curve import PlannedErrors
 from skinlab.discrepancy.posterior import gaussian, sample
 from skinlab.discrepancy.records import by_condition, coarsened, records_of
@@ -133,11 +134,14 @@ def explain(
     refined = tried.again(chosen.fit)
     if not _moves(chosen):
         refined = final.refined(refined)
+    look = search.errors.looks[-1]
+    own = final.with_errors(final.records, with_stiffness_of(refined, final.errors, look))
+    refined = refined.with_errors(final.errors, own.errors)
     # A learned function is linear in its many coefficients: the valley needs not to be followed.
     posterior = (
         gaussian(refined)
         if verdict.name == "learned"
-        else sample(final, refined, np.random.default_rng(seed))
+        else sample(own, refined, np.random.default_rng(seed))
     )
     posteriors = {chosen.effects: posterior}
     following = None

@@ -13,7 +13,7 @@ from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
 from skinlab.discrepancy.fit import Fitter
 from skinlab.discrepancy.misfit import errors_of, slopes_mm_per_mbar
-from skinlab.discrepancy.placement_curves import softer_mm
+from skinlab.discrepancy.placement_curves import softer_mm, with_stiffness_of
 from skinlab.discrepancy.records import records_of
 from skinlab.discrepancy.search import Search
 from skinlab.discrepancy.table_domes import TableDomes
@@ -95,3 +95,26 @@ def test_places_of_other_stiffness_and_thickness_are_no_missing_effect(table, sc
     assert (1e3 * max(bends) > 3.0) == (scale == 1.0)
     for one, before in zip(search.fitter.records, records, strict=True):  # the data stay
         assert np.isin(one.curve.deflection_mm, before.curve.deflection_mm).all()
+
+
+def test_a_stiffness_is_known_no_better_than_places_let_it(table):
+    """What relaxes is moved by a stiffness in another way than p dw/dp of its curves says.
+
+    Of n places, each off by s (log), the skin's own is known to s/√n: what the columns are off by
+    would tell one from the others, to half of that.
+    """
+    deviations = np.random.default_rng(8).normal(0.0, [0.06, 0.0], (9, 2))
+    records = records_of(places(table, deviations, noise_um=2.0, apertures_mm=(8.0, 6.0, 2.0)))
+    fitter = Fitter(records, errors_of(records), TableDomes(table), finite_elements=False)
+    search = Search(fitter)
+    fit = search.learned_base().fit
+    look = search.errors.looks[-1]
+    fit = fit.with_errors(search.fitter.errors, look.mode)
+    slopes = look.mode.colour(fit.jacobian)
+    relaxed = np.concatenate([0.8 + 0.3 * r.curve.time_s / 10.0 for r in search.fitter.records])
+    slopes[:, 0] *= relaxed
+    fit = replace(fit, jacobian=look.mode.whiten(slopes))
+    least = look.nodes[0].values["placement_scatter"] / 3.0
+    assert fit.deviations[0] < 0.6 * least
+    own = with_stiffness_of(fit, look.mode, look)
+    assert fit.with_errors(look.mode, own).deviations[0] > 0.9 * least
