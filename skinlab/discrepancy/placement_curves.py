@@ -52,14 +52,15 @@ def softer_mm(records: Sequence[Record]) -> Array:
     return np.concatenate(found)
 
 
-def with_stiffness_of(fit: Fit, errors: Covariance, look: ErrorChoice) -> Covariance:
-    """Return errors in which placements differ by what a stiffness does to this fit's own curves.
+def with_stiffness_of(fit: Fit, look: ErrorChoice) -> Covariance:
+    """Return the likeliest errors, where placements do what a stiffness does to this fit's curves.
 
-    `errors` are those by which its slopes are whitened, and the mode of `look`. While explanations
-    are compared placements do p dw/dp of the measured curves, which all have in common. What
-    relaxes has no such slope: what it is off by would tell the skin's own stiffness from that of
-    the placements, and intervals would not count with these.
+    The fit's slopes are whitened by `look.mode`. While explanations are compared placements do
+    p dw/dp of the measured curves, which all have in common. What relaxes has no such slope: what
+    it is off by would tell the skin's own stiffness from that of the placements, and intervals
+    would not count with these.
     """
+    errors = look.mode
     part = next((p for p in look.best.parts if p.name == "placement"), None)
     if part is None or "placement_count" not in part.stated:  # of a curve alone a zero at most
         return errors

@@ -134,8 +134,7 @@ def explain(
     refined = tried.again(chosen.fit)
     if not _moves(chosen):
         refined = final.refined(refined)
-    look = search.errors.looks[-1]
-    own = final.with_errors(final.records, with_stiffness_of(refined, final.errors, look))
+    own = final.with_errors(final.records, with_stiffness_of(refined, search.errors.looks[-1]))
     refined = refined.with_errors(final.errors, own.errors)
     # A learned function is linear in its many coefficients: the valley needs not to be followed.
     posterior = (

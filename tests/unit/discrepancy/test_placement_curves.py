@@ -116,5 +116,5 @@ def test_a_stiffness_is_known_no_better_than_places_let_it(table):
     fit = replace(fit, jacobian=look.mode.whiten(slopes))
     least = look.nodes[0].values["placement_scatter"] / 3.0
     assert fit.deviations[0] < 0.6 * least
-    own = with_stiffness_of(fit, look.mode, look)
+    own = with_stiffness_of(fit, look)
     assert fit.with_errors(look.mode, own).deviations[0] > 0.9 * least
