@@ -457,14 +457,14 @@ class Misfit:
     def __call__(self, parameters: Array) -> Array:
         """Return χ² (n,) with the priors; infinite where there is no model."""
         each = self.fitter.residuals_of_many(self.model, parameters, self.keep)
-        cost = np.square(each).sum(axis=1) + np.square(self._priors(parameters)).sum(axis=1)
+        cost = np.square(each).sum(axis=1) + np.square(self.priors(parameters)).sum(axis=1)
         return np.where((each == NO_MODEL).all(axis=1), np.inf, cost)
 
     def differences(self, parameters: Array) -> Array:
         """Return residuals (n, m); large where there is no model."""
         found, slopes = self.fitter.residuals_and_slopes(self.model, parameters, self.keep)
         self._known = parameters, slopes
-        return np.hstack([found, self._priors(parameters)])
+        return np.hstack([found, self.priors(parameters)])
 
     def slopes(self, parameters: Array) -> Array:
         """Return derivatives (n, m, k) of `differences`."""
@@ -474,6 +474,7 @@ class Misfit:
         priors = [self.model.unknowns.prior_slopes(u) for u in parameters]
         return np.concatenate([known[1], np.array(priors)], axis=1)
 
-    def _priors(self, parameters: Array) -> Array:
+    def priors(self, parameters: Array) -> Array:
+        """Return deviations (n, priors) from what is known beforehand."""
         priors = [self.model.unknowns.prior_rows(u) for u in parameters]
         return np.array(priors).reshape(len(parameters), -1)

@@ -128,7 +128,7 @@ class ModelIdentifier(Identifier):
         errors = search.errors.looks[-1]
         fitter = search.fitter.with_errors(search.fitter.records, errors.mode)
         fit = fitter.near(base.fit) or base.fit.with_errors(search.fitter.errors, fitter.errors)
-        left = sample(fitter, fit, np.random.default_rng(self.seed))
+        left = sample(fitter, fit, errors, np.random.default_rng(self.seed))
         off = np.concatenate(fit.deflections_mm) - fitter.measured
         rms_um = 1e3 * float(np.sqrt(np.mean(off**2)))
         judged = judge_errors(errors, sensor.noise_um, rms_um)

@@ -20,6 +20,7 @@ from skinlab.discrepancy.records import Record, by_condition
 from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.inference.covariance import Covariance
 from skinlab.inference.error_choice import ErrorChoice, Node
+from skinlab.inference.error_combination import Combination
 from skinlab.inference.likelihood import LinearModel
 from skinlab.inference.noise import slope_mm_per_mbar, smooth_mm
 from skinlab.mechanics.fem.skin import SkinProblem
@@ -52,24 +53,32 @@ def softer_mm(records: Sequence[Record]) -> Array:
     return np.concatenate(found)
 
 
-def with_stiffness_of(fit: Fit, look: ErrorChoice) -> Covariance:
-    """Return the likeliest errors, where placements do what a stiffness does to this fit's curves.
+def with_stiffness_of(fit: Fit, look: ErrorChoice) -> ErrorChoice:
+    """Return errors where placements do what a stiffness does to this fit's curves.
 
     The fit's slopes are whitened by `look.mode`. While explanations are compared placements do
     p dw/dp of the measured curves, which all have in common. What relaxes has no such slope: what
     it is off by would tell the skin's own stiffness from that of the placements, and intervals
     would not count with these.
     """
-    errors = look.mode
-    part = next((p for p in look.best.parts if p.name == "placement"), None)
-    if part is None or "placement_count" not in part.stated:  # of a curve alone a zero at most
-        return errors
-    begin, count = look.best.columns[part.name].start, round(part.stated["placement_count"])
-    stiffness, zero = (slice(begin + k * count, begin + (k + 1) * count) for k in (0, 1))
-    own_mm = errors.colour(fit.jacobian[:, fit.unknowns.space.scale])
-    shapes = errors.shapes_mm.copy()
-    shapes[:, stiffness] = own_mm[:, None] * (shapes[:, zero] != 0.0)
-    return replace(errors, shapes_mm=shapes)
+    own_mm = look.mode.colour(fit.jacobian[:, fit.unknowns.space.scale])
+    known: dict[int, Array] = {}
+
+    def with_own(errors: Covariance, combination: Combination) -> Covariance:
+        part = next((p for p in combination.parts if p.name == "placement"), None)
+        if part is None or "placement_count" not in part.stated:  # of a curve alone a zero at most
+            return errors
+        if id(errors.shapes_mm) not in known:
+            begin = combination.columns[part.name].start
+            count = round(part.stated["placement_count"])
+            stiffness, zero = (slice(begin + k * count, begin + (k + 1) * count) for k in (0, 1))
+            shapes = errors.shapes_mm.copy()
+            shapes[:, stiffness] = own_mm[:, None] * (shapes[:, zero] != 0.0)
+            known[id(errors.shapes_mm)] = shapes
+        return replace(errors, shapes_mm=known[id(errors.shapes_mm)])
+
+    nodes = [replace(n, covariance=with_own(n.covariance, n.combination)) for n in look.nodes]
+    return replace(look, nodes=tuple(nodes), mode=with_own(look.mode, look.best))
 
 
 def _felt_mbar(records: Sequence[Record]) -> list[Array]:

@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 
 from skinlab.discrepancy.fit import Fit, Fitter, Misfit
 from skinlab.discrepancy.unknowns import Unknowns
+from skinlab.inference.error_choice import ErrorChoice
 from skinlab.inference.intervals import at_an_end, correlation, summary
+from skinlab.inference.marginal import IntegratedErrors
 from skinlab.inference.posterior import sample as follow_the_valley
 from skinlab.parameters import Space
 
@@ -71,18 +73,33 @@ class Posterior:
         return {name: np.array([row[name] for row in rows]) for name in self.unknowns.names}
 
 
-def sample(fitter: Fitter, fit: Fit, rng: np.random.Generator) -> Posterior:
-    """Return draws from the posterior about a fit."""
+def sample(fitter: Fitter, fit: Fit, errors: ErrorChoice, rng: np.random.Generator) -> Posterior:
+    """Return draws from the posterior about a fit by the likeliest of these errors.
+
+    The errors' own parameters are integrated out.
+    """
     unknowns = fit.unknowns
     model = fitter.model(unknowns)
     if not fitter.prepare(model, fit.u, slopes=True):
         return gaussian(fit)
     low, high = unknowns.bounds
     space = Space.box(unknowns.names, low.tolist(), high.tolist())
+    misfit = Misfit(fitter, model)
+    best = np.concatenate(model.predict(fit.u))
+    integrated = IntegratedErrors(fitter.measured - best, errors)
+
+    def log_density(u: Array) -> Array:
+        moved = np.hstack(model.predict_many(u)) - best
+        found = -0.5 * np.square(misfit.priors(u)).sum(axis=1)
+        holds = np.isfinite(moved).all(axis=1)
+        if holds.any():
+            found[holds] += integrated(moved[holds])
+        return np.where(holds, found, -np.inf)
+
     try:
         draws = follow_the_valley(
-            space, Misfit(fitter, model), space.to_unit(fit.u)[None], rng,
-            draws=_DRAWS, hopeless_chi2=_HOPELESS_CHI2,
+            space, misfit, space.to_unit(fit.u)[None], rng,
+            log_density=log_density, draws=_DRAWS, hopeless_chi2=_HOPELESS_CHI2,
         )  # fmt: skip
     except ValueError:  # nothing can be drawn about this minimum
         return gaussian(fit)

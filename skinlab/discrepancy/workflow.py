@@ -134,13 +134,14 @@ def explain(
     refined = tried.again(chosen.fit)
     if not _moves(chosen):
         refined = final.refined(refined)
-    own = final.with_errors(final.records, with_stiffness_of(refined, search.errors.looks[-1]))
+    errors = with_stiffness_of(refined, search.errors.looks[-1])
+    own = final.with_errors(final.records, errors.mode)
     refined = refined.with_errors(final.errors, own.errors)
     # A learned function is linear in its many coefficients: the valley needs not to be followed.
     posterior = (
         gaussian(refined)
         if verdict.name == "learned"
-        else sample(own, refined, np.random.default_rng(seed))
+        else sample(own, refined, errors, np.random.default_rng(seed))
     )
     posteriors = {chosen.effects: posterior}
     following = None

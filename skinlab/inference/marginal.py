@@ -22,50 +22,47 @@ _AT_ONCE = 50_000  # numbers, which stay in a core's cache
 
 
 @dataclass(eq=False)
-class IntegratedLikelihood:
-    """log Σⱼ wⱼ N(y; w(θ), Σⱼ) over the nodes of an error choice, of many θ at once.
+class IntegratedErrors:
+    """log Σⱼ wⱼ N(r − m; 0, Σⱼ) over the nodes of an error choice, of many changes m at once.
 
     The curves of a posterior live in a handful of dimensions: in these each node's quadratic form
     is a small matrix, so that all nodes together are one matrix product.
     """
 
-    models: Sequence[CurveModel]
-    residual_mm: Array  # (u,) measured − model at the best fit, of the samples that are kept
-    best: Array  # (p,) the best fit
-    kept: NDArray[np.bool_]  # (all samples,)
+    residual_mm: Array  # (u,) measured − model at the best fit
     choice: ErrorChoice
+    basis: Array | None = None  # (u, components) of changes; None: they are told sample by sample
     _turn: Array | None = field(default=None, init=False)  # (components, dimensions)
     _forms: Array = field(init=False)
 
-    def __call__(self, parameters: Array) -> Array:
-        """Return log densities (n,); −∞ where there is no model."""
-        moved = self._coordinates(parameters) - self._coordinates(self.best[None])
-        holds = np.isfinite(moved).all(axis=1)
-        found = np.full(len(parameters), -np.inf)
-        if not holds.any():
-            return found
+    def __call__(self, moved: Array) -> Array:
+        """Return log densities (n,) of changes (n, components) from the best fit.
+
+        The dimensions are those of the changes of the first call.
+        """
         if self._turn is None:
-            self._prepare(moved[holds])
+            self._prepare(moved)
         assert self._turn is not None
-        at = moved[holds] @ self._turn
+        at = moved @ self._turn
         step = max(8, _AT_ONCE // max(self._forms.shape))
         parts = [self._density(at[i : i + step]) for i in range(0, len(at), step)]
-        found[holds] = np.concatenate(parts)
-        return found
-
-    def _coordinates(self, parameters: Array) -> Array:
-        each = [model.coordinates(parameters) for model in self.models]
-        return each[0] if len(each) == 1 else np.hstack(each)
+        return np.concatenate(parts)
 
     def _prepare(self, moved: Array) -> None:
         """Find the dimensions from some of these curves, and each node's form in them."""
         chosen = np.linspace(0, len(moved) - 1, min(_FOR_BASIS, len(moved))).astype(int)
-        whole, inner = np.linalg.qr(block_diagonal([m.basis for m in self.models])[self.kept])
-        _, s, turn = np.linalg.svd(moved[chosen] @ inner.T, full_matrices=False)
+        whole = inner = None
+        sampled = moved[chosen]
+        if self.basis is not None:
+            whole, inner = np.linalg.qr(self.basis)
+            sampled = sampled @ inner.T
+        _, s, turn = np.linalg.svd(sampled, full_matrices=False)
         least = min(float(node.covariance.variance_mm2.min()) for node in self.choice.nodes)
         rank = int((s > CHOICE.basis_kept * np.sqrt(least * max(len(chosen), 1))).sum())
-        self._turn = inner.T @ turn[:rank].T
-        both = np.column_stack([self.residual_mm, whole @ turn[:rank].T])
+        dimensions = turn[:rank].T
+        self._turn = dimensions if inner is None else inner.T @ dimensions
+        curves = dimensions if whole is None else whole @ dimensions
+        both = np.column_stack([self.residual_mm, curves])
         forms = np.empty((len(self.choice.nodes), 1 + rank + rank * (rank + 1) // 2))
         i, j = np.tril_indices(rank)
         for members in alike([id(node.combination) for node in self.choice.nodes]):
@@ -81,3 +78,34 @@ class IntegratedLikelihood:
         i, j = np.tril_indices(at.shape[1])
         features = np.column_stack([np.ones(len(at)), at, at[:, i] * at[:, j]])
         return log_sum_exp(features @ self._forms)
+
+
+class IntegratedLikelihood:
+    """`IntegratedErrors` of models of the table: of their parameters."""
+
+    def __init__(
+        self,
+        models: Sequence[CurveModel],
+        residual_mm: Array,
+        best: Array,
+        kept: NDArray[np.bool_],
+        choice: ErrorChoice,
+    ) -> None:
+        """Take residuals (u,) of the samples that are kept, at the best parameters (p,)."""
+        self._models = models
+        self._best = self._coordinates(best[None])
+        basis = block_diagonal([m.basis for m in models])[kept]
+        self._errors = IntegratedErrors(residual_mm, choice, basis)
+
+    def __call__(self, parameters: Array) -> Array:
+        """Return log densities (n,); −∞ where there is no model."""
+        moved = self._coordinates(parameters) - self._best
+        holds = np.isfinite(moved).all(axis=1)
+        found = np.full(len(parameters), -np.inf)
+        if holds.any():
+            found[holds] = self._errors(moved[holds])
+        return found
+
+    def _coordinates(self, parameters: Array) -> Array:
+        each = [model.coordinates(parameters) for model in self._models]
+        return each[0] if len(each) == 1 else np.hstack(each)

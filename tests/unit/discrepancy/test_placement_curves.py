@@ -14,6 +14,7 @@ from skinlab.curves.program import parse_program
 from skinlab.discrepancy.fit import Fitter
 from skinlab.discrepancy.misfit import errors_of, slopes_mm_per_mbar
 from skinlab.discrepancy.placement_curves import softer_mm, with_stiffness_of
+from skinlab.discrepancy.posterior import sample
 from skinlab.discrepancy.records import records_of
 from skinlab.discrepancy.search import Search
 from skinlab.discrepancy.table_domes import TableDomes
@@ -117,4 +118,41 @@ def test_a_stiffness_is_known_no_better_than_places_let_it(table):
     least = look.nodes[0].values["placement_scatter"] / 3.0
     assert fit.deviations[0] < 0.6 * least
     own = with_stiffness_of(fit, look)
-    assert fit.with_errors(look.mode, own).deviations[0] > 0.9 * least
+    assert fit.with_errors(look.mode, own.mode).deviations[0] > 0.9 * least
+    (heaviest,) = {n.covariance.shapes_mm.tobytes() for n in own.nodes if n.combination is own.best}
+    assert heaviest == own.mode.shapes_mm.tobytes()
+
+
+def test_intervals_are_over_all_that_the_errors_may_be(table):
+    """Two places do not tell how far places differ: draws are from all that this may be.
+
+    The law of total variance, in the linear picture: the mean of the variances and the variance of
+    the means.
+    """
+    deviations = [(0.03, 0.0), (0.03, 0.0), (-0.03, 0.0), (-0.03, 0.0)]
+    records = records_of(places(table, deviations, noise_um=2.0, apertures_mm=(8.0, 2.0)))
+    fitter = Fitter(records, errors_of(records), TableDomes(table), finite_elements=False)
+    search = Search(fitter)
+    base = search.learned_base().fit
+    look = search.errors.looks[-1]
+    final = search.fitter.with_errors(search.fitter.records, look.mode)
+    fit = final.refined(base.with_errors(search.fitter.errors, look.mode))
+    slopes_mm = look.mode.colour(fit.jacobian)
+    flat = fit.unknowns.information(np.zeros((0, 3)), fit.u)
+    left_mm = final.measured - np.concatenate(fit.deflections_mm)
+    means, variances, log_weights = [], [], []
+    for node in look.nodes:
+        white, left = node.covariance.whiten(slopes_mm), node.covariance.whiten(left_mm)
+        information = white.T @ white + flat
+        moved = np.linalg.solve(information, white.T @ left)
+        means.append(moved[0])
+        variances.append(np.linalg.inv(information)[0, 0])
+        log_density = left @ left - moved @ white.T @ left + np.linalg.slogdet(information)[1]
+        log_weights.append(node.log_prior - 0.5 * (log_density + node.covariance.log_determinant))
+    weight = np.exp(np.array(log_weights) - max(log_weights))
+    weight /= weight.sum()
+    middle = weight @ means
+    expected = np.sqrt(weight @ variances + weight @ np.square(np.array(means) - middle))
+    found = sample(final, fit, look, np.random.default_rng(1)).deviations[0]
+    assert found == pytest.approx(expected, rel=0.05)
+    assert fit.deviations[0] < 0.93 * expected  # by the likeliest setting alone
