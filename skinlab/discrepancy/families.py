@@ -114,7 +114,7 @@ def find_families(search: Search, found: Found, least: float = 0.0) -> Found:
     candidates = [
         Candidate(
             fit,
-            judge(found.records, search.errors.judged, fit.deflections_mm, len(fit.unknowns)),
+            judge(found.records, search.errors.judged, fit, search.fitter.errors),
             float((log_evidence - plain) / LOG10 + odds),
         )
         for fit, log_evidence in scaled

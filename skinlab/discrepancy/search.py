@@ -357,7 +357,7 @@ class Search:
         own = self._look(fit)
         if any(own.median(partial(size_um, name=n)) > um for n, um in ERRORS.usual_um.items()):
             return None
-        left = judge(found.records, likeliest(own), fit.deflections_mm, len(fit.unknowns))
+        left = judge(found.records, likeliest(own), fit, self.fitter.errors)
         base = replace(found.base, left=left)
         return replace(found, base=base) if base.adequate else None
 
@@ -430,7 +430,7 @@ class Search:
         if self.errors is None:
             left = look(records, self.fitter.errors, fit.deflections_mm, k)
         else:
-            left = judge(records, self.errors.judged, fit.deflections_mm, k)
+            left = judge(records, self.errors.judged, fit, self.fitter.errors)
         at_bound = tuple(n for n, f in zip(fit.unknowns.names, fit.free, strict=True) if not f)
         ahead = 0.0
         if base is None:

@@ -8,7 +8,7 @@ from hidden_effects import RAMPS, SKIN, TRUE, fitter_of, learned, measured
 
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
-from skinlab.discrepancy.adequacy import Residual, look
+from skinlab.discrepancy.adequacy import Residual, judge, look
 from skinlab.discrepancy.campaign_errors import Linearised
 from skinlab.discrepancy.candidates import Candidate, Found, may_still_win, with_members
 from skinlab.discrepancy.discipline import Trial
@@ -74,6 +74,27 @@ def test_structure_is_seen_and_said_where(looks):
     assert place.p_value < 1e-3
     others = [p for p in left.places if p.file == "c2"]
     assert min(p.p_value for p in others) > 1e-3
+
+
+def test_each_setting_of_the_errors_is_looked_at_from_its_own_optimum(table):
+    """A fit by errors that may be any stiffness ends anywhere: no structure to errors of none."""
+    fitter = fitter_of(measured({}, RAMPS, noise_um=2.0), table)
+    unknowns = Unknowns(())
+    model = fitter.model(unknowns)
+    u = unknowns.space.coordinates(np.array([SKIN.values]))[0]
+    u[unknowns.space.scale] += 0.03
+    jacobian = fitter.jacobian(model, u)
+    softer_mm = fitter.errors.colour(jacobian)[:, [unknowns.space.scale]]
+    wide = replace(fitter.errors, shapes_mm=np.hstack([fitter.errors.columns_mm, 10.0 * softer_mm]))
+    fit = Fit(unknowns, u, model.predict(u), 0.0, 0.0, jacobian, 0.0, settled=True, corrected=False)
+    fit = fit.with_errors(fitter.errors, wide)
+    narrow = [(fitter.errors, 1.0)]
+    assert look(fitter.records, fitter.errors, fit.deflections_mm, 3).p_value < 1e-9
+    assert judge(fitter.records, narrow, fit, wide).p_value > 0.05
+    # What no parameter takes up stays.
+    up = [0.006 * (r.curve.phase == "unload") for r in fitter.records]
+    off = replace(fit, deflections_mm=[w + e for w, e in zip(fit.deflections_mm, up, strict=True)])
+    assert judge(fitter.records, narrow, off, wide).p_value < 1e-9
 
 
 @pytest.fixture(scope="module")
