@@ -177,14 +177,14 @@ def judge(
         return first
     linear = Linearised.of(fit, errors, np.concatenate([r.straight_mm for r in records]))
     here_mm = linear.explained_mm(errors)  # of a fit that ended early this is not all taken off
-    p = np.zeros(2)
-    for k, (setting, weight) in enumerate(judged):
+    each = []
+    for setting, _ in judged:
         moved = setting.split(linear.explained_mm(setting) - here_mm)
         own = [w + m for w, m in zip(fit.deflections_mm, moved, strict=True)]
-        one = look(records, setting, own, unknowns)
-        p += weight * np.array([one.p_value, one.by_errors])
-        first = one if k == 0 else first
-    return replace(first, p_value=float(p[0]), by_errors=float(p[1]))
+        each.append(look(records, setting, own, unknowns))
+    weight = [share for _, share in judged]
+    p = np.dot(weight, [[one.p_value, one.by_errors] for one in each])
+    return replace(each[0], p_value=float(p[0]), by_errors=float(p[1]))
 
 
 def steps(
