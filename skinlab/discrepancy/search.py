@@ -149,8 +149,11 @@ class Search:
                 self._base_evidence = self._roughly(base.fit)
                 candidates = singles
                 # Behind what is not there itself nothing hides that the base would not show.
-                if not base.adequate or max(c.log10_evidence for c in explaining) > 0.0:
-                    candidates = [*singles, *pairs.beside(explaining, 1, SEARCH.behind)]
+                best = max(c.log10_evidence for c in explaining)
+                if not base.adequate or best > 0.0:
+                    near = [c for c in explaining if c.log10_evidence > best - SEARCH.not_enough]
+                    most = min(len(near), SEARCH.led)
+                    candidates = [*singles, *pairs.beside(near, most, SEARCH.behind)]
             # Errors that would do for the model as it is are no answer where something is ahead.
             missing = not base.adequate or any(
                 c.adequate and c.log10_evidence >= NAMES.tie for c in candidates

@@ -221,9 +221,13 @@ class SearchRules:
     """Gain of χ² by which an effect is worth a fit."""
     seen_curved: float = 4.0
     """The same of one that is curved: layers of which the screen saw 4.8 were worth 30."""
-    behind: float = 18.0
-    """The same for a second one beside what explains: 20 : 1, the odds of pairs, and what a prior
-    costs."""
+    behind: float = 15.0
+    """The same for a second one beside what explains: chance does as much in one of five hundred
+    screens. A pair needs 18 (20 : 1, its odds, and what a prior costs), but the screen saw 17 of a
+    stiffening that was worth 50."""
+    led: int = 2
+    """Effects that explain, at most, and are less than `not_enough` behind the best: beside each of
+    them a second one is looked for."""
     partly: float = 3.0
     """Or so much by errors that its leader alone needs: then it is weighed by those of both."""
     seen_share: float = 0.04
