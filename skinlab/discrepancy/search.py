@@ -152,8 +152,8 @@ class Search:
                 best = max(c.log10_evidence for c in explaining)
                 if not base.adequate or best > 0.0:
                     near = [c for c in explaining if c.log10_evidence > best - SEARCH.not_enough]
-                    most = min(len(near), SEARCH.led)
-                    candidates = [*singles, *pairs.beside(near, most, SEARCH.behind)]
+                    partners = pairs.beside(near, SEARCH.beside, SEARCH.behind)
+                    candidates = [*singles, *partners]
             # Errors that would do for the model as it is are no answer where something is ahead.
             missing = not base.adequate or any(
                 c.adequate and c.log10_evidence >= NAMES.tie for c in candidates

@@ -225,9 +225,9 @@ class SearchRules:
     """The same for a second one beside what explains: chance does as much in one of five hundred
     screens. A pair needs 18 (20 : 1, its odds, and what a prior costs), but the screen saw 17 of a
     stiffening that was worth 50."""
-    led: int = 2
-    """Effects that explain, at most, and are less than `not_enough` behind the best: beside each of
-    them a second one is looked for."""
+    beside: int = 2
+    """Effects that explain, less than `not_enough` behind the best, beside which a second one is
+    looked for, at most."""
     partly: float = 3.0
     """Or so much by errors that its leader alone needs: then it is weighed by those of both."""
     seen_share: float = 0.04

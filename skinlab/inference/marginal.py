@@ -31,7 +31,7 @@ class IntegratedErrors:
 
     residual_mm: Array  # (u,) measured − model at the best fit
     choice: ErrorChoice
-    basis: Array | None = None  # (u, components) of changes; None: they are told sample by sample
+    basis: Array | None = None  # (u, components), orthonormal; None: changes are told by sample
     _turn: Array | None = field(default=None, init=False)  # (components, dimensions)
     _forms: Array = field(init=False)
 
@@ -51,17 +51,11 @@ class IntegratedErrors:
     def _prepare(self, moved: Array) -> None:
         """Find the dimensions from some of these curves, and each node's form in them."""
         chosen = np.linspace(0, len(moved) - 1, min(_FOR_BASIS, len(moved))).astype(int)
-        whole = inner = None
-        sampled = moved[chosen]
-        if self.basis is not None:
-            whole, inner = np.linalg.qr(self.basis)
-            sampled = sampled @ inner.T
-        _, s, turn = np.linalg.svd(sampled, full_matrices=False)
+        _, s, turn = np.linalg.svd(moved[chosen], full_matrices=False)
         least = min(float(node.covariance.variance_mm2.min()) for node in self.choice.nodes)
         rank = int((s > CHOICE.basis_kept * np.sqrt(least * max(len(chosen), 1))).sum())
-        dimensions = turn[:rank].T
-        self._turn = dimensions if inner is None else inner.T @ dimensions
-        curves = dimensions if whole is None else whole @ dimensions
+        self._turn = turn[:rank].T
+        curves = self._turn if self.basis is None else self.basis @ self._turn
         both = np.column_stack([self.residual_mm, curves])
         forms = np.empty((len(self.choice.nodes), 1 + rank + rank * (rank + 1) // 2))
         i, j = np.tril_indices(rank)
@@ -94,7 +88,7 @@ class IntegratedLikelihood:
         """Take residuals (u,) of the samples that are kept, at the best parameters (p,)."""
         self._models = models
         self._best = self._coordinates(best[None])
-        basis = block_diagonal([m.basis for m in models])[kept]
+        basis, self._inner = np.linalg.qr(block_diagonal([m.basis for m in models])[kept])
         self._errors = IntegratedErrors(residual_mm, choice, basis)
 
     def __call__(self, parameters: Array) -> Array:
@@ -103,7 +97,7 @@ class IntegratedLikelihood:
         holds = np.isfinite(moved).all(axis=1)
         found = np.full(len(parameters), -np.inf)
         if holds.any():
-            found[holds] = self._errors(moved[holds])
+            found[holds] = self._errors(moved[holds] @ self._inner.T)
         return found
 
     def _coordinates(self, parameters: Array) -> Array:
