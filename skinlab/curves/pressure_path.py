@@ -75,22 +75,23 @@ class PressurePath:
         """
         if lag_s <= 0.0:
             return self
-        times, pressures = list(self.time_s), list(self.pressure_mbar)
-        at, found = pressures[0], [(times[0], pressures[0])]
-        ends = [*zip(times[1:], pressures[1:], strict=True)]
-        ends.append((times[-1] + _PIECES[-1] * lag_s, pressures[-1]))
-        begin, p = times[0], pressures[0]
-        for end, q in ends:
-            length = end - begin
-            if length > 0:
-                slope = (q - p) / length
-                settled = p - slope * lag_s
-                for since in (*(s * lag_s for s in _PIECES if s * lag_s < length), length):
-                    value = settled + slope * since + (at - settled) * math.exp(-since / lag_s)
-                    found.append((begin + since, value))
-                at = found[-1][1]
-            begin, p = end, q
-        return PressurePath(tuple(t for t, _ in found), tuple(v for _, v in found))
+        t, length, slope, _ = self.pieces
+        length, slope = np.append(length, _PIECES[-1] * lag_s), np.append(slope, 0.0)
+        settled = self._knots[1] - lag_s * slope
+        left = np.exp(-length / lag_s)
+        rows = zip(settled.tolist(), (slope * length).tolist(), left.tolist(), strict=True)
+        at = [self.pressure_mbar[0]]
+        for whole, more, share in rows:
+            at.append(whole + more + (at[-1] - whole) * share)
+        begin = np.array(at[:-1])
+        # Of each piece its corners, and its end; a jump has neither.
+        since = np.minimum(np.append(lag_s * np.array(_PIECES), math.inf), length[:, None])
+        kept = since < length[:, None]
+        kept[:, -1] = length > 0.0
+        whole, off = settled[:, None], (begin - settled)[:, None]
+        value = whole + slope[:, None] * since + off * np.exp(-since / lag_s)
+        times = np.append(t[0], (t[:, None] + since)[kept])
+        return PressurePath(tuple(times.tolist()), (at[0], *value[kept].tolist()))
 
     @classmethod
     def of_program(cls, program: Program) -> PressurePath:

@@ -230,17 +230,17 @@ class Fitter:
         best, rough = self._walked(self.model(unknowns, SCREENING_MESH), start, limit, least)
         hopeless = min(FITS.hopeless * self.errors.count, limit.later)
         if best is None:
-            best, _ = self._walked(self.model(unknowns), start, limit, least)
+            best, rough = self._walked(self.model(unknowns), start, limit, least)
         elif best.corrected and best.chi2 <= hopeless:
             if known is not None and known.settled and known.is_near(best.u):
                 return known
             near = best
-            best, _ = self._walked(rough.exact(), near.u, limit, least, near=True)
+            best, rough = self._walked(rough.exact(), near.u, limit, least, near=True)
             if best is None:  # a skin that creases on the finer mesh alone
-                best, _ = self._walked(self.model(unknowns), start, limit, least)
+                best, rough = self._walked(self.model(unknowns), start, limit, least)
         if best is None or not best.corrected or best.chi2 > hopeless:
             return best
-        return self._anchored(best)
+        return self._anchored(best, rough)
 
     def near(self, fit: Fit) -> Fit | None:
         """Return the best fit near one by other errors: no coarse mesh has to lead there.
@@ -248,12 +248,12 @@ class Fitter:
         These are what is compared in the end: it goes on along a long valley.
         """
         model = self.model(fit.unknowns)
-        best = self._walked(model, fit.u, NO_LIMIT, math.inf, near=True)[0]
-        return best if best is None else self._anchored(best)
+        best, last = self._walked(model, fit.u, NO_LIMIT, math.inf, near=True)
+        return best if best is None else self._anchored(best, last)
 
-    def _anchored(self, best: Fit) -> Fit:
+    def _anchored(self, best: Fit, last: MappedModel) -> Fit:
         """Return a fit with its curves and slopes as finite elements tell them there."""
-        model = self.model(best.unknowns)
+        model = last.exact()
         if not model.anchor(best.u):
             return best
         final = self._finish(model, best.u)
@@ -274,7 +274,7 @@ class Fitter:
             hopeless = min(FITS.hopeless * self.errors.count, limit.later)
             if best is None or not best.corrected or best.chi2 > hopeless:
                 break
-            if best.settled and (model.coarse or not model.remembers(best.u)):
+            if best.settled:
                 break
             again, after = self._walk(model.anew(), best.u, limit, known, near=near)
             least = self._worth(best, model)

@@ -58,6 +58,8 @@ _FOLDED = replace(RELAXING, extrapolation_error=FITS.rough_steps, limits=FOLDED)
 _FELT_KNOWN = 16  # paths of so many settings of effects that change them
 _CURVED = 0.2  # in typical sizes, and of that at the anchor: below it is straight
 _BENT = 0.1  # an anchor nearer than that tells of the mesh, not of the bend
+_SHARE_STEP = 0.025  # of the law's reaches, typical sizes: for slopes of what relaxes
+_LITTLE = 0.05  # of the most that relaxes in a curve: of less no share is taken
 _TREND = 5  # nodes from which a correction goes on beyond
 
 
@@ -96,6 +98,14 @@ class _Learnt:
 
 
 @dataclass(frozen=True, eq=False)
+class _Course:
+    """What the finite elements add to a curve that relaxes."""
+
+    share: _Learnt  # (n,) of what the table takes for relaxation: more of that, more of this
+    rest_mm: Array  # (n,) what is no share of it, where it is next to nothing
+
+
+@dataclass(frozen=True, eq=False)
 class _Candidate:
     """What one set of unknowns is for the mechanics; paths are those of the records."""
 
@@ -115,17 +125,24 @@ class MappedModel:
     discretisation: Discretisation = MESH_OF_RECORD
     _anchor: Array | None = None
     _ratios: dict[Key, tuple[Array, _Learnt]] = field(default_factory=dict)
-    _courses: dict[int, _Learnt] = field(default_factory=dict)
+    _courses: dict[int, _Course] = field(default_factory=dict)
     _offs: dict[Key, tuple[Array, Array]] = field(default_factory=dict)  # heights, of a coarse mesh
     _felt_known: dict[tuple[object, ...], list[PressurePath]] = field(default_factory=dict)
+    _shares_sloped: bool = False
 
     def exact(self) -> MappedModel:
         """Return the model on the mesh of record, without an anchor.
 
         How what relaxes changes with the unknowns is taken over: it is learnt already.
         """
-        courses = {i: replace(one) for i, one in self._courses.items()}
-        return MappedModel(self.records, self.unknowns, self.domes, _courses=courses)
+        courses = {i: replace(c, share=replace(c.share)) for i, c in self._courses.items()}
+        return MappedModel(
+            self.records,
+            self.unknowns,
+            self.domes,
+            _courses=courses,
+            _shares_sloped=self._shares_sloped,
+        )
 
     def anew(self) -> MappedModel:
         """Return the same model without an anchor."""
@@ -137,11 +154,6 @@ class MappedModel:
     def corrected(self) -> bool:
         """Whether the finite elements correct the table anywhere."""
         return bool(self._ratios or self._courses)
-
-    def remembers(self, u: Array) -> bool:
-        """Return whether anything relaxes there."""
-        candidate = self._candidate(u)
-        return candidate is not None and any(p.prony for p in candidate.problems.values())
 
     @property
     def sloped(self) -> bool:
@@ -354,10 +366,40 @@ class MappedModel:
         relaxation: Relaxation | None,
     ) -> Array:
         """Return the deflections (candidates, n) before the sensors."""
+        w = self._relaxed(i, record, candidates, domes, off, relaxation)
+        if i not in self._courses:
+            return w
+        # What the table takes for relaxation is too much by a share that hardly changes.
+        memory = w - self._relaxed(i, record, candidates, domes, off, None)
+        time, course = record.curve.time_s, self._courses[i]
+        share, rest = course.share.at(off), course.rest_mm[None]
+        if any(c.sensors.chain for c in candidates):
+            when = self._read_at(candidates, time)
+            share = np.array([np.interp(t, time, one) for t, one in zip(when, share, strict=True)])
+            rest = np.array([np.interp(t, time, course.rest_mm) for t in when])
+        return np.asarray(w + share * memory + rest)
+
+    @staticmethod
+    def _read_at(candidates: Sequence[_Candidate], time: Array) -> Array:
+        """Return when each candidate's dome is read (candidates, n), or (1, n) for all."""
+        if not any(c.sensors.chain for c in candidates):
+            return time[None]
+        return np.array([c.sensors.when(time) for c in candidates])
+
+    def _relaxed(
+        self,
+        i: int,
+        record: Record,
+        candidates: Sequence[_Candidate],
+        domes: Domes,
+        off: Array,
+        relaxation: Relaxation | None,
+    ) -> Array:
+        """Return the deflections (candidates, n) as far as the table tells how they relax."""
         key, time = _key(record), record.curve.time_s
         problems = [c.problems[key] for c in candidates]
+        when = self._read_at(candidates, time)
         moved = any(c.sensors.chain for c in candidates)
-        when = np.array([c.sensors.when(time) for c in candidates]) if moved else time[None]
         own = self.records[self._paths[i]].path
         felt: dict[int, list[int]] = {}  # by what is felt: the candidates
         for j, c in enumerate(candidates):
@@ -395,13 +437,6 @@ class MappedModel:
         w = self._height(pressure, stiffness, domes, key, off)
         if zero.any():
             w = w - self._height(zero[:, None], stiffness, domes, key, off)
-        if i in self._courses:
-            course = self._courses[i].at(off)
-            if moved:
-                course = np.array(
-                    [np.interp(t, time, one) for t, one in zip(when, course, strict=True)]
-                )
-            w = w + course
         return w
 
     def _height(
@@ -441,7 +476,62 @@ class MappedModel:
                 if key in before:
                     then, known = before[key]
                     learnt.bends(_between(then, known.value[None], nodes[None])[0], back)
-        return not memory or self._anchor_courses(here, off)
+        if not memory or not self._anchor_courses(here, off):
+            return not memory
+        if slopes and self._courses and not self._shares_sloped and not self.coarse:
+            self._slope_shares(u, here)
+        return True
+
+    def _slope_shares(self, u: Array, here: _Candidate) -> None:
+        """Take how what relaxes changes with all but stiffnesses, of a coarse mesh.
+
+        A share hardly changes with the law's stiffnesses, and with how much relaxes.
+        """
+        rough = MappedModel(
+            self.records, self.unknowns, self.domes, SCREENING_MESH, u, self._ratios
+        )
+        steps = self._share_steps(u, here)
+        found: dict[int, Array | None] = {}
+        for i, course in self._courses.items():
+            first = self._repeats[i]
+            if first not in found:
+                found[first] = rough._slopes_of_share(first, here, u, steps)
+            slopes = found[first]
+            if slopes is None:
+                continue
+            time, since = self.records[i].curve.time_s, self.records[first].curve.time_s
+            for j, column in zip(steps, slopes.T, strict=True):
+                course.share.slopes[:, j] = np.interp(time - time[0], since - since[0], column)
+        self._shares_sloped = True
+
+    def _slopes_of_share(
+        self, i: int, here: _Candidate, u: Array, steps: Mapping[int, float]
+    ) -> Array | None:
+        """Return the derivatives (n, steps) of a curve's share, None where there are none."""
+        base = self._course(i, here, np.zeros((1, len(u))))
+        found = []
+        for j, step in steps.items():
+            moved = _moved(u, j, step)
+            there, off = self._candidate(moved), self._from_anchor(moved[None])
+            other = None if there is None else self._course(i, there, off)
+            if base is None or other is None:
+                return None
+            found.append((other[0] - base[0]) / off[0, j])
+        return np.array(found).reshape(len(steps), -1).T
+
+    def _share_steps(self, u: Array, here: _Candidate) -> dict[int, float]:
+        """Return the unknowns with which a share changes, and how far each is moved."""
+        keys = here.problems.items()
+        changing = {j for key, problem in keys for j in self._changes(u, problem, key)}
+        count, high = self.unknowns.count, self.unknowns.bounds[1]
+        linear = [t == "linear" for t in self.unknowns.space.transforms]
+        found = {}
+        for j in range(len(u)):
+            own = linear[j] if j < count else j in changing
+            if own:
+                step = _SHARE_STEP * (self.unknowns.reaches[j] if j < count else 1.0)
+                found[j] = step if u[j] + step <= high[j] else -step
+        return found
 
     def _ratio(
         self, u: Array, here: _Candidate, key: Key, *, slopes: bool
@@ -543,7 +633,7 @@ class MappedModel:
                 continue
             both = [_bare(end.problems[key]) for end in ends if end is not None]
             of_effect = j >= self.unknowns.count
-            if of_effect and all(_same_features(one, _bare(problem)) for one in both):
+            if of_effect and all(one == _bare(problem) for one in both):
                 continue
             if both[0] != both[1]:
                 found[j] = (both[0], both[1], float(up + down))
@@ -552,26 +642,33 @@ class MappedModel:
     def _anchor_courses(self, here: _Candidate, off: Array) -> bool:
         """Correct what relaxes, curve by curve."""
         before, self._courses = self._courses, {}
-        solved: dict[int, tuple[Array, Array]] = {}  # of a repeat: times, correction
-        for i in set(self._twins):
+        solved: dict[int, tuple[Array, Array, Array]] = {}  # of a repeat: times, share, rest
+        for i in sorted(set(self._twins)):
             record, problem = self.records[i], here.problems[_key(self.records[i])]
             if not problem.prony:
                 continue
             first = self._repeats[i]
             if first not in solved:
-                course = self._course(first, here, len(off))
-                if course is None:
+                found = self._course(first, here, np.zeros((1, len(off))))
+                if found is None:
                     return False
-                solved[first] = self.records[first].curve.time_s, course
-            time, since = record.curve.time_s, solved[first]
-            correction = np.interp(time - time[0], since[0] - since[0][0], since[1])
+                solved[first] = self.records[first].curve.time_s, *found
+            time, (since, *values) = record.curve.time_s, solved[first]
+            share, rest_mm = (np.interp(time - time[0], since - since[0], v) for v in values)
             if i in before:
-                before[i].move(correction, off)
-            self._courses[i] = before.get(i, _Learnt(correction, np.zeros((len(time), len(off)))))
+                learnt = before[i].share
+                learnt.move(share, off)
+            else:
+                learnt = _Learnt(share, np.zeros((len(time), len(off))))
+            self._courses[i] = _Course(learnt, rest_mm)
         return True
 
-    def _course(self, i: int, here: _Candidate, count: int) -> Array | None:
-        """Return what the finite elements add (n,) to a curve; None where they do not hold."""
+    def _course(self, i: int, here: _Candidate, off: Array) -> tuple[Array, Array] | None:
+        """Return what the finite elements add to a curve; None where they do not hold.
+
+        As a share (n,) of what the table takes for relaxation, and the rest (n,) of it, mm. `off`
+        (1, k) is how far that is from the anchor.
+        """
         record = self.records[i]
         key = _key(record)
         domes = self._domes([here], key)
@@ -591,10 +688,13 @@ class MappedModel:
             held = np.isfinite(exact)  # beyond, what they add stays as it was
         plain = replace(record, path=path, pressure_mbar=path(time))
         unread = replace(here, sensors=Sensors(()), felt=[path] * len(here.felt), felt_more=())
-        at_anchor = self._height_in_time(
-            i, plain, [unread], domes, np.zeros((1, count)), _relaxation([problem])
-        )[0]
-        return np.asarray(np.interp(time, time[held], (exact - at_anchor)[held]))
+        at = (i, plain, [unread], domes, off)
+        relaxed, elastic = (self._relaxed(*at, r)[0] for r in (_relaxation([problem]), None))
+        added = np.interp(time, time[held], (exact - relaxed)[held])
+        memory = relaxed - elastic
+        small = _LITTLE * np.abs(memory).max()
+        share = added * memory / (np.square(memory) + small**2)
+        return share, added - share * memory
 
 
 def _going_on(exact_mm: Array, rough_mm: Array) -> Array:
@@ -699,8 +799,3 @@ def _read_on(nodes: Array, values: Array, held: NDArray[np.bool_]) -> Array:
 def _bare(problem: SkinProblem) -> SkinProblem:
     """Return the problem without what the stepping in time and the preload answer."""
     return replace(problem, prony=(), preload_mbar=0.0)
-
-
-def _same_features(one: SkinProblem, other: SkinProblem) -> bool:
-    """Return whether two problems differ only in what the table and the stepping answer."""
-    return _bare(one) == _bare(other) or plain_part(one) != plain_part(other)
