@@ -217,11 +217,10 @@ class Fitter:
     ) -> Fit | None:
         """Return the best fit near a start (k,), None where there is no model.
 
-        How what relaxes changes is learnt from anchor to anchor, and leads to the valley, not to
-        its bottom: from where that ended it is begun anew, until nothing is gained. A fit that will
-        not come below a `limit` ends early and is not settled; so does one that, a little later,
-        will not come below the cost of a fit of the same explanation which is `known`. Where it
-        leads to that one, that one is returned.
+        A walk that has not settled is begun anew from where it ended, until nothing is gained. A
+        fit that will not come below a `limit` ends early and is not settled; so does one that, a
+        little later, will not come below the cost of a fit of the same explanation which is
+        `known`. Where it leads to that one, that one is returned.
         """
         least = math.inf if known is None else known.cost
         if not self._finite_elements:
@@ -268,13 +267,11 @@ class Fitter:
         *,
         near: bool = False,
     ) -> tuple[Fit | None, MappedModel]:
-        """Return where a model leads, begun anew from where it ended until nothing is gained."""
+        """Return where a model leads, begun anew where it has not settled."""
         best, last = self._walk(model, start, limit, known, near=near)
         for _ in range(FITS.walks):
             hopeless = min(FITS.hopeless * self.errors.count, limit.later)
-            if best is None or not best.corrected or best.chi2 > hopeless:
-                break
-            if best.settled:
+            if best is None or best.settled or not best.corrected or best.chi2 > hopeless:
                 break
             again, after = self._walk(model.anew(), best.u, limit, known, near=near)
             least = self._worth(best, model)

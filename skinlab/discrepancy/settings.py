@@ -141,7 +141,7 @@ class FitRules:
     worth: float = 0.1
     """Share of what is left of χ²."""
     walks: int = 4
-    """Times that a walk is begun anew, where something relaxes."""
+    """Times that a walk is begun anew where it has not settled."""
     leaps_mbar: tuple[float, ...] = (1.0, 2.0, 3.0, 5.0, 8.0, 12.0)
     """Tried where a crease at the tape's edge snaps shut, and ends the path;"""
     rough_steps: float = 1e-3

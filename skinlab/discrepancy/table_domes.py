@@ -6,7 +6,8 @@ not. For these the finite elements are solved at one point, the anchor, and thei
 table's answer there corrects the table nearby; the ratio's change with the unknowns is taken from
 slopes or learnt from anchor to anchor. At the anchor itself the model is that of the finite
 elements (space mapping: Bandler et al. 2004, IEEE Trans. Microw. Theory Tech. 52:337). Relaxation
-is first approximated by letting the pressure of the dome relax as the stress would.
+is first approximated by letting the pressure of the dome relax as the stress would, which is too
+much: the volume does not relax. The share by which it is so is what the finite elements tell there.
 
 Nothing here asks which effect it is.
 """
