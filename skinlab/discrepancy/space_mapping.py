@@ -453,9 +453,10 @@ class MappedModel:
     def anchor(self, u: Array, *, slopes: bool = True, memory: bool = True) -> bool:
         """Solve the finite elements at u, so that the model is exact there.
 
-        With `slopes` it is also known how what they correct changes around it, relaxation apart:
-        that is learnt from anchor to anchor; without `memory` it stays approximate. Returns False
-        where they do not hold over most of the pressures.
+        With `slopes` it is also known how what they correct changes around it; of what relaxes that
+        is learnt from anchor to anchor, and on the mesh of record begun with slopes. Without
+        `memory` relaxation stays approximate. Returns False where they do not hold over most of the
+        pressures.
         """
         here = self._candidate(u)
         if here is None:
@@ -517,7 +518,7 @@ class MappedModel:
             if base is None or other is None:
                 return None
             found.append((other[0] - base[0]) / off[0, j])
-        return np.array(found).reshape(len(steps), -1).T
+        return np.array(found).reshape(len(steps), len(self.records[i].curve)).T
 
     def _share_steps(self, u: Array, here: _Candidate) -> dict[int, float]:
         """Return the unknowns with which a share changes, and how far each is moved."""
