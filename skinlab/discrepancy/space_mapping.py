@@ -11,6 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.curves.pressure_path import PressurePath
+from skinlab.discrepancy.corrections import (
+    Course,
+    Learnt,
+    between,
+    going_on,
+    read_on,
+    share_and_rest,
+)
 from skinlab.discrepancy.records import Record
 from skinlab.discrepancy.settings import FITS
 from skinlab.discrepancy.table_domes import (
@@ -57,52 +65,7 @@ _CORNER = 1e-2  # of the highest suction: a corner so small changes no correctio
 _FOLDED = replace(RELAXING, extrapolation_error=FITS.rough_steps, limits=FOLDED)
 _FELT_KNOWN = 16  # paths of so many settings of effects that change them
 _CURVED = 0.2  # in typical sizes, and of that at the anchor: below it is straight
-_BENT = 0.1  # an anchor nearer than that tells of the mesh, not of the bend
 _SHARE_STEP = 0.025  # of the law's reaches, typical sizes: for slopes of what relaxes
-_LITTLE = 0.05  # of the most that relaxes in a curve: of less no share is taken
-_TREND = 5  # nodes from which a correction goes on beyond
-
-
-@dataclass(eq=False)
-class _Learnt:
-    """A correction at the anchor, and how it changes with the unknowns."""
-
-    value: Array  # (m,)
-    slopes: Array  # (m, k)
-    bend: tuple[Array, Array] | None = None  # (k,) along which, and by how much (m,)
-
-    def at(self, off: Array) -> Array:
-        """Return the corrections (n, m) off the anchor by (n, k)."""
-        found = np.asarray(self.value + off @ self.slopes.T)
-        if self.bend is not None:
-            along, much = self.bend
-            found += np.square(off @ along)[:, None] * much
-        return found
-
-    def bends(self, value: Array, off: Array) -> None:
-        """Take a value off the anchor by (k,): along the way there it is a parabola.
-
-        A second order of one direction is what follows a valley that turns (Schnabel and Frank
-        1984, SIAM J. Numer. Anal. 21:815).
-        """
-        length = float(off @ off)
-        if length > _BENT**2:
-            self.bend = off / length, value - self.at(off[None])[0]
-
-    def move(self, value: Array, off: Array) -> None:
-        """Take the next anchor, and learn from it how the correction changes (Broyden 1965)."""
-        length = float(off @ off)
-        if length > 1e-12:
-            self.slopes = self.slopes + np.outer((value - self.at(off)) / length, off)
-        self.value = value
-
-
-@dataclass(frozen=True, eq=False)
-class _Course:
-    """What the finite elements add to a curve that relaxes."""
-
-    share: _Learnt  # (n,) of what the table takes for relaxation: more of that, more of this
-    rest_mm: Array  # (n,) what is no share of it, where it is next to nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,8 +87,8 @@ class MappedModel:
     domes: TableDomes
     discretisation: Discretisation = MESH_OF_RECORD
     _anchor: Array | None = None
-    _ratios: dict[Key, tuple[Array, _Learnt]] = field(default_factory=dict)
-    _courses: dict[int, _Course] = field(default_factory=dict)
+    _ratios: dict[Key, tuple[Array, Learnt]] = field(default_factory=dict)
+    _courses: dict[int, Course] = field(default_factory=dict)
     _offs: dict[Key, tuple[Array, Array]] = field(default_factory=dict)  # heights, of a coarse mesh
     _felt_known: dict[tuple[object, ...], list[PressurePath]] = field(default_factory=dict)
     _shares_sloped: bool = False
@@ -445,7 +408,7 @@ class MappedModel:
         w = domes(pressure / stiffness)
         if key in self._ratios:
             nodes, learnt = self._ratios[key]
-            w = w * np.exp(_between(nodes, learnt.at(off), pressure))
+            w = w * np.exp(between(nodes, learnt.at(off), pressure))
         return w
 
     # ---- the finite elements ----
@@ -462,7 +425,7 @@ class MappedModel:
         if here is None:
             return False
         off = self._from_anchor(u[None])[0]
-        ratios: dict[Key, tuple[Array, _Learnt]] = {}
+        ratios: dict[Key, tuple[Array, Learnt]] = {}
         for key, problem in here.problems.items():
             if has_features(problem):
                 found = self._ratio(u, here, key, slopes=slopes)
@@ -476,7 +439,7 @@ class MappedModel:
             for key, (nodes, learnt) in ratios.items():
                 if key in before:
                     then, known = before[key]
-                    learnt.bends(_between(then, known.value[None], nodes[None])[0], back)
+                    learnt.bends(between(then, known.value[None], nodes[None])[0], back)
         if not memory or not self._anchor_courses(here, off):
             return not memory
         if slopes and self._courses and not self._shares_sloped and not self.coarse:
@@ -501,6 +464,7 @@ class MappedModel:
             if slopes is None:
                 continue
             time, since = self.records[i].curve.time_s, self.records[first].curve.time_s
+            course.share.slopes = course.share.slopes.copy()  # another model may have the same
             for j, column in zip(steps, slopes.T, strict=True):
                 course.share.slopes[:, j] = np.interp(time - time[0], since - since[0], column)
         self._shares_sloped = True
@@ -536,7 +500,7 @@ class MappedModel:
 
     def _ratio(
         self, u: Array, here: _Candidate, key: Key, *, slopes: bool
-    ) -> tuple[Array, _Learnt] | None:
+    ) -> tuple[Array, Learnt] | None:
         """Return nodes (m,) and log w_FE / w_table there; None where either does not hold."""
         problem, top = here.problems[key], self._top_mbar(here, key)
         nodes = np.concatenate([[-5.0], top * np.linspace(0.02, 1.0, _RATIO_NODES) ** 1.5])
@@ -558,7 +522,7 @@ class MappedModel:
             value = np.log(w / plain) - self._off(problem, key, top, plain)
         if not np.isfinite(value[held]).all():
             return None
-        learnt = _Learnt(_read_on(nodes, value, held), np.zeros((len(nodes), len(u))))
+        learnt = Learnt(read_on(nodes, value, held), np.zeros((len(nodes), len(u))))
         by_parameter = solved.slopes(nodes) if changes else ()
         for (j, (up, down, width)), slope in zip(changes.items(), by_parameter, strict=True):
             ends = self._plain([up, down], top, nodes)
@@ -566,7 +530,7 @@ class MappedModel:
                 column = slope / w - np.log(ends[0] / ends[1]) / width
             there = held & np.isfinite(column)
             if there.any():
-                learnt.slopes[:, j] = _read_on(nodes, column, there)
+                learnt.slopes[:, j] = read_on(nodes, column, there)
         for j in beside:
             other = self._moved_ratio(u, j, key, nodes, needed)
             if other is not None:
@@ -591,7 +555,7 @@ class MappedModel:
         held = nodes <= min(solved.holds_to_mbar, top)
         if not np.isfinite(value[held]).all():
             return None
-        return _read_on(nodes, value, held), step
+        return read_on(nodes, value, held), step
 
     def _plain(self, problems: Sequence[SkinProblem], top: float, nodes: Array) -> Array:
         """Return what the table answers (n, m)."""
@@ -660,8 +624,8 @@ class MappedModel:
                 learnt = before[i].share
                 learnt.move(share, off)
             else:
-                learnt = _Learnt(share, np.zeros((len(time), len(off))))
-            self._courses[i] = _Course(learnt, rest_mm)
+                learnt = Learnt(share, np.zeros((len(time), len(off))))
+            self._courses[i] = Course(learnt, rest_mm)
         return True
 
     def _course(self, i: int, here: _Candidate, off: Array) -> tuple[Array, Array] | None:
@@ -685,30 +649,14 @@ class MappedModel:
             return None
         if not held.all():
             rough = solve_skin(problem, path, SCREENING_MESH, _FOLDED).at(time, path(time))
-            exact = _going_on(exact, rough)
+            exact = going_on(exact, rough)
             held = np.isfinite(exact)  # beyond, what they add stays as it was
         plain = replace(record, path=path, pressure_mbar=path(time))
         unread = replace(here, sensors=Sensors(()), felt=[path] * len(here.felt), felt_more=())
         at = (i, plain, [unread], domes, off)
         relaxed, elastic = (self._relaxed(*at, r)[0] for r in (_relaxation([problem]), None))
         added = np.interp(time, time[held], (exact - relaxed)[held])
-        memory = relaxed - elastic
-        small = _LITTLE * np.abs(memory).max()
-        share = added * memory / (np.square(memory) + small**2)
-        return share, added - share * memory
-
-
-def _going_on(exact_mm: Array, rough_mm: Array) -> Array:
-    """Return a dome (n,) in time that goes on as a rough one does, where it has ended.
-
-    A crease at the tape's edge may end a curve for one millibar, and with it all of the unloading:
-    that is as good as any.
-    """
-    both = np.flatnonzero(np.isfinite(exact_mm) & np.isfinite(rough_mm))
-    if not len(both) or rough_mm[both[-1]] == 0.0:
-        return exact_mm
-    ratio = exact_mm[both[-1]] / rough_mm[both[-1]]
-    return np.where(np.isfinite(exact_mm), exact_mm, rough_mm * ratio)
+        return share_and_rest(added, relaxed - elastic)
 
 
 def _relaxation(problems: Sequence[SkinProblem]) -> Relaxation | None:
@@ -773,28 +721,6 @@ def _steps(settings: StepSettings, discretisation: Discretisation) -> StepSettin
     if discretisation != SCREENING_MESH:
         return settings
     return replace(settings, extrapolation_error=FITS.rough_steps)
-
-
-def _between(nodes: Array, values: Array, at: Array) -> Array:
-    """Return values (n, k) at nodes (k,), at (n, m) or (1, m): linear, constant beyond."""
-    cell = np.clip(np.searchsorted(nodes, at) - 1, 0, len(nodes) - 2)
-    share = np.clip((at - nodes[cell]) / (nodes[cell + 1] - nodes[cell]), 0.0, 1.0)
-    row = np.arange(len(values))[:, None]
-    return np.asarray((1.0 - share) * values[row, cell] + share * values[row, cell + 1])
-
-
-def _read_on(nodes: Array, values: Array, held: NDArray[np.bool_]) -> Array:
-    """Return values (m,) that go on straight beyond where they are held.
-
-    Where a skin creases differs between two good meshes by a tenth and more; what the dome does on
-    the way there tells more than where it ends.
-    """
-    beyond = ~held
-    if not beyond.any():
-        return values
-    x, y = nodes[held][-_TREND:], values[held][-_TREND:]
-    slope = np.polyfit(x, y, 1)[0] if len(x) > 1 else 0.0
-    return np.where(held, values, y[-1] + slope * (nodes - x[-1]))
 
 
 def _bare(problem: SkinProblem) -> SkinProblem:

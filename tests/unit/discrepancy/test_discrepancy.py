@@ -13,6 +13,7 @@ from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
 from skinlab.discrepancy.adequacy import Residual
 from skinlab.discrepancy.candidates import Candidate
+from skinlab.discrepancy.corrections import Learnt
 from skinlab.discrepancy.fit import NO_LIMIT, Limit, Misfit
 from skinlab.discrepancy.heldout import conditions_of, predict_held_out
 from skinlab.discrepancy.misfit import (
@@ -28,7 +29,7 @@ from skinlab.discrepancy.records import by_geometry, records_of
 from skinlab.discrepancy.screen import Signature, alike, signature, worth_fitting
 from skinlab.discrepancy.search_workers import fit_elsewhere, fit_from, fit_one, off_the_wall
 from skinlab.discrepancy.settings import FITS, SEARCH
-from skinlab.discrepancy.space_mapping import MappedModel, _Learnt
+from skinlab.discrepancy.space_mapping import MappedModel
 from skinlab.discrepancy.table_domes import Relaxation, TableDomes
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.errors import InputError
@@ -446,7 +447,7 @@ def test_a_model_is_exact_at_its_anchor_and_at_the_one_before(table, effect):
 
 def test_anchors_a_hair_apart_tell_nothing_of_a_bend():
     """Their answers differ by what two meshes do, and a parabola through them is that, enlarged."""
-    near, far = (_Learnt(np.zeros(3), np.zeros((3, 2))) for _ in range(2))
+    near, far = (Learnt(np.zeros(3), np.zeros((3, 2))) for _ in range(2))
     near.bends(np.ones(3), np.array([0.01, 0.0]))
     far.bends(np.ones(3), np.array([0.5, 0.0]))
     assert near.at(np.array([[1.0, 0.0]])).tolist() == [[0.0] * 3]
