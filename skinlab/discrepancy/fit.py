@@ -226,20 +226,20 @@ class Fitter:
         if not self._finite_elements:
             return self._walk(self.model(unknowns), start, limit, least)[0]
         # On a coarse mesh first: an effect is nearly the same there, at a quarter of the time.
-        best, rough = self._walked(self.model(unknowns, SCREENING_MESH), start, limit, least)
+        best, last = self._walked(self.model(unknowns, SCREENING_MESH), start, limit, least)
         hopeless = min(FITS.hopeless * self.errors.count, limit.later)
         if best is None:
-            best, rough = self._walked(self.model(unknowns), start, limit, least)
+            best, last = self._walked(self.model(unknowns), start, limit, least)
         elif best.corrected and best.chi2 <= hopeless:
             if known is not None and known.settled and known.is_near(best.u):
                 return known
             near = best
-            best, rough = self._walked(rough.exact(), near.u, limit, least, near=True)
+            best, last = self._walked(last.exact(), near.u, limit, least, near=True)
             if best is None:  # a skin that creases on the finer mesh alone
-                best, rough = self._walked(self.model(unknowns), start, limit, least)
+                best, last = self._walked(self.model(unknowns), start, limit, least)
         if best is None or not best.corrected or best.chi2 > hopeless:
             return best
-        return self._anchored(best, rough)
+        return self._anchored(best, last)
 
     def near(self, fit: Fit) -> Fit | None:
         """Return the best fit near one by other errors: no coarse mesh has to lead there.

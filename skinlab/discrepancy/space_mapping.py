@@ -329,11 +329,11 @@ class MappedModel:
         relaxation: Relaxation | None,
     ) -> Array:
         """Return the deflections (candidates, n) before the sensors."""
-        w = self._relaxed(i, record, candidates, domes, off, relaxation)
+        w = self._by_table(i, record, candidates, domes, off, relaxation)
         if i not in self._courses:
             return w
         # What the table takes for relaxation is too much by a share that hardly changes.
-        memory = w - self._relaxed(i, record, candidates, domes, off, None)
+        memory = w - self._by_table(i, record, candidates, domes, off, None)
         time, course = record.curve.time_s, self._courses[i]
         share, rest = course.share.at(off), course.rest_mm[None]
         if any(c.sensors.chain for c in candidates):
@@ -349,7 +349,7 @@ class MappedModel:
             return time[None]
         return np.array([c.sensors.when(time) for c in candidates])
 
-    def _relaxed(
+    def _by_table(
         self,
         i: int,
         record: Record,
@@ -597,9 +597,6 @@ class MappedModel:
             if ends[0] is None or ends[1] is None or up + down <= 0.0:
                 continue
             both = [_bare(end.problems[key]) for end in ends if end is not None]
-            of_effect = j >= self.unknowns.count
-            if of_effect and all(one == _bare(problem) for one in both):
-                continue
             if both[0] != both[1]:
                 found[j] = (both[0], both[1], float(up + down))
         return found
@@ -654,7 +651,7 @@ class MappedModel:
         plain = replace(record, path=path, pressure_mbar=path(time))
         unread = replace(here, sensors=Sensors(()), felt=[path] * len(here.felt), felt_more=())
         at = (i, plain, [unread], domes, off)
-        relaxed, elastic = (self._relaxed(*at, r)[0] for r in (_relaxation([problem]), None))
+        relaxed, elastic = (self._by_table(*at, r)[0] for r in (_relaxation([problem]), None))
         added = np.interp(time, time[held], (exact - relaxed)[held])
         return share_and_rest(added, relaxed - elastic)
 
