@@ -16,7 +16,7 @@ from skinlab.discrepancy.fit import NO_LIMIT, Fit, Fitter, Limit
 from skinlab.discrepancy.race import Race
 from skinlab.discrepancy.screen import Signature, linear_pairs
 from skinlab.discrepancy.search_workers import fit_elsewhere, fit_from
-from skinlab.discrepancy.settings import FITS, NAMES, SEARCH
+from skinlab.discrepancy.settings import ERRORS, FITS, NAMES, SEARCH
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.inference.error_choice import ErrorChoice
 
@@ -63,6 +63,7 @@ class PairSearch:
         """
         fitted_already = {frozenset(c.effects[len(self._own) :]) for c in known}
         leaders = sorted(singles, key=lambda c: -c.log10_evidence)[:most]
+        leaders += [c for c in best_fitting(singles)[:1] if c not in leaders]
         tasks: dict[frozenset[str], tuple[Fit, Signature]] = {}
         for leader in leaders:
             mine = leader.effects[-1]
@@ -202,8 +203,7 @@ class PairSearch:
             return []
         best = min(pairs, key=lambda c: c.fit.cost)
         halves = [c for c in singles if c.effects[-1] in best.effects]
-        halves = sorted(halves, key=lambda c: c.fit.cost)[:1]
-        return self.beside(halves, 1, SEARCH.seen, known=known, partners=SEARCH.most_pairs)
+        return self.beside(halves, 2, SEARCH.seen, known=known, partners=SEARCH.most_pairs)
 
     def members(self, candidates: Sequence[Candidate]) -> list[Candidate]:
         """Return fits of the single effects of pairs that explain, begun where the pair ended.
@@ -288,7 +288,10 @@ class PairSearch:
         def numbers(one: Candidate) -> int:
             return sum(a.effect == one.effects[-1] for a in one.fit.unknowns.axes)
 
-        alone = [c for c in good if len(c.effects) - len(self._own) == 1]
+        alone = [
+            c for c in good
+            if len(c.effects) - len(self._own) == 1 and c.left.p_value >= ERRORS.no_doubt
+        ]  # fmt: skip
         single = [c.log10_evidence for c in alone if numbers(c) < SEARCH.as_a_pair]
         as_pairs = [c.log10_evidence for c in alone if numbers(c) >= SEARCH.as_a_pair]
         pairs = [c.log10_evidence for c in good if len(c.effects) - len(self._own) > 1]

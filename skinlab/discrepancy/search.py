@@ -287,6 +287,10 @@ class Search:
         self.progress(f"weighing {len(candidates)} explanations")
         self._look_last(max(serving, key=lambda c: c.log10_evidence).fit)
         candidates = self.weighed(base, candidates)
+        told = self._by_errors_as_told(candidates)
+        if told:
+            self._look_last(told[0].fit)
+            candidates = self.weighed(base, told)
         for _ in range(rivals):
             near = self._doubtful(candidates)
             if not near:
@@ -294,6 +298,29 @@ class Search:
             self._look(near[0].fit)
             candidates = self._weighed(base, candidates)
         return candidates
+
+    def _by_errors_as_told(self, candidates: list[Candidate]) -> list[Candidate]:
+        """Return the candidates judged by the errors that the likeliest needs, itself the first.
+
+        Where it leaves more than noise by those that repeats tell, and needs none that are larger:
+        polynomials that stand for any model take up most of a breath that lasts about as long as a
+        phase, so that repeats tell its size, and its frequency badly. None where that is not so.
+        """
+        assert self.errors is not None
+        ranked = sorted(candidates, key=lambda c: -c.log10_evidence)
+        if ranked[0].adequate or ranked[0].log10_evidence < NAMES.tie:
+            return []
+        own = self._look(ranked[0].fit)
+        if not _no_larger(own, self.errors.pure):
+            return []
+        judged, least = likeliest(own), ranked[0].log10_evidence - SEARCH.doubt
+        again = [
+            replace(c, left=judge(self.fitter.records, judged, c.fit, self.fitter.errors))
+            if c.log10_evidence > least and not c.adequate
+            else c
+            for c in ranked
+        ]
+        return again if again[0].adequate else []
 
     def _doubtful(self, candidates: Sequence[Candidate]) -> list[Candidate]:
         """Return what may still win, and whose errors are not known; the nearest first."""
@@ -444,6 +471,20 @@ class Search:
         if self._partial is not None:
             self._partial.add(found, base=base is None)
         return found
+
+
+def _no_larger(own: ErrorChoice, told: ErrorChoice) -> bool:
+    """Return whether no part of an explanation's own errors is larger than was told."""
+    names = {name for node in own.nodes for name in node.sizes_um}
+
+    def medians(look: ErrorChoice) -> dict[str, float]:
+        return {name: look.median(partial(size_um, name=name)) for name in names}
+
+    before = medians(told)
+    return all(
+        um <= ERRORS.no_larger * before[name] + ERRORS.rounding_um
+        for name, um in medians(own).items()
+    )
 
 
 def creased(records: Sequence[Record], fit: Fit, domes: TableDomes) -> list[Record]:

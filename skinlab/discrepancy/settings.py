@@ -102,6 +102,9 @@ class ErrorRules:
     repeats do not have it in common; between the two they decide."""
     no_doubt: float = 0.05
     """Of a p value: what is likelier is not looked at with other errors."""
+    no_larger: float = 1.25
+    """Times the size that repeats tell of a kind of errors (and `rounding_um`): an explanation that
+    needs no more is judged by its own."""
     wave_sure: float = 0.95
     """Probability of a pulse or a breath, from which on it is looked at;"""
     wave_rest: float = 0.5
