@@ -1,6 +1,7 @@
 """What is concluded from fits: whether they are adequate, what is missing, what to measure next."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,14 +9,16 @@ from hidden_effects import RAMPS, SKIN, TRUE, fitter_of, learned, measured
 
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
+from skinlab.discrepancy import search as search_module
 from skinlab.discrepancy.adequacy import Residual, judge, look
-from skinlab.discrepancy.campaign_errors import Linearised
+from skinlab.discrepancy.campaign_errors import CampaignErrors, Linearised
 from skinlab.discrepancy.candidates import Candidate, Found, may_still_win, with_members
 from skinlab.discrepancy.discipline import Trial
 from skinlab.discrepancy.fit import Fit
 from skinlab.discrepancy.heldout import conditions_of, predict_held_out
 from skinlab.discrepancy.misfit import errors_of, mesh_columns
 from skinlab.discrepancy.next_measurement import Planned, _Look, _looks, _Odds, advise
+from skinlab.discrepancy.pair_search import PairSearch
 from skinlab.discrepancy.planned_curve import (
     PlannedCurve,
     PlannedErrors,
@@ -301,6 +304,68 @@ def test_what_is_outdone_by_what_does_not_fit_is_no_name():
     both = (*LAG, *GAIN)
     found = verdict(BAD, candidate(LAG, 22.0, BAD), candidate(GAIN, 19.5), candidate(both, 24.0))
     assert found == ("named", [{*both}])
+
+
+# ---- where a search goes on, on made-up candidates -----------------------------------------------
+
+
+@pytest.mark.parametrize(("p_value", "enough"), [(0.5, True), (0.02, False)])
+def test_a_single_effect_that_chance_hardly_leaves_so_is_not_enough(p_value, enough):
+    """A bent sensor left 0.002 of what may be noise; a preload and a stiffening were there."""
+    pairs = PairSearch(SimpleNamespace(own=()), None)
+    singles = [candidate(LAG, 20.0, p_value), candidate(SLIP, 1.0)]
+    assert pairs.one_is_enough([*singles, candidate((*LAG, *GAIN), 21.0)]) is enough
+
+
+def test_what_fits_best_gets_partners_however_unlikely_it_is_alone():
+    """A layer, which was right, was 10^70 less likely by errors as the model as it is needs them."""
+    screened = []
+
+    def screen(fit, names, errors=None):
+        screened.append(fit.effects)
+        return {}, {}
+
+    def of(effects, evidence, cost):
+        made = candidate(effects, evidence, BAD)
+        return replace(made, fit=replace(made.fit, cost=cost))
+
+    search = SimpleNamespace(own=(), library=[*LAG, *GAIN, *SLIP], looks=[], progress=lambda _: 0)
+    pairs = PairSearch(search, SimpleNamespace(screen=screen))
+    layer = ("surface_layer",)
+    singles = [of(LAG, -8.0, 1e4), of(layer, -70.0, 3800.0), of(GAIN, -10.0, 4600.0)]
+    assert pairs.beside(singles, 2, SEARCH.seen) == []
+    assert screened == [LAG, GAIN, layer]
+
+
+@pytest.mark.parametrize(("breath_um", "judged"), [(1.7, True), (2.5, False)])
+def test_the_likeliest_is_judged_by_its_own_errors_if_repeats_tell_as_much(
+    monkeypatch, looks, breath_um, judged
+):
+    """Repeats told a breath of 1.5 µm at 0.24 Hz, and it was at 0.26 Hz."""
+
+    def errors(um):
+        node = SimpleNamespace(sizes_um={"white": 3.0, "breathing": um})
+        return SimpleNamespace(nodes=[node], median=lambda of: of(node))
+
+    def judge(records, settings, fit, errors):
+        assert settings is own
+        return Residual(GOOD, (), GOOD)
+
+    monkeypatch.setattr(search_module, "judge", judge)
+    monkeypatch.setattr(search_module, "likeliest", lambda look: look)
+    own, search = errors(breath_um), search_module.Search(looks[0])
+    search.errors = CampaignErrors((errors(1.5),))
+    best, rival, far = (
+        candidate(names, evidence, BAD)
+        for names, evidence in (((*LAG, *GAIN), 66.0), ((*LAG, *SLIP), 62.0), (LAG, 50.0))
+    )
+    search.looks = [(best.fit, own)]
+    found = search._by_errors_as_told([far, rival, best])
+    assert [c.effects for c in found if c.adequate] == (
+        [best.effects, rival.effects] if judged else []
+    )
+    # What may be noise already needs no other errors.
+    assert search._by_errors_as_told([candidate(LAG, 70.0), best]) == []
 
 
 def test_of_a_tie_without_its_first_the_others_are_left():
