@@ -318,7 +318,7 @@ def test_a_single_effect_that_chance_hardly_leaves_so_is_not_enough(p_value, eno
 
 
 def test_what_fits_best_gets_partners_however_unlikely_it_is_alone():
-    """A layer, which was right, was 10^70 less likely by errors as the model as it is needs them."""
+    """A layer, which was right, was 10^70 less likely by errors that the bare model needs."""
     screened = []
 
     def screen(fit, names, errors=None):
