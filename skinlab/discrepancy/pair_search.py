@@ -193,16 +193,19 @@ class PairSearch:
         singles: Sequence[Candidate],
         known: Sequence[Candidate],
     ) -> list[Candidate]:
-        """Return more pairs where none explains: of the better half of the best one.
+        """Return more pairs where none explains: of the halves of the best one.
 
-        What the screen expects of a strong partner may be far off; of that half the next best
-        partners are fitted.
+        What the screen expects of a strong partner may be far off; of these halves the next best
+        partners are fitted. One that takes away much less than the other is not asked.
         """
         pairs = [c for c in known if len(c.effects) - len(self._own) > 1]
         if not pairs or any(c.adequate for c in known):
             return []
         best = min(pairs, key=lambda c: c.fit.cost)
         halves = [c for c in singles if c.effects[-1] in best.effects]
+        gained = {c.effects: self._race.base.fit.cost - c.fit.cost for c in halves}
+        least = SEARCH.half * max(gained.values(), default=0.0)
+        halves = [c for c in halves if gained[c.effects] >= least]
         return self.beside(halves, 2, SEARCH.seen, known=known, partners=SEARCH.most_pairs)
 
     def members(self, candidates: Sequence[Candidate]) -> list[Candidate]:
