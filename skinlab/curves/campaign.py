@@ -63,7 +63,7 @@ def read_campaign(path: Path) -> Campaign:
         data = decode(read_toml(read_whole(path)), _File)
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from None
-    except (ValueError, UnicodeDecodeError) as error:
+    except ValueError as error:
         raise InputError(f"{path}: {error}") from None
     if not data.curve:
         raise InputError(f"{path}: no [[curve]]; expected at least one")

@@ -27,7 +27,7 @@ from skinlab.curves.apertures import APERTURES_MM
 from skinlab.curves.phantoms import Phantom
 from skinlab.curves.settings import PROBE
 from skinlab.errors import InputError
-from skinlab.io.documents import decode, read_json, read_toml, toml_text
+from skinlab.io.documents import decode, read_json, read_toml, text_of, toml_text
 from skinlab.io.files import append_text
 from skinlab.text import counted
 
@@ -259,9 +259,10 @@ def read_probe(path: Path) -> ProbeErrors:
         InputError: it cannot be read, or a field is wrong.
     """
     try:
-        return replace(decode_probe(read_whole(path).decode(), str(path)), path=path)
-    except (OSError, UnicodeDecodeError) as error:
+        text = text_of(read_whole(path))
+    except (OSError, ValueError) as error:
         raise InputError(f"{path}: {getattr(error, 'strerror', None) or error}") from None
+    return replace(decode_probe(text, str(path)), path=path)
 
 
 def decode_probe(text: str, where: str) -> ProbeErrors:

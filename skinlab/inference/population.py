@@ -27,7 +27,7 @@ from skinlab.inference.posterior import Draws
 from skinlab.inference.result import Identification
 from skinlab.inference.settings import POPULATION
 from skinlab.inference.uncertainty import Uncertainty
-from skinlab.io.documents import decode, read_toml
+from skinlab.io.documents import decode, read_toml, text_of
 from skinlab.mechanics.names import is_logarithmic
 
 Array = NDArray[np.float64]
@@ -167,8 +167,8 @@ def read_prior(path: Path, site: str | None = None, age_years: float | None = No
         InputError: it cannot be read, a field is wrong, or it has no such site.
     """
     try:
-        text = read_whole(path).decode()
-    except (OSError, UnicodeDecodeError) as error:
+        text = text_of(read_whole(path))
+    except (OSError, ValueError) as error:
         raise InputError(f"{path}: {getattr(error, 'strerror', None) or error}") from None
     return decode_prior(text, str(path), site, age_years)
 

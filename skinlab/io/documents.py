@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import codecs
 import json
 import re
 from collections.abc import Mapping, Sequence
@@ -19,6 +18,18 @@ Kind = TypeVar("Kind")
 _DEEP = "nested too deeply"
 _MOST_BYTES = 16 << 20  # of a TOML: the parser takes a quarter of a second a MB
 _MOST_DOTS = 5_000  # of one line: a list of so many numbers is no campaign or model
+
+
+def text_of(raw: bytes) -> str:
+    """Return UTF-8 text; the mark that editors of Windows begin it with is left out.
+
+    Raises:
+        ValueError: it is none; says where.
+    """
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ValueError(f"byte {error.start + 1} is not UTF-8; expected a text file") from None
 
 
 def read_json(text: str | bytes) -> Any:
@@ -53,16 +64,12 @@ def read_toml(raw: bytes | str) -> dict[str, Any]:
     """
     if len(raw) > _MOST_BYTES:
         raise ValueError(f"{len(raw) >> 20} MB of text; expected at most {_MOST_BYTES >> 20} MB")
-    # Editors of Windows begin a UTF-8 file with a mark that TOML does not know.
-    raw = (
-        raw.removeprefix(codecs.BOM_UTF8) if isinstance(raw, bytes) else raw.removeprefix("\ufeff")
-    )
+    text = text_of(raw) if isinstance(raw, bytes) else raw.removeprefix("\ufeff")
     # A key of thousands of parts takes the parser a time that grows with their square.
-    dots, line_end = (b".", b"\n") if isinstance(raw, bytes) else (".", "\n")
-    if any(line.count(dots) > _MOST_DOTS for line in raw.split(line_end)):  # type: ignore[arg-type]
+    if any(line.count(".") > _MOST_DOTS for line in text.split("\n")):
         raise ValueError(_DEEP)
     try:
-        found: dict[str, Any] = msgspec.toml.decode(raw)
+        found: dict[str, Any] = msgspec.toml.decode(text)
     except RecursionError:
         raise ValueError(_DEEP) from None
     return found

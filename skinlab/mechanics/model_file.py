@@ -214,7 +214,7 @@ def decode_model(raw: bytes | str, path: str) -> Model:
     """
     try:
         return model_of(read_toml(raw))
-    except (ValueError, UnicodeDecodeError) as error:  # InputError is one
+    except ValueError as error:  # InputError is one
         raise InputError(f"{path}: {error}") from None
 
 

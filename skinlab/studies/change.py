@@ -25,6 +25,7 @@ from drivers.reading import read_whole
 from skinlab.curves.curve import Curve
 from skinlab.errors import InputError
 from skinlab.inference.result import Identification
+from skinlab.io.documents import text_of
 from skinlab.mechanics.names import plain
 from skinlab.recording.audit import entries
 from skinlab.recording.session import Session
@@ -339,9 +340,9 @@ def components_of(study: Path) -> tuple[Path, list[dict[str, str]]]:
     """
     path = study / "components.csv" if study.is_dir() else study
     try:
-        text = read_whole(path).decode()
+        text = text_of(read_whole(path))
         rows = list(csv.DictReader(io.StringIO(text, newline="")))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+    except (OSError, ValueError, csv.Error) as error:
         raise InputError(f"{path}: cannot be read ({error}); expected that of a study") from None
     if rows and not {"condition", "quantity", "component", "variance", "freedom"} <= rows[0].keys():
         raise InputError(f"{path}: expected the components.csv of a study")

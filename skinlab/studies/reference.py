@@ -139,7 +139,7 @@ def read_reference(path: Path) -> Reference:
         return decode(read_toml(read_whole(path)), Reference)
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from None
-    except (ValueError, UnicodeDecodeError) as error:
+    except ValueError as error:
         raise InputError(f"{path}: {error}") from None
 
 

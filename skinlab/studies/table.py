@@ -21,6 +21,7 @@ from drivers.reading import read_whole
 from skinlab.curves.cutometer import FORMULAS
 from skinlab.errors import InputError
 from skinlab.inference.identify import Identifier
+from skinlab.io.documents import text_of
 from skinlab.io.files import whole_file, whole_text
 from skinlab.mechanics.materials import get_law
 from skinlab.recording.recorder import identification_settings
@@ -297,10 +298,10 @@ def read_columns(path: Path) -> Columns:
         InputError: it cannot be read, or is no such table.
     """
     try:
-        reader = csv.reader(io.StringIO(read_whole(path).decode("utf-8-sig"), newline=""))
+        reader = csv.reader(io.StringIO(text_of(read_whole(path)), newline=""))
         names = tuple(next(reader, []))
         body = list(reader)
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+    except (OSError, ValueError, csv.Error) as error:
         raise InputError(f"{path}: {error}") from None
     if "file" not in names or "subject" not in names:
         raise InputError(f"{path}: expected the curves.csv of a study")

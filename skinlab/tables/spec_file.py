@@ -107,12 +107,12 @@ def read_spec(path: str | Path) -> CustomSpec | DimensionlessSpec:
         raise InputError(f"{path}: {error.strerror or error}") from None
     try:
         said = read_toml(raw)
-    except (ValueError, UnicodeDecodeError) as error:
+    except ValueError as error:
         raise InputError(f"{path}: {error}") from None
     named = _named_model(said, path)
     try:
         return _spec_of(said, named)
-    except (ValueError, UnicodeDecodeError) as error:  # InputError is one
+    except ValueError as error:  # InputError is one
         raise InputError(f"{path}: {error}") from None
 
 

@@ -139,6 +139,18 @@ def test_deep_brackets_in_toml_are_a_sentence(tmp_path, capfd):
         refused(capfd, "capture", "--port", "x", "--dialect", deep, "--out", tmp_path / "c.jsonl")
 
 
+def test_bytes_that_are_no_text_are_a_sentence(tmp_path, capfd):
+    (tmp_path / "c.csv").write_text(RAMP)
+    file = tmp_path / "bytes.toml"
+    file.write_bytes(b"[law]\xff\xfe")
+    expected = f"{file}: byte 6 is not UTF-8; expected a text file"
+    assert expected in refused(capfd, "identify", file)
+    for option in ("--model", "--probe", "--prior"):
+        assert expected in refused(capfd, "identify", tmp_path / "c.csv", *GEOMETRY, option, file)
+    said = refused(capfd, "database", "build", "--spec", file, "--out", tmp_path / "d.h5")
+    assert expected in said
+
+
 def test_a_very_large_toml_is_a_sentence(tmp_path, capfd):
     (tmp_path / "m.toml").write_text("# x\n" * (5 << 20))
     assert run(["identify", str(tmp_path / "m.toml")]) == 3
