@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
@@ -19,6 +18,7 @@ from skinlab.discrepancy.corrections import (
     read_on,
     share_and_rest,
 )
+from skinlab.discrepancy.problem_map import Key, ProblemMap, Problems, key_of
 from skinlab.discrepancy.records import Record
 from skinlab.discrepancy.settings import FITS
 from skinlab.discrepancy.table_domes import (
@@ -31,14 +31,9 @@ from skinlab.discrepancy.table_domes import (
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.errors import InputError
 from skinlab.mechanics.effects import get_effect
-from skinlab.mechanics.effects.base import Effect
 from skinlab.mechanics.effects.model import (
-    Chosen,
     Instant,
     Sensors,
-    changed,
-    chosen,
-    felt_along,
     solve_skin,
 )
 from skinlab.mechanics.fem.admissibility import FOLDED
@@ -50,11 +45,9 @@ from skinlab.mechanics.fem.suction import (
     MESH_OF_RECORD,
     SCREENING_MESH,
     Discretisation,
-    Geometry,
 )
 
 Array = NDArray[np.float64]
-Key = tuple[Geometry, int]  # as stated; the first cycle, or a later one
 
 _RATIO_NODES = 40
 _SMALL = 1e-3  # of an unknown, for slopes: what is left out is its square
@@ -63,19 +56,8 @@ _COMPARED, _ALIKE_S, _ALIKE_MBAR = 100, 0.3, 2.0  # points, length and suction o
 _CORNER = 1e-2  # of the highest suction: a corner so small changes no correction
 # Beyond a crease: the folded branch differs between meshes by little, and hardly in the dome.
 _FOLDED = replace(RELAXING, extrapolation_error=FITS.rough_steps, limits=FOLDED)
-_FELT_KNOWN = 16  # paths of so many settings of effects that change them
 _CURVED = 0.2  # in typical sizes, and of that at the anchor: below it is straight
 _SHARE_STEP = 0.025  # of the law's reaches, typical sizes: for slopes of what relaxes
-
-
-@dataclass(frozen=True, eq=False)
-class _Candidate:
-    """What one set of unknowns is for the mechanics; paths are those of the records."""
-
-    problems: Mapping[Key, SkinProblem]
-    sensors: Sensors
-    felt: Sequence[PressurePath]
-    felt_more: Sequence[PressurePath] = ()  # of 1 mbar more, where readings are bent
 
 
 @dataclass(eq=False)
@@ -90,7 +72,6 @@ class MappedModel:
     _ratios: dict[Key, tuple[Array, Learnt]] = field(default_factory=dict)
     _courses: dict[int, Course] = field(default_factory=dict)
     _offs: dict[Key, tuple[Array, Array]] = field(default_factory=dict)  # heights, of a coarse mesh
-    _felt_known: dict[tuple[object, ...], list[PressurePath]] = field(default_factory=dict)
     _shares_sloped: bool = False
 
     def exact(self) -> MappedModel:
@@ -130,10 +111,14 @@ class MappedModel:
 
     def needs_finite_elements(self, u: Array, *, memory: bool = True) -> bool:
         """Return whether the table alone does not tell the curves there, or the elastic ones."""
-        candidate = self._candidate(u)
+        candidate = self._problems.at(u)
         return candidate is not None and any(
             has_features(p) or (memory and p.prony) for p in candidate.problems.values()
         )
+
+    @cached_property
+    def _problems(self) -> ProblemMap:
+        return ProblemMap(self.records, self.unknowns)
 
     @cached_property
     def _twins(self) -> list[int]:
@@ -141,7 +126,7 @@ class MappedModel:
         first: dict[tuple[object, ...], int] = {}
         return [
             first.setdefault(
-                (_key(r), r.path, r.curve.time_s.tobytes(), r.pressure_mbar.tobytes()), i
+                (key_of(r), r.path, r.curve.time_s.tobytes(), r.pressure_mbar.tobytes()), i
             )
             for i, r in enumerate(self.records)
         ]
@@ -164,7 +149,7 @@ class MappedModel:
 
     def predict_many(self, u: Array) -> list[Array]:
         """Return the deflections (candidates, n) of each record for unknowns (candidates, k)."""
-        every = self._candidates(u)
+        every = self._problems.at_many(u)
         some = [i for i, one in enumerate(every) if one is not None]
         candidates = [one for one in every if one is not None]
         off = self._from_anchor(u)
@@ -176,7 +161,7 @@ class MappedModel:
             found[i] = np.full((len(u), len(record.curve)), np.nan)
             if not candidates:
                 continue
-            key = _key(record)
+            key = key_of(record)
             w = self._height_in_time(i, record, candidates, domes[key], off[some], relaxations[key])
             time = record.curve.time_s
             if any(c.sensors.chain for c in candidates):
@@ -212,68 +197,7 @@ class MappedModel:
             if get_effect(axis.effect).curved and axis.parameter.zero is not None
         ]
 
-    def _candidate(self, u: Array) -> _Candidate | None:
-        """Return what unknowns are for the mechanics, None for values that cannot be."""
-        return self._candidates(u[None])[0]
-
-    def _candidates(self, u: Array) -> list[_Candidate | None]:
-        """Return the same of unknowns (n, k): most of them differ in the law's alone."""
-        keys = list(dict.fromkeys(_key(record) for record in self.records))
-        known: dict[bytes, tuple[Chosen, _Candidate] | None] = {}
-        found: list[_Candidate | None] = []
-        count = self.unknowns.count
-        for row, law in zip(u, self.unknowns.space.from_coordinates(u[:, :count]), strict=True):
-            name = row[count:].tobytes()
-            try:
-                if name not in known:
-                    known[name] = None
-                    effects = chosen(self.unknowns.values(row))
-                    known[name] = effects, self._with(effects)
-                own = known[name]
-                if own is None:
-                    found.append(None)
-                    continue
-                effects, like = own
-                skin = self.unknowns.skin_of(law)
-                problems = {key: changed(skin, effects, *key) for key in keys}
-                found.append(_Candidate(problems, like.sensors, like.felt, like.felt_more))
-            except InputError:  # a combination of values that cannot be
-                found.append(None)
-        return found
-
-    def _with(self, effects: Chosen) -> _Candidate:
-        """Return what effects are for the mechanics, whatever the skin."""
-        more = self._felt(effects, 1.0) if any(e.bends for e, _ in effects) else ()
-        return _Candidate({}, Sensors.among(effects), self._felt(effects), more)
-
-    @cached_property
-    def _paths(self) -> list[int]:
-        """Return of each record the first one with the same path."""
-        first: dict[PressurePath, int] = {}
-        return [first.setdefault(r.path, i) for i, r in enumerate(self.records)]
-
-    def _felt(self, effects: Chosen, more_mbar: float = 0.0) -> list[PressurePath]:
-        changing = [(e, v) for e, v in effects if type(e).felt is not Effect.felt]
-        if not more_mbar and not changing:
-            return [self.records[i].path for i in self._paths]
-        # Most candidates differ in something else: the same paths are recognised as such.
-        name = (more_mbar, *((e.name, tuple(v.values())) for e, v in changing))
-        if name in self._felt_known:
-            return self._felt_known[name]
-        known: dict[int, PressurePath] = {}
-        for i in sorted(set(self._paths)):
-            path = self.records[i].path
-            if more_mbar:
-                higher = tuple(p + more_mbar for p in path.pressure_mbar)
-                path = replace(path, pressure_mbar=higher)
-            known[i] = felt_along(changing, path)
-        found = [known[i] for i in self._paths]
-        while len(self._felt_known) >= _FELT_KNOWN:
-            del self._felt_known[next(iter(self._felt_known))]
-        self._felt_known[name] = found
-        return found
-
-    def _domes_of_all(self, candidates: Sequence[_Candidate]) -> dict[Key, Domes]:
+    def _domes_of_all(self, candidates: Sequence[Problems]) -> dict[Key, Domes]:
         """Return the domes of candidates for each key: asked for at once."""
         keys, n = list(candidates[0].problems), len(candidates)
         problems = [c.problems[key] for key in keys for c in candidates]
@@ -284,46 +208,24 @@ class MappedModel:
                 problem = c.problems[key]
                 name = (key, id(c.felt), problem.prony, problem.preload_mbar)
                 if name not in known:
-                    known[name] = self._top_mbar(c, key)
+                    known[name] = self._problems.top_mbar(c, key)
                 tops.append(known[name] / problem.stiffness)
         every = self.domes(problems, tops)
         return {key: every.some(slice(i * n, (i + 1) * n)) for i, key in enumerate(keys)}
 
-    def _domes(self, candidates: Sequence[_Candidate], key: Key) -> Domes:
+    def _domes(self, candidates: Sequence[Problems], key: Key) -> Domes:
         problems = [c.problems[key] for c in candidates]
         tops = [
-            self._top_mbar(c, key) / p.stiffness for c, p in zip(candidates, problems, strict=True)
+            self._problems.top_mbar(c, key) / p.stiffness
+            for c, p in zip(candidates, problems, strict=True)
         ]
         return self.domes(problems, tops)
-
-    def _needed_mbar(self, candidate: _Candidate, key: Key) -> float:
-        """Return the highest suction that is felt under this opening."""
-        return max(candidate.felt[i].top_mbar for i in self._under[key[0]])
-
-    @cached_property
-    def _under(self) -> dict[Geometry, list[int]]:
-        """The records under each opening."""
-        found: dict[Geometry, list[int]] = {}
-        for i, record in enumerate(self.records):
-            found.setdefault(record.geometry, []).append(i)
-        return found
-
-    def _top_mbar(self, candidate: _Candidate, key: Key) -> float:
-        problem, terms = candidate.problems[key], candidate.problems[key].prony
-        paths = [candidate.felt[i] for i in self._under[key[0]]]
-        lasts_s = max(path.time_s[-1] - path.time_s[0] for path in paths)
-        # Of the stress, as far as it can have relaxed by the end of a curve; before it, for good.
-        share = -sum(term.g * math.expm1(-lasts_s / term.tau_s) for term in terms)
-        before_mbar = problem.preload_mbar / (1.0 - sum(term.g for term in terms))
-        # In coarse steps: what is solved is kept by it.
-        wanted = 1.02 * self._needed_mbar(candidate, key) / (1.0 - share) + before_mbar
-        return float(np.ceil(wanted / 20.0) * 20.0)
 
     def _height_in_time(
         self,
         i: int,
         record: Record,
-        candidates: Sequence[_Candidate],
+        candidates: Sequence[Problems],
         domes: Domes,
         off: Array,
         relaxation: Relaxation | None,
@@ -343,7 +245,7 @@ class MappedModel:
         return np.asarray(w + share * memory + rest)
 
     @staticmethod
-    def _read_at(candidates: Sequence[_Candidate], time: Array) -> Array:
+    def _read_at(candidates: Sequence[Problems], time: Array) -> Array:
         """Return when each candidate's dome is read (candidates, n), or (1, n) for all."""
         if not any(c.sensors.chain for c in candidates):
             return time[None]
@@ -353,17 +255,17 @@ class MappedModel:
         self,
         i: int,
         record: Record,
-        candidates: Sequence[_Candidate],
+        candidates: Sequence[Problems],
         domes: Domes,
         off: Array,
         relaxation: Relaxation | None,
     ) -> Array:
         """Return the deflections (candidates, n) as far as the table tells how they relax."""
-        key, time = _key(record), record.curve.time_s
+        key, time = key_of(record), record.curve.time_s
         problems = [c.problems[key] for c in candidates]
         when = self._read_at(candidates, time)
         moved = any(c.sensors.chain for c in candidates)
-        own = self.records[self._paths[i]].path
+        own = self.records[self._problems.paths[i]].path
         felt: dict[int, list[int]] = {}  # by what is felt: the candidates
         for j, c in enumerate(candidates):
             felt.setdefault(id(c.felt[i]), []).append(j)
@@ -421,7 +323,7 @@ class MappedModel:
         `memory` relaxation stays approximate. Returns False where they do not hold over most of the
         pressures.
         """
-        here = self._candidate(u)
+        here = self._problems.at(u)
         if here is None:
             return False
         off = self._from_anchor(u[None])[0]
@@ -446,7 +348,7 @@ class MappedModel:
             self._slope_shares(u, here)
         return True
 
-    def _slope_shares(self, u: Array, here: _Candidate) -> None:
+    def _slope_shares(self, u: Array, here: Problems) -> None:
         """Take how what relaxes changes with all but stiffnesses, of a coarse mesh.
 
         A share hardly changes with the law's stiffnesses, and with how much relaxes.
@@ -470,21 +372,21 @@ class MappedModel:
         self._shares_sloped = True
 
     def _slopes_of_share(
-        self, i: int, here: _Candidate, u: Array, steps: Mapping[int, float]
+        self, i: int, here: Problems, u: Array, steps: Mapping[int, float]
     ) -> Array | None:
         """Return the derivatives (n, steps) of a curve's share, None where there are none."""
         base = self._course(i, here, np.zeros((1, len(u))))
         found = []
         for j, step in steps.items():
             moved = _moved(u, j, step)
-            there, off = self._candidate(moved), self._from_anchor(moved[None])
+            there, off = self._problems.at(moved), self._from_anchor(moved[None])
             other = None if there is None else self._course(i, there, off)
             if base is None or other is None:
                 return None
             found.append((other[0] - base[0]) / off[0, j])
         return np.array(found).reshape(len(steps), len(self.records[i].curve)).T
 
-    def _share_steps(self, u: Array, here: _Candidate) -> dict[int, float]:
+    def _share_steps(self, u: Array, here: Problems) -> dict[int, float]:
         """Return the unknowns with which a share changes, and how far each is moved."""
         keys = here.problems.items()
         changing = {j for key, problem in keys for j in self._changes(u, problem, key)}
@@ -499,10 +401,10 @@ class MappedModel:
         return found
 
     def _ratio(
-        self, u: Array, here: _Candidate, key: Key, *, slopes: bool
+        self, u: Array, here: Problems, key: Key, *, slopes: bool
     ) -> tuple[Array, Learnt] | None:
         """Return nodes (m,) and log w_FE / w_table there; None where either does not hold."""
-        problem, top = here.problems[key], self._top_mbar(here, key)
+        problem, top = here.problems[key], self._problems.top_mbar(here, key)
         nodes = np.concatenate([[-5.0], top * np.linspace(0.02, 1.0, _RATIO_NODES) ** 1.5])
         changes = self._changes(u, problem, key) if slopes else {}
         try:
@@ -513,7 +415,7 @@ class MappedModel:
             solved = _solve(_bare(problem), tuple(changes.values()), top, self.discretisation)
         else:
             beside = {}
-        needed = self._needed_mbar(here, key)
+        needed = self._problems.needed_mbar(here, key)
         if solved.instant is None or solved.holds_to_mbar < FITS.least_held * needed:
             return None
         held = nodes <= min(solved.holds_to_mbar, top)
@@ -542,7 +444,7 @@ class MappedModel:
     ) -> tuple[Array, float] | None:
         """Return the log ratio (m,) with an effect's unknown some way off, and how far."""
         step = _EFFECT_STEP if u[j] + _EFFECT_STEP <= self.unknowns.bounds[1][j] else -_EFFECT_STEP
-        there = self._candidate(_moved(u, j, step))
+        there = self._problems.at(_moved(u, j, step))
         if there is None:
             return None
         problem, top = there.problems[key], float(nodes[-1])
@@ -593,7 +495,7 @@ class MappedModel:
         found: dict[int, Change] = {}
         for j in range(len(u)):
             up, down = min(_SMALL, high[j] - u[j]), min(_SMALL, u[j] - low[j])
-            ends = [self._candidate(_moved(u, j, step)) for step in (up, -down)]
+            ends = [self._problems.at(_moved(u, j, step)) for step in (up, -down)]
             if ends[0] is None or ends[1] is None or up + down <= 0.0:
                 continue
             both = [_bare(end.problems[key]) for end in ends if end is not None]
@@ -601,12 +503,12 @@ class MappedModel:
                 found[j] = (both[0], both[1], float(up + down))
         return found
 
-    def _anchor_courses(self, here: _Candidate, off: Array) -> bool:
+    def _anchor_courses(self, here: Problems, off: Array) -> bool:
         """Correct what relaxes, curve by curve."""
         before, self._courses = self._courses, {}
         solved: dict[int, tuple[Array, Array, Array]] = {}  # of a repeat: times, share, rest
         for i in sorted(set(self._twins)):
-            record, problem = self.records[i], here.problems[_key(self.records[i])]
+            record, problem = self.records[i], here.problems[key_of(self.records[i])]
             if not problem.prony:
                 continue
             first = self._repeats[i]
@@ -625,14 +527,14 @@ class MappedModel:
             self._courses[i] = Course(learnt, rest_mm)
         return True
 
-    def _course(self, i: int, here: _Candidate, off: Array) -> tuple[Array, Array] | None:
+    def _course(self, i: int, here: Problems, off: Array) -> tuple[Array, Array] | None:
         """Return what the finite elements add to a curve; None where they do not hold.
 
         As a share (n,) of what the table takes for relaxation, and the rest (n,) of it, mm. `off`
         (1, k) is how far that is from the anchor.
         """
         record = self.records[i]
-        key = _key(record)
+        key = key_of(record)
         domes = self._domes([here], key)
         if not domes.hold[0]:
             return None
@@ -640,7 +542,7 @@ class MappedModel:
         problem = here.problems[key]
         steps = replace(_steps(RELAXING, self.discretisation), limits=RELAXING.limits)
         exact = solve_skin(problem, path, self.discretisation, steps).at(time, path(time))
-        exact = exact * np.exp(-self._off(problem, key, self._top_mbar(here, key), exact))
+        exact = exact * np.exp(-self._off(problem, key, self._problems.top_mbar(here, key), exact))
         held = np.isfinite(exact)
         if path(time)[held].max(initial=0.0) < FITS.least_held * path.top_mbar:
             return None
@@ -671,17 +573,13 @@ def _simpler(path: PressurePath) -> PressurePath:
 
 def _about_alike(one: Record, other: Record) -> bool:
     """Return whether two curves are of one condition, and their suctions nearly the same."""
-    if _key(one) != _key(other):
+    if key_of(one) != key_of(other):
         return False
     begin, end = one.curve.time_s[0], one.curve.time_s[-1]
     t = np.linspace(0.0, end - begin, _COMPARED)
     lasts = other.curve.time_s[-1] - other.curve.time_s[0]
     off = np.abs(one.path(begin + t) - other.path(other.curve.time_s[0] + t)).max()
     return bool(abs(lasts - (end - begin)) <= _ALIKE_S and off <= _ALIKE_MBAR)
-
-
-def _key(record: Record) -> Key:
-    return record.geometry, record.curve.setup.cycle
 
 
 def _moved(u: Array, j: int, step: float) -> Array:
