@@ -179,6 +179,8 @@ class FitRules:
     """How far a refit without some data may go from the whole fit: logarithms, typical sizes;"""
     refit_reaches: float = 1.5
     """the same of a law's parameter that is no logarithm, in its reaches."""
+    refit_anchors: int = 3
+    """Times that it is anchored, where what it was fitted without is predicted badly."""
     shares: tuple[float, ...] = (0.7, 0.2, 1.5)
     """Of the size that is expected, from which an effect is fitted,"""
     small: float = 0.5

@@ -9,6 +9,7 @@ from hidden_effects import RAMPS, SKIN, TRUE, fitter_of, learned, measured
 
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
+from skinlab.discrepancy import heldout
 from skinlab.discrepancy import search as search_module
 from skinlab.discrepancy.adequacy import Residual, judge, look
 from skinlab.discrepancy.campaign_errors import CampaignErrors, Linearised
@@ -414,6 +415,42 @@ def test_the_gap_of_a_model_without_fault_is_the_one_that_is_expected(table):
 
 
 # ---- what to measure next ------------------------------------------------------------------------
+
+
+class Bent:
+    """A model of one number that is exact where it is anchored, and off by the square beside it."""
+
+    corrected = True
+
+    def __init__(self, holds, anchor=1.0):
+        self.holds, self.at = holds, anchor
+
+    def predict(self, u):
+        return [u + np.square(u - self.at)]
+
+    def exact(self):
+        return Bent(self.holds)
+
+    def anchor(self, u):
+        self.at = u[0]
+        return self.holds
+
+
+@pytest.mark.parametrize(
+    ("most", "holds", "off"), [(0.5, True, 0.0), (2.0, True, 1.0), (0.5, False, 1.0)]
+)
+def test_what_is_predicted_badly_is_asked_of_the_finite_elements_there(most, holds, off):
+    """The others lead to 2, which was measured; slopes at 1 predict 3."""
+    fitter = SimpleNamespace(
+        errors=SimpleNamespace(only=lambda _: SimpleNamespace(whiten=lambda values: values)),
+        measured=np.array([2.0]),
+        kept=lambda _: None,
+        minimise=lambda *_: np.array([2.0]),
+    )
+    out = np.array([True])
+    box = (np.zeros(1), np.full(1, 3.0))
+    found = heldout._off(fitter, Bent(holds), np.array([1.0]), box, out, most)
+    assert found == pytest.approx([off])
 
 
 def test_what_may_be_advised_is_what_a_driver_allows():
