@@ -30,6 +30,7 @@ from skinlab.discrepancy.screen import Signature, alike, signature, worth_fittin
 from skinlab.discrepancy.search_workers import fit_elsewhere, fit_from, fit_one, off_the_wall
 from skinlab.discrepancy.settings import FITS, SEARCH
 from skinlab.discrepancy.space_mapping import MappedModel
+from skinlab.discrepancy.starts import middle_of
 from skinlab.discrepancy.table_domes import Relaxation, TableDomes
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.errors import InputError
@@ -855,6 +856,27 @@ def test_off_the_wall_begins_with_a_little_of_what_was_left_out(plain):
     assert off_the_wall(Asked(), found, NO_LIMIT).cost == 600.0
 
 
+@pytest.mark.parametrize("search", [fit_one, lambda f, t: fit_elsewhere(f, (*t[:2], None))])
+def test_what_comes_to_nothing_is_begun_from_the_middle_of_the_law(plain, search):
+    """A stiffening of 40 MPa fell to none in one step from where the law had ended without it."""
+    fitter, base = plain
+    seen = replace(signature(fitter, base, "strain_stiffening"), gain=5e3, amount=0.4)
+    base = replace(base, cost=2e4)
+    middle = middle_of(base.unknowns)
+
+    class Vanishing:
+        errors = fitter.errors
+
+        def fit(self, unknowns, start, limit=NO_LIMIT, known=None):
+            begun = np.allclose(start[: unknowns.count], middle)
+            there = begun and start[-1] == pytest.approx(0.4)
+            u = start if there else np.array([*base.u, 0.0])
+            cost = 600.0 if there else 2e4
+            return replace(base, unknowns=unknowns, u=u, cost=cost, chi2=cost)
+
+    assert search(Vanishing(), (base, seen, NO_LIMIT)).cost == 600.0
+
+
 class Told:
     """Stands for a fitter: of each start it tells the cost that is said."""
 
@@ -897,8 +919,9 @@ def test_elsewhere_ends_where_starts_come_to_what_is_known(plain, costs, asked):
     """The last one is begun in the middle of the law's ranges, whatever came before."""
     fitter, fit = plain
     seen = signature(fitter, fit, "thickness_error")
-    told = Told(fit, costs)
-    assert fit_elsewhere(told, (fit, seen, replace(fit, cost=5000.0))).cost == min(costs)
+    told, unknowns = Told(fit, costs), fit.unknowns.with_effect("thickness_error")
+    known = replace(fit, unknowns=unknowns, u=np.append(fit.u, 0.3), cost=5000.0)
+    assert fit_elsewhere(told, (fit, seen, known)).cost == min(costs)
     assert told.asked == asked
 
 
