@@ -375,17 +375,21 @@ class Search:
     def by_its_own_errors(self, found: Found) -> Found | None:
         """Return what was found, the model as it is judged by the errors that it needs itself.
 
-        Without repeats nothing tells slow errors from what a model misses, and pure error knows of
-        none. So where nothing is likelier than the model as it is, and errors no larger than usual
-        would do, there is no gap. None where that is not so.
+        Where nothing is likelier than the model as it is, and it needs no larger errors than
+        repeats tell, there is no gap. Without repeats nothing tells slow errors from what a model
+        misses, and pure error knows of none: then no larger ones than usual. None where that is not
+        so.
         """
-        repeated = any(len(members) > 1 for members in by_condition(found.records))
+        assert self.errors is not None
         ahead = any(c.log10_evidence >= found.tie for c in found.candidates)
-        if repeated or ahead or found.implausible:
+        if ahead or found.implausible:
             return None
         fit = found.base.fit
         own = self._look(fit)
-        if any(own.median(partial(size_um, name=n)) > um for n, um in ERRORS.usual_um.items()):
+        if any(len(members) > 1 for members in by_condition(found.records)):
+            if not _no_larger(own, self.errors.pure):
+                return None
+        elif any(own.median(partial(size_um, name=n)) > um for n, um in ERRORS.usual_um.items()):
             return None
         left = judge(found.records, likeliest(own), fit, self.fitter.errors)
         base = replace(found.base, left=left)

@@ -338,11 +338,12 @@ def test_what_fits_best_gets_partners_however_unlikely_it_is_alone():
     assert screened == [LAG, GAIN, layer]
 
 
-@pytest.mark.parametrize(("breath_um", "judged"), [(1.7, True), (2.5, False)])
-def test_the_likeliest_is_judged_by_its_own_errors_if_repeats_tell_as_much(
-    monkeypatch, looks, breath_um, judged
-):
-    """Repeats told a breath of 1.5 µm at 0.24 Hz, and it was at 0.26 Hz."""
+@pytest.fixture(params=[(1.7, True), (2.5, False)], ids=["as told", "larger"])
+def breathing(request, monkeypatch, looks):
+    """Return a search whose repeats tell a breath of 1.5 µm, and the errors that its best needs.
+
+    By these everything may be noise; whether they are as repeats tell comes last.
+    """
 
     def errors(um):
         node = SimpleNamespace(sizes_um={"white": 3.0, "breathing": um})
@@ -354,8 +355,26 @@ def test_the_likeliest_is_judged_by_its_own_errors_if_repeats_tell_as_much(
 
     monkeypatch.setattr(search_module, "judge", judge)
     monkeypatch.setattr(search_module, "likeliest", lambda look: look)
+    breath_um, as_told = request.param
     own, search = errors(breath_um), search_module.Search(looks[0])
     search.errors = CampaignErrors((errors(1.5),))
+    return search, own, as_told
+
+
+def test_the_model_as_it_is_needs_no_name_for_what_repeats_tell(breathing):
+    search, own, as_told = breathing
+    base = candidate((), 0.0, BAD)
+    search.looks = [(base.fit, own)]
+    one, again = records_of(measured({}, RAMPS[:1]))[0], records_of(measured({}, RAMPS[:1]))[0]
+    found = search.by_its_own_errors(Found(base, {}, [], [one, again]))
+    assert (found is not None and found.base.adequate) is as_told
+    leading = Found(base, {}, [candidate(LAG, 5.0)], [one, again])
+    assert search.by_its_own_errors(leading) is None
+
+
+def test_the_likeliest_is_judged_by_its_own_errors_if_repeats_tell_as_much(breathing):
+    """Repeats told a breath of 1.5 µm at 0.24 Hz, and it was at 0.26 Hz."""
+    search, own, judged = breathing
     best, rival, far = (
         candidate(names, evidence, BAD)
         for names, evidence in (((*LAG, *GAIN), 66.0), ((*LAG, *SLIP), 62.0), (LAG, 50.0))
