@@ -59,6 +59,8 @@ class Course:
 def share_and_rest(added_mm: Array, memory_mm: Array) -> tuple[Array, Array]:
     """Return what is added (n,) to a curve as a share (n,) of what relaxes (n,), and the rest."""
     small = _LITTLE * np.abs(memory_mm).max()
+    if small == 0.0:  # a relaxation that came to nothing
+        return np.zeros_like(added_mm), added_mm
     share = added_mm * memory_mm / (np.square(memory_mm) + small**2)
     return share, added_mm - share * memory_mm
 

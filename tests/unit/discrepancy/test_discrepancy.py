@@ -13,7 +13,7 @@ from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
 from skinlab.discrepancy.adequacy import Residual
 from skinlab.discrepancy.candidates import Candidate
-from skinlab.discrepancy.corrections import Learnt
+from skinlab.discrepancy.corrections import Learnt, share_and_rest
 from skinlab.discrepancy.fit import NO_LIMIT, Limit, Misfit
 from skinlab.discrepancy.heldout import conditions_of, predict_held_out
 from skinlab.discrepancy.misfit import (
@@ -810,6 +810,17 @@ def test_a_fit_by_way_of_the_coarse_mesh_ends_where_the_mesh_of_record_alone_lea
     # To a fraction of what the data tell: the valleys are flat to within `FITS.gain`.
     off = (found.u - alone.u) / alone.deviations
     assert np.abs(off).max() < 0.6
+
+
+@pytest.mark.parametrize("relaxes", [1.0, 0.0])
+def test_what_is_added_is_a_share_of_what_relaxes_and_a_rest(relaxes):
+    """Of a relaxation that came to nothing all is rest: a share of it was 0/0, and spread."""
+    memory = relaxes * np.array([0.0, 0.02, 0.1, 0.2])
+    added = np.array([1e-4, 1e-3, -2e-3, 4e-3])
+    share, rest = share_and_rest(added, memory)
+    assert share * memory + rest == pytest.approx(added)
+    assert np.isfinite(share).all()
+    assert np.abs(rest[2:]).max() < 0.05 * np.abs(added).max() or relaxes == 0.0
 
 
 # ---- adequacy ------------------------------------------------------------------------------------
