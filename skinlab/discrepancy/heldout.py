@@ -104,7 +104,7 @@ def predict_held_out(fitter: Fitter, fit: Fit, parts: Sequence[Part]) -> HeldOut
         reach = here.whiten(slopes[out])
         spread = float(np.einsum("nj,jk,nk->", reach, _covariance(errors, fit, out), reach))
         most = NAMES.held_out_ratio**2 * (int(out.sum()) + spread)
-        off = _off(fitter, model, fit.u, (low, high), out, most)
+        off = _off(fitter, model, fit.u, (low, high), out, here, most)
         z = here.whiten(off)
         left += float(z @ z)
         plain += float(off @ off)
@@ -123,14 +123,21 @@ def predict_held_out(fitter: Fitter, fit: Fit, parts: Sequence[Part]) -> HeldOut
 
 
 def _off(
-    fitter: Fitter, model: MappedModel, at: Array, box: tuple[Array, Array], out: Part, most: float
+    fitter: Fitter,
+    model: MappedModel,
+    at: Array,
+    box: tuple[Array, Array],
+    out: Part,
+    errors: Covariance,
+    most: float,
 ) -> Array:
     """Return by how much a part is off (u,), mm, that is predicted without it.
 
-    Where χ² is above `most` the finite elements are asked again where the others lead: a layer
-    below was moved by half of a typical size, where slopes at the first place are off by 30 µm.
+    Where χ² by the part's errors is above `most` the finite elements are asked again where the
+    others lead: a layer below was moved by half of a typical size, where slopes at the first place
+    are off by 30 µm.
     """
-    errors, kept = fitter.errors.only(out), fitter.kept(~out)
+    kept = fitter.kept(~out)
     for _ in range(FITS.refit_anchors):
         at = fitter.minimise(model, at, *box, kept)
         off = np.asarray((np.concatenate(model.predict(at)) - fitter.measured)[out])

@@ -56,10 +56,10 @@ class PairSearch:
         known: Sequence[Candidate] = (),
         partners: int = SEARCH.partners,
     ) -> list[Candidate]:
-        """Return pairs of the best singles, at most so many, with partners that gain so much.
+        """Return pairs of the likeliest singles, at most so many, and of that which fits best.
 
-        With the signatures of single effects all their pairs are screened as well. What is `known`
-        is not fitted again. Each single gets so many `partners` at most.
+        Each gets partners that gain `least`, so many `partners` at most. With the signatures of
+        single effects all their pairs are screened as well. What is `known` is not fitted again.
         """
         fitted_already = {frozenset(c.effects[len(self._own) :]) for c in known}
         leaders = sorted(singles, key=lambda c: -c.log10_evidence)[:most]
@@ -284,18 +284,19 @@ class PairSearch:
 
         One with a number for each opening is no simpler than a pair, and may stand for any: it has
         to lead by no more than a tie. One that is less likely than what leaves more than noise
-        stands for something else.
+        stands for something else; one that leaves what chance hardly does may lack a partner.
         """
         good = [c for c in candidates if c.adequate]
 
         def numbers(one: Candidate) -> int:
             return sum(a.effect == one.effects[-1] for a in one.fit.unknowns.axes)
 
-        alone = [
-            c for c in good
-            if len(c.effects) - len(self._own) == 1 and c.left.p_value >= ERRORS.no_doubt
-        ]  # fmt: skip
-        single = [c.log10_evidence for c in alone if numbers(c) < SEARCH.as_a_pair]
+        alone = [c for c in good if len(c.effects) - len(self._own) == 1]
+        single = [
+            c.log10_evidence
+            for c in alone
+            if numbers(c) < SEARCH.as_a_pair and c.left.p_value >= ERRORS.no_doubt
+        ]
         as_pairs = [c.log10_evidence for c in alone if numbers(c) >= SEARCH.as_a_pair]
         pairs = [c.log10_evidence for c in good if len(c.effects) - len(self._own) > 1]
         simplest = max(single, default=0.0)

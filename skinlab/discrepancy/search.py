@@ -304,7 +304,7 @@ class Search:
 
         Where it leaves more than noise by those that repeats tell, and needs none that are larger:
         polynomials that stand for any model take up most of a breath that lasts about as long as a
-        phase, so that repeats tell its size, and its frequency badly. None where that is not so.
+        phase, so that repeats tell its size, and its frequency badly. Empty where that is not so.
         """
         assert self.errors is not None
         ranked = sorted(candidates, key=lambda c: -c.log10_evidence)

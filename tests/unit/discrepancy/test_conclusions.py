@@ -316,6 +316,9 @@ def test_a_single_effect_that_chance_hardly_leaves_so_is_not_enough(p_value, eno
     pairs = PairSearch(SimpleNamespace(own=()), None)
     singles = [candidate(LAG, 20.0, p_value), candidate(SLIP, 1.0)]
     assert pairs.one_is_enough([*singles, candidate((*LAG, *GAIN), 21.0)]) is enough
+    # An effect with a number for each opening that leads asks for pairs, whatever it leaves.
+    flexible = candidate(("aperture_error",), 23.0, p_value)
+    assert not pairs.one_is_enough([*singles, flexible])
 
 
 def test_what_fits_best_gets_partners_however_unlikely_it_is_alone():
@@ -461,14 +464,14 @@ class Bent:
 def test_what_is_predicted_badly_is_asked_of_the_finite_elements_there(most, holds, off):
     """The others lead to 2, which was measured; slopes at 1 predict 3."""
     fitter = SimpleNamespace(
-        errors=SimpleNamespace(only=lambda _: SimpleNamespace(whiten=lambda values: values)),
         measured=np.array([2.0]),
         kept=lambda _: None,
         minimise=lambda *_: np.array([2.0]),
     )
     out = np.array([True])
     box = (np.zeros(1), np.full(1, 3.0))
-    found = heldout._off(fitter, Bent(holds), np.array([1.0]), box, out, most)
+    errors = SimpleNamespace(whiten=lambda values: values)
+    found = heldout._off(fitter, Bent(holds), np.array([1.0]), box, out, errors, most)
     assert found == pytest.approx([off])
 
 
