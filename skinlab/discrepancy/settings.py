@@ -171,6 +171,8 @@ class FitRules:
     near_end_curved: float = 0.2
     """The same beside what bends, as layers do: there the valley is long. One was 4.5 lower at
     ν 0.36 than where its fit had ended, at 0.09."""
+    ways: tuple[float, ...] = (1.0, 0.5, 0.25)
+    """Of the way from where a fit ended to another start of it: the first that has a model."""
     least_held: float = 0.7
     """Of the suction that is needed: a skin that creases before has no answer;"""
     least_reach: float = 0.5

@@ -867,6 +867,24 @@ def test_off_the_wall_begins_with_a_little_of_what_was_left_out(plain):
     assert off_the_wall(Asked(), found, NO_LIMIT).cost == 600.0
 
 
+@pytest.mark.parametrize(
+    ("least", "begun"), [(0.3, [0.2495, 0.37425]), (0.6, [0.2495, 0.37425, 0.43663])]
+)
+def test_off_the_wall_goes_part_of_the_way_where_the_middle_has_no_model(plain, least, begun):
+    """A soft skin with ν 0.25 never reaches the suction: a lag stayed at ν 0.499, its creep won."""
+    _, base = plain
+    found = replace(base, u=np.array([*base.u[:2], 0.499]), cost=900.0)
+    asked = []
+
+    class NoSkin:
+        def fit(self, unknowns, start, limit=NO_LIMIT, known=None):
+            asked.append(start[2])
+            return replace(found, u=start, cost=600.0) if start[2] > least else None
+
+    assert off_the_wall(NoSkin(), found, NO_LIMIT).cost == (600.0 if least < 0.5 else 900.0)
+    assert asked == pytest.approx(begun, abs=1e-5)
+
+
 @pytest.mark.parametrize("search", [fit_one, lambda f, t: fit_elsewhere(f, (*t[:2], None))])
 def test_what_comes_to_nothing_is_begun_from_the_middle_of_the_law(plain, search):
     """A stiffening of 40 MPa fell to none in one step from where the law had ended without it."""
