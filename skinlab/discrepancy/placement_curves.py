@@ -9,15 +9,16 @@ placement, and taken off: the first-order conditional method of nonlinear mixed-
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.discrepancy.fit import Fit
 from skinlab.discrepancy.records import Record, by_condition
-from skinlab.discrepancy.table_domes import TableDomes
+from skinlab.discrepancy.table_domes import TableDomes, remembered
 from skinlab.inference.covariance import Covariance
 from skinlab.inference.error_choice import ErrorChoice, Node
 from skinlab.inference.error_combination import Combination
@@ -27,11 +28,14 @@ from skinlab.mechanics.fem.skin import SkinProblem
 from skinlab.mechanics.fem.suction import Geometry
 
 Array = NDArray[np.float64]
+_Way = Callable[[Record], Array]  # from a record to the suction (n,) that its dome has come to
 
 _CHANGE = 1.025  # of a thickness, to either side
 _REACH = 1.8  # of the highest suction: a soft place is where the model is at more of it
 _LATE_S = np.geomspace(0.02, 2.0, 9)  # by which a dome may come late
-_LATE_GAIN = 0.7  # of what a function of the suction leaves: less is no lateness
+_RUBBED = np.geomspace(0.01, 0.3, 9)  # by which share of the suction it may stick,
+_NEARER = (0.8, 1.25, 7)  # then nearer to the best of these
+_FELT_GAIN = 0.7  # of what a function of the suction leaves: less is neither
 _SHARES = np.linspace(0.05, 1.0, 120) ** 2  # of the highest suction
 
 
@@ -39,13 +43,15 @@ def softer_mm(records: Sequence[Record]) -> Array:
     """Return dw/d(log softness) (u,), mm, halfway between each curve and the mean of its repeats.
 
     With slopes halfway along the way to another stiffness what is left is of third order. Of the
-    mean alone, or of each curve alone, half of the bend would be left. A dome that comes late is a
-    function of the suction that it has come to: there p dw/dp is taken, not at its own time's.
+    mean alone, or of each curve alone, half of the bend would be left. A dome that comes late, or
+    sticks on the way back, is a function of the suction that it has come to: there p dw/dp is
+    taken, not at its own time's.
     """
     found = [np.empty(0)] * len(records)
+    felt_mbar = _felt_mbar(records)
     for members in by_condition(records):
         curves = [records[i].curve.deflection_mm for i in members]
-        pressures = _felt_mbar([records[i] for i in members])
+        pressures = [felt_mbar[i] for i in members]
         common = slope_mm_per_mbar(np.concatenate(pressures), np.concatenate(curves))
         ends = np.cumsum([len(w) for w in curves])[:-1]
         for i, p, w, mean in zip(members, pressures, curves, np.split(common, ends), strict=True):
@@ -82,38 +88,70 @@ def with_stiffness_of(fit: Fit, look: ErrorChoice) -> ErrorChoice:
 
 
 def _felt_mbar(records: Sequence[Record]) -> list[Array]:
-    """Return the suctions (n,) of which these repeats are functions, most nearly: those, or later.
+    """Return of each record the suctions (n,) of which it is a function, most nearly.
 
-    Of the first order, with the time that leaves least between ways up and down.
+    With the time of the first order, or the share of dry friction, that leaves least between ways
+    up and down of a condition; of all conditions, where its own noise hides that. Both are in
+    proportion to the suction, as what a stiffness does is: of a loop p dw/dp at the suction itself
+    was off by 170 µm at its top, where a placement is softer by 0.36 (log).
     """
-    late = [_late_mbar(r.curve.time_s, r.pressure_mbar) for r in records]
-    left = np.zeros(1 + len(_LATE_S))
-    for record, each in zip(records, late, strict=True):
-        w = record.curve.deflection_mm
-        left += [float(np.square(w - smooth_mm(p, w)).sum()) for p in (record.pressure_mbar, *each)]
+    ways: list[_Way] = [partial(_late_mbar, by_s=s) for s in _LATE_S]
+    ways += [partial(_rubbed_mbar, share=s) for s in _RUBBED]
+    conditions = by_condition(records)
+    left = np.array([[_left(records, c, way) for way in (_as_it_is, *ways)] for c in conditions])
+    found = [r.pressure_mbar for r in records]
+    common = _least(left.sum(axis=0))
+    for members, own in zip(conditions, left, strict=True):
+        best = _least(own) or common
+        if not best:
+            continue
+        way = ways[best - 1]
+        if best > len(_LATE_S):  # the top of a loop needs its share to a tenth
+            near = _RUBBED[best - 1 - len(_LATE_S)] * np.geomspace(*_NEARER)
+            again: list[_Way] = [partial(_rubbed_mbar, share=share) for share in near]
+            way = again[int(np.argmin([_left(records, members, one) for one in again]))]
+        for i in members:
+            found[i] = way(records[i])
+    return found
+
+
+def _as_it_is(record: Record) -> Array:
+    return record.pressure_mbar
+
+
+def _left(records: Sequence[Record], members: Sequence[int], way: _Way) -> float:
+    """Return what functions of a suction leave of some records' deflections, mm²."""
+    each = ((way(records[i]), records[i].curve.deflection_mm) for i in members)
+    return sum(float(np.square(w - smooth_mm(p, w)).sum()) for p, w in each)
+
+
+def _least(left: Array) -> int:
+    """Return which way leaves least, 0 where it is not much less than of the suction as it is."""
     best = int(np.argmin(left))
-    if left[best] > _LATE_GAIN * left[0]:
-        best = 0
-    return [
-        r.pressure_mbar if best == 0 else p[best - 1] for r, p in zip(records, late, strict=True)
-    ]
+    return best if left[best] <= _FELT_GAIN * left[0] else 0
 
 
-def _late_mbar(time_s: Array, pressure_mbar: Array) -> Array:
-    """Return the suction after lags of the first order of each time (lags, n).
+def _late_mbar(record: Record, by_s: float) -> Array:
+    """Return the suction (n,) after a lag of the first order.
 
     Of the readings: a record's path, which the effect `regulator_lag` takes, is 1 to 2 mbar off
     them where the channel is believed, and a lag was no longer told from a creep with it.
     """
-    found = np.empty((len(_LATE_S), len(time_s)))
-    found[:, 0] = pressure_mbar[0]
-    for k, (dt, dp) in enumerate(zip(np.diff(time_s), np.diff(pressure_mbar), strict=True)):
-        behind = _LATE_S * dp / max(dt, 1e-9)
-        decay = np.exp(-dt / _LATE_S)
-        found[:, k + 1] = (
-            pressure_mbar[k + 1] - behind + (found[:, k] - pressure_mbar[k] + behind) * decay
-        )
-    return found
+    time_s, pressure_mbar = record.curve.time_s, record.pressure_mbar
+    dt = np.diff(time_s)
+    decay = np.exp(-dt / by_s)
+    behind = by_s * np.diff(pressure_mbar) / np.maximum(dt, 1e-9)
+    gained = pressure_mbar[1:] - behind - (pressure_mbar[:-1] - behind) * decay
+    return remembered(decay, np.append(pressure_mbar[:1], gained))
+
+
+def _rubbed_mbar(record: Record, share: float) -> Array:
+    """Return the suction (n,) after a play in proportion to it; on the way up it is itself."""
+    most, at, found = (1.0 + share) / (1.0 - share), record.pressure_mbar[0], []
+    for p in record.pressure_mbar.tolist():
+        at = max(p, min(at, most * p))
+        found.append(at)
+    return np.array(found)
 
 
 def thickness_slopes(records: Sequence[Record], fit: Fit, domes: TableDomes) -> Array:

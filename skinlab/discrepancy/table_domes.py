@@ -209,12 +209,12 @@ class Relaxation:
             first = np.full((*rates.shape[:2], 1), path.pressure_mbar[0])  # from zero
             left = np.exp(-rates * length)
             gained = jump - slope * np.expm1(-rates * length) / rates
-            known = path, _remembered(left, np.concatenate([first, gained], axis=2))
+            known = path, remembered(left, np.concatenate([first, gained], axis=2))
             self._known[(id(path), rows)] = known  # with the path, whose name is kept so
         return known[1]
 
 
-def _remembered(share: Array, gained: Array) -> Array:
+def remembered(share: Array, gained: Array) -> Array:
     """Return h (..., knots) of h_k = share_k h_{k-1} + gained_k, in as many steps as knots double.
 
     `share` (..., knots - 1) is what is left of the knot before.

@@ -18,7 +18,7 @@ from skinlab.discrepancy.posterior import sample
 from skinlab.discrepancy.records import records_of
 from skinlab.discrepancy.search import Search
 from skinlab.discrepancy.table_domes import TableDomes
-from skinlab.mechanics.effects.model import Skin
+from skinlab.mechanics.effects.model import Skin, felt_path
 from skinlab.mechanics.fem.skin import SkinProblem
 from skinlab.mechanics.fem.suction import Geometry
 
@@ -80,6 +80,28 @@ def test_a_softer_place_of_a_late_dome_is_late_as_well(table):
     assert np.abs(found - exact).max() < 0.25 * np.abs(naive - exact).max()
     # A dome in time is left as it was.
     assert softer_mm([plain]) == pytest.approx(p * slopes_mm_per_mbar([plain]))
+
+
+def test_a_softer_place_of_a_dome_that_sticks_is_on_its_way_as_well(table):
+    """Also of a small dome under another opening, whose own noise hides that it sticks."""
+    stuck = {"friction_loop": {"share": 0.11}}
+    campaign = places(table, [(0.0, 0.0)] * 2, apertures_mm=(8.0, 2.0))
+    rng = np.random.default_rng(2)
+
+    def stick(plain, softness, noise_um=0.0):
+        p = felt_path(stuck, plain.path)(plain.curve.time_s)
+        dome = TableDomes(table)([SkinProblem(plain.geometry, SKIN)], [150.0])
+        w = dome(p[None] * np.exp(softness))[0] + 1e-3 * noise_um * rng.normal(size=len(p))
+        return replace(plain, curve=replace(plain.curve, deflection_mm=w))
+
+    records = records_of(campaign)
+    softer, harder = ([stick(r, s).curve.deflection_mm for r in records] for s in (0.01, -0.01))
+    found = np.split(softer_mm([stick(r, 0.0, noise_um=3.0) for r in records]), 2)
+    naive = np.split(slopes_mm_per_mbar([stick(r, 0.0, 3.0) for r in records]), 2)
+    for record, up, down, own, slope in zip(records, softer, harder, found, naive, strict=True):
+        exact = (up - down) / 0.02
+        off = np.abs(record.pressure_mbar * slope - exact).max()
+        assert np.abs(own - exact).max() < 0.2 * off
 
 
 @pytest.mark.parametrize("scale", [pytest.param(0.05, marks=pytest.mark.long), 1.0])
