@@ -93,11 +93,17 @@ class PairSearch:
         linear: list[tuple[Unknowns, Array]] = []
         if signatures:
             screened = linear_pairs(self._search.fitter, self._race.base.fit, signatures)
-            there = fitted_already | costs.keys()
-            others = [pair for pair in screened if frozenset(pair.names) not in there]
-            costs |= {
-                frozenset(pair.names): self._race.base.fit.cost - pair.gain for pair in others
-            }
+            others = [
+                pair
+                for pair in screened
+                if frozenset(pair.names) not in fitted_already | costs.keys()
+            ]
+            # Beside a leader that ended in a wrong valley the right partner promises little: of a
+            # tension and a thickness 107, where from the base both promised all.
+            for pair in screened:
+                names, expected = frozenset(pair.names), self._race.base.fit.cost - pair.gain
+                if names not in fitted_already:
+                    costs[names] = min(costs.get(names, expected), expected)
             chosen = sorted(costs, key=lambda names: costs[names])[: SEARCH.most_pairs]
             ranked = [t for t in ranked if frozenset((t[0].effects[-1], t[1].effect)) in chosen]
             linear = [pair.task for pair in others if frozenset(pair.names) in chosen]

@@ -9,7 +9,7 @@ from hidden_effects import RAMPS, SKIN, TRUE, fitter_of, learned, measured
 
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
-from skinlab.discrepancy import heldout
+from skinlab.discrepancy import heldout, pair_search
 from skinlab.discrepancy import search as search_module
 from skinlab.discrepancy.adequacy import Residual, judge, look
 from skinlab.discrepancy.campaign_errors import CampaignErrors, Linearised
@@ -28,6 +28,7 @@ from skinlab.discrepancy.planned_curve import (
     rig_lag_s,
 )
 from skinlab.discrepancy.records import records_of, without
+from skinlab.discrepancy.screen import LinearPair
 from skinlab.discrepancy.settings import ERRORS, PLANS, SEARCH
 from skinlab.discrepancy.space_mapping import MappedModel
 from skinlab.discrepancy.table_domes import TableDomes
@@ -339,6 +340,40 @@ def test_what_fits_best_gets_partners_however_unlikely_it_is_alone():
     singles = [of(LAG, -8.0, 1e4), of(layer, -70.0, 3800.0), of(GAIN, -10.0, 4600.0)]
     assert pairs.beside(singles, 2, SEARCH.seen) == []
     assert screened == [LAG, GAIN, layer]
+
+
+@pytest.mark.parametrize(("promised", "fitted"), [(19_850.0, True), (19_400.0, False)])
+def test_a_pair_is_worth_what_the_base_or_a_leader_promises(monkeypatch, promised, fitted):
+    """Beside a tension that had ended in a wrong valley a thickness promised too little."""
+    others = [f"other {k}" for k in range(SEARCH.most_pairs - 1)]
+    gains = {LAG: {GAIN[0]: 100.0}, SLIP: dict.fromkeys(others, 1000.0)}
+
+    def screen(fit, names, errors=None):
+        own = gains[fit.effects]
+        return {n: SimpleNamespace(effect=n, gain=g) for n, g in own.items()}, {}
+
+    unknowns = SimpleNamespace(effects=("one", "two"))
+    linear = [
+        LinearPair((LAG[0], GAIN[0]), promised, (unknowns, np.zeros(5))),
+        LinearPair(("one", "two"), 19_500.0, (unknowns, np.zeros(5))),
+    ]
+    monkeypatch.setattr(pair_search, "linear_pairs", lambda *_: linear)
+    tasks = []
+    race = SimpleNamespace(
+        screen=screen,
+        base=SimpleNamespace(fit=SimpleNamespace(cost=22_500.0)),
+        run=lambda ranked, known: tasks.extend((f.effects[0], s.effect) for f, s in ranked) or [],
+        fitted=lambda function, some: tasks.extend(task[0].effects for task in some) or [],
+        limit=lambda known: None,
+    )
+    search = SimpleNamespace(
+        own=(), library=[*LAG, *SLIP], looks=[], progress=lambda _: 0, fitter=None
+    )
+    alone = [candidate(LAG, 13.0, BAD), candidate(SLIP, 19.0, BAD)]
+    singles = [replace(c, fit=replace(c.fit, cost=3400.0)) for c in alone]
+    PairSearch(search, race).beside(singles, 2, SEARCH.seen, {"any": None}, partners=len(others))
+    assert len(tasks) == SEARCH.most_pairs
+    assert tasks[-1] == ((LAG[0], GAIN[0]) if fitted else unknowns.effects)
 
 
 @pytest.fixture(params=[(1.7, True), (2.5, False)], ids=["as told", "larger"])
