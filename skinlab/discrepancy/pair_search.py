@@ -15,7 +15,7 @@ from skinlab.discrepancy.candidates import Candidate, best_fitting, best_of_each
 from skinlab.discrepancy.fit import NO_LIMIT, Fit, Fitter, Limit
 from skinlab.discrepancy.race import Race
 from skinlab.discrepancy.screen import Signature, linear_pairs
-from skinlab.discrepancy.search_workers import fit_elsewhere, fit_from
+from skinlab.discrepancy.search_workers import fit_elsewhere, fit_from, fit_on
 from skinlab.discrepancy.settings import ERRORS, FITS, NAMES, SEARCH
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.inference.error_choice import ErrorChoice
@@ -183,16 +183,17 @@ class PairSearch:
         return found
 
     def _gone_on(self, known: Sequence[Candidate]) -> list[Candidate]:
-        """Return the pairs that come nearest, begun where they ended, where none explains.
+        """Return the pairs that come nearest, fitted further, where none explains.
 
-        A narrow valley takes more anchors than a fit has while others are in the race.
+        A narrow valley takes more anchors than a fit has while others are in the race; and the law
+        may have ended in another valley with one of the two alone.
         """
         pairs = [c for c in known if len(c.effects) - len(self._own) > 1]
         if not pairs or any(c.adequate for c in known):
             return []
         self._search.progress("going on with the pairs that come nearest")
         near = best_fitting(pairs)
-        return self._race.fitted(fit_from, [(c.fit.unknowns, c.fit.u, NO_LIMIT) for c in near])
+        return self._race.fitted(fit_on, [c.fit for c in near])
 
     def _further(
         self,

@@ -52,6 +52,17 @@ def fit_from(fitter: Fitter, task: tuple[Unknowns, Array, Limit]) -> Fit | None:
     return fitter.fit(*task)
 
 
+def fit_on(fitter: Fitter, fit: Fit) -> Fit:
+    """Return a fit gone on with from where it ended, and from the middle of the law's ranges.
+
+    A creep of 0.35 beside a gain had ended 840 above its optimum, where the creep alone had led.
+    """
+    known = _better(fitter.fit(fit.unknowns, fit.u), fit) or fit
+    start = known.u.copy()
+    start[: known.unknowns.count] = middle_of(known.unknowns)
+    return _better(_from_there(fitter, known, start), known) or known
+
+
 def fit_by(fitter: Fitter, task: tuple[Fit, Covariance]) -> Fit:
     """Return a fit moved to the optimum by other errors."""
     return fitter.sharpened(*task)

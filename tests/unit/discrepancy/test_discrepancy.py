@@ -27,7 +27,13 @@ from skinlab.discrepancy.posterior import Posterior
 from skinlab.discrepancy.race import Race
 from skinlab.discrepancy.records import by_geometry, records_of
 from skinlab.discrepancy.screen import Signature, alike, signature, worth_fitting
-from skinlab.discrepancy.search_workers import fit_elsewhere, fit_from, fit_one, off_the_wall
+from skinlab.discrepancy.search_workers import (
+    fit_elsewhere,
+    fit_from,
+    fit_on,
+    fit_one,
+    off_the_wall,
+)
 from skinlab.discrepancy.settings import FITS, SEARCH
 from skinlab.discrepancy.space_mapping import MappedModel
 from skinlab.discrepancy.starts import middle_of
@@ -904,6 +910,32 @@ def test_what_comes_to_nothing_is_begun_from_the_middle_of_the_law(plain, search
             return replace(base, unknowns=unknowns, u=u, cost=cost, chi2=cost)
 
     assert search(Vanishing(), (base, seen, NO_LIMIT)).cost == 600.0
+
+
+def test_what_is_fitted_further_is_begun_from_the_middle_of_the_law_too(plain):
+    """A creep with a gain had ended where the creep alone had led, 840 above its optimum."""
+    fitter, base = plain
+    pair = base.unknowns.with_effect("viscoelasticity").with_effect("deflection_gain")
+    ended = np.array([*base.u[:2], 0.468, 1.7, -1.4, 1.3])
+    middle = middle_of(pair)
+
+    class Valleys:
+        errors = fitter.errors
+
+        def fit(self, unknowns, start, limit=NO_LIMIT, known=None):
+            there = np.allclose(start[: unknowns.count], middle)
+            assert start[unknowns.count :] == pytest.approx(ended[unknowns.count :])
+            return replace(base, unknowns=unknowns, u=start, cost=2151.0 if there else 2992.0)
+
+    found = fit_on(Valleys(), replace(base, unknowns=pair, u=ended, cost=2993.0))
+    assert found.cost == 2151.0
+
+    class Nowhere:
+        def fit(self, *_, **__):
+            return None
+
+    stays = replace(base, unknowns=pair, u=ended, cost=2993.0)
+    assert fit_on(Nowhere(), stays) is stays
 
 
 class Told:
