@@ -319,3 +319,15 @@ class PairSearch:
         good = (c for c in candidates if c.adequate)
         best = max(good, key=lambda c: c.log10_evidence, default=None)
         return best if best is not None and len(best.effects) - len(self._own) > 1 else None
+
+
+def beside_which(singles: Sequence[Candidate], best: float) -> list[Candidate]:
+    """Return the single effects that get partners where one explains, with this log10 evidence.
+
+    What leaves more than noise and is as likely may be one half of the truth: a layer on top stood
+    in for a layer below in a skin that is thicker than stated.
+    """
+    near = [c for c in singles if c.log10_evidence > best - SEARCH.not_enough]
+    near.sort(key=lambda c: -c.log10_evidence)
+    explaining, other = ([c for c in near if c.adequate is is_so] for is_so in (True, False))
+    return [*explaining[: SEARCH.beside], *other[: SEARCH.halves]]

@@ -32,7 +32,7 @@ from skinlab.discrepancy.candidates import (
     with_members,
 )
 from skinlab.discrepancy.fit import NO_LIMIT, Fit, Fitter
-from skinlab.discrepancy.pair_search import PairSearch
+from skinlab.discrepancy.pair_search import PairSearch, beside_which
 from skinlab.discrepancy.placement_curves import bends_mm, thickness_slopes
 from skinlab.discrepancy.race import Race
 from skinlab.discrepancy.records import Record, by_condition, without
@@ -151,8 +151,8 @@ class Search:
                 # Behind what is not there itself nothing hides that the base would not show.
                 best = max(c.log10_evidence for c in explaining)
                 if not base.adequate or best > 0.0:
-                    near = [c for c in explaining if c.log10_evidence > best - SEARCH.not_enough]
-                    partners = pairs.beside(near, SEARCH.beside, SEARCH.behind)
+                    leading = beside_which(singles, best)
+                    partners = pairs.beside(leading, len(leading), SEARCH.behind)
                     candidates = [*singles, *partners]
             # Errors that would do for the model as it is are no answer where something is ahead.
             missing = not base.adequate or any(

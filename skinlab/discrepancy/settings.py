@@ -235,6 +235,8 @@ class SearchRules:
     beside: int = 2
     """Effects that explain, less than `not_enough` behind the best, beside which a second one is
     looked for, at most."""
+    halves: int = 1
+    """And so many that leave more than noise, and are as near: one half of the truth may be."""
     partly: float = 3.0
     """Or so much by errors that its leader alone needs: then it is weighed by those of both."""
     seen_share: float = 0.04

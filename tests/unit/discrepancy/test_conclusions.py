@@ -19,7 +19,7 @@ from skinlab.discrepancy.fit import Fit
 from skinlab.discrepancy.heldout import conditions_of, predict_held_out
 from skinlab.discrepancy.misfit import errors_of, mesh_columns
 from skinlab.discrepancy.next_measurement import Planned, _Look, _looks, _Odds, advise
-from skinlab.discrepancy.pair_search import PairSearch
+from skinlab.discrepancy.pair_search import PairSearch, beside_which
 from skinlab.discrepancy.planned_curve import (
     PlannedCurve,
     PlannedErrors,
@@ -340,6 +340,21 @@ def test_what_fits_best_gets_partners_however_unlikely_it_is_alone():
     singles = [of(LAG, -8.0, 1e4), of(layer, -70.0, 3800.0), of(GAIN, -10.0, 4600.0)]
     assert pairs.beside(singles, 2, SEARCH.seen) == []
     assert screened == [LAG, GAIN, layer]
+
+
+def test_partners_are_looked_for_beside_what_explains_and_the_likeliest_that_does_not():
+    """A thickness left more than noise, as likely as a layer that explains: it was one of two."""
+    layer, lag, gain = (
+        candidate(n, e) for n, e in ((("surface_layer",), 11.1), (LAG, 9.0), (GAIN, 8.0))
+    )
+    thickness = candidate(("thickness_error",), 10.9, BAD)
+    below, far = (
+        candidate(("hypodermis",), 10.7, BAD),
+        candidate(SLIP, 11.1 - SEARCH.not_enough, BAD),
+    )
+    found = beside_which([gain, below, lag, thickness, layer, far], 11.1)
+    assert found == [layer, lag, thickness]
+    assert beside_which([layer, far], 11.1) == [layer]
 
 
 @pytest.mark.parametrize(("promised", "fitted"), [(19_850.0, True), (19_400.0, False)])
