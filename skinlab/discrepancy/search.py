@@ -177,7 +177,7 @@ class Search:
             )
         return Found(
             base, signatures, candidates, self.fitter.records, not_screened, self.fitter.errors,
-            self.kept, "" if self.errors is None else self.errors.implausible,
+            self.kept, self._implausible(candidates),
         )  # fmt: skip
 
     def learned_base(self) -> Candidate:
@@ -267,6 +267,24 @@ class Search:
             noise_um=self._noise_um, placement_scatter=self._placement_scatter,
         )  # fmt: skip
         return CampaignErrors((*self.errors.looks, found))
+
+    def _implausible(self, ranked: Sequence[Candidate]) -> str:
+        """Return what is too large for an error, as the best of the explanations leaves it.
+
+        What a placement's stiffness does is told by that one itself: measured curves of what
+        relaxes tell it badly, and what they are off by was called errors that last, of 16 µm.
+        """
+        assert self.errors is not None
+        told, best = self.errors.implausible, next((c for c in ranked if c.adequate), None)
+        if not told or best is None:
+            return told
+        linear = self.linear(best.fit)
+        look = look_at_errors(
+            self.errors, self.fitter.records, linear, self._thickness_mm, noise_um=self._noise_um,
+            placement_scatter=self._placement_scatter,
+            softer_mm=linear.slopes_mm[:, best.fit.unknowns.space.scale],
+        )  # fmt: skip
+        return CampaignErrors((look,)).implausible
 
     def linear(self, fit: Fit) -> Linearised:
         """Return an explanation about its fit."""

@@ -441,6 +441,38 @@ def test_the_likeliest_is_judged_by_its_own_errors_if_repeats_tell_as_much(breat
     assert search._by_errors_as_told([candidate(LAG, 70.0), best]) == []
 
 
+@pytest.mark.parametrize(("own_um", "said"), [(4.0, False), (15.0, True)])
+def test_errors_are_too_large_only_if_the_best_says_what_stiffness_does(
+    monkeypatch, looks, own_um, said
+):
+    """Measured curves of what relaxes tell it badly: errors that last 16 µm were none."""
+
+    def errors(um):
+        node = SimpleNamespace(sizes_um={"ou": um})
+        return SimpleNamespace(nodes=[node], median=lambda of: of(node))
+
+    search = search_module.Search(looks[0])
+    best = candidate(("viscoelasticity",), 40.0)
+    slopes_mm = np.arange(12.0).reshape(2, -1)
+    linear = SimpleNamespace(slopes_mm=slopes_mm)
+    monkeypatch.setattr(search, "linear", lambda fit: linear if fit is best.fit else None)
+    asked = []
+
+    def look_at_errors(*_, softer_mm, **__):
+        asked.append(softer_mm.tolist())
+        return errors(own_um)
+
+    monkeypatch.setattr(search_module, "look_at_errors", look_at_errors)
+    search.errors = CampaignErrors((errors(5.0),))
+    assert search._implausible([best]) == ""
+    search.errors = CampaignErrors((errors(5.0), errors(16.0)))
+    assert search._implausible([candidate(LAG, 50.0, BAD)]).startswith("ou of 16.0 µm")
+    assert not asked
+    found = search._implausible([candidate(LAG, 50.0, BAD), best])
+    assert found.startswith("ou of 15.0 µm") if said else found == ""
+    assert asked == [slopes_mm[:, best.fit.unknowns.space.scale].tolist()]
+
+
 def test_of_a_tie_without_its_first_the_others_are_left():
     tied = [candidate(LAG, 20.0), candidate(GAIN, 19.5), candidate(SLIP, 19.0)]
     left = [(v.name, v.explanations) for v in map(Verdict("ambiguous", tied).without, range(3))]
