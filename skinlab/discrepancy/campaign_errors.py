@@ -332,18 +332,18 @@ def look_at_errors(
     *,
     noise_um: float | None,
     placement_scatter: float | None,
-    softer_mm: Array | None = None,
+    own_softer_mm: Array | None = None,
 ) -> ErrorChoice:
     """Return the errors as an explanation sees them, of the kinds that pure error may have.
 
-    `softer_mm` (u,) is what a placement's stiffness does, if not what measured curves say of it.
+    `own_softer_mm` (u,) is what a placement's stiffness does, if not what measured curves say.
     """
     best, pure = {part.name for part in before.pure.best.parts} | {"ou"}, before.pure
     models = [
         m for m in models_of(records, thickness_mm)
         if m.name in best or pure.probability(m.name) > ERRORS.kind_kept
     ]  # fmt: skip
-    return _choose(records, one.of_free, noise_um, placement_scatter, models, softer_mm)
+    return _choose(records, one.of_free, noise_um, placement_scatter, models, own_softer_mm)
 
 
 def _sub(matrix: Array, kept: Mask) -> Array:
@@ -424,7 +424,7 @@ def _choose(
     noise_um: float | None,
     placement_scatter: float | None,
     models: Sequence[ErrorModel],
-    own_mm: Array | None = None,
+    own_softer_mm: Array | None = None,
 ) -> ErrorChoice:
     samples = samples_of(records)
     look = Look(
@@ -437,7 +437,7 @@ def _choose(
         np.concatenate([r.each(r.pressure_sd_mbar) for r in records]),
         pressure_errors_mm(records),
         placement_scatter,
-        softer_mm=softer_mm(records) if own_mm is None else own_mm,
+        softer_mm=softer_mm(records) if own_softer_mm is None else own_softer_mm,
     )
     columns = columns_of(records)
     least = POSTERIOR.small * max(roughness(linear.residual_mm), NOISE.least_mm)

@@ -324,10 +324,14 @@ class PairSearch:
 def beside_which(singles: Sequence[Candidate], best: float) -> list[Candidate]:
     """Return the single effects that get partners where one explains, with this log10 evidence.
 
-    What leaves more than noise and is as likely may be one half of the truth: a layer on top stood
-    in for a layer below in a skin that is thicker than stated.
+    The likeliest, and of those that explain the one that fits best. What leaves more than noise and
+    is as likely may be one half of the truth: a layer on top stood in for a layer below in a skin
+    that is thicker than stated.
     """
     near = [c for c in singles if c.log10_evidence > best - SEARCH.not_enough]
     near.sort(key=lambda c: -c.log10_evidence)
-    explaining, other = ([c for c in near if c.adequate is is_so] for is_so in (True, False))
-    return [*explaining[: SEARCH.beside], *other[: SEARCH.halves]]
+    explaining = [c for c in near if c.adequate]
+    leaving = [c for c in near if not c.adequate]
+    found = explaining[: SEARCH.beside]
+    found += [c for c in best_fitting(explaining)[:1] if c not in found]
+    return found + leaving[: SEARCH.halves]

@@ -282,7 +282,7 @@ class Search:
         look = look_at_errors(
             self.errors, self.fitter.records, linear, self._thickness_mm, noise_um=self._noise_um,
             placement_scatter=self._placement_scatter,
-            softer_mm=linear.slopes_mm[:, best.fit.unknowns.space.scale],
+            own_softer_mm=linear.slopes_mm[:, best.fit.unknowns.space.scale],
         )  # fmt: skip
         return CampaignErrors((look,)).implausible
 

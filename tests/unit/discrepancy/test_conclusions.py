@@ -355,6 +355,9 @@ def test_partners_are_looked_for_beside_what_explains_and_the_likeliest_that_doe
     found = beside_which([gain, below, lag, thickness, layer, far], 11.1)
     assert found == [layer, lag, thickness]
     assert beside_which([layer, far], 11.1) == [layer]
+    # What fits best gets one too, however many are likelier.
+    worse = [replace(c, fit=replace(c.fit, cost=9.0)) for c in (layer, lag)]
+    assert beside_which([*worse, gain], 11.1) == [*worse, gain]
 
 
 @pytest.mark.parametrize(("promised", "fitted"), [(19_850.0, True), (19_400.0, False)])
@@ -458,8 +461,8 @@ def test_errors_are_too_large_only_if_the_best_says_what_stiffness_does(
     monkeypatch.setattr(search, "linear", lambda fit: linear if fit is best.fit else None)
     asked = []
 
-    def look_at_errors(*_, softer_mm, **__):
-        asked.append(softer_mm.tolist())
+    def look_at_errors(*_, own_softer_mm, **__):
+        asked.append(own_softer_mm.tolist())
         return errors(own_um)
 
     monkeypatch.setattr(search_module, "look_at_errors", look_at_errors)
