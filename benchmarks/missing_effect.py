@@ -34,7 +34,17 @@ from typing import Any
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
-from challenge.campaigns import FAMILIES, PARTS, Life, Made, Truth, curve_of, make
+from challenge.campaigns import (
+    BREATHING_HZ,
+    FAMILIES,
+    PARTS,
+    PULSE_HZ,
+    Life,
+    Made,
+    Truth,
+    curve_of,
+    make,
+)
 from challenge.score import share
 from numpy.typing import NDArray
 from peers import ask
@@ -44,10 +54,11 @@ from skinlab.discrepancy.fit import Fitter
 from skinlab.discrepancy.misfit import errors_of, mesh_columns
 from skinlab.discrepancy.next_measurement import Planned
 from skinlab.discrepancy.outcome import Outcome
-from skinlab.discrepancy.records import coarsened, records_of
+from skinlab.discrepancy.records import Record, coarsened, records_of
 from skinlab.discrepancy.search import Search
 from skinlab.discrepancy.settings import ERRORS
 from skinlab.discrepancy.table_domes import TableDomes
+from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.discrepancy.workflow import explain
 from skinlab.inference.covariance import Covariance, OrnsteinUhlenbeck
 from skinlab.inference.noise import slope_mm_per_mbar
@@ -142,14 +153,9 @@ def _strength(truth: Truth, made: Made, outcome: Outcome) -> dict[str, Any]:
     """Return the strength of what was hidden, how separable it is, and what the best fit leaves."""
     found = outcome.found
     errors = found.errors
-    # As the workflow saw them: averaged to its rate, without the outliers, at its pressures.
-    each = []
-    for r, curve, clean_mm, true_mbar in zip(
-        found.records, made.campaign.curves, made.clean_mm, made.true_mbar, strict=True
-    ):
-        own, p = (np.interp(r.curve.time_s, curve.time_s, v) for v in (clean_mm, true_mbar))
-        each.append(own + slope_mm_per_mbar(p, own) * (r.pressure_mbar - p))
-    clean = np.concatenate(each)
+    clean = _by_the_workflow(truth, outcome)
+    if clean is None:
+        clean = _as_seen(made, found.records)
     base, best = outcome.found.base.fit, outcome.best.fit
 
     def left(fit: Any, *more: Array) -> float:
@@ -188,6 +194,46 @@ def _strength(truth: Truth, made: Made, outcome: Outcome) -> dict[str, Any]:
     }
 
 
+def _by_the_workflow(truth: Truth, outcome: Outcome) -> Array | None:
+    """Return the curves (u,) without errors, by the workflow's own model at the truth.
+
+    So at the pressures that it sees, whatever lags or creeps. None where the library has not what
+    is hidden, or that model has no answer.
+    """
+    if truth.distortion:
+        return None
+    found = outcome.found
+    unknowns, at = _at_the_truth(truth, found.base.fit.unknowns)
+    model = Fitter(found.records, found.errors, TableDomes(shipped_table())).model(unknowns)
+    return np.concatenate(model.predict(at)) if model.anchor(at) else None
+
+
+def _as_seen(made: Made, records: Sequence[Record]) -> Array:
+    """Return the curves (u,) without errors at the samples and pressures of the records.
+
+    Moved along the curve: right where nothing lags.
+    """
+    each = []
+    for r, curve, clean_mm, true_mbar in zip(
+        records, made.campaign.curves, made.clean_mm, made.true_mbar, strict=True
+    ):
+        own, p = (np.interp(r.curve.time_s, curve.time_s, v) for v in (clean_mm, true_mbar))
+        each.append(own + slope_mm_per_mbar(p, own) * (r.pressure_mbar - p))
+    return np.concatenate(each)
+
+
+def _at_the_truth(truth: Truth, unknowns: Unknowns) -> tuple[Unknowns, Array]:
+    """Return the unknowns of the truth, and where it is (k,)."""
+    for name in sorted(truth.effects):
+        unknowns = unknowns if name in unknowns.effects else unknowns.with_effect(name)
+    skin = unknowns.space.coordinates(np.asarray(truth.skin.values))
+    at = np.concatenate([skin, np.zeros(len(unknowns.axes))])
+    for i, axis in enumerate(unknowns.axes, len(skin)):
+        if axis.effect in truth.effects:
+            at[i] = axis.to_u(truth.effects[axis.effect][axis.parameter.name])
+    return unknowns, at
+
+
 def _lead_of_the_truth(truth: Truth, made: Made, outcome: Outcome) -> float | None:
     """Return by how much log10 evidence the truth, fitted from the truth, leads all else.
 
@@ -202,14 +248,7 @@ def _lead_of_the_truth(truth: Truth, made: Made, outcome: Outcome) -> float | No
         placement_scatter=campaign.placement_scatter,
     )
     base = search.learned_base()
-    unknowns = base.fit.unknowns
-    for name in sorted(truth.effects):
-        unknowns = unknowns if name in unknowns.effects else unknowns.with_effect(name)
-    skin = unknowns.space.coordinates(np.asarray(truth.skin.values))
-    start = np.concatenate([skin, np.zeros(len(unknowns.axes))])
-    for i, axis in enumerate(unknowns.axes, len(skin)):
-        if axis.effect in truth.effects:
-            start[i] = axis.to_u(truth.effects[axis.effect][axis.parameter.name])
+    unknowns, start = _at_the_truth(truth, base.fit.unknowns)
     fit = search.fitter.fit(unknowns, start)
     if fit is None:
         return None
@@ -249,16 +288,28 @@ def _true_errors(truth: Truth, outcome: Outcome) -> Covariance:
             life.thickness * p[i] * slope[i],  # about: a thicker skin is a stiffer one
         ]
         t = r.curve.time_s - r.curve.time_s[0]
-        for size, hz in ((life.breathing_um, 0.3), (life.pulse_um, 1.25)):
-            own += [1e-3 * size * f(2.0 * np.pi * hz * t) for f in (np.sin, np.cos)]
-        own.append(
-            1e-3 * life.walk_um * np.sqrt(max(float(t[-1]), 1.0) / 2.0) * t / max(t[-1], 1e-9)
-        )
+        for size, band in ((life.breathing_um, BREATHING_HZ), (life.pulse_um, PULSE_HZ)):
+            own += list(1e-3 * size * _waves(t, band).T)
+        own += list(1e-3 * life.walk_um * _walks(t).T)
         block = np.zeros((n, len(own)))
         block[ends[i] - len(w[i]) : ends[i]] = np.column_stack(own)
         columns.append(block)
     ou = OrnsteinUhlenbeck(1e-3 * life.ou_um, life.ou_s) if life.ou_um else None
     return Covariance(variance, np.hstack(columns), tuple(int(e) for e in ends), ou, time_s)
+
+
+def _waves(t: Array, band_hz: tuple[float, float]) -> Array:
+    """Return columns (n, m) whose covariance is that of a wave of any phase and frequency of a band."""
+    count = 2 + int(np.ceil(2.0 * (band_hz[1] - band_hz[0]) * max(float(t[-1]), 1.0)))
+    share = (np.arange(count) + 0.5) / count
+    angle = 2.0 * np.pi * np.outer(t, band_hz[0] + share * (band_hz[1] - band_hz[0]))
+    return np.hstack([np.cos(angle), np.sin(angle)]) / np.sqrt(2.0 * count)
+
+
+def _walks(t: Array, terms: int = 40) -> Array:
+    """Return columns (n, m) whose covariance is that of a walk of 1 per root second from t[0] on."""
+    whole_s, odd = max(float(t[-1]), 1e-9), (np.arange(terms) + 0.5) * np.pi
+    return np.asarray(np.sqrt(2.0 * whole_s) / odd * np.sin(np.outer(t / whole_s, odd)))
 
 
 # ---- summary -------------------------------------------------------------------------------------

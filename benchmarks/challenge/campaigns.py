@@ -82,6 +82,9 @@ LIFE_SIZES: dict[str, dict[str, tuple[float, float, float, str]]] = {
 }
 
 
+BREATHING_HZ, PULSE_HZ = (0.2, 0.4), (1.0, 1.5)  # the bands that frequencies are drawn from
+
+
 @dataclass(frozen=True)
 class Truth:
     """What a campaign was made from."""
@@ -156,7 +159,7 @@ class Life:
             slow.append(d * slow[-1] + np.sqrt(1.0 - d**2) * rng.normal())
         steps = rng.normal(size=n) * np.sqrt(np.diff(t, prepend=t[0]))
         found = white_um * noise + self.ou_um * np.array(slow) + self.walk_um * np.cumsum(steps)
-        for size, band in ((self.breathing_um, (0.2, 0.4)), (self.pulse_um, (1.0, 1.5))):
+        for size, band in ((self.breathing_um, BREATHING_HZ), (self.pulse_um, PULSE_HZ)):
             angle = 2.0 * np.pi * (rng.uniform(*band) * t + rng.uniform())
             found = found + size * np.sin(angle)
         hit = rng.random(n) < self.spikes

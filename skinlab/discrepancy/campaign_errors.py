@@ -194,14 +194,26 @@ class CampaignErrors:
 
         With `most` over so many of the likeliest settings of each look: roughly.
         """
-        each = np.empty((len(self.looks), len(ones)))
-        for i, look in enumerate(self.looks):
-            below = np.cumsum(look.weight) - look.weight
-            count = min(int((below < ERRORS.weight_kept).sum()), most or len(below))
-            nodes = look.nodes[:count]
-            found = log_evidences(ones, [n.covariance for n in nodes])
-            each[i] = logsumexp(found + np.array([[n.log_prior] for n in nodes]), axis=0)
-        return np.asarray(logsumexp(each, axis=0) - np.log(len(each)))
+        return averaged([evidences_of_look(look, ones, most) for look in self.looks])
+
+
+def evidences_of_look(
+    look: ErrorChoice, ones: Sequence[Linearised], most: int | None = None
+) -> Array:
+    """Return log p(data) (explanations,), the errors' parameters integrated out as one look has it.
+
+    With `most` over so many of the likeliest settings.
+    """
+    below = np.cumsum(look.weight) - look.weight
+    count = min(int((below < ERRORS.weight_kept).sum()), most or len(below))
+    nodes = look.nodes[:count]
+    found = log_evidences(ones, [n.covariance for n in nodes])
+    return np.asarray(logsumexp(found + np.array([[n.log_prior] for n in nodes]), axis=0))
+
+
+def averaged(each: Sequence[Array]) -> Array:
+    """Return log p(data) (explanations,) of several looks (each), which are equally good."""
+    return np.asarray(logsumexp(each, axis=0) - np.log(len(each)))
 
 
 def likeliest(look: ErrorChoice) -> list[tuple[Covariance, float]]:

@@ -14,6 +14,8 @@ from skinlab.discrepancy.adequacy import judge, look
 from skinlab.discrepancy.campaign_errors import (
     CampaignErrors,
     Linearised,
+    averaged,
+    evidences_of_look,
     learn,
     likeliest,
     look_at_errors,
@@ -78,6 +80,8 @@ class Search:
         self.errors: CampaignErrors | None = None  # None: those of the fitter, as they are
         self._first: tuple[ErrorChoice, ...] = ()  # pure error, and as the model as it is sees them
         self.looks: list[tuple[Fit, ErrorChoice]] = []  # and as explanations do
+        # Evidence of fits by looks, by their addresses, and what these are of.
+        self._weighed_by: dict[int, tuple[ErrorChoice, dict[int, tuple[Fit, float]]]] = {}
         self.kept: tuple[NDArray[np.bool_], ...] = ()  # samples (n,) of each curve
         self.unknowns = with_thickness(unknowns_of(model), fitter.records)
         self.own = self.unknowns.effects
@@ -207,7 +211,7 @@ class Search:
             self._thickness_mm = thickness_slopes(self.fitter.records, better, domes)
             fit = self._learned(self.fitter.records, better, self.linear(better))
         self.errors = self.errors_with(fit)
-        self._first = self.errors.looks
+        self._first, self._weighed_by = self.errors.looks, {}
         return self.candidate(fit, None)
 
     def _learned(self, records: Sequence[Record], first: Fit, linear: Linearised) -> Fit:
@@ -416,12 +420,22 @@ class Search:
     def weighed(self, base: Candidate, candidates: Sequence[Candidate]) -> list[Candidate]:
         """Return candidates of the library with their evidence by the errors as they are now."""
         assert self.errors is not None
-        linear = [self.linear(c.fit) for c in (base, *candidates)]
-        least, *each = self.errors.log_evidences(linear).tolist()
+        fits = [c.fit for c in (base, *candidates)]
+        looks = [self._evidences(look, fits) for look in self.errors.looks]
+        least, *each = averaged(looks).tolist()
         return [
             replace(c, log10_evidence=(one - least) / LOG10 + self.log10_odds(c.fit))
             for c, one in zip(candidates, each, strict=True)
         ]
+
+    def _evidences(self, look: ErrorChoice, fits: Sequence[Fit]) -> Array:
+        """Return log p(data) (fits,) as one look has it: each is found once."""
+        known = self._weighed_by.setdefault(id(look), (look, {}))[1]
+        new = list({id(fit): fit for fit in fits if id(fit) not in known}.values())
+        if new:
+            found = evidences_of_look(look, [self.linear(fit) for fit in new])
+            known |= {id(fit): (fit, float(e)) for fit, e in zip(new, found, strict=True)}
+        return np.array([known[id(fit)][1] for fit in fits])
 
     def log10_odds(self, fit: Fit) -> float:
         """Return the odds before the data against the base model."""

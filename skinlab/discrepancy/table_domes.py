@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.discrepancy.settings import FITS
+from skinlab.mechanics.fem import kernel
 from skinlab.mechanics.fem.skin import Prony, SkinProblem
 from skinlab.mechanics.fem.suction import MBAR
 from skinlab.tables.base import Database
@@ -69,6 +70,10 @@ class Domes:
 
     def __call__(self, pressure_mbar: Array) -> Array:
         """Return the deflections (n, m) at suctions (n, m), or (1, m) for all."""
+        parts = self.coefficients, self.scale_mbar, self.begin, self.step
+        compiled = kernel.domes(parts, pressure_mbar, alike=self._alike)
+        if compiled is not None:
+            return compiled
         n, cells, _ = self.coefficients.shape
         one = slice(None)
         if len(pressure_mbar) == 1 and self._alike:  # the same places on all of them

@@ -24,6 +24,7 @@ from skinlab.inference import bidiagonal
 from skinlab.mechanics.fem import kernel
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 
 _AT_ONCE = 2_000_000  # numbers
 WORTH_SHARING = 10_000  # numbers: of fewer a product costs less than looking for what it shares
@@ -208,35 +209,132 @@ def gram_matrices(covariances: Sequence[Covariance], values_mm: Array) -> tuple[
     Raises:
         numpy.linalg.LinAlgError: one is not positive definite.
     """
+    return _summed(covariances, values_mm, np.ones(covariances[0].shapes_mm.shape[1], dtype=bool))
+
+
+def integrated_gram_matrices(
+    covariances: Sequence[Covariance], values_mm: Array
+) -> tuple[Array, Array]:
+    """Return `gram_matrices` of the values and of the columns that several curves have.
+
+    What a curve has alone (a zero, a walk) is integrated out, exactly, curve by curve: that is far
+    less work than with all of them together. The log determinants (n,) are with it.
+
+    Raises:
+        numpy.linalg.LinAlgError: one is not positive definite.
+    """
     first = covariances[0]
-    if first.shapes_mm.size > WORTH_SHARING and any(c.sizes is not None for c in covariances):
-        return _gram_of_shapes(covariances, values_mm)
-    variance = np.array([one.variance_mm2 for one in covariances])
-    square, decay = _processes(covariances)
-    each = [one.columns_mm for one in covariances]
+    if len(first.ends) == 1:
+        return gram_matrices(covariances, values_mm)
+    shapes = list({id(c.shapes_mm): c.shapes_mm for c in covariances}.values())
+    curves = [
+        np.logical_or.reduce([(v[begin:end] != 0.0).any(axis=0) for v in shapes])
+        for begin, end in pairwise((0, *first.ends))
+    ]
+    return _summed(covariances, values_mm, np.sum(curves, axis=0) > 1)
+
+
+def _summed(
+    covariances: Sequence[Covariance], values_mm: Array, kept: NDArray[np.bool_]
+) -> tuple[Array, Array]:
+    """Return the Gram matrices summed up over curves, of all values and the columns kept (m,).
+
+    The others are integrated out: each is of one curve. Where only the sizes of random effects
+    differ, D + B and the shapes are the same: what these give is found once. Most columns are of
+    one curve, and zero in the others.
+    """
+    first, m = covariances[0], values_mm.shape[1]
+    different, which, scale = _different(covariances)
+    variance = np.array([one.variance_mm2 for one in different])
+    square, decay = _processes(different)
+    each = [one.columns_mm for one in different]
     several = {id(columns): columns for columns in each}
     places = {key: k for k, key in enumerate(several)}
-    which = None if len(several) == 1 else [places[id(columns)] for columns in each]
-    if len(first.ends) == 1:
-        return _products(values_mm, list(several.values()), which, variance, square, decay)
-    # Most columns are of one curve, and zero in the others.
-    n, m = len(covariances), values_mm.shape[1]
-    width = m + first.shapes_mm.shape[1]
-    whole, log_base = np.zeros((n, width, width)), np.zeros(n)
+    column = None if len(several) == 1 else [places[id(columns)] for columns in each]
+    width = m + int(kept.sum())
+    place = m + np.cumsum(kept) - 1
+    whole, log_base = np.zeros((len(covariances), width, width)), np.zeros(len(covariances))
     for begin, end in pairwise((0, *first.ends)):
         if begin == end:
             continue
         here = slice(begin, end)
-        own = np.flatnonzero(values_mm[here].any(axis=0))
-        of = np.flatnonzero(np.logical_or.reduce([v[here].any(axis=0) for v in several.values()]))
+        values, columns = values_mm[here], [v[here] for v in several.values()]
+        own, of = np.arange(m), np.arange(len(kept))
+        if len(first.ends) > 1:
+            own = np.flatnonzero((values != 0.0).any(axis=0))
+            of = np.flatnonzero(np.logical_or.reduce([(v != 0.0).any(axis=0) for v in columns]))
+            values, columns = values[:, own], [v[:, of] for v in columns]
         gram, log_determinant = _products(
-            values_mm[here][:, own], [v[here][:, of] for v in several.values()], which,
-            variance[:, here], square, None if decay is None else decay[:, here],
+            values, columns, column, variance[:, here], square,
+            None if decay is None else decay[:, here],
         )  # fmt: skip
-        at = np.concatenate([own, m + of])
-        whole[:, at[:, None], at] += gram
-        log_base += log_determinant
+        log_base += log_determinant[which]
+        if scale is None and len(own) == m and len(of) == len(kept) and kept.all():
+            whole += gram
+            continue
+        sizes = None
+        if scale is not None:
+            sizes = np.hstack([np.ones((len(scale), len(own))), scale[:, of]])
+        alone = len(own) + np.flatnonzero(~kept[of])
+        rest = np.concatenate([np.arange(len(own)), len(own) + np.flatnonzero(kept[of])])
+        at = np.concatenate([own, place[of[kept[of]]]])
+        _add(gram, which, sizes, alone, rest, at, whole, log_base)
     return whole, log_base
+
+
+def _add(
+    gram: Array,
+    which: Index,
+    scale: Array | None,
+    alone: Index,
+    rest: Index,
+    place: Index,
+    whole: Array,
+    log_determinant: Array,
+) -> None:
+    """Add to `whole` (n, w, w), at `place`, what Gram matrices (d, m, m) say of the `rest`.
+
+    `which` (n,) of them each takes, times `scale` (n, m); what stands `alone` is integrated out,
+    which the log determinants (n,) tell as well.
+    """
+    done = kernel.add_integrated(gram, which, scale, alone, rest, place, whole, log_determinant)
+    if done is not None:
+        if done:
+            raise np.linalg.LinAlgError("the covariance of the errors is not positive definite")
+        return
+    found = gram[which]
+    if scale is not None:
+        found = found * scale[:, :, None] * scale[:, None, :]
+    left = found[:, rest[:, None], rest]
+    if len(alone):
+        root = np.linalg.cholesky(found[:, alone[:, None], alone] + np.eye(len(alone)))
+        taken = np.linalg.solve(root, found[:, alone[:, None], rest])
+        left -= taken.transpose(0, 2, 1) @ taken
+        log_determinant += 2.0 * np.log(np.einsum("nii->ni", root)).sum(axis=1)
+    whole[:, place[:, None], place] += left
+
+
+def _different(
+    covariances: Sequence[Covariance],
+) -> tuple[Sequence[Covariance], Index, Array | None]:
+    """Return those that differ in more than sizes, without these; which each is, and sizes (n, m).
+
+    None where nothing is shared.
+    """
+    if covariances[0].shapes_mm.size <= WORTH_SHARING or all(c.sizes is None for c in covariances):
+        return covariances, np.arange(len(covariances)), None
+    place: dict[tuple[bytes, OrnsteinUhlenbeck | None, int], int] = {}
+    different: list[Covariance] = []
+    which = []
+    for one in covariances:
+        key = (one.variance_mm2.tobytes(), one.ou, id(one.shapes_mm))
+        if key not in place:
+            place[key] = len(different)
+            different.append(replace(one, sizes=None))
+        which.append(place[key])
+    ones = np.ones(covariances[0].shapes_mm.shape[1])
+    sizes = np.array([ones if c.sizes is None else c.sizes for c in covariances])
+    return different, np.array(which), sizes
 
 
 def _processes(covariances: Sequence[Covariance]) -> tuple[Array | None, Array | None]:
@@ -313,32 +411,10 @@ def _gram(
     return both.transpose(0, 2, 1) @ both, np.log(d).sum(axis=1)
 
 
-def _gram_of_shapes(covariances: Sequence[Covariance], values_mm: Array) -> tuple[Array, Array]:
-    """Return `gram_matrices` from those of the shapes alone.
-
-    Where only the sizes of random effects differ, D + B and the shapes are the same.
-    """
-    place: dict[tuple[bytes, OrnsteinUhlenbeck | None, int], int] = {}
-    different: list[Covariance] = []
-    which = []
-    for one in covariances:
-        key = (one.variance_mm2.tobytes(), one.ou, id(one.shapes_mm))
-        if key not in place:
-            place[key] = len(different)
-            different.append(replace(one, sizes=None))
-        which.append(place[key])
-    gram, log_base = gram_matrices(different, values_mm)
-    scale = np.ones((len(covariances), gram.shape[1]))
-    for row, one in zip(scale, covariances, strict=True):
-        if one.sizes is not None:
-            row[values_mm.shape[1] :] = one.sizes
-    return gram[which] * scale[:, :, None] * scale[:, None, :], log_base[which]
-
-
 def products(covariances: Sequence[Covariance], values_mm: Array) -> tuple[Array, Array]:
     """Return rᵀ Σ⁻¹ r (n, m, m) of values (u, m), and the log determinants (n,) of Σ."""
     m = values_mm.shape[1]
-    gram, log_base = gram_matrices(covariances, values_mm)
+    gram, log_base = integrated_gram_matrices(covariances, values_mm)
     root = np.linalg.cholesky(gram[:, m:, m:] + np.eye(gram.shape[1] - m))
     taken = np.linalg.solve(root, gram[:, m:, :m])
     log_inner = 2.0 * np.log(np.einsum("nii->ni", root)).sum(axis=1)

@@ -14,7 +14,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.inference.covariance import Covariance, gram_matrices
+from skinlab.inference.covariance import (
+    Covariance,
+    gram_matrices,
+    integrated_gram_matrices,
+)
 
 Array = NDArray[np.float64]
 
@@ -42,7 +46,7 @@ class LinearModel:
         """
         values = np.column_stack([self.residual_mm, self.slopes_mm])
         try:
-            gram, log_base = gram_matrices(covariances, values)
+            gram, log_base = integrated_gram_matrices(covariances, values)
             whole = self._information(gram)
             root = np.linalg.cholesky(whole)
         except np.linalg.LinAlgError:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from skinlab.mechanics.fem import kernel
 from skinlab.tables.axes import TableAxis
 from skinlab.tables.evaluator import linear_between
 from skinlab.tables.splines import TensorBSpline, local_basis
@@ -50,9 +51,17 @@ class AnyGeometry:
         holds_to = np.where(inside, np.exp(linear_between(self.axes, self.log_holds, points)), 0.0)
         spline = self.log_compliance(points)  # (n, k)
         at = self.coordinate(load, thickness[:, None])
-        at = np.clip(at, self.load_knots[0], self.load_knots[-1])
-        first, weights = local_basis(self.load_knots, 3, at.ravel())
-        row = np.repeat(np.arange(len(load)) * spline.shape[1], load.shape[1])
-        around = spline.ravel()[(row + first)[:, None] + np.arange(4)]
-        compliance = np.exp(np.einsum("ij,ij->i", around, weights)).reshape(load.shape)
+        compliance = np.exp(_along(self.load_knots, spline, at))
         return np.where(inside[:, None], load * compliance, np.nan), holds_to
+
+
+def _along(knots: Array, coefficients: Array, at: Array) -> Array:
+    """Return values (n, m) of n cubic splines (n, k) at points (n, m), constant beyond the ends."""
+    found = kernel.splines(knots, coefficients, at)
+    if found is None:
+        within = np.clip(at, knots[0], knots[-1])
+        first, weights = local_basis(knots, 3, within.ravel())
+        row = np.repeat(np.arange(len(at)) * coefficients.shape[1], at.shape[1])
+        around = coefficients.ravel()[(row + first)[:, None] + np.arange(4)]
+        found = np.einsum("ij,ij->i", around, weights).reshape(at.shape)
+    return found

@@ -31,6 +31,7 @@ Array = NDArray[np.float64]
 
 _NINE_TENTHS = 1.645
 _ABSORBED = 0.02  # of a wave's square
+_ROUNDING = 1e-9  # of columns of length 1
 _KEPT = 160  # waves of frequencies: those of all settings of a combination, twice
 
 
@@ -43,7 +44,7 @@ def gains(look: Look, grids_hz: Sequence[Array]) -> list[Array]:
     every = np.column_stack([look.residual_mm, look.slopes])
     if known is not None:
         every = known.whiten_without_columns(np.column_stack([every, known.columns_mm]))
-    basis, _ = np.linalg.qr(every[:, 1:])
+    basis = _span(every[:, 1:])
     left = every[:, 0] - basis @ (basis.T @ every[:, 0])
     variance = 1.0
     if known is None:
@@ -68,6 +69,17 @@ def gains(look: Look, grids_hz: Sequence[Array]) -> list[Array]:
         amplitude = np.linalg.solve(square, product[:, :, None])[:, :, 0]
         found.append(0.5 * (product * amplitude).sum(axis=1) / variance)
     return found
+
+
+def _span(values: Array) -> Array:
+    """Return an orthonormal basis (u, r) of columns (u, m).
+
+    Of columns that are the same but for rounding (polynomials, and zeros of each curve) it has none
+    that are rounding alone: these took up another part of the waves on every machine.
+    """
+    length = np.sqrt(np.square(values).sum(axis=0))
+    q, s, _ = np.linalg.svd(values / np.where(length > 0.0, length, 1.0), full_matrices=False)
+    return np.asarray(q[:, s > _ROUNDING])
 
 
 def columns(samples: Samples, frequency_hz: float) -> Array:

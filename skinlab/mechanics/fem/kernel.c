@@ -646,6 +646,46 @@ FAST int64_t skinlab_spline(int64_t points, int64_t d, const int64_t *sizes, con
     return 0;
 }
 
+/* A cubic spline of each row: values `out` (n, m) at `at` (n, m) of coefficients (n, size). Beyond the ends
+ * it is what it is there. */
+FAST void skinlab_splines(int64_t n, int64_t m, int64_t size, const double *knots, const double *coefficients,
+                          const double *at, double *out) {
+    const double low = knots[0], high = knots[size + 3];
+    for (int64_t i = 0; i < n; i++)
+        for (int64_t j = 0; j < m; j++) {
+            double x = at[i * m + j], basis[4];
+            x = x < low ? low : x > high ? high : x;
+            const double *from = coefficients + i * size + local_basis(knots, size, 3, x, 0, basis);
+            out[i * m + j] = from[0] * basis[0] + from[1] * basis[1] + from[2] * basis[2] + from[3] * basis[3];
+        }
+}
+
+/* `skinlab.discrepancy.table_domes.Domes`: deflections `out` (n, m) at suctions (rows, m), of one row for all
+ * or of n. `alike`: the nodes of all are at the same suctions. `room` (m, 2) is for what they share. */
+FAST void skinlab_domes(int64_t n, int64_t m, int64_t cells, int64_t rows, int64_t alike,
+                        const double *coefficients, const double *scale, const double *begin,
+                        const double *step, const double *pressure, double *restrict room, double *restrict out) {
+    for (int64_t i = 0; i < n; i++) {
+        const double low = scale[i] * sinh(begin[i]), high = scale[i] * sinh(begin[i] + cells * step[i]);
+        const double *p = pressure + (rows > 1 ? i : 0) * m;
+        if (!i || !alike || rows > 1)
+            for (int64_t j = 0; j < m; j++) {
+                const double within = p[j] < low ? low : p[j] > high ? high : p[j];
+                room[2 * j] = (asinh(within / scale[i]) - begin[i]) / step[i];
+                room[2 * j + 1] = p[j] - within;
+            }
+        for (int64_t j = 0; j < m; j++) {
+            const double place = room[2 * j], beyond = room[2 * j + 1];
+            const int64_t cell = place > 0 ? place < cells - 1 ? (int64_t)place : cells - 1 : 0; /* NaN: 0 */
+            const double x = place - cell, *c = coefficients + (i * cells + cell) * 4;
+            double w = ((c[0] * x + c[1]) * x + c[2]) * x + c[3];
+            if (beyond != 0)
+                w += beyond * ((3 * c[0] * x + 2 * c[1]) * x + c[2]) / (step[i] * hypot(p[j] - beyond, scale[i]));
+            out[i * m + j] = w;
+        }
+    }
+}
+
 /* L diag(d) L' of a tridiagonal matrix, in place: `diagonal` (n) becomes d, `beside` (n - 1) what is below
  * the ones of L. Returns 0, or where it is not positive definite, from 1. */
 FAST int64_t skinlab_tridiagonal(int64_t n, double *diagonal, double *beside) {
@@ -739,6 +779,47 @@ FAST int64_t skinlab_gram(int64_t many, int64_t n, int64_t m1, int64_t m2, const
         for (int64_t a = 0; a < m; a++)
             for (int64_t b = 0; b <= a; b++) out[a * m + b] = out[b * m + a] = sum[a][b];
         log_determinant[i] = total;
+    }
+    return 0;
+}
+
+/* Adds to `whole` (many, width, width) and `log_determinant` (many) what Gram matrices `gram` (…, m, m) say
+ * once those `alone` of their columns, which are independent and of variance 1, are integrated out. `which`
+ * (many) of the matrices each takes, times `scale` (many, m) if there is any; `order` (m) are those alone
+ * first, and `place` (m - alone) where the others are in `whole`. Returns as skinlab_gram. */
+FAST int64_t skinlab_add_integrated(int64_t many, int64_t m, int64_t alone, int64_t width, const double *gram,
+                                    const int64_t *which, const double *scale, const int64_t *order,
+                                    const int64_t *place, double *whole, double *log_determinant) {
+    if (m > MOST_COLUMNS) return -1;
+    for (int64_t i = 0; i < many; i++) {
+        double a[MOST_COLUMNS][MOST_COLUMNS], total = 0.0;
+        const double *from = gram + which[i] * m * m, *s = scale ? scale + i * m : NULL;
+        double *to = whole + i * width * width;
+        for (int64_t r = 0; r < m; r++) {
+            const double *row = from + order[r] * m;
+            for (int64_t c = r; c < m; c++) a[r][c] = row[order[c]];
+            if (s)
+                for (int64_t c = r; c < m; c++) a[r][c] *= s[order[r]] * s[order[c]];
+        }
+        for (int64_t k = 0; k < alone; k++) {
+            const double pivot = a[k][k] + 1.0;
+            if (!(pivot > 0.0)) return i + 1;
+            total += log(pivot);
+            for (int64_t r = k + 1; r < m; r++) {
+                const double factor = a[k][r] / pivot;
+                for (int64_t c = r; c < m; c++) a[r][c] -= factor * a[k][c];
+            }
+        }
+        for (int64_t r = alone; r < m; r++) {
+            const int64_t at = place[r - alone];
+            to[at * width + at] += a[r][r];
+            for (int64_t c = r + 1; c < m; c++) {
+                const int64_t beside = place[c - alone];
+                to[at * width + beside] += a[r][c];
+                to[beside * width + at] += a[r][c];
+            }
+        }
+        log_determinant[i] += total;
     }
     return 0;
 }

@@ -60,11 +60,15 @@ def load(path: Path, source: Path) -> ctypes.CDLL | None:
     found.skinlab_gram.argtypes = [
         *[_INTEGER] * 4, _POINTER, _POINTER, _INTEGER, *[_POINTER] * 5,
     ]  # fmt: skip
-    found.skinlab_gram.restype = _INTEGER
+    found.skinlab_add_integrated.argtypes = [*[_INTEGER] * 4, *[_POINTER] * 7]
+    found.skinlab_gram.restype = found.skinlab_add_integrated.restype = _INTEGER
     found.skinlab_spline.argtypes = [
         _INTEGER, _INTEGER, *[_POINTER] * 4, _INTEGER, _POINTER, _INTEGER, _POINTER,
     ]  # fmt: skip
     found.skinlab_spline.restype = _INTEGER
+    found.skinlab_splines.argtypes = [*[_INTEGER] * 3, *[_POINTER] * 4]
+    found.skinlab_domes.argtypes = [*[_INTEGER] * 5, *[_POINTER] * 7]
+    found.skinlab_splines.restype = found.skinlab_domes.restype = None
     found.skinlab_strain.restype = found.skinlab_rates.restype = found.skinlab_solve.restype = None
     found.skinlab_assemble.restype = found.skinlab_ellipticity.restype = _REAL
     found.skinlab_factorise.restype = _INTEGER
@@ -258,6 +262,32 @@ class Spline:
         return None if failed else out
 
 
+def splines(knots: Array, coefficients: Array, at: Array) -> Array | None:
+    """Return values (n, m) of n cubic splines (n, k) at points (n, m); None without a library."""
+    found = library()
+    if found is None:
+        return None
+    parts = [np.ascontiguousarray(x, dtype=np.float64) for x in (knots, coefficients, at)]
+    out = np.empty(at.shape)
+    found.skinlab_splines(*at.shape, coefficients.shape[1], *map(_address, parts), _address(out))
+    return out
+
+
+def domes(parts: tuple[Array, Array, Array, Array], at: Array, *, alike: bool) -> Array | None:
+    """Return `skinlab.discrepancy.table_domes.Domes` at suctions (n or 1, m); None if it cannot."""
+    found = library()
+    if found is None:
+        return None
+    n, cells, _ = parts[0].shape
+    every = [np.ascontiguousarray(x, dtype=np.float64) for x in (*parts, at)]
+    room, out = np.empty((at.shape[1], 2)), np.empty((n, at.shape[1]))
+    found.skinlab_domes(
+        n, at.shape[1], cells, len(at), int(alike), *map(_address, every), _address(room),
+        _address(out),
+    )  # fmt: skip
+    return out
+
+
 def factorise_tridiagonal(diagonal: Array, beside: Array) -> tuple[Array, Array, int] | None:
     """Return d, e and where it fails, as LAPACK's dpttrf; None where there is no library."""
     found = library()
@@ -302,6 +332,34 @@ def gram(
         n, u, m1, m2, x, v, stride, *rest, _address(matrices), _address(determinants)
     )
     return None if failed < 0 else (matrices, determinants, int(failed))
+
+
+def add_integrated(
+    gram: Array,
+    which: Index,
+    scale: Array | None,
+    alone: Index,
+    rest: Index,
+    place: Index,
+    whole: Array,
+    log_determinant: Array,
+) -> int | None:
+    """Add Gram matrices to `whole`, in place, and return where one fails, from 1; 0 if none does.
+
+    See `skinlab.inference.covariance`; None where the library cannot.
+    """
+    found = library()
+    if found is None:
+        return None
+    real = [None if x is None else np.ascontiguousarray(x, dtype=np.float64) for x in (gram, scale)]
+    order = np.concatenate([alone, rest])
+    index = [np.ascontiguousarray(x, dtype=np.int64) for x in (which, order, place)]
+    failed = found.skinlab_add_integrated(
+        len(whole), gram.shape[1], len(alone), whole.shape[1], _address(real[0]),
+        _address(index[0]), _address(real[1]), _address(index[1]), _address(index[2]),
+        _address(whole), _address(log_determinant),
+    )  # fmt: skip
+    return None if failed < 0 else int(failed)
 
 
 class Energy:
