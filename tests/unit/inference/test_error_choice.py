@@ -17,6 +17,7 @@ from skinlab.inference.error_models import ERROR_MODELS
 from skinlab.inference.error_models.base import Hyperparameter, Look, Part, Terms
 from skinlab.inference.error_models.heavy_tails import ERROR_MODEL as HEAVY
 from skinlab.inference.error_models.ornstein_uhlenbeck import ERROR_MODEL as OU
+from skinlab.inference.error_models.periodic import gains
 from skinlab.inference.error_models.placement import ERROR_MODEL as PLACEMENT
 from skinlab.inference.error_models.pulse import ERROR_MODEL as PULSE
 from skinlab.inference.error_models.quantised import step_um
@@ -656,3 +657,22 @@ def test_a_sine_outside_of_its_band_is_none_of_the_bands():
         values = dict(zip(node.combination.parameters, np.exp(node.log_values), strict=True))
         assert 0.19 < values.get("breathing_hz", 0.3) < 0.42
         assert 0.86 < values.get("pulse_hz", 1.0) < 1.7
+
+
+def test_what_a_wave_gains_does_not_depend_on_rounding():
+    """Slopes that are the same but for rounding take up nothing more; they did, each time other."""
+    rng = np.random.default_rng(4)
+    errors = 1e-3 * (5.0 * np.sin(2.0 * np.pi * 1.2 * TIME) + rng.standard_normal(N))
+    grid = [np.linspace(0.9, 1.6, 30)]
+
+    def gained(slopes):
+        look = Look(
+            samples_of(COURSE + errors), COURSE, COURSE, errors, slopes, None, np.zeros(N),
+            np.zeros(N),
+        )  # fmt: skip
+        return gains(look, grid)[0]
+
+    alone = gained(SLOPES)
+    for seed in range(5):
+        almost = SLOPES * (1.0 + 1e-15 * np.random.default_rng(seed).standard_normal((N, 3)))
+        np.testing.assert_allclose(gained(np.hstack([SLOPES, almost])), alone, rtol=1e-6)

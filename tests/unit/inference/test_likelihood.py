@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, t
@@ -9,6 +11,7 @@ from scipy.stats import multivariate_normal, t
 from skinlab.inference.covariance import Covariance, OrnsteinUhlenbeck, independent
 from skinlab.inference.error_models.heavy_tails import bound, weights
 from skinlab.inference.likelihood import LinearModel
+from skinlab.mechanics.fem import kernel
 
 TIME = np.sort(np.random.default_rng(9).uniform(0, 5, 50))  # uneven
 
@@ -38,6 +41,32 @@ def test_the_marginal_likelihood_is_that_of_dense_algebra():
     whole = dense(covariance) + linear.slopes_mm @ prior @ linear.slopes_mm.T
     expected = multivariate_normal(np.zeros(50), whole).logpdf(linear.residual_mm)
     assert linear.log_marginals([covariance])[0] == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("library", [kernel.library, lambda: None], ids=["compiled", "numpy"])
+def test_what_curves_err_by_alone_is_integrated_out_curve_by_curve(library, monkeypatch):
+    """Zeros of each curve and what all share, in other sizes and places, many at once."""
+    monkeypatch.setattr(kernel, "library", library)
+    monkeypatch.setattr("skinlab.inference.covariance.WORTH_SHARING", 0)  # of curves this short
+    linear, _ = problem(2)
+    rng = np.random.default_rng(5)
+    ends = (15, 15, 30, 50)  # the second has no samples
+    each = np.searchsorted(ends, np.arange(50), side="right")
+    zeros = (each[:, None] == np.array([0, 2, 3])).astype(float)
+    shapes = np.hstack([zeros, rng.normal(size=(50, 2)), zeros * rng.normal(size=(50, 3))])
+    ou = OrnsteinUhlenbeck(1.5, 0.4)
+    one = Covariance(rng.uniform(0.5, 2.0, 50), shapes, ends, ou, np.tile(TIME[:25], 2))
+    larger = replace(one, sizes=rng.uniform(0.1, 3.0, 8))
+    elsewhere = replace(one, shapes_mm=shapes[::-1].copy())
+    several = [one, larger, elsewhere, replace(larger, variance_mm2=2.0 * one.variance_mm2)]
+    prior = np.linalg.inv(linear.precision)
+    expected = [
+        multivariate_normal(
+            np.zeros(50), dense(c) + linear.slopes_mm @ prior @ linear.slopes_mm.T
+        ).logpdf(linear.residual_mm)
+        for c in several
+    ]
+    assert linear.log_marginals(several) == pytest.approx(expected, rel=1e-9)
 
 
 def test_with_a_flat_prior_it_is_restricted_likelihood():
