@@ -56,14 +56,13 @@ class PairSearch:
         known: Sequence[Candidate] = (),
         partners: int = SEARCH.partners,
     ) -> list[Candidate]:
-        """Return pairs of the likeliest singles, at most so many, and of that which fits best.
+        """Return pairs of those singles that are `leading`, so many of them by their evidence.
 
         Each gets partners that gain `least`, so many `partners` at most. With the signatures of
         single effects all their pairs are screened as well. What is `known` is not fitted again.
         """
         fitted_already = {frozenset(c.effects[len(self._own) :]) for c in known}
-        leaders = sorted(singles, key=lambda c: -c.log10_evidence)[:most]
-        leaders += [c for c in best_fitting(singles)[:1] if c not in leaders]
+        leaders = leading(singles, most)
         tasks: dict[frozenset[str], tuple[Fit, Signature]] = {}
         for leader in leaders:
             mine = leader.effects[-1]
@@ -319,6 +318,18 @@ class PairSearch:
         good = (c for c in candidates if c.adequate)
         best = max(good, key=lambda c: c.log10_evidence, default=None)
         return best if best is not None and len(best.effects) - len(self._own) > 1 else None
+
+
+def leading(singles: Sequence[Candidate], most: int) -> list[Candidate]:
+    """Return the likeliest single effects, that which fits best, and one more that explains.
+
+    What explains lacks little, however unlikely it is: a slip in the right valley, beside a
+    stiffening, was ten decades behind what bent a sensor.
+    """
+    ranked = sorted(singles, key=lambda c: -c.log10_evidence)
+    found = ranked[:most]
+    found += [c for c in best_fitting(singles)[:1] if c not in found]
+    return found + [c for c in ranked if c.adequate and c not in found][:1]
 
 
 def beside_which(singles: Sequence[Candidate], best: float) -> list[Candidate]:

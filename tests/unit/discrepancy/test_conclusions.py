@@ -19,7 +19,7 @@ from skinlab.discrepancy.fit import Fit
 from skinlab.discrepancy.heldout import conditions_of, predict_held_out
 from skinlab.discrepancy.misfit import errors_of, mesh_columns
 from skinlab.discrepancy.next_measurement import Planned, _Look, _looks, _Odds, advise
-from skinlab.discrepancy.pair_search import PairSearch, beside_which
+from skinlab.discrepancy.pair_search import PairSearch, beside_which, leading
 from skinlab.discrepancy.planned_curve import (
     PlannedCurve,
     PlannedErrors,
@@ -358,6 +358,21 @@ def test_partners_are_looked_for_beside_what_explains_and_the_likeliest_that_doe
     # What fits best gets one too, however many are likelier.
     worse = [replace(c, fit=replace(c.fit, cost=9.0)) for c in (layer, lag)]
     assert beside_which([*worse, gain], 11.1) == [*worse, gain]
+
+
+def test_what_explains_gets_a_partner_however_unlikely_it_is():
+    """Of a slip beside a stiffening the slip alone explained, ten decades behind a sensor."""
+    sensor, slip = candidate(("sensor_curve",), 13.7), candidate(SLIP, 3.7)
+    unlikelier = candidate(LAG, 1.0)
+    leaving = [
+        candidate((name,), 9.0 - k, BAD)
+        for k, name in enumerate(("contact_preload", "natural_tension", "hypodermis"))
+    ]
+    nearest = candidate(("aperture_error",), -5.0, BAD)
+    nearest = replace(nearest, fit=replace(nearest.fit, cost=nearest.fit.cost - 50.0))
+    every = [unlikelier, slip, nearest, *leaving, sensor]
+    assert leading(every, 4) == [sensor, *leaving, nearest, slip]
+    assert leading([slip, sensor], 4) == [sensor, slip]
 
 
 @pytest.mark.parametrize(("promised", "fitted"), [(19_850.0, True), (19_400.0, False)])
