@@ -81,8 +81,8 @@ class Plan:
 class NextMeasurement:
     """A measurement, which explanations it separates, and by how much evidence it may be hoped.
 
-    `alone` is what it is expected to lead to by itself; `plan` the shortest plan that would settle
-    it, or the best that there is: it is one of that.
+    `alone` is what it is expected to lead to by itself; `plan` the shortest plan with it that would
+    settle it, or the best that there is.
     """
 
     aperture_mm: float
@@ -194,9 +194,9 @@ def advise(
     rng: np.random.Generator,
     behind: Sequence[Fit] = (),
 ) -> NextMeasurement | None:
-    """Return the measurement that best tells explanations apart for its time, None if none does.
+    """Return the measurement that best tells explanations apart, None if none does.
 
-    It is one of the shortest plan that is expected to settle it. `log10_evidence` is that of each,
+    The plan goes on from there where it may not be enough. `log10_evidence` is that of each,
     the odds before the data counted; first of those that are tied, then of those `behind` that may
     come back. `errors` are settings as likely as each other.
     """
@@ -209,36 +209,42 @@ def advise(
     if not looks:
         return None
     now = odds.plan([replace(looks[0], gram=np.zeros_like(looks[0].gram))]).sure
-    chosen, plan = _shortest(odds, looks)
-    alone = {id(look): odds.plan([look]) for look in chosen}
-
-    def worth(look: _Look) -> float:
-        own = alone[id(look)]
-        return (own.sure - now - own.wrong) / own.minutes
-
-    best = max(chosen, key=worth)
-    expected = odds.expected_log10(best)
+    first, alone = _most_telling([(look, odds.plan([look])) for look in looks])
+    plan = _going_on(odds, looks, first, alone)
+    expected = odds.expected_log10(first)
     if plan.sure - now < PLANS.least_gain and expected < PLANS.useless:
         return None
     return NextMeasurement(
-        best.planned.aperture_mm,
-        best.planned.program,
+        first.planned.aperture_mm,
+        first.planned.program,
         tuple(fit.effects for fit in tied),
         expected,
-        alone[id(best)],
+        alone,
         plan,
     )
 
 
-def _shortest(odds: _Odds, looks: Sequence[_Look]) -> tuple[list[_Look], Plan]:
-    """Return the shortest plan that is expected to settle it, else the one that comes nearest."""
-    plans = [([look], odds.plan([look])) for look in looks]
-    best = plans[0]
+def _most_telling(singles: Sequence[tuple[_Look, Plan]]) -> tuple[_Look, Plan]:
+    """Return the quickest measurement that is expected to settle it alone.
+
+    Where none is, the quickest of those that come about as near as any.
+    """
+    most = max(plan.sure for _, plan in singles)
+    enough = PLANS.settled if most >= PLANS.settled else most - PLANS.as_sure
+    return min((s for s in singles if s[1].sure >= enough), key=lambda s: s[1].minutes)
+
+
+def _going_on(odds: _Odds, looks: Sequence[_Look], first: _Look, alone: Plan) -> Plan:
+    """Return the shortest plan with this measurement that is expected to settle it.
+
+    Else the one that comes nearest.
+    """
+    best, plans = alone, [([first], alone)]
     for _ in range(PLANS.most_measurements):
-        best = max((best, *plans), key=lambda p: p[1].sure)
-        enough = [p for p in plans if p[1].sure >= PLANS.settled]
+        best = max((best, *(plan for _, plan in plans)), key=lambda plan: plan.sure)
+        enough = [plan for _, plan in plans if plan.sure >= PLANS.settled]
         if enough:
-            return min(enough, key=lambda p: p[1].minutes)
+            return min(enough, key=lambda plan: plan.minutes)
         leaders = sorted(plans, key=lambda p: -p[1].sure)[: PLANS.beam]
         plans = []
         for chosen, _ in leaders:

@@ -386,8 +386,10 @@ class PlanRules:
     """Minutes to put the probe on and off, and for the skin to recover."""
     opening_min: float = 2.0
     """Minutes to change the opening."""
-    most_placements: int = 3
-    """Of one measurement: more than that is not borne at one visit."""
+    as_sure: float = 0.03
+    """Of that probability: of measurements that are as good but for this the quickest is taken."""
+    most_placements: int = 5
+    """Of one measurement: some ten minutes."""
     most_measurements: int = 4
     """Of a plan."""
     most_minutes: float = 30.0
