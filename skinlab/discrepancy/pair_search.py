@@ -19,6 +19,7 @@ from skinlab.discrepancy.search_workers import fit_elsewhere, fit_from, fit_on
 from skinlab.discrepancy.settings import ERRORS, FITS, NAMES, SEARCH
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.inference.error_choice import ErrorChoice
+from skinlab.mechanics.effects import get_effect
 
 Array = NDArray[np.float64]
 
@@ -80,7 +81,8 @@ class PairSearch:
                 }
             new = [
                 s for s in sorted(found.values(), key=lambda s: -s.gain)
-                if s.gain > least and frozenset((mine, s.effect)) not in fitted_already
+                if s.gain > enough(leader, s.effect, least)
+                and frozenset((mine, s.effect)) not in fitted_already
             ]  # fmt: skip
             for s in new[:partners]:
                 expected = leader.fit.cost - s.gain
@@ -318,6 +320,17 @@ class PairSearch:
         good = (c for c in candidates if c.adequate)
         best = max(good, key=lambda c: c.log10_evidence, default=None)
         return best if best is not None and len(best.effects) - len(self._own) > 1 else None
+
+
+def enough(leader: Candidate, partner: str, least: float) -> float:
+    """Return what a partner has to promise: less where the law is at an end, and it is curved.
+
+    At the end of ν's range a layer beside a lag promised 5 and was worth 76: it moves the law far,
+    of which a linear picture from there sees nothing.
+    """
+    unknowns = leader.fit.unknowns
+    walled = not set(leader.at_bound).isdisjoint(unknowns.names[: unknowns.count])
+    return min(least, SEARCH.seen_curved) if walled and get_effect(partner).curved else least
 
 
 def leading(singles: Sequence[Candidate], most: int) -> list[Candidate]:

@@ -27,7 +27,7 @@ from skinlab.discrepancy.next_measurement import (
     _Odds,
     advise,
 )
-from skinlab.discrepancy.pair_search import PairSearch, beside_which, leading
+from skinlab.discrepancy.pair_search import PairSearch, beside_which, enough, leading
 from skinlab.discrepancy.planned_curve import (
     PlannedCurve,
     PlannedErrors,
@@ -381,6 +381,17 @@ def test_what_explains_gets_a_partner_however_unlikely_it_is():
     every = [unlikelier, slip, nearest, *leaving, sensor]
     assert leading(every, 4) == [sensor, *leaving, nearest, slip]
     assert leading([slip, sensor], 4) == [sensor, slip]
+
+
+def test_beside_a_law_at_its_end_what_is_curved_may_promise_less():
+    """A lag had ended at ν 0; a layer beside it promised 5, gained 76, and was not tried."""
+    lag = candidate(LAG, 97.0)
+    walled = replace(lag, at_bound=("nu",))
+    assert enough(walled, "surface_layer", SEARCH.behind) == SEARCH.seen_curved
+    assert enough(walled, "natural_tension", SEARCH.behind) == SEARCH.behind
+    assert enough(lag, "surface_layer", SEARCH.behind) == SEARCH.behind
+    of_its_own = replace(lag, at_bound=(f"{LAG[0]}.lag_s",))
+    assert enough(of_its_own, "surface_layer", SEARCH.behind) == SEARCH.behind
 
 
 @pytest.mark.parametrize(("promised", "fitted"), [(19_850.0, True), (19_400.0, False)])
