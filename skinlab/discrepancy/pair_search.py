@@ -81,7 +81,7 @@ class PairSearch:
                 }
             new = [
                 s for s in sorted(found.values(), key=lambda s: -s.gain)
-                if s.gain > enough(leader, s.effect, least)
+                if s.gain > least_promise(leader, s.effect, least)
                 and frozenset((mine, s.effect)) not in fitted_already
             ]  # fmt: skip
             for s in new[:partners]:
@@ -322,7 +322,7 @@ class PairSearch:
         return best if best is not None and len(best.effects) - len(self._own) > 1 else None
 
 
-def enough(leader: Candidate, partner: str, least: float) -> float:
+def least_promise(leader: Candidate, partner: str, usual: float) -> float:
     """Return what a partner has to promise: less where the law is at an end, and it is curved.
 
     At the end of ν's range a layer beside a lag promised 5 and was worth 76: it moves the law far,
@@ -330,7 +330,7 @@ def enough(leader: Candidate, partner: str, least: float) -> float:
     """
     unknowns = leader.fit.unknowns
     walled = not set(leader.at_bound).isdisjoint(unknowns.names[: unknowns.count])
-    return min(least, SEARCH.seen_curved) if walled and get_effect(partner).curved else least
+    return min(usual, SEARCH.seen_curved) if walled and get_effect(partner).curved else usual
 
 
 def leading(singles: Sequence[Candidate], most: int) -> list[Candidate]:

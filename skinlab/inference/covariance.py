@@ -278,40 +278,30 @@ def _summed(
         alone = len(own) + np.flatnonzero(~kept[of])
         rest = np.concatenate([np.arange(len(own)), len(own) + np.flatnonzero(kept[of])])
         at = np.concatenate([own, place[of[kept[of]]]])
-        _add(gram, which, sizes, alone, rest, at, whole, log_base)
+        _add(kernel.CurveGrams(gram, which, sizes, alone, rest, at), whole, log_base)
     return whole, log_base
 
 
-def _add(
-    gram: Array,
-    which: Index,
-    scale: Array | None,
-    alone: Index,
-    rest: Index,
-    place: Index,
-    whole: Array,
-    log_determinant: Array,
-) -> None:
-    """Add to `whole` (n, w, w), at `place`, what Gram matrices (d, m, m) say of the `rest`.
+def _add(part: kernel.CurveGrams, whole: Array, log_determinant: Array) -> None:
+    """Add what a curve says to the sums (n, w, w) and (n,) of all curves, in place.
 
-    `which` (n,) of them each takes, times `scale` (n, m); what stands `alone` is integrated out,
-    which the log determinants (n,) tell as well.
+    What stands alone in it is integrated out, which the log determinants tell as well.
     """
-    done = kernel.add_integrated(gram, which, scale, alone, rest, place, whole, log_determinant)
-    if done is not None:
-        if done:
-            raise np.linalg.LinAlgError("the covariance of the errors is not positive definite")
+    failed = kernel.add_integrated(part, whole, log_determinant)
+    if failed:
+        raise np.linalg.LinAlgError("the covariance of the errors is not positive definite")
+    if failed is not None:
         return
-    found = gram[which]
-    if scale is not None:
-        found = found * scale[:, :, None] * scale[:, None, :]
+    found, alone, rest = part.matrices[part.which], part.alone, part.rest
+    if part.scale is not None:
+        found = found * part.scale[:, :, None] * part.scale[:, None, :]
     left = found[:, rest[:, None], rest]
     if len(alone):
         root = np.linalg.cholesky(found[:, alone[:, None], alone] + np.eye(len(alone)))
         taken = np.linalg.solve(root, found[:, alone[:, None], rest])
         left -= taken.transpose(0, 2, 1) @ taken
         log_determinant += 2.0 * np.log(np.einsum("nii->ni", root)).sum(axis=1)
-    whole[:, place[:, None], place] += left
+    whole[:, part.place[:, None], part.place] += left
 
 
 def _different(

@@ -11,7 +11,7 @@ import hashlib
 from copy import copy
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -334,28 +334,33 @@ def gram(
     return None if failed < 0 else (matrices, determinants, int(failed))
 
 
-def add_integrated(
-    gram: Array,
-    which: Index,
-    scale: Array | None,
-    alone: Index,
-    rest: Index,
-    place: Index,
-    whole: Array,
-    log_determinant: Array,
-) -> int | None:
-    """Add Gram matrices to `whole`, in place, and return where one fails, from 1; 0 if none does.
+class CurveGrams(NamedTuple):
+    """Gram matrices of one curve, and where they belong in those of all curves."""
 
-    See `skinlab.inference.covariance`; None where the library cannot.
+    matrices: Array  # (d, m, m)
+    which: Index  # (n,) of them each covariance has, times its
+    scale: Array | None  # (n, m), if any
+    alone: Index  # columns that are to be integrated out
+    rest: Index  # the others,
+    place: Index  # and where each of these is in the sums
+
+
+def add_integrated(part: CurveGrams, whole: Array, log_determinant: Array) -> int | None:
+    """Add what a curve says to the sums (n, w, w) and (n,), in place.
+
+    Return where a matrix fails, from 1, or 0; None where the library cannot.
     """
     found = library()
     if found is None:
         return None
-    real = [None if x is None else np.ascontiguousarray(x, dtype=np.float64) for x in (gram, scale)]
-    order = np.concatenate([alone, rest])
-    index = [np.ascontiguousarray(x, dtype=np.int64) for x in (which, order, place)]
+    real = [
+        None if x is None else np.ascontiguousarray(x, dtype=np.float64)
+        for x in (part.matrices, part.scale)
+    ]
+    order = np.concatenate([part.alone, part.rest])
+    index = [np.ascontiguousarray(x, dtype=np.int64) for x in (part.which, order, part.place)]
     failed = found.skinlab_add_integrated(
-        len(whole), gram.shape[1], len(alone), whole.shape[1], _address(real[0]),
+        len(whole), len(order), len(part.alone), whole.shape[1], _address(real[0]),
         _address(index[0]), _address(real[1]), _address(index[1]), _address(index[2]),
         _address(whole), _address(log_determinant),
     )  # fmt: skip

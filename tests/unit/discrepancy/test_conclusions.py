@@ -27,7 +27,7 @@ from skinlab.discrepancy.next_measurement import (
     _Odds,
     advise,
 )
-from skinlab.discrepancy.pair_search import PairSearch, beside_which, enough, leading
+from skinlab.discrepancy.pair_search import PairSearch, beside_which, leading, least_promise
 from skinlab.discrepancy.planned_curve import (
     PlannedCurve,
     PlannedErrors,
@@ -387,11 +387,11 @@ def test_beside_a_law_at_its_end_what_is_curved_may_promise_less():
     """A lag had ended at ν 0; a layer beside it promised 5, gained 76, and was not tried."""
     lag = candidate(LAG, 97.0)
     walled = replace(lag, at_bound=("nu",))
-    assert enough(walled, "surface_layer", SEARCH.behind) == SEARCH.seen_curved
-    assert enough(walled, "natural_tension", SEARCH.behind) == SEARCH.behind
-    assert enough(lag, "surface_layer", SEARCH.behind) == SEARCH.behind
+    assert least_promise(walled, "surface_layer", SEARCH.behind) == SEARCH.seen_curved
+    assert least_promise(walled, "natural_tension", SEARCH.behind) == SEARCH.behind
+    assert least_promise(lag, "surface_layer", SEARCH.behind) == SEARCH.behind
     of_its_own = replace(lag, at_bound=(f"{LAG[0]}.lag_s",))
-    assert enough(of_its_own, "surface_layer", SEARCH.behind) == SEARCH.behind
+    assert least_promise(of_its_own, "surface_layer", SEARCH.behind) == SEARCH.behind
 
 
 @pytest.mark.parametrize(("promised", "fitted"), [(19_850.0, True), (19_400.0, False)])
@@ -627,9 +627,11 @@ def test_a_plan_that_confirms_the_leader_alone_settles_nothing():
     ],
 )
 def test_what_settles_it_alone_is_advised(sure, advised):
-    """With three placements at most, two parts of a plan had settled it in four of five ties."""
-    looks = [_Look(Planned(6.0, f"ramp:{k}@20", 1, 2.0 + k), np.zeros((1, 2, 2)), True)
-             for k in range(4)]  # fmt: skip
+    """One part of a plan came first, and left three ties of ten as they were."""
+    looks = [
+        _Look(Planned(6.0, f"ramp:{k}@20", 1, 2.0 + k), np.zeros((1, 2, 2)), fresh=True)
+        for k in range(4)
+    ]
     plans = [
         Plan((look.planned,), ((LAG, s),), 0.0, 1.0 - s)
         for look, s in zip(looks, sure, strict=True)
