@@ -155,19 +155,16 @@ def _rubbed_mbar(record: Record, share: float) -> Array:
 
 
 def thickness_slopes(records: Sequence[Record], fit: Fit, domes: TableDomes) -> Array:
-    """Return dw/d(log thickness) (u,), mm, of the plain skin at a fit, where the table speaks.
-
-    By the height that the dome has come to: one that creeps or comes late is that of a softer skin,
-    or of less suction.
-    """
+    """Return dw/d(log thickness) (u,), mm, of the plain skin at a fit, where the table speaks."""
     relative: dict[Geometry, tuple[Array, Array]] = {}
     found = []
     for record, deflection_mm in zip(records, fit.deflections_mm, strict=True):
         at = record.geometry
         if at not in relative:
-            relative[at] = _thickness_share(fit, domes, at, _REACH * _top_mbar(records, at))
+            top = _top_mbar(records, at)
+            relative[at] = top * _SHARES, _thickness_share(fit, domes, at, top)
         # The model's deflection: the measured one's noise would explain the noise.
-        found.append(np.interp(deflection_mm, *relative[at]) * deflection_mm)
+        found.append(np.interp(record.pressure_mbar, *relative[at]) * deflection_mm)
     return np.concatenate(found)
 
 
@@ -207,11 +204,11 @@ def bends_mm(
         plain, *own = places(p[None] * factor[:, None])
         slopes = [np.gradient(w, p) for w in own]
         mean = np.mean(slopes, axis=0)
-        share = np.interp(plain, *_thickness_share(fit, domes, at, _REACH * top))
+        share = _thickness_share(fit, domes, at, top)
         for i, w, slope in zip(members, own, slopes, strict=True):
             straight = softer[i] * p * 0.5 * (mean + slope) + thicker[i] * share * plain
             left = np.nan_to_num((w - plain - straight) / plain)
-            found[i] = np.interp(fit.deflections_mm[i], plain, left) * fit.deflections_mm[i]
+            found[i] = np.interp(records[i].pressure_mbar, p, left) * fit.deflections_mm[i]
     return found
 
 
@@ -219,20 +216,15 @@ def _top_mbar(records: Sequence[Record], at: Geometry) -> float:
     return max(r.path.top_mbar for r in records if r.geometry == at)
 
 
-def _thickness_share(
-    fit: Fit, domes: TableDomes, at: Geometry, top_mbar: float
-) -> tuple[Array, Array]:
-    """Return heights (n,), mm, up to those of a suction, and d(log w)/d(log thickness) there."""
+def _thickness_share(fit: Fit, domes: TableDomes, at: Geometry, top_mbar: float) -> Array:
+    """Return d(log w)/d(log thickness) at `_SHARES` of a suction."""
     skin = fit.unknowns.skin(fit.u)
     each = [
         SkinProblem(replace(at, thickness_mm=at.thickness_mm * factor), skin)
-        for factor in (1.0 / _CHANGE, 1.0, _CHANGE)
+        for factor in (1.0 / _CHANGE, _CHANGE)
     ]
-    thinner, same, thicker = domes(each, [top_mbar] * 3)(top_mbar * _SHARES[None])
-    share = np.log(thicker / thinner) / np.log(_CHANGE**2)
-    if not np.isfinite(share).all():  # there is no such skin: no slope
-        return np.array([0.0]), np.array([0.0])
-    return same, np.asarray(share)
+    thinner, thicker = domes(each, [top_mbar] * 2)(top_mbar * _SHARES[None])
+    return np.asarray(np.nan_to_num(np.log(thicker / thinner) / np.log(_CHANGE**2)))
 
 
 def _deviations(

@@ -266,23 +266,11 @@ class Search:
     def errors_with(self, fit: Fit) -> CampaignErrors:
         """Return the errors that were learned, with the look that this explanation gives."""
         assert self.errors is not None
-        return CampaignErrors((*self.errors.looks, self._look_at(self.linear(fit), fit)))
-
-    def _look_at(
-        self, linear: Linearised, fit: Fit, own_softer_mm: Array | None = None
-    ) -> ErrorChoice:
-        """Return the errors as an explanation sees them, its places' thickness by its own skin.
-
-        The skin of the model as it is stands in for what is missing: with a creep hidden it was so
-        soft that a thickness did twice as much, and one of all places was named beside the creep.
-        """
-        assert self.errors is not None
-        records = self.fitter.records
-        return look_at_errors(
-            self.errors, records, linear, thickness_slopes(records, fit, self.fitter.domes),
+        found = look_at_errors(
+            self.errors, self.fitter.records, self.linear(fit), self._thickness_mm,
             noise_um=self._noise_um, placement_scatter=self._placement_scatter,
-            own_softer_mm=own_softer_mm,
         )  # fmt: skip
+        return CampaignErrors((*self.errors.looks, found))
 
     def _implausible(self, ranked: Sequence[Candidate]) -> str:
         """Return what is too large for an error, as the best of the explanations leaves it.
@@ -295,8 +283,11 @@ class Search:
         if not told or best is None:
             return told
         linear = self.linear(best.fit)
-        own_softer_mm = linear.slopes_mm[:, best.fit.unknowns.space.scale]
-        look = self._look_at(linear, best.fit, own_softer_mm)
+        look = look_at_errors(
+            self.errors, self.fitter.records, linear, self._thickness_mm, noise_um=self._noise_um,
+            placement_scatter=self._placement_scatter,
+            own_softer_mm=linear.slopes_mm[:, best.fit.unknowns.space.scale],
+        )  # fmt: skip
         return CampaignErrors((look,)).implausible
 
     def linear(self, fit: Fit) -> Linearised:

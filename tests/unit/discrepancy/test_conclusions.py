@@ -500,7 +500,6 @@ def test_errors_are_too_large_only_if_the_best_says_what_stiffness_does(
         return errors(own_um)
 
     monkeypatch.setattr(search_module, "look_at_errors", look_at_errors)
-    monkeypatch.setattr(search_module, "thickness_slopes", lambda *_: None)
     search.errors = CampaignErrors((errors(5.0),))
     assert search._implausible([best]) == ""
     search.errors = CampaignErrors((errors(5.0), errors(16.0)))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,11 +13,7 @@ from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
 from skinlab.discrepancy.fit import Fitter
 from skinlab.discrepancy.misfit import errors_of, slopes_mm_per_mbar
-from skinlab.discrepancy.placement_curves import (
-    softer_mm,
-    thickness_slopes,
-    with_stiffness_of,
-)
+from skinlab.discrepancy.placement_curves import softer_mm, with_stiffness_of
 from skinlab.discrepancy.posterior import sample
 from skinlab.discrepancy.records import records_of
 from skinlab.discrepancy.search import Search
@@ -109,48 +104,6 @@ def test_a_softer_place_of_a_dome_that_sticks_is_on_its_way_as_well(table):
         assert np.abs(own - exact).max() < 0.2 * off
 
 
-def test_a_thicker_place_of_a_dome_that_creeps_goes_by_its_height(table):
-    """At the suction of its own time the slope was that of a lower dome, off by a tenth."""
-    (plain,) = records_of(places(table, [(0.0, 0.0)]))
-    creeping_mbar = plain.pressure_mbar * (1.0 + 0.04 * np.sqrt(plain.curve.time_s))
-
-    def at(thicker):
-        thickness_mm = THICKNESS_MM * np.exp(thicker)
-        problem = SkinProblem(replace(plain.geometry, thickness_mm=thickness_mm), SKIN)
-        return TableDomes(table)([problem], [200.0])(creeping_mbar[None])[0]
-
-    class Known:
-        def skin(self, u):
-            return SKIN
-
-    fit = SimpleNamespace(unknowns=Known(), u=None, deflections_mm=[at(0.0)])
-    exact = (at(0.01) - at(-0.01)) / 0.02
-    found = thickness_slopes([plain], fit, TableDomes(table))
-    assert np.abs(found - exact).max() < 0.02 * np.abs(exact).max()
-    # Of no skin no slope.
-    fit.deflections_mm = [np.full_like(exact, np.nan)]
-    nowhere = replace(plain, geometry=replace(plain.geometry, thickness_mm=50.0))
-    assert len(thickness_slopes([nowhere], fit, TableDomes(table))) == len(exact)
-
-
-def test_errors_of_an_explanation_have_its_own_skin(table):
-    """The model as it is may be twice as soft: a thickness does twice as much to it."""
-    deviations = np.random.default_rng(8).normal(0.0, [0.02, 0.05], (6, 2))
-    records = records_of(places(table, deviations, noise_um=2.0, apertures_mm=(8.0, 6.0)))
-    fitter = Fitter(records, errors_of(records), TableDomes(table), finite_elements=False)
-    search = Search(fitter)
-    base = search.learned_base().fit
-    soft = base.u.copy()
-    soft[base.unknowns.space.scale] += np.log(0.5)
-    other = replace(base, u=soft)
-    for fit in (base, other):
-        (node, *_) = search.errors_with(fit).looks[-1].nodes
-        columns = node.covariance.shapes_mm[:, node.combination.columns["placement_thickness"]]
-        slopes = thickness_slopes(search.fitter.records, fit, search.fitter.domes)
-        own = columns.sum(axis=1) / slopes
-        assert own == pytest.approx(np.full(len(own), np.median(own)), rel=1e-6)
-
-
 @pytest.mark.parametrize("scale", [pytest.param(0.05, marks=pytest.mark.long), 1.0])
 def test_places_of_other_stiffness_and_thickness_are_no_missing_effect(table, scale):
     """What they do beyond slopes is taken off where it is more than two meshes differ."""
@@ -224,4 +177,4 @@ def test_intervals_are_over_all_that_the_errors_may_be(table):
     expected = np.sqrt(weight @ variances + weight @ np.square(np.array(means) - middle))
     found = sample(final, fit, look, np.random.default_rng(1)).deviations[0]
     assert found == pytest.approx(expected, rel=0.05)
-    assert fit.deviations[0] < 0.94 * expected  # by the likeliest setting alone
+    assert fit.deviations[0] < 0.93 * expected  # by the likeliest setting alone
