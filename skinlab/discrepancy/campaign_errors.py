@@ -15,6 +15,7 @@ from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 from scipy.special import logsumexp
 
 from skinlab.discrepancy.campaign_error_models import models_of
@@ -332,7 +333,8 @@ def learn(
     `thickness_mm` (u,) are `thickness_slopes`. `noise_um` is that which was stated;
     `placement_scatter` as in a campaign.
     """
-    pure, models = pure_error(records, base), models_of(records, thickness_mm)
+    pure = pure_error(records, base, common_columns(records, thickness_mm))
+    models = models_of(records, thickness_mm)
     return CampaignErrors((_choose(records, pure, noise_um, placement_scatter, models),))
 
 
@@ -362,16 +364,31 @@ def _sub(matrix: Array, kept: Mask) -> Array:
     return np.asarray(matrix[np.ix_(kept, kept)])
 
 
-def pure_error(records: Sequence[Record], base: Linearised) -> LinearModel:
-    """Return the model as it is with free polynomials, common to repeats."""
+def pure_error(records: Sequence[Record], base: Linearised, common: Array) -> LinearModel:
+    """Return the model as it is with free polynomials, common to repeats.
+
+    And with columns (u, m) in logarithms of what all placements of a condition have in `common`.
+    """
     waves, own = smooth_columns(records, ERRORS.smooth_degree), base.of_free
-    k = len(own.precision)
-    precision = np.zeros((k + waves.shape[1],) * 2)
-    precision[:k, :k] = own.precision
-    precision.flat[k * (len(precision) + 1) :: len(precision) + 1] = (
-        1e3 / ERRORS.smooth_sd_um
-    ) ** 2
-    return LinearModel(own.residual_mm, np.hstack([own.slopes_mm, waves]), precision)
+    precise = [(1e3 / ERRORS.smooth_sd_um) ** 2] * waves.shape[1]
+    precise += [1.0 / ERRORS.common_sd**2] * common.shape[1]
+    return LinearModel(
+        own.residual_mm,
+        np.hstack([own.slopes_mm, waves, common]),
+        block_diag(own.precision, np.diag(precise)),
+    )
+
+
+def common_columns(records: Sequence[Record], thickness_mm: Array) -> Array:
+    """Return what another stiffness and thickness of all repeats of a condition do (u, m).
+
+    How large these errors are is told by what repeats differ by, not by what a model misses.
+    """
+    number = np.repeat(np.arange(len(records)), [len(r.curve) for r in records])
+    both = np.column_stack([softer_mm(records), thickness_mm])
+    repeated = [members for members in by_condition(records) if len(members) > 1]
+    each = [np.isin(number, members)[:, None] * both for members in repeated]
+    return np.hstack([np.zeros((len(number), 0)), *each])
 
 
 def smooth_columns(records: Sequence[Record], degree: int) -> Array:
@@ -422,7 +439,9 @@ def outliers(records: Sequence[Record], base: Linearised) -> Mask:
     # Slopes of the model's curve: a glitch of the measured one would hide in its own slope.
     model_mm = np.split(_model_mm(records, base.residual_mm), samples.ends[:-1])
     known_mm = pressure_errors_mm(records, model_mm)
-    probability = outlier_probability(pure_error(records, base), samples, step_mm, known_mm)
+    # Without what placements have in common: that is of the measured curves, with their glitches.
+    pure = pure_error(records, base, np.zeros((len(samples), 0)))
+    probability = outlier_probability(pure, samples, step_mm, known_mm)
     return np.asarray(probability > 0.5)
 
 

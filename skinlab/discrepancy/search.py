@@ -15,6 +15,7 @@ from skinlab.discrepancy.campaign_errors import (
     CampaignErrors,
     Linearised,
     averaged,
+    common_columns,
     evidences_of_look,
     learn,
     likeliest,
@@ -237,8 +238,9 @@ class Search:
         """Return the records with what their places do beyond slopes, None where it is known."""
         assert self.errors is not None
         records, domes = self.fitter.records, self.fitter.domes
-        pure, node = pure_error(records, self.linear(fit)), self.errors.pure.nodes[0]
         now_mm = thickness_slopes(records, fit, domes)
+        common = common_columns(records, now_mm)
+        pure, node = pure_error(records, self.linear(fit), common), self.errors.pure.nodes[0]
         bends = bends_mm(records, fit, domes, pure, node, self._thickness_mm, now_mm)
         off = max(float(np.abs(b - r.bend_mm).max()) for b, r in zip(bends, records, strict=True))
         if 1e3 * off <= ERRORS.bend_um:
@@ -317,7 +319,7 @@ class Search:
             near = self._doubtful(candidates)
             if not near:
                 break
-            self._look(near[0].fit)
+            self.look_of(near[0].fit)
             candidates = self._weighed(base, candidates)
         return candidates
 
@@ -332,7 +334,7 @@ class Search:
         ranked = sorted(candidates, key=lambda c: -c.log10_evidence)
         if ranked[0].adequate or ranked[0].log10_evidence < NAMES.tie:
             return []
-        own = self._look(ranked[0].fit)
+        own = self.look_of(ranked[0].fit)
         if not _no_larger(own, self.errors.pure):
             return []
         judged, least = likeliest(own), ranked[0].log10_evidence - SEARCH.doubt
@@ -379,7 +381,7 @@ class Search:
             return candidates
         return self._weighed(race.base, [better.get(id(c), c) for c in candidates])
 
-    def _look(self, fit: Fit) -> ErrorChoice:
+    def look_of(self, fit: Fit) -> ErrorChoice:
         """Return the errors as an explanation sees them; those that are known are kept."""
         for known, errors in self.looks:
             if known is fit:
@@ -390,7 +392,7 @@ class Search:
 
     def _look_last(self, fit: Fit) -> None:
         """Take the errors of all explanations that were asked, those of this one as the last."""
-        last = self._look(fit)
+        last = self.look_of(fit)
         others = [errors for known, errors in self.looks if known is not fit]
         self.errors = CampaignErrors((*self._first, *others, last))
 
@@ -407,7 +409,7 @@ class Search:
         if ahead or found.implausible:
             return None
         fit = found.base.fit
-        own = self._look(fit)
+        own = self.look_of(fit)
         if any(len(members) > 1 for members in by_condition(found.records)):
             if not _no_larger(own, self.errors.pure):
                 return None
@@ -486,7 +488,7 @@ class Search:
 
     def gains_by_its_own_errors(self, fit: Fit, others: Sequence[Linearised]) -> list[float]:
         """Return twice the log evidence of others over a fit, each by errors like that one's."""
-        look = self._look(fit)
+        look = self.look_of(fit)
         least = look.roughly(self.linear(fit).of_free)
         return [2.0 * (look.roughly(other.of_free) - least) for other in others]
 

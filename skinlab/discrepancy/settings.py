@@ -17,6 +17,9 @@ class ErrorRules:
     """Degrees more of those in the suction."""
     smooth_sd_um: float = 100.0
     """Prior of their coefficients: larger than what any effect leaves after a refit (140 µm)."""
+    common_sd: float = 1.0
+    """Of the logarithms of stiffness and thickness that all repeats of a condition have in common,
+    in what repeats tell: as good as free."""
     bend_um: float = 0.5
     """From which size on what placements do beyond straight lines is taken off: less is no more
     than two meshes differ. A stiffness off by 12 % and a thickness by 5 % do 5 to 10 µm."""
@@ -228,10 +231,10 @@ class SearchRules:
     """Gain of χ² by which an effect is worth a fit."""
     seen_curved: float = 4.0
     """The same of one that is curved: layers of which the screen saw 4.8 were worth 30."""
-    behind: float = 15.0
-    """The same for a second one beside what explains: chance does as much in one of five hundred
-    screens. A pair needs 18 (20 : 1, its odds, and what a prior costs), but the screen saw 17 of a
-    stiffening that was worth 50."""
+    behind: float = 10.0
+    """The same for a second one beside what explains: chance does as much in one of thirty screens.
+    A pair needs 18 (20 : 1, its odds, and what a prior costs), but the screen saw 17 of what was
+    worth 50, and 14 of what was worth 67."""
     beside: int = 2
     """Effects that explain, less than `not_enough` behind the best, beside which a second one is
     looked for, at most."""

@@ -522,7 +522,7 @@ def test_what_may_still_win_is_asked_for_its_errors_once(table):
     assert weighed[0].log10_evidence > weighed[1].log10_evidence
     looks = search.errors.looks
     assert len(looks) == (3 if far else 4)  # pure error, the model as it is, the best, and a rival
-    assert looks[-1] is search._look(weighed[0].fit)
+    assert looks[-1] is search.look_of(weighed[0].fit)
     search._weighed(base, weighed, SEARCH.looks)
     assert [id(one) for one in search.errors.looks] == [id(one) for one in looks]
 
@@ -726,17 +726,22 @@ def test_one_slow_curve_leaves_the_rounding_of_the_fast_ones(table):
 
 
 @pytest.mark.long
-def test_errors_that_nothing_repeats_are_no_gap_while_they_are_usual(table):
+def test_slow_errors_are_no_gap_while_they_are_usual_or_repeats_tell_them(table):
     # A zero that walks by 1 µm in a second: polynomials of each phase take it up, and pure error
-    # knows of none. With repeats it would.
-    def errors(t, per_log, rng):
-        walk = 1e-3 * np.sqrt(t[1]) * rng.normal(0, 1, len(t)).cumsum()
+    # knows of none. Repeats that differ by it tell it; those that walk alike say that it is no
+    # error.
+    def errors(t, rng, alike):
+        steps = np.random.default_rng(len(t)) if alike else rng
+        walk = 1e-3 * np.sqrt(t[1]) * steps.normal(0, 1, len(t)).cumsum()
         return rng.normal(0, 1e-3, len(t)) + walk
 
     verdicts = {}
-    for count, size in ((2, 1.0), (2, 8.0), (4, 1.0)):
+    for count, size, alike in ((2, 1.0, False), (2, 8.0, False), (4, 1.0, False), (4, 1.0, True)):
         made = campaign(
-            table, lambda t, s, rng, size=size: size * errors(t, s, rng), PLAN[:count], seed=4
+            table,
+            lambda t, s, rng, size=size, alike=alike: size * errors(t, rng, alike),
+            PLAN[:count],
+            seed=4,
         )
         records = records_of(made)
         fitter = Fitter(records, errors_of(records), TableDomes(table), finite_elements=False)
@@ -746,5 +751,10 @@ def test_errors_that_nothing_repeats_are_no_gap_while_they_are_usual(table):
         found = search.by_its_own_errors(
             Found(base, {}, [], search.fitter.records, errors=search.fitter.errors)
         )
-        verdicts[count, size] = None if found is None else found.base.adequate
-    assert verdicts == {(2, 1.0): True, (2, 8.0): None, (4, 1.0): None}
+        verdicts[count, size, alike] = None if found is None else found.base.adequate
+    assert verdicts == {
+        (2, 1.0, False): True,
+        (2, 8.0, False): None,
+        (4, 1.0, False): True,
+        (4, 1.0, True): None,
+    }
