@@ -10,13 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc, fdtrc, ndtr
 
-from skinlab.discrepancy.campaign_error_models import walk_shapes
+from skinlab.discrepancy.campaign_error_models import Rounding, walk_shapes
 from skinlab.discrepancy.campaign_errors import Linearised
 from skinlab.discrepancy.fit import Fit
 from skinlab.discrepancy.records import Record, by_condition
 from skinlab.discrepancy.settings import ERRORS, NAMES
 from skinlab.inference.covariance import Covariance, block_diagonal
-from skinlab.inference.error_models.quantised import step_um
 
 Array = NDArray[np.float64]
 
@@ -203,15 +202,16 @@ def steps(
     is many deviations.
     """
     errors = _with_walks(records, errors)
-    white = np.random.default_rng(0).standard_normal((errors.count, ERRORS.drawn))
+    rng = np.random.default_rng(0)
+    white = rng.standard_normal((errors.count, ERRORS.drawn))
     drawn = errors.colour(white)
     before = drawn if unrounded is None else _with_walks(records, unrounded).colour(white)
     model = np.concatenate([r.at_pressure_mm for r in records]) - residual_mm
     parts = (errors.split(values) for values in (drawn, before, model))
     for record, part, read, own in zip(records, *parts, strict=True):
-        lattice = 1e-3 * step_um(record.curve.deflection_mm)
-        if lattice > 0.0:
-            part[:] = lattice * np.round((own[:, None] + read) / lattice) - own[:, None]
+        rounding = Rounding.of(record)
+        if rounding.step_mm > 0.0:
+            part[:] = _rounded(record, rounding, own, read, rng)
     every = np.column_stack([residual_mm, drawn])
     score = errors.transposed_without_columns(errors.without_columns(every))
     total, side = np.zeros(ERRORS.drawn + 1), ERRORS.step_side
@@ -224,6 +224,25 @@ def steps(
         total += (np.square(since) / usual).max(axis=0)
     chance = total[1:]
     return float((total[0] - chance.mean()) / max(float(chance.std()), 1e-9))
+
+
+def _rounded(
+    record: Record, rounding: Rounding, own_mm: Array, errors_mm: Array, rng: np.random.Generator
+) -> Array:
+    """Return errors (n, m) as the rounding of each reading leaves them, averaged as these were.
+
+    On a hold the mean of two readings jumps by half a step: rounded itself it would not.
+    """
+    count = record.coarse
+    alone = rounding.before_mm * rng.standard_normal((count, *errors_mm.shape))
+    alone -= alone.mean(axis=0)
+    span = np.gradient(own_mm) if len(own_mm) > 1 else np.zeros_like(own_mm)
+    apart = (np.arange(count) - 0.5 * (count - 1)) / count
+    true_mm = own_mm + apart[:, None] * span  # (count, n)
+    read_mm = true_mm[:, :, None] + errors_mm + alone
+    return np.asarray(
+        (rounding.step_mm * np.round(read_mm / rounding.step_mm)).mean(axis=0) - own_mm[:, None]
+    )
 
 
 def _with_walks(records: Sequence[Record], errors: Covariance) -> Covariance:
