@@ -369,7 +369,12 @@ def pure_error(records: Sequence[Record], base: Linearised, common: Array) -> Li
 
     And with columns (u, m) in logarithms of what all placements of a condition have in `common`.
     """
-    waves, own = smooth_columns(records, ERRORS.smooth_degree), base.of_free
+    waves = smooth_columns(records, ERRORS.smooth_degree, ERRORS.smooth_repeated)
+    return _beside(base.of_free, waves, common)
+
+
+def _beside(own: LinearModel, waves: Array, common: Array) -> LinearModel:
+    """Return a model with polynomials (u, w), mm, and what placements have in common beside it."""
     precise = [(1e3 / ERRORS.smooth_sd_um) ** 2] * waves.shape[1]
     precise += [1.0 / ERRORS.common_sd**2] * common.shape[1]
     return LinearModel(
@@ -391,32 +396,33 @@ def common_columns(records: Sequence[Record], thickness_mm: Array) -> Array:
     return np.hstack([np.zeros((len(number), 0)), *each])
 
 
-def smooth_columns(records: Sequence[Record], degree: int) -> Array:
+def smooth_columns(records: Sequence[Record], degree: int, more: int) -> Array:
     """Return what any model may leave (u, m), of mean square 1: columns of each condition.
 
     Polynomials in time of each phase; and in the suction over all phases, since a rig that is late
-    brings its last part within a moment of a long hold. These only where repeats tell of errors
-    what they differ by: of one curve they would take up the errors too. So would those of each of
-    several pulses, which have them where they were repeated.
+    brings its last part within a moment of a long hold. These, and so many degrees `more`, only
+    where repeats tell of errors what they differ by: of one curve they would take up the errors
+    too. So would those of each of several pulses, which have them where they were repeated.
     """
     starts = np.cumsum([0, *(len(r.curve) for r in records)])
     columns = []
     for members in by_condition(records):
         repeated = len(members) > 1
         each = {i: records[i].segment if repeated else records[i].curve.phase for i in members}
+        own = degree + (more if repeated else 0)
         if repeated:
-            columns.append(_along_suction(records, members, starts, degree + ERRORS.smooth_more))
+            columns.append(_along_suction(records, members, starts, own + ERRORS.smooth_more))
         for part in dict.fromkeys(x for i in members for x in each[i].tolist()):
-            block = np.zeros((starts[-1], degree + 1))
-            for i in members:
-                here = np.flatnonzero(each[i] == part)
-                if not len(here):
-                    continue
-                t = records[i].curve.time_s[here]
-                x = (t - t[0]) / max(t[-1] - t[0], 1e-9)
-                block[starts[i] + here] = legendre(x, degree + 1)
-            few = np.count_nonzero(block[:, 0]) <= degree + 1
-            columns.append(block[:, :1] if few else block)
+            here = {i: np.flatnonzero(each[i] == part) for i in members}
+            longest = max(len(samples) for samples in here.values())
+            count = min(own + 1, longest) if repeated else own + 1 if longest > own + 1 else 1
+            block = np.zeros((starts[-1], count))
+            for i, samples in here.items():
+                if len(samples):
+                    t = records[i].curve.time_s[samples]
+                    x = (t - t[0]) / max(t[-1] - t[0], 1e-9)
+                    block[starts[i] + samples] = legendre(x, count)
+            columns.append(block)
     return np.hstack(columns)
 
 
@@ -440,7 +446,9 @@ def outliers(records: Sequence[Record], base: Linearised) -> Mask:
     model_mm = np.split(_model_mm(records, base.residual_mm), samples.ends[:-1])
     known_mm = pressure_errors_mm(records, model_mm)
     # Without what placements have in common: that is of the measured curves, with their glitches.
-    pure = pure_error(records, base, np.zeros((len(samples), 0)))
+    # And with fewer polynomials: they would follow the first samples, glitches of all repeats.
+    waves = smooth_columns(records, ERRORS.smooth_degree, 0)
+    pure = _beside(base.of_free, waves, np.zeros((len(samples), 0)))
     probability = outlier_probability(pure, samples, step_mm, known_mm)
     return np.asarray(probability > 0.5)
 

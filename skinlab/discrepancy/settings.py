@@ -15,6 +15,9 @@ class ErrorRules:
     they take up is not counted as noise. A quartic fit leaves the noise of traction records."""
     smooth_more: int = 2
     """Degrees more of those in the suction."""
+    smooth_repeated: int = 6
+    """Degrees more of either where repeats tell of errors: what a lag leaves at a corner was called
+    errors that last, of 7 µm, and with as many as these none."""
     smooth_sd_um: float = 100.0
     """Prior of their coefficients: larger than what any effect leaves after a refit (140 µm)."""
     common_sd: float = 1.0

@@ -133,7 +133,7 @@ def test_of_one_curve_nothing_follows_the_suction_but_the_time(table):
     """It would take up the errors too: what is left of them is all that tells their size."""
     plan = [(6.0, "ramp:100@20,ramp:0@20"), (2.0, "ramp:300@60,ramp:0@60")]
     counts = [
-        smooth_columns(records_of(campaign(table, lambda t, p, rng: 0.0 * t, times * plan)), 3)
+        smooth_columns(records_of(campaign(table, lambda t, p, rng: 0.0 * t, times * plan)), 3, 0)
         for times in (1, 2)
     ]
     once, twice = (c.shape[1] for c in counts)
