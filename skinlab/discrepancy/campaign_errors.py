@@ -333,8 +333,7 @@ def learn(
     `thickness_mm` (u,) are `thickness_slopes`. `noise_um` is that which was stated;
     `placement_scatter` as in a campaign.
     """
-    pure = pure_error(records, base, common_columns(records, thickness_mm))
-    models = models_of(records, thickness_mm)
+    pure, models = pure_error(records, base, thickness_mm), models_of(records, thickness_mm)
     return CampaignErrors((_choose(records, pure, noise_um, placement_scatter, models),))
 
 
@@ -364,17 +363,14 @@ def _sub(matrix: Array, kept: Mask) -> Array:
     return np.asarray(matrix[np.ix_(kept, kept)])
 
 
-def pure_error(records: Sequence[Record], base: Linearised, common: Array) -> LinearModel:
-    """Return the model as it is with free polynomials, common to repeats.
-
-    And with columns (u, m) in logarithms of what all placements of a condition have in `common`.
-    """
+def pure_error(records: Sequence[Record], base: Linearised, thickness_mm: Array) -> LinearModel:
+    """Return the model as it is beside all that repeats may have in common, as good as free."""
     waves = smooth_columns(records, ERRORS.smooth_degree, ERRORS.smooth_repeated)
-    return _beside(base.of_free, waves, common)
+    return _beside(base.of_free, waves, _common_columns(records, thickness_mm))
 
 
 def _beside(own: LinearModel, waves: Array, common: Array) -> LinearModel:
-    """Return a model with polynomials (u, w), mm, and what placements have in common beside it."""
+    """Return a model with polynomials (u, w) and `_common_columns` (u, m), mm, beside it."""
     precise = [(1e3 / ERRORS.smooth_sd_um) ** 2] * waves.shape[1]
     precise += [1.0 / ERRORS.common_sd**2] * common.shape[1]
     return LinearModel(
@@ -384,7 +380,7 @@ def _beside(own: LinearModel, waves: Array, common: Array) -> LinearModel:
     )
 
 
-def common_columns(records: Sequence[Record], thickness_mm: Array) -> Array:
+def _common_columns(records: Sequence[Record], thickness_mm: Array) -> Array:
     """Return what another stiffness and thickness of all repeats of a condition do (u, m).
 
     How large these errors are is told by what repeats differ by, not by what a model misses.
@@ -415,7 +411,8 @@ def smooth_columns(records: Sequence[Record], degree: int, more: int) -> Array:
         for part in dict.fromkeys(x for i in members for x in each[i].tolist()):
             here = {i: np.flatnonzero(each[i] == part) for i in members}
             longest = max(len(samples) for samples in here.values())
-            count = min(own + 1, longest) if repeated else own + 1 if longest > own + 1 else 1
+            few = not repeated and longest <= own + 1
+            count = 1 if few else min(own + 1, longest)
             block = np.zeros((starts[-1], count))
             for i, samples in here.items():
                 if len(samples):

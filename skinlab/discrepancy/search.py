@@ -15,7 +15,6 @@ from skinlab.discrepancy.campaign_errors import (
     CampaignErrors,
     Linearised,
     averaged,
-    common_columns,
     evidences_of_look,
     learn,
     likeliest,
@@ -239,8 +238,7 @@ class Search:
         assert self.errors is not None
         records, domes = self.fitter.records, self.fitter.domes
         now_mm = thickness_slopes(records, fit, domes)
-        common = common_columns(records, now_mm)
-        pure, node = pure_error(records, self.linear(fit), common), self.errors.pure.nodes[0]
+        pure, node = pure_error(records, self.linear(fit), now_mm), self.errors.pure.nodes[0]
         bends = bends_mm(records, fit, domes, pure, node, self._thickness_mm, now_mm)
         off = max(float(np.abs(b - r.bend_mm).max()) for b, r in zip(bends, records, strict=True))
         if 1e3 * off <= ERRORS.bend_um:

@@ -110,6 +110,23 @@ def test_repeats_and_roughness_tell_the_errors_whatever_the_model_misses(table):
     assert believed > 2.0 * pure
 
 
+@pytest.mark.parametrize("repeats", [2, 3])
+def test_what_repeats_have_in_common_is_no_error_however_large(table, repeats):
+    """A softer skin, and a bump of 150 µm that lasts a fifth of a curve: placements are alike."""
+
+    def errors(t, per_log, rng):
+        bump = 0.15 * np.exp(-np.square((t - 0.6 * t[-1]) / (0.12 * t[-1])))
+        return 0.5 * np.nan_to_num(per_log) + bump + rng.normal(0, 2e-3, len(t))
+
+    fitter, fit = fitted(table, campaign(table, errors, PLAN[: 2 * repeats]))
+    linear = Linearised.of(fit, fitter.errors, fitter.measured)
+    none = np.zeros(len(fitter.measured))
+    pure = learn(fitter.records, linear, none, noise_um=None, placement_scatter=None).pure
+    assert pure.median(lambda node: node.sizes_um.get("placement", 0.0)) < 2.0
+    assert pure.median(lambda node: node.sizes_um.get("ou", 0.0)) < 1.5
+    assert pure.median(lambda node: node.sizes_um["white"]) == pytest.approx(2.0, abs=0.4)
+
+
 def test_a_gap_within_the_first_moment_of_a_hold_is_no_scatter_of_placements(table):
     """A late rig ends its ramp within a hold: no low polynomial in the time of that follows it."""
     text = "ramp:100@80,hold:20,ramp:0@80,hold:8"
@@ -615,6 +632,35 @@ def test_rounded_noise_has_the_steps_of_noise(table, monkeypatch, noise_um, jump
             off.append(read - w)
         scores.append(steps(records, rounded, np.concatenate(off), unrounded))
     assert low < np.mean(scores) < high
+
+
+@pytest.mark.parametrize(("jump_um", "seen"), [(0.0, False), (15.0, True)])
+def test_means_of_rounded_readings_jump_by_half_a_step_on_a_hold(table, jump_um, seen):
+    plan = 6 * [(6.0, "ramp:100@80,hold:8,ramp:0@80,hold:4")]
+    exact = [
+        coarsened(r, 25.0)
+        for r in records_of(campaign(table, lambda t, p, rng: 0.0, plan, rate_hz=50))
+    ]
+
+    def read(t, per_log, rng):
+        jumps = 1e-3 * jump_um * (t > 4.0)
+        return jumps + rng.normal(0, 2.8e-3, len(t))
+
+    made = campaign(table, read, plan, rate_hz=50)
+    curves = [
+        replace(c, deflection_mm=0.01 * np.round(c.deflection_mm / 0.01)) for c in made.curves
+    ]
+    made = replace(made, curves=tuple(curves), noise_um=2.8)
+    records = [coarsened(r, 25.0) for r in records_of(made)]
+    off = np.concatenate(
+        [r.curve.deflection_mm - e.curve.deflection_mm for r, e in zip(records, exact, strict=True)]
+    )
+    assert {r.coarse for r in records} == {2}
+    ends = np.cumsum([len_of(r) for r in records])
+    # As such readings look: hardly any noise but their rounding.
+    unrounded = Covariance(np.full(ends[-1], 1e-7), np.zeros((ends[-1], 0)), tuple(ends.tolist()))
+    rounded = replace(unrounded, variance_mm2=unrounded.variance_mm2 + 0.01**2 / 24)
+    assert (steps(records, rounded, off, unrounded) > NAMES.steps) == seen
 
 
 def test_where_a_skin_creases_two_meshes_may_differ(table):
