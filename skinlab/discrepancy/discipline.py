@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp
+from scipy.special import logsumexp, softmax
 
 from skinlab.discrepancy.adequacy import steps
 from skinlab.discrepancy.campaign_errors import (
@@ -60,14 +60,23 @@ class Discipline:
         self._records, self._errors, self._linear, self._odds = records, errors, linear, odds
         nodes = [n for look in errors.looks for n in look.nodes[: SEARCH.nodes_per_look]]
         self._nodes = [(n.covariance, n.log_prior) for n in nodes]
-        self._known: dict[bytes, dict[int, float]] = {}
+        self._known: dict[bytes, dict[int, Array]] = {}
 
     def log10_evidence(self, one: Candidate, kept: Mask) -> float:
         """Return log10 p of some samples (u,), odds not counted."""
+        return float(logsumexp(self._by_setting(one, kept)) / LOG10)
+
+    def _predicted(self, one: Candidate, out: Mask) -> float:
+        """Return log10 p of some samples (u,) by all others: the mean over the errors' settings."""
+        whole, rest = (self._by_setting(one, k) for k in (np.ones_like(out), ~out))
+        return float(softmax(whole) @ (whole - rest)) / LOG10
+
+    def _by_setting(self, one: Candidate, kept: Mask) -> Array:
+        """Return log p (settings,) of some samples (u,), with the settings' prior."""
         key = np.packbits(kept).tobytes()
         if key not in self._known:  # of all explanations at once: their errors are the same
-            total = logsumexp(self._of(kept) + np.array([[p] for _, p in self._nodes]), axis=0)
-            self._known[key] = dict(zip(self._linear, (total / LOG10).tolist(), strict=True))
+            each = self._of(kept) + np.array([[p] for _, p in self._nodes])
+            self._known[key] = dict(zip(self._linear, each.T, strict=True))
         return self._known[key][id(one)]
 
     def _of(self, kept: Mask) -> Array:
@@ -133,7 +142,7 @@ class Discipline:
         found = [self._size(best, base), self._smooth(best, base), self._steps(best, base)]
         found.append(self._again(best, base, self._rivals(best, others, tied), odds))
         if parts:
-            found.append(self._chosen_again(best, base, rivals, parts, everything))
+            found.append(self._chosen_again(best, base, rivals, parts))
             ratio = held.rms_um / max(held.expected_um, 1e-9)
             found.append(
                 Trial(
@@ -268,21 +277,20 @@ class Discipline:
         base: Candidate,
         rivals: Sequence[Candidate],
         parts: Sequence[Mask],
-        everything: Mask,
     ) -> Trial:
         """Return whether what is chosen without a part predicts it better than the base.
 
-        Where several are as likely without it, each predicts with its probability there.
+        Where several are as likely without it, each predicts with its probability there. By errors
+        as all data tell them, of each explanation: rounded readings of a hold are alike, those of
+        a ramp are not, and errors that were learned without the holds miss these under a right
+        explanation, and not under a wrong one, whose errors are wide.
         """
         gain, chosen = 0.0, (best, *rivals)
-
-        def together(kept: Mask) -> float:
-            each = np.array([self._weighed(c, kept) for c in chosen])
-            return float(logsumexp(each * LOG10)) / LOG10
-
         for out in parts:
-            gain += together(everything) - together(~out)
-            gain -= self.log10_evidence(base, everything) - self.log10_evidence(base, ~out)
+            weighed = np.array([self._weighed(c, ~out) for c in chosen]) * LOG10
+            predicted = np.array([self._predicted(c, out) for c in chosen]) * LOG10
+            gain += float(logsumexp(weighed + predicted) - logsumexp(weighed)) / LOG10
+            gain -= self._predicted(base, out)
         return Trial(
             "chosen again",
             gain >= NAMES.held_out_chance,

@@ -181,8 +181,9 @@ class FitRules:
     """Of the way from where a fit ended to another start of it: the first that has a model."""
     least_held: float = 0.7
     """Of the suction that is needed: a skin that creases before has no answer;"""
-    least_reach: float = 0.5
-    """of the suction that is asked for: it has no dome in the table."""
+    least_reach: float = 1 / 3
+    """of the suction that is asked for: it has no dome in the table. What has relaxed is asked for
+    as well, and a skin may crease on the table's mesh at 0.45 of that and on no other."""
     refit_radius: float = 1.0
     """How far a refit without some data may go from the whole fit: logarithms, typical sizes;"""
     refit_reaches: float = 1.5

@@ -544,12 +544,12 @@ class MappedModel:
         exact = solve_skin(problem, path, self.discretisation, steps).at(time, path(time))
         exact = exact * np.exp(-self._off(problem, key, self._problems.top_mbar(here, key), exact))
         held = np.isfinite(exact)
-        if path(time)[held].max(initial=0.0) < FITS.least_held * path.top_mbar:
-            return None
         if not held.all():
             rough = solve_skin(problem, path, SCREENING_MESH, _FOLDED).at(time, path(time))
             exact = going_on(exact, rough)
             held = np.isfinite(exact)  # beyond, what they add stays as it was
+        if path(time)[held].max(initial=0.0) < FITS.least_held * path.top_mbar:
+            return None
         plain = replace(record, path=path, pressure_mbar=path(time))
         unread = replace(here, sensors=Sensors(()), felt=[path] * len(here.felt), felt_more=())
         at = (i, plain, [unread], domes, off)
