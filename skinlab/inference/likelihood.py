@@ -99,7 +99,7 @@ class LinearModel:
         shift = np.linalg.solve(whole, gram[1:, 0])
         inner = _inverse_times(covariance, np.column_stack([self.residual_mm, effects]))
         score = inner[:, 0] - inner[:, 1:] @ shift
-        taken = np.einsum("ui,ij,uj->u", inner[:, 1:], np.linalg.inv(whole), inner[:, 1:])
+        taken = (inner[:, 1:] @ np.linalg.inv(whole) * inner[:, 1:]).sum(axis=1)
         diagonal = _inverse_diagonal(covariance) - taken
         return score, np.maximum(diagonal, 1e-12 * diagonal.max())
 
