@@ -395,25 +395,36 @@ def test_the_model_is_exact_at_its_anchor(table, effects):
         np.testing.assert_allclose(found, exact, atol=1.5e-4, rtol=1e-4)
 
 
+def creeping(setup, law, creep, time_s, pressure_mbar):
+    """Return records of one curve, a creep's unknowns, where it and the law are, and its effect."""
+    curve = Curve("soft", setup, time_s, pressure_mbar, 1e-3 * pressure_mbar)
+    effects = {"power_law_creep": creep}
+    unknowns = Unknowns(tuple(effects))
+    x1_mpa, x2_mpa, nu = law
+    at = [a.to_u(creep[a.parameter.name]) for a in unknowns.axes]
+    u = np.array([np.log(x1_mpa), np.log(x2_mpa / x1_mpa), nu, *at])
+    return records_of(Campaign("soft", 3.0, 0.1, (curve,))), unknowns, u, effects
+
+
+def solved_at(records, unknowns, u, effects, mesh):
+    (record,) = records
+    t = record.curve.time_s
+    return response(unknowns.skin(u), effects, record.geometry, record.path, t, discretisation=mesh)
+
+
 def test_a_crease_near_the_top_does_not_end_the_unloading(table):
     # All of it was 5 µm off, by which the fit of a creep ended 100 above the cost of its start.
     t = np.linspace(0.0, 10.0, 200)
     p = 300.0 * (1.0 - np.abs(t - 5.0) / 5.0)
-    curve = Curve("soft", Setup(2.0, 1.16), t, p, 1e-3 * p)
-    (record,) = records = records_of(Campaign("soft", 3.0, 0.1, (curve,)))
-    effects = {"power_law_creep": {"amplitude": 0.245, "exponent": 0.1385}}
-    unknowns = Unknowns(tuple(effects))
-    values = [effects[a.effect][a.parameter.name] for a in unknowns.axes]
-    law = [np.log(0.0187), np.log(0.94 / 0.0187), 0.353]
-    u = np.array([*law, *(a.to_u(v) for a, v in zip(unknowns.axes, values, strict=True))])
-    solved = [
-        response(unknowns.skin(u), effects, record.geometry, record.path, t, discretisation=mesh)
-        for mesh in (MESH_OF_RECORD, SCREENING_MESH)
-    ]
+    creep = {"amplitude": 0.245, "exponent": 0.1385}
+    made = creeping(Setup(2.0, 1.16), (0.0187, 0.94, 0.353), creep, t, p)
+    records, unknowns, u, _ = made
+    meshes = MESH_OF_RECORD, SCREENING_MESH
+    solved = [solved_at(*made, mesh) for mesh in meshes]
     assert "creases" in solved[0].stopped
     assert not solved[1].stopped
     found = []
-    for mesh in (MESH_OF_RECORD, SCREENING_MESH):
+    for mesh in meshes:
         model = MappedModel(records, unknowns, TableDomes(table), mesh)
         assert model.anchor(u)
         found.append(model.predict(u)[0])
@@ -431,16 +442,10 @@ def test_a_soft_skin_that_creeps_has_a_model_beyond_the_crease(table, aperture_m
     """
     path = PressurePath.of_program(parse_program(program))
     t = np.linspace(0.0, path.time_s[-1], 200)
-    curve = Curve("soft", Setup(aperture_mm, 0.95), t, path(t), 1e-3 * path(t))
-    (record,) = records = records_of(Campaign("soft", 3.0, 0.1, (curve,)))
-    effects = {"power_law_creep": {"amplitude": 0.2865, "exponent": 0.3222}}
-    unknowns = Unknowns(tuple(effects))
-    values = [effects[a.effect][a.parameter.name] for a in unknowns.axes]
-    law = [np.log(0.015714), np.log(0.90531 / 0.015714), 0.32983]
-    u = np.array([*law, *(a.to_u(v) for a, v in zip(unknowns.axes, values, strict=True))])
-    solved = response(
-        unknowns.skin(u), effects, record.geometry, record.path, t, discretisation=MESH
-    )
+    creep = {"amplitude": 0.2865, "exponent": 0.3222}
+    made = creeping(Setup(aperture_mm, 0.95), (0.015714, 0.90531, 0.32983), creep, t, path(t))
+    records, unknowns, u, _ = made
+    solved = solved_at(*made, MESH)
     assert not solved.stopped
     model = MappedModel(records, unknowns, TableDomes(table))
     assert model.anchor(u)
