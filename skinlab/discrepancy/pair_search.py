@@ -19,7 +19,6 @@ from skinlab.discrepancy.search_workers import fit_elsewhere, fit_from, fit_on
 from skinlab.discrepancy.settings import ERRORS, FITS, NAMES, SEARCH
 from skinlab.discrepancy.unknowns import Unknowns
 from skinlab.inference.error_choice import ErrorChoice
-from skinlab.mechanics.effects import get_effect
 
 Array = NDArray[np.float64]
 
@@ -71,27 +70,17 @@ class PairSearch:
         for leader in leaders:
             mine = leader.effects[-1]
             self._search.progress(f"looking for a partner of {mine}")
-            library = [n for n in self._search.library if n != mine]
-            look = next((e for fit, e in self._search.looks if fit is leader.fit), None)
-            found, _ = self._race.screen(leader.fit, library, None if look is None else look.mode)
-            if look is not None:
-                # These may have taken up what the partner does; what repeats say has not.
-                found = self._by_errors_of_both(leader.fit, look, found)
-                by_repeats, _ = self._race.screen(leader.fit, library)
-                found = {
-                    n: max(s, found.get(n, s), key=attrgetter("gain"))
-                    for n, s in by_repeats.items()
-                }
+            promised = self._partners([n for n in self._search.library if n != mine], leader)
             new = [
-                s for s in sorted(found.values(), key=lambda s: -s.gain)
-                if s.gain > least_promise(leader, s.effect, least)
+                (fit, s) for fit, s in promised
+                if leader.fit.cost - (fit.cost - s.gain) > least
                 and frozenset((mine, s.effect)) not in fitted_already
             ]  # fmt: skip
-            for s in new[:partners]:
-                expected = leader.fit.cost - s.gain
+            for fit, s in new[:partners]:
+                expected = fit.cost - s.gain
                 names = frozenset((mine, s.effect))
                 if names not in tasks or expected < tasks[names][0].cost - tasks[names][1].gain:
-                    tasks[names] = leader.fit, s
+                    tasks[names] = fit, s
         ranked = sorted(tasks.values(), key=lambda t: t[0].cost - t[1].gain)[: SEARCH.most_pairs]
         costs = {frozenset((f.effects[-1], s.effect)): f.cost - s.gain for f, s in ranked}
         linear: list[tuple[Unknowns, Array]] = []
@@ -138,6 +127,25 @@ class PairSearch:
         pairs += self._nested(singles, pairs)
         pairs += self._gone_on([*candidates, *pairs])
         return pairs + self._further(singles, [*candidates, *pairs])
+
+    def _partners(self, library: list[str], leader: Candidate) -> list[tuple[Fit, Signature]]:
+        """Return a leader's fits and what effects promise beside them, the most promising first."""
+        look = next((e for fit, e in self._search.looks if fit is leader.fit), None)
+        found, _ = self._race.screen(leader.fit, library, None if look is None else look.mode)
+        if look is not None:
+            # These may have taken up what the partner does; what repeats say has not.
+            found = self._by_errors_of_both(leader.fit, look, found)
+            by_repeats, _ = self._race.screen(leader.fit, library)
+            found = {
+                n: max(s, found.get(n, s), key=attrgetter("gain")) for n, s in by_repeats.items()
+            }
+        promised = {n: (leader.fit, s) for n, s in found.items()}
+        for held in self._race.held(leader.fit):
+            for n, s in self._race.screen(held, library)[0].items():
+                fit, seen = promised.get(n, (held, s))
+                if held.cost - s.gain <= fit.cost - seen.gain:
+                    promised[n] = held, s
+        return sorted(promised.values(), key=lambda t: t[0].cost - t[1].gain)
 
     def _by_errors_of_both(
         self, leader: Fit, look: ErrorChoice, found: Mapping[str, Signature]
@@ -187,13 +195,13 @@ class PairSearch:
         return found
 
     def _gone_on(self, known: Sequence[Candidate]) -> list[Candidate]:
-        """Return the pairs that come nearest, fitted further, where none explains.
+        """Return the pairs that come nearest, fitted further, where none explains without doubt.
 
         A narrow valley takes more anchors than a fit has while others are in the race; and the law
         may have ended in another valley with one of the two alone.
         """
         pairs = [c for c in known if len(c.effects) - len(self._own) > 1]
-        if not pairs or any(c.adequate for c in known):
+        if not pairs or _without_doubt(known):
             return []
         self._search.progress("going on with the pairs that come nearest")
         near = best_fitting(pairs)
@@ -204,13 +212,13 @@ class PairSearch:
         singles: Sequence[Candidate],
         known: Sequence[Candidate],
     ) -> list[Candidate]:
-        """Return more pairs where none explains: of the halves of the best one.
+        """Return more pairs where none explains without doubt: of the halves of the best one.
 
         What the screen expects of a strong partner may be far off; of these halves the next best
         partners are fitted. One that takes away much less than the other is not asked.
         """
         pairs = [c for c in known if len(c.effects) - len(self._own) > 1]
-        if not pairs or any(c.adequate for c in known):
+        if not pairs or _without_doubt(known):
             return []
         best = min(pairs, key=lambda c: c.fit.cost)
         halves = [c for c in singles if c.effects[-1] in best.effects]
@@ -242,11 +250,12 @@ class PairSearch:
         return [c for c in fitted if c.adequate]
 
     def rivals(self, candidates: list[Candidate]) -> list[Candidate]:
-        """Return the candidates; where a pair leads, with pairs that its members make elsewhere.
+        """Return the candidates; where a pair leads, with pairs of other single effects.
 
         Beside one member's fit the right partner may seem to gain nothing: what both change of the
-        skin lies around a bend. So each member is added to the fits of other single effects; and
-        where one alone explains, others are put in the place of its partner.
+        skin lies around a bend. So the most promising partners of other single effects are tried,
+        the members among them: a layer that explained alone stood in for a tension and a preload.
+        And where a member alone explains, others are put in the place of its partner.
         """
         best = self._leading_pair(candidates)
         if best is None:
@@ -256,10 +265,14 @@ class PairSearch:
             c for c in candidates
             if len(c.effects) - len(self._own) == 1 and c.effects[-1] not in members
         ]  # fmt: skip
+        known = {frozenset(c.effects) for c in candidates}
         tasks = []
         for other in sorted(alone, key=lambda c: -c.log10_evidence)[: SEARCH.rivals]:
-            seen, _ = self._race.screen(other.fit, members)
-            tasks += [(other.fit, s) for s in seen.values()]
+            library = [
+                n for n in self._search.library
+                if n in members or frozenset((*other.effects, n)) not in known
+            ]  # fmt: skip
+            tasks += self._partners(library, other)
         tasks.sort(key=lambda t: t[0].cost - t[1].gain)
         tasks = [*tasks[: SEARCH.rival_pairs], *self._in_place_of(best, candidates)]
         if not tasks:
@@ -349,15 +362,12 @@ class PairSearch:
         return best if best is not None and len(best.effects) - len(self._own) > 1 else None
 
 
-def least_promise(leader: Candidate, partner: str, usual: float) -> float:
-    """Return what a partner has to promise: less where the law is at an end, and it is curved.
+def _without_doubt(candidates: Sequence[Candidate]) -> bool:
+    """Return whether something leaves what chance does often.
 
-    At the end of ν's range a layer beside a lag promised 5 and was worth 76: it moves the law far,
-    of which a linear picture from there sees nothing.
+    A tension and a layer left what it does in one of 700, and stood in for a layer with one below.
     """
-    unknowns = leader.fit.unknowns
-    walled = not set(leader.at_bound).isdisjoint(unknowns.names[: unknowns.count])
-    return min(usual, SEARCH.seen_curved) if walled and get_effect(partner).curved else usual
+    return any(c.left.p_value >= ERRORS.no_doubt for c in candidates)
 
 
 def leading(singles: Sequence[Candidate], most: int) -> list[Candidate]:

@@ -10,7 +10,12 @@ from typing import Any
 from skinlab.discrepancy.candidates import Candidate
 from skinlab.discrepancy.fit import NO_LIMIT, Fit, Fitter, Limit
 from skinlab.discrepancy.screen import Signature
-from skinlab.discrepancy.search_workers import fit_one, signature_by, signature_of
+from skinlab.discrepancy.search_workers import (
+    fit_one,
+    held_off_the_wall,
+    signature_by,
+    signature_of,
+)
 from skinlab.discrepancy.settings import SEARCH
 from skinlab.inference.covariance import Covariance
 from skinlab.workers import Pool
@@ -44,6 +49,10 @@ class Race:
     ) -> list[Candidate]:
         """Return what a function of `search_workers` finds for tasks; nothing where it has none."""
         return [self.judged(fit) for fit in self.pool.map(function, tasks) if fit is not None]
+
+    def held(self, fit: Fit) -> list[Fit]:
+        """Return the fit held off the end of a range that it is near, where it is near one."""
+        return [f for f in self.pool.map(held_off_the_wall, [fit]) if f is not None]
 
     def fits(
         self, tasks: Sequence[tuple[Fit, Signature]], limit: Limit = NO_LIMIT

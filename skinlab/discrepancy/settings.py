@@ -278,9 +278,9 @@ class SearchRules:
     members: int = 4
     """Of pairs that explain: tried alone."""
     rivals: int = 3
-    """Other single effects, at whose fits the members of a pair that leads are tried,"""
+    """Other single effects, whose partners are tried as well where a pair leads,"""
     rival_pairs: int = 4
-    """and so many of these are fitted."""
+    """and so many of these pairs are fitted."""
     looks: int = 2
     """Explanations beside the best whose errors are learned as well,"""
     doubt: float = 8.0

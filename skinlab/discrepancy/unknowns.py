@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -19,6 +19,8 @@ from skinlab.parameters import Parameter, Search, Space
 
 Array = NDArray[np.float64]
 Values = dict[str, dict[str, float]]
+
+HELD = 0.003  # of its range, or of a logarithm's value: the deviation of a parameter that is held
 
 
 @dataclass(frozen=True)
@@ -141,6 +143,19 @@ class Unknowns:
     def with_effect(self, name: str) -> Unknowns:
         """Return these with one effect more."""
         return replace(self, effects=(*self.effects, name))
+
+    def holding(self, u: Array, which: Sequence[int]) -> Unknowns:
+        """Return these with some of the law's parameters held where they are at u (k,)."""
+        space = self.space
+        values = space.from_coordinates(u[: self.count])
+        ranges = (high - low for low, high in zip(space.low, space.high, strict=True))
+        sizes = [
+            r if kind == "linear" else float(v)
+            for r, v, kind in zip(ranges, values, space.transforms, strict=True)
+        ]
+        held = [BasePrior(int(i), float(values[i]), HELD * sizes[i]) for i in which]
+        others = [prior for prior in self.base_priors if prior.index not in which]
+        return replace(self, base_priors=(*others, *held))
 
     @property
     def plain(self) -> Unknowns:

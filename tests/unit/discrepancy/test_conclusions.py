@@ -27,7 +27,7 @@ from skinlab.discrepancy.next_measurement import (
     _Odds,
     advise,
 )
-from skinlab.discrepancy.pair_search import PairSearch, beside_which, leading, least_promise
+from skinlab.discrepancy.pair_search import PairSearch, beside_which, leading
 from skinlab.discrepancy.planned_curve import (
     PlannedCurve,
     PlannedErrors,
@@ -343,7 +343,7 @@ def test_what_fits_best_gets_partners_however_unlikely_it_is_alone():
         return replace(made, fit=replace(made.fit, cost=cost))
 
     search = SimpleNamespace(own=(), library=[*LAG, *GAIN, *SLIP], looks=[], progress=lambda _: 0)
-    pairs = PairSearch(search, SimpleNamespace(screen=screen))
+    pairs = PairSearch(search, SimpleNamespace(screen=screen, held=lambda fit: []))
     layer = ("surface_layer",)
     singles = [of(LAG, -8.0, 1e4), of(layer, -70.0, 3800.0), of(GAIN, -10.0, 4600.0)]
     assert pairs.beside(singles, 2, SEARCH.seen) == []
@@ -383,15 +383,31 @@ def test_what_explains_gets_a_partner_however_unlikely_it_is():
     assert leading([slip, sensor], 4) == [sensor, slip]
 
 
-def test_beside_a_law_at_its_end_what_is_curved_may_promise_less():
-    """A lag had ended at ν 0; a layer beside it promised 5, gained 76, and was not tried."""
-    lag = candidate(LAG, 97.0)
-    walled = replace(lag, at_bound=("nu",))
-    assert least_promise(walled, "surface_layer", SEARCH.behind) == SEARCH.seen_curved
-    assert least_promise(walled, "natural_tension", SEARCH.behind) == SEARCH.behind
-    assert least_promise(lag, "surface_layer", SEARCH.behind) == SEARCH.behind
-    of_its_own = replace(lag, at_bound=(f"{LAG[0]}.lag_s",))
-    assert least_promise(of_its_own, "surface_layer", SEARCH.behind) == SEARCH.behind
+def test_beside_a_law_at_its_end_partners_are_seen_from_the_middle_of_its_range(monkeypatch):
+    """Beside a creep at ν 0.498 a stiffening promised 3 and a gain 88; at 0.25 it promised most."""
+    creep = candidate(LAG, 9.0, BAD)
+    creep = replace(creep, fit=replace(creep.fit, cost=2370.0))
+    held = replace(creep.fit, cost=2419.0)
+    stiffening = "strain_stiffening"
+    gains = {creep.fit: {GAIN[0]: 88.0, stiffening: 3.0}, held: {GAIN[0]: 193.0, stiffening: 260.0}}
+
+    def screen(fit, names, errors=None):
+        return {n: SimpleNamespace(effect=n, gain=gains[fit][n]) for n in names}, {}
+
+    search = SimpleNamespace(
+        own=(), library=[*LAG, *GAIN, stiffening], looks=[], progress=lambda _: 0
+    )
+    fitted = []
+    race = SimpleNamespace(
+        screen=screen, held=lambda fit: [held], run=lambda tasks, _: fitted.extend(tasks) or []
+    )
+    PairSearch(search, race).beside([creep], 1, SEARCH.seen)
+    assert [(fit, seen.effect) for fit, seen in fitted] == [(held, stiffening), (held, GAIN[0])]
+    # What promises more where the fit is, is begun there; and next to nothing is not fitted.
+    gains[held] = {GAIN[0]: 130.0, stiffening: 50.0}
+    fitted.clear()
+    PairSearch(search, race).beside([creep], 1, SEARCH.seen)
+    assert [(fit, seen.effect) for fit, seen in fitted] == [(creep.fit, GAIN[0])]
 
 
 @pytest.mark.parametrize(("promised", "fitted"), [(19_850.0, True), (19_400.0, False)])
@@ -413,6 +429,7 @@ def test_a_pair_is_worth_what_the_base_or_a_leader_promises(monkeypatch, promise
     tasks = []
     race = SimpleNamespace(
         screen=screen,
+        held=lambda fit: [],
         base=SimpleNamespace(fit=SimpleNamespace(cost=22_500.0)),
         run=lambda ranked, known: tasks.extend((f.effects[0], s.effect) for f, s in ranked) or [],
         fitted=lambda function, some: tasks.extend(task[0].effects for task in some) or [],

@@ -33,6 +33,7 @@ from skinlab.discrepancy.search_workers import (
     fit_from,
     fit_on,
     fit_one,
+    held_off_the_wall,
     off_the_wall,
 )
 from skinlab.discrepancy.settings import FITS, SEARCH
@@ -904,6 +905,20 @@ def test_off_the_wall_begins_with_a_little_of_what_was_left_out(plain):
             return replace(found, u=start, cost=600.0)
 
     assert off_the_wall(Asked(), found, NO_LIMIT).cost == 600.0
+
+
+@pytest.mark.parametrize("stuck", [0.498, 0.001])
+def test_a_law_near_the_end_of_a_range_is_held_in_the_middle_of_it(plain, stuck):
+    """All else is fitted there; what holds it is no part of the fit that partners are seen from."""
+    fitter, base = plain
+    assert held_off_the_wall(fitter, base) is None  # 0.3
+    found = held_off_the_wall(fitter, replace(base, u=np.array([*base.u[:2], stuck])))
+    assert found.u[2] == pytest.approx(0.2495, abs=0.01)
+    assert found.unknowns == base.unknowns
+    assert base.cost < found.cost == found.chi2
+    slopes = found.jacobian[:, :2]
+    left = fitter.errors.whiten(fitter.measured - np.concatenate(found.deflections_mm))
+    assert np.abs(slopes.T @ left).max() < 0.02 * np.linalg.norm(slopes) * np.linalg.norm(left)
 
 
 @pytest.mark.parametrize(

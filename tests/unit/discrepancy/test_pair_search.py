@@ -4,14 +4,20 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
+import pytest
+
 from skinlab.discrepancy.pair_search import PairSearch
 from skinlab.discrepancy.settings import SEARCH
 
 
-def candidate(*effects, adequate=True, log10_evidence=0.0):
-    fit = SimpleNamespace(effects=effects, cost=100.0)
+def candidate(*effects, adequate=True, log10_evidence=0.0, p_value=0.5, cost=100.0):
+    fit = SimpleNamespace(effects=effects, cost=cost)
     return SimpleNamespace(
-        effects=effects, fit=fit, adequate=adequate, log10_evidence=log10_evidence
+        effects=effects,
+        fit=fit,
+        adequate=adequate,
+        log10_evidence=log10_evidence,
+        left=SimpleNamespace(p_value=p_value),
     )
 
 
@@ -44,3 +50,77 @@ def test_others_are_put_in_place_of_either_half_of_a_pair_that_leads():
         (("creep",), "fat"),
         (("creep",), "slip"),
     ]
+
+
+def test_a_rival_of_a_pair_that_leads_may_have_neither_of_its_members():
+    """A layer with a slip led, and the layer explained alone; it was a tension and a preload."""
+    gains = {"preload": 204.0, "layer": 191.0, "slip": 169.0, "lag": 127.0, "opening": 109.0}
+    pair = candidate("layer", "slip", log10_evidence=29.0, cost=1047.0)
+    tension = candidate("tension", adequate=False, log10_evidence=11.0, cost=1260.0)
+    # What ended at an end of a range is asked from the middle of it as well.
+    elsewhere = SimpleNamespace(effects=("tension",), cost=1300.0)
+
+    def screen(fit, names, errors=None):
+        more = 60.0 if fit is elsewhere and "lag" in names else 0.0
+        return {
+            n: SimpleNamespace(effect=n, gain=gains[n] + (n == "lag") * more) for n in names
+        }, {}
+
+    fitted = []
+    race = SimpleNamespace(
+        screen=screen,
+        held=lambda fit: [elsewhere] if fit is tension.fit else [],
+        fits=lambda tasks, limit: fitted.extend(tasks) or [candidate("tension", "preload")],
+    )
+    search = SimpleNamespace(
+        own=(),
+        library=["tension", *gains],
+        looks=[],
+        look_of=lambda fit: SimpleNamespace(mode=None),
+        progress=lambda _: 0,
+    )
+    known = [pair, tension, candidate("tension", "opening", adequate=False)]
+    found = PairSearch(search, race).rivals(known)
+    assert [(fit, seen.effect) for fit, seen in fitted] == [
+        (tension.fit, "preload"),
+        (tension.fit, "layer"),
+        (tension.fit, "slip"),
+        (elsewhere, "lag"),
+    ]
+    assert [c.effects for c in found] == [*(c.effects for c in known), ("tension", "preload")]
+
+
+@pytest.mark.parametrize(("p_value", "further"), [(0.0015, True), (0.06, False)])
+def test_pairs_are_gone_on_with_where_what_explains_is_in_doubt(p_value, further):
+    """A tension and a layer left what chance does in one of 700; a layer below was not tried."""
+    tension = candidate("tension", adequate=False, p_value=0.0, cost=2945.0)
+    layer = candidate("layer", adequate=False, p_value=0.0, cost=4295.0)
+    pair = candidate("tension", "layer", p_value=p_value, cost=2720.0)
+    gains = {"layer": {"fat": 300.0}, "tension": {"lag": 35.0}}
+
+    def screen(fit, names, errors=None):
+        (own,) = fit.effects
+        return {n: SimpleNamespace(effect=n, gain=gains[own].get(n, 0.0)) for n in names}, {}
+
+    tried = []
+
+    def run(tasks, known):
+        tried.extend((*fit.effects, seen.effect) for fit, seen in tasks)
+        return [pair] if not known else []
+
+    race = SimpleNamespace(
+        screen=screen,
+        base=SimpleNamespace(fit=SimpleNamespace(cost=39_000.0)),
+        held=lambda fit: [],
+        run=run,
+        fitted=lambda function, fits: tried.extend(f.effects for f in fits) or [],
+    )
+    search = SimpleNamespace(
+        own=(), library=["tension", "layer", "fat", "lag"], looks=[], progress=lambda _: 0
+    )
+    pairs = PairSearch(search, race)
+    known = [tension, layer, pair]
+    found = [*pairs._gone_on(known), *pairs._further([tension, layer], known)]
+    assert found == []
+    gone_on = [("tension", "layer"), ("tension", "lag"), ("layer", "fat")]
+    assert tried == (gone_on if further else [])
