@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -166,11 +166,6 @@ class CampaignErrors:
     def working(self) -> Covariance:
         """The covariance by which explanations are fitted."""
         return self.pure.mode
-
-    @cached_property
-    def judged(self) -> list[tuple[Covariance, float]]:
-        """The likeliest settings by pure error, with weights that sum up to 1."""
-        return likeliest(self.pure)
 
     @property
     def implausible(self) -> str:

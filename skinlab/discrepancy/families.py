@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from skinlab.discrepancy.adequacy import judge
 from skinlab.discrepancy.campaign_errors import CampaignErrors, Linearised
 from skinlab.discrepancy.candidates import LOG10, Candidate, Found
 from skinlab.discrepancy.discipline import Trial
@@ -114,7 +113,7 @@ def find_families(search: Search, found: Found, least: float = 0.0) -> Found:
     candidates = [
         Candidate(
             fit,
-            judge(found.records, search.errors.judged, fit, search.fitter.errors),
+            search.left_of(fit, search.errors.pure),
             float((log_evidence - plain) / LOG10 + odds),
         )
         for fit, log_evidence in scaled

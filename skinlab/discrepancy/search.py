@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.discrepancy.adequacy import judge, look
+from skinlab.discrepancy.adequacy import Residual, judge, look
 from skinlab.discrepancy.campaign_errors import (
     CampaignErrors,
     Linearised,
@@ -35,7 +35,7 @@ from skinlab.discrepancy.candidates import (
 )
 from skinlab.discrepancy.fit import NO_LIMIT, Fit, Fitter
 from skinlab.discrepancy.pair_search import PairSearch, beside_which
-from skinlab.discrepancy.placement_curves import bends_mm, thickness_slopes
+from skinlab.discrepancy.placement_curves import bends_mm, thickness_slopes, with_thickness_of
 from skinlab.discrepancy.race import Race
 from skinlab.discrepancy.records import Record, by_condition, without
 from skinlab.discrepancy.screen import Signature, worth_fitting
@@ -335,9 +335,9 @@ class Search:
         own = self.look_of(ranked[0].fit)
         if not _no_larger(own, self.errors.pure):
             return []
-        judged, least = likeliest(own), ranked[0].log10_evidence - SEARCH.doubt
+        least = ranked[0].log10_evidence - SEARCH.doubt
         again = [
-            replace(c, left=judge(self.fitter.records, judged, c.fit, self.fitter.errors))
+            replace(c, left=self.left_of(c.fit, own))
             if c.log10_evidence > least and not c.adequate
             else c
             for c in ranked
@@ -413,8 +413,7 @@ class Search:
                 return None
         elif any(own.median(partial(size_um, name=n)) > um for n, um in ERRORS.usual_um.items()):
             return None
-        left = judge(found.records, likeliest(own), fit, self.fitter.errors)
-        base = replace(found.base, left=left)
+        base = replace(found.base, left=self.left_of(fit, own))
         return replace(found, base=base) if base.adequate else None
 
     def weighed(self, base: Candidate, candidates: Sequence[Candidate]) -> list[Candidate]:
@@ -490,13 +489,26 @@ class Search:
         least = look.roughly(self.linear(fit).of_free)
         return [2.0 * (look.roughly(other.of_free) - least) for other in others]
 
+    def left_of(self, fit: Fit, told: ErrorChoice) -> Residual:
+        """Return what a fit leaves by the errors that are told.
+
+        In doubt also where another thickness of a placement does what it does to this fit's skin,
+        and not to that of the model as it is, with which it was fitted: the likelier of both.
+        """
+        records, errors = self.fitter.records, self.fitter.errors
+        left = judge(records, likeliest(told), fit, errors)
+        if left.by_errors >= ERRORS.no_doubt or fit.chi2 > FITS.hopeless * errors.count:
+            return left
+        own = with_thickness_of(fit, told, records, self.fitter.domes)
+        return max(left, judge(records, likeliest(own), fit, errors), key=lambda r: r.by_errors)
+
     def candidate(self, fit: Fit, base: Candidate | None) -> Candidate:
         """Return a fit, its residual judged, and how far it is ahead of the base (None: itself)."""
         records, k = self.fitter.records, len(fit.unknowns)
         if self.errors is None:
             left = look(records, self.fitter.errors, fit.deflections_mm, k)
         else:
-            left = judge(records, self.errors.judged, fit, self.fitter.errors)
+            left = self.left_of(fit, self.errors.pure)
         at_bound = tuple(n for n, f in zip(fit.unknowns.names, fit.free, strict=True) if not f)
         ahead = 0.0
         if base is None:

@@ -456,12 +456,11 @@ def breathing(request, monkeypatch, looks):
         node = SimpleNamespace(sizes_um={"white": 3.0, "breathing": um})
         return SimpleNamespace(nodes=[node], median=lambda of: of(node))
 
-    def judge(records, settings, fit, errors):
-        assert settings is own
+    def left_of(self, fit, told):
+        assert told is own
         return Residual(GOOD, (), GOOD)
 
-    monkeypatch.setattr(search_module, "judge", judge)
-    monkeypatch.setattr(search_module, "likeliest", lambda look: look)
+    monkeypatch.setattr(search_module.Search, "left_of", left_of)
     breath_um, as_told = request.param
     own, search = errors(breath_um), search_module.Search(looks[0])
     search.errors = CampaignErrors((errors(1.5),))

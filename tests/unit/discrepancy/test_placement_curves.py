@@ -11,9 +11,11 @@ from skinlab.curves.campaign import Campaign
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
+from skinlab.discrepancy import search as search_module
+from skinlab.discrepancy.adequacy import Residual
 from skinlab.discrepancy.fit import Fitter
 from skinlab.discrepancy.misfit import errors_of, slopes_mm_per_mbar
-from skinlab.discrepancy.placement_curves import softer_mm, with_stiffness_of
+from skinlab.discrepancy.placement_curves import softer_mm, with_stiffness_of, with_thickness_of
 from skinlab.discrepancy.posterior import sample
 from skinlab.discrepancy.records import records_of
 from skinlab.discrepancy.search import Search
@@ -120,17 +122,68 @@ def test_places_of_other_stiffness_and_thickness_are_no_missing_effect(table, sc
         assert np.isin(one.curve.deflection_mm, before.curve.deflection_mm).all()
 
 
-def test_a_stiffness_is_known_no_better_than_places_let_it(table):
+@pytest.fixture(scope="module")
+def nine(table):
+    """Return a search that has learned the errors of nine places."""
+    deviations = np.random.default_rng(8).normal(0.0, [0.06, 0.0], (9, 2))
+    records = records_of(places(table, deviations, noise_um=2.0, apertures_mm=(8.0, 6.0, 2.0)))
+    fitter = Fitter(records, errors_of(records), TableDomes(table), finite_elements=False)
+    search = Search(fitter)
+    return search, search.learned_base().fit
+
+
+def test_a_thickness_of_places_may_do_what_it_does_to_the_skin_of_an_explanation(table, nine):
+    """Also of one that says that all of them are thicker."""
+    search, base = nine
+    records, look = search.fitter.records, search.errors.pure
+    unknowns = base.unknowns.with_effect("thickness_error")
+    u = np.append(base.u, unknowns.axes[0].to_u(1.2))
+    fit = replace(base, unknowns=unknowns, u=u)
+    own = with_thickness_of(fit, look, records, TableDomes(table))
+    assert [n.log_prior for n in own.nodes] == [n.log_prior for n in look.nodes]
+    columns = look.best.columns["placement_thickness"]
+    before, after = (one.mode.shapes_mm[:, columns] for one in (look, own))
+    assert own.mode.sizes is look.mode.sizes
+    ends = np.cumsum([len(r.curve) for r in records])
+    for i, record in enumerate(records):
+        here = slice(ends[i] - len(record.curve), ends[i])
+        at = record.geometry
+        thick = [replace(at, thickness_mm=at.thickness_mm * f) for f in (1.19, 1.2, 1.21)]
+        each = TableDomes(table)([SkinProblem(g, unknowns.skin(u)) for g in thick], [120.0] * 3)
+        less, middle, more = each(record.pressure_mbar[None])
+        slope = (more - less) / np.log(1.21 / 1.19) / middle * fit.deflections_mm[i]
+        later = record.pressure_mbar > 5.0
+        assert after[here, i][later] == pytest.approx(slope[later], rel=0.02)
+        assert np.abs(after[here, i] - before[here, i]).max() > 1e-3
+        assert not np.delete(after[here], i, axis=1).any()
+
+
+@pytest.mark.parametrize(
+    ("told", "own", "chi2", "found"),
+    [(0.2, 0.9, 1.0, 0.2), (1e-8, 0.2, 1.0, 0.2), (1e-2, 1e-8, 1.0, 1e-2), (1e-8, 0.2, 2.0, 1e-8)],
+)
+def test_in_doubt_either_skin_may_say_what_a_thickness_does(
+    monkeypatch, nine, told, own, chi2, found
+):
+    """What leaves far more than noise is not asked again."""
+    search, base = nine
+    fit = replace(base, chi2=chi2 * search.fitter.errors.count)
+
+    def judge(records, settings, fit, errors):
+        p = told if settings[0][0] is search.errors.pure.nodes[0].covariance else own
+        return Residual(p, (), p)
+
+    monkeypatch.setattr(search_module, "judge", judge)
+    assert search.left_of(fit, search.errors.pure).p_value == found
+
+
+def test_a_stiffness_is_known_no_better_than_places_let_it(nine):
     """What relaxes is moved by a stiffness in another way than p dw/dp of its curves says.
 
     Of n places, each off by s (log), the skin's own is known to s/√n: what the columns are off by
     would tell one from the others, to half of that.
     """
-    deviations = np.random.default_rng(8).normal(0.0, [0.06, 0.0], (9, 2))
-    records = records_of(places(table, deviations, noise_um=2.0, apertures_mm=(8.0, 6.0, 2.0)))
-    fitter = Fitter(records, errors_of(records), TableDomes(table), finite_elements=False)
-    search = Search(fitter)
-    fit = search.learned_base().fit
+    search, fit = nine
     look = search.errors.looks[-1]
     fit = fit.with_errors(search.fitter.errors, look.mode)
     slopes = look.mode.colour(fit.jacobian)
