@@ -61,10 +61,8 @@ def test_a_rival_of_a_pair_that_leads_may_have_neither_of_its_members():
     elsewhere = SimpleNamespace(effects=("tension",), cost=1300.0)
 
     def screen(fit, names, errors=None):
-        more = 60.0 if fit is elsewhere and "lag" in names else 0.0
-        return {
-            n: SimpleNamespace(effect=n, gain=gains[n] + (n == "lag") * more) for n in names
-        }, {}
+        own = {"lag": 187.0} if fit is elsewhere else gains
+        return {n: SimpleNamespace(effect=n, gain=own.get(n, 0.0)) for n in names}, {}
 
     fitted = []
     race = SimpleNamespace(
