@@ -418,6 +418,18 @@ def smooth_columns(records: Sequence[Record], degree: int, more: int) -> Array:
     return np.hstack(columns)
 
 
+def _placed_columns(records: Sequence[Record], degree: int) -> Array:
+    """Return polynomials (u, m) in the suction of each repeat alone: what its placement may do."""
+    starts = np.cumsum([0, *(len(r.curve) for r in records)])
+    number = np.repeat(np.arange(len(records)), np.diff(starts))
+    repeated = [i for members in by_condition(records) if len(members) > 1 for i in members]
+    each = [
+        np.column_stack([number == i, _along_suction(records, [i], starts, degree)])
+        for i in repeated
+    ]
+    return np.hstack([np.zeros((starts[-1], 0)), *each])
+
+
 def _along_suction(
     records: Sequence[Record], members: Sequence[int], starts: NDArray[np.intp], degree: int
 ) -> Array:
@@ -440,7 +452,11 @@ def outliers(records: Sequence[Record], base: Linearised) -> Mask:
     # Without what placements have in common: that is of the measured curves, with their glitches.
     # And with fewer polynomials: they would follow the first samples, glitches of all repeats.
     waves = smooth_columns(records, ERRORS.smooth_degree, 0)
+    waves = np.hstack([waves, _placed_columns(records, ERRORS.placed_degree)])
     pure = _beside(base.of_free, waves, np.zeros((len(samples), 0)))
+    # A first fit may be far off, as placements are: beside that no sample would be.
+    smooth_mm = pure.slopes_mm @ np.linalg.lstsq(pure.slopes_mm, pure.residual_mm)[0]
+    pure = replace(pure, residual_mm=pure.residual_mm - smooth_mm)
     probability = outlier_probability(pure, samples, step_mm, known_mm)
     return np.asarray(probability > 0.5)
 

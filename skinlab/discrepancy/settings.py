@@ -18,6 +18,8 @@ class ErrorRules:
     smooth_repeated: int = 6
     """Degrees more of either where repeats tell of errors: what a lag leaves at a corner was called
     errors that last, of 7 µm, and with as many as these none."""
+    placed_degree: int = 3
+    """Of polynomials in the suction, of each repeat alone, where glitches are looked for."""
     smooth_sd_um: float = 100.0
     """Prior of their coefficients: larger than what any effect leaves after a refit (140 µm)."""
     common_sd: float = 1.0
