@@ -42,6 +42,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _LOG_2PI = float(np.log(2.0 * np.pi))
+_SPREAD = 0.6745  # median of |z| of a Gaussian
 
 
 @dataclass(frozen=True, eq=False)
@@ -455,10 +456,24 @@ def outliers(records: Sequence[Record], base: Linearised) -> Mask:
     waves = np.hstack([waves, _placed_columns(records, ERRORS.placed_degree)])
     pure = _beside(base.of_free, waves, np.zeros((len(samples), 0)))
     # A first fit may be far off, as placements are: beside that no sample would be.
-    smooth_mm = pure.slopes_mm @ np.linalg.lstsq(pure.slopes_mm, pure.residual_mm)[0]
-    pure = replace(pure, residual_mm=pure.residual_mm - smooth_mm)
+    pure = replace(pure, residual_mm=_rough_mm(pure.residual_mm, pure.slopes_mm))
     probability = outlier_probability(pure, samples, step_mm, known_mm)
     return np.asarray(probability > 0.5)
+
+
+def _rough_mm(values_mm: Array, columns: Array) -> Array:
+    """Return what columns (u, m) leave of values (u,), which single samples do not sway.
+
+    Least squares with the weights of Cauchy's distribution (Holland and Welsch 1977, Commun. Stat.
+    6:813).
+    """
+    weight = np.ones(len(values_mm))
+    for _ in range(ERRORS.rough_rounds):
+        found = np.linalg.lstsq(weight[:, None] * columns, weight * values_mm)[0]
+        left = values_mm - columns @ found
+        usual = max(float(np.median(np.abs(left))) / _SPREAD, NOISE.least_mm)
+        weight = 1.0 / np.sqrt(1.0 + np.square(left / (ERRORS.rough_tuning * usual)))
+    return left
 
 
 def _model_mm(records: Sequence[Record], residual_mm: Array) -> Array:
