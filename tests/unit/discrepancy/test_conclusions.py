@@ -37,7 +37,8 @@ from skinlab.discrepancy.planned_curve import (
 )
 from skinlab.discrepancy.records import records_of, without
 from skinlab.discrepancy.screen import LinearPair
-from skinlab.discrepancy.settings import ERRORS, PLANS, SEARCH
+from skinlab.discrepancy.search import Search
+from skinlab.discrepancy.settings import ERRORS, NAMES, PLANS, SEARCH
 from skinlab.discrepancy.space_mapping import MappedModel
 from skinlab.discrepancy.table_domes import TableDomes
 from skinlab.discrepancy.unknowns import Unknowns
@@ -408,6 +409,34 @@ def test_beside_a_law_at_its_end_partners_are_seen_from_the_middle_of_its_range(
     fitted.clear()
     PairSearch(search, race).beside([creep], 1, SEARCH.seen)
     assert [(fit, seen.effect) for fit, seen in fitted] == [(creep.fit, GAIN[0])]
+
+
+@pytest.mark.parametrize(("ahead", "tried"), [(NAMES.tie + 1.0, True), (NAMES.tie - 1.0, False)])
+def test_what_leads_is_compared_with_what_a_range_s_end_hides(ahead, tried):
+    """A skin at nu 0.495 passed for a stiffening, which promised 2 there: a gain was named."""
+    gain, held = candidate(GAIN, ahead), candidate((), 0.0).fit
+    asked, fitted = [], []
+
+    def screen(fit, names):
+        asked.append((fit, names))
+        gains = {"strain_stiffening": 143.0, LAG[0]: 0.1}
+        return {n: SimpleNamespace(effect=n, gain=gains[n]) for n in names}, {}
+
+    def run(tasks, known):
+        fitted.extend(tasks)
+        return [candidate(("strain_stiffening",), 10.9), candidate(SLIP, 1.0, BAD)]
+
+    race = SimpleNamespace(
+        base=candidate((), 0.0, BAD), held=lambda fit: [held], screen=screen, run=run
+    )
+    search = SimpleNamespace(library=[*GAIN, *LAG, "strain_stiffening"], progress=lambda _: 0)
+    found = Search._seen_off_the_wall(search, race, [gain])
+    if not tried:
+        assert found == asked == fitted == []
+        return
+    assert asked == [(held, [*LAG, "strain_stiffening"])]
+    assert [(fit, seen.effect) for fit, seen in fitted] == [(held, "strain_stiffening")]
+    assert [c.effects for c in found] == [("strain_stiffening",)]
 
 
 @pytest.mark.parametrize(("promised", "fitted"), [(19_850.0, True), (19_400.0, False)])
