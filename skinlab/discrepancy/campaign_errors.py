@@ -34,7 +34,7 @@ from skinlab.inference.noise import (
     legendre,
     roughness,
 )
-from skinlab.inference.outliers import outlier_probability
+from skinlab.inference.outliers import SPREAD, outlier_probability
 from skinlab.inference.samples import Samples, alike
 from skinlab.inference.settings import NOISE, POSTERIOR
 
@@ -42,7 +42,6 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _LOG_2PI = float(np.log(2.0 * np.pi))
-_SPREAD = 0.6745  # median of |z| of a Gaussian
 
 
 @dataclass(frozen=True, eq=False)
@@ -471,7 +470,7 @@ def _rough_mm(values_mm: Array, columns: Array) -> Array:
     for _ in range(ERRORS.rough_rounds):
         found = np.linalg.lstsq(weight[:, None] * columns, weight * values_mm)[0]
         left = values_mm - columns @ found
-        usual = max(float(np.median(np.abs(left))) / _SPREAD, NOISE.least_mm)
+        usual = max(float(np.median(np.abs(left))) / SPREAD, NOISE.least_mm)
         weight = 1.0 / np.sqrt(1.0 + np.square(left / (ERRORS.rough_tuning * usual)))
     return left
 

@@ -492,7 +492,8 @@ class Search:
         """
         if not any(c.adequate and c.log10_evidence >= NAMES.tie for c in candidates):
             return []
-        fitted = {name for c in candidates for name in c.effects}
+        alone = len(self.own) + 1
+        fitted = {c.effects[-1] for c in candidates if len(c.effects) == alone}
         library = [name for name in self.library if name not in fitted]
         tasks = [
             (held, s)

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 _SIZES = np.geomspace(*OUTLIERS.sizes)
 _SHARES = np.concatenate([[0.0], np.geomspace(*OUTLIERS.shares)])
-_SPREAD = 0.6745  # median of |z| of a Gaussian
+SPREAD = 0.6745  # median of |z| of a Gaussian
 
 
 def outlier_probability(
@@ -42,7 +42,7 @@ def outlier_probability(
         covariance = _robust(part.residual_mm, samples.only(kept), step_mm, known[kept])
         off, variance = part.left_out(covariance)
         sigma = np.sqrt(variance)
-        sigma = sigma * max(1.0, float(np.median(np.abs(off) / sigma)) / _SPREAD)
+        sigma = sigma * max(1.0, float(np.median(np.abs(off) / sigma)) / SPREAD)
         p = _mixture(off, sigma, int((~kept).sum()))
         worst = (p > 0.5) & (np.abs(off) / sigma >= 0.5 * np.abs(off / sigma).max())
         found[kept] = p
@@ -83,7 +83,7 @@ def _robust(residual: Array, samples: Samples, step_mm: float, known_mm: Array) 
     size = np.concatenate([_independent_mm(*part) for part in parts])
     least_mm = OUTLIERS.least_mm
     z = np.abs(residual) / np.maximum(size, least_mm)
-    total = np.maximum(size, least_mm) * float(np.median(z)) / _SPREAD
+    total = np.maximum(size, least_mm) * float(np.median(z)) / SPREAD
     size = np.maximum(size, np.maximum(max(step_mm / np.sqrt(12.0), least_mm), 0.1 * total))
     smooth = float(np.median(total)) ** 2 - float(np.median(size)) ** 2
     smooth = max(smooth, float(np.median(0.1 * total)) ** 2, least_mm**2)

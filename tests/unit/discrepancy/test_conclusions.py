@@ -429,8 +429,12 @@ def test_what_leads_is_compared_with_what_a_range_s_end_hides(ahead, tried):
     race = SimpleNamespace(
         base=candidate((), 0.0, BAD), held=lambda fit: [held], screen=screen, run=run
     )
-    search = SimpleNamespace(library=[*GAIN, *LAG, "strain_stiffening"], progress=lambda _: 0)
-    found = Search._seen_off_the_wall(search, race, [gain])
+    search = SimpleNamespace(
+        own=(), library=[*GAIN, *LAG, "strain_stiffening"], progress=lambda _: 0
+    )
+    # Beside something else it was fitted, which does not say what it explains alone.
+    both = candidate((*GAIN, "strain_stiffening"), ahead - 1.0)
+    found = Search._seen_off_the_wall(search, race, [gain, both])
     if not tried:
         assert found == asked == fitted == []
         return
