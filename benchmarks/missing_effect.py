@@ -75,11 +75,18 @@ SUMMARY = RESULTS / "missing_effect.json"
 
 
 def judge(
-    part: str, seed: int, version: str, number: int, *, scatter: float | None, peers: bool = True
+    part: str,
+    seed: int,
+    version: str,
+    number: int,
+    *,
+    scatter: float | None,
+    peers: bool = True,
+    plans: bool = True,
 ) -> dict[str, Any]:
     """Return the line of one campaign; peers are asked only where errors are as in life.
 
-    `scatter` of placements is stated, if given.
+    `scatter` of placements is stated, if given. What is advised for a tie is measured with `plans`.
     """
     forget()
     truth, made = make(part, seed, number)
@@ -120,7 +127,7 @@ def judge(
     line["parameters"] = outcome.parameters(outcome.best)
     if peers and part.startswith("life"):
         line["peers"] = ask(made.campaign, shipped_table()).line()
-    if verdict.name == "ambiguous" and outcome.next_measurement is not None:
+    if plans and verdict.name == "ambiguous" and outcome.next_measurement is not None:
         following = outcome.next_measurement
         line["next"] = [following.aperture_mm, following.program, following.placements]
         line["expected_log10_evidence"] = following.expected_log10_evidence
@@ -640,6 +647,9 @@ def main() -> None:
         "--no-peers", action="store_true", help="ask the workflow alone: half the time"
     )
     parser.add_argument(
+        "--no-plans", action="store_true", help="do not measure what is advised: minutes a tie"
+    )
+    parser.add_argument(
         "--placement-scatter", type=float, help="what campaigns state of it; 0 is none"
     )
     parser.add_argument("--lines", type=Path, default=LINES)
@@ -660,7 +670,11 @@ def main() -> None:
             if (part, arguments.seed, n, arguments.placement_scatter) not in done
         ]
         with ProcessPoolExecutor(arguments.workers) as pool, arguments.lines.open("a") as out:
-            asked = {"scatter": arguments.placement_scatter, "peers": not arguments.no_peers}
+            asked = {
+                "scatter": arguments.placement_scatter,
+                "peers": not arguments.no_peers,
+                "plans": not arguments.no_plans,
+            }
             one = partial(judge, part, arguments.seed, version, **asked)
             work = [pool.submit(one, n) for n in numbers]
             for job in as_completed(work):
