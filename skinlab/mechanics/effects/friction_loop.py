@@ -7,7 +7,7 @@ from dataclasses import replace
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.mechanics.effects.base import Effect, Parameter, Values
 
-_PIECES = 12  # of a way back, where the suction that is felt turns
+_ROUNDING = 1e-9  # of a piece: what is met so near its end is met at the end
 
 
 class FrictionLoop(Effect):
@@ -35,21 +35,33 @@ class FrictionLoop(Effect):
         share = values["share"]
         if share <= 0.0:
             return path
-        times, pressures = path.time_s, path.pressure_mbar
-        at, found = (1.0 - share) * pressures[0], []
-        previous = (times[0], pressures[0])
-        for t, p in zip(times, pressures, strict=True):
-            t0, p0 = previous
-            for k in range(1, _PIECES + 1) if t > t0 else (_PIECES,):
-                here = p0 + (p - p0) * k / _PIECES
-                low, high = sorted(((1.0 - share) * here, (1.0 + share) * here))
-                at = min(max(at, low), high)
-                # On the way up it feels the suction itself: the law's stiffness is that of loading.
-                found.append((t0 + (t - t0) * k / _PIECES, at / (1.0 - share)))
-            previous = (t, p)
+        less, more = 1.0 - share, 1.0 + share
+        t0, p0 = path.time_s[0], path.pressure_mbar[0]
+        at = less * p0
+        knots = [(t0, at)]
+        for t, p in zip(path.time_s[1:], path.pressure_mbar[1:], strict=True):
+            if t > t0 and p != p0:
+                # It stays until it meets a bound, and follows that; bounds bend at zero.
+                meets = at / (less if (p > p0) == (at >= 0.0) else more)
+                for way in sorted({(corner - p0) / (p - p0) for corner in (meets, 0.0)}):
+                    if _ROUNDING < way < 1.0 - _ROUNDING:
+                        at = _clipped(at, p0 + way * (p - p0), share)
+                        knots.append((t0 + way * (t - t0), at))
+            at = _clipped(at, p, share)
+            knots.append((t, at))
+            t0, p0 = t, p
+        # On the way up it feels the suction itself: the law's stiffness is that of loading.
         return replace(
-            path, time_s=tuple(t for t, _ in found), pressure_mbar=tuple(v for _, v in found)
+            path,
+            time_s=tuple(t for t, _ in knots),
+            pressure_mbar=tuple(v / less for _, v in knots),
         )
+
+
+def _clipped(at_mbar: float, pressure_mbar: float, share: float) -> float:
+    """Return a suction, moved as far as it has to be."""
+    play = share * abs(pressure_mbar)
+    return min(max(at_mbar, pressure_mbar - play), pressure_mbar + play)
 
 
 EFFECT = FrictionLoop()

@@ -10,7 +10,7 @@ from scipy.special import iv
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
-from skinlab.mechanics.effects.model import Skin, problem_of, response, solve_skin
+from skinlab.mechanics.effects.model import Skin, get_effect, problem_of, response, solve_skin
 from skinlab.mechanics.effects.strain_stiffening import CUBIC
 from skinlab.mechanics.fem.assembly import Assembly, stress_and_tangent
 from skinlab.mechanics.fem.element import ELEMENTS, QUAD8_FULL
@@ -446,3 +446,38 @@ def test_fluid_takes_the_longer_the_wider_the_opening():
     assert wide[0].tau_s == pytest.approx(6.0)
     assert wide[0].g == pytest.approx(0.3 * 8 / np.pi**2)
     assert sum(t.g for t in wide) == pytest.approx(0.3)
+
+
+SHARE = 0.1
+
+
+def felt_with_friction(time_s: list[float], pressure_mbar: list[float]) -> PressurePath:
+    path = PressurePath(tuple(time_s), tuple(pressure_mbar))
+    return get_effect("friction_loop").felt(path, {"share": SHARE})
+
+
+def test_friction_stays_until_a_bound_is_met_and_follows_it():
+    """In closed form: up to 90 mbar, back to 0; a ramp of one piece or of a hundred alike."""
+    down = (1.0 + SHARE) / (1.0 - SHARE)
+    for n in (2, 101):
+        up = np.linspace(0.0, 90.0, n)
+        t = np.concatenate([np.linspace(0.0, 9.0, n), np.linspace(9.0, 18.0, n)[1:]])
+        felt = felt_with_friction(t.tolist(), np.concatenate([up, up[::-1][1:]]).tolist())
+        at = np.linspace(0.0, 9.0, 1234)
+        assert felt(at) == pytest.approx(10.0 * at, abs=1e-9)
+        assert felt(18.0 - at) == pytest.approx(np.minimum(10.0 * at * down, 90.0), abs=1e-9)
+        assert len(felt.time_s) == len(t) + 1  # one corner more: where it begins to move
+
+
+def test_friction_is_that_of_steps_as_small_as_one_likes():
+    """On a path that turns back within the play, and goes below zero."""
+    rng = np.random.default_rng(4)
+    t, p = np.arange(40.0), np.cumsum(rng.normal(0.0, 15.0, 40))
+    fine = np.sort(np.concatenate([t, np.linspace(0.0, 39.0, 40_001)]))
+    at, steps = (1.0 - SHARE) * p[0], []
+    for suction in np.interp(fine, t, p):
+        play = SHARE * abs(suction)
+        at = min(max(at, suction - play), suction + play)
+        steps.append(at / (1.0 - SHARE))
+    felt = felt_with_friction(t.tolist(), p.tolist())
+    assert felt(fine) == pytest.approx(np.array(steps), abs=0.06)  # a step: 0.05 mbar at most
