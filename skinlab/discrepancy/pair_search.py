@@ -177,8 +177,10 @@ class PairSearch:
     ) -> list[Candidate]:
         """Return those pairs again that fit worse than one of their members alone, begun at that.
 
-        With a second effect nothing fits worse: such a fit has not found its optimum.
+        With a second effect nothing fits worse: such a fit has not found its optimum. What others
+        explain ends it early, as it does every fit.
         """
+        limit = self._race.limit([*singles, *pairs])
         found = []
         for pair in pairs:
             names = pair.effects[len(self._own) :]
@@ -191,7 +193,7 @@ class PairSearch:
                 f"fitting {' and '.join(names)} again, from {member.effects[-1]} alone"
             )
             seen, _ = self._race.screen(member.fit, partner)
-            found += self._race.fits([(member.fit, s) for s in seen.values()])
+            found += self._race.fits([(member.fit, s) for s in seen.values()], limit)
         return found
 
     def _gone_on(self, known: Sequence[Candidate]) -> list[Candidate]:
