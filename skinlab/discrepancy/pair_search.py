@@ -177,8 +177,8 @@ class PairSearch:
     ) -> list[Candidate]:
         """Return those pairs again that fit worse than one of their members alone, begun at that.
 
-        With a second effect nothing fits worse: such a fit has not found its optimum. What others
-        explain ends it early, as it does every fit.
+        With a second effect nothing fits worse: such a fit has not found its optimum. It ends early
+        where something else explains.
         """
         limit = self._race.limit([*singles, *pairs])
         found = []

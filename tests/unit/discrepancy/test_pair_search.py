@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import pytest
 
 from skinlab.discrepancy.pair_search import PairSearch
+from skinlab.discrepancy.race import Race
 from skinlab.discrepancy.settings import SEARCH
 
 
@@ -86,6 +87,26 @@ def test_a_rival_of_a_pair_that_leads_may_have_neither_of_its_members():
         (elsewhere, "lag"),
     ]
     assert [c.effects for c in found] == [*(c.effects for c in known), ("tension", "preload")]
+
+
+@pytest.mark.parametrize("explains", [True, False])
+def test_a_pair_that_is_begun_again_ends_early_where_something_explains(explains):
+    """Half of the time of a friction with a lag went to pairs that were far behind it."""
+    lag = candidate("lag", adequate=False, cost=2000.0)
+    behind = candidate("lag", "creep", adequate=False, cost=2100.0)  # worse than the lag alone
+    leads = candidate("lag", "friction", adequate=explains, cost=1000.0)
+    fitted = []
+    race = SimpleNamespace(
+        base=candidate(cost=5000.0),
+        limit=lambda known: Race.limit(race, known),
+        screen=lambda fit, names: ({n: n for n in names}, {}),
+        fits=lambda tasks, limit: fitted.append((tasks, limit)) or [],
+    )
+    search = SimpleNamespace(own=(), progress=lambda _: 0)
+    PairSearch(search, race)._nested([lag], [behind, leads])
+    [(tasks, limit)] = fitted
+    assert tasks == [(lag.fit, "creep")]
+    assert (limit.first < lag.fit.cost) is explains
 
 
 @pytest.mark.parametrize(("p_value", "further"), [(0.0015, True), (0.06, False)])
