@@ -60,7 +60,7 @@ def ask(campaign: Campaign, database: Database) -> Said:
     records = [coarsened(r, ERRORS.coarse_hz) for r in records_of(campaign)]
     fitter = Fitter(records, errors_of(records), TableDomes(database))
     begin = time.process_time()
-    base = Search(fitter).base().fit
+    base = Search(fitter).base()
     path = _stepwise(fitter, base)
     middle = time.process_time()
     found = _gaussian_process(fitter, base)

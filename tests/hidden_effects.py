@@ -8,7 +8,7 @@ from skinlab.curves.campaign import Campaign
 from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
-from skinlab.discrepancy.campaign_errors import CampaignErrors, learn, look_at_errors
+from skinlab.discrepancy.campaign_errors import CampaignErrors, Measured, learn, look_at_errors
 from skinlab.discrepancy.fit import Fitter
 from skinlab.discrepancy.misfit import errors_of
 from skinlab.discrepancy.records import records_of
@@ -54,6 +54,6 @@ def fitter_of(campaign, table, **options):
 def learned(records, base, noise_um=None, placement_scatter=None):
     """Return the errors as repeats and roughness tell them, and as the model as it is sees them."""
     none = np.zeros(sum(len(r.curve) for r in records))
-    stated = {"noise_um": noise_um, "placement_scatter": placement_scatter}
-    pure = learn(records, base, none, **stated)
-    return CampaignErrors((*pure.looks, look_at_errors(pure, records, base, none, **stated)))
+    measured = Measured(records, noise_um, placement_scatter)
+    pure = learn(measured, base, none)
+    return CampaignErrors((*pure.looks, look_at_errors(pure, measured, base, none)))

@@ -55,48 +55,69 @@ def look(
     probable share is taken off first. Structure that errors alone hardly have counts where repeats
     have it in common: what each of them has for itself is no fault of the model, whatever it is.
     """
-    measured = [r.straight_mm for r in records]
-    off = np.concatenate([m - w for m, w in zip(measured, deflections_mm, strict=True)])
-    left = errors.split(errors.without_columns(off))
-    total, count, pairs = 0.0, 0, 0
-    product = -sum(errors.expected_product(apart) for apart in _LAGS)
+    chances = _chances(records, errors, deflections_mm, unknowns)
+    return _residual(records, errors, deflections_mm, *chances)
+
+
+def _left(
+    records: Sequence[Record], errors: Covariance, deflections_mm: Sequence[Array]
+) -> tuple[list[Array], list[Array]]:
+    """Return what is left of each record, mm, and the same white by the errors."""
+    both = zip(records, deflections_mm, strict=True)
+    off = [r.straight_mm - w for r, w in both]
+    return off, errors.split(errors.without_columns(np.concatenate(off)))
+
+
+def _residual(
+    records: Sequence[Record],
+    errors: Covariance,
+    deflections_mm: Sequence[Array],
+    p_value: float,
+    by_errors: float,
+) -> Residual:
+    """Return these p values, and all stretches, the most significant first."""
     places: list[tuple[float, Place]] = []
-    for record, z, raw in zip(records, left, errors.split(off), strict=True):
-        product += _neighbours(z)
-        pairs += _pairs(z)
+    off, left = _left(records, errors, deflections_mm)
+    for record, z, raw in zip(records, left, off, strict=True):
         for begin, end in _stretches(record):
-            score = _score(z, begin, end)
-            total += score**2
-            count += 1
+            score = abs(_score(z, begin, end))
             at = slice(begin, end)
             p, t = record.curve.pressure_mbar[at], record.curve.time_s[at]
-            places.append(
-                (
-                    abs(score),
-                    Place(
-                        record.name,
-                        str(record.curve.phase[begin]),
-                        (float(p.min()), float(p.max())),
-                        (float(t[0]), float(t[-1])),
-                        1e3 * float(raw[at].mean()),
-                        record.noise_um,
-                        2.0 * float(ndtr(-abs(score))),
-                    ),
-                )
+            place = Place(
+                record.name,
+                str(record.curve.phase[begin]),
+                (float(p.min()), float(p.max())),
+                (float(t[0]), float(t[-1])),
+                1e3 * float(raw[at].mean()),
+                record.noise_um,
+                2.0 * float(ndtr(-score)),
             )
-    freedom = max(count - unknowns, 1)
-    by_means = float(chdtrc(freedom, total))
+            places.append((score, place))
+    places.sort(key=lambda item: -item[0])
+    corrected = (replace(p, p_value=min(1.0, p.p_value * len(places))) for _, p in places)
+    return Residual(p_value, tuple(corrected), by_errors)
+
+
+def _chances(
+    records: Sequence[Record], errors: Covariance, deflections_mm: Sequence[Array], unknowns: int
+) -> tuple[float, float]:
+    """Return the p value that errors alone leave as much, and that whatever repeats say."""
+    _, left = _left(records, errors, deflections_mm)
+    pairs, scores = 0, []
+    product = -sum(errors.expected_product(apart) for apart in _LAGS)
+    for record, z in zip(records, left, strict=True):
+        product += _neighbours(z)
+        pairs += _pairs(z)
+        scores += [_score(z, *at) for at in _stretches(record)]
+    freedom = max(len(scores) - unknowns, 1)
+    by_means = float(chdtrc(freedom, sum(score**2 for score in scores)))
     # Of very many samples a correlation that no effect makes is many deviations.
     by_neighbours = float(ndtr((ERRORS.neighbours_left * pairs - product) / np.sqrt(max(pairs, 1))))
     chance = by_errors = min(1.0, 2.0 * min(by_means, by_neighbours))
     if ERRORS.hardly <= by_errors < ERRORS.no_doubt:
         means, neighbours = _in_common(records, left, unknowns)
         chance = min(1.0, 2.0 * min(max(by_means, means), max(by_neighbours, neighbours)))
-    places.sort(key=lambda item: -item[0])
-    corrected = tuple(
-        Place(**{**vars(p), "p_value": min(1.0, p.p_value * len(places))}) for _, p in places
-    )
-    return Residual(chance, corrected, by_errors)
+    return chance, by_errors
 
 
 def _in_common(
@@ -170,20 +191,20 @@ def judge(
     optimum, along the fit's slopes: where placements may differ by 3 % a fit ends 10 µm beside the
     curves, in common, of places which hardly differ, and that is no structure.
     """
-    unknowns = len(fit.unknowns)
-    first = look(records, judged[0][0], fit.deflections_mm, unknowns)
-    if first.by_errors >= ERRORS.no_doubt:
-        return first
+    unknowns, likeliest = len(fit.unknowns), judged[0][0]
+    first = _chances(records, likeliest, fit.deflections_mm, unknowns)
+    if first[1] >= ERRORS.no_doubt:
+        return _residual(records, likeliest, fit.deflections_mm, *first)
     linear = Linearised.of(fit, errors, np.concatenate([r.straight_mm for r in records]))
     here_mm = linear.explained_mm(errors)  # of a fit that ended early this is not all taken off
-    each = []
-    for setting, _ in judged:
+
+    def own_mm(setting: Covariance) -> list[Array]:
         moved = setting.split(linear.explained_mm(setting) - here_mm)
-        own = [w + m for w, m in zip(fit.deflections_mm, moved, strict=True)]
-        each.append(look(records, setting, own, unknowns))
-    weight = [share for _, share in judged]
-    p = np.dot(weight, [[one.p_value, one.by_errors] for one in each])
-    return replace(each[0], p_value=float(p[0]), by_errors=float(p[1]))
+        return [w + m for w, m in zip(fit.deflections_mm, moved, strict=True)]
+
+    each = [_chances(records, setting, own_mm(setting), unknowns) for setting, _ in judged]
+    p_value, by_errors = np.dot([share for _, share in judged], each)
+    return _residual(records, likeliest, own_mm(likeliest), float(p_value), float(by_errors))
 
 
 def steps(

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ from skinlab.discrepancy.misfit import columns_of, pressure_errors_mm, slopes_mm
 from skinlab.discrepancy.placement_curves import softer_mm
 from skinlab.discrepancy.records import Record, by_condition
 from skinlab.discrepancy.settings import ERRORS
-from skinlab.inference.covariance import Covariance, gram_matrices, products
+from skinlab.inference.covariance import Covariance, gram_matrices, products, products_of
 from skinlab.inference.error_choice import ErrorChoice, Node, choose_errors
 from skinlab.inference.error_models.base import ErrorModel, Look
 from skinlab.inference.error_models.quantised import step_um
@@ -32,11 +32,10 @@ from skinlab.inference.likelihood import LinearModel
 from skinlab.inference.noise import (
     MESH_REST,
     legendre,
-    roughness,
 )
 from skinlab.inference.outliers import SPREAD, outlier_probability
 from skinlab.inference.samples import Samples, alike
-from skinlab.inference.settings import NOISE, POSTERIOR
+from skinlab.inference.settings import NOISE
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -128,7 +127,8 @@ class Linearised:
     def explained_mm(self, errors: Covariance) -> Array:
         """Return by how much the curves (u,) move where the unknowns go to their optimum."""
         slopes = self.slopes_mm[:, self.free]
-        white, left = errors.whiten(slopes), errors.whiten(self.residual_mm)
+        both = errors.whiten(np.column_stack([slopes, self.residual_mm]))
+        white, left = both[:, :-1], both[:, -1]
         prior = self.prior_slopes[:, self.free]
         whole = white.T @ white + prior.T @ prior + _sub(self.flat, self.free)
         moved = np.linalg.solve(whole, white.T @ left - prior.T @ self.prior)
@@ -263,14 +263,6 @@ class WithoutCurves:
         return found
 
 
-def products_of(gram: Array, log_base: Array, m: int) -> tuple[Array, Array]:
-    """Return `products` of the first m columns out of `gram_matrices`."""
-    root = np.linalg.cholesky(gram[:, m:, m:] + np.eye(gram.shape[1] - m))
-    taken = np.linalg.solve(root, gram[:, m:, :m])
-    log_inner = 2.0 * np.log(np.einsum("nii->ni", root)).sum(axis=1)
-    return gram[:, :m, :m] - taken.transpose(0, 2, 1) @ taken, log_base + log_inner
-
-
 def _alike(covariances: Sequence[Covariance]) -> list[list[int]]:
     return alike([(c.shapes_mm.shape[1], c.ou is None) for c in covariances])
 
@@ -315,31 +307,78 @@ def samples_of(records: Sequence[Record]) -> Samples:
     )
 
 
-def learn(
-    records: Sequence[Record],
-    base: Linearised,
-    thickness_mm: Array,
-    *,
-    noise_um: float | None,
-    placement_scatter: float | None,
-) -> CampaignErrors:
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """A campaign's samples, and what is known of their errors whatever explains them.
+
+    `noise_um` is that which was stated; `placement_scatter` as in a campaign.
+    """
+
+    records: Sequence[Record]
+    noise_um: float | None = None
+    placement_scatter: float | None = None
+
+    @cached_property
+    def samples(self) -> Samples:
+        """The samples of all records, in their order."""
+        return samples_of(self.records)
+
+    @cached_property
+    def softer_mm(self) -> Array:
+        """What a softer place does (u,), mm per logarithm, as measured curves say."""
+        return softer_mm(self.records)
+
+    @cached_property
+    def _columns_mm(self) -> Array:
+        return columns_of(self.records)
+
+    @cached_property
+    def _look(self) -> Look:
+        """What error models are shown beside a model that leaves nothing, and has no unknowns."""
+        return Look(
+            self.samples,
+            np.concatenate([r.at_pressure_mm for r in self.records]),
+            slopes_mm_per_mbar(self.records),
+            np.zeros(len(self.samples)),
+            np.zeros((len(self.samples), 0)),
+            self.noise_um,
+            np.concatenate([r.each(r.pressure_sd_mbar) for r in self.records]),
+            pressure_errors_mm(self.records),
+            self.placement_scatter,
+        )
+
+    def choose(
+        self, linear: LinearModel, models: Sequence[ErrorModel], softer_mm: Array | None = None
+    ) -> ErrorChoice:
+        """Return the errors of these kinds beside a model about its fit.
+
+        `softer_mm` (u,) is what a placement's stiffness does, if not what measured curves say.
+        """
+        look = replace(
+            self._look,
+            deflection_mm=self._look.deflection_mm - linear.residual_mm,
+            residual_mm=linear.residual_mm,
+            slopes=linear.slopes_mm,
+            softer_mm=self.softer_mm if softer_mm is None else softer_mm,
+        )
+        rest = (MESH_REST * self.samples.deflection_mm) ** 2
+        return choose_errors(look, linear, self._columns_mm, rest, models)
+
+
+def learn(measured: Measured, base: Linearised, thickness_mm: Array) -> CampaignErrors:
     """Return the errors as pure error sees them: repeats and roughness, whatever the model.
 
-    `thickness_mm` (u,) are `thickness_slopes`. `noise_um` is that which was stated;
-    `placement_scatter` as in a campaign.
+    `thickness_mm` (u,) are `thickness_slopes`.
     """
-    pure, models = pure_error(records, base, thickness_mm), models_of(records, thickness_mm)
-    return CampaignErrors((_choose(records, pure, noise_um, placement_scatter, models),))
+    models = models_of(measured.records, thickness_mm)
+    return CampaignErrors((measured.choose(pure_error(measured, base, thickness_mm), models),))
 
 
 def look_at_errors(
     before: CampaignErrors,
-    records: Sequence[Record],
+    measured: Measured,
     one: Linearised,
     thickness_mm: Array,
-    *,
-    noise_um: float | None,
-    placement_scatter: float | None,
     own_softer_mm: Array | None = None,
 ) -> ErrorChoice:
     """Return the errors as an explanation sees them, of the kinds that pure error may have.
@@ -348,20 +387,20 @@ def look_at_errors(
     """
     best, pure = {part.name for part in before.pure.best.parts} | {"ou"}, before.pure
     models = [
-        m for m in models_of(records, thickness_mm)
+        m for m in models_of(measured.records, thickness_mm)
         if m.name in best or pure.probability(m.name) > ERRORS.kind_kept
     ]  # fmt: skip
-    return _choose(records, one.of_free, noise_um, placement_scatter, models, own_softer_mm)
+    return measured.choose(one.of_free, models, own_softer_mm)
 
 
 def _sub(matrix: Array, kept: Mask) -> Array:
     return np.asarray(matrix[np.ix_(kept, kept)])
 
 
-def pure_error(records: Sequence[Record], base: Linearised, thickness_mm: Array) -> LinearModel:
+def pure_error(measured: Measured, base: Linearised, thickness_mm: Array) -> LinearModel:
     """Return the model as it is beside all that repeats may have in common, as good as free."""
-    waves = smooth_columns(records, ERRORS.smooth_degree, ERRORS.smooth_repeated)
-    return _beside(base.of_free, waves, _common_columns(records, thickness_mm))
+    waves = smooth_columns(measured.records, ERRORS.smooth_degree, ERRORS.smooth_repeated)
+    return _beside(base.of_free, waves, _common_columns(measured, thickness_mm))
 
 
 def _beside(own: LinearModel, waves: Array, common: Array) -> LinearModel:
@@ -375,14 +414,14 @@ def _beside(own: LinearModel, waves: Array, common: Array) -> LinearModel:
     )
 
 
-def _common_columns(records: Sequence[Record], thickness_mm: Array) -> Array:
+def _common_columns(measured: Measured, thickness_mm: Array) -> Array:
     """Return what another stiffness and thickness of all repeats of a condition do (u, m).
 
     How large these errors are is told by what repeats differ by, not by what a model misses.
     """
-    number = np.repeat(np.arange(len(records)), [len(r.curve) for r in records])
-    both = np.column_stack([softer_mm(records), thickness_mm])
-    repeated = [members for members in by_condition(records) if len(members) > 1]
+    number = measured.samples.curve
+    both = np.column_stack([measured.softer_mm, thickness_mm])
+    repeated = [members for members in by_condition(measured.records) if len(members) > 1]
     each = [np.isin(number, members)[:, None] * both for members in repeated]
     return np.hstack([np.zeros((len(number), 0)), *each])
 
@@ -447,7 +486,8 @@ def outliers(records: Sequence[Record], base: Linearised) -> Mask:
     samples = samples_of(records)
     step_mm = 1e-3 * step_um(samples.deflection_mm)
     # Slopes of the model's curve: a glitch of the measured one would hide in its own slope.
-    model_mm = np.split(_model_mm(records, base.residual_mm), samples.ends[:-1])
+    read_mm = np.concatenate([r.at_pressure_mm for r in records])
+    model_mm = np.split(read_mm - base.residual_mm, samples.ends[:-1])
     known_mm = pressure_errors_mm(records, model_mm)
     # Without what placements have in common: that is of the measured curves, with their glitches.
     # And with fewer polynomials: they would follow the first samples, glitches of all repeats.
@@ -473,35 +513,3 @@ def _rough_mm(values_mm: Array, columns: Array) -> Array:
         usual = max(float(np.median(np.abs(left))) / SPREAD, NOISE.least_mm)
         weight = 1.0 / np.sqrt(1.0 + np.square(left / (ERRORS.rough_tuning * usual)))
     return left
-
-
-def _model_mm(records: Sequence[Record], residual_mm: Array) -> Array:
-    return np.concatenate([r.at_pressure_mm for r in records]) - residual_mm
-
-
-def _choose(
-    records: Sequence[Record],
-    linear: LinearModel,
-    noise_um: float | None,
-    placement_scatter: float | None,
-    models: Sequence[ErrorModel],
-    own_softer_mm: Array | None = None,
-) -> ErrorChoice:
-    samples = samples_of(records)
-    look = Look(
-        samples,
-        _model_mm(records, linear.residual_mm),
-        slopes_mm_per_mbar(records),
-        linear.residual_mm,
-        linear.slopes_mm,
-        noise_um,
-        np.concatenate([r.each(r.pressure_sd_mbar) for r in records]),
-        pressure_errors_mm(records),
-        placement_scatter,
-        softer_mm=softer_mm(records) if own_softer_mm is None else own_softer_mm,
-    )
-    columns = columns_of(records)
-    least = POSTERIOR.small * max(roughness(linear.residual_mm), NOISE.least_mm)
-    seen = np.sqrt(np.square(columns).sum(axis=0)) > least
-    rest = (MESH_REST * samples.deflection_mm) ** 2
-    return choose_errors(look, linear, columns[:, seen], rest, models)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from skinlab.discrepancy.campaign_errors import CampaignErrors, Linearised
+from skinlab.discrepancy.campaign_errors import Linearised
 from skinlab.discrepancy.candidates import LOG10, Candidate, Found
 from skinlab.discrepancy.discipline import Trial
 from skinlab.discrepancy.fit import NO_LIMIT, Fit, Limit
@@ -82,7 +82,6 @@ def find_families(search: Search, found: Found, least: float = 0.0) -> Found:
     `search.errors` are those that were learned with them from then on. None is fitted where none
     promises `least` (log10 evidence over the model as it is), linearised.
     """
-    assert search.errors is not None
     base = found.base
     seen = seen_in(found.records, base.fit)
     own = set(base.effects)
@@ -97,7 +96,7 @@ def find_families(search: Search, found: Found, least: float = 0.0) -> Found:
     fitted = [(p, fit) for p in worth if (fit := _fit(search, base.fit, p, seen)) is not None]
     if not fitted:
         return replace(found, candidates=[])
-    scaled = [_scaled(search, search.errors, fit, p.family, seen) for p, fit in fitted]
+    scaled = [_scaled(search, fit, p.family, seen) for p, fit in fitted]
     best = max(range(len(scaled)), key=lambda i: scaled[i][1])
     fits = [
         _fitted_again(search, fit, first)
@@ -105,8 +104,7 @@ def find_families(search: Search, found: Found, least: float = 0.0) -> Found:
     ]
     search.errors = search.errors_with(fits[best])
     scaled = [
-        _scaled(search, search.errors, fit, p.family, seen)
-        for fit, (p, _) in zip(fits, fitted, strict=True)
+        _scaled(search, fit, p.family, seen) for fit, (p, _) in zip(fits, fitted, strict=True)
     ]
     plain = float(search.errors.log_evidences([search.linear(base.fit)])[0])
     odds = -np.log10(max(len(promises), 2))
@@ -132,7 +130,6 @@ def against_families(search: Search, base: Candidate, best: Candidate) -> Trial:
     practice is not needed: a path that is known to a tenth of a millibar leaves as much.
     """
     errors, fits = search.errors, (base.fit, best.fit)
-    assert errors is not None
     seen, own = seen_in(search.fitter.records, base.fit), set(best.effects)
     offered = [one for one in functions() if one.name not in own]
     asked = [one for one in offered if not _of_the_solid(search, base.fit, one, seen)]
@@ -187,12 +184,11 @@ def _fitted_log10(
     They are those of the model as it is and of an explanation. A function that comes not near the
     explanation's cost is no rival: its fit ends early.
     """
-    assert search.errors is not None
     found = _fit(search, fits[which], promise, seen, Limit.at(fits[1].cost + SEARCH.far))
     if found is None:
         return -np.inf
     plain = float(search.errors.log_evidences([search.linear(fits[0])])[0])
-    return (_scaled(search, search.errors, found, promise.family, seen)[1] - plain) / LOG10
+    return (_scaled(search, found, promise.family, seen)[1] - plain) / LOG10
 
 
 def _change_um(errors: Covariance, one: Linearised, more: Linearised) -> float:
@@ -218,7 +214,6 @@ class _Promise:
     def of(cls, search: Search, fit: Fit, one: LearnedEffect, seen: Seen) -> _Promise | None:
         """Return it, None where its model does not hold or it does nothing."""
         fitter, errors = search.fitter, search.errors
-        assert errors is not None
         shapes = _shapes(search, fit, one, seen)
         if shapes is None:
             return None
@@ -321,9 +316,7 @@ def _fitted_again(search: Search, fit: Fit, before: Fit) -> Fit:
     return fit if again is None else again
 
 
-def _scaled(
-    search: Search, errors: CampaignErrors, fit: Fit, one: LearnedEffect, seen: Seen
-) -> tuple[Fit, float]:
+def _scaled(search: Search, fit: Fit, one: LearnedEffect, seen: Seen) -> tuple[Fit, float]:
     """Return the fit at its likeliest scale, and log evidence with the scale integrated out."""
     fits = [replace(fit, unknowns=with_family(fit.unknowns, one, seen, s)) for s in SEARCH.scales]
     linear = search.linear(fit)
@@ -336,7 +329,7 @@ def _scaled(
         )
         for f in fits
     ]
-    each = errors.log_evidences(ones)
+    each = search.errors.log_evidences(ones)
     return fits[int(np.argmax(each))], float(logsumexp(each) - np.log(len(each)))
 
 

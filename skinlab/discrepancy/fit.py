@@ -35,9 +35,8 @@ class Fit:
     u: Array  # (k,) optimum
     deflections_mm: list[Array]
     chi2: float  # of the data; priors not included
-    cost: float  # with the effects' priors
+    cost: float  # with the priors, the law's and the effects'
     jacobian: Array  # (n, k) of whitened residuals
-    log_evidence: float
     settled: bool  # whether another anchor would change nothing
     corrected: bool  # whether finite elements corrected the table
 
@@ -170,13 +169,9 @@ class Fitter:
             found[held] = errors.whiten(off[held].T).T
         return found
 
-    def jacobian(self, model: MappedModel, u: Array, keep: Kept | None = None) -> Array:
-        """Return derivatives (n, k) of `residuals`, by differences inside the bounds."""
-        return np.asarray(self.jacobians(model, u[None], keep)[0])
-
-    def jacobians(self, model: MappedModel, u: Array, keep: Kept | None = None) -> Array:
-        """Return derivatives (candidates, n, k) for unknowns (candidates, k), in one batch."""
-        return self.residuals_and_slopes(model, u, keep)[1]
+    def jacobian(self, model: MappedModel, u: Array) -> Array:
+        """Return derivatives (n, k) of whitened residuals, by differences inside the bounds."""
+        return np.asarray(self.residuals_and_slopes(model, u[None])[1][0])
 
     def residuals_and_slopes(
         self, model: MappedModel, u: Array, keep: Kept | None = None
@@ -297,9 +292,8 @@ class Fitter:
         found = other.near(fit) if fit.corrected else other.fit(fit.unknowns, fit.u)
         if found is None:
             return fit
-        jacobian = self.errors.whiten(errors.colour(found.jacobian))
-        own = self._told(fit.unknowns, found.u, found.deflections_mm, jacobian, found.corrected)
-        return replace(own, settled=found.settled)
+        cost, chi2 = self._costs(fit.unknowns, found.u, found.deflections_mm)
+        return replace(found.with_errors(errors, self.errors), chi2=chi2, cost=cost)
 
     def _walk(
         self,
@@ -342,7 +336,7 @@ class Fitter:
                 least_gain=max(FITS.least_gain, FITS.least_gain_share * missing),
             )
             expected = model.predict(u)
-            hoped = self._cost(unknowns, u, expected)
+            hoped, _ = self._costs(unknowns, u, expected)
             lowest = min(best.cost, hoped)
             if (k >= FITS.seen_anchors and lowest > limit.first) or (
                 k >= FITS.enough_anchors and lowest > min(known, limit.later)
@@ -399,43 +393,24 @@ class Fitter:
         off = self.errors.whiten(np.concatenate(now) - np.concatenate(before))
         return float(off @ off)
 
-    def _cost(self, unknowns: Unknowns, u: Array, predicted: list[Array]) -> float:
+    def _costs(self, unknowns: Unknowns, u: Array, predicted: list[Array]) -> tuple[float, float]:
+        """Return the cost with the priors, and χ² of the data alone."""
         off = np.concatenate(predicted) - self.measured
         if not np.isfinite(off).all():
-            return math.inf
+            return math.inf, math.inf
         r, prior = self.errors.whiten(off), unknowns.prior_rows(u)
-        return float(r @ r + prior @ prior)
+        cost = float(r @ r + prior @ prior)
+        return cost, cost - float(prior @ prior)
 
     def _finish(self, model: MappedModel, u: Array) -> Fit | None:
-        unknowns = model.unknowns
-        predicted = model.predict(u)
-        if not math.isfinite(self._cost(unknowns, u, predicted)):
+        unknowns, predicted = model.unknowns, model.predict(u)
+        cost, chi2 = self._costs(unknowns, u, predicted)
+        if not math.isfinite(cost):
             return None
-        return self._told(unknowns, u, predicted, self.jacobian(model, u), model.corrected)
-
-    def _told(
-        self, unknowns: Unknowns, u: Array, predicted: list[Array], jacobian: Array, corrected: bool
-    ) -> Fit:
-        cost = self._cost(unknowns, u, predicted)
-        prior = unknowns.prior_rows(u)
-        log_det = float(np.linalg.slogdet(unknowns.information(jacobian, u))[1])
-        evidence = (
-            -0.5 * cost
-            - 0.5 * log_det
-            + 0.5 * len(u) * math.log(2 * math.pi)
-            - unknowns.log_prior_volume
-        )
         return Fit(
-            unknowns,
-            u,
-            predicted,
-            cost - float(prior @ prior),
-            cost,
-            jacobian,
-            evidence,
-            settled=True,
-            corrected=corrected,
-        )
+            unknowns, u, predicted, chi2, cost, self.jacobian(model, u),
+            settled=True, corrected=model.corrected,
+        )  # fmt: skip
 
 
 @dataclass(eq=False)
@@ -467,7 +442,8 @@ class Misfit:
         """Return derivatives (n, m, k) of `differences`."""
         known, self._known = self._known, None
         if known is None or known[0] is not parameters:
-            known = parameters, self.fitter.jacobians(self.model, parameters, self.keep)
+            _, found = self.fitter.residuals_and_slopes(self.model, parameters, self.keep)
+            known = parameters, found
         priors = [self.model.unknowns.prior_slopes(u) for u in parameters]
         return np.concatenate([known[1], np.array(priors)], axis=1)
 

@@ -8,13 +8,41 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.discrepancy.fit import Fit, Fitter
+from skinlab.discrepancy.fit import Fit, Fitter, Kept
 from skinlab.discrepancy.settings import FITS, NAMES
 from skinlab.discrepancy.space_mapping import MappedModel
 from skinlab.inference.covariance import Covariance
 
 Array = NDArray[np.float64]
-Part = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """Samples (u,) that are held out together, their errors, and all others."""
+
+    out: NDArray[np.bool_]
+    errors: Covariance
+    kept: Kept
+
+    @classmethod
+    def of(cls, fitter: Fitter, out: NDArray[np.bool_]) -> Part:
+        """Return these samples as a part of what a fitter has."""
+        return cls(out, fitter.errors.only(out), fitter.kept(~out))
+
+    def covariance(self, errors: Covariance, fit: Fit) -> Array:
+        """Return the covariance (k, k) of a fit's unknowns without these samples."""
+        slopes = errors.colour(fit.jacobian)[self.kept.samples]
+        kept = self.kept.errors.whiten(slopes)
+        prior = fit.information - fit.jacobian.T @ fit.jacobian
+        return np.asarray(np.linalg.inv(kept.T @ kept + prior))
+
+    def tells_alone(self, errors: Covariance, fit: Fit) -> bool:
+        """Return whether an effect's unknown is hardly better known than its prior without it."""
+        deviations = np.sqrt(np.diag(self.covariance(errors, fit)))
+        most = [NAMES.known * axis.prior[1] for axis in fit.unknowns.axes]
+        of_effects = slice(fit.unknowns.count, None)
+        lost = deviations[of_effects] > most
+        return bool((lost & (fit.deviations[of_effects] <= most)).any())
 
 
 @dataclass(frozen=True)
@@ -34,7 +62,7 @@ class HeldOut:
 
 
 def conditions_of(fitter: Fitter, fits: Sequence[Fit]) -> list[Part]:
-    """Return what is held out, in turn: samples (u,) of whole conditions.
+    """Return what is held out, in turn: whole conditions.
 
     A condition that alone tells an unknown of one of the fits cannot be predicted by anybody
     without it (the softening, of the only later cycle): its phases are held out instead. Empty
@@ -49,30 +77,15 @@ def conditions_of(fitter: Fitter, fits: Sequence[Fit]) -> list[Part]:
     found: list[Part] = []
     for condition in conditions:
         members = [i for i, r in enumerate(records) if r.condition == condition]
-        whole = np.isin(names, members)
-        if not any(_lost(fitter.errors, fit, whole) for fit in fits):
+        whole = Part.of(fitter, np.isin(names, members))
+        if not any(whole.tells_alone(fitter.errors, fit) for fit in fits):
             found.append(whole)
             continue
-        parts = [whole & (phases == phase) for phase in dict.fromkeys(phases[whole])]
-        if len(parts) > 1:
-            found += [p for p in parts if not any(_lost(fitter.errors, fit, p) for fit in fits)]
+        each = [whole.out & (phases == phase) for phase in dict.fromkeys(phases[whole.out])]
+        if len(each) > 1:
+            parts = [Part.of(fitter, out) for out in each]
+            found += [p for p in parts if not any(p.tells_alone(fitter.errors, f) for f in fits)]
     return found
-
-
-def _lost(errors: Covariance, fit: Fit, out: Part) -> bool:
-    """Return whether an effect's unknown is known hardly better than its prior without these."""
-    deviations = np.sqrt(np.diag(_covariance(errors, fit, out)))
-    most = [NAMES.known * axis.prior[1] for axis in fit.unknowns.axes]
-    of_effects = slice(fit.unknowns.count, None)
-    lost = deviations[of_effects] > most
-    return bool((lost & (fit.deviations[of_effects] <= most)).any())
-
-
-def _covariance(errors: Covariance, fit: Fit, out: Part) -> Array:
-    """Return the covariance (k, k) of a fit's unknowns without these samples."""
-    kept = errors.only(~out).whiten(errors.colour(fit.jacobian)[~out])
-    prior = fit.information - fit.jacobian.T @ fit.jacobian
-    return np.asarray(np.linalg.inv(kept.T @ kept + prior))
 
 
 def predict_held_out(fitter: Fitter, fit: Fit, parts: Sequence[Part]) -> HeldOut:
@@ -99,20 +112,19 @@ def predict_held_out(fitter: Fitter, fit: Fit, parts: Sequence[Part]) -> HeldOut
     left, doubt, plain = 0.0, 0.0, 0.0
     held = np.zeros(len(measured), dtype=bool)
     slopes = errors.colour(fit.jacobian)
-    for out in parts:
-        here = errors.only(out)
-        reach = here.whiten(slopes[out])
-        spread = float(np.einsum("nj,jk,nk->", reach, _covariance(errors, fit, out), reach))
-        most = NAMES.held_out_ratio**2 * (int(out.sum()) + spread)
-        off = _off(fitter, model, fit.u, (low, high), out, here, most)
-        z = here.whiten(off)
+    for part in parts:
+        reach = part.errors.whiten(slopes[part.out])
+        spread = float(np.einsum("nj,jk,nk->", reach, part.covariance(errors, fit), reach))
+        most = NAMES.held_out_ratio**2 * (int(part.out.sum()) + spread)
+        off = _off(fitter, model, fit.u, (low, high), part, most)
+        z = part.errors.whiten(off)
         left += float(z @ z)
         plain += float(off @ off)
         doubt += spread
-        held |= out
+        held |= part.out
     n = int(held.sum())
     split = errors.split(held)
-    files = tuple(r.name for r, part in zip(fitter.records, split, strict=True) if part.any())
+    files = tuple(r.name for r, out in zip(fitter.records, split, strict=True) if out.any())
     return HeldOut(
         noise * float(np.sqrt(left / n)),
         noise,
@@ -127,8 +139,7 @@ def _off(
     model: MappedModel,
     at: Array,
     box: tuple[Array, Array],
-    out: Part,
-    errors: Covariance,
+    part: Part,
     most: float,
 ) -> Array:
     """Return by how much a part is off (u,), mm, that is predicted without it.
@@ -137,11 +148,10 @@ def _off(
     others lead: a layer below was moved by half of a typical size, where slopes at the first place
     are off by 30 µm.
     """
-    kept = fitter.kept(~out)
     for _ in range(FITS.refit_anchors):
-        at = fitter.minimise(model, at, *box, kept)
-        off = np.asarray((np.concatenate(model.predict(at)) - fitter.measured)[out])
-        if not model.corrected or float(np.square(errors.whiten(off)).sum()) <= most:
+        at = fitter.minimise(model, at, *box, part.kept)
+        off = np.asarray((np.concatenate(model.predict(at)) - fitter.measured)[part.out])
+        if not model.corrected or float(np.square(part.errors.whiten(off)).sum()) <= most:
             break
         model = model.exact()
         if not model.anchor(at):

@@ -27,9 +27,8 @@ from skinlab.inference.intervals import most_of_the_range
 from skinlab.inference.joint import GaussianPrior
 from skinlab.inference.result import Identification, Value
 from skinlab.inference.samples import EVERYTHING, Fitted, choose
-from skinlab.mechanics.effects import get_effect
 from skinlab.mechanics.materials import get_law
-from skinlab.mechanics.model_file import Model, Normal
+from skinlab.mechanics.model_file import Model
 from skinlab.parameters import Space
 from skinlab.tables.forward import check_law_of
 
@@ -61,12 +60,7 @@ def _space_of(model: Model) -> tuple[Space | None, tuple[GaussianPrior, ...]]:
     if not model.parameters:
         return None, ()
     space = model.space
-    priors = tuple(
-        GaussianPrior(i, prior.mean, prior.sd)
-        for i, name in enumerate(space.names)
-        if isinstance(prior := model.prior(name), Normal)
-    )
-    return space, priors
+    return space, tuple(GaussianPrior(*known) for known in model.normal_priors(space))
 
 
 @dataclass(frozen=True)
@@ -89,8 +83,7 @@ class ModelIdentifier(Identifier):
     ) -> Identification:
         del intervals, start
         started = self.clock()
-        history = any(get_effect(name).needs_history for name in self.model.effects)
-        phases = EVERYTHING if history else self.phases
+        phases = EVERYTHING if self.model.needs_history else self.phases
         blank = replace(blank, phases=phases)
         if self.model.learned_from({curve.source for curve in curves if curve.source}):
             # Data that the priors come from would count twice
@@ -123,7 +116,6 @@ class ModelIdentifier(Identifier):
             placement_scatter=sensor.placement_scatter,
         )
         base = search.learned_base()
-        assert search.errors is not None
         # The errors as this model sees them: there is no other explanation.
         errors = search.errors.looks[-1]
         fitter = search.fitter.with_errors(search.fitter.records, errors.mode)

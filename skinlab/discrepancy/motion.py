@@ -36,7 +36,6 @@ def find_motion(search: Search, found: Found) -> tuple[Candidate, tuple[Trial, .
     best explanation have to agree, for what a wrong model leaves may look like a motion.
     """
     errors, base = search.errors, found.base
-    assert errors is not None
     noise = found.errors.count
     repeated = any(len(members) > 1 for members in by_condition(found.records))
     if not repeated or base.fit.chi2 - noise > NAMES.learned_left * noise:

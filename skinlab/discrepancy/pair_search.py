@@ -23,6 +23,9 @@ from skinlab.inference.error_choice import ErrorChoice
 Array = NDArray[np.float64]
 
 
+_Promises = dict[str, tuple[Fit, Signature] | None]
+
+
 class Singles(Protocol):
     """What pairs ask of the search whose single effects they are beside."""
 
@@ -49,6 +52,8 @@ class PairSearch:
     def __init__(self, search: Singles, race: Race) -> None:
         """Take the search whose single effects these are beside, and its race."""
         self._search, self._race, self._own = search, race, search.own
+        # What was promised beside fits and their looks, by their addresses, and what these are of.
+        self._promised: dict[tuple[int, int], tuple[Fit, ErrorChoice | None, _Promises]] = {}
 
     def beside(
         self,
@@ -131,6 +136,21 @@ class PairSearch:
     def _partners(self, library: list[str], leader: Candidate) -> list[tuple[Fit, Signature]]:
         """Return a leader's fits and what effects promise beside them, the most promising first."""
         look = next((e for fit, e in self._search.looks if fit is leader.fit), None)
+        at = (id(leader.fit), id(look))
+        known = self._promised.setdefault(at, (leader.fit, look, {}))[2]
+        new = [n for n in library if n not in known]
+        if new:
+            known |= {**dict.fromkeys(new), **self._promises(new, leader, look)}
+        found = [promise for n in library if (promise := known[n]) is not None]
+        return sorted(found, key=lambda t: t[0].cost - t[1].gain)
+
+    def _promises(
+        self, library: list[str], leader: Candidate, look: ErrorChoice | None
+    ) -> dict[str, tuple[Fit, Signature]]:
+        """Return for effects a leader's fit and what they promise beside it; of several the best.
+
+        Of those that cannot be screened there is none.
+        """
         found, _ = self._race.screen(leader.fit, library, None if look is None else look.mode)
         if look is not None:
             # These may have taken up what the partner does; what repeats say has not.
@@ -145,7 +165,7 @@ class PairSearch:
                 fit, seen = promised.get(n, (held, s))
                 if held.cost - s.gain <= fit.cost - seen.gain:
                     promised[n] = held, s
-        return sorted(promised.values(), key=lambda t: t[0].cost - t[1].gain)
+        return promised
 
     def _by_errors_of_both(
         self, leader: Fit, look: ErrorChoice, found: Mapping[str, Signature]

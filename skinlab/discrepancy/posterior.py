@@ -7,6 +7,7 @@ anchored at the fit.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +39,7 @@ class Posterior:
     weight: Array
     log_density: Array  # (n,) up to a constant
 
-    @property
+    @cached_property
     def parameters(self) -> dict[str, dict[str, float]]:
         """Medians with the shortest 90 % intervals, by name."""
         low, high = (self.unknowns.named(u) for u in self.unknowns.bounds)

@@ -119,7 +119,7 @@ def records_of(campaign: Campaign) -> list[Record]:
         # A lone curve's roughness is known to a tenth only: one instrument, one noise.
         weights = [float(len(r.curve)) for r in found]
         squares = [r.noise_um**2 for r in found]
-        repeats = noise_from_repeats_um(campaign.curves, ("load", "hold", "unload", "rest"))
+        repeats = noise_from_repeats_um(campaign.curves)
         if repeats is not None:
             squares.append(repeats**2)
             weights.append(0.5 * sum(weights) / len(found))

@@ -25,7 +25,7 @@ from skinlab.mechanics.fem.suction import SCREENING_MESH
 
 Array = NDArray[np.float64]
 
-NO_MODEL = "its model does not hold for these skins, even at 3 % of a typical size"
+NOT_HELD = "its model does not hold for these skins, even at 3 % of a typical size"
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,10 +10,11 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from skinlab.discrepancy.adequacy import Residual, judge, look
+from skinlab.discrepancy.adequacy import Residual, judge
 from skinlab.discrepancy.campaign_errors import (
     CampaignErrors,
     Linearised,
+    Measured,
     averaged,
     evidences_of_look,
     learn,
@@ -75,13 +76,14 @@ class Search:
     ) -> None:
         """`noise_um` and `placement_scatter` are as stated in a campaign; None: to be learned."""
         self.fitter = fitter
-        self._noise_um, self._placement_scatter = noise_um, placement_scatter
+        self._measured = Measured(fitter.records, noise_um, placement_scatter)
         self._thickness_mm = np.zeros(0)
-        self.errors: CampaignErrors | None = None  # None: those of the fitter, as they are
+        self._errors: CampaignErrors | None = None
         self._first: tuple[ErrorChoice, ...] = ()  # pure error, and as the model as it is sees them
         self.looks: list[tuple[Fit, ErrorChoice]] = []  # and as explanations do
         # Evidence of fits by looks, by their addresses, and what these are of.
         self._weighed_by: dict[int, tuple[ErrorChoice, dict[int, tuple[Fit, float]]]] = {}
+        self._own_log: dict[int, float] = {}  # log evidence of each of `looks` itself, by address
         self.kept: tuple[NDArray[np.bool_], ...] = ()  # samples (n,) of each curve
         self.unknowns = with_thickness(unknowns_of(model), fitter.records)
         self.own = self.unknowns.effects
@@ -90,8 +92,18 @@ class Search:
             n for n in library_names() if n not in self.own and not get_effect(n).same_as
         ]
 
-    def base(self) -> Candidate:
-        """Return the fit of the model as it is.
+    @property
+    def errors(self) -> CampaignErrors:
+        """What the errors may be, from `learned_base` on."""
+        assert self._errors is not None
+        return self._errors
+
+    @errors.setter
+    def errors(self, now: CampaignErrors) -> None:
+        self._errors = now
+
+    def base(self) -> Fit:
+        """Return the fit of the model as it is, with the errors that the fitter knows.
 
         Raises:
             NotTrustworthyError: it has no answer at all for these curves.
@@ -111,7 +123,7 @@ class Search:
         if on_paths is not None:
             self.fitter = on_paths
             best = self._fitted(best)
-        return self.candidate(best, None)
+        return best
 
     def _from_each(self, unknowns: Unknowns, starts: Sequence[Array]) -> list[Fit]:
         """Return fits from starts of the law, until so many have led to the best of them."""
@@ -191,7 +203,7 @@ class Search:
         Raises:
             NotTrustworthyError: it has no answer at all for these curves.
         """
-        first = self.base().fit
+        first = self.base()
         before, domes = self.fitter, self.fitter.domes
         linear = Linearised.of(first, before.errors, before.measured)
         bad = outliers(before.records, linear)
@@ -217,7 +229,9 @@ class Search:
 
     def _learned(self, records: Sequence[Record], first: Fit, linear: Linearised) -> Fit:
         """Return the model's fit with the errors that are learned about a first one."""
-        self.errors = self._learn(records, linear)
+        if records is not self._measured.records:
+            self._measured = replace(self._measured, records=records)
+        self.errors = learn(self._measured, linear, self._thickness_mm)
         return self._refitted(records, first)
 
     def _elsewhere(self, fit: Fit) -> Fit | None:
@@ -236,10 +250,10 @@ class Search:
 
     def _bent(self, fit: Fit) -> list[Record] | None:
         """Return the records with what their places do beyond slopes, None where it is known."""
-        assert self.errors is not None
         records, domes = self.fitter.records, self.fitter.domes
         now_mm = thickness_slopes(records, fit, domes)
-        pure, node = pure_error(records, self.linear(fit), now_mm), self.errors.pure.nodes[0]
+        pure = pure_error(self._measured, self.linear(fit), now_mm)
+        node = self.errors.pure.nodes[0]
         bends = bends_mm(records, fit, domes, pure, node, self._thickness_mm, now_mm)
         off = max(float(np.abs(b - r.bend_mm).max()) for b, r in zip(bends, records, strict=True))
         if 1e3 * off <= ERRORS.bend_um:
@@ -248,7 +262,6 @@ class Search:
 
     def _refitted(self, records: Sequence[Record], first: Fit) -> Fit:
         """Return a fit with the errors as learned, which is how all others are fitted from here."""
-        assert self.errors is not None
         self.fitter = self.fitter.with_errors(records, self.errors.working)
         return self._fitted(first)
 
@@ -258,19 +271,10 @@ class Search:
             raise NotTrustworthyError("the model has no answer for these curves")
         return fit
 
-    def _learn(self, records: Sequence[Record], one: Linearised) -> CampaignErrors:
-        return learn(
-            records, one, self._thickness_mm, noise_um=self._noise_um,
-            placement_scatter=self._placement_scatter,
-        )  # fmt: skip
-
     def errors_with(self, fit: Fit) -> CampaignErrors:
         """Return the errors that were learned, with the look that this explanation gives."""
-        assert self.errors is not None
-        found = look_at_errors(
-            self.errors, self.fitter.records, self.linear(fit), self._thickness_mm,
-            noise_um=self._noise_um, placement_scatter=self._placement_scatter,
-        )  # fmt: skip
+        linear = self.linear(fit)
+        found = look_at_errors(self.errors, self._measured, linear, self._thickness_mm)
         return CampaignErrors((*self.errors.looks, found))
 
     def _implausible(self, ranked: Sequence[Candidate]) -> str:
@@ -279,16 +283,14 @@ class Search:
         What a placement's stiffness does is told by that one itself: measured curves of what
         relaxes tell it badly, and what they are off by was called errors that last, of 16 µm.
         """
-        assert self.errors is not None
         told, best = self.errors.implausible, next((c for c in ranked if c.adequate), None)
         if not told or best is None:
             return told
         linear = self.linear(best.fit)
+        own_mm = linear.slopes_mm[:, best.fit.unknowns.space.scale]
         look = look_at_errors(
-            self.errors, self.fitter.records, linear, self._thickness_mm, noise_um=self._noise_um,
-            placement_scatter=self._placement_scatter,
-            own_softer_mm=linear.slopes_mm[:, best.fit.unknowns.space.scale],
-        )  # fmt: skip
+            self.errors, self._measured, linear, self._thickness_mm, own_softer_mm=own_mm
+        )
         return CampaignErrors((look,)).implausible
 
     def linear(self, fit: Fit) -> Linearised:
@@ -329,7 +331,6 @@ class Search:
         polynomials that stand for any model take up most of a breath that lasts about as long as a
         phase, so that repeats tell its size, and its frequency badly. Empty where that is not so.
         """
-        assert self.errors is not None
         ranked = sorted(candidates, key=lambda c: -c.log10_evidence)
         if ranked[0].adequate or ranked[0].log10_evidence < NAMES.tie:
             return []
@@ -367,7 +368,6 @@ class Search:
         if len(near) < 2:
             return candidates
         self.progress(f"fitting {len(near)} explanations by the errors of the best")
-        assert self.errors is not None
         errors = self.errors.looks[-1].mode
         fitted = race.fitted(fit_by, [(c.fit, errors) for c in near])
         moved = self.weighed(race.base, fitted)
@@ -403,7 +403,6 @@ class Search:
         misses, and pure error knows of none: then no larger ones than usual. None where that is not
         so.
         """
-        assert self.errors is not None
         ahead = any(c.log10_evidence >= found.tie for c in found.candidates)
         if ahead or found.implausible:
             return None
@@ -419,7 +418,6 @@ class Search:
 
     def weighed(self, base: Candidate, candidates: Sequence[Candidate]) -> list[Candidate]:
         """Return candidates of the library with their evidence by the errors as they are now."""
-        assert self.errors is not None
         fits = [c.fit for c in (base, *candidates)]
         looks = [self._evidences(look, fits) for look in self.errors.looks]
         least, *each = averaged(looks).tolist()
@@ -445,8 +443,6 @@ class Search:
 
     def _roughly(self, fit: Fit) -> float:
         """Return the log evidence (natural) by which explanations are ranked."""
-        if self.errors is None:
-            return fit.log_evidence
         return float(self.errors.log_evidences([self.linear(fit)], ERRORS.rough_nodes)[0])
 
     def _singles(self, race: Race, chosen: list[Signature]) -> list[Candidate]:
@@ -508,7 +504,9 @@ class Search:
     def gains_by_its_own_errors(self, fit: Fit, others: Sequence[Linearised]) -> list[float]:
         """Return twice the log evidence of others over a fit, each by errors like that one's."""
         look = self.look_of(fit)
-        least = look.roughly(self.linear(fit).of_free)
+        if id(look) not in self._own_log:
+            self._own_log[id(look)] = look.roughly(self.linear(fit).of_free)
+        least = self._own_log[id(look)]
         return [2.0 * (look.roughly(other.of_free) - least) for other in others]
 
     def left_of(self, fit: Fit, told: ErrorChoice) -> Residual:
@@ -526,11 +524,7 @@ class Search:
 
     def candidate(self, fit: Fit, base: Candidate | None) -> Candidate:
         """Return a fit, its residual judged, and how far it is ahead of the base (None: itself)."""
-        records, k = self.fitter.records, len(fit.unknowns)
-        if self.errors is None:
-            left = look(records, self.fitter.errors, fit.deflections_mm, k)
-        else:
-            left = self.left_of(fit, self.errors.pure)
+        left = self.left_of(fit, self.errors.pure)
         at_bound = tuple(n for n, f in zip(fit.unknowns.names, fit.free, strict=True) if not f)
         ahead = 0.0
         if base is None:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinlab.discrepancy.fit import NO_LIMIT, Fit, Fitter, Limit
-from skinlab.discrepancy.screen import NO_MODEL, Signature, signature
+from skinlab.discrepancy.screen import NOT_HELD, Signature, signature
 from skinlab.discrepancy.settings import FITS
 from skinlab.discrepancy.starts import middle_of
 from skinlab.discrepancy.unknowns import Unknowns
@@ -37,7 +37,7 @@ def signature_of(fitter: Fitter, task: tuple[Fit, str]) -> Signature | str:
             raise
         why = error.__cause__ if isinstance(error, BrokenPluginError) else error
         return f"plugin {origin.distribution} broke down: {type(why).__name__}: {why}"
-    return NO_MODEL if found is None else found
+    return NOT_HELD if found is None else found
 
 
 def signature_by(fitter: Fitter, task: tuple[Fit, str, Covariance]) -> Signature | str:

@@ -1,8 +1,20 @@
-"""All curves of a campaign as functions of an explanation's unknowns, exact at the anchor."""
+"""All curves of a campaign as functions of an explanation's unknowns, exact at the anchor.
+
+A skin's problem has features that the dimensionless table answers exactly (other stiffness, other
+thickness, a preload), and others (layers, pre-stretch, slip, added energy, relaxation) that it does
+not. For these the finite elements are solved at one point, the anchor, and their ratio to the
+table's answer there corrects the table nearby; the ratio's change with the unknowns is taken from
+slopes or learnt from anchor to anchor. At the anchor itself the model is that of the finite
+elements (space mapping: Bandler et al. 2004, IEEE Trans. Microw. Theory Tech. 52:337). Relaxation
+is first approximated by letting the pressure of the dome relax as the stress would, which is too
+much: the volume does not relax. The share by which it is so is what the finite elements tell there.
+
+Nothing here asks which effect it is.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 
@@ -213,14 +225,6 @@ class MappedModel:
         every = self.domes(problems, tops)
         return {key: every.some(slice(i * n, (i + 1) * n)) for i, key in enumerate(keys)}
 
-    def _domes(self, candidates: Sequence[Problems], key: Key) -> Domes:
-        problems = [c.problems[key] for c in candidates]
-        tops = [
-            self._problems.top_mbar(c, key) / p.stiffness
-            for c, p in zip(candidates, problems, strict=True)
-        ]
-        return self.domes(problems, tops)
-
     def _height_in_time(
         self,
         i: int,
@@ -328,12 +332,12 @@ class MappedModel:
             return False
         off = self._from_anchor(u[None])[0]
         ratios: dict[Key, tuple[Array, Learnt]] = {}
-        for key, problem in here.problems.items():
-            if has_features(problem):
-                found = self._ratio(u, here, key, slopes=slopes)
-                if found is None:
-                    return False
-                ratios[key] = found
+        solids = [key for key, problem in here.problems.items() if has_features(problem)]
+        for key, changes in self._changes(u, solids, slopes=slopes).items():
+            found = self._ratio(u, here, key, changes)
+            if found is None:
+                return False
+            ratios[key] = found
         before, last = self._ratios, self._anchor
         self._ratios, self._anchor = ratios, u.copy()
         if last is not None:
@@ -388,8 +392,7 @@ class MappedModel:
 
     def _share_steps(self, u: Array, here: Problems) -> dict[int, float]:
         """Return the unknowns with which a share changes, and how far each is moved."""
-        keys = here.problems.items()
-        changing = {j for key, problem in keys for j in self._changes(u, problem, key)}
+        changing = set().union(*self._changes(u, here.problems).values())
         count, high = self.unknowns.count, self.unknowns.bounds[1]
         linear = [t == "linear" for t in self.unknowns.space.transforms]
         found = {}
@@ -401,12 +404,14 @@ class MappedModel:
         return found
 
     def _ratio(
-        self, u: Array, here: Problems, key: Key, *, slopes: bool
+        self, u: Array, here: Problems, key: Key, changes: dict[int, Change]
     ) -> tuple[Array, Learnt] | None:
-        """Return nodes (m,) and log w_FE / w_table there; None where either does not hold."""
+        """Return nodes (m,) and log w_FE / w_table there; None where either does not hold.
+
+        With how it changes along the unknowns that are given a change.
+        """
         problem, top = here.problems[key], self._problems.top_mbar(here, key)
         nodes = np.concatenate([[-5.0], top * np.linspace(0.02, 1.0, _RATIO_NODES) ** 1.5])
-        changes = self._changes(u, problem, key) if slopes else {}
         try:
             solved = _solve(_bare(problem), tuple(changes.values()), top, self.discretisation)
         except InputError:  # a change of the mesh's topology
@@ -489,18 +494,21 @@ class MappedModel:
             self._offs[key] = known[there], off[there]
         return np.interp(deflection_mm, *self._offs[key])
 
-    def _changes(self, u: Array, problem: SkinProblem, key: Key) -> dict[int, Change]:
-        """Return the changes of the solid with each unknown that the table does not answer."""
+    def _changes(
+        self, u: Array, keys: Collection[Key], *, slopes: bool = True
+    ) -> dict[Key, dict[int, Change]]:
+        """Return how solids change with each unknown that moves them; without `slopes` nothing."""
         low, high = self.unknowns.bounds
-        found: dict[int, Change] = {}
-        for j in range(len(u)):
+        found: dict[Key, dict[int, Change]] = {key: {} for key in keys}
+        for j in range(len(u)) if slopes and keys else ():
             up, down = min(_SMALL, high[j] - u[j]), min(_SMALL, u[j] - low[j])
             ends = [self._problems.at(_moved(u, j, step)) for step in (up, -down)]
             if ends[0] is None or ends[1] is None or up + down <= 0.0:
                 continue
-            both = [_bare(end.problems[key]) for end in ends if end is not None]
-            if both[0] != both[1]:
-                found[j] = (both[0], both[1], float(up + down))
+            for key in keys:
+                one, other = (_bare(end.problems[key]) for end in ends if end is not None)
+                if one != other:
+                    found[key][j] = (one, other, float(up + down))
         return found
 
     def _anchor_courses(self, here: Problems, off: Array) -> bool:
@@ -535,14 +543,14 @@ class MappedModel:
         """
         record = self.records[i]
         key = key_of(record)
-        domes = self._domes([here], key)
+        problem, top = here.problems[key], self._problems.top_mbar(here, key)
+        domes = self.domes([problem], [top / problem.stiffness])
         if not domes.hold[0]:
             return None
         time, path = record.curve.time_s, _simpler(here.felt[i])
-        problem = here.problems[key]
         steps = replace(_steps(RELAXING, self.discretisation), limits=RELAXING.limits)
         exact = solve_skin(problem, path, self.discretisation, steps).at(time, path(time))
-        exact = exact * np.exp(-self._off(problem, key, self._problems.top_mbar(here, key), exact))
+        exact = exact * np.exp(-self._off(problem, key, top, exact))
         held = np.isfinite(exact)
         if not held.all():
             rough = solve_skin(problem, path, SCREENING_MESH, _FOLDED).at(time, path(time))

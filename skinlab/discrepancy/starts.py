@@ -30,11 +30,7 @@ def unknowns_of(model: Model) -> Unknowns:
         for parameter, at in ranges.items():
             sd = at.prior.sd if isinstance(at.prior, Normal) else 0.0
             known.append(Known(name, parameter, at.value, sd))
-    priors = tuple(
-        BasePrior(i, prior.mean, prior.sd)
-        for i, name in enumerate(space.names)
-        if isinstance(prior := model.prior(name), Normal)
-    )
+    priors = tuple(BasePrior(*known) for known in model.normal_priors(space))
     return Unknowns(
         tuple(sorted(model.effects)), model.model.kappa, tuple(known), model.model.law,
         space if model.parameters else None, priors,

@@ -1,16 +1,4 @@
-"""The forward model with effects, fast: the database, and finite elements where it cannot speak.
-
-A skin's problem has features that the dimensionless table answers exactly (other stiffness, other
-thickness, a preload), and others (layers, pre-stretch, slip, added energy, relaxation) that it does
-not. For these the finite elements are solved at one point, the anchor, and their ratio to the
-table's answer there corrects the table nearby; the ratio's change with the unknowns is taken from
-slopes or learnt from anchor to anchor. At the anchor itself the model is that of the finite
-elements (space mapping: Bandler et al. 2004, IEEE Trans. Microw. Theory Tech. 52:337). Relaxation
-is first approximated by letting the pressure of the dome relax as the stress would, which is too
-much: the volume does not relax. The share by which it is so is what the finite elements tell there.
-
-Nothing here asks which effect it is.
-"""
+"""Domes from the dimensionless table, and suctions that dome a skin as its memory does."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From candidates to one of four verdicts."""
+"""From candidates to one of five verdicts."""
 
 from __future__ import annotations
 

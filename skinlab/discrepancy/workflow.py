@@ -126,7 +126,6 @@ def explain(
     if tried.verdict.name == "unknown" and tried.open is not None:
         tried = replace(tried, verdict=tried.open)
     verdict, found = tried.verdict, tried.found
-    assert search.errors is not None
     progress("working out the intervals")
     chosen = verdict.explanations[0] if verdict.explanations else found.base
     shares = shares_of(search.errors, found.base, chosen, search.linear(chosen.fit))
@@ -220,7 +219,6 @@ def _each_needed(search: Search, found: Found, verdict: Verdict) -> Verdict:
     """
     if verdict.name != "named":
         return verdict
-    assert search.errors is not None
     (best,) = verdict.explanations
     alone = [c for c in found.candidates if c.adequate and set(c.effects) < set(best.effects)]
     if not alone:
@@ -231,7 +229,6 @@ def _each_needed(search: Search, found: Found, verdict: Verdict) -> Verdict:
 
 
 def _discipline(search: Search, candidates: Sequence[Candidate]) -> Discipline:
-    assert search.errors is not None
     linear = {id(c): search.linear(c.fit) for c in candidates}
     odds = {id(c): search.log10_odds(c.fit) for c in candidates}
     return Discipline(search.fitter.records, search.errors, linear, odds)
@@ -242,7 +239,6 @@ def _tried(search: Search, found: Found, first: Verdict, progress: Callable[[str
 
     Where that one of a tie fails, the others are none the less for it: the next one is tried.
     """
-    assert search.errors is not None
     fitter = search.fitter
     # From here on with the errors as the best explanation sees them: those by which explanations
     # were searched are as wide as pure error leaves them.
@@ -262,9 +258,10 @@ def _tried(search: Search, found: Found, first: Verdict, progress: Callable[[str
     serving = [c for c in found.candidates if c.adequate]
     others = [*first.explanations[: NAMES.most_tied], *serving[: NAMES.most_tied]]
     discipline = _discipline(search, (found.base, *others))
+    masks = [part.out for part in parts]
 
     def trials(best: Candidate, tied: Sequence[Candidate]) -> tuple[Trial, ...]:
-        stood = discipline.trials(best, found.base, serving, parts, held[best.effects], tied)
+        stood = discipline.trials(best, found.base, serving, masks, held[best.effects], tied)
         if first.name != "learned" and all(trial.passed for trial in stood):
             apart = against_cancelling(fitter, found.base, best)
             stood += [] if apart is None else [apart]

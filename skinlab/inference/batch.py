@@ -13,7 +13,6 @@ from skinlab.inference.identify import Identifier
 from skinlab.inference.noise import roughness
 from skinlab.inference.result import Identification
 from skinlab.inference.settings import NOISE
-from skinlab.mechanics.effects import get_effect
 
 
 def fitted_together(identifier: Identifier, curves: Sequence[Curve]) -> Sequence[Curve]:
@@ -22,8 +21,7 @@ def fitted_together(identifier: Identifier, curves: Sequence[Curve]) -> Sequence
     The law means those. A model with effects of rate or cycle means all; where it is that of a
     database of its own, this holds for one cycle.
     """
-    history = any(get_effect(name).needs_history for name in identifier.model.effects)
-    if history and identifier.database.fixed_geometry is None:
+    if identifier.model.needs_history and identifier.database.fixed_geometry is None:
         return curves
     return [curve for curve in curves if curve.setup.cycle == 1] or curves
 
@@ -45,9 +43,7 @@ def with_stated_noise(
     return replace(identifier, sensor=known)
 
 
-def noise_from_repeats_um(
-    curves: Sequence[Curve], phases: tuple[str, ...] = ("load",)
-) -> float | None:
+def noise_from_repeats_um(curves: Sequence[Curve]) -> float | None:
     """Return the noise of one deflection sample, µm, from repeats; None where there are none.
 
     Repeats have the same aperture, thickness and program, and were sampled at the same times. Only
@@ -62,7 +58,7 @@ def noise_from_repeats_um(
     total, weight = 0.0, 0
     for repeats in kinds.values():
         for first, second in pairwise(repeats):
-            found = _rough_variance_mm2(first, second, phases)
+            found = _rough_variance_mm2(first, second)
             if found is not None:
                 total += found[0] * found[1]
                 weight += found[1]
@@ -71,22 +67,16 @@ def noise_from_repeats_um(
     return 1e3 * float(np.sqrt(max(total / weight, 1e-10)))
 
 
-def _rough_variance_mm2(
-    first: Curve, second: Curve, phases: tuple[str, ...]
-) -> tuple[float, int] | None:
+def _rough_variance_mm2(first: Curve, second: Curve) -> tuple[float, int] | None:
     n = min(len(first), len(second))
-    if n < 3:
+    if n < NOISE.fewest_common:
         return None
     interval = float(np.median(np.diff(first.time_s[:n])))
     at = [c.time_s[:n] - c.time_s[0] for c in (first, second)]
     if np.abs(at[0] - at[1]).max() > 0.1 * interval:
         return None
-    both = first.in_phases(phases)[:n] & second.in_phases(phases)[:n]
-    if both.sum() < NOISE.fewest_common:
-        return None
     # At the same times: the noise of the pressure channel is in neither deflection.
-    difference = (first.deflection_mm[:n] - second.deflection_mm[:n])[both]
-    return 0.5 * roughness(difference) ** 2, int(both.sum())
+    return 0.5 * roughness(first.deflection_mm[:n] - second.deflection_mm[:n]) ** 2, n
 
 
 def identify_all(

@@ -177,11 +177,18 @@ class Covariance:
         Of values so many samples apart in the same curve: taking the columns off leaves some less
         than none, Cov = 1 − Q s²/(1+s²) Qᵀ.
         """
-        q, s = self._columns
-        share = s**2 / (1.0 + s**2)
-        return -sum(
-            float(np.einsum("um,um,m->", v[apart:], v[:-apart], share)) for v in self.split(q)
-        )
+        if apart not in self._expected:
+            q, s = self._columns
+            share = s**2 / (1.0 + s**2)
+            self._expected[apart] = -sum(
+                float(np.einsum("um,um,m->", v[apart:], v[:-apart], share)) for v in self.split(q)
+            )
+        return self._expected[apart]
+
+    @cached_property
+    def _expected(self) -> dict[int, float]:
+        """What `expected_product` has found."""
+        return {}
 
     def only(self, kept: NDArray[np.bool_]) -> Covariance:
         """Return the covariance of some of the samples (u,) alone."""
@@ -403,8 +410,11 @@ def _gram(
 
 def products(covariances: Sequence[Covariance], values_mm: Array) -> tuple[Array, Array]:
     """Return rᵀ Σ⁻¹ r (n, m, m) of values (u, m), and the log determinants (n,) of Σ."""
-    m = values_mm.shape[1]
-    gram, log_base = integrated_gram_matrices(covariances, values_mm)
+    return products_of(*integrated_gram_matrices(covariances, values_mm), values_mm.shape[1])
+
+
+def products_of(gram: Array, log_base: Array, m: int) -> tuple[Array, Array]:
+    """Return `products` of the first m columns out of `gram_matrices`."""
     root = np.linalg.cholesky(gram[:, m:, m:] + np.eye(gram.shape[1] - m))
     taken = np.linalg.solve(root, gram[:, m:, :m])
     log_inner = 2.0 * np.log(np.einsum("nii->ni", root)).sum(axis=1)

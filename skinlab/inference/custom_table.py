@@ -7,8 +7,6 @@ from dataclasses import replace
 from skinlab.inference.identify import Identifier
 from skinlab.inference.joint import GaussianPrior
 from skinlab.inference.samples import EVERYTHING
-from skinlab.mechanics.effects import get_effect
-from skinlab.mechanics.model_file import Normal
 from skinlab.tables.table import Table
 
 
@@ -20,13 +18,8 @@ def with_custom_table(identifier: Identifier, database: Table, *, phases_said: b
     model = database.spec.model
     assert model is not None
     space = database.spec.space(database, model.model.kappa)
-    history = any(get_effect(name).needs_history for name in model.effects)
-    priors = tuple(
-        GaussianPrior(i, prior.mean, prior.sd)
-        for i, name in enumerate(space.names)
-        if isinstance(prior := model.prior(name), Normal)
-    )
-    phases = EVERYTHING if history and not phases_said else identifier.phases
+    priors = tuple(GaussianPrior(*known) for known in model.normal_priors(space))
+    phases = EVERYTHING if model.needs_history and not phases_said else identifier.phases
     return replace(
         identifier,
         database=database,

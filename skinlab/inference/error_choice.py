@@ -24,7 +24,7 @@ from skinlab.inference.error_models.base import ErrorModel, Look, Part
 from skinlab.inference.error_quadrature import find_mode, log_student, normal_points, student_points
 from skinlab.inference.likelihood import LinearModel
 from skinlab.inference.noise import roughness
-from skinlab.inference.settings import CHOICE, JUDGEMENT, KINDS, NOISE
+from skinlab.inference.settings import CHOICE, JUDGEMENT, KINDS, NOISE, POSTERIOR
 
 Array = NDArray[np.float64]
 
@@ -159,11 +159,14 @@ def choose_errors(
     """Return what errors these samples have.
 
     `linear` is the model about its fit; `fixed_mm` (u, m) and `fixed_mm2` (u,) are columns and
-    variances of errors that are known beforehand: the mesh's. `models` are those to choose from,
+    variances of errors that are known beforehand: the mesh's; columns far below the noise are left
+    out. `models` are those to choose from,
     all that there are if it is None. Of several processes in time, those that are always there
     included, the evidence chooses one: the sum of two is not Markovian, and a curve hardly tells
     them apart.
     """
+    least = POSTERIOR.small * max(roughness(look.residual_mm), NOISE.least_mm)
+    fixed_mm = fixed_mm[:, np.sqrt(np.square(fixed_mm).sum(axis=0)) > least]
     models = ERROR_MODELS.all() if models is None else models
     offered = [part for model in models if (part := part_of(model, look)) is not None]
     always = tuple(sorted((p for p in offered if p.always), key=lambda p: p.name != "white"))

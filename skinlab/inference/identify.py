@@ -249,7 +249,6 @@ class Identifier:
         judged = intervals and estimate.minima is not None and len(estimate.minima) > 0
         if judged:
             estimate, kept = self._without_outliers(groups, models, problem, estimate)
-        if judged:
             assert estimate.minima is not None
             left = assess(
                 self.database,

@@ -250,9 +250,7 @@ class Fitted:
         )
         rest = (MESH_REST * self.best_mm[kept]) ** 2
         columns = np.hstack([self.mesh_columns(), self.probe_columns()])[kept]
-        least = POSTERIOR.small * max(roughness(residual), NOISE.least_mm)
-        seen = np.sqrt(np.square(columns).sum(axis=0)) > least
-        return choose_errors(look, linear, columns[:, seen], rest, error_models)
+        return choose_errors(look, linear, columns, rest, error_models)
 
 
 def _pressure_sd_mbar(g: Group, sensor: Sensor) -> Array:

@@ -149,6 +149,16 @@ class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             transforms[i] = "linear" if even else "log"
         return replace(space, low=tuple(low), high=tuple(high), transforms=tuple(transforms))
 
+    @property
+    def needs_history(self) -> bool:
+        """Whether an effect depends on time or cycle."""
+        return any(get_effect(name).needs_history for name in self.effects)
+
+    def normal_priors(self, space: Space) -> list[tuple[int, float, float]]:
+        """Return what is known of a space's parameters beforehand: number, mean and sd of each."""
+        priors = [(i, self.prior(name)) for i, name in enumerate(space.names)]
+        return [(i, known.mean, known.sd) for i, known in priors if isinstance(known, Normal)]
+
     def prior(self, name: str) -> PriorName | Normal | None:
         """Return what the model says is known of a parameter beforehand; None: nothing."""
         effect, _, parameter = name.rpartition(".")

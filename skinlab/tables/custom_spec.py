@@ -110,7 +110,7 @@ class CustomSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     @property
     def has_history(self) -> bool:
         """Whether an effect depends on time or cycle."""
-        return any(get_effect(name).needs_history for name in self.model.effects)
+        return self.model.needs_history
 
     def skin(self, point: Sequence[float]) -> tuple[Skin, dict[str, dict[str, float]]]:
         """Return the skin and the effects' values at a point of the axes."""

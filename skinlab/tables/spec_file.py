@@ -154,8 +154,7 @@ def _spec_of(said: dict[str, Any], named: Model | None) -> CustomSpec | Dimensio
             raise InputError(f'table.{key} is known where table.form is "dimensionless" only')
     measurement = check_entry("measurement", said.get("measurement", {}), Measurement)
     pressures = check_entry("pressures", said.get("pressures", {}), Pressures)
-    history = any(get_effect(name).needs_history for name in model.effects)
-    if history and measurement.program is None:
+    if model.needs_history and measurement.program is None:
         measurement = msgspec.structs.replace(measurement, program=NODES.history_program)
     if pressures.high_mbar is None:
         top = 100.0

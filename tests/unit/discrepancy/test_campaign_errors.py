@@ -14,11 +14,12 @@ from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
 from skinlab.discrepancy import adequacy
-from skinlab.discrepancy.adequacy import Residual, steps
+from skinlab.discrepancy.adequacy import Residual, look, steps
 from skinlab.discrepancy.campaign_error_models import models_of, walk_shapes
 from skinlab.discrepancy.campaign_errors import (
     CampaignErrors,
     Linearised,
+    Measured,
     WithoutCurves,
     learn,
     log_evidences,
@@ -122,7 +123,7 @@ def test_what_repeats_have_in_common_is_no_error_however_large(table, repeats):
     fitter, fit = fitted(table, campaign(table, errors, PLAN[: 2 * repeats]))
     linear = Linearised.of(fit, fitter.errors, fitter.measured)
     none = np.zeros(len(fitter.measured))
-    pure = learn(fitter.records, linear, none, noise_um=None, placement_scatter=None).pure
+    pure = learn(Measured(fitter.records), linear, none).pure
     assert pure.median(lambda node: node.sizes_um.get("placement", 0.0)) < 2.0
     assert pure.median(lambda node: node.sizes_um.get("ou", 0.0)) < 1.5
     assert pure.median(lambda node: node.sizes_um["white"]) == pytest.approx(2.0, abs=0.4)
@@ -169,7 +170,7 @@ def test_zeros_that_wander_are_told_from_those_that_do_not(table, um_per_root_s,
     fitter, fit = fitted(table, campaign(table, errors, plan))
     none = np.zeros(len(fitter.measured))
     linear = Linearised.of(fit, fitter.errors, fitter.measured)
-    pure = learn(fitter.records, linear, none, noise_um=None, placement_scatter=None).pure
+    pure = learn(Measured(fitter.records), linear, none).pure
     assert low <= pure.probability("wander") <= high
 
 
@@ -200,7 +201,7 @@ def test_repeats_tell_whether_placements_differ_at_all(table, scatter, plan, low
     fitter, fit = fitted(table, campaign(table, errors, plan))
     linear = Linearised.of(fit, fitter.errors, fitter.measured)
     none = np.zeros(len(fitter.measured))
-    found = learn(fitter.records, linear, none, noise_um=None, placement_scatter=None)
+    found = learn(Measured(fitter.records), linear, none)
     assert low <= found.pure.parameters()["placement_scatter"] <= high
 
 
@@ -781,7 +782,7 @@ def test_placements_that_differ_are_no_missing_effect(table):
     search = Search(fitter)
     white = search.base()
     learned = search.learned_base()
-    assert white.left.p_value < 1e-6
+    assert look(records, fitter.errors, white.deflections_mm, 3).p_value < 1e-6
     assert learned.left.p_value > 1e-2
     assert isinstance(search.errors, CampaignErrors)
     assert replace(learned, log10_evidence=0.0).adequate

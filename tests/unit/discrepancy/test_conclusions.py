@@ -100,7 +100,7 @@ def test_each_setting_of_the_errors_is_looked_at_from_its_own_optimum(table):
     jacobian = fitter.jacobian(model, u)
     softer_mm = fitter.errors.colour(jacobian)[:, [unknowns.space.scale]]
     wide = replace(fitter.errors, shapes_mm=np.hstack([fitter.errors.columns_mm, 10.0 * softer_mm]))
-    fit = Fit(unknowns, u, model.predict(u), 0.0, 0.0, jacobian, 0.0, settled=True, corrected=False)
+    fit = Fit(unknowns, u, model.predict(u), 0.0, 0.0, jacobian, settled=True, corrected=False)
     fit = fit.with_errors(fitter.errors, wide)
     narrow = [(fitter.errors, 1.0)]
     assert look(fitter.records, fitter.errors, fit.deflections_mm, 3).p_value < 1e-9
@@ -192,9 +192,7 @@ def test_without_repeats_nothing_says_whose_fault_it_is(looks):
 def candidate(effects, evidence, p_value=0.5):
     unknowns = Unknowns(tuple(effects))
     k = len(unknowns)
-    fit = Fit(
-        unknowns, np.zeros(k), [], 0.0, 0.0, np.zeros((1, k)), 0.0, settled=True, corrected=False
-    )
+    fit = Fit(unknowns, np.zeros(k), [], 0.0, 0.0, np.zeros((1, k)), settled=True, corrected=False)
     return Candidate(fit, Residual(p_value, (), p_value), evidence)
 
 
@@ -411,6 +409,29 @@ def test_beside_a_law_at_its_end_partners_are_seen_from_the_middle_of_its_range(
     assert [(fit, seen.effect) for fit, seen in fitted] == [(creep.fit, GAIN[0])]
 
 
+def test_beside_a_fit_each_partner_is_screened_once():
+    lag, asked = candidate(LAG, 9.0, BAD), []
+
+    def screen(fit, names, errors=None):
+        asked.append(list(names))
+        # No model of the slip's holds beside it.
+        return {n: SimpleNamespace(effect=n, gain=50.0) for n in names if n not in SLIP}, {}
+
+    search = SimpleNamespace(own=(), library=[], looks=[], progress=lambda _: 0)
+    pairs = PairSearch(search, SimpleNamespace(screen=screen, held=lambda fit: []))
+    for library in ([*GAIN, *SLIP], [*GAIN, *SLIP], [*SLIP, "strain_stiffening"]):
+        found = pairs._partners(library, lag)
+        assert [s.effect for _, s in found] == [n for n in library if n not in SLIP]
+    assert asked == [[*GAIN, *SLIP], ["strain_stiffening"]]
+    # By the errors that it needs, once these are known, they may promise something else.
+    search.looks.append((lag.fit, SimpleNamespace(mode=SimpleNamespace(count=0))))
+    search.linear = lambda fit: SimpleNamespace(beside=lambda columns: None)
+    search.gains_by_its_own_errors = lambda fit, others: []
+    asked.clear()
+    assert pairs._partners(SLIP, lag) == []
+    assert asked == [[*SLIP], [*SLIP]]
+
+
 @pytest.mark.parametrize(("ahead", "tried"), [(NAMES.tie + 1.0, True), (NAMES.tie - 1.0, False)])
 def test_what_leads_is_compared_with_what_a_range_s_end_hides(ahead, tried):
     """A skin at nu 0.495 passed for a stiffening, which promised 2 there: a gain was named."""
@@ -451,7 +472,7 @@ def test_a_pair_is_worth_what_the_base_or_a_leader_promises(monkeypatch, promise
 
     def screen(fit, names, errors=None):
         own = gains[fit.effects]
-        return {n: SimpleNamespace(effect=n, gain=g) for n, g in own.items()}, {}
+        return {n: SimpleNamespace(effect=n, gain=own[n]) for n in names if n in own}, {}
 
     unknowns = SimpleNamespace(effects=("one", "two"))
     linear = [
@@ -469,7 +490,7 @@ def test_a_pair_is_worth_what_the_base_or_a_leader_promises(monkeypatch, promise
         limit=lambda known: None,
     )
     search = SimpleNamespace(
-        own=(), library=[*LAG, *SLIP], looks=[], progress=lambda _: 0, fitter=None
+        own=(), library=[*LAG, *SLIP, *GAIN, *others], looks=[], progress=lambda _: 0, fitter=None
     )
     alone = [candidate(LAG, 13.0, BAD), candidate(SLIP, 19.0, BAD)]
     singles = [replace(c, fit=replace(c.fit, cost=3400.0)) for c in alone]
@@ -633,13 +654,12 @@ def test_what_is_predicted_badly_is_asked_of_the_finite_elements_there(most, hol
     """The others lead to 2, which was measured; slopes at 1 predict 3."""
     fitter = SimpleNamespace(
         measured=np.array([2.0]),
-        kept=lambda _: None,
         minimise=lambda *_: np.array([2.0]),
     )
-    out = np.array([True])
     box = (np.zeros(1), np.full(1, 3.0))
     errors = SimpleNamespace(whiten=lambda values: values)
-    found = heldout._off(fitter, Bent(holds), np.array([1.0]), box, out, errors, most)
+    part = SimpleNamespace(out=np.array([True]), errors=errors, kept=None)
+    found = heldout._off(fitter, Bent(holds), np.array([1.0]), box, part, most)
     assert found == pytest.approx([off])
 
 

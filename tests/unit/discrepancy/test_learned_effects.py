@@ -13,6 +13,7 @@ from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.pressure_path import PressurePath
 from skinlab.curves.program import parse_program
 from skinlab.discrepancy import cache
+from skinlab.discrepancy.adequacy import Residual
 from skinlab.discrepancy.adopt import adopted
 from skinlab.discrepancy.campaign_errors import CampaignErrors
 from skinlab.discrepancy.cancelling import against_cancelling
@@ -400,7 +401,7 @@ GAIN_UNDER_A_SPRING = {"sensor": lambda w: 1.06 * w, "felt": felt}
 )
 def test_two_effects_that_cancel_are_no_name(table, hidden, names, passed):
     search = search_of(campaign(HOLDS, **hidden), table, finite_elements=False)
-    base = search.base()
+    base = Candidate(search.base(), Residual(1.0, (), 1.0), 0.0)
 
     def fitted(names):
         unknowns = replace(base.fit.unknowns, effects=(*base.effects, *names))
