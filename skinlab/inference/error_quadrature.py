@@ -33,10 +33,9 @@ def find_mode(
 
     at, d = start / scales, len(start)
     values = np.eye(d)
-    here, slope, curvature = _derivatives(density, at)
-    for step_number in range(CHOICE.newton_steps if d else 0):
-        if step_number:
-            here, slope, curvature = _derivatives(density, at)
+    here = float(density(at[None])[0])
+    for _ in range(CHOICE.newton_steps if d else 0):
+        slope, curvature = _derivatives(density, at, here)
         curve, vectors = np.linalg.eigh(-curvature)
         curve = np.maximum(np.where(curve > 0, curve, -0.3 * curve), CHOICE.least_curvature)
         values = vectors / np.sqrt(curve)
@@ -44,26 +43,29 @@ def find_mode(
         step *= min(1.0, _FAR / max(float(np.abs(step).max()), 1e-12))
         if float(slope @ step) < CHOICE.settled:
             break
-        trials = at + _SHORTER[:, None] * step
-        there = density(trials)
-        better = np.flatnonzero(there > here)
+        for shares in (_SHORTER[:1], _SHORTER[1:]):  # the whole one nearly always does
+            trials = at + shares[:, None] * step
+            there = density(trials)
+            better = np.flatnonzero(there > here)
+            if len(better):
+                break
         if not len(better):
             break
         at, here = trials[better[0]], float(there[better[0]])
     return at * scales, values * scales[:, None], here
 
 
-def _derivatives(density: Callable[[Array], Array], at: Array) -> tuple[float, Array, Array]:
-    """Return the density at a point (d,), its slope (d,) and curvature (d, d)."""
+def _derivatives(density: Callable[[Array], Array], at: Array, here: float) -> tuple[Array, Array]:
+    """Return the slope (d,) of a density, which is `here` at a point (d,), and curvature (d, d)."""
     d, h = len(at), _STEP
     steps = h * np.eye(d)
     i, j = np.tril_indices(d, -1)
-    found = density(at + np.vstack([np.zeros((1, d)), steps, -steps, steps[i] + steps[j]]))
-    here, up, down, both = np.split(found, [1, 1 + d, 1 + 2 * d])
+    found = density(at + np.vstack([steps, -steps, steps[i] + steps[j]]))
+    up, down, both = np.split(found, [d, 2 * d])
     slope = (up - down) / (2.0 * h)
     curvature = np.diag((up - 2.0 * here + down) / h**2)
     curvature[i, j] = curvature[j, i] = (both - up[i] - up[j] + here) / h**2
-    return float(here[0]), slope, curvature
+    return slope, curvature
 
 
 @lru_cache(maxsize=64)
