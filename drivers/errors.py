@@ -13,6 +13,10 @@ class PortUrlError(LinkError, ValueError):
     """The URL itself is wrong: nothing was opened, and no other port would make it right."""
 
 
+class PortFileError(LinkError, ValueError):
+    """A file that the URL names (a simulated probe's skin or faults) is wrong."""
+
+
 class ProtocolError(DriverError):
     """Root of what goes wrong in the conversation itself."""
 

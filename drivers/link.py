@@ -13,7 +13,7 @@ from urllib.parse import parse_qsl, urlsplit
 import serial
 from serial.tools import list_ports as serial_list_ports
 
-from drivers.errors import LinkError, PortUrlError
+from drivers.errors import LinkError, PortFileError, PortUrlError
 
 BAUD_RATE = 115_200
 BAUD_RATES = (1_200, 4_000_000)  # what a URL may ask for
@@ -82,7 +82,8 @@ def open_link(url: str, framing: str = "8N1") -> Link:
     framing: data bits, parity (N, E, O) and stop bits of a serial line; docs/wire.md says 8N1.
     `/dev/ttyUSB0`, `COM3`, `socket://HOST:PORT`, `rfc2217://HOST:PORT`, `sim://?skin=FILE&seed=N`.
     A serial line may be asked for another speed: `/dev/ttyUSB0?baud=460800`, `rfc2217://…?baud=…`.
-    Raises LinkError, one sentence that names the URL; PortUrlError where the URL itself is wrong.
+    Raises LinkError, one sentence that names the URL; PortUrlError where the URL itself is wrong,
+    PortFileError where a file is that it names.
     """
     if _SIMULATOR not in serial.protocol_handler_packages:
         serial.protocol_handler_packages.append(_SIMULATOR)
@@ -106,7 +107,9 @@ def open_link(url: str, framing: str = "8N1") -> Link:
     except Exception as error:
         if _PYSERIALS_OPTIONS in str(error):
             raise PortUrlError(f"cannot open {url}: its options are not understood") from error
-        raise LinkError(f"cannot open {url}: {_why(error)}") from error
+        wrong_file = name.startswith("sim:") and isinstance(error.__cause__, ValueError)
+        kind = PortFileError if wrong_file else LinkError
+        raise kind(f"cannot open {url}: {_why(error)}") from error
     return _SerialLink(url, port, waits)
 
 

@@ -313,7 +313,13 @@ def measure(
         AcquisitionError, KeyboardInterrupt: after the probe was told to vent and what was measured
             was saved; a note of the error names the session.
     """
-    from drivers.errors import DialectFileError, DriverError, PortUrlError, UnknownDialectError
+    from drivers.errors import (
+        DialectFileError,
+        DriverError,
+        PortFileError,
+        PortUrlError,
+        UnknownDialectError,
+    )
     from drivers.probe import choose_dialect
     from skinlab.acquisition.gc_tuning import short_pauses
     from skinlab.acquisition.session_run import nothing_to_fit, plan_of, run_session
@@ -367,7 +373,7 @@ def measure(
                 listener=listener,
                 say=_log.warning,
             )
-    except PortUrlError as error:
+    except (PortFileError, PortUrlError) as error:
         raise InputError(str(error)) from None
     except DriverError as error:
         raise _with_note(AcquisitionError(str(error)), ends) from error

@@ -19,7 +19,12 @@ if TYPE_CHECKING:
 
 @click.group(cls=SuggestingGroup)
 def command() -> None:
-    """The precomputed finite-element database."""
+    """Build, describe or check the precomputed finite-element database.
+
+    \b
+    Example: skinlab database info
+             skinlab database verify --samples 10
+    """
 
 
 @command.command()
@@ -126,15 +131,20 @@ def info(database: Path | None) -> int:
 def verify(database: Path | None, samples: int, seed: int) -> int:
     """Check the hash of DATABASE and compute a few of its entries again.
 
-    Without DATABASE: of both that ship with the package.
+    Without DATABASE: of both that ship with the package. Status 1 where something differs.
 
     \b
     Example: skinlab database verify --samples 10
     """
     from skinlab.tables.build import rebuilt_differences
+    from skinlab.tables.header import AlteredError
     from skinlab.tables.store import read, shipped_grid, shipped_table
 
-    checked = (read(database),) if database else (shipped_table(), shipped_grid())
+    try:
+        checked = (read(database),) if database else (shipped_table(), shipped_grid())
+    except AlteredError as error:
+        echo(f"skinlab: {error}", err=True)
+        return 1
     differ = False
     for each in checked:
         found = rebuilt_differences(each, samples, seed)

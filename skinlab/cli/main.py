@@ -118,6 +118,7 @@ def _explain(error: Exception) -> int:
     from drivers.errors import (
         DialectFileError,
         DriverError,
+        PortFileError,
         PortUrlError,
         UnknownDialectError,
     )
@@ -127,7 +128,7 @@ def _explain(error: Exception) -> int:
         return _say(str(error), error.exit_status)
     if isinstance(error, PortUrlError | UnknownDialectError):
         return _say(str(error), 2)
-    if isinstance(error, DialectFileError):
+    if isinstance(error, DialectFileError | PortFileError):
         return _say(str(error), 3)
     if isinstance(error, DriverError):
         return _say(str(error), 4)

@@ -12,7 +12,12 @@ from skinlab.cli.output import echo, echo_text
 
 @click.group(cls=SuggestingGroup)
 def command() -> None:
-    """Check a session, or say what is in it."""
+    """Check a session, or say what is in it.
+
+    \b
+    Example: skinlab session info visit.h5
+             skinlab session verify visit.h5
+    """
 
 
 @command.command()

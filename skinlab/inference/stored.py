@@ -20,6 +20,14 @@ class StoredValue(msgspec.Struct, frozen=True):
     high: float | None = None
 
 
+class StoredErrors(msgspec.Struct, frozen=True):
+    """What errors the samples have, with their numbers, and why these."""
+
+    name: str
+    parameters: dict[str, float] = msgspec.field(default_factory=dict)
+    why: str = ""
+
+
 class StoredResult(msgspec.Struct, frozen=True):
     """An entry of `curves` in `skinlab.identification/1`; unknown fields are left aside."""
 
@@ -34,6 +42,7 @@ class StoredResult(msgspec.Struct, frozen=True):
     error_um: float | None = None
     rms_um: float | None = None
     noise_um: float | None = None
+    error_model: StoredErrors | None = None
     outliers: tuple[int, ...] = ()  # indices of samples that were left out
     iterations: int = 0
     evaluations: int = 0

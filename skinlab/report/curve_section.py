@@ -11,6 +11,7 @@ from skinlab.mechanics.names import heading, label, of_law, unit_of
 from skinlab.report.flags import explanations, signed
 from skinlab.report.measured import Measured
 from skinlab.report.page import Illustration, Section, Table
+from skinlab.report.text import errors_in_words
 
 _DERIVED = {NU_CONSISTENT: ("ν of linear elasticity", ""), KAPPA: ("κ", "MPa")}
 
@@ -57,7 +58,7 @@ def curve_section(measured: Measured, figures: Sequence[Illustration]) -> Sectio
     elif fit.remark:
         paragraphs.append(fit.remark)
     points = explanations(measured)
-    if not points:
+    if not points and result is not None:
         paragraphs.append("No flags: nothing was found to be wrong with this curve.")
     tables = []
     if result is not None and result.parameters:
@@ -111,11 +112,14 @@ def _values_table(measured: Measured) -> Table:
 def _quality_table(measured: Measured) -> Table:
     result, fit = measured.result, measured.fit
     assert result is not None
+    said, left_out = result.error_model, ", ".join(str(i + 1) for i in result.outliers)
     rows = [
         ("E, the paper's error (µm)", _number(result.error_um, 3)),
         ("rms residual (µm)", _number(result.rms_um, 3)),
         ("noise of one deflection sample (µm)", _number(result.noise_um, 3)),
+        *([] if said is None else [("errors of the samples", errors_in_words(said))]),
         ("samples fitted", f"{result.fitted_points} of {result.points}"),
+        *([("left out as glitches, samples", left_out)] if left_out else []),
         ("phases fitted", ", ".join(result.phases)),
         ("iterations", str(result.iterations)),
         ("evaluations of the model", str(result.evaluations)),

@@ -6,14 +6,20 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from skinlab.inference.result import Identification
 from skinlab.mechanics.names import label, of_law
 from skinlab.report import plots
+from skinlab.report.fitted import Fit
 from skinlab.report.flags import signed
 from skinlab.report.measured import Measured
+from skinlab.report.text import errors_in_words
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+_FEWEST = 20  # residuals of which a picture says something
 
 
 @dataclass(frozen=True)
@@ -71,7 +77,13 @@ def curve_drawings(measured: Measured) -> list[Drawing]:
         Drawing(f"{name}_fit", lambda: plots.draw_fit(measured), *_fit_words(measured)),
         Drawing(f"{name}_time", lambda: plots.draw_time(measured), *_time_words(measured)),
     ]
-    result = measured.result
+    result, fit = measured.result, measured.fit
+    if not isinstance(fit, str) and len(fit.residual_mm) >= _FEWEST:
+        found.append(
+            Drawing(
+                f"{name}_errors", lambda: plots.draw_errors(measured), *_errors_words(measured, fit)
+            )
+        )
     if result is not None and result.parameters:
         said = "; ".join(
             f"{label(name)} {value.value:.4g}"
@@ -140,8 +152,10 @@ def _fit_words(measured: Measured) -> tuple[str, str]:
         f"{len(curve)} samples from {curve.pressure_mbar.min():.1f} to "
         f"{curve.pressure_mbar.max():.1f} mbar, deflection up to {curve.deflection_mm.max():.3f} mm"
     )
+    ringed = len(plots.left_out(measured))
+    rings = f" Rings: {ringed} left out as glitches." if ringed else ""
     if isinstance(fit, str):
-        return f"Deflection against pressure: {seen}.", "Deflection against pressure."
+        return f"Deflection against pressure: {seen}.", "Deflection against pressure." + rings
     below = f"residuals from {1e3 * fit.residual_mm.min():.1f} to {1e3 * fit.residual_mm.max():.1f}"
     band = "The noise is unknown, so there is no band."
     inside = ""
@@ -150,7 +164,25 @@ def _fit_words(measured: Measured) -> tuple[str, str]:
         band = "Grey: twice the noise of one sample."
     return (
         f"Deflection against pressure with the fitted curve: {seen}; {below} µm{inside}.",
-        "Measured samples and fitted curve; below, what is left, measured less fitted. " + band,
+        "Measured samples and fitted curve; below, what is left, measured less fitted. "
+        + band
+        + rings,
+    )
+
+
+def _errors_words(measured: Measured, fit: Fit) -> tuple[str, str]:
+    rho = plots.autocorrelation(fit.residual_mm)
+    beyond = int((np.abs(rho) > 1.96 / np.sqrt(len(fit.residual_mm))).sum())
+    said = measured.result and measured.result.error_model
+    found = "" if not said else f" Errors found: {errors_in_words(said)}."
+    return (
+        f"Autocorrelation of the residuals, {rho[0]:.2f} of neighbours, {beyond} of {len(rho)} "
+        "lags outside the band of independent errors; and their quantiles against a normal "
+        "distribution.",
+        "Left: how much residuals have in common with those so many samples later; independent "
+        "errors stay in the grey band in 19 of 20 lags, errors that last or come again do not. "
+        "Right: their quantiles; on the line they are normally distributed, heavy tails leave it "
+        f"at the ends, steps are stairs.{found}",
     )
 
 

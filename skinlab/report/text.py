@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from drivers.dose import Dose
     from skinlab.inference.error_judgement import ErrorModelSummary, PlacementSummary
     from skinlab.inference.result import Advice, Identification
+    from skinlab.inference.stored import StoredErrors
 
 _SENTENCES = ("outliers", "correlated_noise", "stated_noise_contradicted", "unlike_cohort")
 
@@ -85,7 +86,21 @@ _ERRORS = {
 }
 
 
-def errors_in_words(model: ErrorModelSummary) -> str:
+_KINDS = {
+    "white": "noise",
+    "ou": "lasting",
+    "proportional": "in proportion",
+    "quantised": "steps",
+    "wander": "zero wanders",
+}
+
+
+def errors_in_short(model: ErrorModelSummary) -> str:
+    """Return which kinds of error there are, a word or two each."""
+    return ", ".join(_KINDS.get(kind, kind.replace("_", " ")) for kind in model.name.split("+"))
+
+
+def errors_in_words(model: ErrorModelSummary | StoredErrors) -> str:
     """Return an error model in a few words, with its numbers."""
     parts = [_errors_number(name, f"{value:.2g}") for name, value in model.parameters.items()]
     return f"{', '.join(parts)} ({model.why})"

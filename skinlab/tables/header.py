@@ -9,11 +9,15 @@ from skinlab.errors import InputError
 SCHEMA = "skinlab.database/1"
 
 
+class AlteredError(InputError):
+    """A database whose content is not what its hash says."""
+
+
 def check_hash(path: Path, computed: str, stated: str) -> None:
     """Refuse a file whose content is not what it was.
 
     Raises:
-        InputError: it is not.
+        AlteredError: it is not.
     """
     if computed != stated:
-        raise InputError(f"{path}: its content does not agree with its hash; it is damaged")
+        raise AlteredError(f"{path}: its content does not agree with its hash; it is damaged")

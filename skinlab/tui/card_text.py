@@ -16,7 +16,7 @@ from skinlab.mechanics.materials.base import NU_CONSISTENT
 from skinlab.mechanics.names import is_poisson
 from skinlab.quality.gates.base import Finding
 from skinlab.report.rounding import decimals, interval_words, rounded
-from skinlab.report.text import explain
+from skinlab.report.text import errors_in_short, explain
 from skinlab.report.verdict import Step, Use, Verdict, judge, step_words
 from skinlab.tui.plot_data import noise_band
 from skinlab.tui.shown import Entry
@@ -246,6 +246,8 @@ def result_lines(
             lines.append(f" ν of linear elasticity {written_like(true_nu, value)}")
     if result.rms_um is not None:
         lines.append(f"rms {digits(result.rms_um, 3)} µm")
+    if result.error_model is not None:
+        lines += wrap(f"errors: {errors_in_short(result.error_model)}", columns)
     fitted = result.fitted_points
     lines.append(f"{fitted} of {result.points} points fitted")
     return lines

@@ -17,7 +17,7 @@ LEFT = 7  # cells of the labels and the axis
 _TICK_ROWS = 3  # of the plot for each label
 _TICK_COLUMNS = 9
 _TWO_LINES = 9  # rows from which on the axis has a line of its own
-_MARK = "●"
+_MARK, _LEFT_OUT = "●", "×"
 _APART, _APART_ROWS = 0.08, 1.3  # of the plot, and at least so many rows, between two marks
 
 Run = tuple[str, str]  # text, and the name of its style
@@ -25,17 +25,18 @@ Run = tuple[str, str]  # text, and the name of its style
 
 @dataclass(frozen=True, eq=False)
 class Layers:
-    """What is drawn: `earlier` and `band` are behind, `points` one by one, `marks` over all."""
+    """What is drawn: `earlier` and `band` are behind, `points` one by one, `left_out` over all."""
 
     earlier: Sequence[Trace] = ()
     band: Sequence[Trace] = ()
     fitted: Trace | None = None
     points: Trace | None = None  # of a curve that grows, or without a fit
+    left_out: Trace | None = None  # glitches, marked each
 
     @property
     def all(self) -> list[Trace]:
         """All that has points."""
-        traces = (self.fitted, self.points, *self.earlier)
+        traces = (self.fitted, self.points, self.left_out, *self.earlier)
         return [t for t in traces if t is not None and len(t)]
 
 
@@ -64,7 +65,9 @@ def curve_rows(layers: Layers, box: Box, columns: int, rows: int) -> list[list[R
 def _legend(layers: Layers, columns: int) -> list[Run]:
     parts: list[list[Run]] = [[(" deflection, mm", "label")]]
     if layers.fitted is not None:
-        parts += [_key("●", "measured"), _key("──", "fitted")]
+        parts += [_key(_MARK, "measured"), _key("──", "fitted")]
+        if layers.left_out is not None:
+            parts.append([(f"  {_LEFT_OUT}", "measured"), (" left out", "label")])
         if layers.band:
             parts.append([(" ±", "band"), (" 2 noise", "label")])
         if layers.earlier:
@@ -137,6 +140,9 @@ def _data(layers: Layers, box: Box, width: int, height: int) -> list[list[Run]]:
         marked = spaced(layers.points, box, max(_APART, _APART_ROWS / height))
         for row, column in _cells_of(box.inside(marked), box, width, height):
             cells[row][column], names[row][column] = _MARK, "measured"
+    if layers.left_out is not None:
+        for row, column in _cells_of(box.inside(layers.left_out), box, width, height):
+            cells[row][column], names[row][column] = _LEFT_OUT, "measured"
     return [_runs(row, of) for row, of in zip(cells, names, strict=True)]
 
 

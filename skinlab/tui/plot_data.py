@@ -33,11 +33,27 @@ class Trace:
 
 
 def measured(curve: Live | Entry) -> Trace:
-    """Return the measured points of a running or completed curve."""
+    """Return the measured points of a running or completed curve, without those left out."""
     if isinstance(curve, Live):
         _, pressure_mbar, deflection_mm, _ = curve.curve.columns  # of one moment
         return thin(Trace(pressure_mbar, deflection_mm))
-    return thin(Trace(curve.curve.pressure_mbar, curve.curve.deflection_mm))
+    kept = ~_glitches(curve)
+    return thin(Trace(curve.curve.pressure_mbar[kept], curve.curve.deflection_mm[kept]))
+
+
+def left_out(entry: Entry) -> Trace | None:
+    """Return the points that were left out as glitches, None where there are none."""
+    out = _glitches(entry)
+    if not out.any():
+        return None
+    return Trace(entry.curve.pressure_mbar[out], entry.curve.deflection_mm[out])
+
+
+def _glitches(entry: Entry) -> NDArray[np.bool_]:
+    result = entry.result
+    if result is None or result.outliers is None:
+        return np.zeros(len(entry.curve), dtype=bool)
+    return result.outliers
 
 
 def fitted(entry: Entry) -> Trace | None:

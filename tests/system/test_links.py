@@ -14,7 +14,7 @@ import serial
 from patience import FORGIVING_S, probe_command, reopen
 from serial.rfc2217 import PortManager
 
-from drivers.errors import LinkError, PortUrlError
+from drivers.errors import LinkError, PortFileError, PortUrlError
 from drivers.events import (
     Alarm,
     Gap,
@@ -350,6 +350,7 @@ def test_what_cannot_be_opened_is_one_sentence(url, match):
     assert url in str(caught.value)
     assert "\n" not in str(caught.value)
     assert not isinstance(caught.value, PortUrlError)
+    assert isinstance(caught.value, PortFileError) == url.startswith("sim://")
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
@@ -10,7 +12,8 @@ from skinlab.curves.growing import GrowingCurve
 from skinlab.curves.program import parse_program
 from skinlab.inference.result import Identification
 from skinlab.tui.canvas import braille, dots, interval_bar, runs, share
-from skinlab.tui.plot_data import against_time, residual
+from skinlab.tui.curve_drawing import Layers, curve_rows
+from skinlab.tui.plot_data import against_time, box_around, left_out, measured, residual
 from skinlab.tui.shown import Entry, Live
 
 SETUP = Setup(6.0, 1.0, parse_program("ramp:100@20"))
@@ -93,6 +96,25 @@ def test_the_residual_lies_where_it_belongs():
     assert "rms 2" in drawing.caption
     assert "±6" in drawing.caption
     assert not residual(entry(noise_um=None), 40, 5).band.any()
+
+
+def test_glitches_are_marked_as_such_each_and_are_no_measured_points():
+    shown = entry()
+    assert left_out(shown) is None
+    w = shown.curve.deflection_mm.copy()
+    w[[10, 30]] += 0.2
+    out = np.isin(np.arange(50), [10, 30])
+    shown.curve = replace(shown.curve, deflection_mm=w)
+    shown.result = replace(shown.result, outliers=out)
+    layers = Layers(points=measured(shown), left_out=left_out(shown), fitted=measured(entry()))
+    assert len(layers.points) == 48
+    assert layers.left_out.deflection_mm.tolist() == w[out].tolist()
+    rows = curve_rows(layers, box_around(100.0, layers.all), 60, 15)
+    legend, *plot = ["".join(text for text, _ in row) for row in rows]
+    assert "× left out" in legend
+    assert sum(row.count("×") for row in plot) == 2
+    none = replace(layers, left_out=None)
+    assert "×" not in str(curve_rows(none, box_around(100.0, none.all), 60, 15))
 
 
 def test_no_residual_without_a_model():

@@ -15,6 +15,7 @@ from skinlab.curves.curve import Curve, Setup
 from skinlab.curves.growing import GrowingCurve
 from skinlab.curves.program import parse_program
 from skinlab.errors import InputError
+from skinlab.inference.error_judgement import ErrorModelSummary
 from skinlab.inference.result import Identification, Value
 from skinlab.recording.recorder import new_session_path
 from skinlab.recording.stream import CurveCompleted, CurveStarted, Happened, Identified, Sampled
@@ -107,6 +108,9 @@ def test_a_result_in_words():
     assert lines[7] == " 0.21–0.46, not fixed"  # no number stands over what no data fix
     assert lines[9] == " ν of linear elasticity 0.32"
     assert "rms 3.00 µm" in lines
+    assert not any(line.startswith("errors") for line in lines)
+    told = result(error_model=ErrorModelSummary("white+ou+quantised", {}, "steps are seen"))
+    assert "errors: noise, lasting, steps" in result_lines(told)
     assert all(len(line) <= 34 for line in lines)  # the panel at 80 columns
     wide = result_lines(result(), 60)
     assert " 0.21–0.46, not fixed by this curve" in wide

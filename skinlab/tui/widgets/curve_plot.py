@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 from skinlab.tui.curve_drawing import Layers, curve_rows
-from skinlab.tui.plot_data import box_around, fit_band, fitted, measured, thin
+from skinlab.tui.plot_data import box_around, fit_band, fitted, left_out, measured, thin
 from skinlab.tui.shown import Entry, Live
 from skinlab.tui.ui_state import Board
 from skinlab.tui.widgets.rows import BoardRows
@@ -42,6 +42,7 @@ class CurvePlot(BoardRows):
             () if entry is None else fit_band(entry),
             None if entry is None else fitted(entry),
             None if shown is None else measured(shown),
+            None if entry is None else left_out(entry),
         )
         box = box_around(top_mbar, self.drawn_layers.all)
         styles = {name: self.get_component_rich_style(f"plot--{name}") for name in _STYLES}

@@ -105,7 +105,7 @@ def test_database_and_finite_elements_agree_between_nodes(capsys):
         ),
         (
             ["measure", "--port", "sim://?skin=absent.toml", *SKIN, *RAMP, "--out", "s.h5"],
-            4,
+            3,
             "absent.toml",
         ),
         (["measure", "--port", "sim://", *SKIN, "--program", "x", "--out", "s.h5"], 3, "segment"),

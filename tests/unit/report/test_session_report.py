@@ -26,10 +26,13 @@ from skinlab.mechanics.fem.suction import Geometry
 from skinlab.recording.recorder import identification_settings
 from skinlab.recording.session import Session, content_hash, read_session, write_session
 from skinlab.report.curve_section import curve_section
+from skinlab.report.drawings import curve_drawings
 from skinlab.report.flags import explanations
 from skinlab.report.measured import measured_curves
 from skinlab.report.page import Section, Table
 from skinlab.report.pdf import check_pdf, to_pdf
+from skinlab.report.pictures import style
+from skinlab.report.plots import autocorrelation, left_out, quantiles
 from skinlab.report.session_report import FORMATS, SessionReport
 from skinlab.versions import versions
 
@@ -124,7 +127,7 @@ def test_every_curve_has_its_numbers_and_pictures_with_words(page, session):
         text = text_of(found)
         pictures = list(found.iter("img"))
         values = (result or {}).get("parameters") or {}
-        assert len(pictures) == (4 if values else 2)
+        assert len(pictures) == (5 if values else 2)
         assert all(p.get("src").startswith("data:image/svg+xml;base64,") for p in pictures)
         words = " ".join(p.get("alt") for p in pictures)
         for value in values.values():
@@ -253,6 +256,49 @@ def test_the_fitted_curve_is_the_one_that_was_found(report, session):
     assert fit.ranges["nu"] == pytest.approx((0.0, 0.499))
 
 
+def test_errors_and_glitches_are_told_and_drawn(table, identifier):
+    clean = curve_of(table, "knocked", 3)
+    rng, w = np.random.default_rng(5), clean.deflection_mm.copy()
+    lasting = np.zeros(len(w))
+    for i in range(1, len(w)):
+        lasting[i] = 0.9 * lasting[i - 1] + 4e-3 * rng.standard_normal()
+    w += lasting
+    w[[30, 60]] += (0.3, -0.25)
+    curve = replace(clean, deflection_mm=w)
+    result = identifier(curve).to_json()
+    assert result["outliers"] == [30, 60]
+    session = Session({}, (), (curve,), (json.loads(json.dumps(result)),))
+    (measured,) = measured_curves(session, identifier)
+    assert left_out(measured) == [30, 60]
+    rows = dict(row for row in curve_section(measured, ()).tables[1].rows)
+    assert "lasting" in rows["errors of the samples"]
+    assert rows["left out as glitches, samples"] == "31, 61"
+    drawn = {d.name: d for d in curve_drawings(measured)}
+    assert "Rings: 2 left out" in drawn["curve_0001_fit"].caption
+    assert rows["errors of the samples"] in drawn["curve_0001_errors"].caption
+    with style():
+        for name in ("curve_0001_fit", "curve_0001_time"):
+            axes = drawn[name].draw().axes[name.endswith("time")]
+            (ring,) = [x for x in axes.lines if x.get_label() == "left out: glitch"]
+            assert ring.get_ydata().tolist() == w[[30, 60]].tolist()
+        left, right = drawn["curve_0001_errors"].draw().axes
+    assert left.get_ylabel() == "autocorrelation"
+    assert right.get_xlabel() == "normal quantile"
+
+
+def test_the_autocorrelation_and_quantiles_are_those_of_textbooks():
+    rng = np.random.default_rng(0)
+    process = np.zeros(40_000)
+    white = rng.standard_normal(len(process))
+    for i in range(1, len(process)):
+        process[i] = 0.8 * process[i - 1] + white[i]
+    np.testing.assert_allclose(autocorrelation(process)[:5], 0.8 ** np.arange(1, 6), atol=0.02)
+    assert np.abs(autocorrelation(white)).max() < 0.02
+    expected, seen = quantiles(2.0 * white, np.full(len(white), 2.0))
+    np.testing.assert_allclose(seen[100:-100], expected[100:-100], atol=0.1)
+    assert quantiles(3.0 * white, None)[1].std() == pytest.approx(1.0)
+
+
 def test_a_stored_result_that_this_database_does_not_give_is_remarked(session, identifier):
     changed = json.loads(json.dumps(session.results[0]))
     changed["rms_um"] *= 1.01
@@ -280,8 +326,8 @@ def test_a_method_without_intervals(session, identifier):
     other = Session(session.meta, (), session.curves[:1], (bare,))
     found = section(SessionReport(other, identifier).html(), "Curve 1")
     alts = [p.get("alt") for p in found.iter("img")]
-    assert len(alts) == 3
-    assert "no interval" in alts[2]
+    assert len(alts) == 4
+    assert "no interval" in alts[3]
     assert "noise is unknown" in text_of(found)
 
 
@@ -305,7 +351,7 @@ def test_pictures_are_valid_and_the_same_twice(few, identifier, kind):
 
 
 def test_the_pictures_of_a_session_are_those_of_its_page(report):
-    each = [4, 4, 2, 2]
+    each = [5, 5, 2, 2]
     names = [f"curve_{k:04d}_" for k, count in enumerate(each, start=1) for _ in range(count)]
     found = report.names("svg")
     assert found[:2] == ["all_curves.svg", "all_intervals.svg"]

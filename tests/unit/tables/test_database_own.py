@@ -135,7 +135,7 @@ def test_its_file_says_what_it_is(tiny, capsys):
     assert run(["database", "verify", str(tiny), "--samples", "2"]) == 0
 
 
-def test_a_changed_number_is_found(tiny, tmp_path):
+def test_a_changed_number_is_found(tiny, tmp_path, capsys):
     database = read(tiny)
     spoiled = dataclasses.replace(database, values=database.values + 1e-5)
     assert len(rebuilt_differences(spoiled, 1, 0)) == 1
@@ -145,6 +145,9 @@ def test_a_changed_number_is_found(tiny, tmp_path):
         file["deflection_mm"][0, 0, 0, 0, 0] += 1e-9
     with pytest.raises(InputError, match="does not agree with its hash"):
         read(damaged)
+    assert run(["database", "verify", str(damaged)]) == 1
+    assert "does not agree with its hash" in capsys.readouterr().err
+    assert run(["database", "info", str(damaged)]) == 3
 
 
 def test_nodes_are_the_finite_elements_own_curves(tiny):
