@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -28,6 +28,7 @@ Array = NDArray[np.float64]
 
 _OFFSETS = np.array(POSTERIOR.offsets)
 _AT_ONCE = 50_000  # numbers, which stay in a core's cache
+_LESS = 0.8  # of the power of weights that are too uneven
 FLAT_PRECISION = 12.0  # of a flat distribution on the unit interval
 
 
@@ -95,8 +96,14 @@ def sample(
         log_weight = log_target - log_drawn
         weight = np.exp(log_weight - log_weight.max())
         found = Draws(unit, space.from_unit(unit), weight / weight.sum(), log_target, evaluations)
-        if found.effective >= POSTERIOR.enough or len(mixtures) > POSTERIOR.most_rounds:
+        most = (
+            POSTERIOR.most_rounds if found.effective >= POSTERIOR.least else POSTERIOR.more_rounds
+        )
+        if found.effective >= POSTERIOR.enough or len(mixtures) > most:
+            found = replace(found, weight=_evened(found.weight))
             return _with_valley(found, space, target, valley.unit)
+        # Where a few draws have nearly all weight these alone would say that nothing is wide.
+        found = replace(found, weight=_evened(found.weight))
         centres = _resample(found, rng)
         at = polish(space, misfit, centres, most_iterations=0)
         evaluations += at.evaluations
@@ -132,6 +139,21 @@ def _with_valley(
         np.concatenate([found.log_target, log_target]),
         found.evaluations + len(along) + 1,
     )
+
+
+def _evened(weight: Array) -> Array:
+    """Return weights (n,) to the power of at most 1 with which they are worth enough draws.
+
+    A single draw that has all of the weight is no posterior: its neighbours by density may be as
+    likely as it is, and the mixture that was drawn from was wide enough to find it.
+    """
+    power, found = 1.0, weight
+    least = min(POSTERIOR.least, 0.5 * np.count_nonzero(weight))
+    while 1.0 / float(np.square(found).sum()) < least:
+        power *= _LESS
+        found = weight**power
+        found /= found.sum()
+    return found
 
 
 def log_sum_exp(values: Array) -> Array:

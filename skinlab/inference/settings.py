@@ -264,7 +264,11 @@ class PosteriorRules:
     enough: float = 500.0
     """effective draws: quantiles of 5 % to within 1 %; more rounds until then,"""
     most_rounds: int = 3
-    """but no more."""
+    """but no more; or so many"""
+    more_rounds: int = 8
+    """where there are fewer than so many"""
+    least: float = 20.0
+    """effective draws: weights are evened out until they are worth these."""
     offsets: tuple[float, ...] = (0.0, 0.5, 1.0, 1.5, 2.0, 2.6, 3.5, 5.0, 7.5, 11.0, 16.0)
     """Standard deviations from the optimum at which the valley is looked for, on both sides."""
     lost_chi2: float = 30.0

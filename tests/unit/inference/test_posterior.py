@@ -14,9 +14,9 @@ from skinlab.inference.intervals import (
 )
 from skinlab.inference.joint import GaussianPrior, JointMisfit
 from skinlab.inference.optimise import polish
-from skinlab.inference.posterior import _half_power, sample
+from skinlab.inference.posterior import _evened, _half_power, sample
 from skinlab.inference.problem import Problem
-from skinlab.inference.settings import INTERVALS
+from skinlab.inference.settings import INTERVALS, POSTERIOR
 from skinlab.parameters import Space
 
 CUBE = Space.box(("a", "b", "c"), (0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
@@ -114,6 +114,39 @@ def test_draws_are_from_the_density_that_is_asked_for():
     mean = draws.weight @ draws.unit
     sd = np.sqrt(draws.weight @ (draws.unit - mean) ** 2)
     np.testing.assert_allclose(sd, 0.04, rtol=0.08)
+
+
+def test_a_density_eight_times_wider_than_it_looked_is_no_single_draw():
+    """Of eight unknowns one draw had nearly all weight, and further rounds drew beside it only."""
+    space = Space.box(tuple("abcdefgh"), (0.0,) * 8, (1.0,) * 8)
+    centre, sd = np.full(8, 0.5), 0.04
+    narrow = linear(np.eye(8) * 8.0 / sd, centre)
+    for seed in range(3):
+        draws = sample(
+            space, narrow, centre[None], np.random.default_rng(seed), draws=1024,
+            log_density=lambda p: -0.5 * np.square((p - centre) / sd).sum(axis=1),
+        )  # fmt: skip
+        mean = draws.weight @ draws.unit
+        seen = np.sqrt(draws.weight @ np.square(draws.unit - mean))
+        assert draws.effective >= 19.0
+        assert np.abs(mean - centre).max() < 0.5 * sd
+        assert 0.6 * sd < np.median(seen) < 1.1 * sd
+
+
+def test_weights_are_evened_out_only_where_they_are_worth_too_few():
+    rng = np.random.default_rng(0)
+    good = rng.random(200)
+    good /= good.sum()
+    assert _evened(good) is good
+    steep = np.exp(-20.0 * np.arange(200.0))
+    steep /= steep.sum()
+    evened = _evened(steep)
+    assert 1.0 / np.square(evened).sum() >= POSTERIOR.least
+    assert (np.diff(evened) <= 0.0).all()
+    one = np.zeros(50)
+    one[:3] = (0.998, 1e-3, 1e-3)
+    assert 1.0 / np.square(_evened(one)).sum() >= 1.5  # of three that are not nothing
+    assert _evened(one)[3:].max() == 0.0
 
 
 def test_same_seed_same_bits():
