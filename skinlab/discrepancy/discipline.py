@@ -355,7 +355,8 @@ def shares_of(
         (what for name, what in did.items() if name.startswith("placement")), np.zeros_like(mesh)
     )
     effect = np.concatenate(best.fit.deflections_mm) - np.concatenate(base.fit.deflections_mm)
-    rest = linear.residual_mm - mesh - placement
+    # These errors have their own optimum: a fit by others may stand off it, as placements do.
+    rest = linear.residual_mm - linear.explained_mm(node.covariance) - mesh - placement
     return Shares(*(1e3 * float(np.sqrt(np.mean(v**2))) for v in (rest, placement, mesh, effect)))
 
 

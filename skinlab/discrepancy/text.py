@@ -321,7 +321,12 @@ def describe(outcome: Outcome) -> str:
         lines.append(f"The function ({one.y_name} by {one.x_name}), with its 90 % band:")
         lines += [f"  {x:>8}  {y:>9}  ({band})" for x, y, band in function_rows(outcome)]
     if outcome.where:
-        lines.append("Where the model as it is disagrees:")
+        stands_out = outcome.where[0].p_value < NAMES.significant
+        lines.append(
+            "Where the model as it is disagrees:"
+            if stands_out
+            else "Where the model as it is leaves most, though no place stands out by itself:"
+        )
         lines += [f"  {where_words(p)}" for p in outcome.where[:_SHOWN]]
     if outcome.verdict.name != "none" and outcome.found.candidates:
         lines.append("Explanations:")
@@ -348,7 +353,7 @@ def partial_words(partial: Partial) -> str:
         f"{'noise' if left.p_value >= ERRORS.adequate else 'more than noise'} "
         f"({chance_words(left.p_value)})."
     )
-    lines += [f"  {where_words(p)}" for p in left.places[:_SHOWN] if p.p_value < 0.01]
+    lines += [f"  {where_words(p)}" for p in left.places[:_SHOWN] if p.p_value < NAMES.significant]
     for c in sorted(partial.candidates, key=lambda c: -c.log10_evidence):
         lines.append(
             f"  {_name(c, set(partial.base.effects)):<40} {odds_words(c.log10_evidence)} likelier "

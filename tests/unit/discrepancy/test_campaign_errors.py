@@ -28,7 +28,7 @@ from skinlab.discrepancy.campaign_errors import (
     smooth_columns,
 )
 from skinlab.discrepancy.candidates import Candidate, Found
-from skinlab.discrepancy.discipline import Discipline, repeats_um, smooth_shapes
+from skinlab.discrepancy.discipline import Discipline, repeats_um, shares_of, smooth_shapes
 from skinlab.discrepancy.fit import Fitter
 from skinlab.discrepancy.heldout import HeldOut
 from skinlab.discrepancy.misfit import errors_of, mesh_columns
@@ -786,6 +786,15 @@ def test_placements_that_differ_are_no_missing_effect(table):
     assert learned.left.p_value > 1e-2
     assert isinstance(search.errors, CampaignErrors)
     assert replace(learned, log10_evidence=0.0).adequate
+    # What the fit stands off the optimum of these errors is no noise.
+    linear = search.linear(learned.fit)
+    shares = shares_of(search.errors, learned, learned, linear)
+    assert shares.noise_um < 1.1 * search.errors.looks[-1].mode.noise_um
+    assert shares.placement_um > shares.noise_um
+    off_mm = 0.1 * linear.slopes_mm[:, learned.fit.unknowns.space.scale]
+    moved = replace(linear, residual_mm=linear.residual_mm + off_mm)
+    again = shares_of(search.errors, learned, learned, moved)
+    assert again.noise_um == pytest.approx(shares.noise_um, rel=0.02)
 
 
 def test_means_of_rounded_readings_keep_the_wave_of_the_rounding(table):
