@@ -338,7 +338,7 @@ def test_pictures_are_valid_and_the_same_twice(few, identifier, kind):
     report = SessionReport(few, identifier)
     files = report.files(kind, lambda: drawn.append(None))
     assert list(files) == report.names(kind)
-    assert len(drawn) == len(files) == 5
+    assert len(drawn) == len(files) == 6
     for name, content in files.items():
         if kind == "png":
             image = Image.open(io.BytesIO(content)).convert("RGB")
