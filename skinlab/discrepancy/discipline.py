@@ -58,8 +58,7 @@ class Discipline:
     ) -> None:
         """Both by `id` of the candidate: the explanations about their fits, their log10 odds."""
         self._records, self._errors, self._linear, self._odds = records, errors, linear, odds
-        nodes = [n for look in errors.looks for n in look.nodes[: SEARCH.nodes_per_look]]
-        self._nodes = [(n.covariance, n.log_prior) for n in nodes]
+        self._nodes = [n for look in errors.looks for n in look.nodes[: SEARCH.nodes_per_look]]
         self._known: dict[bytes, dict[int, Array]] = {}
 
     def log10_evidence(self, one: Candidate, kept: Mask) -> float:
@@ -75,22 +74,22 @@ class Discipline:
         """Return log p (settings,) of some samples (u,), with the settings' prior."""
         key = np.packbits(kept).tobytes()
         if key not in self._known:  # of all explanations at once: their errors are the same
-            each = self._of(kept) + np.array([[p] for _, p in self._nodes])
+            each = self._of(kept) + np.array([[n.log_prior_of(kept)] for n in self._nodes])
             self._known[key] = dict(zip(self._linear, each.T, strict=True))
         return self._known[key][id(one)]
 
     def _of(self, kept: Mask) -> Array:
         """Return log p (settings, explanations) of some samples."""
-        split = self._nodes[0][0].split(kept)
+        split = self._nodes[0].covariance.split(kept)
         curves = np.array([bool(part.all()) for part in split])
         if (curves | [not part.any() for part in split]).all():
             return self._by_curve(curves, int(kept.sum()))
         parts = [linear.only(kept) for linear in self._linear.values()]
-        return log_evidences(parts, [c.only(kept) for c, _ in self._nodes])
+        return log_evidences(parts, [n.covariance.only(kept) for n in self._nodes])
 
     @cached_property
     def _by_curve(self) -> WithoutCurves:
-        return WithoutCurves(list(self._linear.values()), [c for c, _ in self._nodes])
+        return WithoutCurves(list(self._linear.values()), [n.covariance for n in self._nodes])
 
     def _weighed(self, one: Candidate, kept: Mask) -> float:
         return self.log10_evidence(one, kept) + self._odds[id(one)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +35,11 @@ class Part:
         kept = self.kept.errors.whiten(slopes)
         prior = fit.information - fit.jacobian.T @ fit.jacobian
         return np.asarray(np.linalg.inv(kept.T @ kept + prior))
+
+    def spread(self, errors: Covariance, fit: Fit) -> float:
+        """Return χ² of these samples that the doubt without them adds, which is linear in them."""
+        reach = self.errors.whiten(errors.colour(fit.jacobian)[self.out])
+        return float(np.einsum("nj,jk,nk->", reach, self.covariance(errors, fit), reach))
 
     def tells_alone(self, errors: Covariance, fit: Fit) -> bool:
         """Return whether an effect's unknown is hardly better known than its prior without it."""
@@ -111,12 +116,12 @@ def predict_held_out(fitter: Fitter, fit: Fit, parts: Sequence[Part]) -> HeldOut
     low, high = np.maximum(low, fit.u - radius), np.minimum(high, fit.u + radius)
     left, doubt, plain = 0.0, 0.0, 0.0
     held = np.zeros(len(measured), dtype=bool)
-    slopes = errors.colour(fit.jacobian)
     for part in parts:
-        reach = part.errors.whiten(slopes[part.out])
-        spread = float(np.einsum("nj,jk,nk->", reach, part.covariance(errors, fit), reach))
+        spread = part.spread(errors, fit)
         most = NAMES.held_out_ratio**2 * (int(part.out.sum()) + spread)
-        off = _off(fitter, model, fit.u, (low, high), part, most)
+        off, moved = _off(fitter, model, fit, (low, high), part, most)
+        # What the others tell little of may lie where they tell even less.
+        spread = max(spread, part.spread(errors, moved))
         z = part.errors.whiten(off)
         left += float(z @ z)
         plain += float(off @ off)
@@ -137,17 +142,18 @@ def predict_held_out(fitter: Fitter, fit: Fit, parts: Sequence[Part]) -> HeldOut
 def _off(
     fitter: Fitter,
     model: MappedModel,
-    at: Array,
+    fit: Fit,
     box: tuple[Array, Array],
     part: Part,
     most: float,
-) -> Array:
-    """Return by how much a part is off (u,), mm, that is predicted without it.
+) -> tuple[Array, Fit]:
+    """Return by how much a part is off (u,), mm, that is predicted without it, and slopes there.
 
     Where χ² by the part's errors is above `most` the finite elements are asked again where the
     others lead: a layer below was moved by half of a typical size, where slopes at the first place
     are off by 30 µm.
     """
+    at = fit.u
     for _ in range(FITS.refit_anchors):
         at = fitter.minimise(model, at, *box, part.kept)
         off = np.asarray((np.concatenate(model.predict(at)) - fitter.measured)[part.out])
@@ -156,7 +162,8 @@ def _off(
         model = model.exact()
         if not model.anchor(at):
             break
-    return off
+        fit = replace(fit, u=at, jacobian=fitter.jacobian(model, at))
+    return off, fit
 
 
 def _plain_um(off_mm: Array) -> float:

@@ -38,6 +38,7 @@ class Node:
     covariance: Covariance
     log_prior: float  # log weight without the data: prior and odds over the density it is from
     log_marginal: float  # of the linearised model
+    log_spread: float = 0.0  # of `log_prior`: since the weights are of variances that are not spread
 
     @property
     def values(self) -> dict[str, float]:
@@ -52,6 +53,16 @@ class Node:
     def sizes_um(self) -> dict[str, float]:
         """Root mean square of each part's errors, µm, by its name."""
         return self.combination.sizes_um(self.log_values)
+
+    def log_prior_of(self, kept: NDArray[np.bool_]) -> float:
+        """Return `log_prior` where some samples (u,) are all that there are.
+
+        A scale mixture's weights were found from all of them, and each has its own cost.
+        """
+        if not self.combination.is_mixture:
+            return self.log_prior
+        of_others = float(self.combination.bound[~kept].sum())
+        return self.log_prior - of_others - self.log_spread * float(np.mean(~kept))
 
     @property
     def unrounded(self) -> Covariance | None:
@@ -340,7 +351,7 @@ def _explore(
         at[[p.name == "white_um" for p in each]] = slow[0]
         other = _at_mode(combination, linear, at)
         begun = max(begun, other, key=lambda e: e.log_evidence)
-    if not combination.bound and begun.log_evidence < rival - CHOICE.hopeless:
+    if not combination.is_mixture and begun.log_evidence < rival - CHOICE.hopeless:
         return begun
     return _integrated(begun, *_draws(combination, begun.log_mode, begun.root), linear)
 
@@ -349,7 +360,7 @@ def _at_mode(combination: Combination, linear: LinearModel, start: Array) -> _Ex
     """Return the combination at its mode, without nodes, and Laplace's evidence."""
     mode, root, here = find_mode(_density(combination, linear), start, combination.scales)
     roughly = here + 0.5 * len(mode) * math.log(2.0 * math.pi) + float(np.linalg.slogdet(root)[1])
-    roughly += combination.log_odds + combination.bound
+    roughly += combination.log_odds + float(combination.bound.sum())
     return _Explored(combination, mode, root, here, (), roughly)
 
 
@@ -360,15 +371,15 @@ def _integrated(one: _Explored, values: Array, log_drawn: Array, linear: LinearM
     log_prior = combination.log_priors(values)
     log_prior += combination.log_odds - math.log(len(values)) - log_drawn
     log_marginal = linear.log_marginals(covariances)
-    if combination.bound:
+    log_spread = np.zeros(len(values))
+    if combination.is_mixture:
         # Weights are those of the mixture's own variances; the nodes' are spread.
         own = linear.log_marginals(combination.covariances(values, spread=False))
-        log_prior += own - log_marginal + combination.bound
+        log_spread = own - log_marginal
+        log_prior += log_spread + float(combination.bound.sum())
     evidence = float(np.logaddexp.reduce(log_prior + log_marginal))
-    nodes = tuple(
-        Node(combination, *one)
-        for one in zip(values, covariances, log_prior.tolist(), log_marginal.tolist(), strict=True)
-    )
+    each = (log_prior.tolist(), log_marginal.tolist(), log_spread.tolist())
+    nodes = tuple(Node(combination, *one) for one in zip(values, covariances, *each, strict=True))
     return replace(one, nodes=nodes, log_evidence=evidence)
 
 

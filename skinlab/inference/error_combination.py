@@ -71,10 +71,15 @@ class Combination:
         """Before the data, against the parts that are always there."""
         return sum(part.log_odds for part in self.parts)
 
+    @cached_property
+    def bound(self) -> Array:
+        """What the parts that are scale mixtures add to the log evidence of each sample (u,)."""
+        return np.zeros(len(self.fixed_mm2)) + sum(part.bound for part in self.parts)
+
     @property
-    def bound(self) -> float:
-        """What the parts that are scale mixtures add to the log evidence."""
-        return sum(part.bound for part in self.parts)
+    def is_mixture(self) -> bool:
+        """Whether a part is a scale mixture."""
+        return any(part.again is not None for part in self.parts)
 
     @property
     def unrounded(self) -> Combination | None:

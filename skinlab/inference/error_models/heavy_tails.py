@@ -54,7 +54,7 @@ def student(square: Array, freedom: float) -> Part:
 
     return Part(
         "heavy_tails", (), terms, math.log(KINDS.unusual_odds), stated={"freedom": freedom},
-        why="residuals have heavy tails", bound=float(bound(square, freedom).sum()),
+        why="residuals have heavy tails", bound=bound(square, freedom),
         spread=(freedom + 3.0) / (freedom + 1.0), tails=freedom / (freedom - 2.0),
         again=partial(student, freedom=freedom),
     )  # fmt: skip

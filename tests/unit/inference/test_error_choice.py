@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 from scipy.stats import kstest, norm
+from scipy.stats import t as student_t
 
 from skinlab.inference.covariance import OrnsteinUhlenbeck, independent
 from skinlab.inference.error_choice import choose_errors
@@ -184,6 +185,25 @@ def test_of_heavy_tails_in_many_samples_no_one_setting_takes_all_weight():
     log_um = np.array([float(node.log_values[0]) for node in found.nodes])
     spread = np.sqrt(found.weight @ (log_um - found.weight @ log_um) ** 2)
     assert spread == pytest.approx(1 / np.sqrt(2 * n), rel=0.5)  # of white noise of known weights
+
+
+@pytest.mark.parametrize("share", ["half", "third at the end"])
+def test_some_samples_of_heavy_tails_have_their_own_evidence(share):
+    """That of Student's t: with the cost of all weights a part of the data seemed likelier."""
+    n = 1200
+    errors = 3e-3 * np.random.default_rng(2).standard_t(3.0, n)
+    found = with_heavy_tails(errors)
+    node = next(node for node in found.nodes if node.combination.is_mixture)
+    kept = np.arange(n) % 2 == 0 if share == "half" else np.arange(n) > 2 * n // 3
+    covariance = node.covariance.only(kept)
+    z = covariance.whiten(errors[kept])
+    log_density = -0.5 * (kept.sum() * math.log(2 * np.pi) + covariance.log_determinant + z @ z)
+    of_the_setting = node.log_prior - node.log_spread - float(node.combination.bound.sum())
+    got = log_density + node.log_prior_of(kept) - of_the_setting
+    scale, freedom = 1e-3 * node.values["white_um"], node.values["freedom"]
+    assert got == pytest.approx(student_t.logpdf(errors[kept], freedom, scale=scale).sum(), abs=3.0)
+    assert node.log_prior_of(np.ones(n, dtype=bool)) == pytest.approx(node.log_prior)
+    assert abs(float(node.combination.bound.sum())) > 30.0
 
 
 def test_steps_are_found_in_the_readings():
