@@ -38,7 +38,7 @@ class Node:
     covariance: Covariance
     log_prior: float  # log weight without the data: prior and odds over the density it is from
     log_marginal: float  # of the linearised model
-    log_spread: float = 0.0  # of `log_prior`: since the weights are of variances that are not spread
+    log_spread: float = 0.0  # of `log_prior`: the weights are of variances without `Part.spread`
 
     @property
     def values(self) -> dict[str, float]:
