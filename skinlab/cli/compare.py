@@ -6,7 +6,14 @@ from pathlib import Path
 
 import click
 
-from skinlab.cli.options import control_option, database_option, json_option, study_option
+from skinlab.cli.options import (
+    control_option,
+    database_option,
+    json_option,
+    placement_scatter_option,
+    scatter_of,
+    study_option,
+)
 from skinlab.cli.output import echo, print_json
 
 
@@ -16,12 +23,7 @@ from skinlab.cli.output import echo, print_json
 @database_option("the one that BEFORE names")
 @study_option()
 @control_option()
-@click.option(
-    "--placement-scatter",
-    default="auto",
-    show_default=True,
-    help="How much stiffness scatters between placements, 0.05 for 5 %; or auto.",
-)
+@placement_scatter_option(default="auto")
 @click.option(
     "--relevant-percent",
     type=float,
@@ -35,7 +37,7 @@ def command(
     database_path: Path | None,
     study: Path | None,
     control: tuple[Path, Path] | None,
-    placement_scatter: str,
+    placement_scatter: float | str | None,
     relevant_percent: float | None,
     as_json: bool,
 ) -> int:
@@ -58,14 +60,6 @@ def command(
     from skinlab.studies import change
     from skinlab.studies.settings import CHANGES
 
-    stated = None
-    if placement_scatter != "auto":
-        try:
-            stated = float(placement_scatter)
-        except ValueError:
-            stated = -1.0
-        if not 0 <= stated < 2:
-            raise InputError(f"placement_scatter {placement_scatter}: expected auto or 0 to 2")
     relevant = CHANGES.relevant_percent if relevant_percent is None else relevant_percent
     if not 0 < relevant < 1e4:
         raise InputError(f"relevant_percent {relevant:g}: expected a positive number")
@@ -87,7 +81,7 @@ def command(
         sides[1],
         study=study,
         control=(sides[2], sides[3]) if control else None,
-        placement_scatter=stated,
+        placement_scatter=scatter_of(placement_scatter, None),
         relevant_percent=relevant,
     )
     if as_json:

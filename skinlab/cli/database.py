@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from skinlab.cli.groups import SuggestingGroup
+from skinlab.cli.options import workers_option
 from skinlab.cli.output import echo, echo_text
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ def command() -> None:
 @click.option(
     "--out", type=click.Path(path_type=Path), help="The file to write [default: SPEC.h5]."
 )
-@click.option("--workers", type=int, help="Processes [default: one a core].")
+@workers_option()
 @click.option("--dask", metavar="ADDRESS", help="Compute on the cluster of this dask scheduler.")
 @click.option("--resume", is_flag=True, help="Go on with a build that was interrupted or killed.")
 def build(spec: str, out: Path | None, workers: int | None, dask: str | None, resume: bool) -> int:
@@ -61,8 +62,6 @@ def build(spec: str, out: Path | None, workers: int | None, dask: str | None, re
 
     if dask is not None and workers is not None:
         raise click.UsageError("--dask and --workers exclude each other")
-    if workers is not None and not 1 <= workers <= 1024:
-        raise InputError(f"workers {workers}: expected 1–1024")
     out = out or Path(f"{Path(spec).stem}.h5")
     if not out.parent.is_dir():
         raise InputError(f"{out}: its folder does not exist")

@@ -17,6 +17,7 @@ from skinlab.cli.options import (
     probe_option,
     read_by,
     scatter_of,
+    workers_option,
 )
 from skinlab.cli.output import echo, echo_text, print_json
 
@@ -39,11 +40,7 @@ if TYPE_CHECKING:
     "--adopt", type=click.Path(path_type=Path), help="Write the model with the effect to this file."
 )
 @click.option("--report", type=click.Path(path_type=Path), help="Folder for an HTML report.")
-@click.option(
-    "--workers",
-    type=int,
-    help="Processes; the answers stay the same [default: all cores].",
-)
+@workers_option("; the answers stay the same")
 @click.option("--no-cache", is_flag=True, help="Compute again what was computed before.")
 @json_option()
 def command(
@@ -69,8 +66,6 @@ def command(
     from skinlab.errors import InputError
     from skinlab.io.files import check_can_write
 
-    if workers is not None and workers < 1:
-        raise click.BadParameter("expected 1 or more", param_hint="--workers")
     # What cannot be written is said now, and not after the computation.
     if adopt is not None:
         if os.path.lexists(adopt):

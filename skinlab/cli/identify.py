@@ -21,6 +21,7 @@ from skinlab.cli.options import (
     reference_options,
     scatter_of,
     with_prior_option,
+    workers_option,
 )
 from skinlab.cli.output import echo, echo_text, print_json
 
@@ -40,9 +41,7 @@ if TYPE_CHECKING:
 @click.option("--joint", is_flag=True, help="One answer for all curves, as of one skin.")
 @placement_scatter_option("With --joint: how")
 @click.option("--advise", is_flag=True, help="Say which measurement would narrow the intervals.")
-@click.option(
-    "--workers", default=1, show_default=True, help="Processes; the answers stay the same."
-)
+@workers_option("; the answers stay the same", default=1)
 @click.option("--strict", is_flag=True, help="Exit with 5 where a result is not trustworthy.")
 @json_option()
 def command(
@@ -93,8 +92,6 @@ def command(
         raise click.UsageError("--advise needs the shipped database, which speaks of all openings")
     if placement_scatter is not None and not joint:
         raise click.UsageError("--placement-scatter is for --joint")
-    if workers < 1:
-        raise click.BadParameter("expected 1 or more", param_hint="--workers")
     if (site, age_years) != (None, None) and (prior_path, reference_path) == (None, None):
         raise click.UsageError("--site and --age-years are for --prior and --reference")
     if sex is not None and reference_path is None:

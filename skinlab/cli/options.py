@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 F = TypeVar("F", bound=Callable[..., Any])
 
+_MOST_WORKERS = 1024
+
 
 def _stack(*options: Callable[[F], F]) -> Callable[[F], F]:
     def apply(function: F) -> F:
@@ -283,14 +285,27 @@ def was_said(option: str) -> bool:
     return context.get_parameter_source(option) not in (None, ParameterSource.DEFAULT)
 
 
-def placement_scatter_option(begin: str = "How") -> Callable[[F], F]:
+def workers_option(says: str = "", default: int | None = None) -> Callable[[F], F]:
+    """`--workers`: how many processes, one for every core without a default."""
+    return click.option(
+        "--workers",
+        type=click.IntRange(1, _MOST_WORKERS),
+        default=default,
+        metavar="N",
+        help=f"Processes{says}  [default: {default or 'one a core'}].",
+    )
+
+
+def placement_scatter_option(
+    begin: str = "How", default: str = "as the campaign says, else auto"
+) -> Callable[[F], F]:
     """`--placement-scatter`; `scatter_of` takes it."""
     return click.option(
         "--placement-scatter",
         metavar="auto|NUMBER",
         callback=_read_scatter,
         help=f"{begin} much stiffness scatters between placements of the probe, 0.05 for 5 %; "
-        "auto learns it, 0 is none  [default: as the campaign says, else auto].",
+        f"auto learns it, 0 is none  [default: {default}].",
     )
 
 

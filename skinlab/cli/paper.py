@@ -8,6 +8,7 @@ from pathlib import Path
 
 import click
 
+from skinlab.cli.options import workers_option
 from skinlab.cli.output import echo
 
 
@@ -26,7 +27,7 @@ from skinlab.cli.output import echo
     help="Where the page goes instead  [default: paper.md in that folder]",
 )
 @click.option("--seed", default=0, show_default=True, help="Of everything random.")
-@click.option("--workers", type=int, help="Processes  [default: one a core]")
+@workers_option()
 def command(out: Path, page_path: Path | None, seed: int, workers: int | None) -> int:
     """Reproduce the tables and figures of the paper, and a page that compares.
 
@@ -40,8 +41,6 @@ def command(out: Path, page_path: Path | None, seed: int, workers: int | None) -
 
     if seed < 0:
         raise InputError(f"seed {seed}: expected zero or more")
-    if workers is not None and not 1 <= workers <= 1024:
-        raise InputError(f"workers {workers}: expected 1–1024")
     check_pictures()
     from skinlab.reproduction.output import Target
     from skinlab.reproduction.reproduce import ORDER, reproduce

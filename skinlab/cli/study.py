@@ -20,6 +20,7 @@ from skinlab.cli.options import (
     identification_options,
     json_option,
     make_identifier,
+    workers_option,
 )
 from skinlab.cli.output import echo, echo_text, print_json
 
@@ -32,7 +33,7 @@ from skinlab.cli.output import echo, echo_text, print_json
     "--mdc-percent", type=float, help="Say how many repeats show a change of this many per cent."
 )
 @click.option("--resume", is_flag=True, help="Go on, and refuse to if the settings differ.")
-@click.option("--workers", type=int, help="Processes  [default: one a core].")
+@workers_option()
 @click.option("--dask", metavar="ADDRESS", help="Compute on the cluster of this dask scheduler.")
 @click.option("--layout", help="What paths say: '{subject}/{site}/v{visit}_p{placement}'.")
 @geometry_options(required=False)
@@ -76,8 +77,6 @@ def command(
 
     if dask is not None and workers is not None:
         raise click.UsageError("--dask and --workers exclude each other")
-    if workers is not None and not 1 <= workers <= 1024:
-        raise InputError(f"workers {workers}: expected 1–1024")
     if mdc_percent is not None and not mdc_percent > 0:
         raise InputError(f"--mdc-percent {mdc_percent:g}: expected more than 0")
     stated = {

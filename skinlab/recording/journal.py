@@ -358,6 +358,8 @@ def read_journal(path: Path) -> Read:
     Raises:
         InputError: no such file, or no journal.
     """
+    if path.is_dir():
+        raise InputError(f"{path}: is a folder; expected the journal of one measurement")
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     skipped: list[str] = []

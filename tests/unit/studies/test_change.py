@@ -160,4 +160,4 @@ def test_a_scatter_that_is_none_is_refused():
     done = CliRunner().invoke(
         cli, ["compare", "a.h5", "b.h5", "--placement-scatter", "much"], standalone_mode=False
     )
-    assert "expected auto or 0 to 2" in str(done.exception)
+    assert "expected auto, or 0 to below 1" in str(done.exception)
