@@ -52,6 +52,8 @@ def command(
     Example: skinlab compare monday.h5 friday.h5 --study study
              skinlab compare m_left.h5 f_left.h5 --control m_right.h5 f_right.h5
     """
+    from dataclasses import replace
+
     from skinlab.acquisition.replay import identifier_of
     from skinlab.errors import InputError
     from skinlab.inference.compare import compare, in_words
@@ -68,6 +70,10 @@ def command(
     identifier, warning = identifier_of(sessions[0], database_path)
     if warning:
         echo(f"skinlab: {warning}", err=True)
+    # Curves of a session are fitted together: placements are among their errors.
+    stated = scatter_of(placement_scatter, None)
+    sensor = replace(identifier.sensor, placement_scatter=stated)
+    identifier = replace(identifier, sensor=sensor)
     results = [
         fit_session(identifier, path, session)
         for path, session in zip(paths, sessions, strict=True)
@@ -81,7 +87,7 @@ def command(
         sides[1],
         study=study,
         control=(sides[2], sides[3]) if control else None,
-        placement_scatter=scatter_of(placement_scatter, None),
+        placement_scatter=stated,
         relevant_percent=relevant,
     )
     if as_json:
@@ -90,7 +96,7 @@ def command(
         return 0
     for line in change.in_words(judged):
         echo(line)
-    echo("If nothing but the sensor's noise differed between the sessions:")
+    echo(f"If nothing but {found.counted} differed between the sessions:")
     if found.p_value is not None:
         echo(f"  one skin explains both with a probability of {found.p_value:.1g}.")
     for line in in_words(found):

@@ -43,10 +43,20 @@ class Change:
 
 @dataclass(frozen=True)
 class Comparison:
-    """All parameters, and how probable so large a difference is if it were one skin."""
+    """All parameters, and how probable so large a difference is if it were one skin.
+
+    By the errors of both answers: of a curve alone the sensor's noise.
+    """
 
     changes: tuple[Change, ...]
     p_value: float | None  # None: the two were fitted with different unknowns
+    placements: bool = False  # whether these are among the errors: of curves fitted together
+
+    @property
+    def counted(self) -> str:
+        """What may differ between measurements of one skin, in words."""
+        noise = "the sensor's noise"
+        return f"{noise} and how the probe was put on" if self.placements else noise
 
     @property
     def real(self) -> bool:
@@ -60,6 +70,7 @@ class Comparison:
             "schema": "skinlab.comparison/1",
             "real": self.real,
             "p_value": self.p_value,
+            "p_value_counts": ["noise", *(["placements"] if self.placements else [])],
             "parameters": {
                 c.name: {
                     "before": vars(c.before),
@@ -98,7 +109,8 @@ def compare(before: Identification, after: Identification) -> Comparison:
         )
         for i, name in enumerate(first)
     )
-    return Comparison(changes, _one_skin(before, after))
+    placements = any(answer.placement is not None for answer in (before, after))
+    return Comparison(changes, _one_skin(before, after), placements)
 
 
 def probability_higher(before: tuple[Array, Array], after: tuple[Array, Array]) -> float:

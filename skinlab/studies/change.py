@@ -4,7 +4,8 @@ The curves' own noise is the least of it: the probe is placed anew, on another d
 A study of repeats says how much each adds (`components.csv`). Without one the scatter of placements
 is learned from the sessions' own repeats with a prior around published values (docs/study.md), and
 what a visit adds stays unknown. A second site that was left alone takes away what visit, operator
-and probe have in common.
+and probe have in common. Curves that were fitted together have placements in their interval
+already: that share is taken out, so that they count once.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -25,6 +26,7 @@ from drivers.reading import read_whole
 from skinlab.curves.curve import Curve
 from skinlab.errors import InputError
 from skinlab.inference.result import Identification
+from skinlab.inference.samples import placements_of
 from skinlab.io.documents import text_of
 from skinlab.mechanics.names import plain
 from skinlab.recording.audit import entries
@@ -33,14 +35,13 @@ from skinlab.recording.session_fit import comparable, excluded_of
 from skinlab.studies.analysis import main_scale
 from skinlab.studies.design import WITHIN
 from skinlab.studies.settings import CHANGES
+from skinlab.text import counted
 
 Array = NDArray[np.float64]
 Verdict = Literal["changed", "not_shown", "cannot_say"]
 
 
-# Published reproducibility of placing the probe anew: 6.4 % to 12.4 % (Diridollou 2000).
-
-
+_NORMAL_95 = 1.645
 Estimate = tuple[float, float]  # a variance, and the degrees of freedom behind it
 
 
@@ -57,14 +58,23 @@ class Scatter:
 
 @dataclass(frozen=True)
 class Side:
-    """One session: its joint answer, its single answers, how often the probe was placed."""
+    """One session: its joint answer, how often the probe was placed, by whom, and which."""
 
     answer: Identification
-    singles: Sequence[Mapping[str, float]]
     placements: int
     operator: str
     probe: str
     conditions: frozenset[tuple[float, str]]
+
+    @property
+    def placed(self) -> float:
+        """Variance of log stiffness that placements have in the answer; 0 of a curve alone."""
+        found = self.answer.placement
+        if found is None or not found.scatter["value"]:
+            return 0.0
+        middle, high = found.scatter["value"], found.scatter["high"]
+        wide = math.log(high / middle) / _NORMAL_95  # a scatter is about log-normal
+        return middle**2 * math.exp(2.0 * wide**2) / found.count
 
     @property
     def site_words(self) -> str:
@@ -142,17 +152,10 @@ def side_of(
         for curve in comparable(session.curves, excluded_of(session))
         if conditions is None or condition(curve) in conditions
     ]
-    names = {c.name for c in kept}
-    singles = [
-        {n: v["value"] for n, v in (result.get("parameters") or {}).items()}
-        for curve, result in zip(session.curves, session.results, strict=True)
-        if result is not None and curve.name in names
-    ]
     instrument = session.meta.get("instrument")
     return Side(
         answer,
-        [s for s in singles if s],
-        max(1, sum(c.setup.cycle == 1 for c in kept)),
+        len(set(placements_of(kept))),
         next((e.who for e in entries(session.records)), ""),
         str(instrument.get("serial_number", "")) if isinstance(instrument, dict) else "",
         frozenset(map(condition, kept)),
@@ -193,12 +196,16 @@ def changes(
         scatter = _scatter(name, sides, study, placement_scatter)
         basis = scatter.source
         change = sum(s * p[name][0] for s, p in zip(signs, parts, strict=True))
-        own = sum(p[name][1] for p in parts)
+        logs = main_scale(name) == "log"
+        own = sum(
+            max(p[name][1] - logs * side.placed, 0.0) for side, p in zip(sides, parts, strict=True)
+        )
         found.append(_judged(name, change, own, scatter, sides, relevant_percent))
     stiffness = None
     names = [n for n in parts[0] if main_scale(n) == "log"]
     if len(names) > 1:
         change, own = _common(sides, signs, list(parts[0]), names)
+        own = max(own - sum(side.placed for side in sides), 0.0)
         # Curves leave each stiffness more open than their common factor: what intervals explain of
         # a parameter's scatter they need not explain of this one's.
         whole = [_scatter(n, sides, study, placement_scatter, whole=True) for n in names]
@@ -309,27 +316,24 @@ def _scatter(
     if stated is not None:
         source = f"a placement scatter of {100 * stated:g} %, stated; what a visit adds is unknown"
         return Scatter((stated**2, 1e6), source)
-    prior = CHANGES.prior_sd if main_scale(name) == "log" else CHANGES.prior_sd_linear
+    logs = main_scale(name) == "log"
+    prior = CHANGES.prior_sd if logs else CHANGES.prior_sd_linear
     squares, freedom = 0.0, 0
-    for side in sides:
-        values = np.array([s[name] for s in side.singles if name in s])
-        if len(values) < 2:
-            continue
-        y = np.log(values) if main_scale(name) == "log" else values
-        own = 0.0 if whole else _single_variance(side, name)
-        squares += max(float(np.square(y - y.mean()).sum()) - own * (len(y) - 1), 0.0)
-        freedom += len(y) - 1
+    for found in (side.answer.placement for side in sides):
+        if logs and found is not None:  # they move all stiffnesses alike, and nothing else
+            squares += found.scatter["value"] ** 2 * (found.count - 1)
+            freedom += found.count - 1
     variance = (CHANGES.prior_freedom * prior**2 + squares) / (CHANGES.prior_freedom + freedom)
     source = (
-        f"published scatter of placements and {freedom} repeats in these sessions; what a visit "
-        "adds is unknown (--study FOLDER says it)"
+        f"published scatter of placements and {counted(repeats_of(sides), 'repeat')} in these "
+        "sessions; what a visit adds is unknown (--study FOLDER says it)"
     )
     return Scatter((variance, CHANGES.prior_freedom + freedom), source)
 
 
-def _single_variance(side: Side, name: str) -> float:
-    """Return about what one curve's identification adds, from that of all together."""
-    return _moments(side.answer)[name][1] * max(len(side.singles), 1)
+def repeats_of(sides: Sequence[Side]) -> int:
+    """Return how many placements tell, beyond the first of each session, how these scatter."""
+    return sum(p.count - 1 for side in sides if (p := side.answer.placement) is not None)
 
 
 def components_of(study: Path) -> tuple[Path, list[dict[str, str]]]:

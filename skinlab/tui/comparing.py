@@ -12,7 +12,6 @@ from skinlab.errors import InputError
 if TYPE_CHECKING:
     from skinlab.curves.curve import Curve
     from skinlab.inference.identify import Identifier
-    from skinlab.inference.result import Identification
     from skinlab.recording.session import Session
     from skinlab.studies.change import Changes, Side
 
@@ -20,12 +19,11 @@ if TYPE_CHECKING:
 def compare_with(
     before: Path,
     curves: Sequence[Curve],
-    results: Sequence[Identification],
     identifier: Identifier,
     serial_number: str,
     study: Path | None,
 ) -> Compared:
-    """Return how curves, with their own results, differ from an earlier session.
+    """Return how curves differ from an earlier session.
 
     Only what both measured alike is compared. What placing the probe anew scatters counts, and the
     smallest change that could have been shown is said; `study` is a folder of `skinlab study`.
@@ -37,7 +35,7 @@ def compare_with(
     from skinlab.studies import change
 
     session = read_session(before)
-    then, now = sides(before, session, curves, results, identifier, serial_number)
+    then, now = sides(before, session, curves, identifier, serial_number)
     return Compared(_lines(before, session, change.changes(then, now, study=study)))
 
 
@@ -45,7 +43,6 @@ def sides(
     before: Path,
     session: Session,
     curves: Sequence[Curve],
-    results: Sequence[Identification],
     identifier: Identifier,
     serial_number: str,
 ) -> tuple[Side, Side]:
@@ -54,6 +51,7 @@ def sides(
     Raises:
         SkinlabError: they measured nothing alike, or one of them cannot be fitted.
     """
+    from skinlab.inference.samples import placements_of
     from skinlab.recording.audit import operator
     from skinlab.recording.session_fit import comparable, excluded_of, fit_curves
     from skinlab.studies.change import Side, condition, side_of
@@ -64,16 +62,10 @@ def sides(
         raise InputError(f"{before.name} was measured with another opening or program")
     alike = [curve for curve in then if condition(curve) in shared]
     earlier = side_of(session, fit_curves(identifier, before.name, alike), shared)
-    pairs = zip(curves, results, strict=True)
-    kept = [(curve, result) for curve, result in pairs if condition(curve) in shared]
+    kept = [curve for curve in curves if condition(curve) in shared]
     now = Side(
-        fit_curves(identifier, "this session", [curve for curve, _ in kept]),
-        [
-            {name: value.value for name, value in result.parameters.items()}
-            for _, result in kept
-            if result.parameters
-        ],
-        max(1, sum(curve.setup.cycle == 1 for curve, _ in kept)),
+        fit_curves(identifier, "this session", kept),
+        len(set(placements_of(kept))),
         operator(),
         serial_number,
         shared,

@@ -139,7 +139,6 @@ def change_distance(
     goal: ChangeGoal,
     before: Path | None,
     curves: Sequence[Curve],
-    results: Sequence[Identification],
     identifier: Identifier,
     serial_number: str,
     study: Path | None = None,
@@ -169,7 +168,7 @@ def change_distance(
     if not then & now:
         why = f"{before.name} was measured otherwise"
         return ChangeDistance(goal, before.name, following=lacking[0], why=why)
-    first, last = sides(before, session, curves, results, identifier, serial_number)
+    first, last = sides(before, session, curves, identifier, serial_number)
     found = _stiffness(change.changes(first, last, study=study))
     if found.verdict != "cannot_say":
         return ChangeDistance(goal, before.name, found)

@@ -21,7 +21,6 @@ from skinlab.tui.ui_state import Level
 if TYPE_CHECKING:
     from skinlab.curves.curve import Curve
     from skinlab.inference.identify import Identifier
-    from skinlab.inference.result import Identification
     from skinlab.tui.screens.session import SessionScreen
 
 
@@ -68,16 +67,13 @@ class SessionKeys(Part):
             raise InputError("there is no earlier visit of this subject and site here")
         self.app.post(compare_with(path, *self._known(curves), self.board.study))
 
-    def _known(
-        self, curves: Sequence[Curve]
-    ) -> tuple[list[Curve], list[Identification], Identifier, str]:
-        """Return those that are identified, with their results, by what, and by which probe."""
+    def _known(self, curves: Sequence[Curve]) -> tuple[list[Curve], Identifier, str]:
+        """Return those that are identified, by what, and by which probe."""
         board = self.board
-        found = {e.curve.name: e.result for e in board.entries.values() if e.result is not None}
-        known = [curve for curve in curves if curve.name in found]
+        found = {e.curve.name for e in board.entries.values() if e.result is not None}
         serial = "" if board.hello is None else board.hello.serial_number
         identifier = self.bench.analysis.identifier
-        return known, [found[curve.name] for curve in known], identifier, serial
+        return [curve for curve in curves if curve.name in found], identifier, serial
 
     def _before(self) -> Path | None:
         """Return the last visit of the same subject and site before the open one."""
@@ -113,7 +109,7 @@ class SessionKeys(Part):
 
         def work() -> None:
             if not isinstance(goal, ChangeGoal):
-                self.app.post(Aimed(distance(goal, curves, known[2])))
+                self.app.post(Aimed(distance(goal, curves, known[1])))
                 return
             self.app.post(Aimed(change_distance(goal, self._before(), *known, board.study)))
 

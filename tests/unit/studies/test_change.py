@@ -10,6 +10,7 @@ from scipy.stats import t as t_distribution
 from skinlab.cli.main import cli
 from skinlab.curves.curve import Setup
 from skinlab.errors import InputError
+from skinlab.inference.error_judgement import PlacementSummary
 from skinlab.inference.posterior import Draws
 from skinlab.inference.result import Identification, Value
 from skinlab.studies.change import Side, changes, in_words
@@ -19,16 +20,21 @@ HEAD = "condition,quantity,scale,component,variance,freedom\n"
 WORDS = '"6 mm, ramp:100@20",X1_MPa,log'
 
 
-def side(x1, placements=1, sd=0.01, seed=0, singles=(), operator="a", conditions=CONDITIONS):
+def side(x1, placements=1, sd=0.01, seed=0, learned=None, operator="a", conditions=CONDITIONS):
+    """Return a session; `learned` is the scatter of placements that its curves show together."""
     values = np.exp(np.log(x1) + sd * np.random.default_rng(seed).standard_normal((4000, 1)))
 
     class Left:
         draws = Draws(values, values, np.full(4000, 1 / 4000), np.zeros(4000), 0)
 
+    found = None
+    if learned is not None:
+        found = PlacementSummary(dict.fromkeys(("value", "low", "high"), learned), {}, placements)
     answer = Identification(
-        "s.h5", Setup(6.0, 1.0), None, parameters={"X1_MPa": Value(x1)}, uncertainty=Left
-    )
-    return Side(answer, [{"X1_MPa": s} for s in singles], placements, operator, "", conditions)
+        "s.h5", Setup(6.0, 1.0), None, parameters={"X1_MPa": Value(x1)}, uncertainty=Left,
+        placement=found,
+    )  # fmt: skip
+    return Side(answer, placements, operator, "", conditions)
 
 
 def verdict(*sides, **options):
@@ -51,12 +57,23 @@ def test_more_placements_show_smaller_changes():
 
 
 def test_the_sessions_own_repeats_say_how_much_placements_scatter():
-    wild = [0.02, 0.03, 0.045, 0.028, 0.04]
-    calm = [0.03, 0.0301, 0.0299, 0.03, 0.0302]
     found = [
-        verdict(side(0.03, 5, singles=s), side(0.03, 5, singles=s)).smallest for s in (wild, calm)
+        verdict(side(0.03, 5, learned=s), side(0.03, 5, learned=s)).smallest for s in (0.25, 0.02)
     ]
     assert found[0] > 2 * found[1]
+
+
+def test_what_placements_do_counts_once():
+    """Curves that were fitted together have it in their interval, where it was added again."""
+    one_sd, scatter, n = 0.01, 0.06, 4
+    wide = np.hypot(one_sd, scatter / np.sqrt(n))
+    together = side(0.03, n, sd=wide, learned=scatter)
+    found = verdict(together, together, placement_scatter=scatter).smallest
+    assert found == pytest.approx(1.96 * np.sqrt(2) * wide, rel=0.03)
+    # None at all, stated: the curves' own share is left.
+    without = side(0.03, n, sd=one_sd, learned=0.0)
+    smallest = verdict(without, without, placement_scatter=0.0).smallest
+    assert smallest == pytest.approx(1.96 * np.sqrt(2) * one_sd, rel=0.03)
 
 
 @pytest.fixture
@@ -122,7 +139,7 @@ def in_a_valley(*factors):
 
         found = {"X1_MPa": Value(0.03), "X2_MPa": Value(1.5)}
         answer = Identification("s", Setup(6.0, 1.0), None, parameters=found, uncertainty=Left)
-        sides.append(Side(answer, (), 2, "", "", CONDITIONS))
+        sides.append(Side(answer, 2, "", "", CONDITIONS))
     return sides
 
 
